@@ -47,8 +47,8 @@ html_static_path = ["_static"]
 html_css_files = ["style.css"]
 html_show_sourcelink = False
 wide = (
-    "index tutorial gallery architecture performance tables bibliography changelog citing summary "
-    "search genindex"
+    "index howto/equations tutorial gallery architecture performance tables bibliography changelog "
+    "citing summary search genindex"
 )
 html_sidebars = {page: [] for page in wide.split()}
 
@@ -57,6 +57,13 @@ copybutton_exclude = ".linenos, .gp, .go"
 
 # A prime that is an identifier stands apart from its letter.
 PRIME = re.compile(r"<mi>(&#x02032;)</mi>")
+FIGURE = re.compile(r'class="reference download internal" download="" (?=href="[^"]*\.png")')
+
+
+def open_figures(app, page, template, context, doctree):
+    """Let a click on a figure open it, where MyST makes a download of each link to a file."""
+    if "body" in context:
+        context["body"] = FIGURE.sub("", context["body"])
 
 
 def mathml(display):
@@ -72,9 +79,16 @@ def mathml(display):
     return write, None
 
 
+def signature(app, what, name, *_):
+    """Leave out the arguments of a class that only its class methods make."""
+    return ("", None) if name.endswith(".LiftedField") else None
+
+
 def setup(app):
-    """Register MathML as the format of formulas."""
+    """Register MathML as the format of formulas, and links to figures and signatures."""
     app.add_html_math_renderer("mathml", mathml("inline"), mathml("block"))
+    app.connect("html-page-context", open_figures)
+    app.connect("autodoc-process-signature", signature)
 
 
 html_math_renderer = "mathml"

@@ -43,6 +43,11 @@ def run(name):
 def draw(name, folder=IMAGES):
     """Write the figures of a script or of a page, with at most 256 colours."""
     plt.close("all")
+    with plt.rc_context():  # what a page sets is for its own figures
+        return _draw(name, folder)
+
+
+def _draw(name, folder):
     names = run(name)
     if "animation" in names:
         animation = names["animation"]

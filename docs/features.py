@@ -21,16 +21,20 @@ TABLE = re.compile(
 )
 J, I = [1.3, 2.1, 3.7], [0.4, -0.7, 0.5]
 BODIES = {
+    "`QuadraticField`, with H": [
+        sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 2 + x[1] ** 2 - x[0] * x[1] ** 2, 2)
+    ],
+    "`QuadraticField`, other": [
+        sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    ],
+    "`LiftedField`": [
+        sf.LiftedField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), 2),
+        sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0]) - x[1]), 2),
+    ],
     "`Suslov3D`": [sf.Suslov3D(4, 2, -0.5, -0.3)],
     "`SuslovGyrostat`": [sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)],
     "`SuslovND`, integrable": [sf.SuslovND([2, 2, 2], I), sf.SuslovND([2, 2, 3], [0, 0, 0.5])],
     "`SuslovND`, other": [sf.SuslovND(J, I), sf.SuslovND(J, [0.4, 0, 0])],
-    "`QuadraticField` from a Hamiltonian": [
-        sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 2 + x[1] ** 2 - x[0] * x[1] ** 2, 2)
-    ],
-    "other `QuadraticField`": [
-        sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
-    ],
 }
 # Title of a row, and its functions, which exist for the same bodies.
 ROWS = (
@@ -40,15 +44,15 @@ ROWS = (
             "step",
             "crossings",
             "vector_field",
-            "matrix",
             "jacobian",
             "lyapunov_exponents",
             "multipliers",
         ),
     ),
+    ("", ("matrix",)),
     ("all fixed points, where there are finitely many", ("fixed_points",)),
+    ("the motion: to a tolerance for fields, in closed form for bodies", ("flow",)),
     ("state n, limits and regime in closed form", ("exact", "limits", "criticality")),
-    ("the motion: in closed form for bodies, to a tolerance for fields", ("flow",)),
     ("", ("energy",)),
     ("", ("modified_energy",)),
     ("", ("first_integral",)),
@@ -56,7 +60,7 @@ ROWS = (
     ("revolutions per step of a periodic orbit", ("rotation_number",)),
     ("", ("reaction", "momentum", "to_matrix")),
     ("", ("to_vector", "plot_phase")),
-    ("coordinates and constants of the paper", ("to_xy", "closed_form")),
+    ("coordinates and constants of the closed form", ("to_xy", "closed_form")),
     ("angle between the limits of the angular velocity in space", ("scattering_angle",)),
     ("your own Numba loops, state as two scalars", ("compiled.frame",)),
     ("your own Numba loops, state as an array", ("compiled.system",)),

@@ -171,7 +171,7 @@ def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | Gyrosta
     body : Suslov3D or SuslovGyrostat
         A single body. For other bodies, and for fields, see :func:`system`.
     eps : float
-        Step size, positive or negative, in the unit of time of the body.
+        Step size in time, positive or negative.
 
     Returns
     -------

@@ -49,8 +49,8 @@ def to_matrix(
     Returns
     -------
     ndarray(float, shape=(..., n, n))
-        In the unit of omega. In three dimensions, its product with a vector v is the vector product
-        of (Omega1, Omega2, 0) and v. In n dimensions, its last column holds Omega_in.
+        In three dimensions, its product with a vector v is the cross product of (Omega1, Omega2, 0)
+        and v. In n dimensions, its last column holds Omega_in.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def to_vector(
     Returns
     -------
     ndarray(float, shape=(..., 3))
-        In the unit of omega: (Omega1, Omega2, 0), or the components in the other basis.
+        (Omega1, Omega2, 0), or the components in the other basis.
 
     Raises
     ------
@@ -128,8 +128,7 @@ def momentum(
     Returns
     -------
     ndarray(float, shape=(..., 3) or (..., n, n))
-        A vector in three dimensions, an antisymmetric matrix in n; in the unit of inertia times
-        that of omega.
+        A vector in three dimensions, an antisymmetric matrix in n. Unit: inertia * omega.
 
     Raises
     ------

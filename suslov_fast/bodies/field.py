@@ -43,9 +43,10 @@ from .tracing import traced
 class QuadraticField(_FieldOfTerms):
     """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
 
-    Functions that take a body take a field; its state is x. Its map is Kahan's discretization,
-    (x_next - x) / eps = f with (x_j x_next_k + x_next_j x_k) / 2 for each x_j x_k and
-    (x_j + x_next_j) / 2 for each x_j. :meth:`from_function` makes a field from a function.
+    Make it with :meth:`from_function` or :meth:`from_hamiltonian`; the constructor takes arrays.
+    Functions with an argument `body` take a field; its state is x. Its map is Kahan's
+    discretization, (x_next - x) / eps = f with (x_j x_next_k + x_next_j x_k) / 2 for each x_j x_k
+    and (x_j + x_next_j) / 2 for each x_j.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ class QuadraticField(_FieldOfTerms):
     quadratic, linear, constant : ndarray
         q, l and c, made when they are first used. MemoryError if D is too large for q.
     H, K : Hamiltonian and ndarray(shape=(D, D)), or None
-        The Hamiltonian of :meth:`from_hamiltonian`, a function of a state, and its matrix.
+        Of :meth:`from_hamiltonian`: the Hamiltonian, a function of a state, and the matrix K.
     parameters : dict
         Named parameters, which are coordinates of datasets and stores. ``==`` ignores them.
 
@@ -109,13 +110,13 @@ class QuadraticField(_FieldOfTerms):
     ) -> QuadraticField:
         """Return the field with given terms, such as one of many variables with few terms.
 
-        Time and memory are those of the terms, where arrays of all coefficients have D**3 entries.
+        Time and memory grow with the number of terms, not with D**3 as for arrays of coefficients.
 
         Parameters
         ----------
         indices : array_like(int, shape=(3, T))
-            i, j, k of each term v x_j x_k of the derivative of x_i, from 0. j = D or k = D stand
-            for a factor 1: so (i, j, D) is a linear term and (i, D, D) a constant. The order of j
+            i, j, k of each term v x_j x_k of the derivative of x_i, counted from 0. The index D
+            stands for a factor 1: (i, j, D) is a linear term, (i, D, D) a constant. The order of j
             and k does not matter, and repeated terms are added.
         values : array_like(shape=(..., T))
             v of each term. A single field keeps integers, fractions and floats exactly.
@@ -163,8 +164,9 @@ class QuadraticField(_FieldOfTerms):
         Parameters
         ----------
         f : callable
-            Maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
-            symbols, so that coefficients are exact: 0.1 is the double nearest to 1/10.
+            Takes the state as a tuple x of D variables, and returns D polynomials of degree 2 or
+            less. It is called with symbols, so coefficients are exact: 0.1 is the double nearest
+            to 1/10.
         dimension : int, str or sequence of str
             The number of variables, D, or their names, such as ``"u v w"``.
         **parameters : float or array_like(float, shape=(...))
@@ -204,12 +206,13 @@ class QuadraticField(_FieldOfTerms):
     ) -> QuadraticField:
         """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
 
-        Its map conserves :func:`modified_energy` exactly, and so is free of energy drift.
+        Its map conserves :func:`modified_energy` exactly, so the energy does not drift.
 
         Parameters
         ----------
         H : callable
-            Maps a tuple x of D variables to a polynomial of degree 3 or less.
+            Takes the state as a tuple x of D variables, and returns a polynomial of degree 3 or
+            less.
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default D is even, and K is the
             canonical matrix of coordinates and momenta, x = (q1, ..., qm, p1, ..., pm).

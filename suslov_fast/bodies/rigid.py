@@ -86,7 +86,9 @@ class Suslov3D(_In3D):
     """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
 
     In that basis the constraint is Omega3 = 0 and the inertia tensor is
-    ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``: section 2 of Dragovic and Gajic, equation (2).
+    ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``. With x = I13 Omega1 + I23 Omega2 the equations
+    of motion are I1 Omega1' = -x Omega2 and I2 Omega2' = x Omega1: equation (2) of Dragovic and
+    Gajic, arXiv:0807.2966.
 
     Parameters
     ----------
@@ -122,7 +124,7 @@ class Suslov3D(_In3D):
         Returns
         -------
         low, high : ndarray(float, shape=(...))
-            The ends of the open interval, in the unit of I1; NaN if no body has these parameters.
+            The ends of the open interval; NaN if no body has these parameters.
 
         Examples
         --------
@@ -188,16 +190,16 @@ class SuslovGyrostat(_In3D):
     """A rigid body, or a batch of them, with a rotor along the constrained axis.
 
     With l = I13 Omega1 + I23 Omega2 + k the equations of motion are I1 Omega1' = -l Omega2 and
-    I2 Omega2' = l Omega1: equation (2) of Dragovic and Gajic, with the momentum k of the rotor.
-    Omega rotates even if I13 = I23 = 0.
+    I2 Omega2' = l Omega1: equation (2) of Dragovic and Gajic, arXiv:0807.2966, with the momentum k
+    of the rotor. Omega rotates even if I13 = I23 = 0.
 
     Parameters
     ----------
     I1, I2, I13, I23, I3
         As in :class:`Suslov3D`; I3 is optional.
     k : array_like(float, shape=(...))
-        Momentum of the rotor, of either sign, in the unit of inertia times that of angular
-        velocity; 0 or between 1e-60 and 1e60 in modulus.
+        Momentum of the rotor, of either sign, 0 or between 1e-60 and 1e60 in modulus. Unit:
+        inertia * omega.
 
     Raises
     ------
@@ -228,8 +230,7 @@ class SuslovGyrostat(_In3D):
         I, a : array_like
             As in :meth:`Suslov3D.from_inertia`, for the whole body, the rotor included.
         k : array_like(float, shape=(...))
-            Momentum of the rotor along a, positive in the direction of a, in the unit of I times
-            that of the angular velocity.
+            Momentum of the rotor along a, positive in the direction of a. Unit: I * omega.
 
         Returns
         -------

@@ -13,19 +13,20 @@ from ..checks import FloatArray, integer, positive, real_array, require, wrong
 class RandomStarts:
     """Random initial states, uniform in a cube around 0 or in a box.
 
-    For :func:`ensemble`, :func:`iterate`, :func:`crossings`. State i is computed when it is needed,
-    from the seed and i alone, so that a batch larger than memory can be divided in any way.
+    Pass it as initial states to :func:`iterate`, :func:`crossings` or :func:`ensemble`. State i
+    depends only on the seed and i, so a batch larger than memory can be divided in any way.
 
     Parameters
     ----------
     size : int or tuple of int
         Number of states, or the shape of the batch.
     extent : float, optional
-        Half the edge of a cube: components lie in [-extent, extent), in the unit of the states.
+        Half the edge of a cube: components lie in [-extent, extent).
     seed : int
         Key of the generator (Philox), 0 or more. The same seed gives the same states.
     low, high : float or sequence of float, optional
-        In place of `extent`: components lie in [low, high), one number for all or one for each.
+        The corners of a box, in place of `extent`: components lie in [low, high). Numbers for all
+        components, or one number for each.
 
     Raises
     ------

@@ -83,20 +83,19 @@ class SingularStepWarning(RuntimeWarning):
 class PoleWarning(RuntimeWarning):
     """Some trajectories of a batch may have jumped over infinity, or eps is too large for them.
 
-    They took a step from a state where A(x) = 1 - (eps / 2) f'(x) has a negative determinant, so
-    that an odd number of real eigenvalues mu of f' has eps mu / 2 > 1: the motion escapes to
-    infinity and the map returns from the other side, or eps is too large. Or a component changed
-    its sign that each term of its equation contains, such as a population: along the motion it
-    cannot. The absence of a warning proves nothing, because an even number of such eigenvalues goes
-    undetected.
+    Either they took a step from a state x where det A(x) < 0, with A(x) = 1 - (eps / 2) f'(x): an
+    odd number of real eigenvalues mu of f' has eps mu / 2 > 1. Then the motion escapes to infinity
+    and the map returns from the other side, or eps is too large. Or a component changed its sign
+    that occurs in each term of its own equation, such as a population; along the motion it cannot.
+    No warning proves nothing, because an even number of such eigenvalues goes undetected.
 
     These trajectories have the status `PASSED_POLE`, unless they failed later. `first_pole` of a
-    run is the number of the first state after such a step, and `valid` is true before it. The
-    warning is a finding about the step and not about the orbit: later states are those of the map,
-    and belong to the motion only where the orbit does not use the eigenvector of mu. Orders 4 to 8
-    contain steps backwards, which also tell of modes that decay fast.
+    run is the number of the first state after such a step, and `valid` is True before it. Later
+    states are those of the map; they approximate the motion only if the orbit does not move along
+    the eigenvector of mu. Orders 4 to 8 contain steps backwards in time, for which a mode that
+    decays fast looks like a pole.
 
-    :func:`flow` of a field warns of solutions that end, and tells when the first does.
+    For fields :func:`flow` warns of solutions that end, and says when the first one ends.
 
     Examples
     --------

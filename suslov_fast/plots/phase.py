@@ -117,7 +117,7 @@ def plot_phase(
         Positive step size. The criticality must be below 1 in the whole figure; by default it is
         about 0.2 in the corners.
     extent : float
-        Half-width of the square of angular velocities shown, in the unit of omega.
+        Half-width of the square of angular velocities shown.
     levels : int
         Number of levels, at least 1.
     letter : str, optional

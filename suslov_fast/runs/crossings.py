@@ -41,23 +41,23 @@ class Crossings(Result):
         The orbit crosses between its states n and n + 1, counted from the initial state.
     before, after : ndarray(float, shape=(K, D))
         The states n and n + 1, those of :func:`iterate` bit for bit. Start a return map from
-        `after`: by rounding, a point of `states` may lie below the surface, and cross it again at
+        `after`: rounding may put a point of `states` below the surface, where it crosses again at
         once.
     fraction : ndarray(float, shape=(K,))
-        The part of the step from n to n + 1 before the crossing, from 0 to 1: a / (a - b), where a
-        and b are the values of the surface at n and n + 1; for methods above order 2, that of the
-        step that ends on the surface.
+        The part of the step from n to n + 1 before the crossing, from 0 to 1. For methods of order
+        2 it is a / (a - b), where a and b are the values of the surface at n and n + 1; for higher
+        orders a step of the length ``fraction * eps`` from `before` ends on the surface.
     states, time : ndarray(float, shape=(K, D) and (K,))
         Points on the surface between `before` and `after`, and times (n + fraction) eps.
     count : ndarray(int, shape=(...))
         Number of crossings of each trajectory.
     status, failed_at, first_pole, final : ndarray, shape=(...), and (..., D) for `final`
-        As in :class:`Trajectories`, after transient + steps steps. A trajectory that ended at its
-        crossing number `most` has the state after this crossing, and reports no later failures or
-        poles.
+        As in :class:`Trajectories`, after transient + steps steps. For a trajectory that ended at
+        its crossing number `most`, `final` is the state after this crossing, and later failures and
+        poles are not reported.
     valid : ndarray(bool, shape=(K,))
-        True where no pole was passed before the state `after`. Other crossings are those of the
-        map, and need not be those of the motion.
+        True where no pole was passed before the state `after`. The other crossings are crossings of
+        the map, not necessarily of the motion.
     body, eps, steps, transient, direction, most, method
         The arguments of :func:`crossings`; `steps` includes those of :meth:`extend`.
     map : Map

@@ -72,7 +72,7 @@ def ensemble(
     body, eps, steps, save_every, method, attitude
         As in :func:`iterate`.
     omega0 : array_like(float, shape=(..., D)) or RandomStarts
-        Initial states. Memory maps and Dask arrays are read in parts, twice.
+        Initial states. Memory maps and Dask arrays are read in parts.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a Zarr store object.
     dims, coords : optional
@@ -82,10 +82,10 @@ def ensemble(
         its own.
     functions : mapping of str to callable, optional
         Functions of the saved states (..., D), whose real values (...) are stored under these
-        names. Their source texts identify the run; values of variables that they use do not. With
-        `client` they must be picklable.
+        names. Their source code is part of the identity of the run; the values of global variables
+        are not. With `client` they must be picklable.
     client : distributed.Client, optional
-        Dask workers that compute the tiles, and write to the store themselves.
+        Its Dask workers compute the tiles and write to the store.
     progress : bool or callable, optional
         As in :func:`iterate`; `done` counts the steps of all trajectories, after each tile.
 
@@ -104,7 +104,7 @@ def ensemble(
 
     Examples
     --------
-    For which part of 1000 random orbits is the step size too large?
+    For what fraction of 1000 random orbits is the step size too large?
 
     >>> import tempfile
     >>> from suslov_fast import RandomStarts, Status, Suslov3D, ensemble

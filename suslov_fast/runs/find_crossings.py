@@ -36,10 +36,9 @@ def crossings(
 ) -> Crossings:
     """Find where orbits cross a surface s(x) = 0: Poincaré sections, maxima, escapes, basins.
 
-    The states are those of :func:`iterate`, bit for bit; only the crossings are kept, so memory
-    does not grow with the length of the run. With a = s(x_n) and b = s(x_{n+1}), an orbit crosses
-    upwards between states n and n + 1 if a < 0 <= b, and downwards if b < 0 <= a: 0 counts as
-    positive.
+    The states are those of :func:`iterate`, bit for bit; only the crossings are kept. With
+    a = s(x_n) and b = s(x_{n+1}), an orbit crosses upwards between states n and n + 1 if
+    a < 0 <= b, and downwards if b < 0 <= a: 0 counts as positive.
 
     Parameters
     ----------
@@ -48,13 +47,13 @@ def crossings(
     steps : int
         Number of steps after the transient, 0 or more.
     surface : callable
-        The function s of states (..., D) with real values (...), each of its own state alone, by
-        NumPy or compiled by Numba. A section: ``lambda x: x[..., 2] - 27``; an escape:
-        ``lambda x: (x**2).sum(-1) - 4``. It is called with read-only pieces (rows, ..., D) of the
-        run, which later pieces overwrite: copy states that you keep. For methods above order 2 it
-        is also asked, at most 20 times for a piece, for states between those of the run, one for
-        each trajectory in a row, NaN where there is none. No crossing lies next to a value of s
-        that is NaN or infinite.
+        The function s: it takes states (..., D) and returns real values (...), each value from its
+        own state alone. It uses NumPy, or is compiled by Numba. A section:
+        ``lambda x: x[..., 2] - 27``; an escape: ``lambda x: (x**2).sum(-1) - 4``. It is called with
+        read-only pieces (rows, ..., D) of the run, which later pieces overwrite: copy states that
+        you keep. For methods above order 2 it is also called, at most 20 times for a piece, with
+        states between those of the run, NaN where there is none. A value of s that is NaN or
+        infinite makes no crossing.
     direction : {1, -1, 0}
         Upwards, downwards, or both, in the order of n. SciPy's events have the default 0.
     transient : int
@@ -72,9 +71,9 @@ def crossings(
     -------
     Crossings
         Its points are as accurate as the states. For methods of order 2 they lie on the straight
-        lines between consecutive states; for higher orders they are states after a step of the
-        length fraction * eps from the state before, where s is 0. Where eps is too large for the
-        map to follow the flow, use `before` or `after` instead.
+        lines between consecutive states; for higher orders they are the states, with s = 0, after
+        a step of the length fraction * eps from `before`. If eps is too large for the map to follow
+        the motion, use `before` or `after` instead.
 
     Examples
     --------

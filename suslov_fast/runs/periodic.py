@@ -37,7 +37,7 @@ class PeriodicOrbit(NamedTuple):
     state: FloatArray
     """A state of the orbit, shape (D,)."""
     period: float
-    """The period, in the unit of time of the field."""
+    """The period."""
     multipliers: NDArray[np.complex128]
     """Eigenvalues of the derivative of the map of a period, shape (D,), sorted by modulus."""
     residual: float
@@ -58,20 +58,21 @@ def periodic_orbit(
     """Find a periodic orbit near a state and a period, with its (Floquet) multipliers.
 
     Newton's method solves Phi^N(x) = x for the state and the step size together, on the plane
-    through the start that is normal to f(start). Its steps have the least norm, so that of a family
-    of periodic orbits, which a system with an integral has, a member near the start is found.
+    through `start` that is normal to f(start). A system with an integral has families of periodic
+    orbits; because the steps of Newton's method have the least norm, a member near `start` is
+    found.
 
     Parameters
     ----------
-    field : QuadraticField
+    field : QuadraticField or LiftedField
         A single field.
     start : array_like(float, shape=(D,))
         A state near the orbit, such as a near return of :func:`crossings`.
     period : float
-        The approximate period, in the unit of time of the field.
+        The approximate period.
     steps : int
-        The number N of steps in a period. The method's error of the orbit is that of `iterate`
-        with eps = period / N.
+        The number N of steps in a period. The orbit has the error of :func:`iterate` with
+        eps = period / N.
     method : str
         As in :func:`iterate`.
     tol : float
@@ -80,15 +81,15 @@ def periodic_orbit(
     Returns
     -------
     PeriodicOrbit
-        A named tuple of `state` (D,), `period`, `multipliers` (D,), complex, sorted by decreasing
-        modulus with Im > 0 first in conjugate pairs, and `residual`. One multiplier is 1 to the
-        error of the method.
+        A named tuple of `state` (D,), `period`, `multipliers` (D,) and `residual`. The multipliers
+        are complex and sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. One of
+        them is 1 up to the error of the method.
 
     Raises
     ------
     RuntimeError
-        If Newton's method does not converge, or arrives at an equilibrium: `start` or `period` is
-        too far from those of an orbit.
+        If Newton's method does not converge, or converges to an equilibrium: `start` or `period` is
+        too far from an orbit.
     TypeError, ValueError
         If an argument is out of range, or the method has no Jacobian.
 

@@ -60,21 +60,22 @@ class Trajectories(Result):
     Attributes
     ----------
     states : ndarray(float, shape=(n_saved, ..., D))
-        The saved states, in the unit of the initial ones; NaN from the first state on that does not
-        exist. ``run.omega``, or ``run.x`` for a field, and ``np.asarray(run)`` are the same array.
+        The saved states; NaN from the first one that does not exist. ``run.x`` for a field, or
+        ``run.omega`` for a body, and ``np.asarray(run)`` are the same array.
     n, time : ndarray
         Step numbers (n_saved,) and times of the saved states.
     body, eps, method, steps, save_every
         The arguments of :func:`iterate`; `steps` includes those of :meth:`extend`.
     map : Map
-        The record of the map, which decides the quantities that the run has, see ``dir(run)``.
+        The record of the map. It decides which quantities the run has: see ``dir(run)``.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
-        Number of the first state that does not exist, if a trajectory failed; of the first state
-        beyond a pole, if its status is PASSED_POLE; else -1.
+        If a trajectory failed, the number of the first state that does not exist; if its status is
+        PASSED_POLE, the number of the first state beyond the pole; else -1.
     first_pole : ndarray(int, shape=(...))
-        Number of the first state beyond a pole, whatever happened later; -1 if no pole was found.
+        The number of the first state beyond a pole, also if the trajectory failed later; -1 if no
+        pole was found.
     valid : ndarray(bool, shape=(n_saved, ...))
         True for the saved states before the first failure or pole.
     final : ndarray(float, shape=(..., D))
@@ -90,15 +91,16 @@ class Trajectories(Result):
 
     Examples
     --------
-    How well does one orbit conserve the energy, and the modified energy?
+    By how much do the energy and the modified energy of an orbit vary?
 
-    >>> from suslov_fast import Suslov3D, iterate
-    >>> orbit = iterate(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2, steps=25)
+    >>> import numpy as np
+    >>> from suslov_fast import QuadraticField, iterate
+    >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, "q p")
+    >>> orbit = iterate(well, [0.9, 0.0], eps=0.1, steps=1000)
     >>> orbit
-    Trajectories(omega: (26, 2), n: 0, 1 ... 25, eps: 0.2, failed: 0 of 1)
-    >>> energy, modified = orbit.energy(), orbit.modified_energy()
-    >>> f"{energy.max() / energy.min() - 1:.3f}", bool(modified.max() / modified.min() - 1 < 1e-14)
-    ('0.001', True)
+    Trajectories(x: (1001, 2), n: 0, 1 ... 1000, eps: 0.1, failed: 0 of 1)
+    >>> f"{np.ptp(orbit.energy()):.0e}", bool(np.ptp(orbit.modified_energy()) < 1e-14)
+    ('2e-03', True)
     """
 
     states: FloatArray
@@ -243,11 +245,11 @@ class Trajectories(Result):
     def local_error(self) -> FloatArray:
         """The largest estimated error of a step so far in each component, shape (..., D).
 
-        Runs of method="extrapolated" have it, in the unit of the components; NaN for a trajectory
-        that has taken no step. The estimate is the difference between the step, of order 10, and
-        that without its shortest column, of order 8, so that it is larger than the error of the
-        step where the step is accurate. Errors of later states depend on how the motion amplifies
-        them.
+        Only runs of method="extrapolated" have it. NaN for a trajectory that has taken no step. The
+        estimate is the difference between the step, of order 10, and a step of order 8 from the
+        same columns without the first. So it is larger than the error of the step if the step is
+        accurate. How large the error of a later state is depends on how the motion amplifies the
+        errors of all steps.
         """
         if self._carry is None or not self.map.methods[self.method].estimates:
             raise AttributeError  # `__getattr__` words the message
@@ -290,7 +292,8 @@ class Trajectories(Result):
         Parameters
         ----------
         *names : int or str
-            The components, ``run.plot("time", "x1")`` or one tuple, in place of `components`.
+            The components to draw, as in ``run.plot("time", "x1")``; one tuple, or `components`, is
+            the same.
         components : sequence of int or str
             Two or three indices or labels, such as ``("x1", "x3")``; "time" is n * eps. Three are
             drawn in space.
@@ -300,11 +303,10 @@ class Trajectories(Result):
             A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
             default the parameter of a family, else the level of the conserved quantity.
         title : str, optional
-            By default the map, the number of orbits, and how many states are drawn, as very long
-            runs are thinned; None leaves it out.
+            By default the map, the number of orbits and how many states are drawn (very long runs
+            are thinned). None leaves it out.
         ax : matplotlib.axes.Axes, optional
-            Axes to draw on, those of a plot in space for three components; by default those of a
-            new figure.
+            Axes to draw on, 3-D axes for three components; by default those of a new figure.
 
         Returns
         -------
@@ -312,11 +314,12 @@ class Trajectories(Result):
 
         Examples
         --------
-        >>> from suslov_fast import RandomStarts, Suslov3D, iterate
-        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-        >>> run = iterate(body, RandomStarts(20, extent=2.0), eps=0.02, steps=500)
+        >>> from suslov_fast import QuadraticField, iterate
+        >>> predators = lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1])
+        >>> field = QuadraticField.from_function(predators, "prey predator")
+        >>> run = iterate(field, [[1.0, 0.5], [1.0, 0.3]], eps=1 / 64, steps=1000)
         >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
-        >>> run.plot("time", "Omega1", color="black", title=None)  # doctest: +SKIP
+        >>> run.plot("time", "prey", color="black", title=None)  # doctest: +SKIP
         """
         from . import plot  # which imports Matplotlib
 
@@ -332,9 +335,9 @@ class Trajectories(Result):
         Parameters
         ----------
         dims : str or sequence of str, optional
-            Names of the batch axes. By default an axis has the name of the parameter that varies
-            along it alone, else "trajectory", or "batch_0", "batch_1", ... The name of such a
-            parameter, or "eps", makes its values the coordinate: ``data.sel(eps=0.2)``.
+            Names of the batch axes. If exactly one parameter varies along an axis, its name is the
+            default; otherwise "trajectory", or "batch_0", "batch_1", ... An axis with the name of a
+            parameter, or "eps", has its values as the coordinate: ``data.sel(eps=0.2)``.
         coords : mapping, optional
             Coordinates along these axes, as for `xarray.Dataset.assign_coords`.
 
@@ -342,8 +345,8 @@ class Trajectories(Result):
         -------
         xarray.Dataset
             Dimensions: "n", those of the batch, and "component"; ``to_dataframe()`` has a row for
-            each component of each state. The coefficients of a field are coordinates with a name
-            for each monomial: linear_2 for x2, quadratic_1_3 for x1 x3.
+            each component of each state. Coefficients of a field are coordinates, one for each
+            monomial: linear_2 for x2, quadratic_1_3 for x1 x3.
 
         Raises
         ------

@@ -36,6 +36,7 @@ from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
 from .core import quantities, steps_3d
 from .core.field_system import FieldSystem
+from .core.lifted_system import LiftedSystem
 from .core.llvm import uncounted
 from .core.numba import for_users, formula, of_kind, select
 from .core.steps_nd import NDSystem
@@ -45,6 +46,7 @@ __all__ = [
     "FieldSystem",
     "Frame",
     "GyrostatFrame",
+    "LiftedSystem",
     "NDSystem",
     "advance",
     "energy",
@@ -270,12 +272,14 @@ def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -
     return quantities.first_integral_at(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
 
-def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem | FieldSystem:
+def system(
+    body: Body, /, eps: ArrayLike, *, method: str = "auto"
+) -> NDSystem | FieldSystem | LiftedSystem:
     """Return the constants of one body or field and one step size, for loops in n dimensions.
 
     Parameters
     ----------
-    body : SuslovND, QuadraticField, or a body in three dimensions
+    body : SuslovND, QuadraticField, LiftedField, or a body in three dimensions
         A single body, or a field. For bodies in three dimensions a :func:`frame` is faster.
     eps
         As in :func:`frame`.
@@ -286,7 +290,13 @@ def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem |
     -------
     NamedTuple of arrays and numbers
         Pass it to compiled functions as an argument. Numba does not cache a function in which the
-        system of a field is a global, because it contains an address of this process.
+        system of a field is a global, because it contains an address of this process. That of a
+        LiftedField cannot be pickled.
+
+    Raises
+    ------
+    RuntimeError
+        For a LiftedField, if there is no machine code, as under NUMBA_DISABLE_JIT.
 
     Examples
     --------
@@ -314,14 +324,17 @@ def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem |
 
 
 @for_users
-def work(system: NDSystem | FieldSystem) -> tuple[Any, ...]:
+def work(system: NDSystem | FieldSystem | LiftedSystem) -> tuple[Any, ...]:
     """Return the memory that :func:`step_system` needs in one thread; steps allocate no more."""
     return system.dimension, _memory(system)
 
 
 @for_users
 def step_system(
-    system: NDSystem | FieldSystem, x: FloatArray, out: FloatArray, work: tuple[Any, ...]
+    system: NDSystem | FieldSystem | LiftedSystem,
+    x: FloatArray,
+    out: FloatArray,
+    work: tuple[Any, ...],
 ) -> int:
     """Write the state that follows x (D,) to `out` (D,), which may be x; return its Status.
 

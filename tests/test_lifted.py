@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from numba import config, njit
 from scipy.integrate import solve_ivp
 
 from suslov_fast import (
@@ -18,6 +19,7 @@ from suslov_fast import (
     step,
     vector_field,
 )
+from suslov_fast.compiled import step_system, system, work
 
 S, C = np.sin, np.cos
 
@@ -200,6 +202,38 @@ def test_positive_components_keep_their_signs_or_it_is_told():
     run = iterate(field, [3.0], 1.0, 3, on_singular="ignore")
     assert (run.x < 0).any()
     assert run.status == Status.PASSED_POLE
+
+
+@njit
+def after(system, x, steps):
+    """Take some steps of states (batch, D), in place; return the last statuses."""
+    status, memory = np.zeros(len(x), np.int64), work(system)
+    for k in range(len(x)):
+        for _ in range(steps):
+            status[k] = step_system(system, x[k], x[k], memory)
+    return status
+
+
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs machine code")
+def test_compiled_loops_take_the_same_steps():
+    family = LiftedField.from_function(predator_prey, "N P", K=[2.0, 4.0])
+    inverse = LiftedField.from_function(lambda x: (1 / x[0],), "x")
+    for method in ("auto", "order4", "extrapolated"):
+        for field, starts, eps in (
+            (field_of("kepler"), np.array([FIELDS["kepler"][1], [1.0, 0, 0, 1]]), 1 / 16),
+            (family[1], np.array([[1.0, 1.0], [3.0, 0.1], [0.0, 2.0]]), 3.0),
+            (inverse, np.array([[1.0], [0.0]]), 0.1),
+        ):
+            run, x = iterate(field, starts, eps, 7, method=method, on_singular="ignore"), starts
+            told = np.array([Status.OK] * len(x))
+            for n in range(7):
+                x = x.copy()
+                status = after(system(field, eps, method=method), x, 1)
+                np.testing.assert_array_equal(x, run.x[n + 1])
+                told = np.where((told == Status.OK) | (status < 0), status, told)
+            np.testing.assert_array_equal(told, run.status)
+    with pytest.raises(TypeError, match="in its own process alone"):
+        pickle.dumps(system(inverse, 0.1))
 
 
 def test_dictionaries_hold_the_equations_as_text():

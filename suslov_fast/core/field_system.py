@@ -59,12 +59,11 @@ def field_memory(system):
 
 
 @function
-def field_step_of_one(system, state, out, memory):
-    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
-    matrix, units, x, total = memory
-    status, passed, D = OK, False, len(memory[2])
+def take_stages(system, base, x, total, matrix, units):
+    """Replace x, which is the state `base`, by the next state; return its status, and det A < 0."""
+    status, passed, D = OK, False, len(x)
     for i in range(D):
-        x[i], total[i] = state[i], 0.0
+        total[i] = 0.0
     for stage in range(len(system.half)):
         code = np.int64(1)  # of `text_of_step`: 1 if the step is not accurate, 2 if det A < 0
         if system.address != 0:
@@ -78,14 +77,24 @@ def field_step_of_one(system, state, out, memory):
         weight = system.weights[stage]
         if weight != 0.0:
             for i in range(D):
-                total[i] += weight * (x[i] - state[i])
-                x[i] = state[i]
+                total[i] += weight * (x[i] - base[i])
+                x[i] = base[i]
     if system.weights[-1] != 0.0 and status == OK:  # the last column of an extrapolated step
         for i in range(D):
             x[i] += total[i]
             status = OK if abs(x[i]) < np.inf and status == OK else NONFINITE
+    return status, passed
+
+
+@function
+def field_step_of_one(system, state, out, memory):
+    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
+    matrix, units, x, total = memory
+    for i in range(len(x)):
+        x[i] = state[i]
+    status, passed = take_stages(system, state, x, total, matrix, units)
     passed |= changes_sign(system.indices, state, x)  # now, because `out` may be `state`
-    for i in range(D):
+    for i in range(len(x)):
         out[i] = x[i] if status == OK else np.nan
     return PASSED_POLE if passed and status == OK else status
 

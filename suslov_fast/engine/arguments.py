@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.field_system import FieldSystem, system_of
+from ..core.lifted_system import LiftedSystem, lifted_system_of
 from ..core.stages import WHOLE, Stages
 from ..core.steps_field import scheme_of
 from ..core.steps_nd import FAR_FROM_0, NDSystem
@@ -144,9 +145,23 @@ def nd_system(body: Any, eps: float) -> NDSystem:
     return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
 
 
-def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:
+def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem | LiftedSystem:
     """Return the constants of a single body with a field, for `compiled`."""
-    indices, values = body._terms
+    indices, [values], _ = by_field(body, eps, ())
+    if (lift := lift_of(body)) is not None:
+        found = lifted_system_of(indices, values, 0.5 * eps, stages, words_of(body), lift)
+        if found is None:
+            how = "use step or iterate, which need none"
+            raise RuntimeError(f"body: steps of a LiftedField need machine code here: {how}")
+        return found
     halves = np.outer(stages.fractions, 0.5 * eps * values)
     system: FieldSystem = system_of(indices, halves, stages, body.dimension)
     return system
+
+
+def _no_pickle(self: object) -> str:
+    how = "call compiled.system there"
+    raise TypeError(f"the system of a LiftedField is of use in its own process alone: {how}")
+
+
+LiftedSystem.__reduce__ = _no_pickle  # type: ignore[method-assign]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, extra, instance, integer, is_false, kind_of, require, short, wrong
 from ..core import codes, orientations
 from ..core.field_system import FieldSystem
+from ..core.lifted_system import LiftedSystem
 from ..core.numba import Kernel
 from ..core.one_step import KernelOfStep
 from ..core.steps_nd import NDSystem
@@ -95,7 +96,7 @@ class Steps(NamedTuple):
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
     # Returns the constants of `compiled.step_system` for (body, eps). None: it refuses the body.
-    system: Callable[[Any, float], NDSystem | FieldSystem] | None = None
+    system: Callable[[Any, float], NDSystem | FieldSystem | LiftedSystem] | None = None
     # Yields groups of trajectories, as indices, and the arguments of each, for (D, arguments).
     divide: Callable[[int, Arguments], Iterator[tuple[Any, Arguments]]] | None = None
     # True if carry[0] is the number of the first state after a step from det A < 0, else 0;

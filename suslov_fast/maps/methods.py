@@ -95,11 +95,6 @@ def field_in(stages: Stages) -> Steps:
     )
 
 
-def lifted_in(stages: Stages) -> Steps:
-    """Return the whole steps of lifted fields that consist of these stages."""
-    return field_in(stages)._replace(system=None)
-
-
 # ---------------------------------------------------------------------- steps of other authors
 def steps_of(step: Callable[..., int], work: int | Callable[[int], int] = 0) -> Kernel:
     """Make a kernel from a function that steps one state; it fulfils the contract of `Map`.

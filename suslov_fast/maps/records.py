@@ -32,7 +32,6 @@ from .methods import (
     STEPS_ND,
     STEPS_WITH_ROTOR,
     field_in,
-    lifted_in,
 )
 
 for _record in (
@@ -134,7 +133,7 @@ for _record in (
             name=f"Lifted, {method}",
             title=title,
             body=LiftedField,
-            methods={method: lifted_in(stages)},
+            methods={method: field_in(stages)},
             formulas=LIFTED,
             random=(random_lifted,),
             pole=None,

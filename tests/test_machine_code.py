@@ -200,8 +200,10 @@ def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
         np.testing.assert_array_equal(one, other)
 
 
-def test_dense_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
-    """Lanes take all steps by `solve`: within rounding of a plan, also of the derivative."""
+@pytest.mark.parametrize("is_sparse", [False, True])
+def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
+    """Loops eliminate the whole matrix, or its pattern: within rounding of a plan."""
+    monkeypatch.setattr("suslov_fast.core.in_calls.is_sparse", lambda *_: is_sparse)
     field, x0 = sf.QuadraticField.from_function(of_a, 3, a=1), rng.normal(size=(9, 3))
     hamiltonian = sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 3 / 3 + x[0] * x[1] ** 2, 2)
 

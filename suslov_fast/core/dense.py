@@ -122,6 +122,32 @@ def solve_rows(a):
     return least > LEAST_PIVOT * largest, negative
 
 
+@function
+def advance_lane(x, l, after, of_one_sign, is_good, negative, marks):
+    """Set lane l of x (D, W) to its next state, if that is accurate; return bits.
+
+    The bits are those of `listed_code.text_of_listed_steps`.
+    """
+    (ended, passed, tells_signs), bit = marks, np.int64(1) << l
+    changes, size, bits = False, 0.0, np.int64(0)
+    for i in range(len(x)):
+        size += 0.0 * after[i]
+        rises, falls = (
+            x[i, l] < 0.0 and after[i] > SIGNIFICANT,
+            x[i, l] > 0.0 and after[i] < -SIGNIFICANT,
+        )
+        changes |= of_one_sign[i] and (rises or falls)
+    if is_good and size == 0.0:
+        for i in range(len(x)):
+            x[i, l] = after[i]
+        if passed & bit == 0:
+            bits |= (bit << 8) if negative else 0
+            bits |= (bit << (8 + CHANGED)) if changes and tells_signs else 0
+    elif ended & bit == 0:
+        bits |= bit
+    return bits
+
+
 @kernel
 def dense_steps(part, parts, field, coefficients, half, marks, x, memory, taken):
     """Take up to taken[0] steps of a line x (D, W), whose `half` is eps / 2 times values (T, W).
@@ -132,7 +158,6 @@ def dense_steps(part, parts, field, coefficients, half, marks, x, memory, taken)
     """
     field, coefficients, memory = uncounted(field), uncounted(coefficients), uncounted(memory)
     (D, W), (a, states) = x.shape, memory
-    ended, passed, tells_signs = marks
     for n in range(taken[0]):
         bits = np.int64(0)
         for l in range(W):
@@ -141,29 +166,14 @@ def dense_steps(part, parts, field, coefficients, half, marks, x, memory, taken)
                 states[l, i] = x[i, l]
         fill(field.spans, coefficients, states, a)
         for l in range(W):
-            bit, changes, size, own = np.int64(1) << l, False, 0.0, l % half.shape[1]
+            own = l % half.shape[1]
             for s in range(len(field.linear)):
                 i, j, t = field.linear[s, 0], field.linear[s, 1], field.linear[s, 2]
                 a[l, i, D] += half[t, own] * states[l, j]
             for s in range(len(field.constant)):
                 a[l, field.constant[s, 0], D] += 2.0 * half[field.constant[s, 1], own]
             is_good, negative = solve_rows(a[l])
-            for i in range(D):
-                before, after = states[l, i], a[l, i, D]
-                size += 0.0 * after
-                rises, falls = (
-                    before < 0.0 and after > SIGNIFICANT,
-                    before > 0.0 and after < -SIGNIFICANT,
-                )
-                changes |= field.of_one_sign[i] and (rises or falls)
-            if is_good and size == 0.0:
-                for i in range(D):
-                    x[i, l] = a[l, i, D]
-                if passed & bit == 0:
-                    bits |= (bit << 8) if negative else 0
-                    bits |= (bit << (8 + CHANGED)) if changes and tells_signs else 0
-            elif ended & bit == 0:
-                bits |= bit
+            bits |= advance_lane(x, l, a[l, :, D], field.of_one_sign, is_good, negative, marks)
         if bits != 0 or n + 1 == taken[0]:
             taken[0], taken[1] = n + 1, bits
             break

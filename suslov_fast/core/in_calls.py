@@ -6,6 +6,7 @@ from .careful import CHANGED, arguments_of, careful
 from .dense import dense_steps, spans_of
 from .generated_stages import BASE
 from .machine_code import call_procedure
+from .sparse import is_sparse, pattern_of, size_of, sparse_steps
 from .stages import distinct, weights_of
 
 
@@ -60,6 +61,33 @@ def _stages_at_once(stages, steps):
         if fractions[k] == fractions[k + 1] and not columns[k]:
             counts[k] += counts[k + 1]
     return counts
+
+
+def taker_without_plan(lines):
+    """Return the function that takes steps of a line without a list of operations."""
+    step = lines.scheme.step
+    return (sparse_taker_of if is_sparse(step.indices, step.D) else dense_taker_of)(lines)
+
+
+def sparse_taker_of(lines):
+    """Return the function that takes steps of a line by `sparse`, see `in_calls`."""
+    (step, stages), (ended, passed) = lines.scheme, lines.marks
+    pattern, kept = pattern_of(step.indices.tobytes(), lines.D), {}
+    fractions, memory = distinct(stages.fractions)[0], np.empty(size_of(pattern))
+    tells_signs, taken = int(len(stages.fractions) == 1), np.zeros(2, np.int64)
+
+    def take(line, place, most):
+        of_line = line % len(lines.halves)
+        if (of_line, place) not in kept:
+            if lines.for_each:
+                kept.clear()  # a line takes all steps before the next one does
+            kept[of_line, place] = np.ascontiguousarray(fractions[place] * lines.halves[of_line].T)
+        marks = int(ended[line]), int(passed[line]), tells_signs
+        taken[:] = most, 0
+        sparse_steps.serial(pattern, kept[of_line, place], marks, lines.x[line], memory, taken)
+        return map(int, taken)
+
+    return take
 
 
 def dense_taker_of(lines):

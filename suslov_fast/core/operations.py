@@ -39,7 +39,7 @@ WHOLE, PIECE = 4000, 1000
 # A field has a plan unless more terms and products of elimination depend on the state than MOST,
 # and than a part of those of a dense matrix, because elimination without a plan is faster then; or
 # unless there are more than LONGEST products in all, because planning takes long.
-MOST, PART_OF_DENSE, LONGEST = 36_000, 1 / 24, 1_000_000
+MOST, PART_OF_DENSE, LONGEST = 36_000, 1 / 24, 150_000
 
 
 def _of_library(function):

@@ -15,8 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .dense import advance_lane
 from .elimination import LEAST_PIVOT, simd_max, simd_min
-from .numba import function
+from .llvm import uncounted
+from .numba import function, kernel
 from .operations import of_one_sign
 from .planned_elimination import elimination_order, filled
 
@@ -35,7 +37,14 @@ class Pattern(NamedTuple):
     given_starts: Any  # (D + 1,), of rows in `given`
     given: Any  # (G,), places of entries before elimination
     right: Any  # (L, 3): place, component, term, for the right sides
-    of_one_sign: Any  # (D,), 1 for unknowns that keep their sign along the motion, else 0
+    of_one_sign: Any  # (D,), true for unknowns that keep their sign along the motion
+
+
+def is_sparse(indices, D):
+    """Return whether rows of f' have few entries: otherwise `dense` is faster."""
+    i, j, k = indices
+    entries = np.unique(np.append(i * (D + 1) + j, i * (D + 1) + k))
+    return len(entries) < D * D // 8
 
 
 @functools.lru_cache(8)
@@ -68,8 +77,8 @@ def pattern_of(places, D):
         runs.append(np.stack([own[breaks], lengths, begin + breaks], 1))
         counts.append(len(breaks))
     is_right = k == D
-    keeps = np.zeros(D, np.int64)
-    keeps[[*of_one_sign(indices)]] = 1
+    keeps = np.zeros(D, bool)
+    keeps[[*of_one_sign(indices)]] = True
     return Pattern(
         np.array(order, np.int64), starts, found, diagonal,
         _starts(counts), np.concatenate(runs), _starts(np.bincount(rows, minlength=D)), fills,
@@ -110,8 +119,8 @@ class Room(NamedTuple):
 
 
 def size_of(pattern):
-    """Return how many numbers `room_of` takes."""
-    return 5 * len(pattern.order) + 1 + len(pattern.given) + len(pattern.columns)
+    """Return how many numbers `room_of` takes, and a state."""
+    return 6 * len(pattern.order) + 1 + len(pattern.given) + len(pattern.columns)
 
 
 @function
@@ -191,3 +200,24 @@ def step_once(pattern, half, room, after):
         room.right[i] = after[pattern.order[i]] = value
         size += 0.0 * value
     return good and size == 0.0, negative
+
+
+@kernel
+def sparse_steps(part, parts, pattern, half, marks, x, memory, taken):
+    """Take up to taken[0] steps of a line x (D, W), as `dense.dense_steps`.
+
+    `half` (1 or W, T) is eps / 2 times the values of the terms; `memory` has `size_of` numbers.
+    """
+    pattern, half, memory = uncounted(pattern), uncounted(half), uncounted(memory)
+    (D, W), G, E = x.shape, len(pattern.given), len(pattern.columns)
+    room, after = room_of(memory[D:], D, G, E), memory[:D]
+    for n in range(taken[0]):
+        bits = np.int64(0)
+        for l in range(W):
+            for i in range(D):
+                room.y[i] = x[i, l]
+            good, negative = step_once(pattern, half[l % len(half)], room, after)
+            bits |= advance_lane(x, l, after, pattern.of_one_sign, good, negative, marks)
+        if bits != 0 or n + 1 == taken[0]:
+            taken[0], taken[1] = n + 1, bits
+            break

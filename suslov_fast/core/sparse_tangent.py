@@ -178,9 +178,9 @@ def take_steps(line, table, kept, plan, ignored, steps):
         _integers(a[PLACE.given_starts], (D + 1,)),
         _integers(a[PLACE.given], (G,)),
         _integers(a[PLACE.right], (a[PLACE.L], 3)),
-        _integers(a[PLACE.of_one_sign], (D,)),
+        carray(address_as_pointer(a[PLACE.of_one_sign]), (D,), np.bool_),
     )
-    size, width = 5 * D + 1 + G + E, a[PLACE.room]
+    size, width = 6 * D + 1 + G + E, a[PLACE.room]
     memory = _numbers(kept, (2 * size + D * width,))
     room = room_of(memory, D, G, E)
     back = room_of(memory[size:], D, G, E)
@@ -221,7 +221,7 @@ def orthonormalise(columns, carried, due, kept, plan):
     """Orthonormalise the columns of a trajectory, as `lengths.orthonormalise`, and set the pace."""
     a = _integers(plan, (len(PLACE),))
     D, width = a[PLACE.D], a[PLACE.room]
-    size = 2 * (5 * D + 1 + a[PLACE.G] + a[PLACE.E])
+    size = 2 * (6 * D + 1 + a[PLACE.G] + a[PLACE.E])
     part = _numbers(kept + 8 * (size + D * width), (2, BLOCK))
     basis = _numbers(kept + 8 * size, (D, D))
     products = _numbers(carried, (LENGTHS + D,))

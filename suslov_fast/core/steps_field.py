@@ -34,7 +34,7 @@ from .generated import (
     text_of_steps,
 )
 from .generated_stages import BASE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
-from .in_calls import dense_taker_of, in_calls
+from .in_calls import in_calls, taker_without_plan
 from .lift import LiftedStep
 from .lines import alignment, halves_of, in_lines, note_undefined, tables_of
 from .listed_code import listed_code, taker_of
@@ -199,7 +199,7 @@ class _Lines:
     def _taker(self):
         """Return the function for `in_calls`: of a long list, or of a field without a plan."""
         if not self.scheme.step.usual:
-            return None if config.DISABLE_JIT else dense_taker_of(self)
+            return None if config.DISABLE_JIT else taker_without_plan(self)
         address = listed_code(self.W, self.for_each)
         return None if address is None else taker_of(self, address)
 

@@ -16,10 +16,13 @@ from suslov_fast import (
     energy,
     iterate,
     jacobian,
+    matrix,
+    modified_energy,
     step,
     vector_field,
 )
 from suslov_fast.compiled import step_system, system, work
+from suslov_fast.maps.methods import FRACTIONS
 
 S, C = np.sin, np.cos
 
@@ -204,6 +207,43 @@ def test_positive_components_keep_their_signs_or_it_is_told():
     assert run.status == Status.PASSED_POLE
 
 
+def complex_step(field, x, fractions):
+    """Take Kahan's steps of the lifted field, as printed, from a complex state."""
+    functions = {name: getattr(np, name) for name in ("sin", "cos", "exp")}
+    scope = dict(zip(field.names, x, strict=True))
+    for name, text in field.added.items():
+        scope[name] = eval(text, functions, scope)
+    z, lifted = np.array([*scope.values()]), field.lifted
+    q, l, c = (a.astype(float) for a in (lifted.quadratic, lifted.linear, lifted.constant))
+    for h in fractions:
+        slope = 2 * np.einsum("ijk,k->ij", q, z) + l
+        rates = np.einsum("ijk,j,k", q, z, z) + l @ z + c
+        z = z + h * np.linalg.solve(np.eye(len(z)) - h / 2 * slope, rates)
+    return z[: len(x)]
+
+
+@pytest.mark.parametrize("method", ["auto", "order6"])
+@pytest.mark.parametrize("name", ["pendulum", "kepler", "predator and prey", "hill", "toda"])
+def test_the_jacobian_is_that_of_a_complex_step(name, method):
+    field, x = field_of(name), np.array(FIELDS[name][1])
+    fractions = [0.1] if method == "auto" else [0.1 * part for part in FRACTIONS[6]]
+    columns = [complex_step(field, x + 1e-30j * unit, fractions) for unit in np.eye(len(x))]
+    wanted = np.imag(columns).T / 1e-30
+    found = jacobian(field, x, 0.1, method=method)
+    assert abs(found - wanted).max() < 1e-12 * abs(wanted).max()
+
+
+@pytest.mark.parametrize("method", ["auto", "order8"])
+def test_real_powers_near_0(method):
+    """1/x is a variable of x**2.5163: a state 0 is refused, and small ones lose no digits."""
+    field = LiftedField.from_function(lambda x: (-(x[0] ** 2.5163),), "x")
+    x = np.array([1.0, 1e-3, 1e-30, 1e-100, 0.0, -1.0])[:, np.newaxis]
+    run = iterate(field, x, 1 / 8, 40, method=method, on_singular="ignore")
+    exact = (x[:4] ** -1.5163 + 1.5163 * 5) ** (-1 / 1.5163)
+    np.testing.assert_allclose(run.final[:4], exact, rtol=1e-3 if method == "auto" else 1e-9)
+    assert run.status.tolist() == [0, 0, 0, 0, Status.NONFINITE, Status.NONFINITE]
+
+
 @njit
 def after(system, x, steps):
     """Take some steps of states (batch, D), in place; return the last statuses."""
@@ -264,6 +304,18 @@ def two(f):
     return lambda: LiftedField.from_function(f, "x y")
 
 
+def of_a(f):
+    return lambda: LiftedField.from_function(f, "x", a=[0.5, 2.0])
+
+
+def test_a_single_field_may_branch_on_its_parameters():
+    def f(x, a):
+        return S(x[0]) if a > 1 else x[0], np.where(a > 1, S(x[0]), x[1]) * abs(a)
+
+    for a, equations in ((2, "x' = sin(x), y' = 2*sin(x)"), (-2.0, "x' = x, y' = 2*y")):
+        assert repr(LiftedField.from_function(f, "x y", a=a)) == f"LiftedField({equations})"
+
+
 def test_long_fractions_are_rounded_for_readers_alone():
     mu = 0.012277471
     field = LiftedField.from_function(lambda x: (1 / np.sqrt((x[0] + mu) ** 2 + 1),), "x")
@@ -295,7 +347,12 @@ def needs_too_many(x):
         (two(lambda x: (math.exp(-x[0]), x[1])), r"write np\.exp, as in np\.exp\(-x\[0\]\)"),
         (two(fills_an_array), r"derivative\[0\] = x\[1\]: an array of floats.* return a tuple"),
         (two(lambda t, y: (y[1], S(t))), r"\(\*f\(s\[-1\], s\[:-1\]\), 1\), \"x y t\""),
+        (two(lambda t, y: (y[1], S(y[0]))), r"pass lambda x: f\(None, x\)"),
         (two(needs_too_many), "more than 200 variables"),
+        (of_a(lambda x, a: (S(x[0]) if a > 1 else x[0],)), "compares the parameter a.* one field"),
+        (of_a(lambda x, a: (S(x[0]) * max(a, 1),)), "compares the parameter a"),
+        (of_a(lambda x, a: (S(x[0]) if a else 1,)), "asks whether a is true"),
+        (of_a(lambda x, a: (S(x[0]) * abs(a),)), "calls absolute of the parameter a.* one field"),
     ],
 )
 def test_what_has_no_rule_is_named_in_words_of_the_user(call, message):
@@ -305,6 +362,13 @@ def test_what_has_no_rule_is_named_in_words_of_the_user(call, message):
 
 def pendulum_of(x, g):
     return x[1], -g * S(x[0])
+
+
+def test_what_a_lifted_field_has_not_is_refused_with_what_to_use():
+    pendulum = field_of("pendulum")
+    for function, advice in ((matrix, "use jacobian"), (modified_energy, "use energy")):
+        with pytest.raises(TypeError, match=advice):
+            function(pendulum, [1.0, 0.0], 0.1)
 
 
 def test_quadratic_fields_name_the_call_that_works():

@@ -32,7 +32,7 @@ class NotSmooth(TypeError):
         f = {"absolute": "abs", "fabs": "abs"}.get(operation, operation)
         if f in HOW:
             return f"calls {f}, which has no rule: write {HOW[f]}"
-        if f in _COMPARISONS:
+        if f in COMPARISONS:
             where = f"compares {of}" if f != "if" else f"asks whether {of} is true"
             return f"{where}, as in if: a branch is not smooth, and no added variable makes it so"
         if f in _NEVER:
@@ -40,7 +40,7 @@ class NotSmooth(TypeError):
         return f"calls {f} of {of}, which has no rule; those with one are {', '.join(FUNCTIONS)}"
 
 
-_COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".split())
+COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".split())
 _NEVER = set(
     "abs sign floor ceil rint trunc maximum minimum fmax fmin heaviside remainder fmod mod "
     "floor_divide divmod copysign round clip where logical_and logical_or logical_not".split()

@@ -9,7 +9,7 @@ import numpy as np
 
 from .columns import Column, Refused
 from .definitions import Definitions, in_brackets
-from .expressions import RULES, Expression
+from .expressions import COMPARISONS, RULES, Expression
 
 
 class Parameter(Column):
@@ -37,9 +37,8 @@ class Parameter(Column):
         if any(isinstance(a, Expression) for a in operands):
             return NotImplemented
         if name not in RULES or method != "__call__":
-            raise Refused(
-                f"calls {name} of the parameter {self._text}, which has an array of values"
-            )
+            does = "compares" if name in COMPARISONS else f"calls {name} of"
+            raise Refused(f"{does} the parameter {self._text}, which has an array of values")
         values: list[Any] = []
         texts = []
         for a in operands:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
 
 from ..checks import short
 from .advice import arguments_of, check_arguments, check_callable, explained, name_of, prefixed
@@ -28,7 +30,7 @@ def traced(
     check_callable(argument, f)
     f = getattr(f, "py_func", f)
     f_name = name_of(f, argument)
-    _check_time(argument, f, f_name, names, maker)
+    _check_time(argument, f, f_name, definitions, parameters, maker)
     check_arguments(argument, f, names, parameters, maker)
     is_family = any(hasattr(each, "values") for each in parameters.values())
     state: Any = state_of(definitions)
@@ -56,6 +58,8 @@ def traced(
 
 
 def _polynomial(value: Any, name: str, argument: str) -> Polynomial:
+    if isinstance(value, np.ndarray) and not value.ndim:
+        value = value.item()  # of np.where, with a condition of parameters
     try:
         return as_polynomial(value)
     except (TypeError, Refused):
@@ -98,15 +102,29 @@ def _segment(frame: Any) -> str:
     return str(original)[begin:end]
 
 
-def _check_time(argument: str, f: Any, f_name: str, names: Sequence[str], maker: str) -> None:
-    """Say how to make time a variable, for a function f(t, y) or f(y, t)."""
+def _check_time(
+    argument: str,
+    f: Any,
+    f_name: str,
+    definitions: Definitions,
+    parameters: Mapping[str, Any],
+    maker: str,
+) -> None:
+    """Say how to make time a variable, for a function f(t, y) or f(y, t) that uses t."""
     arguments = arguments_of(f)
     if len(arguments) != 2 or len(TIME & {*arguments}) != 1:
         return
-    state = "s[-1], s[:-1]" if arguments[0] in TIME else "s[:-1], s[-1]"
-    own = [name for name in names if name not in TIME]
+    is_first = arguments[0] in TIME
+    state: Any = Variables(state_of(Definitions(definitions.names)))
+    try:
+        f(*((None, state) if is_first else (state, None)), **parameters)
+    except Exception:  # f may raise anything for a time that is None
+        text = "s[-1], s[:-1]" if is_first else "s[:-1], s[-1]"
+    else:
+        return
+    own = [name for name in definitions.names if name not in TIME]
     time = next(name for name in arguments if name in TIME)
-    call = f'{maker}(lambda s: (*{f_name}({state}), 1), "{" ".join([*own, time])}")'
+    call = f'{maker}(lambda s: (*{f_name}({text}), 1), "{" ".join([*own, time])}")'
     received = f"{f_name}({', '.join(arguments)})"
     raise TypeError(
         f"{argument} must take the state alone, as one tuple, not {received}: "

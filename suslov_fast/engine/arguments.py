@@ -149,7 +149,9 @@ def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem |
     """Return the constants of a single body with a field, for `compiled`."""
     indices, [values], _ = by_field(body, eps, ())
     if (lift := lift_of(body)) is not None:
-        found = lifted_system_of(indices, values, 0.5 * eps, stages, words_of(body), lift)
+        found: LiftedSystem | None = lifted_system_of(
+            indices, values, 0.5 * eps, stages, words_of(body), lift
+        )
         if found is None:
             how = "use step or iterate, which need none"
             raise RuntimeError(f"body: steps of a LiftedField need machine code here: {how}")

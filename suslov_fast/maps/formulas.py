@@ -346,6 +346,7 @@ def check_formulas(formulas: Mapping[str, Any], conserved: Any) -> None:
 INSTEAD = {
     **dict.fromkeys(("exact", "flow", "limits"), ", which has no closed form: use iterate"),
     "closed_form": ": use exact, or iterate where there is no closed form",
+    "matrix": ", whose step is not the solution of one linear system: use jacobian",
     "frame": ": call system(body, eps)",
     **dict.fromkeys(
         ("first_integral", "criticality"), ": suslov_fast.integrability.report looks for integrals"

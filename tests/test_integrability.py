@@ -411,6 +411,41 @@ def test_exceptional_primes_and_lines_are_drawn_again():
         arithmetic.agreed_by_primes(random.Random(0), lambda p, eps: p)
 
 
+def multiple_of_primes():
+    """The product of the first two primes that the seed 0 draws, and of a prime of Mersenne."""
+    rng = random.Random(0)
+    primes = [2**61 - 1]
+    for _ in range(2):
+        primes.append(arithmetic.random_prime(rng))
+        rng.randrange(2, primes[-1])
+    return math.prod(primes)
+
+
+def lyness(a):
+    """Periodic for a = 0 and a = 1, else with an integral of degree 3."""
+    return rational_map(lambda x: (x[1], (x[1] + a) / x[0]), 2, lambda x: ((x[0] + a) / x[1], x[0]))
+
+
+@pytest.mark.parametrize("c", [multiple_of_primes(), F(1, multiple_of_primes())], ids=["c", "1/c"])
+def test_primes_may_divide_coefficients(c):
+    """A coefficient changes neither degrees nor numbers of integrals, whatever divides it."""
+    for a in (c, 1 + c):
+        birational = lyness(a)
+        assert degrees(birational, 8) == [2, 2, 3, 4, 5, 7, 9, 11]
+        assert hk_bases(birational, 3).dimension == 1
+        assert len(darboux_polynomials(birational, 3)) == 2
+    (f,) = report(birational).integrals
+    assert f(birational((2, 5))) == f((2, 5))
+    top = kahan(field_of(lambda x: (c * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]), 3), c)
+    assert degrees(top, 5) == degrees(kahan(EULER, 1), 5)
+    assert hk_bases(top, 2).independent == 2
+    found, x = report(top, degree=2), (F(2), F(3), F(5))
+    assert [f(top(x)) == f(x) for f in found.integrals] == [True, True]
+    assert found.measures  # constants without small factors, which are powers of one number
+    turning = kahan(field_of(lambda x: (c * x[1], -c * x[0] + x[0] ** 2), 2), 1)
+    assert [*map(str, report(turning, degree=1).symmetries)] == ["x -> (x1, -x2)"]
+
+
 # Reports.
 
 
@@ -843,7 +878,7 @@ def test_a_larger_degree_shows_no_less(given):
         assert more.relations >= less.relations
         for name in ("integrals", "measures", "polynomials"):
             assert len(getattr(more, name)) >= len(getattr(less, name))
-        both = functions.independent([*more.integrals, *less.integrals])
+        both = functions.independent([*more.integrals, *less.integrals], more.map.prime)
         assert len(both) == len(more.integrals)
 
 

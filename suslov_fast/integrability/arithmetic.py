@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -18,7 +18,7 @@ from ..checks import refuse, wrong
 Point = tuple[Fraction, ...]
 Residues = list[list[int]]  # a matrix modulo a prime
 
-PRIME, EPS = 2**61 - 1, 2**40 + 7  # as good as random ones
+EPS = 2**40 + 7  # as good as a random number
 EXTRA = 10  # equations more than unknowns
 DRAWS = 8  # of primes with points or lines, of which two must agree
 
@@ -68,7 +68,15 @@ def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
     return [flint.nmod(fmpq(a), p) for a in (*x, 1)]
 
 
-def random_point(n: int, p: int = PRIME, rng: random.Random | None = None) -> list[Any]:
+def prime_for(numbers: Iterable[Any]) -> int:
+    """Return a prime for computations with these integers, always the same one for them.
+
+    It is drawn by a generator that they seed: whatever they are multiples of, it is another prime.
+    """
+    return random_prime(random.Random(" ".join(map(hex, numbers))))
+
+
+def random_point(n: int, p: int, rng: random.Random | None = None) -> list[Any]:
     """Return a random point modulo a prime; without `rng` always the same one."""
     rng = rng or random.Random(0)
     return point_modulo(p, [rng.randrange(p) for _ in range(n)])

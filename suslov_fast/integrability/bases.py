@@ -113,8 +113,7 @@ def hk_bases(
     check_map(map)
     n, seed = map.dimension, integer("seed", seed, 0)
     exponents = exponents_of(monomials, n)
-    rng = random.Random(seed)
-    given = rng.sample(range(2, 100), n) if point is None else point
+    given = random.Random(seed).sample(range(2, 100), n) if point is None else point
     start = arithmetic.rationals("point", given, n)
     dimension, independent = count_relations(map, exponents, seed)
     integrals: Polynomials = ()
@@ -131,7 +130,7 @@ def hk_bases(
     complete = rank_of_quotients(integrals) == independent
     basis: Matrix | None = None if map.is_symbolic else ()
     if not map.is_symbolic and (dimension > 0 or point is not None):
-        basis = _basis_over_rationals(map, exponents, start, rng)
+        basis = _basis_over_rationals(map, exponents, start, seed)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
         max(sum(e) for e in exponents),
@@ -157,12 +156,12 @@ def _integrals_up_to(map: RationalMap, degree: int, enough: int, seed: int) -> P
 
 
 def _basis_over_rationals(
-    map: RationalMap, exponents: Exponents, start: Point, rng: random.Random
+    map: RationalMap, exponents: Exponents, start: Point, seed: int
 ) -> Matrix | None:
     """Return the relations along the orbit of a point; None if they are too long."""
 
     def search(p: int, eps: int) -> Residues:
         return relations_along(map, exponents, eps, arithmetic.point_modulo(p, start))
 
-    rows = over_rationals(rng, search)
+    rows = over_rationals(map.generator(seed), search)
     return None if rows is None else tuple(tuple(a for (a,) in row) for row in rows)

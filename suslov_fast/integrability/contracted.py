@@ -107,8 +107,6 @@ class PlaneModulo:
         self.p, self.rng = p, random.Random(seed)
         self.forms = [modulo(F, p, eps) for F in plane.forms]
         self.curves = [modulo(C, p, eps) for C in plane.curves]
-        pairs = zip((*self.forms, *self.curves), (*plane.forms, *plane.curves), strict=True)
-        self.has_all_terms = all(len(P) == len({*exponents_in_x(Q)}) for P, Q in pairs)
         # The monomials that forms and curves have in common are evaluated once.
         terms = [P.to_dict() for P in (*self.forms, *self.curves)]
         self._monomials = tuple({e: None for of_one in terms for e in of_one})
@@ -226,13 +224,11 @@ def passages_across(plane: Plane, most: int, seed: int) -> list[Passage] | None:
 
     None if no primes show them.
     """
-    rng, numbers = random.Random(seed), range(len(plane.curves))
+    rng, numbers = plane.map.generator(seed), range(len(plane.curves))
     by_prime: list[list[Passage]] = [[] for _ in numbers]
     for _ in range(_PRIMES):
         p = arithmetic.random_prime(rng, _BITS)
         residues = PlaneModulo(plane, p, rng.randrange(2, p), rng.getrandbits(30))
-        if not residues.has_all_terms:  # the prime divides a coefficient
-            continue
         for number in numbers:
             if _agree(by_prime[number]) or (component := residues.component(number)) is None:
                 continue

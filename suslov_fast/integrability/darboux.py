@@ -15,7 +15,7 @@ import flint
 from ..checks import integer
 from . import arithmetic
 from .arguments import check_unknowns
-from .arithmetic import EPS, EXTRA, PRIME, Residues
+from .arithmetic import EPS, EXTRA, Residues
 from .functions import RationalFunction, factored, product_of, rational_roots
 from .maps import TERMS, RationalMap, check_map
 from .polynomials import (
@@ -96,7 +96,7 @@ def space_of(
             return arithmetic.row_space(space, p)
         return space
 
-    rows = over_rationals(random.Random(seed), search, map.is_symbolic)
+    rows = over_rationals(map.generator(seed), search, map.is_symbolic)
     if rows is None:
         raise ArithmeticError("the coefficients of the polynomials are too long to reconstruct")
     exponents = exponents_up_to(degree, map.dimension)
@@ -105,7 +105,7 @@ def space_of(
 
 def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
     """Return the dimension of the space of `space_of`, modulo one prime."""
-    matrix = _equations(map, degree, cofactor, sign, PRIME, EPS)
+    matrix = _equations(map, degree, cofactor, sign, map.prime, EPS)
     return int(matrix.ncols() - matrix.rank())
 
 
@@ -262,7 +262,7 @@ def with_constants(
         common = minimal_polynomial(0).gcd(minimal_polynomial(EXTRA))
         return [[int(c) for c in common.coeffs()]] if common.degree() else []
 
-    rows = over_rationals(random.Random(degree), search, map.is_symbolic)
+    rows = over_rationals(map.generator(degree), search, map.is_symbolic)
     for c in rational_roots(rows[0], map.ring) if rows else ():
         yield c * candidate
 
@@ -277,7 +277,7 @@ def _divisors(
     The test is modulo a prime, on random lines. A product has the degree `degree` (map.degree - 1),
     so that the quotient has `degree`; one of its factors may be the hyperplane at infinity.
     """
-    rng = random.Random(degree)
+    rng = map.generator(degree)
     p = arithmetic.random_prime(rng)
     eps = rng.randrange(2, p)
     monomials = [(*e, degree - sum(e)) for e in exponents_up_to(degree, map.dimension)]

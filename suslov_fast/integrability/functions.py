@@ -20,7 +20,7 @@ import flint
 from ..bodies.names import latex
 from ..checks import extra
 from . import arithmetic
-from .arithmetic import EPS, PRIME
+from .arithmetic import EPS
 from .polynomials import (
     Polynomials,
     decoded,
@@ -29,6 +29,7 @@ from .polynomials import (
     irreducible_factors,
     modulo,
     polynomial_ring,
+    prime_of,
     renamed,
     sort_key,
     value_at,
@@ -43,8 +44,8 @@ _NAME = r"[^\W\d]\w*"
 class Differentiable(Protocol):
     """A function whose independence of others can be tested."""
 
-    def gradient_of_logarithm(self) -> list[Any]:
-        """Return the gradient of its logarithm at the random point of `arithmetic`."""
+    def gradient_of_logarithm(self, p: int) -> list[Any]:
+        """Return the gradient of its logarithm at the random point modulo p of `arithmetic`."""
 
 
 F = TypeVar("F", bound=Differentiable)
@@ -207,11 +208,11 @@ class RationalFunction:
         """The degree in x of the numerator or of the denominator, whichever is larger."""
         return max(sum(degree_of(P) * e for P, e in self._powers(sign)) for sign in (1, -1))
 
-    def gradient_of_logarithm(self) -> list[Any]:
-        """Return the gradient of its logarithm at the random point of `arithmetic`."""
+    def gradient_of_logarithm(self, p: int) -> list[Any]:
+        """Return the gradient of its logarithm at the random point modulo p of `arithmetic`."""
         n = variables_of(self.factors[0][0])
-        x = arithmetic.random_point(n)
-        powers = [(modulo(P, PRIME, EPS), e) for P, e in self.factors]
+        x = arithmetic.random_point(n, p)
+        powers = [(modulo(P, p, EPS), e) for P, e in self.factors]
         scaled = [(P, e / value_at(P, x)) for P, e in powers]
         return [sum(c * value_at(P.derivative(i), x) for P, c in scaled) for i in range(n)]
 
@@ -340,25 +341,26 @@ def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
 # Independence.
 
 
-def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:
-    """Return independent functions of least degree, on which all others depend.
+def independent(candidates: Iterable[RationalFunction], p: int) -> tuple[RationalFunction, ...]:
+    """Return functions of least degree, independent modulo p, on which all others depend.
 
     Of functions of one degree the first ones are taken.
     """
     by_degree = sorted((f for f in candidates if f.degree), key=lambda f: f.degree)
-    return tuple(independent_of((), by_degree))
+    return tuple(independent_of((), by_degree, p))
 
 
-def independent_of(known: Iterable[Differentiable], candidates: Iterable[F]) -> Iterator[F]:
-    """Yield the candidates that are independent of known functions and of earlier candidates."""
-    gradients = [f.gradient_of_logarithm() for f in known]
+def independent_of(known: Iterable[Differentiable], candidates: Iterable[F], p: int) -> Iterator[F]:
+    """Yield the candidates that are independent, modulo p, of known ones and of earlier ones."""
+    gradients = [f.gradient_of_logarithm(p) for f in known]
     for f in candidates:
-        more = [*gradients, f.gradient_of_logarithm()]
-        if flint.nmod_mat(more, PRIME).rank() == len(more):
+        more = [*gradients, f.gradient_of_logarithm(p)]
+        if flint.nmod_mat(more, p).rank() == len(more):
             gradients = more
             yield f
 
 
 def rank_of_quotients(polynomials: Polynomials) -> int:
     """Return the number of independent quotients of polynomials."""
-    return len(independent(quotient_of(P, polynomials[0], MODULAR) for P in polynomials[1:]))
+    quotients = (quotient_of(P, polynomials[0], MODULAR) for P in polynomials[1:])
+    return len(independent(quotients, prime_of(polynomials)))

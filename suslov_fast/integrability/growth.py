@@ -61,7 +61,7 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
 
 def agreed_degrees(map: RationalMap, seed: int) -> Iterator[int]:
     """Yield the degrees of iterates, as found on random lines modulo two primes that agree."""
-    rng = random.Random(seed)
+    rng = map.generator(seed)
     runs: list[tuple[Iterator[int], list[int]]] = []  # on one line each, with the degrees so far
     for length in count(1):
         for _ in range(DRAWS):

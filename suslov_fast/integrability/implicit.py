@@ -21,7 +21,7 @@ import flint
 
 from ..bodies.polynomials import Polynomial
 from . import arithmetic
-from .arithmetic import EPS, EXTRA, PRIME
+from .arithmetic import EPS, EXTRA
 from .functions import MODULAR, RationalFunction, quotient_of
 from .kahan import KahanMap
 from .maps import RationalMap
@@ -94,9 +94,9 @@ class ImplicitIntegral:
             raise ZeroDivisionError(f"the integral has no value at this point: {text}") from None
         return solution[others.index(self.numerator), 0]
 
-    def gradient_of_logarithm(self) -> list[Any]:
-        """Return the gradient of its logarithm at the random point of `arithmetic`."""
-        gradients = _gradients_of_logarithms(self.map, self.monomials)
+    def gradient_of_logarithm(self, p: int) -> list[Any]:
+        """Return the gradient of its logarithm at the random point modulo p of `arithmetic`."""
+        gradients = _gradients_of_logarithms(self.map, self.monomials, p)
         pairs = zip(gradients[self.numerator], gradients[self.denominator], strict=True)
         return [a - b for a, b in pairs]
 
@@ -132,15 +132,14 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
     Whatever the order of the monomials, each row of the reduced row echelon form of the relations
     belongs to a circuit.
     """
-    relations = relations_along(
-        map, monomials, EPS, arithmetic.random_point(map.dimension, PRIME, rng)
-    )
+    p = map.prime
+    relations = relations_along(map, monomials, EPS, arithmetic.random_point(map.dimension, p, rng))
     positions = range(len(monomials))
     supports = set()  # of rows: the positions of monomials with a coefficient
     for _ in range(_ORDERS if relations else 0):
         order = rng.sample(positions, len(positions))
         rows = [[relation[k] for k in order] for relation in relations]
-        for row in flint.nmod_mat(rows, PRIME).rref()[0].tolist():
+        for row in flint.nmod_mat(rows, p).rref()[0].tolist():
             supports.add(tuple(sorted(k for k, c in zip(order, row, strict=True) if c != 0)))
     shortest = sorted(supports, key=lambda support: (len(support), support))
     quotients = accumulate(math.comb(len(support), 2) for support in shortest)
@@ -156,29 +155,30 @@ class _RelationsOnLine:
 
     def __init__(self, map: RationalMap, circuits: list[Exponents], rng: random.Random) -> None:
         self.map, self.circuits, self.rng = map.at_eps(EPS), circuits, rng
+        self.p = map.prime
         self.monomials = tuple({e: None for circuit in circuits for e in circuit})
         self.columns = [[self.monomials.index(e) for e in circuit] for circuit in circuits]
-        a, b = (arithmetic.random_point(map.dimension, PRIME, rng)[:-1] for _ in range(2))
+        a, b = (arithmetic.random_point(map.dimension, self.p, rng)[:-1] for _ in range(2))
         self.line = list(zip(a, b, strict=True))  # a + b t
         self.parameters: list[Any] = []
         self.coefficients: list[list[list[int]]] = []  # by point, circuit and monomial
 
     def extend(self, count: int) -> None:
         """Compute relations at further points, until there are `count` points."""
-        length = max(map(len, self.circuits))
+        p, length = self.p, max(map(len, self.circuits))
         while len(self.parameters) < count:
-            t = flint.nmod(self.rng.randrange(PRIME), PRIME)
+            t = flint.nmod(self.rng.randrange(p), p)
             x = [*(a + b * t for a, b in self.line), t**0]
             values = monomials_along(self.map, self.monomials, x, length).tolist()
             matrices = ([[row[k] for k in columns] for row in values] for columns in self.columns)
-            spaces = [arithmetic.null_space(flint.nmod_mat(rows, PRIME)) for rows in matrices]
+            spaces = [arithmetic.null_space(flint.nmod_mat(rows, p)) for rows in matrices]
             self.parameters.append(t)
             self.coefficients.append([space[0] for space in spaces])
         powers = [[t**k for k in range(count)] for t in self.parameters]
-        self._from_values = flint.nmod_mat(powers, PRIME).inv()  # to coefficients of polynomials
-        self._zeros = flint.nmod_poly([1], PRIME)  # product of all t - t_k
+        self._from_values = flint.nmod_mat(powers, p).inv()  # to coefficients of polynomials
+        self._zeros = flint.nmod_poly([1], p)  # product of all t - t_k
         for t in self.parameters:
-            self._zeros *= flint.nmod_poly([-t, 1], PRIME)
+            self._zeros *= flint.nmod_poly([-t, 1], p)
 
     def degree(self, circuit: int, numerator: int, denominator: int) -> int | None:
         """Return the degree of the quotient of two coefficients; None if more points are needed.
@@ -186,13 +186,13 @@ class _RelationsOnLine:
         A quotient N / D of polynomials in the parameter is determined by deg N + deg D + 1 points;
         two more must agree with it.
         """
-        coefficients = [of_point[circuit] for of_point in self.coefficients]
-        quotients = [[flint.nmod(c[numerator], PRIME) / c[denominator]] for c in coefficients]
-        interpolating = (self._from_values * flint.nmod_mat(quotients, PRIME)).entries()
+        p, coefficients = self.p, [of_point[circuit] for of_point in self.coefficients]
+        quotients = [[flint.nmod(c[numerator], p) / c[denominator]] for c in coefficients]
+        interpolating = (self._from_values * flint.nmod_mat(quotients, p)).entries()
         count = len(quotients)
         # Euclid's algorithm keeps N = D times the interpolating polynomial, modulo the zeros.
-        N, last_N = flint.nmod_poly(interpolating, PRIME), self._zeros
-        D, last_D = flint.nmod_poly([1], PRIME), flint.nmod_poly([0], PRIME)
+        N, last_N = flint.nmod_poly(interpolating, p), self._zeros
+        D, last_D = flint.nmod_poly([1], p), flint.nmod_poly([0], p)
         while N.degree() > (count - 1) // 2:
             quotient = last_N // N
             N, last_N = last_N - quotient * N, N
@@ -202,12 +202,14 @@ class _RelationsOnLine:
 
 
 @lru_cache(maxsize=1024)
-def _gradients_of_logarithms(map: RationalMap, circuit: Exponents) -> dict[tuple[int, ...], Any]:
+def _gradients_of_logarithms(
+    map: RationalMap, circuit: Exponents, p: int
+) -> dict[tuple[int, ...], Any]:
     """Return the gradients of the logarithms of the coefficients of a relation, by monomial.
 
-    They are those at the random point of `arithmetic`. The last coefficient is 1.
+    They are those at the random point modulo p of `arithmetic`. The last coefficient is 1.
     """
-    map, x, length = map.at_eps(EPS), arithmetic.random_point(map.dimension), len(circuit) - 1
+    map, x, length = map.at_eps(EPS), arithmetic.random_point(map.dimension, p), len(circuit) - 1
     (relation,) = arithmetic.null_space(monomials_along(map, circuit, x, length))
     (gradients,) = gradients_of_coefficients(map, circuit, [relation], x, length)
     logarithms = [[a / c for a in row] for row, c in zip(gradients, relation, strict=False)]
@@ -261,7 +263,7 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
         space = arithmetic.null_space(flint.nmod_mat(rows, p))
         return space if len(space) == 1 else []
 
-    rows = over_rationals(random.Random(integral.degree), search, map.is_symbolic)
+    rows = over_rationals(map.generator(integral.degree), search, map.is_symbolic)
     if not rows:
         return None
     # One polynomial for both: an additional variable y distinguishes the denominator.

@@ -8,7 +8,7 @@ the density of a measure. Products of powers have products of cofactors: relatio
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import flint
 
 from . import arithmetic
-from .arithmetic import EPS, PRIME
+from .arithmetic import EPS
 from .functions import (
     IDENTITY,
     MODULAR,
@@ -38,7 +38,7 @@ from .polynomials import (
     without_content,
 )
 
-_TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
+_TRIAL = 2**16  # prime factors of constants that are found; coprime rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice
 _HIGHEST = 8  # degree of functions whose limits for eps to 0 are computed
 _PRODUCTS = 20_000  # of generators, at most
@@ -63,7 +63,7 @@ class Invariants:
     """
 
     def __init__(self, map: RationalMap, degree: int) -> None:
-        self.map, self.degree = map, degree
+        self.map, self.degree, self.p = map, degree, map.prime
         # Darboux polynomials that are no combinations of products of others.
         self.generators: list[RationalFunction] = []
         # Products of generators up to a degree, by the values of their cofactors.
@@ -79,13 +79,13 @@ class Invariants:
         self.densities: list[RationalFunction] = []  # by a theorem
         self.early_densities: list[RationalFunction] = []  # before the factors of det DPhi
         self.has_factors = False  # whether these are known
-        self._point = arithmetic.random_point(map.dimension)[:-1]
+        self._point = arithmetic.random_point(map.dimension, self.p)[:-1]
 
     def value(self, cofactor: Any) -> int:
         """Return the value of a cofactor at the random point, which stands for it."""
-        value = flint.nmod(arithmetic.fmpq(cofactor.constant), PRIME)
+        value = flint.nmod(arithmetic.fmpq(cofactor.constant), self.p)
         for P, e in cofactor.factors:
-            value *= flint.nmod(modulo(P, PRIME, EPS)(*self._point), PRIME) ** e
+            value *= flint.nmod(modulo(P, self.p, EPS)(*self._point), self.p) ** e
         return int(value)
 
     # Generators and their products.
@@ -130,7 +130,7 @@ class Invariants:
             value, power = old_value, 0
             while degree + generator.degree <= self._degree_of_products and count < _PRODUCTS:
                 degree, power = degree + generator.degree, power + 1
-                value = value * factor % PRIME
+                value = value * factor % self.p
                 self.products.setdefault(value, []).append(Product(degree, (*powers, power)))
                 if value not in self.cofactors:
                     self.cofactors[value] = self.cofactors[old_value] * cofactor**power
@@ -194,7 +194,7 @@ class Invariants:
         """
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
         products = sorted(map(self._product_in_normal_form, relations), key=_sort_key)
-        return independent([*sorted(self._quotients(), key=_sort_key), *products])
+        return independent([*sorted(self._quotients(), key=_sort_key), *products], self.p)
 
     def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
         """Return the integral of a relation, if possible that with a symbolic eps at its number."""
@@ -295,16 +295,18 @@ def _with_varying_limit(f: RationalFunction) -> RationalFunction:
 def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
     """Return short exponents with which products of cofactors are 1, a basis of all.
 
-    Each cofactor is a vector of its exponents: of polynomials, of prime factors of the constant,
+    Each cofactor is a vector of its exponents: of polynomials, of coprime factors of the constant,
     and of -1, of which only the parity counts.
     """
     vectors = []
-    for cofactor in cofactors:
+    constants = [cofactor.constant for cofactor in cofactors]
+    parts = (part for c in constants for part in (abs(c.numerator), c.denominator))
+    base = _coprime_factors(q for part in parts for q, _ in flint.fmpz(part).factor(_TRIAL))
+    for cofactor, constant in zip(cofactors, constants, strict=True):
         vector = {str(f): e for f, e in cofactor.factors}
-        vector["sign"] = int(cofactor.constant < 0)
-        for sign, number in ((1, cofactor.constant.numerator), (-1, cofactor.constant.denominator)):
-            primes = flint.fmpz(abs(number)).factor(trial_limit=_TRIAL)
-            vector |= {str(q): sign * int(e) for q, e in primes}
+        vector["sign"] = int(constant < 0)
+        for b in base:
+            vector[str(b)] = _power_in(constant.numerator, b) - _power_in(constant.denominator, b)
         vectors.append(vector)
     vectors.append({"sign": 2})
     names, n = dict.fromkeys(name for vector in vectors for name in vector), len(cofactors)
@@ -314,3 +316,27 @@ def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
     ]
     reduced = arithmetic.integer_rows(flint.fmpz_mat(rows).lll())
     return [row[:n] for row in reduced if any(row[:n]) and not any(row[n:])]
+
+
+def _coprime_factors(numbers: Iterable[Any]) -> list[int]:
+    """Return coprime numbers above 1 that have these as products of powers."""
+    base: list[int] = []
+    left = [*map(int, numbers)]
+    while left:
+        n = left.pop()
+        for b in base:
+            if (common := math.gcd(n, b)) > 1:
+                base.remove(b)
+                left += [common, n // common, b // common]
+                break
+        else:
+            base += [n] * (n > 1)
+    return base
+
+
+def _power_in(number: int, factor: int) -> int:
+    """Return the highest power of a factor that divides a number."""
+    power = 0
+    while number % factor == 0:
+        number, power = number // factor, power + 1
+    return power

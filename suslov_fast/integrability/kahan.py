@@ -63,6 +63,12 @@ class KahanMap(RationalMap):
         map._equations = self._equations  # these take long, and do not depend on eps
         return map
 
+    @cached_property
+    def coefficients(self) -> list[int]:
+        """Numerators and denominators of the terms of the field, and of eps."""
+        numbers = [*self.field._exact.values, *([] if self.eps is None else [self.eps])]
+        return [part for c in numbers for part in (c.numerator, c.denominator)]
+
     def __repr__(self) -> str:
         return f"kahan({self.field}{'' if self.eps is None else f', eps={self.eps}'})"
 

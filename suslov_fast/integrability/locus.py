@@ -21,7 +21,7 @@ from .polynomials import Exponents
 from .relations import relations_along
 
 _GENERAL = 3  # general values that tell how many relations there are in general
-_PRIMES = 211, 223  # all of whose residues are tried
+_PRIMES = (211, 223, 227, 229, 233, 239)  # all residues are tried of the first two that fit
 _STEP_SIZES = 3  # modulo each of these
 _STARTS = 3  # orbits at each of these
 
@@ -124,18 +124,22 @@ def locus(
     Locus(general values: 0 relations; more at 1 (2), of all fractions of height up to 3)
     """
     degree, height = integer("degree", degree, 1), integer("height", height, 1)
-    rng = random.Random(integer("seed", seed, 0))
+    seed = integer("seed", seed, 0)
+    rng = random.Random(seed)
     report_progress = progress_function(progress)
-    parts = 2 + len(_PRIMES)
     maps = _Maps(f)
     general = [
         Fraction(rng.randrange(10**3, 10**6), rng.randrange(10**3, 10**6) | 1)
         for _ in range(_GENERAL)
     ]
-    example = next(filter(None, map(maps.at, general)), None)
-    if example is None:
+    examples = [*filter(None, map(maps.at, general))]
+    if not examples:
         raise ArithmeticError("f makes no map for general values of the parameter") from maps.error
+    example, rng = examples[0], examples[0].generator(seed)
     exponents = exponents_of(degree if monomials is None else monomials, example.dimension)
+    # A prime does not fit if it divides a coefficient whatever the value is.
+    fitting = [p for p in _PRIMES if any(all(c % p for c in e.coefficients) for e in examples)]
+    parts = 2 + len(fitting[:2])
 
     def counts(values: Sequence[Fraction], p: int, eps: int) -> dict[Fraction, int]:
         """Return the numbers of relations along orbits from one random point modulo p."""
@@ -175,7 +179,7 @@ def locus(
         return tuple(map(int, residues))
 
     algebraic = {}
-    for part, p in enumerate(_PRIMES, start=3):
+    for part, p in enumerate(fitting[:2], start=3):
         algebraic[p] = other_residues(p)
         report_progress(part, parts)
     left_out = [value for value, n in first.items() if n < 0]

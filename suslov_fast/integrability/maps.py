@@ -75,6 +75,24 @@ class RationalMap:
         """Return the map for a number eps if it is symbolic, else the map itself."""
         return self
 
+    @cached_property
+    def coefficients(self) -> list[int]:
+        """The integers that define the map."""
+        return [int(c) for F in self.forms for c in F.coeffs()]
+
+    def generator(self, seed: int) -> random.Random:
+        """Return a generator of random numbers for computations with the map.
+
+        It depends on the coefficients, too, so that its primes divide none of them: a coefficient
+        may be a multiple of the primes that belong to a seed alone.
+        """
+        return random.Random(f"{seed} {self.prime}")
+
+    @cached_property
+    def prime(self) -> int:
+        """The prime of computations that need only one."""
+        return arithmetic.prime_for(self.coefficients)
+
     # Points are (x1, ..., xD, 1), of numbers of any kind.
 
     def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
@@ -148,7 +166,7 @@ class RationalMap:
 
     def _random_derivative(self) -> Any:
         """Return the matrix of derivatives at a random point modulo a prime."""
-        return self.at_eps(EPS).derivative(arithmetic.random_point(self.dimension))
+        return self.at_eps(EPS).derivative(arithmetic.random_point(self.dimension, self.prime))
 
     @cached_property
     def is_invertible(self) -> bool:
@@ -363,7 +381,7 @@ def check_map(map: Any) -> None:
         raise TypeError(f"map is a {type(map).__name__}: {how}")
     at_number = map.at_eps(EPS)
     try:
-        image = at_number.image(arithmetic.random_point(map.dimension))
+        image = at_number.image(arithmetic.random_point(map.dimension, map.prime))
     except ZeroDivisionError:
         raise ArithmeticError(f"{map} is no map, because its equations have no solution") from None
     try:

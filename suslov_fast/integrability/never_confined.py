@@ -16,11 +16,11 @@ from typing import Any
 import flint
 
 from . import arithmetic
-from .arithmetic import PRIME
 from .contracted import Passage, Plane, PlaneModulo
 from .polynomials import cleared, coprime, modulo, primitive, value_at
 
 _SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
+_PRIME = 2**61 - 1  # numbers with different residues are different
 _TRIES = 3  # points and numbers in place of eps for each of these
 _PERIODS = 1, 2, 3  # of invariant lines
 _STEPS = 12  # of an orbit over the rationals
@@ -211,8 +211,8 @@ def _never_meets(matrix: list[list[int]], start: Fraction, end: Fraction) -> boo
     k = round(_height(trace_of_m) / _height(trace_of_l))
     s = (start.numerator, start.denominator)
     for _ in range(k):
-        s = (a * s[0] + b * s[1]) % PRIME, (c * s[0] + d * s[1]) % PRIME
-    return (s[0] * end.denominator - s[1] * end.numerator) % PRIME != 0
+        s = (a * s[0] + b * s[1]) % _PRIME, (c * s[0] + d * s[1]) % _PRIME
+    return (s[0] * end.denominator - s[1] * end.numerator) % _PRIME != 0
 
 
 def _translation_never_meets(matrix: list[list[int]], start: Fraction, end: Fraction) -> bool:

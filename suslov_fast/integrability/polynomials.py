@@ -17,7 +17,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from .arithmetic import EPS, PRIME
+from .arithmetic import EPS, prime_for
 
 Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
@@ -231,12 +231,18 @@ def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
 # Linear algebra.
 
 
+def prime_of(polynomials: Sequence[Any]) -> int:
+    """Return a prime that divides no coefficient, always the same one for the same polynomials."""
+    return prime_for(c for P in polynomials for c in P.coeffs())
+
+
 def rank(polynomials: Sequence[Any]) -> int:
     """Return the number of linearly independent polynomials."""
-    terms = [modulo(P, PRIME, EPS).to_dict() for P in polynomials]
+    p = prime_of(polynomials)
+    terms = [modulo(P, p, EPS).to_dict() for P in polynomials]
     monomials = {e for of_one in terms for e in of_one}
     rows = [[int(of_one.get(e, 0)) for e in monomials] for of_one in terms]
-    return int(flint.nmod_mat(rows, PRIME).rank()) if monomials else 0
+    return int(flint.nmod_mat(rows, p).rank()) if monomials else 0
 
 
 def cramer(system: list[list[Any]]) -> list[Any]:

@@ -15,13 +15,14 @@ from typing import Any
 
 import flint
 
-from .arithmetic import EPS, PRIME, Residues
+from .arithmetic import EPS, Residues
 from .functions import RationalFunction, rational_roots
 from .polynomials import (
     degree_of,
     exponents_up_to,
     has_eps,
     modulo,
+    prime_of,
     rank,
     ring_modulo,
     variables_of,
@@ -67,7 +68,7 @@ def count_factors(P: Any) -> int:
     degree, n = degree_of(P), variables_of(P)
     if degree < 1 or n < 2:
         return degree
-    matrix = _Plane(n, degree, PRIME, random.Random(0)).equations(P, EPS)
+    matrix = _Plane(n, degree, prime_of([P]), random.Random(0)).equations(P, EPS)
     return 1 + int(matrix.ncols() - matrix.rank())
 
 
@@ -133,7 +134,7 @@ def _parameters(space: Sequence[Any], more: int) -> Iterator[RationalFunction]:
         return [[int(c) for c in common.coeffs()]] if common.degree() > 0 else []
 
     symbolic = has_eps(space[0])
-    rows = over_rationals(random.Random(0), search, symbolic)
+    rows = over_rationals(random.Random(prime_of(space)), search, symbolic)
     yield from rational_roots(rows[0], space[0].context()) if rows else ()
 
 

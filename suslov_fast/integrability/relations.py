@@ -5,7 +5,6 @@ than there are monomials (Petrera, Pfadler and Suris, arXiv:1008.1040). The coef
 the orbit alone. `bases`, `implicit`, `locus` and `search` use them.
 """
 
-import random
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -59,7 +58,7 @@ def count_relations(map: RationalMap, exponents: Exponents, seed: int) -> tuple[
 
     The latter is the rank of the gradients of their coefficients.
     """
-    rng = random.Random(seed)
+    rng = map.generator(seed)
 
     def count_modulo(p: int, eps: int) -> tuple[int, int]:
         x = arithmetic.random_point(map.dimension, p, rng)
@@ -79,7 +78,7 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents, seed: int) ->
 
     They are if the relations of all orbits span one dimension more than those of one orbit.
     """
-    rng, (dimension, _) = random.Random(seed), count_relations(map, exponents, seed)
+    rng, (dimension, _) = map.generator(seed), count_relations(map, exponents, seed)
     if dimension == 0:
         return ()
 

@@ -15,7 +15,6 @@ from itertools import islice
 from typing import Any, NamedTuple
 
 from . import implicit
-from .arithmetic import PRIME
 from .darboux import candidate_cofactors, nullity, space_of, with_constants
 from .functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of, quotient_of
 from .growth import degrees_of_iterates
@@ -95,7 +94,7 @@ class Search:
         if self._version_of_known != self.version:
             self._version_of_known, found = self.version, self.invariants
             integrals = found.integrals
-            others = tuple(independent_of(integrals, self._of_relations))
+            others = tuple(independent_of(integrals, self._of_relations, self.map.prime))
             self._known = Known(integrals, others, found.measures, found.polynomials)
         return self._known
 
@@ -176,7 +175,7 @@ class Search:
         if missing <= len(self.known.implicit):
             return
         candidates = implicit.implicit_integrals(self.map, exponents)
-        independent = independent_of(self.known.integrals, candidates)
+        independent = independent_of(self.known.integrals, candidates, self.map.prime)
         self._of_relations = [*islice(independent, missing)]
         self.version += 1
         # Darboux polynomials, which come with the factors, give nicer formulas, if they come soon.
@@ -336,7 +335,7 @@ class Search:
             lowest[value] = min(degree, lowest.get(value, degree))
         for value, degree in lowest.items():
             for sign in (1, -1):
-                if self._levels.get(sign * value % PRIME, 0) < degree <= self.degree:
+                if self._levels.get(sign * value % self.map.prime, 0) < degree <= self.degree:
                     yield self._polynomials_of(known.cofactors[value], sign, degree, "products")
 
     def _proof(self, g: RationalFunction) -> Task:

@@ -25,7 +25,7 @@ from ..bodies.field import QuadraticField
 from ..bodies.names import labels
 from ..bodies.polynomials import Polynomial
 from . import arithmetic
-from .arithmetic import PRIME, Point
+from .arithmetic import Point
 from .kahan import KahanMap
 from .polynomials import exponents_up_to, ring_modulo
 from .reconstruction import simplest_fraction
@@ -62,12 +62,12 @@ class Reversor:
 
 def reversors(field: QuadraticField) -> list[Reversor]:
     """Return the isolated involutions with rational entries that reverse a field."""
-    D = field.dimension
-    unknowns = ring_modulo(PRIME, D * D + D * (D <= _AFFINE))
+    D, p = field.dimension, KahanMap(field, None).prime
+    unknowns = ring_modulo(p, D * D + D * (D <= _AFFINE))
     symmetries = []
     for solution in _isolated_solutions(_equations(field, unknowns), unknowns, DEGREES[D]):
         values = [*solution, *[0] * D][: D * D + D]  # b = 0 if it is not among the unknowns
-        entries = [simplest_fraction(int(a), PRIME) for a in values]
+        entries = [simplest_fraction(int(a), p) for a in values]
         if all(max(abs(a.numerator), a.denominator) < _LARGEST for a in entries):
             S = tuple(tuple(entries[D * i : D * i + D]) for i in range(D))
             reversor = Reversor(S, tuple(entries[D * D :]), labels(D))
@@ -108,14 +108,14 @@ def reverses(reversor: Reversor, field: QuadraticField) -> bool:
 
 def _equations(field: QuadraticField, unknowns: Any) -> list[Any]:
     """Return the equations for the entries of S, and then of b, modulo a prime."""
-    D = field.dimension
+    D, p = field.dimension, int(unknowns.modulus())
     entries = unknowns.gens()
     S = [entries[D * i : D * i + D] for i in range(D)]
     b = entries[D * D :] or [unknowns.constant(0)] * D
     # Twice the coefficients of x_j x_k in f_i, for j, k and for k, j, with x_D = 1.
     residues = [defaultdict[tuple[int, int], int](int) for _ in range(D)]
     for (i, j, k), c in field._exact.members():
-        residue = int(flint.nmod(arithmetic.fmpq(c), PRIME))
+        residue = int(flint.nmod(arithmetic.fmpq(c), p))
         residues[i][j, k] += residue
         residues[i][k, j] += residue
     # The coordinates of S x + b, and 1, as linear forms in x1, ..., xD, 1.
@@ -159,7 +159,7 @@ def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
             rows += 1
             for e, c in terms:
                 entries[start + column[tuple(map(add, e, factor))]] = c
-    return flint.nmod_mat(rows, len(column), entries, PRIME)
+    return flint.nmod_mat(rows, len(column), entries, unknowns.modulus())
 
 
 def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[list[Any]] | None:
@@ -168,24 +168,24 @@ def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[lis
     A vector of the null space of all products is a combination of the monomials at the solutions;
     multiplication by a variable acts on the values of monomials of lower degree.
     """
-    n = unknowns.nvars()
+    n, p = unknowns.nvars(), int(unknowns.modulus())
     space = arithmetic.null_space(_products(equations, unknowns, degree))
     # In monomials of low degree solutions at infinity are 0. There the rank is the number of the
     # others, and stays the same from one degree to the next.
     counts = [math.comb(n + d, n) for d in range(degree + 1)]  # of monomials up to a degree
     parts = [[row[:count] for row in space] or [[0]] for count in counts]
-    ranks = [flint.nmod_mat(part, PRIME).rank() for part in parts]
+    ranks = [flint.nmod_mat(part, p).rank() for part in parts]
     stable = [d for d in range(1, degree) if ranks[d] == ranks[d - 1]]
     if not stable:
         return None
     if ranks[stable[-1]] == 0:
         return iter(())
-    values = np.array(arithmetic.row_space(parts[stable[-1]], PRIME), object).T  # by monomial
-    return _by_multiplication(values, counts[stable[-1] - 1], n, degree)
+    values = np.array(arithmetic.row_space(parts[stable[-1]], p), object).T  # by monomial
+    return _by_multiplication(values, counts[stable[-1] - 1], n, degree, p)
 
 
-def _by_multiplication(values: Any, low: int, n: int, degree: int) -> Iterator[list[Any]]:
-    """Yield the solutions from the values of monomials in a basis of their combinations.
+def _by_multiplication(values: Any, low: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
+    """Yield the solutions from the values modulo p of monomials in a basis of their combinations.
 
     Multiplication by a random linear form takes the first `low` monomials to monomials; solutions
     are its eigenvectors.
@@ -194,29 +194,29 @@ def _by_multiplication(values: Any, low: int, n: int, degree: int) -> Iterator[l
     row = {e: k for k, e in enumerate(monomials)}
     units = [tuple(unit) for unit in np.eye(n, dtype=int).tolist()]
     count, rng = values.shape[1], random.Random(0)
-    linear_form = np.array([rng.randrange(PRIME) for _ in range(n)], object)
+    linear_form = np.array([rng.randrange(p) for _ in range(n)], object)
     products = []
     for e in monomials[:low]:
         times_variables = [row[tuple(map(add, e, unit))] for unit in units]
-        products.append(linear_form @ values[times_variables] % PRIME)
+        products.append(linear_form @ values[times_variables] % p)
     # As many random combinations of the monomials as solutions.
-    draws = [rng.randrange(PRIME) for _ in range(count * low)]
-    mix = flint.nmod_mat(count, low, draws, PRIME)
+    draws = [rng.randrange(p) for _ in range(count * low)]
+    mix = flint.nmod_mat(count, low, draws, p)
     before, after = (
-        mix * flint.nmod_mat(np.array(rows).tolist(), PRIME) for rows in (values[:low], products)
+        mix * flint.nmod_mat(np.array(rows).tolist(), p) for rows in (values[:low], products)
     )
     if before.rank() < count:
         return
     for eigenvector in _simple_eigenvectors(before.solve(after)):
-        solution = values @ np.array(eigenvector, object) % PRIME
+        solution = values @ np.array(eigenvector, object) % p
         if solution[0]:  # the value of the monomial 1
-            scale = pow(int(solution[0]), -1, PRIME)
-            yield [int(solution[row[unit]]) * scale % PRIME for unit in units]
+            scale = pow(int(solution[0]), -1, p)
+            yield [int(solution[row[unit]]) * scale % p for unit in units]
 
 
 def _simple_eigenvectors(matrix: Any) -> Iterator[list[int]]:
     """Yield the eigenvectors of a matrix modulo a prime, where they span a line."""
-    identity = flint.nmod_mat(np.eye(matrix.nrows(), dtype=int).tolist(), PRIME)
+    identity = flint.nmod_mat(np.eye(matrix.nrows(), dtype=int).tolist(), matrix.modulus())
     for factor, _ in matrix.charpoly().factor()[1]:
         if factor.degree() == 1:
             kernel = arithmetic.null_space(matrix + identity * (factor[0] / factor[1]))

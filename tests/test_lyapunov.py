@@ -1,5 +1,6 @@
 """Derivatives of maps, and Lyapunov exponents: against naive ones, and against each other."""
 
+import warnings
 from itertools import pairwise
 
 import naive
@@ -107,6 +108,42 @@ def test_batches_and_a_transient():
     with pytest.warns(sf.SingularStepWarning, match="1 of 2"):  # and later
         found = sf.lyapunov_exponents(square, [[2.0], [-1.0]], 0.5, 5)
     assert np.isnan(found).ravel().tolist() == [True, False]
+
+
+def poles_told(function, *arguments, **keywords):
+    """Return what a function warns of."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        function(*arguments, **keywords)
+    return [str(each.message) for each in told]
+
+
+@pytest.mark.parametrize(
+    ("method", "start", "eps", "steps"),
+    [
+        ("auto", [0.05, 0.05], 0.05, 170),
+        ("order6", [1.0747581894475755, 6.66376067084367], 0.4434432134948084, 21),
+    ],
+)
+def test_signs_tell_poles_as_for_runs(method, start, eps, steps, monkeypatch):
+    """A population turns negative, with det A > 0 all the way."""
+    prey = sf.QuadraticField.from_function(
+        lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
+    )
+    batch = [start, [4.0, 5.0], start]
+    for x0 in (start, batch):
+        told = poles_told(sf.iterate, prey, x0, eps, steps, method=method)
+        assert "(a component that cannot change its sign did)" in told[0]
+        arguments = prey, x0, eps, 5, steps - 5
+        assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
+    assert told[0].startswith("2 of 3")
+    monkeypatch.setattr("suslov_fast.core.tangent.MOST", 0)  # as of many variables
+    assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
+    monkeypatch.undo()
+    monkeypatch.setattr(
+        "suslov_fast.core.tangent.code_of", lambda *_: None
+    )  # every step by `solve`
+    assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
 
 
 def test_steps_that_are_not_invertible(unit):

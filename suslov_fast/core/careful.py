@@ -54,14 +54,19 @@ def solve_lane(indices, half, x, system, units):
 
 
 @function
+def crosses_0(x, after):
+    """Return whether a component changes its sign, by more than rounding may."""
+    return (x < 0.0 and after > SIGNIFICANT) or (x > 0.0 and after < -SIGNIFICANT)
+
+
+@function
 def changes_sign(indices, x, after):
     """Return whether a component changes its sign that keeps it along the motion.
 
     It does if each term of its equation contains it; see `operations.of_one_sign`.
     """
     for i in range(len(x)):
-        rises, falls = x[i] < 0.0 and after[i] > SIGNIFICANT, x[i] > 0.0 and after[i] < -SIGNIFICANT
-        if rises or falls:
+        if crosses_0(x[i], after[i]):
             keeps = True
             for t in range(indices.shape[1]):
                 if indices[0, t] == i:

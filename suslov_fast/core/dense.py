@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .careful import CHANGED, SIGNIFICANT
+from .careful import CHANGED, crosses_0
 from .elimination import LEAST_PIVOT, simd_max, simd_min
 from .llvm import uncounted
 from .numba import function, kernel
@@ -132,11 +132,7 @@ def advance_lane(x, l, after, of_one_sign, is_good, negative, marks):
     changes, size, bits = False, 0.0, np.int64(0)
     for i in range(len(x)):
         size += 0.0 * after[i]
-        rises, falls = (
-            x[i, l] < 0.0 and after[i] > SIGNIFICANT,
-            x[i, l] > 0.0 and after[i] < -SIGNIFICANT,
-        )
-        changes |= of_one_sign[i] and (rises or falls)
+        changes |= of_one_sign[i] and crosses_0(x[i, l], after[i])
     if is_good and size == 0.0:
         for i in range(len(x)):
             x[i, l] = after[i]

@@ -19,8 +19,8 @@ NEAR_1_LEAST, NEAR_1_LARGEST, LEAST_LENGTH, LARGEST_LENGTH = -0.999, 1e3, 1e-100
 LIMIT, LEAST_SIZE, LARGEST_SIZE = 64.0, 1e-100, 1e100
 # The code returns how many steps it took, and from these places on the bits of lanes: whose step or
 # whose derivative is not accurate, so that no lane took the step; from det A < 0; with columns to
-# be orthonormalised; with logarithms to be taken.
-STEP, DERIVATIVE, NEGATIVE, DUE, OUTSIDE = range(16, 56, 8)
+# be orthonormalised; with logarithms to be taken; in which a component changed its sign.
+STEP, DERIVATIVE, NEGATIVE, DUE, OUTSIDE, CHANGED = range(16, 64, 8)
 
 
 def columns_of(D, W):
@@ -83,6 +83,10 @@ def text_of_tangent(tangent, name, W, for_each, _):
     others = integer("xor", "%ignored", all_lanes)
     accurate, derived = text.bits(rare[tangent.accurate]), text.bits(rare[tangent.derived])
     negative = integer("and", integer("and", accurate, text.bits(rare[tangent.negative])), others)
+    changed = "0"
+    if tangent.changed is not None:
+        changed = integer("and", accurate, text.bits(rare[tangent.changed]))
+        changed = integer("shl", integer("and", changed, others), CHANGED)
     bad = [integer("and", integer("xor", bits, all_lanes), others) for bits in (accurate, derived)]
     is_bad = text.compare_integers("ne", integer("or", *bad), 0)
     text.branch(is_bad, "stop", "columns")
@@ -90,10 +94,11 @@ def text_of_tangent(tangent, name, W, for_each, _):
     flags = "%n"
     for bits, shift in zip((*bad, negative), (STEP, DERIVATIVE, NEGATIVE), strict=True):
         flags = integer("or", flags, integer("shl", bits, shift))
-    text.add(f"  ret i64 {flags}")
+    text.add(f"  ret i64 {integer('or', flags, changed)}")
 
     text.label("columns")
     text.add(f"  %negative = phi i64 [ 0, %step ], [ {negative}, %rare ]")
+    text.add(f"  %changed = phi i64 [ 0, %step ], [ {changed}, %rare ]")
     after = [
         new(f"phi {V} [ {values[usual]}, %step ], [ {rare[other]}, %rare ]")
         for usual, other in zip(tangent.after, tangent.after_rare, strict=True)
@@ -121,7 +126,7 @@ def text_of_tangent(tangent, name, W, for_each, _):
         )
     ]
     due = integer("xor", text.bits(text.joined("and", fine)), all_lanes)
-    flags = integer("shl", "%negative", NEGATIVE)
+    flags = integer("or", "%changed", integer("shl", "%negative", NEGATIVE))
     for bits, shift in ((due, DUE), (text.bits(text.joined("or", outside)), OUTSIDE)):
         bits = integer("and", bits, integer("xor", "%ignored", all_lanes))
         flags = integer("or", flags, integer("shl", bits, shift))

@@ -348,9 +348,9 @@ class Tangent(Step):
     derived = back = None  # without a plan
     column = products = scaled = ()
 
-    def __init__(self, indices, D):
+    def __init__(self, indices, D, keeps_signs=False):
         self.columns = []
-        super().__init__(indices, D, carried=3)
+        super().__init__(indices, D, carried=3, keeps_signs=keeps_signs)
 
     def _add_tests(self, halves):
         values = self.values

@@ -8,8 +8,10 @@ from collections import namedtuple
 import numpy as np
 from numba import carray, types
 
+from .careful import crosses_0
 from .elimination import simd_max
 from .generated_tangent import (
+    CHANGED,
     DUE,
     FAR_FROM_1,
     LARGEST_LENGTH,
@@ -198,14 +200,15 @@ def take_steps(line, table, kept, plan, ignored, steps):
             return n | 1 << STEP
         multiply(pattern, room, back, columns, new)
         scale(room, back, products)
-        length = 0.0
+        length, changed = 0.0, False
         for i in range(D):
+            changed |= pattern.of_one_sign[i] and crosses_0(x[i], back.y[i])
             x[i] = back.y[i]
             for r in range(D):
                 length += columns[i, r] * columns[i, r]
         products[VOLUME] += 1.0
         since, pace = products[VOLUME] % PACE, products[VOLUME] // PACE
-        flags = np.int64(negative) << NEGATIVE
+        flags = np.int64(negative) << NEGATIVE | np.int64(changed) << CHANGED
         if since >= pace or not (LEAST_SIZE < length < LARGEST_SIZE):
             flags |= 1 << DUE
         near, far = products[NEAR_1], products[FAR_FROM_1]

@@ -24,11 +24,12 @@ import numpy as np
 from numba import config
 
 from . import sparse_tangent
-from .careful import fill_system, solve_lane
+from .careful import changes_sign, fill_system, solve_lane
 from .codes import NONFINITE, OK, PASSED_POLE
 from .elimination import determinant_of, solve
 from .generated import WIDTH
 from .generated_tangent import (
+    CHANGED,
     DERIVATIVE,
     DUE,
     FAR_FROM_1,
@@ -73,8 +74,8 @@ class Arguments(NamedTuple):
 
 
 @functools.lru_cache(32)
-def _tangent_of(places, D):
-    return Tangent(np.frombuffer(places, np.int64).reshape(3, -1), D)
+def _tangent_of(places, D, keeps_signs=False):
+    return Tangent(np.frombuffer(places, np.int64).reshape(3, -1), D, keeps_signs)
 
 
 def _is_long(step):
@@ -89,7 +90,8 @@ def arguments_of(scheme, values, eps, count):
     if _is_long(step):
         fixed, kept = sparse_tangent.arguments_of(step, values, eps, distinct(fractions)[0])
         return Arguments(*fixed, *of_stages), kept
-    tangent, W = _tangent_of(step.indices.tobytes(), step.D), WIDTH if count > 1 else 1
+    tangent = _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
+    W = WIDTH if count > 1 else 1
     halves, table = tables_of(Scheme(tangent, stages), values, eps, W)
     room, is_each, address = columns_of(tangent.D, W)[1], halves.shape[2] > 1, None
     if tangent.usual:
@@ -104,7 +106,7 @@ def operations_of(scheme):
     step, D = scheme.step, scheme.step.D
     if _is_long(step):
         return sparse_tangent.operations_of(step) + D**3 // 4
-    tangent = _tangent_of(step.indices.tobytes(), D)
+    tangent = _tangent_of(step.indices.tobytes(), D, step.keeps_signs)
     return len(tangent.usual) + D * len(tangent.columns) + D**3 // 4
 
 
@@ -169,8 +171,9 @@ def multiply_columns(indices, half, before, after, columns, system, units):
 def take_steps(arguments, memory, place, stage, ignored, steps):
     """Take up to so many steps of line `place`, and none after a step that leaves bits of lanes.
 
-    Return how many were taken, and bits of lanes: from det A < 0, with columns to be
-    orthonormalised, with logarithms to be taken, and that took the last step by `solve`.
+    Return how many were taken, and bits of lanes: from det A < 0, in which a component changed its
+    sign, with columns to be orthonormalised, with logarithms to be taken, and that took the last
+    step by `solve`.
     """
     line, all_lanes, address = memory.line, (1 << arguments.W) - 1, arguments.step
     table = arguments.table[arguments.tables[stage], place % arguments.table.shape[1]].ctypes.data
@@ -182,6 +185,7 @@ def take_steps(arguments, memory, place, stage, ignored, steps):
         code = steps
     taken, step = code & ((1 << STEP) - 1), (code >> STEP) & all_lanes
     solved, negative = step | (code >> DERIVATIVE) & all_lanes, (code >> NEGATIVE) & all_lanes
+    changed = (code >> CHANGED) & all_lanes
     if solved != 0:
         copy_lanes(arguments, memory, solved)
         code = np.int64(0)
@@ -190,10 +194,12 @@ def take_steps(arguments, memory, place, stage, ignored, steps):
             one = others, np.int64(1)
             code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, *one))
         negative |= (code >> NEGATIVE) & all_lanes
-        negative |= solve_lanes(arguments, memory, place, stage, step, solved)
+        changed |= (code >> CHANGED) & all_lanes
+        beyond, over_0 = solve_lanes(arguments, memory, place, stage, step, solved)
+        negative, changed = negative | beyond, changed | over_0
         taken += 1
     due, outside = (code >> DUE) & all_lanes | solved, (code >> OUTSIDE) & all_lanes | solved
-    return taken, negative, due, outside, solved
+    return taken, negative, changed, due, outside, solved
 
 
 @function
@@ -214,11 +220,13 @@ def copy_lanes(arguments, memory, lanes):
 def solve_lanes(arguments, memory, place, stage, step, lanes):
     """Compute the derivative of lanes by `solve`, and the step of lanes in `step`.
 
-    Return the bits of lanes whose step was from det A < 0.
+    Return the bits of lanes whose step was from det A < 0, and in which a component changed its
+    sign that keeps it along the motion.
     """
     for_size()
     line, half, after, D = memory.line, memory.half, memory.after, len(memory.after)
-    first, negative, indices, halves = 2 * D + LENGTHS, 0, arguments.indices, arguments.halves
+    first, indices, halves = 2 * D + LENGTHS, arguments.indices, arguments.halves
+    negative, changed = 0, 0
     for l in range(arguments.W):
         if (lanes >> l) & 1 == 0:
             continue
@@ -231,6 +239,7 @@ def solve_lanes(arguments, memory, place, stage, step, lanes):
         if (step >> l) & 1:
             status, beyond = solve_lane(indices, half, after, memory.matrix, memory.units)
             negative |= (1 << l) if beyond else 0
+            changed |= (1 << l) if changes_sign(indices, memory.before[l], after) else 0
         memory.statuses[l] = status
         before, columns = memory.before[l], memory.columns[l]
         tangent, units = memory.tangent, memory.units
@@ -241,7 +250,7 @@ def solve_lanes(arguments, memory, place, stage, step, lanes):
                 line[first + i * arguments.room + r, l] = columns[r, i]
         line[D + VOLUME, l], line[D + NEAR_1, l] = 0.0, memory.products[l, 0]
         line[D + FAR_FROM_1, l] = memory.products[l, 1] * abs(det)
-    return negative
+    return negative, changed
 
 
 # ------------------------------------------------------------------------------------------ kernels
@@ -303,7 +312,7 @@ def jacobians(part, parts, arguments, x, out):
 
 
 @kernel
-def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed_at):
+def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed_at, by_signs):
     """Add the logarithms of the growth of D lengths, and of |det DPhi|, along orbits.
 
     Products of derivatives are decomposed as Q R, from Q = 1 on; the lengths are the diagonals of
@@ -317,12 +326,14 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                  which all logarithms are taken
     sums, of_det   (B, D) and (B,), to which logarithms are added; NaN after a failure
     status, failed_at   (B,), as in `steps_3d.steps`
+    by_signs     (B,), true where a change of sign, and not det A < 0, told the pole
     """
     for_size()
     arguments, sums, of_det = uncounted(arguments), uncounted(sums), uncounted(of_det)
     (start, stop, last), (B, D), W = span, x0.shape, arguments.W
     memory, stages = memory_of(arguments, D), len(arguments.fractions)
     line, first, all_lanes = memory.line, 2 * D + LENGTHS, (1 << W) - 1
+    base = np.empty((D, W))  # the states before the first of several stages
     begin, end = share((B + W - 1) // W, part, parts)
     for place in range(begin, end):
         ignored, n = fill_line(arguments, memory, x0, carry, place, start), start
@@ -340,19 +351,30 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
             steps = np.int64(1)
             if stages == 1:
                 steps = np.int64(lesser(stop, (n // INTERVAL + 1) * INTERVAL) - n)
-            taken, negative, due, outside, solved = take_steps(
+            if stages > 1 and stage == 0:
+                for i in range(D):
+                    for l in range(W):
+                        base[i, l] = line[i, l]
+            taken, negative, changed, due, outside, solved = take_steps(
                 arguments, memory, place, stage, ignored, steps
             )
             state = n + taken if stages == 1 else n + 1
             stage = (stage + taken) % stages
             n = state if stage == 0 else n
-            for l in range(W if negative | solved else 0):
+            if stages > 1:  # a stage may change signs where the whole step does not
+                changed = np.int64(0)
+                for l in range(W if stage == 0 else 0):
+                    over_0 = changes_sign(arguments.indices, base[:, l], line[:D, l])
+                    changed |= (1 << l) if over_0 else 0
+            changed &= ~ignored
+            for l in range(W if negative | changed | solved else 0):
                 k = place * W + l
                 if (solved >> l) & 1 and memory.statuses[l] != OK:
                     status[k], failed_at[k] = memory.statuses[l], state
                     ignored |= 1 << l
-                elif (negative >> l) & 1 and status[k] == OK:
+                elif ((negative | changed) >> l) & 1 and status[k] == OK:
                     status[k], failed_at[k] = PASSED_POLE, state
+                    by_signs[k] = not (negative >> l) & 1
             is_last = stage == 0 and n == last
             if stage == 0 and (is_last or n % INTERVAL == 0):
                 due = all_lanes

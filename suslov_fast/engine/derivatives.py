@@ -80,6 +80,7 @@ class Growth(NamedTuple):
     of_det: FloatArray  # (B,), of log(abs(det DPhi))
     status: NDArray[np.int8]  # (B,)
     failed_at: NDArray[np.int64]  # (B,)
+    by_signs: NDArray[np.bool_]  # (B,), true where a change of sign told the pole
     steps: int  # of the sums: fewer than asked for if `report` ended the run, or 0
 
 
@@ -109,16 +110,17 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
         for part in together:
             for array, of_part in zip(whole, part.sums, strict=True):
                 array[part.where] = of_part
-    sums, of_det, status, failed_at = whole
+    sums, of_det, status, failed_at, by_signs = whole
     sums[(status < 0) | (done == 0)] = np.nan
     if not any(steps.notes_poles for steps in problem.map.methods.values()):
         status[status > 0] = 0  # maps in three dimensions have no such status
-    return Growth(sums, of_det, status, failed_at, done)
+    return Growth(sums, of_det, status, failed_at, by_signs, done)
 
 
 def _no_sums(B: int, D: int) -> Any:
     """Return the arrays of `Growth` for trajectories that have taken no step."""
-    return np.zeros((B, D)), np.zeros(B), np.zeros(B, np.int8), np.full(B, -1)
+    status, by_signs = np.zeros(B, np.int8), np.zeros(B, bool)
+    return np.zeros((B, D)), np.zeros(B), status, np.full(B, -1), by_signs
 
 
 def _parts(problem: Problem, start: FloatArray) -> Iterator[_Part]:
@@ -182,7 +184,8 @@ def growth_by_jacobian(
     start = np.broadcast_to(problem.omega, (*problem.batch, problem.body.dimension)).copy()
     march = March(problem._replace(omega=start))
     march.to(transient + steps)
-    status, failed_at = march.status.reshape(-1), march.failed_at.reshape(-1)
+    notes = march.status, march.failed_at, march.told_by_signs
+    status, failed_at, by_signs = (np.broadcast_to(each, problem.batch).ravel() for each in notes)
     start[march.status < 0] = np.nan  # where an orbit fails, the formula may overflow or raise
     march = March(problem._replace(omega=start))
     B, D = march.omega0.shape
@@ -203,4 +206,4 @@ def growth_by_jacobian(
     done = max(n - transient, 0)
     if done == 0:
         sums[:] = np.nan
-    return Growth(sums, of_det, status, failed_at, done)
+    return Growth(sums, of_det, status, failed_at, by_signs, done)

@@ -405,9 +405,11 @@ def lyapunov_exponents(
     exponents = -np.sort(-sums / max(growth.steps, 1), axis=1).reshape(
         (*checked.batch, body.dimension)
     )
-    told = (each.reshape(checked.batch) for each in (growth.status, growth.failed_at))
+    notes = growth.status, growth.failed_at, growth.by_signs
+    status, failed_at, by_signs = (each.reshape(checked.batch) for each in notes)
     methods = checked.map.methods
-    report_poles(checked, methods.get(checked.method, next(iter(methods.values()))), *told)
+    steps_taken = methods.get(checked.method, next(iter(methods.values())))
+    report_poles(checked, steps_taken, status, failed_at, told_by_signs=by_signs)
     if growth.steps == 0:  # `progress` ended the run in its transient
         return exponents
     return mask_and_warn(checked, exponents, poles=True)

@@ -1,6 +1,7 @@
 """Stored runs equal those of `iterate`, bit for bit, whatever happened in between."""
 
 import asyncio
+import errno
 import json
 import shutil
 import signal
@@ -25,6 +26,7 @@ from zarr.core import sync
 import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
 from suslov_fast.runs import access
+from suslov_fast.runs import tiles as computed
 from suslov_fast.runs.stores import described
 
 BODY = Suslov3D(4, 1, -0.5, -0.3)
@@ -265,6 +267,25 @@ def test_a_finished_store_needs_no_space(store, monkeypatch):
     call(ensemble, **ASKED, store=store)
     monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=0))
     call(ensemble, **ASKED, store=store)
+
+
+def test_a_disk_that_fills_up_on_the_way(store, monkeypatch):
+    """The error names the store, and the same call goes on."""
+    given, written = computed._compute, []
+
+    def compute(*arguments):
+        if written:
+            raise OSError(errno.ENOSPC, "No space left on device", f"{store}/x/c/0")
+        written.append(given(*arguments))
+        return written[0]
+
+    asked = ASKED | {"body": Suslov3D(4, 1, -0.5, -0.3), "omega0": np.eye(5, 2)}
+    monkeypatch.setattr(computed, "_compute", compute)
+    with pytest.raises(OSError, match="make room, then call ensemble again") as told:
+        call(ensemble, **asked, store=store, chunk=2)
+    assert (told.value.errno, told.value.filename) == (errno.ENOSPC, str(store))
+    monkeypatch.setattr(computed, "_compute", given)
+    assert_same(call(ensemble, **asked, store=store, chunk=2), call(iterate, **asked))
 
 
 def test_other_kinds_of_stores():

@@ -9,6 +9,7 @@ import sys
 import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -62,6 +63,34 @@ def test_a_file_of_trajectories_that_fail_at_once(path):
     assert points.n.tolist() == [0, 1]
     points.save(path, overwrite=True)
     assert sf.Crossings.load(path) == points
+
+
+def test_a_full_disk_leaves_no_part_and_the_old_file(path, monkeypatch):
+    """The error has the file, its size, and what to do."""
+    run = run_of("one")
+    run.save(path)
+
+    def filled(file, **arrays):
+        file.write(b"PK")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez", filled)
+    size = r"[\d.,]+ \w+ are free, the file takes [\d.]+ \w+: make room, or raise save_every"
+    for target in (path, path.with_name("other.npz")):
+        with pytest.raises(OSError, match=size) as told:
+            run.save(target, overwrite=True)
+        assert (told.value.errno, told.value.filename) == (errno.ENOSPC, str(target))
+    assert os.listdir(path.parent) == [path.name]
+    assert sf.Trajectories.load(path) == run
+
+
+def test_a_file_that_others_read_on_windows(path, monkeypatch):
+    path.touch()
+    denied = PermissionError(errno.EACCES, "Access is denied")
+    assert storage._why_not(denied, path, 0) == "Access is denied"
+    monkeypatch.setattr(storage, "os", SimpleNamespace(name="nt"))
+    assert "close what has it open" in storage._why_not(denied, path, 0)
+    assert storage._why_not(denied, path.with_name("new.npz"), 0) == "Access is denied"
 
 
 @pytest.mark.parametrize("name", ["link", "replace"])

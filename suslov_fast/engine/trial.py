@@ -69,7 +69,6 @@ def _try_step(problem: Problem, steps: Any) -> None:
         of_family = steps.arguments(family_like(body, _SIZE), np.full(_SIZE, eps), (_SIZE,))
     except Exception:  # the class has no families
         of_family = steps.arguments(body, np.full(_SIZE, eps), (_SIZE,))
-    check_arguments(arguments, _SIZE)
     check_arguments(of_family, _SIZE)
     _check_signature(steps.kernel.step.py_func, arguments)
     _try_in_python(steps.kernel, arguments, omega0)

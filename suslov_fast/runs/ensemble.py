@@ -138,12 +138,13 @@ def ensemble(
     whole, store = whole._replace(omega=omega0, batch=batch), stores.resolved(store)
     data = _template(whole, options, dims, coords)
     reports = reporter(progress, math.prod(batch) * steps)
-    missing, arrays, status = stores.prepare(store, data, _sizes(data, chunk))
+    with stores.naming_full_disks(store):
+        missing, arrays, status = stores.prepare(store, data, _sizes(data, chunk))
     tiles = {tile: place_of(tile, status.shape, status.chunks) for tile in missing}
     done = math.prod(batch) - sum(count_in(where) for where in tiles.values())
     finished = finish(tiles, whole, options, arrays, client, store)
     by_sign = False
-    with reports as report, closing(finished):
+    with reports as report, closing(finished), stores.naming_full_disks(store):
         goes_on = report is None or report(done * steps)
         while goes_on and (tile := next(finished, None)) is not None:
             done += count_in(tile[0])

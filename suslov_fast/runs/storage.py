@@ -19,7 +19,7 @@ import numpy as np
 
 from .. import checks
 from ..bodies.classes import body_from_dict, class_named
-from ..checks import MOMENTS, common_shape, integer, real_array, require, within, wrong
+from ..checks import MOMENTS, common_shape, in_units, integer, real_array, require, within, wrong
 from ..engine.status import Status
 from ..maps import map_of, named
 from .columns import (
@@ -74,7 +74,18 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     except FileExistsError as error:  # another process was faster
         raise _exists(path) from error
     except OSError as error:  # name the file of the caller, not the one beside it
-        raise OSError(error.errno, error.strerror, os.fspath(path)) from error
+        why = _why_not(error, target, sum(np.asarray(a).nbytes for a in arrays.values()))
+        raise OSError(error.errno, why, os.fspath(path)) from error
+
+
+def _why_not(error: OSError, target: Path, nbytes: int) -> str:
+    """Return why a file of a size was not written, and what to do."""
+    if error.errno == errno.ENOSPC:
+        sizes = in_units(shutil.disk_usage(target.parent).free), in_units(nbytes)
+        return f"{sizes[0]} are free, the file takes {sizes[1]}: make room, or raise save_every"
+    if os.name == "nt" and isinstance(error, PermissionError) and target.exists():
+        return "a program reads the file: close what has it open"  # Windows replaces no such file
+    return error.strerror or str(error)
 
 
 def _exists(path: PathLike) -> FileExistsError:

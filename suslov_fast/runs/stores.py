@@ -16,8 +16,8 @@ import math
 import os
 import shutil
 import stat
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from itertools import product
 from pathlib import Path
 from threading import Lock
@@ -211,6 +211,18 @@ def _check_new(store: Any, data: Any) -> None:
         sizes = in_units(free), in_units(data.nbytes)
         message = f"{sizes[0]} are free, the run takes {sizes[1]}: raise save_every"
         raise OSError(errno.ENOSPC, message, str(store))
+
+
+@contextmanager
+def naming_full_disks(store: Any) -> Iterator[None]:
+    """Name the store in the error of a full disk; its whole tiles stay, and no others count."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno != errno.ENOSPC or error.filename == str(store):
+            raise
+        how = "no space is left: make room, then call ensemble again, which goes on"
+        raise OSError(errno.ENOSPC, how, str(store)) from error
 
 
 def described(name: str, array: Any, few: int = 1000) -> Any:

@@ -59,10 +59,20 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function answer a keyword that it does not have with the one to use."""
     parameters = inspect.signature(function).parameters.values()
     known = {each.name for each in parameters if each.kind is not each.POSITIONAL_ONLY}
+    kinds = [each.kind for each in parameters]
+    takes_any = inspect.Parameter.VAR_KEYWORD in kinds
+    most = len(kinds) - kinds.count(inspect.Parameter.KEYWORD_ONLY) - takes_any
+    is_method = int(next(iter(parameters)).name in ("self", "cls")) if kinds else 0
+    others = [f"{each.name}=" for each in parameters if each.kind is each.KEYWORD_ONLY]
+    others += ["parameters, such as a=1"] * takes_any
 
     @wraps(function)
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
-        if kwargs and not kwargs.keys() <= known:
+        if len(args) > most and inspect.Parameter.VAR_POSITIONAL not in kinds:
+            received = f"{most - is_method} arguments by position, not {len(args) - is_method}"
+            how = f"; by name: {', '.join(others)}" if others else ""
+            raise TypeError(f"{function.__name__} takes {received}{how}")
+        if kwargs and not takes_any and not kwargs.keys() <= known:
             name = next(name for name in kwargs if name not in known)
             raise TypeError(f"{function.__name__} has no argument {name!r}: {advice(name, known)}")
         return function(*args, **kwargs)
@@ -72,6 +82,8 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
 
 def advice(name: str, known: Collection[str]) -> str:
     """Return what to pass in place of a keyword to a function with the `known` ones."""
+    if name in ("x", "y", "z") and "components" in known:
+        return 'pass components, as in plot("x1", "x2")'
     arguments, sentence, other = _ADVICE.get(name, ((), "", ""))
     found = [argument for argument in arguments if argument in known]
     if found or (found := get_close_matches(name, known, 1)):

@@ -43,6 +43,7 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (sf.fixed_points, (FIELD,), "tol", "it has none that are passed by name"),
         (RUN.plot, (), "xlim", r"set it on the axes that plots return, such as ax\.set_xlim"),
         (RUN.plot, (), "colour", "pass color="),
+        (RUN.plot, (), "x", r'pass components, as in plot\("x1", "x2"\)'),
         (POINTS.plot, (), "cmap", "set it on the axes"),
         (RUN.extend, (), "n", "pass steps="),
         (RUN.save, (), "filename", "pass path="),
@@ -52,6 +53,29 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
 def test_unknown_keywords(function, arguments, keyword, answer):
     with pytest.raises(TypeError, match=answer):
         function(*arguments, **{keyword: 3})
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "answer"),
+    [
+        (
+            sf.flow,
+            (FIELD, [1, 0], 3.0, 1e-6),
+            "takes 3 arguments by position, not 4; by name: rtol=",
+        ),
+        (sf.energy, (FIELD, [1, 0], 3), "energy takes 2 arguments by position, not 3$"),
+        (RUN.extend, (3, 4), "extend takes 1 arguments by position, not 2; by name: threads="),
+        (
+            sf.QuadraticField.from_function,
+            (lambda x, rho: (x[1], -rho * x[0]), 2, 28),
+            "from_function takes 2 arguments by position, not 3; by name: parameters, such as a=1",
+        ),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_arguments_that_are_passed_by_name(function, arguments, answer):
+    with pytest.raises(TypeError, match=answer):
+        function(*arguments)
 
 
 def test_every_public_function_answers():

@@ -252,8 +252,8 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
             f"numpy.linalg cannot compute with symbols ({text}): {how}, as in Inverse @ np.array(x)"
         )
     if says(text, "function of math"):
-        how = "x holds symbols, which functions of math do not take"
-        return f"{text}: {how}; exp, tanh, sin and cos can become variables, see {page(CUBIC)}"
+        how = "x holds symbols, which functions of math do not take: write those of NumPy"
+        return f"{how}, such as np.sin, and make a LiftedField, see {page(CUBIC)}"
     if says(text, "number of a symbol"):
         how = "x holds symbols: no if or float of them, and no arrays of floats to fill"
         return f"{text}: {how}: return a tuple of expressions; see {page(CUBIC)}"

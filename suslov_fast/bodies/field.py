@@ -16,6 +16,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import wrong
+from ..keywords import public
 from .base import Body, summary
 from .coefficients import of_array, of_hamiltonian, of_terms, structure, with_arrays
 from .field_of_terms import (
@@ -156,6 +157,7 @@ class QuadraticField(_FieldOfTerms):
         return cls._of(parts_of(terms, names))
 
     @classmethod
+    @public
     def from_function(
         cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
     ) -> QuadraticField:
@@ -196,6 +198,7 @@ class QuadraticField(_FieldOfTerms):
         return cls._of({**parts_of(terms, names), **values})
 
     @classmethod
+    @public
     def from_hamiltonian(
         cls,
         H: Callable[..., Any],

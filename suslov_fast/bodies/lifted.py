@@ -14,6 +14,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray
+from ..keywords import public
 from .base import Body, frozen, summary
 from .coefficients import structure
 from .definitions import Definitions
@@ -38,11 +39,10 @@ STRUCTURE, NAMES = "structure", "names of variables"
 class LiftedField(Body):
     """A field with a smooth right-hand side, ``x' = f(x)``, that need not be quadratic.
 
-    Variables are added until all derivatives are quadratic: u = 1 / (1 + x) has the derivative
-    -u**2 x'. A step computes the added variables from the state, takes one whole step of the method
-    for the field in all variables, and keeps the state. So it has the order of the method for the
-    equations as given. It has no exact inverse, and what Kahan's map of a quadratic field conserves
-    is not conserved. Make it by :meth:`from_function` or :meth:`from_hamiltonian`.
+    Make it with :meth:`from_function` or :meth:`from_hamiltonian`. Variables are added until all
+    derivatives are quadratic: u = 1 / (1 + x) has the derivative -u**2 x'. A step computes them
+    from the state, takes one step of the method for all variables, and keeps the state: it has the
+    order of the method, but no exact inverse, and conserves nothing exactly.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class LiftedField(Body):
     added : dict of str to str
         Names and definitions of the added variables.
     H, K : SmoothHamiltonian and ndarray(shape=(D, D)), or None
-        The Hamiltonian of :meth:`from_hamiltonian`, a function of a state, and its matrix.
+        Of :meth:`from_hamiltonian`: the Hamiltonian, a function of a state, and the matrix K.
     parameters : dict
         Named parameters, which are coordinates of datasets and stores. ``==`` ignores them.
 
@@ -71,7 +71,7 @@ class LiftedField(Body):
     _axes: ClassVar[Any] = {NUMBERS: 1, VALUES: 1}
     _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
     _called: ClassVar[str] = "a lifted field"
-    _instead: ClassVar[str] = ", whose steps conserve nothing: use energy, or its attribute lifted"
+    _instead: ClassVar[str] = ", whose steps conserve nothing: use energy, or field.lifted"
 
     names: tuple[str, ...]
     H: SmoothHamiltonian | None
@@ -129,9 +129,7 @@ class LiftedField(Body):
 
     def field(self) -> Any:
         """Refuse, because the equations are not quadratic in the given variables."""
-        how = (
-            "its attribute lifted is, for report; fixed points: scipy.optimize.root of vector_field"
-        )
+        how = "use report(field.lifted), and scipy.optimize.root on vector_field for fixed points"
         raise TypeError(f"body: the equations of a LiftedField are not quadratic: {how}")
 
     @property
@@ -198,6 +196,7 @@ class LiftedField(Body):
         return z[..., : self.dimension]
 
     @classmethod
+    @public
     def from_function(
         cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
     ) -> LiftedField:
@@ -241,6 +240,7 @@ class LiftedField(Body):
         return cls._made(definitions, values, rows, None, None)
 
     @classmethod
+    @public
     def from_hamiltonian(
         cls,
         H: Callable[..., Any],

@@ -37,10 +37,11 @@ def traced(
     try:
         result = f(Variables(state), **parameters)
     except NotSmooth as error:
-        raise TypeError(f"{argument}: {f_name} {error.in_words(names)}") from None
+        raise TypeError(prefixed(argument, f"{f_name} {error.in_words(names)}")) from None
     except Refused as error:
         how = "make one field for each value"
-        raise TypeError(f"{argument}: {f_name} {error or 'needs single values'}: {how}") from None
+        text = f"{f_name} {error or 'needs single values'}: {how}"
+        raise TypeError(prefixed(argument, text)) from None
     except Exception as error:  # raised by f
         cause = _of_math(error) or explained(error, f_name, names, is_family)
         is_value = isinstance(error, (ValueError, IndexError, ArithmeticError))

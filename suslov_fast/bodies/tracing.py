@@ -23,6 +23,7 @@ from .advice import (
     lifted_call,
     name_of,
     prefixed,
+    says,
 )
 from .columns import Column, Refused, Symbol, exact_values, rounded
 from .polynomials import Polynomial
@@ -199,7 +200,8 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
         result = call(parameters)
     except Exception as error:  # raised by f
         cause = explained(error, f_name, call.names, is_family)
-        if hasattr(error, "in_words") and "no new variable" not in cause:
+        is_smooth = hasattr(error, "in_words") or says(str(error), "function of math")
+        if is_smooth and "no new variable" not in cause:
             cause = cause.replace(", see ", f", as in {call.lifted}, see ")
         is_value = isinstance(error, (ValueError, IndexError, ArithmeticError))
         is_usual = is_value or isinstance(error, (TypeError, AttributeError))
@@ -216,7 +218,7 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
             terms = {place: c for row in rows for place, c in row.items()}
         within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
     except (TypeError, ValueError) as error:
-        raise type(error)(f"{call.argument}: {error}") from None
+        raise type(error)(prefixed(call.argument, str(error))) from None
     return terms
 
 
@@ -230,6 +232,8 @@ def _terms_of(value: Any, name: str, call: _Call, row: tuple[int, ...] = ()) -> 
             how = ": pass sympy.lambdify([names], list(expressions)), a function of x"
         if isinstance(value, (complex, np.complexfloating)):
             how = ": split complex variables into real and imaginary parts"
+        if isinstance(value, (tuple, list)) and not row:
+            how = ": H is one expression; QuadraticField.from_function takes right-hand sides"
         raise TypeError(f"{name} must be a polynomial, not {short(value)}{how}") from None
     if max(map(len, terms), default=0) > call.degree:
         how = f"with more variables it becomes quadratic, use {call.lifted}, see {page(CUBIC)}"

@@ -312,6 +312,25 @@ def test_a_field_without_a_plan(rng, monkeypatch):
     assert abs(found - wanted).max() < 1e-7
 
 
+@pytest.mark.compiled
+def test_many_variables(rng, monkeypatch):
+    """Loops in place of code: the same to rounding; bits over batches, fields and pieces."""
+    family = QuadraticField.from_function(lambda x, a: (x[1], -a * x[0] - x[0] ** 2), 2, a=[1, 2])
+    x, pair = rng.uniform(0, 0.3, (11, 4)), rng.uniform(0, 0.3, (9, 2, 2))
+    times = [0.5, 0.0, -1.0, 2.0]
+    wanted = flow(HENON_HEILES, x, times), flow(family, pair, times)
+    monkeypatch.setattr("suslov_fast.core.flow.MOST", 1)
+    found = flow(HENON_HEILES, x, times), flow(family, pair, times)
+    for one, other in zip(found, wanted, strict=True):
+        assert abs(one - other).max() < 1e-10  # lengths of steps differ by rounding
+        assert (one != other).any()
+    assert (flow(HENON_HEILES, x[3], times) == found[0][:, 3]).all()
+    assert (flow(HENON_HEILES, x[:2], times) == found[0][:, :2]).all()
+    assert (flow(family[1], pair[:, 1], times) == found[1][:, :, 1]).all()
+    with pytest.warns(PoleWarning):
+        assert np.isnan(flow(SQUARE, [[1.0], [0.1]], 2.0)).ravel().tolist() == [True, False]
+
+
 def test_progress():
     seen = []
 

@@ -2,13 +2,15 @@
 
 Trajectories are in lines of W lanes, whose rows hold all that their steps need
 (`generated_flow.Rows`). Machine code takes the steps; where it is impossible, NumPy does, with the
-same bits. A field without a plan of elimination takes its stages by `careful.solve_lane`.
+same bits. Fields of many variables have loops (`sparse_flow`); a lifted field without a plan of
+elimination takes its stages by `careful.solve_lane`.
 """
 
 import functools
 from math import comb
 
 import numpy as np
+from numba import config
 
 from .careful import solve_lane
 from .codes import OK
@@ -18,6 +20,7 @@ from .machine_code import call, code_of
 from .numba import Kernel, function
 from .operations import evaluate
 from .pool import in_parts
+from .sparse_flow import Loops
 from .stages import extrapolation, weights_of
 from .steps_field import in_lines
 from .tolerance import REACH
@@ -28,6 +31,7 @@ LONGEST = COLUMNS[-1]
 DIFFERENCE = np.array([(-1) ** k * comb(LONGEST, k) / 2**LONGEST for k in range(1, LONGEST + 1)])
 SMALLEST_FIRST = 2.0**-60  # part of the first length at which a trajectory at time 0 may end
 ACTIVE = 2**15  # bytes of the rows of lines that are taken side by side
+MOST = 10_000  # operations of a stage, above which compiling takes longer than most runs
 BUDGET = 2**21  # steps of lines times operations of a stage, after which Python handles Ctrl-C
 
 
@@ -78,7 +82,9 @@ class Motion:
         W = min(1 << (self.B - 1).bit_length(), 4) if self.B <= WIDTH else WIDTH
         self.step, self.W = step, W
         self.places, self.rtol = rows_of(self.step), np.array([rtol])
-        self.plan, self.for_each = plan_of(direction), len(values) > 1
+        self.plan, self.for_each, self.loops = plan_of(direction), len(values) > 1, None
+        if not (0 < len(step.usual) <= MOST or step.lift or config.DISABLE_JIT):
+            self.loops = Loops(step, W)
         x = in_lines(x0, W)
         self.values = in_lines(values, W) if self.for_each else values.reshape(1, -1, 1)
         self.rows = np.zeros((len(x), self.places.size, W))
@@ -110,11 +116,11 @@ class Motion:
 
     def advance(self, times, out, abandoned=()):
         """Write the states at later times (n,), ascending moduli, to out (n, B, D)."""
-        address = (
-            code_of(text_of_flow, self.step, self.W, self.for_each) if self.step.usual else None
-        )
+        address = None
+        if self.step.usual and not self.loops:
+            address = code_of(text_of_flow, self.step, self.W, self.for_each)
         if address is None:
-            self._advance_in_numpy(times, out)
+            self._advance_in_numpy(times, out, abandoned)
             return
         arguments, _kept_alive = self._arguments(times, out)
         budget = max(BUDGET // len(self.step.usual), 1)
@@ -152,10 +158,10 @@ class Motion:
         )
         return np.array(arguments, np.int64), (kept, active, place, times)
 
-    def _advance_in_numpy(self, times, out):
+    def _advance_in_numpy(self, times, out, abandoned):
         """Take the same steps by NumPy: the reference, where there is no machine code."""
         for end, states in zip(times, out, strict=True):
-            while True:
+            while not abandoned:
                 time, wanted = self.rows[:, self.places.time], self.rows[:, self.places.wanted]
                 if ((time == end) | (wanted == 0.0)).all():
                     break
@@ -187,6 +193,9 @@ class Motion:
             change = x - base
             total += weight * change
             second += without * change
+        if self.loops:
+            self.loops.choose(self.rows, places, self.values, end, self.rtol[0])
+            return
         choice = self.step.choice
         inputs = [*all_base, *total, *second, *largest, *values[: self.step.T]]
         found = dict(enumerate(inputs))
@@ -200,11 +209,16 @@ class Motion:
     def _scaled(self, half, values):
         """Return h v of the terms, and the coefficients of the lift."""
         T = self.step.T
+        if self.loops:
+            return self.loops.halves(half, self.values)
         return [*half * values[:T], *values[T:]]
 
     def _take_stage(self, rows, halves):
         """Take a stage of all lanes; halves are those of `_scaled`."""
         step, least = self.step, rows[self.places.least]
+        if self.loops:
+            self.loops.take_stage(self.rows, halves, self.places)
+            return
         if not step.usual:
             own = np.empty((len(self.rows), step.T, self.W))
             for t in range(step.T):

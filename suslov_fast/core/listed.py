@@ -29,6 +29,7 @@ KINDS = [
     *((instruction, "rr") for instruction in JOINING),
     *(("select", "r" + a + b) for a, b in product("rt", "rt")),
     ("fabs", "r"),
+    ("sqrt", "r"),
 ]  # fmt: skip
 _NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
 

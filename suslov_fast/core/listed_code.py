@@ -273,6 +273,32 @@ def listed_code(W, for_each):
     return code_of(text_of_listed_steps, _ANY, W, for_each)
 
 
+def text_of_runs(_, name, W, for_each, *_others):
+    """Return the text of i64 name(arguments), which carries out runs once.
+
+    The arguments are the first five integers of `ListArguments`. It returns 0.
+    """
+    text = Text(W)
+    _add_runs(text, f"{name}_runs", for_each)
+    text.add(f"define i64 @{name}(i64 %arguments) #0 {{")
+    text.label("entry")
+    numbers = [text.load("i64", text.plus("%arguments", 8 * k)) for k in range(5)]
+    text.add(f"  call void @{name}_runs({', '.join(f'i64 {number}' for number in numbers)})")
+    text.add("  ret i64 0")
+    return text.finished()
+
+
+def runs_code(W):
+    """Return the address of the code of `text_of_runs`, None where LLVM refuses it."""
+    return code_of(text_of_runs, _ANY, W)
+
+
+def carry_out(address, runs, rows, table):
+    """Carry out `listed.Runs` on rows of lanes, with numbers of a table."""
+    of_runs = runs.heads.ctypes.data, runs.places.ctypes.data, len(runs.heads)
+    call(address, np.array([rows.ctypes.data, table.ctypes.data, *of_runs], np.int64))
+
+
 def taker_of(lines, address):
     """Return the function that takes steps of a line with `listed_code`, see `in_calls`."""
     step, W, D = lines.scheme.step, lines.W, lines.D

@@ -1,0 +1,84 @@
+"""Steps of `flow` for fields of many variables, by loops in place of code for each field.
+
+Stages are those of `sparse`, and the list of operations that chooses the next length (`tolerance`)
+is carried out as a long list (`listed`).
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .elimination import simd_min
+from .listed import Program
+from .listed_code import carry_out, runs_code
+from .llvm import uncounted
+from .numba import kernel
+from .sparse import pattern_of, room_of, size_of, step_once
+
+
+@kernel
+def sparse_stages(part, parts, pattern, halves, rows, least, memory):
+    """Take a stage of all lanes; halves are (lines, W, T).
+
+    The lines are rows[line, row, lane], whose first D rows are the states; the row `least` has the
+    least pivot so far.
+    """
+    pattern, halves, rows = uncounted(pattern), uncounted(halves), uncounted(rows)
+    D, G, E = len(pattern.order), len(pattern.given), len(pattern.columns)
+    room, after = room_of(memory[D:], D, G, E), memory[:D]
+    for line in range(len(rows)):
+        for l in range(rows.shape[2]):
+            for i in range(D):
+                room.y[i] = rows[line, i, l]
+            step_once(pattern, halves[line, l], room, after)
+            pivot = rows[line, least, l]
+            for i in range(D):
+                rows[line, i, l] = after[i]
+                pivot = simd_min(1.0 + room.pivots[i], pivot)
+            rows[line, least, l] = pivot
+
+
+class _Inputs(NamedTuple):
+    """What `Program` reads of a list: the number of its inputs, and a table, which is empty."""
+
+    D: int
+    places: Any
+    table: Any
+
+
+class Loops:
+    """The loops for motions with one `tolerance.Stage`, in lines of W lanes."""
+
+    def __init__(self, step, W):
+        self.pattern, self.D = pattern_of(step.indices.tobytes(), step.D), step.D
+        self.memory, constants = np.empty(size_of(self.pattern)), {}
+        self.inputs = 4 * self.D + step.T + 7
+        choice = step.choice
+        self.program = Program(
+            _Inputs(self.inputs, {}, []), choice.operations, choice.results, constants
+        )
+        self.constants, self.code = np.array([*constants]), runs_code(W)
+        self.numbers = np.empty((self.program.rows, W))
+
+    @staticmethod
+    def halves(half, values):
+        """Return h v of the terms (lines, W, T), from h (lines, W) and v (1 or lines, T, -)."""
+        return np.ascontiguousarray(half[:, :, np.newaxis] * values.swapaxes(1, 2))
+
+    def take_stage(self, rows, halves, places):
+        """Take a stage of all lanes."""
+        sparse_stages.serial(self.pattern, halves, rows, places.least, self.memory)
+
+    def choose(self, rows, places, values, end, rtol):
+        """Write the next state, largest moduli, time and length of all lanes."""
+        D, numbers, T = self.D, self.numbers, self.inputs - 4 * self.D - 7
+        for line, of_line in enumerate(rows):
+            numbers[: 4 * D] = of_line[places.base : places.base + 4 * D]
+            numbers[4 * D : 4 * D + T] = values[line % len(values)]
+            numbers[4 * D + T : self.inputs - 2] = of_line[places.time : places.least + 1]
+            numbers[self.inputs - 2], numbers[self.inputs - 1] = end, rtol
+            carry_out(self.code, self.program.runs, numbers, self.constants)
+            found = numbers[self.program.results]
+            of_line[places.base : places.base + D] = found[:D]
+            of_line[places.largest : places.largest + D] = found[D : 2 * D]
+            of_line[places.time : places.time + 2] = found[2 * D :]

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 from scipy.integrate import solve_ivp
 from scipy.special import expi
 
@@ -177,7 +178,7 @@ def test_bits_do_not_depend_on_batch_and_threads(rng, monkeypatch):
             assert (flow(own, x[part], [0.3, 2.0]) == whole[:, part]).all()
         with monkeypatch.context() as patch:
             patch.setattr(threads, "CROSSOVER", 0)
-            assert (flow(field, x, [0.3, 2.0], threads=2) == whole).all()
+            assert (flow(field, x, [0.3, 2.0], threads=TWO_THREADS) == whole).all()
             patch.setattr(core_flow, "BUDGET", 1)  # a pause after each step
             assert (flow(field, x, [0.3, 2.0]) == whole).all()
 

@@ -1219,7 +1219,13 @@ def test_ctrl_c_without_a_limit(monkeypatch):
     monkeypatch.setattr(process.sys, "frozen", True, raising=False)
     monkeypatch.setattr(process, "_START", "1 / 0")
     assert repr(report(CYCLE, EPS)) == repr(here)  # an application cannot start Python
-    monkeypatch.setattr(process.sys, "frozen", False)
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="needs POSIX signals")
+def test_ctrl_c_while_another_process_searches(monkeypatch):
+    from suslov_fast.integrability import process
+
+    monkeypatch.setattr(process, "_BRIEF", 0.0)
     monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
     # As of a terminal: another thread's signal would not wake this one.

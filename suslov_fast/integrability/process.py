@@ -86,7 +86,8 @@ def search_until(deadline: float, report: Any, seed: int) -> Parts:
                     raise result
                 report = result[0]
                 yield result
-        except (EOFError, BrokenPipeError, pickle.UnpicklingError):
+        # Windows has no BrokenPipeError for a process that ended, but EINVAL.
+        except (EOFError, OSError, pickle.UnpicklingError):
             if time.monotonic() < deadline:
                 raise RuntimeError("the process of the search ended") from None
         finally:

@@ -264,6 +264,26 @@ for key, (whose, label, function, method, needed) in AT_ERRORS.items():
         arguments = work.at_equal_error, function, argument, below
         add("orders", key, whose, label, *arguments, x=below, one_thread=True)
 
+# Tolerances with which the largest error is below 1e-9.
+for name, said, needed in (
+    ("kepler", "Kepler's problem, e = 0.6, a period", (8e-11, 1e-10, 1e-11)),
+    ("pendulum", "a pendulum, to time 20", (1e-12, 1e-11, 2e-12)),
+    ("rosenzweig", "Rosenzweig and MacArthur, K = 4, to time 50", (1e-12, 1e-10, 1e-10)),
+):
+    for (key, whose, label, function), number in zip(
+        (
+            ("flow", OURS, "`flow` of a `LiftedField`", work.smooth_by_flow),
+            ("heyoka", OTHERS, "heyoka, Taylor integrator, 16 at once", "integrators.smooth"),
+            ("scipy", OTHERS, "SciPy, DOP853, compiled", "integrators.smooth_by_scipy"),
+        ),
+        needed,
+        strict=True,
+    ):
+        more = {"motions": partial(problem.motions_of_smooth, name)}
+        arguments = partial(work.at_equal_error, **more), function, (name, number), 1e-9
+        label = f"{label}: {said}"
+        add("smooth right sides", f"{key}-{name}", whose, label, *arguments, one_thread=True)
+
 for key, whose, label, kept in (
     ("crossings", OURS, "`crossings`", "crossings"),
     ("states", NUMPY, "all states by `iterate(..., out=out)`, then NumPy", "states"),

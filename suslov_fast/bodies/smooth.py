@@ -116,7 +116,8 @@ def _check_time(
     if len(arguments) != 2 or len(TIME & {*arguments}) != 1:
         return
     is_first = arguments[0] in TIME
-    state: Any = Variables(state_of(Definitions(definitions.names)))
+    symbols: Any = state_of(Definitions(definitions.names))
+    state = Variables(symbols)
     try:
         f(*((None, state) if is_first else (state, None)), **parameters)
     except Exception:  # f may raise anything for a time that is None

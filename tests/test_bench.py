@@ -63,6 +63,7 @@ def benchmark_disabled(*options):
     return getattr(config.option, "benchmark_disable", False)
 
 
+@pytest.mark.slow
 def test_benchmarks_are_timed_if_an_option_asks_for_it(tmp_path):
     """As users run them, from the folder of the project; the smallest case stands for all."""
     assert benchmark_disabled("-k", "rows")

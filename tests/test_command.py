@@ -418,6 +418,7 @@ def test_ctrl_c():
 
 
 @posix
+@pytest.mark.slow
 def test_streams():
     reading, writing = os.pipe()
     os.close(reading)  # nobody reads
@@ -442,6 +443,7 @@ def test_pictures():
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_warm_up(monkeypatch):
     monkeypatch.setattr("suslov_fast.warm_up.COUNTS", (3,))
     assert succeed("warm-up") == f"{warm_up.where_code_is_kept()}\n"

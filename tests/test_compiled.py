@@ -82,9 +82,9 @@ def test_a_step_is_accurate(body, rng):
 @pytest.mark.parametrize(
     ("body", "size", "eps"),
     [
-        (ND, 1.0, 0.4),
-        (ND, 10.0, -3.0),  # by elimination
-        (sf.SuslovND([1.0], [2.0]), 1.0, 0.25),
+        pytest.param(ND, 1.0, 0.4, marks=pytest.mark.slow),
+        pytest.param(ND, 10.0, -3.0, marks=pytest.mark.slow),  # by elimination
+        pytest.param(sf.SuslovND([1.0], [2.0]), 1.0, 0.25, marks=pytest.mark.slow),
         (FIELD, 10.0, 1 / 64),
         (FIELD, 1.0, 0.5),  # with other pivots
         (sf.QuadraticField.of(GYROSTAT), 1.0, 0.35),
@@ -173,6 +173,7 @@ def members_after(systems, x, steps):
 
 
 @pytest.mark.compiled  # interpreted lists of Numba are empty
+@pytest.mark.slow
 def test_a_family_in_a_loop_of_a_user():
     family = sf.QuadraticField.from_function(
         lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]),

@@ -95,7 +95,7 @@ FIELD = {"body": FAMILY, "omega0": [1.0, 1.0, 1.0], "eps": 0.01, "steps": 9}
         *[(BODY, shape, 0.2, {}, {"save_every": 5}) for shape in ((), (1,), (3, 0))],
     ],
 )
-@pytest.mark.parametrize("steps", [0, 1, 41])
+@pytest.mark.parametrize("steps", [0, pytest.param(1, marks=pytest.mark.slow), 41])
 def test_a_stored_run_equals_iterate(store, rng, body, shape, eps, ours, settings, steps):
     omega0 = rng.uniform(-2.0, 2.0, np.append(shape, body.dimension).astype(int))
     if shape == 20:
@@ -502,6 +502,7 @@ def test_attributes_are_plain(store):
     assert (dataset.attrs["eps"], dataset.attrs["steps"]) == (0.01, 9)
 
 
+@pytest.mark.slow
 def test_a_lost_chunk_is_an_error_and_computed_anew(store):
     """One of each array in turn, of parameters, too, whose value is 0."""
     body = Suslov3D(4, 1, 0.0, -0.3)
@@ -792,6 +793,7 @@ def test_only_format_3_is_opened(store):
             open_ensemble(store)
 
 
+@pytest.mark.slow
 def test_workers_that_do_not_share_the_store():
     """The memory of another process: an error after the first tile."""
     place = "memory://elsewhere.zarr"

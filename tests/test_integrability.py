@@ -449,6 +449,7 @@ def test_primes_may_divide_coefficients(c):
 # Reports.
 
 
+@pytest.mark.sampled(9)
 @pytest.mark.parametrize(
     ("given", "degree", "kind", "integrals", "measure", "planes"),
     [
@@ -721,7 +722,8 @@ def test_texts_of_products_and_long_formulas():
     assert len(str(found.integrals[0])) > 150
 
 
-@pytest.mark.parametrize("eps", [EPS, pytest.param(None, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("eps", [EPS, None])
 def test_names_of_variables(eps):
     """Formulas, relations and symmetries are those of x1, x2, x3 under other names."""
     names = "S", "ω_1", "x"
@@ -1068,6 +1070,7 @@ def test_a_polynomial_has_one_sign_in_a_report(field):
     assert all(P.leading_coefficient() > 0 for P in limits)
 
 
+@pytest.mark.slow
 def test_formulas_of_papers():
     """Of a pencil the member of the papers, for a symbolic eps and for a number."""
     for body in (BODY, ROTOR, Suslov3D(3, 2, F(1, 2), 1)):

@@ -316,6 +316,7 @@ print(x.tobytes().hex())
 """
 
 
+@pytest.mark.slow
 def test_a_system_in_another_process_has_its_own_address():
     field = sf.QuadraticField.from_function(of_a, 3, a=1)
     system = sf.compiled.system(field, 0.01)

@@ -483,6 +483,7 @@ def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):
     assert isinstance(found.value.__cause__, numba.TypingError)
 
 
+@pytest.mark.slow
 def test_all_is_imported_from_an_archive(tmp_path):
     """It finds its list of names, its sources for the digest, and the files of the page."""
     archive, package = tmp_path / "package.zip", Path(core_numba.__file__).parents[1]

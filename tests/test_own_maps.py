@@ -823,7 +823,7 @@ def of_the_page(right, wrong):
 
 
 @pytest.mark.compiled
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("right", "wrong", "words"),
     [
@@ -841,7 +841,7 @@ def test_slips_in_the_step_of_the_page_are_refused(right, wrong, words):
 
 
 @pytest.mark.compiled
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("right", "wrong", "order"),
     [

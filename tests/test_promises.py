@@ -287,8 +287,16 @@ OPTIONS = [
     *((kind, {"attitude": True}) for kind in KINDS if has(kind, "iterate: attitude")),
 ]
 
+# Lifted fields take the steps of compositions as they are.
+REPEATED = "Lifted, order6 0", "Lifted, order8 0"
+with_options = pytest.mark.parametrize(
+    ("kind", "options"),
+    [pytest.param(*each, marks=[pytest.mark.slow] * (each[0] in REPEATED)) for each in OPTIONS],
+    ids=str,
+)
 
-@pytest.mark.parametrize(("kind", "options"), OPTIONS, ids=str)
+
+@with_options
 def test_runs_in_parts(rng, kind, options):
     """What is saved, and how a run is cut, changes no bit."""
     problem, options = hard(rng, kind), options | {"on_singular": "ignore"}
@@ -389,7 +397,7 @@ def test_the_order_of_a_composition(kind):
         assert abs(math.fsum(each**power for each in fractions)) < 1e-15, power
 
 
-@pytest.mark.parametrize(("kind", "options"), OPTIONS, ids=str)
+@with_options
 def test_failures_are_marked_at_any_step(rng, kind, options):
     """Trajectories whose states end, early or late, have a status, and no others."""
     run = sf.iterate(*hard(rng, kind), 300, on_singular="ignore", **options)

@@ -294,7 +294,7 @@ def event(**attributes):
 @pytest.mark.parametrize(
     ("surface", "error", "message"),
     [
-        (3.0, TypeError, r"surface must be .*such as lambda x: x\[\.\.\., 2\] - 27, not float"),
+        (3.0, TypeError, r"surface must be .*such as lambda x: x\[\.\.\., 0\] - 1, not float"),
         (lambda x: x[..., 0] > 1, TypeError, "surface.* bool: pass the difference, not the comp"),
         (lambda x: x[..., 0] + 1j, TypeError, "surface.* complex128"),
         (lambda x: x[..., 0].astype(object), TypeError, "surface.* object"),

@@ -22,6 +22,10 @@ _ELSEWHERE = {
     "lyapunov": "lyapunov_exponents",
     "poincare_section": "crossings",
 }
+_INSTEAD = {
+    **dict.fromkeys(("to_latex", "latex", "equations", "to_sympy"), "str(field), the equations"),
+    **dict.fromkeys(("x", "omega", "states"), "the states of a run, as iterate returns it"),
+}
 # Attributes for other modules of the package; `dir` hides them.
 _FOR_KERNELS = {"batch_of_one", "constants"}
 
@@ -140,6 +144,7 @@ class Body:
                 instead = f"parameters[{name!r}]"
             elif name in import_module("suslov_fast").__all__ or name in _ELSEWHERE:
                 instead = f"suslov_fast.{_ELSEWHERE.get(name, name)}(body, ...)"
+            instead = instead or _INSTEAD.get(name, "")
             if instead:
                 raise AttributeError(f"{kind!r} object has no attribute {name!r}: use {instead}")
             text = f"{kind!r} object has no attribute {name!r}"

@@ -135,7 +135,7 @@ def as_polynomial(value: Any) -> Polynomial:
         return value.polynomial
     if isinstance(value, Column):
         return variable(value.symbol())
-    return number(exact("coefficient", value))
+    return number(exact("coefficients", value))
 
 
 def constant(p: Polynomial) -> Fraction | None:

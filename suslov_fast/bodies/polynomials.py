@@ -204,7 +204,7 @@ class Polynomial(NDArrayOperatorsMixin):
         """Return a polynomial unchanged; a number is a constant, a column a variable."""
         if isinstance(value, Column):
             return cls([((value.symbol(),), Fraction(1))])
-        return value if isinstance(value, cls) else cls([((), exact("coefficient", value))])
+        return value if isinstance(value, cls) else cls([((), exact("coefficients", value))])
 
     def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
         if operation is np.power and isinstance(operands[1], Polynomial):

@@ -330,7 +330,8 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
             f"{_conventions()}"
         )
     if axis.shape[-1:] != (n,):
-        raise wrong("a", f"have the shape (..., {n})", axis.shape)
+        expected = f"{n} numbers, the components of an axis, or axes (..., {n})"
+        raise wrong("a", expected, f"of the shape {axis.shape}")
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
     if (bad := ~((length > 0) & (length < np.inf)))[..., 0].any():
         where = checks.first_index(bad[..., 0])

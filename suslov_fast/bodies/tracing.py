@@ -201,7 +201,7 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
     except Exception as error:  # raised by f
         cause = explained(error, f_name, call.names, is_family)
         is_smooth = hasattr(error, "in_words") or says(str(error), "function of math")
-        if is_smooth and "no new variable" not in cause:
+        if is_smooth and not ("no new variable" in cause or "split" in cause):
             cause = cause.replace(", see ", f", as in {call.lifted}, see ")
         is_value = isinstance(error, (ValueError, IndexError, ArithmeticError))
         is_usual = is_value or isinstance(error, (TypeError, AttributeError))

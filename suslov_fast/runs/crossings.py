@@ -386,7 +386,7 @@ def searched(
 # Attributes of runs and of SciPy's results, and what to use here.
 _INSTEAD = {
     **dict.fromkeys(
-        ("x", "omega", "y", "u", "points", "y_events"),
+        ("x", "omega", "y", "u", "points", "y_events", "values", "data", "shape", "to_numpy"),
         "crossings.states, the points, or .before and .after",
     ),
     **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),

@@ -29,7 +29,7 @@ def values_at(
         raise wrong(name, "have real numbers as values", f"{values.dtype}", TypeError)
     if values.shape != states.shape[:-1]:
         received = f"values {values.shape} for states {states.shape}"
-        last = "components on the last axis, as x[..., 2]"
+        last = "components on the last axis, as x[..., 0]"
         expected = f"have a value for each state, (...) for states (..., D), with {last}"
         raise wrong(name, expected, received)
     values = np.ascontiguousarray(values, np.float64)

@@ -34,14 +34,14 @@ _FIRST = 64
 _WITHOUT_END = 2**62
 # Errors of a surface that was written for a single state, and what to advise.
 _OF_ONE_STATE = "out of bounds|too many indices|values to unpack"
-_LAST = "components on the last axis, as x[..., 2]"
+_LAST = "components on the last axis, as x[..., 0]"
 
 Surface = Callable[[FloatArray], ArrayLike]
 
 
 def check_surface(surface: Any) -> None:
     """Raise an error unless this is a function of one argument, without attributes of SciPy."""
-    expected = "a function of the states alone, such as lambda x: x[..., 2] - 27"
+    expected = "a function of the states alone, such as lambda x: x[..., 0] - 1"
     if not callable(surface):
         raise wrong("surface", expected, checks.kind_of(surface), TypeError)
     if len(needed := arguments_of(surface)) > 1:

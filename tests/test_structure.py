@@ -29,13 +29,21 @@ FILES = {name_of(path): path for path in TEXTS}
 
 
 def importing(path):
-    """Yield the modules that a file imports from, in functions and for type checkers, too.
+    """Yield the modules that a file imports from, in functions, too; not for type checkers alone.
 
     A public name of the package counts as the module that defines it.
     """
     own = [PACKAGE.name, *path.relative_to(PACKAGE).parts]
+    checking = [
+        node
+        for node in NODES[path]
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
+    ]
+    unseen = {each for node in checking for part in node.body for each in ast.walk(part)}
     roots = set()  # names of the package in this file
     for node in NODES[path]:
+        if node in unseen:
+            continue
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield alias.name

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from typing import assert_type
 
-from suslov_fast import LiftedField, QuadraticField, SuslovND, Trajectories
-from suslov_fast import Suslov3D, SuslovGyrostat, body_from_dict, iterate
+from suslov_fast import Crossings, LiftedField, QuadraticField, SuslovND, Trajectories
+from suslov_fast import SingularStepError, Suslov3D, SuslovGyrostat
+from suslov_fast import body_from_dict, crossings, flow, iterate
 
 Floats = NDArray[np.float64]
 run = iterate(QuadraticField([[[1.0]]]), [1.0], 0.1, 5)
@@ -24,6 +25,24 @@ assert_type(run.omega, Floats)
 assert_type(run.states, Floats)
 assert_type(run[0], Floats)
 assert_type(run.valid, NDArray[np.bool_])
+try:
+    points = crossings(run.body, [1.0], 0.1, 5, lambda x: x[..., 0])
+    assert_type(points, Crossings)
+    assert_type(points.states, Floats)
+    assert_type(points.before, Floats)
+    assert_type(points.time, Floats)
+    assert_type(points.n, NDArray[np.int64])
+except SingularStepError as error:
+    assert_type(error.trajectories, Trajectories)
+    assert_type(error.trajectories.x, Floats)
+    assert_type(error.crossings, Crossings)
+assert_type(run.first_pole, NDArray[np.int64])
+assert_type(run.failed_at, NDArray[np.int64])
+assert_type(run.local_error, Floats)
+assert_type(run.final, Floats)
+assert_type(run.time, Floats)
+assert_type(run.ok, bool)
+assert_type(flow(QuadraticField([[[1.0]]]), [1.0], 0.5), Floats)
 body = body_from_dict({})
 assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | QuadraticField | LiftedField)
 run.no_such_name

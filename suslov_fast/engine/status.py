@@ -1,14 +1,20 @@
 """Statuses of trajectories, and one warning or error for all trajectories that failed."""
 
+from __future__ import annotations
+
 import math
 from enum import IntEnum
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import first_index, spell, warn
 from ..core import codes
+
+if TYPE_CHECKING:  # of users, in whose hands an error is
+    from ..runs.crossings import Crossings
+    from ..runs.trajectories import Trajectories
 
 OnSingular = Literal["warn", "raise", "ignore"]
 ON_SINGULAR = "warn", "raise", "ignore"
@@ -134,8 +140,8 @@ class SingularStepError(ArithmeticError):
     [0, -1]
     """
 
-    trajectories: Any = None
-    crossings: Any = None
+    trajectories: Trajectories = None  # type: ignore[assignment]
+    crossings: Crossings = None  # type: ignore[assignment]
 
     def __init__(self, message: str, result: Any, name: str = "trajectories") -> None:
         super().__init__(message)

@@ -1,0 +1,120 @@
+"""Motions that integrators compute at equal error: systems, starts and references."""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import problem
+from work import Work, load
+
+from suslov_fast import QuadraticField, flow, iterate
+
+
+class System(NamedTuple):
+    """Equations x' = f(x) in D variables, states at time 0 as (batch, D), and the last time."""
+
+    title: str
+    f: Callable
+    D: int
+    starts: Callable[[int], np.ndarray]
+    time: float
+
+
+def henon_heiles(z):
+    x, y, u, v = z
+    return u, v, -x - 2 * x * y, y * y - x * x - y
+
+
+def euler_top(x):
+    return x[1] * x[2] / 2, -(x[2] * x[0]), x[0] * x[1] / 3
+
+
+def hires(y):
+    pair = 280 * y[5] * y[7]
+    return (
+        -1.71 * y[0] + 0.43 * y[1] + 8.32 * y[2] + 0.0007,
+        1.71 * y[0] - 8.75 * y[1],
+        -10.03 * y[2] + 0.43 * y[3] + 0.035 * y[4],
+        8.32 * y[1] + 1.71 * y[2] - 1.12 * y[3],
+        -1.745 * y[4] + 0.43 * y[5] + 0.43 * y[6],
+        -pair + 0.69 * y[3] + 1.71 * y[4] - 0.43 * y[5] + 0.69 * y[6],
+        pair - 1.81 * y[6],
+        -pair + 1.81 * y[6],
+    )
+
+
+def robertson(x):
+    slow, back, fast = 0.04 * x[0], 1e4 * x[1] * x[2], 3e7 * x[1] * x[1]
+    return back - slow, slow - back - fast, fast
+
+
+def near(start, part=0.05):
+    """States that differ from one by up to this part of each component."""
+    return lambda batch: start * problem.starts(batch, len(start), 1 - part, 1 + part)
+
+
+SYSTEMS = {
+    "henon-heiles": System(
+        "Hénon and Heiles", henon_heiles, 4, lambda batch: problem.starts_field(batch, 4), 20.0
+    ),
+    "euler": System("Euler's top", euler_top, 3, lambda batch: problem.starts(batch, 3), 20.0),
+    "lorenz": System(
+        "Lorenz",
+        problem.lorenz_system,
+        3,
+        lambda batch: problem.starts(batch, 3, -8, 8) + np.array([0, 0, 20]),
+        2.0,
+    ),
+    "fput": System(
+        "FPUT of 6 oscillators",
+        problem.fermi_pasta_ulam_tsingou,
+        12,
+        lambda batch: problem.starts(batch, 12, -0.3, 0.3),
+        20.0,
+    ),
+    "hires": System("HIRES", hires, 8, near(np.array([1, 0, 0, 0, 0, 0, 0, 0.0057])), 321.8122),
+    "robertson": System("Robertson", robertson, 3, near(np.array([1.0, 0, 0])), 4e5),
+}
+
+
+@functools.cache
+def field_of(name):
+    system = SYSTEMS[name]
+    return QuadraticField.from_function(system.f, system.D)
+
+
+@functools.cache
+def reference(name, batch):
+    """States at the last time, by `flow`; of stiff systems at a tolerance that it reaches soon."""
+    rtol = 1e-11 if name in ("hires", "robertson") else 1e-13
+    return flow(field_of(name), SYSTEMS[name].starts(batch), SYSTEMS[name].time, rtol=rtol)
+
+
+def by_flow(name, tolerance):
+    """A function of starts, on one thread, as of the other methods."""
+    time = SYSTEMS[name].time
+    return lambda x: flow(field_of(name), x, time, rtol=tolerance, threads=1)
+
+
+def by_steps(name, method, count):
+    options = {"save_every": None, "method": method, "threads": 1}
+    eps = SYSTEMS[name].time / count
+    return lambda x: iterate(field_of(name), x, eps, count, **options).final
+
+
+def at_equal_error(function, name, arguments, batch, below, size):
+    """Motions whose largest error, beside the largest component, is below a bound.
+
+    `function(name, *arguments)` makes a function of starts. In place of an error the work has 0, or
+    by how much the bound is exceeded.
+    """
+    call, batch = load(function)(name, *arguments), size(batch, 16)
+    x = SYSTEMS[name].starts(batch)
+
+    def check():
+        wanted = reference(name, batch)
+        error = abs(call(x) - wanted).max() / abs(wanted).max()
+        return np.array([max(error / below, 1.0)]), np.ones(1)
+
+    return Work(lambda: call(x), len(x), "trajectory", check)

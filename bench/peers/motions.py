@@ -1,0 +1,138 @@
+"""Motions to a tolerance by others: heyoka, SciPy, and Runge and Kutta's method in Numba.
+
+Each function makes a function of starts (batch, D), which returns the states at the last time.
+Right-hand sides are compiled, by heyoka, or by Numba from the terms of the field.
+"""
+
+import functools
+
+import numba
+import numpy as np
+from motions import SYSTEMS, field_of
+from scipy.integrate import solve_ivp
+
+SIDE_BY_SIDE = 16
+
+
+@functools.cache
+def _rates(name):
+    """Return a compiled function that writes f(x) to `out`, with a line for each component."""
+    (rows, j, k), values = field_of(name).terms
+    factors = [f"x[{n}]" for n in range(SYSTEMS[name].D)] + ["1.0"]
+    lines = {}
+    for i, a, b, value in zip(*(a.tolist() for a in (rows, j, k, values)), strict=True):
+        lines.setdefault(i, []).append(f"{float(value)!r} * {factors[a]} * {factors[b]}")
+    text = [f"    out[{i}] = {' + '.join(terms)}" for i, terms in lines.items()]
+    names = {}
+    exec("def rates(x, out):\n" + "\n".join(text), names)
+    return numba.njit(error_model="numpy")(names["rates"])
+
+
+@functools.cache
+def _right(name):
+    rates = _rates(name)
+
+    @numba.njit
+    def right(t, x):
+        out = np.zeros_like(x)
+        rates(x, out)
+        return out
+
+    return right
+
+
+@functools.cache
+def _runge_kutta(name):
+    rates = _rates(name)
+
+    @numba.njit(error_model="numpy")
+    def runge_kutta(x, eps, steps):
+        D = x.shape[1]
+        k, y, total = np.zeros(D), np.zeros(D), np.zeros(D)
+        for state in x:
+            for _ in range(steps):
+                for i in range(D):
+                    total[i], y[i] = 0.0, state[i]
+                for part, weight in ((0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)):
+                    rates(y, k)
+                    for i in range(D):
+                        total[i] += weight * k[i]
+                        y[i] = state[i] + part * eps * k[i]
+                for i in range(D):
+                    state[i] += eps / 6 * total[i]
+
+    return runge_kutta
+
+
+def by_runge_kutta(name, steps):
+    """So many equal steps of order 4, orbits one after the other."""
+
+    def run(x):
+        x = x.copy()
+        _runge_kutta(name)(x, SYSTEMS[name].time / steps, steps)
+        return x
+
+    return run
+
+
+def by_scipy(name, method, tolerance):
+    """SciPy's `solve_ivp`, orbits one after the other."""
+    settings = {"method": method, "rtol": tolerance, "atol": 1e-3 * tolerance}
+    time = SYSTEMS[name].time
+    right = _right(name)
+    return lambda x: np.array([solve_ivp(right, (0, time), s, **settings).y[:, -1] for s in x])
+
+
+def _system(name):
+    import heyoka
+
+    variables = heyoka.make_vars(*(f"x{i}" for i in range(SYSTEMS[name].D)))
+    return [*zip(variables, SYSTEMS[name].f(variables), strict=True)]
+
+
+def by_heyoka(name, tolerance):
+    """heyoka's Taylor integrator in batches of 16, or of one orbit alone."""
+    import heyoka
+
+    D, time, system = SYSTEMS[name].D, SYSTEMS[name].time, _system(name)
+    alone = heyoka.taylor_adaptive(system, np.zeros(D), tol=tolerance)
+    several = heyoka.taylor_adaptive_batch(system, np.zeros((D, SIDE_BY_SIDE)), tol=tolerance)
+
+    def run(x):
+        if len(x) == 1:
+            alone.time, alone.state[:] = 0.0, x[0]
+            alone.propagate_until(time)
+            return alone.state[np.newaxis].copy()
+        states = np.resize(x, (-(-len(x) // SIDE_BY_SIDE) * SIDE_BY_SIDE, D))
+        for some in states.reshape(-1, SIDE_BY_SIDE, D):
+            several.set_time(0.0)
+            several.state[:] = some.T
+            several.propagate_until(time)
+            some[:] = several.state.T
+        return states[: len(x)]
+
+    return run
+
+
+def by_ensemble(name, tolerance):
+    """heyoka's ensemble of integrators of batches of 16, on one thread."""
+    import heyoka
+
+    D, time, system = SYSTEMS[name].D, SYSTEMS[name].time, _system(name)
+    several = heyoka.taylor_adaptive_batch(system, np.zeros((D, SIDE_BY_SIDE)), tol=tolerance)
+
+    def run(x):
+        states = np.resize(x, (-(-len(x) // SIDE_BY_SIDE) * SIDE_BY_SIDE, D))
+        parts = states.reshape(-1, SIDE_BY_SIDE, D)
+
+        def begin(integrator, k):
+            integrator.set_time(0.0)
+            integrator.state[:] = parts[k].T
+            return integrator
+
+        found = heyoka.ensemble_propagate_until_batch(
+            several, time, len(parts), begin, max_workers=1
+        )
+        return np.concatenate([each[0].state.T for each in found])[: len(x)]
+
+    return run

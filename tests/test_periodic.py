@@ -162,3 +162,18 @@ def test_time_scales_with_its_unit():
 def test_bad_input(arguments, options, message):
     with pytest.raises(ValueError, match=message):
         sf.periodic_orbit(VOLTERRA, *arguments, **options)
+
+
+def test_the_period_is_corrected_first():
+    """By Newton's steps alone a Kepler ellipse turned by 45 degrees, and none was found."""
+
+    def kepler(s):
+        cube = (s[0] ** 2 + s[1] ** 2) ** 1.5
+        return s[2], s[3], -s[0] / cube, -s[1] / cube
+
+    field = sf.LiftedField.from_function(kepler, "x y u v")
+    start = [0.4, 0, 0, 2]  # at the pericentre for e = 0.6, a = 1
+    for guess in (5.5, 6.2, 6.8):
+        orbit = sf.periodic_orbit(field, start, guess, 400)
+        assert abs(orbit.period - 2 * np.pi) < 1e-7
+        assert abs(orbit.state - start).max() < 1e-7

@@ -27,6 +27,7 @@ _PART = 1e-6  # of eps, for the difference quotient with respect to it
 # Singular values below this part of the largest one, or below the residual, are directions along a
 # family of orbits, of which a system with an integral has one for each of its values.
 _LEAST = 1e-8
+_CORRECTIONS, _LEAST_CHANGE = 5, 1e-6  # of the period before Newton's steps, relative to it
 _AT_REST = 1e-6  # part of its size that a state at rest moves in a period
 _DIVISORS = 2, 3, 5, 7, 11, 13
 
@@ -201,7 +202,26 @@ class _Shooting:
         self._go_to(x, eps)
         return False
 
+    def _correct_period(self) -> None:
+        """Go to the time at which the orbit of the start passes nearest to it.
+
+        A system with several integrals has orbits of all periods near by, turned against each
+        other, and Newton's steps would rather turn a Kepler ellipse than correct a period.
+        """
+        for _ in range(_CORRECTIONS):
+            eps, residual = self.eps, self.residual
+            rate = vector_field(self.field, self.states[-1])
+            change = -(rate @ self.gap) / (rate @ rate * self.steps * eps)
+            if not _LEAST_CHANGE < abs(change) < 0.5:  # false for NaN
+                break
+            self._go_to(self.x, eps * (1.0 + change))
+            if not self.residual < residual:
+                self._go_to(self.x, eps)
+                break
+
     def solve(self, tol: float) -> PeriodicOrbit:
+        with np.errstate(all="ignore"):
+            self._correct_period()
         for _ in range(_ROUNDS):
             is_found, last = self.residual <= tol, self.residual
             if not self._improve() or (is_found and self.residual > last / 2):

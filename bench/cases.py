@@ -339,7 +339,6 @@ for name, below, count, rtol, tolerance in (
         label = f"{motions.SYSTEMS[name].title}: {label}"
         add("more motions", f"{name}-{key}", whose, label, *arguments, x=below, one_thread=True)
 for name, below, rtol, lsoda in (
-    ("hires", 1e-4, 3.5e-5, 8e-6),
     ("hires", 1e-6, 1e-6, 4e-8),
     ("robertson", 1e-6, 1e-6, 4e-5),
 ):

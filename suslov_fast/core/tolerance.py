@@ -64,6 +64,14 @@ class Stage(Step):
         evaluate(self._values.operations, found)
         return np.array([0.0 * x[0] if n is None else found[n] + 0.0 * x[0] for n in self._rates])
 
+    def rates_of_one(self, x, v):
+        """Return f(x), a list, of one state, from lists of numbers."""
+        found = [*x, *v]
+        for instruction, _, (a, b) in self._values.operations:  # in the order of their numbers
+            a, b = (k if isinstance(k, float) else found[k] for k in (a, b))
+            found.append(a * b if instruction == "fmul" else a + b)
+        return [0.0 if n is None else found[n] for n in self._rates]
+
     def _add_tests(self, halves):
         self._test_pivots([self.factors.pivot[k] for k in sorted(self.factors.pivot)])
 

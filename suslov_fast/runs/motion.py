@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, first_index, require, spell, wrong
 from ..core.flow import Motion, flow_kernel
+from ..core.single_motion import motion_of_one
 from ..core.tolerance import stage_of
 from ..engine.arguments import ALL, alike, by_field, flat_arrays, lift_of, words_of
 from ..engine.problem import Problem
@@ -36,6 +38,10 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
     """Return the states (N, ..., D) at times (N,), NaN where a solution has ended."""
     x0, D = flat_arrays(problem.omega, problem.batch), problem.body.dimension
     require(8 * (len(times) + 8) * x0.size, "compute fewer states at a time")
+    if len(x0) == 1 and not progress:
+        states = _of_one(problem, x0[0].tolist(), times.tolist(), rtol)
+        if states is not None:
+            return states.reshape(len(times), *problem.batch, D)
     states = np.full((len(times), *x0.shape), np.nan)
     undefined = np.asarray(np.isnan(x0).any(axis=1))
     ended, ends = np.zeros(len(x0), bool), np.zeros(len(x0))
@@ -64,6 +70,23 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
             ended |= now_ended
     _warn_of_ends(ended & ~undefined, ends, problem.batch)
     return states.reshape(len(times), *problem.batch, D)
+
+
+def _of_one(problem: Problem, x: list[float], times: list[float], rtol: float) -> Any:
+    """Return the states (N, D) of one trajectory at ascending times, None for other times."""
+    if lift_of(problem.body) or not times or times[0] <= 0.0:
+        return None
+    if any(later <= time for time, later in itertools.pairwise(times)):
+        return None
+    indices, values, _ = by_field(problem.body, 1.0, problem.batch)
+    step = stage_of(indices, len(x))
+    found = motion_of_one(step, values[0], x, rtol, 1, times) if len(values) == 1 else None
+    if found is None:
+        return None
+    states, end = found
+    if end is not None:
+        _warn_of_ends(np.array([True]), np.array([end]), problem.batch)
+    return np.frombuffer(states).copy()
 
 
 def _in_direction(

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import problem
-from work import Work, load
+from work import OTHERS, OURS, Work, load
 
 from suslov_fast import QuadraticField, flow, iterate
 
@@ -118,3 +118,95 @@ def at_equal_error(function, name, arguments, batch, below, size):
         return np.array([max(error / below, 1.0)]), np.ones(1)
 
     return Work(lambda: call(x), len(x), "trajectory", check)
+
+
+def add_cases(add):
+    """Add motions by other methods to the orders; one orbit; other systems, and stiff ones.
+
+    Counts and tolerances are about the least, and largest, with which the error is below its bound.
+    """
+    by_heyoka, by_scipy = "motions.by_heyoka", "motions.by_scipy"
+    for below, runge_kutta, ensemble in ((1e-3, 100, 1e-3), (1e-6, 450, 4e-6), (1e-9, 2753, 1e-8)):
+        for key, label, function, argument in (
+            (
+                "rk4",
+                "Numba, order 4 of Runge and Kutta, one by one",
+                "motions.by_runge_kutta",
+                runge_kutta,
+            ),
+            ("ensemble", "heyoka, ensemble of 16 at once", "motions.by_ensemble", ensemble),
+        ):
+            arguments = at_equal_error, function, "henon-heiles", (argument,), 1024, below
+            add("orders", key, OTHERS, label, *arguments, x=below, one_thread=True)
+    for below, count, order8, rtol, tolerance, scipy, lsoda, runge_kutta in (
+        (1e-6, 10, 20, 1.1e-6, 4.4e-6, 2e-7, 1e-7, 449),
+        (1e-9, 19, 44, 2.6e-9, 1e-8, 4e-10, 2.5e-10, 2478),
+    ):
+        for key, whose, label, function, *arguments in (
+            ("order8", OURS, '`iterate(..., method="order8")`', by_steps, "order8", order8),
+            (
+                "extrapolated",
+                OURS,
+                '`iterate(..., method="extrapolated")`',
+                by_steps,
+                "extrapolated",
+                count,
+            ),
+            ("flow", OURS, "`flow`", by_flow, rtol),
+            ("heyoka", OTHERS, "heyoka, Taylor integrator", by_heyoka, tolerance),
+            (
+                "rk4",
+                OTHERS,
+                "Numba, order 4 of Runge and Kutta",
+                "motions.by_runge_kutta",
+                runge_kutta,
+            ),
+            (
+                "dop853",
+                OTHERS,
+                "SciPy, DOP853, compiled right-hand side",
+                by_scipy,
+                "DOP853",
+                scipy,
+            ),
+            ("lsoda", OTHERS, "SciPy, LSODA, compiled right-hand side", by_scipy, "LSODA", lsoda),
+        ):
+            arguments = at_equal_error, function, "henon-heiles", arguments, 1, below
+            add("one motion", key, whose, label, *arguments, x=below, one_thread=True)
+    for name, below, count, rtol, tolerance in (
+        ("euler", 1e-6, 15, 1.6e-7, 4.4e-6),
+        ("euler", 1e-9, 31, 2.6e-10, 1.7e-9),
+        ("lorenz", 1e-6, 21, 1.6e-8, 1e-7),
+        ("lorenz", 1e-9, 40, 4e-11, 2.6e-10),
+        ("fput", 1e-6, 17, 6.6e-7, 4.4e-6),
+        ("fput", 1e-9, 32, 1.7e-9, 7e-8),
+    ):
+        for key, whose, label, function, *arguments in (
+            ("extrapolated", OURS, '`method="extrapolated"`', by_steps, "extrapolated", count),
+            ("flow", OURS, "`flow`", by_flow, rtol),
+            ("heyoka", OTHERS, "heyoka, Taylor integrator, 16 at once", by_heyoka, tolerance),
+        ):
+            arguments = at_equal_error, function, name, arguments, 1024, below
+            label = f"{SYSTEMS[name].title}: {label}"
+            add("more motions", f"{name}-{key}", whose, label, *arguments, x=below, one_thread=True)
+    for name, below, rtol, lsoda in (
+        ("hires", 1e-6, 1e-6, 4e-8),
+        ("robertson", 1e-6, 1e-6, 4e-5),
+    ):
+        for key, whose, label, batch, function, *arguments in (
+            ("flow", OURS, "`flow`", 1024, by_flow, rtol),
+            (
+                "lsoda",
+                OTHERS,
+                "SciPy, LSODA, compiled right-hand side",
+                16,
+                by_scipy,
+                "LSODA",
+                lsoda,
+            ),
+        ):
+            arguments = at_equal_error, function, name, arguments, batch, below
+            label = f"{SYSTEMS[name].title}: {label}"
+            add(
+                "stiff motions", f"{name}-{key}", whose, label, *arguments, x=below, one_thread=True
+            )

@@ -12,8 +12,7 @@ from test_orders import FLOWS, HENON_HEILES, LORENZ, SQUARE, motion
 import suslov_fast as sf
 from suslov_fast import PoleWarning, QuadraticField, flow
 from suslov_fast.core import flow as core_flow
-from suslov_fast.core import single_motion
-from suslov_fast.core import tolerance
+from suslov_fast.core import single_motion, tolerance
 from suslov_fast.engine import threads
 
 

@@ -247,3 +247,31 @@ def test_poles_are_said_and_nothing_is_cut(browser, width):
             assert text(browser, "regime-name") == name
             assert text(browser, "failure") == failure
             assert browser.value("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("kind", [sf.QuadraticField, sf.LiftedField])
+def test_named_parameters_of_a_single_field(kind):
+    """A single field has its parameters as numbers, while the function that made it is there."""
+    field = kind.from_function(lorenz, "x y z", sigma=10, rho=28)
+    assert scene(field)["field"]["numbers"] == {"sigma": 10.0, "rho": 28.0}
+    found = scene(field, "numbers=8.0,14.5&eps=0.02&steps=20", x0=[1, 1, 20])
+    other = kind.from_function(lorenz, "x y z", sigma=8, rho=14.5)
+    run = sf.iterate(other, [[1.0, 1.0, 20.0]], 0.02, 20)
+    np.testing.assert_array_equal(rows(found["orbits"][0]["states"]), run.x[:, 0, :2])
+    assert found["values"] == {"sigma": 8.0, "rho": 14.5}
+    assert found["parameters"]["numbers"] == [8.0, 14.5]
+    names = {}
+    exec(found["python"], names)
+    assert names["field"] == other
+    assert scene(field, "numbers=8.0,b")["fields"] == ["rho"]
+    assert scene(field, "numbers=,14.5")["error"] == "sigma must be a number, not ''"
+    assert scene(field, "numbers=8.0")["error"].startswith("numbers must be 2 numbers")
+    loaded = sf.body_from_dict(field.to_dict())
+    assert loaded == field
+    assert scene(loaded)["field"]["numbers"] == {}
+
+
+def test_parameters_of_a_hamiltonian():
+    well = sf.QuadraticField.from_hamiltonian(lambda x, a: x[1] ** 2 / 2 + a * x[0] ** 2, 2, a=0)
+    orbit = scene(well, "numbers=0.5", x0=[3.0, 4.0])["orbits"][0]
+    assert orbit["energy"] == 12.5

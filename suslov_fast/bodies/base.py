@@ -4,7 +4,7 @@ import inspect
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -48,6 +48,12 @@ class Body:
     _read: ClassVar[Any] = None  # makes a body from its dictionary; None: the class itself does
     _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary that hold no numbers
     _lists_terms: ClassVar[bool] = False  # whether datasets hold the terms, and not the parameters
+    _remake: ClassVar[Any] = None  # makes the field with other named parameters, if its f is there
+
+    def _made_by(self: Kind, maker: Any, *arguments: Any) -> Kind:
+        """Keep what made this field from a function; copies, members and files do without it."""
+        vars(self)["_remake"] = partial(maker, *arguments)
+        return self
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -195,7 +195,8 @@ class QuadraticField(_FieldOfTerms):
         names = variables("dimension", dimension)
         values = named(parameters, names)
         terms, _ = traced("f", f, names, values)
-        return cls._of({**parts_of(terms, names), **values})
+        field = cls._of({**parts_of(terms, names), **values})
+        return field._made_by(cls.from_function, f, names)
 
     @classmethod
     @public
@@ -237,7 +238,8 @@ class QuadraticField(_FieldOfTerms):
         values = named(parameters, names)
         matrix = structure(K, len(names))
         energy, terms = traced("H", H, names, values, matrix)
-        return cls._of_hamiltonian(energy, matrix, {**parts_of(terms, names), **values})
+        field = cls._of_hamiltonian(energy, matrix, {**parts_of(terms, names), **values})
+        return field._made_by(cls.from_hamiltonian, H, names, K)
 
     @classmethod
     def _of_hamiltonian(cls, H: Terms, K: Any, others: Mapping[str, Any]) -> QuadraticField:

@@ -39,10 +39,9 @@ STRUCTURE, NAMES = "structure", "names of variables"
 class LiftedField(Body):
     """A field with a smooth right-hand side, ``x' = f(x)``, that need not be quadratic.
 
-    Make it with :meth:`from_function` or :meth:`from_hamiltonian`. Variables are added until all
-    derivatives are quadratic: u = 1 / (1 + x) has the derivative -u**2 x'. A step computes them
-    from the state, takes one step of the method for all variables, and keeps the state: it has the
-    order of the method, but no exact inverse, and conserves nothing exactly.
+    Variables are added until all derivatives are quadratic: u = 1 / (1 + x) has the derivative
+    -u**2 x'. A step computes them from the state, takes one step of the method for all variables,
+    and keeps the state: it has the order of the method, but no exact inverse and no invariants.
 
     Attributes
     ----------
@@ -237,7 +236,8 @@ class LiftedField(Body):
         values = named(parameters, names)
         definitions, columns = cls._start(names, values)
         rows = traced("f", f, definitions, columns, f"{cls.__name__}.from_function")
-        return cls._made(definitions, values, rows, None, None)
+        field = cls._made(definitions, values, rows, None, None)
+        return field._made_by(cls.from_function, f, names)
 
     @classmethod
     @public
@@ -258,8 +258,7 @@ class LiftedField(Body):
         H : callable
             Maps a tuple x of D variables to a smooth expression, see :meth:`from_function`.
         K : array_like(shape=(D, D)), optional
-            A constant antisymmetric matrix; by default D is even, and K is the canonical matrix of
-            coordinates and momenta, x = (q1, ..., qm, p1, ..., pm).
+            As in :meth:`QuadraticField.from_hamiltonian`.
         dimension, **parameters
             As in :meth:`from_function`.
 
@@ -283,7 +282,8 @@ class LiftedField(Body):
         matrix = structure(K, len(names))
         definitions, columns = cls._start(names, values)
         [energy] = traced("H", H, definitions, columns, f"{cls.__name__}.from_hamiltonian")
-        return cls._made(definitions, values, None, energy, matrix)
+        field = cls._made(definitions, values, None, energy, matrix)
+        return field._made_by(cls.from_hamiltonian, H, names, K)
 
     @staticmethod
     def _start(

@@ -26,14 +26,15 @@ class View(NamedTuple):
     steps: int
     method: str
     member: tuple[int, ...]  # of a family
+    numbers: tuple[float, ...]  # named parameters of a single field
     box: str = ""  # ends of the axes, which only the page reads; without them all states fit
 
     @property
     def query(self) -> str:
         """The view in an address."""
         starts = ";".join(",".join(map(repr, row)) for row in self.starts.tolist())
-        member = ",".join(map(str, self.member))
-        return urlencode(self._asdict() | {"starts": starts, "member": member}, safe=",;")
+        lists = {name: ",".join(map(str, getattr(self, name))) for name in ("member", "numbers")}
+        return urlencode(self._asdict() | {"starts": starts} | lists, safe=",;")
 
 
 class FieldScene:
@@ -49,8 +50,12 @@ class FieldScene:
         starts = np.atleast_2d(states("x0", start, self.names))
         if starts.ndim > 2:
             raise wrong("x0", f"a state or a list of them, (..., {D})", f"of shape {starts.shape}")
-        member = (0,) * len(field.shape)
-        first = View(self.names[0], self.names[min(1, D - 1)], starts, 0.0, 1, method, member)
+        # A field keeps the function that made it in the process that called the function.
+        single = field._remake is not None and not field.shape
+        given = field.parameters if single else {}
+        self.numbers = {name: float(value) for name, value in given.items()}
+        parameters = (0,) * len(field.shape), (*self.numbers.values(),)
+        first = View(self.names[0], self.names[min(1, D - 1)], starts, 0.0, 1, method, *parameters)
         self.first = self._checked(first._asdict() | {"eps": eps, "steps": steps})
 
     @property
@@ -78,6 +83,11 @@ class FieldScene:
         if "member" in values:
             texts = [text for text in values["member"].split(",") if text]
             values["member"] = tuple(int(_number("member", text)) for text in texts)
+        if "numbers" in values:
+            texts = values["numbers"].split(",") if values["numbers"] or self.numbers else []
+            if len(texts) != len(self.numbers):
+                raise wrong("numbers", f"{len(self.numbers)} numbers", values["numbers"])
+            values["numbers"] = tuple(map(_number, self.numbers, texts))
         return self._checked(self.first._asdict() | values)
 
     def _checked(self, values: dict[str, Any]) -> View:
@@ -99,7 +109,7 @@ class FieldScene:
 
     def answer(self, query: str) -> Any:
         """Return the numbers for a query; for a wrong one, a message and its fields."""
-        names = *View._fields, *self.names
+        names = *View._fields, *self.names, *self.numbers
         return as_answer(lambda: self._scene(self.view(query)), names) | {"field": self._about()}
 
     def _about(self) -> dict[str, Any]:
@@ -107,6 +117,7 @@ class FieldScene:
         return {
             "names": self.names,
             "methods": self.methods,
+            "numbers": self.numbers,
             "axes": [self._axis(k) for k in range(len(self.field.shape))],
             "most": {"steps": MOST_STEPS, "starts": _MOST_STARTS},
         }
@@ -124,9 +135,18 @@ class FieldScene:
                 found[name] = array[tuple(index)].astype(float).tolist()
         return {"count": shape[axis], "parameters": found}
 
+    def _with(self, numbers: tuple[float, ...]) -> Any:
+        """Return the single field with these numbers as its named parameters."""
+        if numbers == (*self.numbers.values(),):
+            return self.field
+        try:
+            return self.field._remake(**dict(zip(self.numbers, numbers, strict=True)))
+        except TypeError as error:  # its function refuses a number
+            raise ValueError(str(error)) from error
+
     def _scene(self, view: View) -> dict[str, Any]:
         """Return the orbits of the starts, with their statuses and numbers."""
-        field = self.field[view.member] if self.field.shape else self.field
+        field = self.field[view.member] if self.field.shape else self._with(view.numbers)
         arguments: dict[str, Any] = {"eps": view.eps, "steps": view.steps, "method": view.method}
         run = iterate(field, view.starts, **arguments, on_singular="ignore", threads=1)
         plane = [self.names.index(view.x), self.names.index(view.y)]
@@ -149,7 +169,7 @@ class FieldScene:
         kept = {name: np.asarray(a) for name, a in field.parameters.items()}
         return {
             "version": __version__,
-            "parameters": view._asdict() | {"starts": view.starts, "member": [*view.member]},
+            "parameters": view._asdict(),
             "values": {name: float(a) for name, a in kept.items() if a.shape == ()},
             "equations": repr(field),
             "orbits": orbits,

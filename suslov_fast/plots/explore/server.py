@@ -203,9 +203,9 @@ def explore(
     it this process serves the page, to browsers on this machine only.
 
     For a field, the components of the plane are chosen on the page, and a click in the plane is a
-    start. A family has a slider for each of its axes, which moves along the values of the named
-    parameters there. For a body in three dimensions there are sliders for its moments, and the body
-    in space.
+    start. A field made from a function has a slider for each named parameter, and a family one for
+    each of its axes, along the values of the parameters there. For a body in three dimensions there
+    are sliders for its moments, and the body in space.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 import { byId, short, state } from "./state.js";
 
 const MOST_ROWS = 12; // components of the start with a field of their own, besides those of the plane
-const inputs = {};
+const inputs = {}, parameters = {};
 let change;
 
 // Returns the starts, as rows of texts.
@@ -26,14 +26,14 @@ export function setComponents(changes, typed = null) {
 }
 
 // Takes over the values of an answer.
-export function put({ starts, member, ...values }) {
+export function put({ starts, member, numbers, ...values }) {
   const rows = starts.map((row) => row.join(",")).join(";");
-  state.values = { ...values, starts: rows, member: member.join(",") };
+  state.values = { ...values, starts: rows, member: member.join(","), numbers: numbers.join(",") };
 }
 
 export function build(changed) {
   change = changed;
-  const { names, methods, axes, most } = state.field, { values } = state;
+  const { names, methods, axes, numbers, most } = state.field, { values } = state;
   for (const [id, texts] of Object.entries({ x: names, y: names, method: methods })) {
     byId(id).append(...texts.map((text) => new Option(text, text)));
     byId(id).value = values[id];
@@ -44,7 +44,8 @@ export function build(changed) {
   }
   byId("member-fields").hidden = !axes.length && !Object.keys(state.scene.values ?? {}).length;
   axes.forEach((axis, k) => member(axis, k));
-  if (!axes.length) fixed(state.scene.values);
+  Object.entries(numbers).forEach((pair, k) => parameter(...pair, k));
+  if (!axes.length && !Object.keys(numbers).length) fixed(state.scene.values);
   steps(most);
   buildStart();
 }
@@ -80,7 +81,31 @@ function member({ count, parameters }, k) {
   });
 }
 
-// A single field has its numbers only: they are shown, and a hint on what varies them.
+// A named parameter of a single field: from 0 to twice its value, or to 1 on both sides of 0.
+function parameter(name, first, k) {
+  const { line, slider } = row(name, name, "member-fields"), start = state.values.numbers.split(",")[k];
+  const ends = first ? [Math.min(0, 2 * first), Math.max(0, 2 * first)] : [-1, 1];
+  Object.assign(slider, { min: ends[0], max: ends[1], step: (ends[1] - ends[0]) / 200, value: start });
+  const input = document.createElement("input");
+  Object.assign(input, { type: "number", id: `parameter-${name}`, step: "any", ariaLabel: name, value: start });
+  line.append(input);
+  parameters[name] = input;
+  const set = (text) => {
+    const found = state.values.numbers.split(",");
+    found[k] = text;
+    change({ numbers: found.join(",") });
+  };
+  slider.addEventListener("input", () => {
+    input.value = Number(Number(slider.value).toPrecision(4));
+    set(input.value);
+  });
+  input.addEventListener("input", () => {
+    slider.value = input.value;
+    set(input.value);
+  });
+}
+
+// A field from a file has its numbers only: they are shown, and a hint on what varies them.
 function fixed(values) {
   for (const [name, value] of Object.entries(values ?? {})) {
     const line = document.createElement("p");
@@ -88,7 +113,7 @@ function fixed(values) {
     byId("member-fields").append(line);
   }
   const hint = document.createElement("p");
-  Object.assign(hint, { className: "hint", textContent: "A family, made with arrays of parameters, has a slider for each." });
+  Object.assign(hint, { className: "hint", textContent: "A family, made with arrays of parameters, has a slider for each of them." });
   byId("member-fields").append(hint);
 }
 
@@ -155,7 +180,7 @@ function buildStart() {
 
 // Marks the fields that an error message names.
 export function mark(fields) {
-  for (const [name, input] of Object.entries(inputs)) {
+  for (const [name, input] of [...Object.entries(inputs), ...Object.entries(parameters)]) {
     input.parentElement.classList.toggle("wrong", fields.includes(name));
     input.toggleAttribute("aria-invalid", fields.includes(name));
   }

@@ -32,7 +32,7 @@ from suslov_fast.command import main
 from suslov_fast.core import cache, one_step
 from suslov_fast.core.numba import kernel
 from suslov_fast.core.stages import Stages
-from suslov_fast.engine import threads
+from suslov_fast.engine import threads, trial
 from suslov_fast.engine.problem import check
 from suslov_fast.maps import KAHAN, Formula, Steps, by_field
 from suslov_fast.maps.methods import field_in
@@ -970,3 +970,14 @@ def test_arguments_of_kernels_are_checked():
     with_steps(arguments=of_first_axis)()
     with pytest.raises(ValueError, match=r"^arguments\[2\] must have 1 or 6 rows.*not 2"):
         iterate(HENON, np.zeros((2, 3, 4)), 0.1, 1, method="new")
+
+
+def test_families_of_trials_are_those_of_the_field():
+    """What all members share, such as the places of terms, has no batch shape."""
+    for field in (
+        sf.QuadraticField.from_function(lambda x: (x[1], -x[0] * x[1]), 2),
+        sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 2 + x[1] ** 3, 2),
+    ):
+        family = trial.family_like(field, 3)
+        assert family.shape == (3,)
+        assert [family[k] == field for k in range(3)] == [True] * 3

@@ -254,6 +254,19 @@ def test_a_call_during_a_parallel_call_is_serial():
 
 @pytest.mark.compiled
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
+def test_no_memory_for_several_threads():
+    """Numba returns NULL without an error; the lock is free again."""
+
+    def parallel(*_):
+        raise SystemError("<function Kernel.parallel> returned NULL without setting an exception")
+
+    kernel = SimpleNamespace(parallel=parallel, serial=lambda *_: None)
+    for _ in range(2):
+        with pytest.raises(MemoryError, match="pass threads=1, or allow the process more memory"):
+            threads.call_kernel(kernel, 10**9, 2)
+    threads.call_kernel(kernel, 10**9, 1)
+
+
 def test_ctrl_c():
     """Ctrl-C ends a long run at the next return to Python; a stretch has a bounded number of steps.
 

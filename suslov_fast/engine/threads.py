@@ -55,6 +55,9 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
             return False
         kernel.parallel(threads or available(), *arguments)
         return True
+    except SystemError as error:  # of Numba, which sets no error of its own
+        how = "pass threads=1, or allow the process more memory (ulimit -v)"
+        raise MemoryError(f"there is no memory for a call on several threads: {how}") from error
     finally:
         try:  # noqa: SIM105  (`suppress` would be the first call)
             _one_at_a_time.release()

@@ -209,7 +209,14 @@ def test_headers_of_docstrings_are_underlined():
             assert below == space + "-" * len(header), (path, header)
 
 
-@pytest.mark.parametrize("name", [name for name, path in FILES.items() if ">>>" in TEXTS[path]])
+WITH_EXAMPLES = [name for name, path in FILES.items() if ">>>" in TEXTS[path]]
+LONG = "suslov_fast.integrability.implicit", "suslov_fast.integrability.locus"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in WITH_EXAMPLES],
+)
 def test_examples(name):
     assert doctest.testmod(importlib.import_module(name)).failed == 0
 

@@ -51,7 +51,7 @@ thread.join()
 @pytest.mark.compiled
 @pytest.mark.parametrize("layer", children.LAYERS)
 @pytest.mark.parametrize(("code", "count"), [(AT_ONCE, 64), (FORKS, 100)])
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 def test_threads_and_forks(code, count, layer):
     """Threads at once, and children forked while a thread computes, neither abort nor hang."""
     if code is FORKS and not hasattr(os, "fork"):

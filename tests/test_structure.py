@@ -73,7 +73,7 @@ ARROWS = {
     "core": "",
     "checks": "core",
     "keywords": "",
-    "bodies": "checks keywords",
+    "bodies": "core checks keywords",
     "engine": "core checks bodies",
     "maps": "core checks bodies engine",
     "quantities": "checks keywords bodies engine maps",

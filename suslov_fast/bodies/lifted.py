@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray
+from ..core.lift import polynomial_at, slopes_at, words_at
 from ..keywords import public
 from .base import Body, frozen, summary
 from .coefficients import structure
@@ -23,7 +23,7 @@ from .expressions import as_polynomial, state_of
 from .field import QuadraticField
 from .field_of_terms import parts_of
 from .letters import Parameter
-from .lift import Lift, polynomial_at, slopes_of, values_of
+from .lift import Lift
 from .lifting import TooMany, gradient, lifted
 from .names import variables
 from .polynomials import Polynomial, named, to_lists
@@ -173,20 +173,19 @@ class LiftedField(Body):
 
     def _lift(self, x: FloatArray) -> FloatArray:
         lift, numbers = self._structure.lift, self._numbers
-        values = values_of(lift, numbers, x)
-        with np.errstate(all="ignore"):
-            words = [math.prod(values[i] for i in word) for word in lift.words]
-        columns: Any = np.broadcast_arrays(*values[: lift.given], *words)
+        state = [x[..., i] for i in range(lift.given)]
+        columns: Any = np.broadcast_arrays(*state, *words_at(lift, numbers, x))
         return np.asarray(np.stack(columns, axis=-1))
 
     def _slopes(self, x: FloatArray) -> FloatArray:
         """Return the derivatives (..., M, D) of all variables by the state."""
-        return slopes_of(self._structure.lift, self._numbers, x)
+        slopes: FloatArray = slopes_at(self._structure.lift, self._numbers, x)
+        return slopes
 
     def _energy(self, x: FloatArray) -> Any:
-        values = values_of(self._structure.lift, self._numbers, x)
+        shared = self._structure
+        energy = polynomial_at(shared.lift, shared.H, self._numbers, x) if shared.H else 0.0
         with np.errstate(all="ignore"):
-            energy = polynomial_at(self._structure.H or (), self._numbers, values)
             return energy + 0.0 * x.sum(axis=-1)
 
     def __call__(self, x: Any) -> FloatArray:

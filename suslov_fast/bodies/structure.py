@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
+from ..core.lift import ONE
 from .columns import rounded
 from .definitions import Definitions
-from .lift import ONE, Lift
+from .lift import Lift
 from .lifting import Lifted
 from .polynomials import Polynomial
 

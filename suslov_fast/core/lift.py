@@ -10,7 +10,11 @@ det(1 - h f'(x)) of the equations as given, at the state from which a whole step
 half of the longest sub-step: h f' = N dwords/dx, with the rows of N that belong to x.
 """
 
-from .operations import Step
+import functools
+
+import numpy as np
+
+from .operations import FUNCTIONS, OF_LIBRARY, Step, Values, evaluate
 from .planned_elimination import Matrix
 
 ONE = -1  # the place of a coefficient 1
@@ -198,3 +202,61 @@ _OF_LIBRARY = {
     **{name: name for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
     "arctan": "atan",
 }
+
+
+# ---------------------------------------------------------------------------------- values by NumPy
+_OTHER_NAMES = {"atan": "arctan", "pow": "power"}
+_IN_NUMPY = FUNCTIONS | {name: getattr(np, _OTHER_NAMES.get(name, name)) for name in OF_LIBRARY}
+
+
+@functools.lru_cache(64)
+def _plan(lift, terms):
+    """Return operations on a state and coefficients, and words, or a polynomial, with slopes."""
+    values = Values(lift.given + lift.coefficients, ())
+    variables = _Variables(values, lift, lift.given)
+    found = [variables.product(word) for word in lift.words]
+    return values.operations, found if terms is None else [variables.polynomial(terms)]
+
+
+def _evaluated(lift, terms, coefficients, x, results):
+    """Return the function that returns a value of the operations, of those that `results` need."""
+    operations, _ = _plan(lift, terms)
+    needed, kept = {*results}, []
+    for operation in reversed(operations):
+        if operation[1] in needed:
+            needed.update(operation[2])
+            kept.append(operation)
+    values = [x[..., i] for i in range(lift.given)]
+    values += [coefficients[..., k] for k in range(lift.coefficients)]
+    values = dict(enumerate(values))
+    with np.errstate(all="ignore"):
+        evaluate(reversed(kept), values, _IN_NUMPY)
+    return lambda number: number if isinstance(number, float) else values[number]
+
+
+def words_at(lift, coefficients, x):
+    """Return the words after states x (..., given), each (...).
+
+    `coefficients` (..., n) has those of a single field, or of each member of a family.
+    """
+    words = [number for number, _ in _plan(lift, None)[1]]
+    return [*map(_evaluated(lift, None, coefficients, x, words), words)]
+
+
+def polynomial_at(lift, terms, coefficients, x):
+    """Return the value (...) of a polynomial in the variables, such as a Hamiltonian."""
+    [(number, _)] = _plan(lift, terms)[1]
+    return _evaluated(lift, terms, coefficients, x, [number])(number)
+
+
+def slopes_at(lift, coefficients, x):
+    """Return the derivatives of all words, those of the state included, by it (..., M, given)."""
+    slopes = [{i: 1.0} for i in range(lift.given)] + [slope for _, slope in _plan(lift, None)[1]]
+    results = {number for slope in slopes for number in slope.values()}
+    value_of = _evaluated(lift, None, coefficients, x, results)
+    batch = np.broadcast_shapes(x.shape[:-1], coefficients.shape[:-1])
+    out = np.zeros((*batch, len(slopes), lift.given))
+    for k, slope in enumerate(slopes):
+        for j, number in slope.items():
+            out[..., k, j] = value_of(number)
+    return out

@@ -90,14 +90,14 @@ OF_TRUTH_VALUES = {
     "or": np.logical_or,
     "xor": np.logical_xor,
 }
-_FUNCTIONS = {**OF_NUMBERS, **OF_TRUTH_VALUES}
+FUNCTIONS = {**OF_NUMBERS, **OF_TRUTH_VALUES}
 
 
-def evaluate(operations, values):
+def evaluate(operations, values, functions=FUNCTIONS):
     """Carry out operations on numbers or arrays; add their results to the dict `values`."""
     for instruction, number, operands in operations:
         numbers = (a if isinstance(a, float) else values[a] for a in operands)
-        values[number] = _FUNCTIONS[instruction](*numbers)
+        values[number] = functions[instruction](*numbers)
 
 
 class Values:

@@ -76,6 +76,7 @@ def test_tangent_vectors_go_through_the_transient(rng):
 def test_a_line_without_machine_code_ends_when_no_lane_is_left(monkeypatch):
     """As of dense fields of 26 variables. One start is NaN, and one reaches a pole."""
     monkeypatch.setattr("suslov_fast.core.tangent.MOST", 0)
+    monkeypatch.setattr("suslov_fast.core.tangent.MOST_OF_DENSE", 0)
     square = sf.QuadraticField([[[1.0]]])
     with pytest.warns(sf.SingularStepWarning):
         assert np.isnan(sf.lyapunov_exponents(square, [[np.nan], [2.0]], 0.5, 40)).all()
@@ -138,6 +139,7 @@ def test_signs_tell_poles_as_for_runs(method, start, eps, steps, monkeypatch):
         assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
     assert told[0].startswith("2 of 3")
     monkeypatch.setattr("suslov_fast.core.tangent.MOST", 0)  # as of many variables
+    monkeypatch.setattr("suslov_fast.core.tangent.MOST_OF_DENSE", 0)
     assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
     monkeypatch.undo()
     monkeypatch.setattr(

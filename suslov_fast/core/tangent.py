@@ -48,10 +48,13 @@ from .llvm import call_code, for_size, uncounted
 from .machine_code import code_of
 from .numba import function, inlined, kernel, lesser, share
 from .operations import Tangent
+from .sparse import is_sparse
 from .stages import distinct, weights_of
 from .steps_field import Scheme, scheme_of, tables_of
 
-MOST = 4000  # operations of a step, above which the loops of `sparse_tangent` are faster
+# Operations of a step, and of one with columns if the field is dense, above which the loops of
+# `sparse_tangent` are faster, or compiling takes longer than most runs.
+MOST, MOST_OF_DENSE = 4000, 40_000
 INTERVAL = 16  # steps, after which columns are orthonormalised at the latest
 _NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` needs D alone
 
@@ -80,7 +83,12 @@ def _tangent_of(places, D, keeps_signs=False):
 
 def _is_long(step):
     """Return whether the loops of `sparse_tangent` take the steps of a field with columns."""
-    return not 0 < len(step.usual) <= MOST and not config.DISABLE_JIT
+    if config.DISABLE_JIT or 0 < len(step.usual) <= MOST:
+        return False
+    if not step.usual or is_sparse(step.indices, step.D):
+        return True
+    tangent = _tangent_of(step.indices.tobytes(), step.D)
+    return len(tangent.usual + tangent.columns) > MOST_OF_DENSE
 
 
 def arguments_of(scheme, values, eps, count):

@@ -63,7 +63,7 @@ def _heartbeat(command: str) -> Iterator[None]:
 
     def beat() -> None:
         while not is_over.wait(_BEAT):
-            _tell(f"{command} goes on after {time.monotonic() - begin:.0f} s")
+            _tell(f"{command} is still running after {time.monotonic() - begin:.0f} s")
 
     if not os.isatty(2):
         threading.Thread(target=beat, daemon=True).start()
@@ -191,7 +191,7 @@ def _body_in(path: Path) -> Any:
         try:
             parameters = json.loads(sys.stdin.buffer.read() if is_input else path.read_bytes())
         except ValueError as error:
-            raise ValueError(f"this is no JSON text of body.to_dict(): {error}") from error
+            raise ValueError(f"not the JSON text of body.to_dict(): {error}") from error
         return sf.body_from_dict(parameters)
 
 
@@ -222,7 +222,7 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
             try:
                 states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
             except (ValueError, EOFError) as error:
-                text = "this is no whole file of numpy.save"
+                text = "not a complete file of numpy.save"
                 how = f"save an array of numbers of shape (count, {body.dimension})"
                 raise ValueError(f"{text}: {how}") from error
         return checks.states(name, checks.real_array(name, states), body._labels)

@@ -86,7 +86,7 @@ def fraction(text: str) -> Fraction:
     try:
         return from_text(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number, such as 0.1 or 1/3") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number, such as 0.1 or 1/3") from None
 
 
 def integer(text: str) -> int:
@@ -98,7 +98,7 @@ def integer(text: str) -> int:
             return int(value)
     except ValueError:
         pass
-    raise argparse.ArgumentTypeError(f"{text!r} is no integer, such as 1000 or 1e6")
+    raise argparse.ArgumentTypeError(f"{text!r} is not an integer, such as 1000 or 1e6")
 
 
 def numbers(text: str) -> list[float]:
@@ -107,7 +107,7 @@ def numbers(text: str) -> list[float]:
         return [float(number) for number in text.split(",")]
     except ValueError:
         how = "write numbers with commas, such as 1,0.5"
-        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers: {how}") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of numbers: {how}") from None
 
 
 def _run(parser: Any) -> None:

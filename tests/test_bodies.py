@@ -268,7 +268,7 @@ def test_errors_of_tensors_name_the_member_and_the_amount():
         SuslovND.from_mass_tensor(np.array([[ID4], [ID4 - 1.5 * ID4], [ID4 - 1.1 * ID4]]))
     with pytest.raises(ValueError, match=r"a must be 3 numbers, .* not of the shape \(2,\)"):
         Suslov3D.from_inertia(stack[0], [1, 2])
-    with pytest.raises(ValueError, match="a: member 1 is no axis"):
+    with pytest.raises(ValueError, match="a: member 1 is not an axis"):
         Suslov3D.from_inertia(stack[0], [[0, 0, 1], [0, 0, 0]])
 
 

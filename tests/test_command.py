@@ -288,17 +288,17 @@ MISTAKES = """
 2 | run --x0 1,2 | --x0 1,2; did you mean --omega0?
 2 | run --overwrite | --overwrite; did you mean --force?
 2 | run --i1 3 | --i1 3; did you mean --I1?
-2 | run --steps 1.5 | --steps: '1.5' is no integer
-2 | run --omega0 1,x | --omega0: '1,x' is no list of numbers
+2 | run --steps 1.5 | --steps: '1.5' is not an integer
+2 | run --omega0 1,x | --omega0: '1,x' is not a list of numbers
 2 | run --I1 4.5 | required: --I2, --I13, --I23, --eps
 2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k
 2 | run --I1 4 --picture 1 | --I1: not allowed with --picture
 2 | run --omega0 1,2 --seed 0 | --seed are for random
 2 | run --save-every 3 | --save-every .* add -o FILE
 2 | run -o o.csv | -o/--output: 'o.csv' must end in .npz or .zarr
-2 | report --body good.json --eps 1/0 | --eps: '1/0' is no number, such as 0.1 or 1/3
-2 | report --body good.json --eps 1e99999999 | --eps: '1e99999999' is no number
-2 | run --steps 1e-99999999 | --steps: '1e-99999999' is no integer
+2 | report --body good.json --eps 1/0 | --eps: '1/0' is not a number, such as 0.1 or 1/3
+2 | report --body good.json --eps 1e99999999 | --eps: '1e99999999' is not a number
+2 | run --steps 1e-99999999 | --steps: '1e-99999999' is not an integer
 1 | run --omega0 1,2,3 | --omega0 must have the shape
 1 | run --J 1,-2 --I 1,1 --eps 1 | J must be positive, not -2
 1 | run --trajectories 0 | --trajectories must .* 0
@@ -307,18 +307,18 @@ MISTAKES = """
 1 | run --threads 100000 | --threads:
 1 | run --method order9 | method must be 'auto', not 'order9' .* field of this body has the methods
 1 | run --body missing.json --eps 1 | missing.json: No such file
-1 | run --body cut.json --eps 1 | cut.json: this is no JSON text .* line 1 column 10
-1 | run --body good.npz --eps 1 | good.npz: this is no JSON text of body.to_dict
+1 | run --body cut.json --eps 1 | cut.json: not the JSON text .* line 1 column 10
+1 | run --body good.npz --eps 1 | good.npz: not the JSON text of body.to_dict
 1 | run --body wrong.json --eps 1 | wrong.json: .* I1 .* -4
 1 | run --initial cut.npy | cut.npy:
-1 | run --initial part.npy | part.npy: this is no whole file of numpy.save: .* (count, 2)
+1 | run --initial part.npy | part.npy: not a complete file of numpy.save: .* (count, 2)
 1 | run --initial nan.npy | nan.npy must be finite .* nan .* (2, 1)
 1 | run -o good.npz | good.npz exists: choose a new name, or add --force
 1 | run -o missing/o.npz | missing/o.npz: nothing can be written there
 1 | run -o folder.zarr --force | folder.zarr
-1 | info foreign.npz | foreign.npz is no whole file .* it has no entry 'kind'
+1 | info foreign.npz | foreign.npz is not a complete file .* it has no entry 'kind'
 2 | --json run | --json comes after the command: suslov-fast run --json
-2 | run --steps abc | argument --steps: 'abc' is no integer, such as 1000 or 1e6
+2 | run --steps abc | argument --steps: 'abc' is not an integer, such as 1000 or 1e6
 2 | run --low 1 | arguments --low and --high belong together
 2 | run --low 1 --high 2 --extent 3 | belong together, without --extent
 2 | run --omega0 1,2 --low 1 --high 2 | are for random states

@@ -401,7 +401,7 @@ def test_files_of_crossings(path, name):
     found = entries(path)
     OF_CROSSINGS[name](found)
     np.savez(path, **found)
-    with pytest.raises(ValueError, match=r"run\.npz is no whole file of Crossings\.save: "):
+    with pytest.raises(ValueError, match=r"run\.npz is not a complete file of Crossings\.save: "):
         sf.Crossings.load(path)
 
 

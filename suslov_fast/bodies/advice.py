@@ -245,7 +245,7 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         how = "pass each number by its own name, such as sigma=10, rho=28"
         if says(text, "product of a number"):
             how = "a constant matrix belongs inside f, and is no parameter"
-        return f"{text}: an array is a family, of which f gets one number at a time: {how}"
+        return f"{text}: an array is a family, and f gets one number at a time: {how}"
     if says(text, "linear algebra of symbols"):
         how = "compute the inverse of a constant matrix before, and multiply by it"
         return (

@@ -24,7 +24,7 @@ def value_of(text: Any, names: Mapping[str, Any]) -> Any:
     what is anything else.
     """
     if not isinstance(text, str) or len(text) > _LONGEST:
-        raise ValueError(f"equations: {short(text)} is no text of an equation")
+        raise ValueError(f"equations: {short(text)} is not an equation")
     try:
         tree = ast.parse(text, mode="eval").body
         return _value(tree, names, text)

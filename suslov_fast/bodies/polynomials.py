@@ -155,7 +155,7 @@ class NoPolynomial(TypeError):
         what = (
             f"compares {of}, as in if: a branch" if f in _COMPARISONS else f"calls {f}({of}): {f}"
         )
-        how = "is no polynomial, and no new variable makes it one"
+        how = "is not a polynomial, and no new variable makes it one"
         return f"{what} {how}: only smooth right-hand sides can become quadratic"
 
 

@@ -336,7 +336,7 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     if (bad := ~((length > 0) & (length < np.inf)))[..., 0].any():
         where = checks.first_index(bad[..., 0])
         which = _of_batch("a", where, bad[..., 0])
-        raise ValueError(f"{which}is no axis: its length is {length[where][0]:g}")
+        raise ValueError(f"{which}is not an axis: its length is {length[where][0]:g}")
     checks.common_shape({"I": matrix.shape[:-2], "a": axis.shape[:-1]})
     # Rotate the axis to e_n by the smallest angle. If it points down, rotate its opposite in this
     # way, and then make half a turn.

@@ -156,7 +156,7 @@ class Crossings(Result):
 
     @property
     def ok(self) -> bool:
-        """True if no trajectory failed before it ended; a passed pole is no failure."""
+        """True if no trajectory failed before it ended; a passed pole is not a failure."""
         return bool((self.status >= 0).all())
 
     def _at_crossings(self, values: Any, axes: int = 0) -> Any:

@@ -199,7 +199,7 @@ def _colours(
             if is_color_like(color):
                 return _Colours(single=color)
             known = ", ".join([*parameters, *of_crossings]) or "nothing varies, so pass numbers"
-            text = f"color: {short(color)} is no colour, and none of the names here: {known}"
+            text = f"color: {short(color)} is not a colour, nor one of the names here: {known}"
             raise ValueError(text)
         if color in of_crossings:
             return _Colours(np.asarray(of_crossings[color], float), color)

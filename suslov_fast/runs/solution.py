@@ -29,7 +29,7 @@ _SLICE = 2**21
 _ORBIT_COST, _STATE_COST = 64, 8
 # Reasons for missing states, in the order of the kernel's flags.
 _REASONS = (
-    ("no state for t >= 1 if n is no integer, or |n| > 2**53", RuntimeWarning),
+    ("no state for t >= 1 if n is not an integer, or |n| > 2**53", RuntimeWarning),
     ("beyond the range of the closed form, 1e8 for X, Y and K: use iterate", RuntimeWarning),
     ("no state directly after a pole of the map", SingularStepWarning),
 )

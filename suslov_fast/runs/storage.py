@@ -177,7 +177,7 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
         raise
     except Exception as error:  # from NumPy, zipfile or json
         text = f"it has no entry {error}" if isinstance(error, KeyError) else str(error)
-        raise ValueError(f"{name} is no whole file of {writers}: {text}") from error
+        raise ValueError(f"{name} is not a complete file of {writers}: {text}") from error
     raise ValueError(f"{name} is a file of {kind}.save: load it by {kind}.load")
 
 

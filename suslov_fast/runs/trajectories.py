@@ -257,7 +257,7 @@ class Trajectories(Result):
 
     @property
     def ok(self) -> bool:
-        """True if no trajectory failed; a passed pole is no failure."""
+        """True if no trajectory failed; a passed pole is not a failure."""
         return bool((self.status >= 0).all())
 
     @property

@@ -7,6 +7,7 @@ import pytest
 from children import TWO_THREADS
 from scipy.integrate import solve_ivp
 from scipy.special import expi
+from test_lifted import FIELDS
 
 from suslov_fast import LiftedField, PoleWarning, flow
 from suslov_fast.core import flow as core_flow
@@ -72,6 +73,15 @@ def test_solutions_have_their_tolerance(f, start, time):
     for rtol in (1e-6, 1e-9, 1e-12):
         found = flow(of(f, len(start)), start, [time / 2, time], rtol=rtol)
         assert abs(found - exact).max() < 100 * rtol
+
+
+@pytest.mark.parametrize(
+    "name", ["double pendulum", "three bodies", "sitnikov", "toda", "tangent", "roots", "powers"]
+)
+def test_fields_of_many_variables_and_functions(name):
+    f, start, _ = FIELDS[name]
+    found = flow(of(f, len(start)), start, 3.0, rtol=1e-10)
+    assert abs(found - solution(f, start, [3.0])[0]).max() < 1e-8
 
 
 def test_the_pendulum_swings_back_and_forth():

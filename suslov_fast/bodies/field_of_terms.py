@@ -27,13 +27,28 @@ _OF_STORES = frozenset(
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class _FieldOfTerms(Body):
+class FieldOfFunction(Body):
+    """A field whose parts include named parameters, those of the function that it is made of."""
+
+    names: tuple[str, ...]
+
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The named parameters of the function: numbers as they were given, and arrays."""
+        return {name: self._parts[name] for name in self._coordinates}
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class _FieldOfTerms(FieldOfFunction):
     """The parts of a field: its terms, those of H, the matrix K, names and named parameters."""
 
     _axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
     _lists_terms: ClassVar[bool] = True
 
-    names: tuple[str, ...]
     H: Hamiltonian | None
 
     def _take(self, parts: Mapping[str, Any]) -> None:
@@ -69,10 +84,6 @@ class _FieldOfTerms(Body):
         return self._of, ({**self._parts, NAMES: self.names},)
 
     @property
-    def _arrays(self) -> dict[str, FloatArray]:
-        return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
-
-    @property
     def _key(self) -> tuple[Any, ...]:
         return self.dimension, *super()._key
 
@@ -88,11 +99,6 @@ class _FieldOfTerms(Body):
         kinds = {"dimension": np.int64, "indices": np.int64, "indices of H": np.int64}
         found = {name: np.asarray(a, kinds.get(name, np.float64)) for name, a in arrays.items()}
         return found | texts
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """The named parameters of the function: numbers as they were given, and arrays."""
-        return {name: self._parts[name] for name in self._coordinates}
 
     @property
     def K(self) -> Any:

@@ -15,13 +15,13 @@ from .. import checks
 from ..checks import FloatArray
 from ..core.lift import polynomial_at, slopes_at, words_at
 from ..keywords import public
-from .base import Body, frozen, summary
+from .base import frozen, summary
 from .coefficients import structure
 from .definitions import Definitions
 from .equations import value_of
 from .expressions import as_polynomial, state_of
 from .field import QuadraticField
-from .field_of_terms import parts_of
+from .field_of_terms import FieldOfFunction, parts_of
 from .letters import Parameter
 from .lift import Lift
 from .lifting import TooMany, gradient, lifted
@@ -36,7 +36,7 @@ STRUCTURE, NAMES = "structure", "names of variables"
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class LiftedField(Body):
+class LiftedField(FieldOfFunction):
     """A field with a smooth right-hand side, ``x' = f(x)``, that need not be quadratic.
 
     Variables are added until all derivatives are quadratic: u = 1 / (1 + x) has the derivative
@@ -72,7 +72,6 @@ class LiftedField(Body):
     _called: ClassVar[str] = "a lifted field"
     _instead: ClassVar[str] = ", whose steps conserve nothing: use energy, or field.lifted"
 
-    names: tuple[str, ...]
     H: SmoothHamiltonian | None
     _structure: Structure
 
@@ -99,10 +98,6 @@ class LiftedField(Body):
         return self._of, ({**self._parts, NAMES: self.names, STRUCTURE: self._structure},)
 
     @property
-    def _arrays(self) -> dict[str, FloatArray]:
-        return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
-
-    @property
     def _key(self) -> tuple[Any, ...]:
         return self._structure.key, *super()._key
 
@@ -114,11 +109,6 @@ class LiftedField(Body):
         texts["equations"] = "; ".join(shared.equations)
         texts["definitions"] = "; ".join(f"{n} = {t}" for n, t in shared.texts)
         return arrays | self._arrays | texts
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """The named parameters of the function: numbers as they were given, and arrays."""
-        return {name: self._parts[name] for name in self._coordinates}
 
     @property
     def _numbers(self) -> FloatArray:

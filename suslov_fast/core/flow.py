@@ -10,12 +10,12 @@ import functools
 from math import comb
 
 import numpy as np
-from numba import config
 
 from .careful import solve_lane
 from .codes import OK
 from .generated import WIDTH
 from .generated_flow import SLOT, FlowArguments, rows_of, text_of_flow
+from .listed_code import runs_code
 from .machine_code import call, code_of
 from .numba import Kernel, function
 from .operations import evaluate
@@ -83,7 +83,8 @@ class Motion:
         self.step, self.W = step, W
         self.places, self.rtol = rows_of(self.step), np.array([rtol])
         self.plan, self.for_each, self.loops = plan_of(direction), len(values) > 1, None
-        if not (0 < len(step.usual) <= MOST or step.lift or config.DISABLE_JIT):
+        is_long = not (0 < len(step.usual) <= MOST or step.lift)
+        if is_long and runs_code(W) is not None:
             self.loops = Loops(step, W)
         x = in_lines(x0, W)
         self.values = in_lines(values, W) if self.for_each else values.reshape(1, -1, 1)

@@ -74,6 +74,7 @@ class Arguments(NamedTuple):
     fractions: Any  # (stages,)
     tables: Any  # (stages,), places in `table`
     weights: Any  # (stages,), at the ends of columns, else 0
+    has_signs: int  # 1 if components keep their signs along the motion
 
 
 @functools.lru_cache(32)
@@ -87,7 +88,7 @@ def _is_long(step):
         return False
     if not step.usual or is_sparse(step.indices, step.D):
         return True
-    tangent = _tangent_of(step.indices.tobytes(), step.D)
+    tangent = _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
     return len(tangent.usual + tangent.columns) > MOST_OF_DENSE
 
 
@@ -95,6 +96,7 @@ def arguments_of(scheme, values, eps, count):
     """Return the arguments of the kernels for `count` trajectories, and what has to stay alive."""
     (step, stages), fractions = scheme, scheme.stages.fractions
     of_stages = np.array(fractions), distinct(fractions)[1], weights_of(stages)[:, 0].copy()
+    of_stages = *of_stages, int(bool(step.of_one_sign))
     if _is_long(step):
         fixed, kept = sparse_tangent.arguments_of(step, values, eps, distinct(fractions)[0])
         return Arguments(*fixed, *of_stages), kept
@@ -359,7 +361,7 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
             steps = np.int64(1)
             if stages == 1:
                 steps = np.int64(lesser(stop, (n // INTERVAL + 1) * INTERVAL) - n)
-            if stages > 1 and stage == 0:
+            if stages > 1 and stage == 0 and arguments.has_signs:
                 for i in range(D):
                     for l in range(W):
                         base[i, l] = line[i, l]
@@ -371,7 +373,7 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
             n = state if stage == 0 else n
             if stages > 1:  # a stage may change signs where the whole step does not
                 changed = np.int64(0)
-                for l in range(W if stage == 0 else 0):
+                for l in range(W if stage == 0 and arguments.has_signs else 0):
                     over_0 = changes_sign(arguments.indices, base[:, l], line[:D, l])
                     changed |= (1 << l) if over_0 else 0
             changed &= ~ignored

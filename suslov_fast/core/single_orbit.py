@@ -8,8 +8,8 @@ from array import array
 
 import numpy as np
 
-from .generated import text_of_steps
-from .generated_stages import SLOT, CodeArguments
+from .generated import text_of_compositions, text_of_extrapolated_steps, text_of_steps
+from .generated_stages import BASE, LARGEST, ROWS, SLOT, CodeArguments
 from .lift import LiftedStep
 from .machine_code import MANY, code_of
 from .stages import distinct, weights_of
@@ -42,14 +42,20 @@ def plan_of(stages, table, halves=None):
     return plan
 
 
+def _has_columns(step, stages):
+    """Return whether steps need the rows of `generated_stages.ROWS`."""
+    return bool(stages.columns or (step.of_one_sign and not step.keeps_signs))
+
+
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values, saves):
     """Return code and arguments for one orbit, and what has to stay alive; None if it has none."""
-    has_columns = stages.columns or (step.of_one_sign and len(stages.fractions) > 1)
     is_long = not 0 < len(step.usual) <= MANY or step.pieces[1]
-    if has_columns or is_long or isinstance(step, LiftedStep):
+    if is_long or isinstance(step, LiftedStep):
         return None
-    address = code_of(text_of_steps, step, 1, False, 8 if saves else 0)
+    text_of = text_of_compositions if _has_columns(step, stages) else text_of_steps
+    text_of = text_of_extrapolated_steps if stages.columns else text_of
+    address = code_of(text_of, step, 1, False, 8 if saves else 0)
     if address is None:
         return None
     table = common_table(step, stages, eps, values)[1]
@@ -62,8 +68,11 @@ def _prepared(step, stages, eps, values, saves):
     return address, array("q", [*CodeArguments(**numbers), marks]), (table, plan)
 
 
-def take_one(arguments, state, status, final, steps, saved):
-    """Take the steps of a short run of one orbit; return False if others have to take them."""
+def take_one(arguments, state, status, errors, final, steps, saved):
+    """Take the steps of a short run of one orbit; return False if others have to take them.
+
+    `errors` are its largest estimated errors, (D, 1), or empty.
+    """
     ((step, stages), values, eps), (start, stop, every, row) = arguments, steps
     if not 0 < stop - start <= SHORT or status.item():
         return False
@@ -71,9 +80,15 @@ def take_one(arguments, state, status, final, steps, saved):
     if found is None:
         return False
     (address, template, _), count = found, len(stages.fractions)
-    x, numbers = array("d", state[0].tolist()), template[:]
+    x, numbers, columns = array("d", state[0].tolist()), template[:], None
     at, _ = numbers.buffer_info()
     numbers[SLOT.x], _ = x.buffer_info()
+    if _has_columns(step, stages):
+        columns, D = array("d", bytes(8 * ROWS * len(x))), len(x)
+        columns[BASE * D : BASE * D + D] = x
+        if len(errors):
+            columns[LARGEST * D : LARGEST * D + D] = array("d", errors[:, 0].tolist())
+        numbers[SLOT.columns], _ = columns.buffer_info()
     numbers[SLOT.marks], numbers[SLOT.steps] = at + 8 * len(SLOT), (stop - start) * count
     numbers[SLOT.first_until] = numbers[SLOT.until] = -1
     if every:
@@ -88,4 +103,6 @@ def take_one(arguments, state, status, final, steps, saved):
     if not address.call(at):  # a step needs `careful`
         return False
     final[0] = x
+    if len(errors):
+        errors[:, 0] = columns[LARGEST * len(x) :]
     return True

@@ -386,7 +386,8 @@ def _iterate_part(
         if steps[0] == 0:
             note_undefined(states, notes)
             errors[:] = np.nan
-        if W == 1 and take_one(own, states, notes[0], final[chunk], steps, saved[:, chunk]):
+        one = own, states, notes[0], errors, final[chunk], steps, saved[:, chunk]
+        if W == 1 and take_one(*one):
             continue
         lines = _Lines(own, states, notes, errors, W)
         _take_steps(lines, states, errors, steps, saved[:, chunk], is_large, abandoned)

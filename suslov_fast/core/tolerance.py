@@ -62,7 +62,10 @@ class Stage(Step):
         """Return f(x) (D, ...) of states (D, ...), with the bits that a single state has."""
         found = dict(enumerate([*x, *v]))
         evaluate(self._values.operations, found)
-        return np.array([0.0 * x[0] if n is None else found[n] + 0.0 * x[0] for n in self._rates])
+        f = np.zeros((len(self._rates), *np.shape(x[0])))
+        for row, number in zip(f, self._rates, strict=True):
+            row[:] = 0.0 if number is None else found[number]
+        return f
 
     def rates_of_one(self, x, v):
         """Return f(x), a list, of one state, from lists of numbers."""

@@ -119,7 +119,9 @@ class _Lines:
         """Return whether machine code computes the tables of stages, which takes less memory."""
         step, stages = self.scheme
         is_long = not 0 < len(step.usual) <= MANY or isinstance(step, LiftedStep)
-        return len(stages.fractions) > 1 and not is_long and not config.DISABLE_JIT
+        if len(stages.fractions) == 1 or is_long or config.DISABLE_JIT:
+            return False
+        return len(step.pieces[0]) == 1  # others would need the tables, too
 
     @functools.cached_property
     def table(self):

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 import suslov_fast as sf
 from suslov_fast.maps import MAPS, map_of
 from suslov_fast.runs import search as module
+from suslov_fast.runs.refine import crossing_fractions
 
 HENON_HEILES = sf.QuadraticField.from_hamiltonian(
     lambda x: (
@@ -172,3 +173,29 @@ def test_a_surface_is_asked_for_rows_of_the_whole_batch(rng):
     assert points.count.shape == (2, 5)
     assert all(shape[1:] == (2, 5, 4) for shape in shapes)
     assert len(shapes) <= 1 + 20 + 3  # the start, a piece and its rounds
+
+
+def test_a_smooth_crossing_takes_few_rounds():
+    """A crossing that is found is not asked for again; the root of exp(x) + x^2 / 10 = 1.7."""
+    asked, at_ends = [], (np.full(3, -0.7), np.full(3, np.e - 1.6))
+
+    def values_at(which, x):
+        asked.append(len(which))
+        return np.exp(x) - 1.7 + 0.1 * x**2
+
+    fractions = crossing_fractions(values_at, np.array([0.5, 0.49, 0.1]), *at_ends)
+    expected = brentq(lambda x: values_at([], x), 0.0, 1.0, xtol=1e-15)
+    np.testing.assert_allclose(fractions, expected, rtol=0, atol=1e-15)
+    assert sum(asked) <= 18
+
+
+@pytest.mark.parametrize("beyond", [1.0, 1e6])
+@pytest.mark.parametrize("root", [0.3, 0.71])
+def test_a_surface_with_a_jump_is_bisected(root, beyond):
+    """Interpolation between -1 and 1 tells nothing, and between -1 and 1e6 less."""
+
+    def values_at(which, x):
+        return np.where(x < root, -1.0, beyond)
+
+    found = crossing_fractions(values_at, np.array([0.5]), np.array([-1.0]), np.array([beyond]))
+    assert abs(found - root) < 1e-5

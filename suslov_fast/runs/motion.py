@@ -39,9 +39,9 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
     x0, D = flat_arrays(problem.omega, problem.batch), problem.body.dimension
     require(8 * (len(times) + 8) * x0.size, "compute fewer states at a time")
     if len(x0) == 1 and not progress:
-        states = _of_one(problem, x0[0].tolist(), times.tolist(), rtol)
-        if states is not None:
-            return states.reshape(len(times), *problem.batch, D)
+        one: FloatArray | None = _of_one(problem, x0[0].tolist(), times.tolist(), rtol)
+        if one is not None:
+            return one.reshape(len(times), *problem.batch, D)
     states = np.full((len(times), *x0.shape), np.nan)
     undefined = np.asarray(np.isnan(x0).any(axis=1))
     ended, ends = np.zeros(len(x0), bool), np.zeros(len(x0))

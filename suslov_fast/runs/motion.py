@@ -72,7 +72,7 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
     return states.reshape(len(times), *problem.batch, D)
 
 
-def _of_one(problem: Problem, x: list[float], times: list[float], rtol: float) -> Any:
+def _of_one(problem: Problem, x: list[float], times: list[float], rtol: float) -> FloatArray | None:
     """Return the states (N, D) of one trajectory at ascending times, None for other times."""
     if lift_of(problem.body) or not times or times[0] <= 0.0:
         return None

@@ -87,6 +87,7 @@ def test_a_full_disk_leaves_no_part_and_the_old_file(path, monkeypatch):
 def test_a_file_that_others_read_on_windows(path, monkeypatch):
     path.touch()
     denied = PermissionError(errno.EACCES, "Access is denied")
+    monkeypatch.setattr(storage, "os", SimpleNamespace(name="posix"))
     assert storage._why_not(denied, path, 0) == "Access is denied"
     monkeypatch.setattr(storage, "os", SimpleNamespace(name="nt"))
     assert "close what has it open" in storage._why_not(denied, path, 0)
@@ -118,7 +119,7 @@ def test_existing_files(path):
     for name in ("run.nc", "run", "run.zarr"):
         with pytest.raises(ValueError, match=r"^path.*\.npz.*ensemble"):
             run.save(path.with_name(name))
-    with pytest.raises(FileNotFoundError, match=r"absent.run\.npz"):
+    with pytest.raises(FileNotFoundError, match=r"absent.+run\.npz"):
         run.save(path.parent / "absent" / "run.npz")
     with pytest.raises(FileNotFoundError):
         sf.Trajectories.load(path.with_name("absent.npz"))
@@ -231,6 +232,8 @@ def test_parts_of_killed_processes_are_deleted(path):
         assert not left.exists()
         run_of("one").save(path)
         assert new.exists() or sys.platform == "win32"
+    if new.exists():
+        os.utime(new, (0, 0))  # Windows, which has no locks, waits for a minute
     run_of("one").save(path, overwrite=True)
     assert sorted(os.listdir(path.parent)) == [other.name, path.name]
 

@@ -17,7 +17,6 @@ pytest.importorskip("flint")
 
 from suslov_fast.integrability import (
     PlanarEntropy,
-    arithmetic,
     confinement,
     contracted,
     degrees,
@@ -425,27 +424,6 @@ def test_an_object_that_contradicts_its_degrees(monkeypatch):
     refuted = planar_entropy(map)
     assert "the degrees are [2, 3, 5, 8" in refuted.reason
     assert (refuted.entropy, refuted.degrees) == (None, ())
-
-
-def test_primes_that_divide_a_coefficient_are_replaced():
-    """x'' + x = x' + 1 / x'^2 + c x'^3, with the two primes that the seed 0 draws first."""
-    rng = random.Random(0)
-    first = arithmetic.random_prime(rng, contracted._BITS)
-    rng.randrange(2, first), rng.getrandbits(30)  # a number in place of eps, and a seed
-    c = first * arithmetic.random_prime(rng, contracted._BITS)
-    assert c == 1277389331 * 2110515739
-
-    def kicked(c):
-        def kick(x):
-            return x + 1 / x**2 + c * x**3
-
-        return rational_map(
-            lambda x: (x[1], kick(x[1]) - x[0]), 2, lambda x: (kick(x[0]) - x[1], x[0])
-        )
-
-    found = planar_entropy(kicked(c))
-    assert found.entropy == pytest.approx(math.log(5), abs=1e-12)
-    assert found == replace(planar_entropy(kicked(3)), contractions=found.contractions)
 
 
 def test_equations_without_a_map_are_not_invertible():

@@ -295,6 +295,17 @@ def test_many_variables(rng, monkeypatch, f, D, size, tolerance):
 
 
 @pytest.mark.compiled
+@pytest.mark.parametrize("most", [4000, 0])
+def test_determinants_of_many_variables(monkeypatch, most):
+    """Factors near 1 have a product below rounding: 0.6**100 for x_i' = -x_i and eps = 1/2."""
+    monkeypatch.setattr("suslov_fast.core.tangent.MOST", most)  # code, or loops over the pattern
+    D = 100
+    field = sf.QuadraticField.from_terms([range(D), range(D), [D] * D], -np.ones(D), D)
+    exponents = sf.lyapunov_exponents(field, np.ones(D), 0.5, 3)
+    np.testing.assert_allclose(exponents, np.log(0.6), rtol=1e-12)
+
+
+@pytest.mark.compiled
 @pytest.mark.parametrize("by_jacobian", [False, True])
 def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian):
     """All stand at the same step; False ends the run, with means over the steps done."""

@@ -40,6 +40,7 @@ WHOLE, PIECE = 4000, 1000
 # and than a part of those of a dense matrix, because elimination without a plan is faster then; or
 # unless there are more than LONGEST products in all, because planning takes long.
 MOST, PART_OF_DENSE, LONGEST = 36_000, 1 / 24, 150_000
+AT_MOST = 8  # factors of abs(det DPhi) near 1, after which their product may be far from 1
 
 
 def _of_library(function):
@@ -376,7 +377,11 @@ class Tangent(Step):
         need p_k / q_k - 1 = (N_kk - M_kk) / q_k, with N and M after elimination.
         """
         emit, (volume, near_1, far) = self.values.emit, range(self.D + self.T, self.D + self.T + 3)
-        for k in sorted(self.factors.inverse):
+        for n, k in enumerate(sorted(self.factors.inverse)):
+            if n and n % AT_MOST == 0:  # many factors near 1 have a product that is not
+                is_near = emit("olt", emit("fabs", near_1), 0.5)
+                factor = emit("select", is_near, 1.0, emit("fadd", 1.0, near_1))
+                near_1, far = emit("select", is_near, near_1, 0.0), emit("fmul", far, factor)
             per_q, per_p = self.factors.inverse[k], self.back.inverse[k]
             change = emit("fsub", self.factors.diagonal[k], self.back.diagonal[k])
             change = emit("fmul", change, per_q)

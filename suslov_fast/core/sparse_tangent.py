@@ -13,18 +13,12 @@ from .elimination import simd_max
 from .generated_tangent import (
     CHANGED,
     DUE,
-    FAR_FROM_1,
-    LARGEST_LENGTH,
     LARGEST_SIZE,
-    LEAST_LENGTH,
     LEAST_SIZE,
     LENGTHS,
     LIMIT,
     NEAR_1,
-    NEAR_1_LARGEST,
-    NEAR_1_LEAST,
     NEGATIVE,
-    OUTSIDE,
     STEP,
     VOLUME,
 )
@@ -35,7 +29,8 @@ from .sparse import Pattern, eliminate, pattern_of, room_of, size_of, step_once,
 BLOCK = 64  # columns that are multiplied at once, because their rows stay in the caches
 # Columns are orthonormalised after `pace` steps. It begins with 1, doubles where they have lost
 # less than the square root of LIMIT, and halves where they have lost more than LIMIT. The row
-# VOLUME of a line has the number of steps since then, plus PACE times the pace.
+# VOLUME of a line has the number of steps since then, plus PACE times the pace; the row NEAR_1 has
+# the sum of log(abs(det DPhi)).
 PACE, LONGEST_PACE = 32.0, 16.0
 
 
@@ -65,14 +60,16 @@ def multiply(pattern, room, back, columns, new):
 
 
 @function
-def scale(room, back, products):
-    """Multiply NEAR_1 + 1 and FAR_FROM_1 by abs(det DPhi), see `operations.Tangent`."""
+def logarithm_of_det(room, back):
+    """Return log(abs(det DPhi)), see `operations.Tangent`: many factors may leave their range."""
+    logarithm = 0.0
     for i in range(len(room.row)):
         change = (back.pivots[i] - room.pivots[i]) * room.inverse[i]
         if abs(change) < 0.5:
-            products[NEAR_1] += change + products[NEAR_1] * change
+            logarithm += np.log1p(change)
         else:
-            products[FAR_FROM_1] *= abs(room.inverse[i] / back.inverse[i])
+            logarithm += np.log(abs(room.inverse[i] / back.inverse[i]))
+    return logarithm
 
 
 @function
@@ -199,7 +196,7 @@ def take_steps(line, table, kept, plan, ignored, steps):
         if not (good and eliminate(pattern, half, -1.0, 1.0, back)[0]):
             return n | 1 << STEP
         multiply(pattern, room, back, columns, new)
-        scale(room, back, products)
+        products[NEAR_1] += logarithm_of_det(room, back)
         length, changed = 0.0, False
         for i in range(D):
             changed |= pattern.of_one_sign[i] and crosses_0(x[i], back.y[i])
@@ -211,9 +208,6 @@ def take_steps(line, table, kept, plan, ignored, steps):
         flags = np.int64(negative) << NEGATIVE | np.int64(changed) << CHANGED
         if since >= pace or not (LEAST_SIZE < length < LARGEST_SIZE):
             flags |= 1 << DUE
-        near, far = products[NEAR_1], products[FAR_FROM_1]
-        if not (NEAR_1_LEAST < near < NEAR_1_LARGEST and LEAST_LENGTH < far < LARGEST_LENGTH):
-            flags |= 1 << OUTSIDE
         if flags:
             return (n + 1) | flags
     return steps

@@ -397,7 +397,8 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                 else:
                     orthonormalise(line[first:], line[D : 2 * D + LENGTHS], arguments.room, due)
             if is_last or due | outside:
-                take_logarithms(line[D : 2 * D + LENGTHS], sums, of_det, place * W, is_last)
+                rows, is_sum = line[D : 2 * D + LENGTHS], arguments.plan != 0
+                take_logarithms(rows, sums, of_det, place * W, is_last, is_sum)
         for l in range(lesser(W, B - place * W)):
             k = place * W + l
             of_det[k] += 0.0 * line[0, l]

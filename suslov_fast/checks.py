@@ -156,7 +156,7 @@ def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
     """Return advice, for messages, on states of a wrong shape."""
     advice = []
     if len(shape) > 1 and shape[0] == len(labels):
-        advice.append("the last axis holds the components, pass the transpose")
+        advice.append("pass the transpose, because the last axis holds the components")
     if shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
         rotated = "(omega @ rotation.T)[..., :2]" if len(shape) > 1 else "(rotation @ omega)[:2]"
         how = f"pass {rotated}, with the rotation that from_inertia returns"
@@ -281,7 +281,7 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
         return np.broadcast_shapes(*shapes.values())
     except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
         received = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
-        how = "to combine each with each, insert axes of length 1, such as x[:, np.newaxis]"
+        how = "for all combinations insert axes of length 1, such as x[:, np.newaxis]"
         raise ValueError(f"batch shapes do not broadcast: {received}; {how}") from error
 
 
@@ -324,7 +324,7 @@ def instance(name: str, value: Any, expected: Any) -> None:
         called = either([vars(kind).get("_called", kind.__name__) for kind in classes])
         instead = ""
         if isinstance(value, (str, bytes)) and expected is Mapping:
-            instead = ": json.loads(text) makes a dictionary of a text"
+            instead = ": pass json.loads(text)"
         elif all(hasattr(kind, "_instead") for kind in classes):
             instead = in_place_of(value)
         raise wrong(name, called, kind_of(value) + instead, TypeError)
@@ -336,9 +336,9 @@ def in_place_of(value: Any) -> str:
         return ": pass an object of the class"
     instead: str = getattr(value, "_instead", "")
     if isinstance(value, tuple) and value and hasattr(value[0], "_instead"):
-        return ": pass the first part, because from_inertia returns the body and a rotation"
+        return ": pass the body alone, because from_inertia returns a body and a rotation"
     if callable(value) and not instead:
-        return ": QuadraticField.from_function(f, dimension) makes a field of a function"
+        return ": pass QuadraticField.from_function(f, dimension)"
     return instead
 
 

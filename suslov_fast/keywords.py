@@ -16,7 +16,7 @@ _SPAN = "pass eps= and steps=; a run ends at the time eps * steps"
 _DIGITS = (
     'pass method="extrapolated", or a smaller eps=; flow integrates fields to a tolerance rtol='
 )
-_CHOSEN = "steps are chosen from the tolerance rtol=; iterate has eps= and method="
+_CHOSEN = "flow chooses its steps from the tolerance rtol=; iterate has eps= and method="
 _AXES = "set it on the axes that plots return, such as ax.set_xlim(0, 1)"
 _ON_AXES = "xlim ylim xlabel ylabel figsize cmap alpha s lw linewidth label grid legend"
 
@@ -36,7 +36,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         (
             "body field f fun rhs system model",
             (),
-            "the first argument has no name",
+            "pass it first, without a name",
             "",
         ),
         ("args p params parameters", (), "parameters belong to the field or body", ""),
@@ -49,7 +49,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("filename file", ("store", "path"), "", ""),
         ("c colour colors", ("color",), _AXES, "ax"),
         (_ON_AXES, (), _AXES, "ax"),
-        ("axis", ("components",), "states have their components on the last axis", ""),
+        ("axis", ("components",), "components are always on the last axis of states", ""),
     )
     for name in names.split()
 }
@@ -81,7 +81,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def advice(name: str, known: Collection[str]) -> str:
-    """Return what to pass in place of a keyword to a function with the `known` ones."""
+    """Return what to pass in place of a keyword to a function with the `known` keywords."""
     if name in ("x", "y", "z") and "components" in known:
         return 'pass components, as in plot("x1", "x2")'
     arguments, sentence, other = _ADVICE.get(name, ((), "", ""))
@@ -90,7 +90,7 @@ def advice(name: str, known: Collection[str]) -> str:
         return f"pass {found[0]}="
     if sentence and (not other or other in known):
         return sentence
-    return f"it has {', '.join(sorted(known))}" if known else "it has none that are passed by name"
+    return f"it has {', '.join(sorted(known))}" if known else "it takes no argument by name"
 
 
 def nearest(name: str, known: Collection[str]) -> str:

@@ -129,7 +129,7 @@ def check_arguments(
         how = f"pass {missing[0]}=28, for example"
         if what := clash(missing[0], names, maker):
             other = free(missing[0], names, maker)
-            how = f"this name is in use, for {what}: rename it, to {other} for example"
+            how = f"this name is in use, for {what}: rename it, for example to {other}"
         others = f", not {', '.join(unknown)}" if unknown else ""
         raise TypeError(prefixed(argument, f"{f_name} needs {missing[0]}{others}: {how}"))
     if unknown:
@@ -236,35 +236,35 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
     if hasattr(error, "in_words"):  # NoPolynomial or NoPower
         return f"{f_name} {error.in_words(names)}, see {page(CUBIC)}"
     if _is_of_numba(error):
-        how = "call the Python function that it was made of, g.py_func(*x) in place of g(*x)"
+        how = "call its Python function, g.py_func(*x) in place of g(*x)"
         return f"{f_name} calls a function compiled by Numba, which takes no symbols: {how}"
     if says(text, "time is None"):
         how = f"make time a variable, whose derivative is 1, see {page(CUBIC)}"
-        return f"{text}: if None stands for t, the right-hand side depends on t: {how}"
+        return f"{text}: if you pass None for t, the right-hand side depends on t: {how}"
     if is_family and says(text, "array of a number"):
         how = "pass each number by its own name, such as sigma=10, rho=28"
         if says(text, "product of a number"):
-            how = "a constant matrix belongs inside f, and is no parameter"
-        return f"{text}: an array is a family, and f gets one number at a time: {how}"
+            how = "define a constant matrix inside f, not as a parameter"
+        return f"{text}: an array is a family, and f receives one number at a time: {how}"
     if says(text, "linear algebra of symbols"):
-        how = "compute the inverse of a constant matrix before, and multiply by it"
+        how = "compute the inverse of a constant matrix outside f, and multiply by it"
         return (
             f"numpy.linalg cannot compute with symbols ({text}): {how}, as in Inverse @ np.array(x)"
         )
     if says(text, "function of math"):
-        how = "x holds symbols, which functions of math do not take: write those of NumPy"
+        how = "x holds symbols, and functions of math take none: write those of NumPy"
         return f"{how}, such as np.sin, and make a LiftedField, see {page(CUBIC)}"
     if says(text, "number of a symbol"):
-        how = "x holds symbols: no if or float of them, and no arrays of floats to fill"
-        return f"{text}: {how}: return a tuple of expressions; see {page(CUBIC)}"
+        why = "x holds symbols, so f cannot use if or float of them, or store them in an array"
+        return f"{text}: {why} of floats: return a tuple of expressions; see {page(CUBIC)}"
     if len(names) == 1 and len(names[0]) > 1 and re.search("to unpack|but the dimension", text):
         return f"{text}: {names[0]!r} is one name, write {' '.join(names[0])!r} for {len(names[0])}"
     if says(text, "tuple as an array"):
         text = text.replace("'Variables'", "'tuple'")
-        return f"{text}: x is a tuple; for arithmetic on all of it, np.array(x)"
+        return f"{text}: x is a tuple; for arithmetic of arrays use np.array(x)"
     if says(text, "unpacking"):
         wanted = re.search(r"expected (\d+)", text)
-        how = f": if {f_name} unpacks x, the dimension is {len(names)}"
+        how = f": if {f_name} unpacks x, there are {len(names)} variables to unpack"
         if wanted and int(wanted[1]) != len(names):
             given = f"{len(names)} variables were given, {', '.join(names)}"
             how = f": {given}, and {wanted[1]} are unpacked"

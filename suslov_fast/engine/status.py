@@ -25,9 +25,9 @@ class Status(IntEnum):
 
     `OK` (0) is a finished trajectory. `SINGULAR` and `NONFINITE` are negative: the last state has
     no next state, or none in the range of float64. `SUPERCRITICAL` and `PASSED_POLE` are positive:
-    eps is too large for the orbit to follow the continuous motion. The first is for bodies in three
-    dimensions, where the :func:`criticality` is 1 or more; the second for all others, see
-    :class:`PoleWarning`. `message` says it in words.
+    the orbit need not follow the continuous motion. `SUPERCRITICAL` is for bodies in three
+    dimensions, where the :func:`criticality` is 1 or more; `PASSED_POLE` is for all others, see
+    :class:`PoleWarning`. `message` explains the status.
 
     Examples
     --------
@@ -55,12 +55,12 @@ class Status(IntEnum):
 _MESSAGES = {
     Status.OK: "finished",
     Status.SUPERCRITICAL: (
-        "finished, but t >= 1: eps is too large for the orbit to follow the continuous motion; "
-        "choose a smaller eps if it should"
+        "finished, but t >= 1: the orbit does not follow the continuous motion; "
+        "to follow it choose a smaller eps"
     ),
     Status.PASSED_POLE: (
-        "finished, but took a step from det A < 0, or a component that cannot change its sign did: "
-        "the motion escapes to infinity, or eps is too large"
+        "finished, but passed a pole: the motion escapes to infinity, or eps is too large "
+        "(det A < 0, or a component changed its sign, which is impossible along the motion)"
     ),
     Status.SINGULAR: "singular step: the state lies on a pole of the map and has no next state",
     Status.NONFINITE: "non-finite step: the next state is beyond the range of float64",
@@ -70,9 +70,10 @@ _MESSAGES = {
 class SingularStepWarning(RuntimeWarning):
     """Some trajectories of a batch failed before their last step.
 
-    Their `status` is negative and tells why (:class:`Status`), `failed_at` is the number of the
-    first missing state, and states are NaN from there on. Other trajectories are not affected. The
-    argument ``on_singular`` of runs turns this warning into a :class:`SingularStepError`, or off.
+    Their `status` is negative and gives the cause (:class:`Status`), `failed_at` is the number of
+    the first missing state, and states are NaN from there on. Other trajectories are not affected.
+    The argument ``on_singular`` of runs turns this warning into a :class:`SingularStepError`, or
+    off.
 
     Examples
     --------
@@ -87,13 +88,14 @@ class SingularStepWarning(RuntimeWarning):
 
 
 class PoleWarning(RuntimeWarning):
-    """Some trajectories of a batch may have jumped over infinity, or eps is too large for them.
+    """Some trajectories of a batch passed a pole, or eps is too large for them.
 
-    Either they took a step from a state x where det A(x) < 0, with A(x) = 1 - (eps / 2) f'(x): an
-    odd number of real eigenvalues mu of f' has eps mu / 2 > 1. Then the motion escapes to infinity
-    and the map returns from the other side, or eps is too large. Or a component changed its sign
-    that occurs in each term of its own equation, such as a population; along the motion it cannot.
-    No warning proves nothing, because an even number of such eigenvalues goes undetected.
+    There are two cases. A trajectory took a step from a state x where det A(x) < 0, with
+    A(x) = 1 - (eps / 2) f'(x): an odd number of real eigenvalues mu of f' has eps mu / 2 > 1. Then
+    the motion escapes to infinity and the map returns from the other side, or eps is too large. Or
+    a component that occurs in each term of its own equation, such as a population, changed its
+    sign, which is impossible along the motion. The absence of a warning proves nothing, because an
+    even number of such eigenvalues goes undetected.
 
     These trajectories have the status `PASSED_POLE`, unless they failed later. `first_pole` of a
     run is the number of the first state after such a step, and `valid` is True before it. Later
@@ -101,7 +103,7 @@ class PoleWarning(RuntimeWarning):
     the eigenvector of mu. Orders 4 to 8 contain steps backwards in time, for which a mode that
     decays fast looks like a pole.
 
-    For fields :func:`flow` warns of solutions that end, and says when the first one ends.
+    For fields :func:`flow` warns of solutions that end, and says when the first of them ends.
 
     Examples
     --------
@@ -153,7 +155,7 @@ class SingularStepError(ArithmeticError):
 
 
 def first_beyond(failed_at: NDArray[np.int64], first_pole: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the first state that does not belong to the motion, a number beyond all if none.
+    """Return the number of the first state beyond the motion, or the largest integer if none.
 
     A failure never comes before a pole that was passed.
     """
@@ -214,7 +216,7 @@ def report_poles(
 ) -> None:
     """Warn if trajectories of a problem passed a pole by these `Steps` at step `since` or later.
 
-    `told_by_signs` is true where a change of sign told it.
+    `told_by_signs` is true where a change of sign revealed the pole.
     """
     passed = (status == Status.PASSED_POLE) & (failed_at >= since)
     if passed.any():
@@ -230,18 +232,18 @@ def warn_of_poles(
 ) -> None:
     """Warn that some trajectories of a problem passed a pole.
 
-    `first` is the index of one and the number of its first state beyond. With `by_sign`, a change
-    of sign told one of them.
+    `first` is the index of the first one and the number of its first state beyond the pole. With
+    `by_sign`, a change of sign revealed one of them.
     """
     (index, step), why = first, "eps is too long"
     if problem.body._may_escape:
         time = step * float(np.broadcast_to(problem.eps, problem.batch)[index])
         why = f"the motion escapes to infinity before t = {_at_least(time)}, or {why}"
     if by_sign:
-        why += " (a component that cannot change its sign did)"
+        why += " (a component changed its sign, which is impossible along the motion)"
     if steps.goes_back:
-        why += ", or a mode decays so fast that a part of the step backwards seems to pass a pole, "
-        why += "and states may be right"
+        why += ", or a mode decays so fast that a substep backwards in time looks "
+        why += "like a pole, and the states may be right"
     size = math.prod(problem.batch)
     warn(
         f"{passed} of {size} trajectories passed a pole "

@@ -394,6 +394,7 @@ def test_a_method_of_fields_for_a_body():
 
 @pytest.mark.compiled
 @posix
+@pytest.mark.slow
 def test_ctrl_c():
     """A run of hours ends at once; a store keeps its tiles, and the same command goes on."""
     # Numba may lose a signal while it compiles: what follows finds the kernels compiled.

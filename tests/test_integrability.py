@@ -427,8 +427,8 @@ def lyness(a):
     return rational_map(lambda x: (x[1], (x[1] + a) / x[0]), 2, lambda x: ((x[0] + a) / x[1], x[0]))
 
 
-@pytest.mark.sampled(1)
 @pytest.mark.parametrize("c", [multiple_of_primes(), F(1, multiple_of_primes())], ids=["c", "1/c"])
+@pytest.mark.slow
 def test_primes_may_divide_coefficients(c):
     """A coefficient changes neither degrees nor numbers of integrals, whatever divides it."""
     for a in (c, 1 + c):
@@ -711,6 +711,7 @@ def assert_text(found):
     assert "proved" in repr(found) or not found.integrals
 
 
+@pytest.mark.slow
 def test_texts_of_products_and_long_formulas():
     x, y = polynomials.polynomial_ring(2, False).gens()
     f = RationalFunction(((x * y, 2), (x, -1), (x + y, 1)), F(-3, 2))
@@ -1176,6 +1177,7 @@ def test_a_root_of_a_polynomial_is_no_density():
     assert [str(f) for f in invariants.measures] == ["1/x1"]
 
 
+@pytest.mark.slow
 def test_a_density_up_to_sign():
     """The map of Lyness in three dimensions reverses the orientation: its measure is dx / |xyz|."""
     found = report(rational_map(lambda x: (x[1], x[2], (2 + x[1] + x[2]) / x[0]), 3), degree=3)

@@ -255,6 +255,7 @@ def after(system, x, steps):
 
 
 @pytest.mark.skipif(bool(config.DISABLE_JIT), reason="needs machine code")
+@pytest.mark.slow
 def test_compiled_loops_take_the_same_steps():
     family = LiftedField.from_function(predator_prey, "N P", K=[2.0, 4.0])
     inverse = LiftedField.from_function(lambda x: (1 / x[0],), "x")

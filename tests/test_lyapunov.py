@@ -73,6 +73,7 @@ def test_tangent_vectors_go_through_the_transient(rng):
     assert abs(128 * found[1]) < 0.015
 
 
+@pytest.mark.slow
 def test_a_line_without_machine_code_ends_when_no_lane_is_left(monkeypatch):
     """As of dense fields of 26 variables. One start is NaN, and one reaches a pole."""
     monkeypatch.setattr("suslov_fast.core.tangent.MOST", 0)

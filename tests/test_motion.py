@@ -286,6 +286,7 @@ def test_bits_do_not_depend_on_batch_and_threads(rng, monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@pytest.mark.slow
 def test_numpy_takes_the_same_steps(rng, monkeypatch):
     cases = (
         (LORENZ, rng.normal(size=(11, 3)) * 8 + [0, 0, 25], [0.1, 0.5, -0.1]),

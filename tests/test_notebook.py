@@ -88,6 +88,7 @@ def test_notebook(browser, notebook):
     assert browser.value("stop(); model.send({ id: 'x', query: '' })") is None
 
 
+@pytest.mark.slow
 def test_notebook_without_a_kernel(browser, notebook):
     """Words say so, also where there never was one, and a kernel that answers later is heard."""
     notebook.patience = 0

@@ -398,9 +398,8 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
         orientations.clean(np.ones((3, 3, 8)), np.ones((2, 2, 8)), gram)
 
 
-@pytest.mark.parametrize(
-    "names", [[*PRIVATE], *(pytest.param([name], marks=pytest.mark.slow) for name in PRIVATE)]
-)
+@pytest.mark.parametrize("names", [[*PRIVATE], *([name] for name in PRIVATE)])
+@pytest.mark.slow
 def test_without_private_names_of_numba(folder, names):
     """What takes the place of these names is slower, and gives the same results."""
     hidden = "\n".join(f"hide({PRIVATE[name]}, {name!r})" for name in names)
@@ -551,6 +550,7 @@ assert energy() == 2.25
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_no_package_half_imported():
     """It waits for the end of an import, because Python cannot repeat that of Numba."""
     children.run(INTERRUPTED)

@@ -56,6 +56,7 @@ def midpoint(eps=0.1, steps=40, **options):
     return iterate(HENON, START, eps, steps, method="midpoint", on_singular="ignore", **options)
 
 
+@pytest.mark.slow
 def test_states_of_another_discretization():
     run, x = midpoint(), START[:2].copy()
     for state in run.x[:, :2]:
@@ -123,6 +124,7 @@ def test_a_positive_status_of_a_step_is_kept_with_its_first_step(tmp_path):
         assert (points.status, points.failed_at) == (status, first)
 
 
+@pytest.mark.slow
 def test_steps_that_break_the_contract_do_not_run():
     """What a step can still do: change what it is given, remember, or expect other arrays."""
 

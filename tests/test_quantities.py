@@ -171,6 +171,7 @@ def test_of_fields(rng):
     assert float(abs(sf.invariant_density(HENON, [0.1] * 4, 0.25) * det - 1)) < 1e-15
 
 
+@pytest.mark.slow
 def test_the_density_and_steps_of_a_field_too_large_to_plan(rng, monkeypatch):
     """They are found by pivoting; those of a plan are the same."""
     x = rng.normal(size=(5, 4))

@@ -296,6 +296,18 @@ def test_many_variables(rng, monkeypatch, f, D, size, tolerance):
 
 
 @pytest.mark.compiled
+def test_determinants_above_the_range_of_numbers():
+    """The pivots of a step with pivoting are about 1e8: the product of 40 of them is 1e320."""
+    D, rate = 40, 2e8
+    k = np.arange(D)
+    indices = np.concatenate([[k, k, k * 0 + D], [k[:-1], k[1:], k[1:] * 0 + D]], axis=1)
+    values = np.append(-rate * np.ones(D), 1e-3 * np.ones(D - 1))
+    field = sf.QuadraticField.from_terms(indices, values, D)
+    exponents = sf.lyapunov_exponents(field, np.ones(D), 1.0, 3)
+    np.testing.assert_allclose(exponents, -2 / (rate / 2), rtol=1e-6)
+
+
+@pytest.mark.compiled
 @pytest.mark.parametrize("most", [4000, 0])
 def test_determinants_of_many_variables(monkeypatch, most):
     """Factors near 1 have a product below rounding: 0.6**100 for x_i' = -x_i and eps = 1/2."""

@@ -199,9 +199,20 @@ def balance(a, units):
 
 
 @formula
+def parts_of_determinant(system, units):
+    """Return m and e of the determinant m 2**e of A after `solve`; m = 0 if it is 0 to rounding.
+
+    The product of many pivots may leave the range of numbers.
+    """
+    product, exponent = 1.0, 0
+    for k in range(len(system)):
+        product, power = math.frexp(product * (system[k, k, 0] / units[1, k]))
+        exponent += power
+    return 0.0 if np.isnan(product) else product, exponent
+
+
+@formula
 def determinant_of(system, units):
     """Return the determinant of A after `solve`; 0 if it is 0 to rounding."""
-    product = 1.0
-    for k in range(len(system)):
-        product *= system[k, k, 0] / units[1, k]
-    return 0.0 if np.isnan(product) else product
+    mantissa, exponent = parts_of_determinant(system, units)
+    return np.ldexp(mantissa, exponent)

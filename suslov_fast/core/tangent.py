@@ -26,7 +26,7 @@ from numba import config
 from . import sparse_tangent
 from .careful import changes_sign, fill_system, solve_lane
 from .codes import NONFINITE, OK, PASSED_POLE
-from .elimination import determinant_of, solve
+from .elimination import parts_of_determinant, solve
 from .generated import WIDTH
 from .generated_tangent import (
     CHANGED,
@@ -165,7 +165,7 @@ def multiply_columns(indices, half, before, after, columns, system, units):
             columns[r, i] = system[i, D + r, 0]
             system[i, D + r, 0] = 0.0
     solve(system, units)
-    determinant = determinant_of(system, units)
+    of_back, power_of_back = parts_of_determinant(system, units)
     fill_system(indices, half, 1.0, before, system)
     for i in range(D):
         for r in range(D):
@@ -174,7 +174,9 @@ def multiply_columns(indices, half, before, after, columns, system, units):
     for i in range(D):
         for r in range(D):
             columns[r, i] = system[i, D + r, 0]
-    return determinant / np.float64(determinant_of(system, units))  # in Python 1 / 0 raises
+    mantissa, power = parts_of_determinant(system, units)
+    # In Python 1 / 0 raises.
+    return np.ldexp(of_back / np.float64(mantissa), power_of_back - power)
 
 
 @function

@@ -185,6 +185,8 @@ class March:
     @property
     def first_pole(self) -> NDArray[np.int64]:
         """The first state beyond a pole of each trajectory, -1 without one."""
+        if not (self.steps.notes_poles and self.carry[0].any()):  # of most runs, and soon known
+            return np.full(self.problem.batch, -1, np.int64)
         first, status = self.noted()
         passed = (first > 0) & (status == codes.PASSED_POLE)
         return np.where(passed, first, -1).reshape(self.problem.batch)

@@ -19,7 +19,7 @@ from ..engine.stretches import Checkpoint, March, Progress, largest_errors, repo
 from ..engine.threads import thread_count
 from ..keywords import nearest, public
 from ..maps import Map
-from .columns import of_runs
+from .columns import names_kept
 from .results import INSTEAD_IN_RUNS, Result, States, in_short, read_only
 
 if TYPE_CHECKING:
@@ -411,8 +411,8 @@ def run_to_end(
         "_carry": march.carry,
         "_turned": march.turned,
     }
-    columns = [each for each in of_runs(march.steps, turns is not None) if each.in_files]
-    attributes |= {each.name: getattr(march, each.name) for each in columns if not each.is_saved}
+    kept = names_kept(march.steps, turns is not None)
+    attributes |= {name: getattr(march, name) for name in kept}
     run = Trajectories._of(attributes)
     report_failures(run, march, on_singular, start + 1 if earlier else 0)
     return run

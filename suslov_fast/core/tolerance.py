@@ -26,6 +26,7 @@ it then has the length 0. With the length 0 a step changes nothing.
 """
 
 import functools
+import itertools
 
 import numpy as np
 
@@ -67,13 +68,31 @@ class Stage(Step):
             row[:] = 0.0 if number is None else found[number]
         return f
 
+    @functools.cached_property
+    def _for_one(self):
+        """Constants, operations (is_product, a, b) and results of f(x), for a list of numbers.
+
+        The list has x, v, the constants, and the result of each operation.
+        """
+        operations = self._values.operations
+        constants = [k for _, _, of in operations for k in of if isinstance(k, float)]
+        inputs, later = self.D + self.T, itertools.count(self.D + self.T)
+
+        def place(k):
+            if isinstance(k, float):
+                return next(later)
+            return k if k < inputs else k + len(constants)
+
+        rows = [(name == "fmul", place(a), place(b)) for name, _, (a, b) in operations]
+        return constants, rows, [None if n is None else place(n) for n in self._rates]
+
     def rates_of_one(self, x, v):
         """Return f(x), a list, of one state, from lists of numbers."""
-        found = [*x, *v]
-        for instruction, _, (a, b) in self._values.operations:  # in the order of their numbers
-            a, b = (k if isinstance(k, float) else found[k] for k in (a, b))
-            found.append(a * b if instruction == "fmul" else a + b)
-        return [0.0 if n is None else found[n] for n in self._rates]
+        constants, operations, rates = self._for_one
+        found = [*x, *v, *constants]
+        for is_product, a, b in operations:  # in the order of their numbers
+            found.append(found[a] * found[b] if is_product else found[a] + found[b])
+        return [0.0 if n is None else found[n] for n in rates]
 
     def _add_tests(self, halves):
         self._test_pivots([self.factors.pivot[k] for k in sorted(self.factors.pivot)])

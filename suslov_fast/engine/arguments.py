@@ -116,15 +116,20 @@ def with_scheme(
     return scheme_of(indices, words_of(body), stages, lift_of(body)), values, eps
 
 
+def is_lifted(body: Any) -> bool:
+    """Return whether this is a lifted field; its class tells it without advice on attributes."""
+    return hasattr(type(body), "lifted")
+
+
 def lift_of(body: Any) -> Any:
     """Return the `Lift` of a lifted field; None for other bodies, and if no variable is added."""
-    lift = body._structure.lift if hasattr(body, "lifted") else None
+    lift = body._structure.lift if is_lifted(body) else None
     return lift if lift is not None and lift.words else None
 
 
 def words_of(body: Any) -> int:
     """Return the number of variables of the field of a body, those of a lift included."""
-    return int(body.lifted.dimension if hasattr(body, "lifted") else body.dimension)
+    return int(body.lifted.dimension if is_lifted(body) else body.dimension)
 
 
 def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:

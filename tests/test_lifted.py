@@ -277,6 +277,17 @@ def test_compiled_loops_take_the_same_steps():
         pickle.dumps(system(inverse, 0.1))
 
 
+@pytest.mark.compiled
+@pytest.mark.slow
+def test_compiled_steps_without_a_plan(monkeypatch):
+    """As of fields of many variables, by elimination with pivoting."""
+    monkeypatch.setattr("suslov_fast.core.operations.MOST", 0)
+    field = LiftedField.from_function(lambda x: (x[1], -S(5 * x[0]) / (1 + x[1] ** 2)), "a b")
+    constants, x, out = system(field, 0.1), np.array([1.0, 0.5]), np.empty(2)
+    assert step_system(constants, x, out, work(constants)) == Status.OK
+    np.testing.assert_array_equal(out, step(field, x, 0.1))
+
+
 def test_dictionaries_hold_the_equations_as_text():
     family = LiftedField.from_function(predator_prey, "N P", K=[2.0, 3.0, 4.0])
     hamiltonian = LiftedField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - C(x[0]), "q p")

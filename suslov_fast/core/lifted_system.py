@@ -4,13 +4,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .careful import crosses_0
 from .codes import OK, PASSED_POLE
 from .field_system import take_stages
 from .generated import text_of_step
 from .llvm import call_code, with_address
 from .machine_code import Text, code_of
 from .numba import function
-from .operations import SIGNIFICANT
 from .stages import weights_of
 from .steps_field import scheme_of
 
@@ -19,7 +19,7 @@ from .steps_field import scheme_of
 class LiftedSystem(NamedTuple):
     """A lifted field and a step size, with addresses of this process."""
 
-    address: int  # of the code of `generated.text_of_step`
+    address: int  # of the code of `generated.text_of_step`, 0 without a plan of elimination
     lift: int  # address of the code of `text_of_lift`
     half: Any  # (stages, T), half of the step size times the values of the terms
     table: Any  # (stages, n), see `Step.table`
@@ -62,8 +62,9 @@ def lifted_system_of(indices, values, half_eps, stages, D, lift):
     others = np.broadcast_to(values[step.T :], (len(half), len(values) - step.T))
     table = step.table_of(np.hstack([half, others]).T).T
     # The code lasts, because users may store the system anywhere.
-    codes = [code_of(text_of, step, lasts=True) for text_of in (text_of_step, text_of_lift)]
-    if None in codes or not step.usual:
+    codes = [code_of(text_of_step, step, lasts=True) if step.usual else 0]
+    codes.append(code_of(text_of_lift, step, lasts=True))
+    if None in codes:
         return None
     signs, weights = np.array(lift.signs, np.int64), np.ascontiguousarray(weights_of(stages)[:, 0])
     of_field = half, np.ascontiguousarray(table), weights, step.indices, signs, D, lift.given
@@ -90,8 +91,7 @@ def lifted_step_of_one(system, state, out, memory):
         x[i] = base[i]
     status, _ = take_stages(system, base, x, total, matrix, units)
     for i in system.signs:
-        rises, falls = base[i] < 0.0 and x[i] > SIGNIFICANT, base[i] > 0.0 and x[i] < -SIGNIFICANT
-        passed |= rises or falls
+        passed |= crosses_0(base[i], x[i])
     for i in range(D):
         out[i] = x[i] if status == OK else np.nan
     return PASSED_POLE if passed and status == OK else status

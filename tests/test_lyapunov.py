@@ -74,10 +74,14 @@ def test_tangent_vectors_go_through_the_transient(rng):
 
 
 @pytest.mark.slow
-def test_a_line_without_machine_code_ends_when_no_lane_is_left(monkeypatch):
-    """As of dense fields of 26 variables. One start is NaN, and one reaches a pole."""
-    monkeypatch.setattr("suslov_fast.core.tangent.MOST", 0)
-    monkeypatch.setattr("suslov_fast.core.tangent.MOST_OF_DENSE", 0)
+@pytest.mark.parametrize("has_loops", [False, True])
+def test_a_line_without_code_of_its_own_ends_when_no_lane_is_left(monkeypatch, has_loops):
+    """By loops, or where LLVM refuses the code. One start is NaN, and one reaches a pole."""
+    if has_loops:
+        monkeypatch.setattr("suslov_fast.core.tangent.MOST", 0)
+        monkeypatch.setattr("suslov_fast.core.tangent.MOST_OF_DENSE", 0)
+    else:
+        monkeypatch.setattr("suslov_fast.core.tangent.code_of", lambda *_: None)
     square = sf.QuadraticField([[[1.0]]])
     with pytest.warns(sf.SingularStepWarning):
         assert np.isnan(sf.lyapunov_exponents(square, [[np.nan], [2.0]], 0.5, 40)).all()

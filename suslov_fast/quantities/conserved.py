@@ -98,8 +98,8 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
     and the :func:`matrix` A, and the map conserves it exactly. For a body it is
     E**2 / (E + eps**2 f.Jf / 8), with the :func:`energy` E: exactly conserved where
     :func:`first_integral` is known (in three dimensions it is 2 I1 I2 F), for other bodies up to
-    an error of order eps**4. Other methods than "auto" do not conserve it, because they combine
-    steps of several sizes.
+    an error of order eps**4. Methods of higher order do not conserve it, because they combine steps
+    of several sizes.
 
     Parameters
     ----------
@@ -209,8 +209,8 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
     dimensions rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a
     gyrostat). In n dimensions rho is known for n = 3, and for n = 4 with I along one axis: for
     I = (I1, 0, 0) it is
-    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). Other
-    methods than "auto" do not have these measures.
+    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). Methods
+    of higher order do not have these measures.
 
     Parameters
     ----------

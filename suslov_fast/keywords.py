@@ -58,18 +58,20 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
 def public(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function answer a keyword that it does not have with the one to use."""
     parameters = inspect.signature(function).parameters.values()
-    known = {each.name for each in parameters if each.kind is not each.POSITIONAL_ONLY}
     kinds = [each.kind for each in parameters]
     takes_any = inspect.Parameter.VAR_KEYWORD in kinds
     most = len(kinds) - kinds.count(inspect.Parameter.KEYWORD_ONLY) - takes_any
     is_method = int(next(iter(parameters)).name in ("self", "cls")) if kinds else 0
+    by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
+    known = {each.name for each in [*parameters][is_method:] if each.kind in by_name}
     others = [f"{each.name}=" for each in parameters if each.kind is each.KEYWORD_ONLY]
     others += ["parameters, such as a=1"] * takes_any
 
     @wraps(function)
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
         if len(args) > most and inspect.Parameter.VAR_POSITIONAL not in kinds:
-            received = f"{most - is_method} arguments by position, not {len(args) - is_method}"
+            count, s = most - is_method, "" if most - is_method == 1 else "s"
+            received = f"{count} argument{s} by position, not {len(args) - is_method}"
             how = f"; by name: {', '.join(others)}" if others else ""
             raise TypeError(f"{function.__name__} takes {received}{how}")
         if kwargs and not takes_any and not kwargs.keys() <= known:

@@ -31,6 +31,7 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (sf.iterate, STEPPED, "args", "parameters belong to the field"),
         (sf.iterate, STEPPED, "events", "use crossings"),
         (sf.iterate, STEPPED, "nonsense", "it has attitude, eps, method"),
+        (RUN.plot, (), "nonsense", "it has ax, color, components, lines, title$"),
         (sf.crossings, STEPPED, "events", "pass surface="),
         (sf.crossings, STEPPED, "terminal", "pass most="),
         (sf.crossings, STEPPED, "Ttr", "pass transient="),
@@ -64,7 +65,7 @@ def test_unknown_keywords(function, arguments, keyword, answer):
             "takes 3 arguments by position, not 4; by name: rtol=",
         ),
         (sf.energy, (FIELD, [1, 0], 3), "energy takes 2 arguments by position, not 3$"),
-        (RUN.extend, (3, 4), "extend takes 1 arguments by position, not 2; by name: threads="),
+        (RUN.extend, (3, 4), "extend takes 1 argument by position, not 2; by name: threads="),
         (
             sf.QuadraticField.from_function,
             (lambda x, rho: (x[1], -rho * x[0]), 2, 28),

@@ -316,6 +316,19 @@ def test_a_field_without_a_plan(rng, monkeypatch):
 
 
 @pytest.mark.compiled
+def test_one_state_of_many_variables_compiles_no_code_of_its_own(monkeypatch):
+    monkeypatch.setattr("suslov_fast.core.operations.WHOLE", 10)
+    monkeypatch.setattr("suslov_fast.core.operations.PIECE", 10)
+    monkeypatch.setattr("suslov_fast.core.flow.MOST", 1)
+    monkeypatch.setattr(
+        "suslov_fast.core.single_motion.code_of", lambda *_: pytest.fail("compiled")
+    )
+    turn = QuadraticField.from_function(lambda x: (x[1], -x[0], -x[2]), 3)
+    found = flow(turn, [1.0, 0.0, 1.0], 1.0)
+    assert found == pytest.approx([np.cos(1.0), -np.sin(1.0), np.exp(-1.0)], abs=1e-8)
+
+
+@pytest.mark.compiled
 def test_many_variables(rng, monkeypatch):
     """Loops in place of code: the same to rounding; bits over batches, fields and pieces."""
     family = QuadraticField.from_function(lambda x, a: (x[1], -a * x[0] - x[0] ** 2), 2, a=[1, 2])

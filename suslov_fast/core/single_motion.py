@@ -21,8 +21,9 @@ _SIZE = 8  # bytes of a number
 @functools.lru_cache(PLANS)
 def _prepared(step, values, rtol, direction):
     """Return code, arguments, and what has to stay alive; None without code for a single state."""
-    address = code_of(text_of_flow, step) if step.usual and step.lift is None else None
-    if address is None or step.pieces[1]:
+    if not step.usual or step.lift is not None or step.pieces[1]:
+        return None
+    if (address := code_of(text_of_flow, step)) is None:
         return None
     # Numbers of one line, in the order of the arguments: rtol, and the values of the terms.
     kept = np.frombuffer(array("d", [rtol, *np.frombuffer(values).tolist()]).tobytes()).copy()

@@ -122,7 +122,7 @@ def main(arguments=None):
     parser.add_argument("--quick", action="store_true", help="a small case of each table")
     parser.add_argument("--cpu", action="store_true", help="compare processor time")
     parser.add_argument("--threshold", type=float, default=1.2, help="what B / A may be (1.2)")
-    parser.add_argument("--floors", action="store_true", help="what 0.8 should reach beside 0.7")
+    parser.add_argument("--floors", action="store_true", help="bounds of floors.BEFORE")
     parser.add_argument("-k", dest="select", default="", help="only cases with this in their name")
     options = parser.parse_args(arguments)
     pools = []

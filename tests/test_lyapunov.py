@@ -137,6 +137,9 @@ def test_signs_tell_poles_as_for_runs(method, start, eps, steps, monkeypatch):
         lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
     )
     batch = [start, [4.0, 5.0], start]
+    monkeypatch.setattr("suslov_fast.core.machine_code._codes", {})
+    for other in ("order4", "auto"):  # the code of sub-steps has no tests of signs
+        sf.lyapunov_exponents(prey, [[4.0, 5.0], [4.1, 5.0]], 0.01, 2, method=other)
     for x0 in (start, batch):
         told = poles_told(sf.iterate, prey, x0, eps, steps, method=method)
         assert "(a component changed its sign, which is impossible along the motion)" in told[0]

@@ -219,7 +219,7 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
     """
     if config.DISABLE_JIT:
         return None
-    kind = type(step), getattr(step, "lift", None)
+    kind = type(step), getattr(step, "lift", None), getattr(step, "keeps_signs", None)
     key = text_of, step.indices.tobytes(), step.D, kind, W, for_each, align, lasts
     with _lock:
         if key not in _codes:

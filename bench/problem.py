@@ -11,7 +11,8 @@ import formulas
 import numpy as np
 from formulas import Formulas
 
-from suslov_fast import LiftedField, QuadraticField, Suslov3D, SuslovND, flow
+import suslov_fast
+from suslov_fast import QuadraticField, Suslov3D, SuslovND, flow
 
 BODY = Suslov3D(*formulas.BODY)
 PRECISE = Formulas(np.longdouble)
@@ -79,7 +80,8 @@ SMOOTH = {
 def smooth_field(name):
     f = SMOOTH[name][0]
     names = f.__code__.co_varnames[: f.__code__.co_argcount]
-    return LiftedField.from_function(lambda x: f(*x), [*names])
+    lifted = suslov_fast.LiftedField  # a class that earlier revisions, to compare with, lack
+    return lifted.from_function(lambda x: f(*x), [*names])
 
 
 @functools.cache

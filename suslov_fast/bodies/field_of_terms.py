@@ -1,4 +1,4 @@
-"""What a field keeps, its terms, and tables of its coefficients, made where someone asks."""
+"""The terms that a field keeps, and tables of its coefficients, made where someone asks."""
 
 from __future__ import annotations
 

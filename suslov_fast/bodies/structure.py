@@ -1,4 +1,4 @@
-"""What all members of a family of lifted fields share, and their coefficients."""
+"""The structure that all members of a family of lifted fields share, and their coefficients."""
 
 from __future__ import annotations
 

@@ -64,54 +64,37 @@ def _stages_at_once(stages, steps):
 
 
 def taker_without_plan(lines):
-    """Return the function that takes steps of a line without a list of operations."""
-    step = lines.scheme.step
-    return (sparse_taker_of if is_sparse(step.indices, step.D) else dense_taker_of)(lines)
+    """Return the function that takes steps of a line without a list of operations, see `in_calls`.
 
-
-def sparse_taker_of(lines):
-    """Return the function that takes steps of a line by `sparse`, see `in_calls`."""
+    Sparse fields are stepped by `sparse`, others by `dense`.
+    """
     (step, stages), (ended, passed) = lines.scheme, lines.marks
-    pattern, kept = pattern_of(step.indices.tobytes(), lines.D), {}
-    fractions, memory = distinct(stages.fractions)[0], np.empty(size_of(pattern))
-    tells_signs, taken = int(len(stages.fractions) == 1), np.zeros(2, np.int64)
-
-    def take(line, place, most):
-        of_line = line % len(lines.halves)
-        if (of_line, place) not in kept:
-            if lines.for_each:
-                kept.clear()  # a line takes all steps before the next one does
-            kept[of_line, place] = np.ascontiguousarray(fractions[place] * lines.halves[of_line].T)
-        marks = int(ended[line]), int(passed[line]), tells_signs
-        taken[:] = most, 0
-        sparse_steps.serial(pattern, kept[of_line, place], marks, lines.x[line], memory, taken)
-        return map(int, taken)
-
-    return take
-
-
-def dense_taker_of(lines):
-    """Return the function that takes steps of a line without a plan, see `in_calls`."""
-    (step, stages), W, D = lines.scheme, lines.W, lines.D
-    field, (ended, passed) = spans_of(step), lines.marks
+    W, D = lines.W, lines.D
     fractions, kept = distinct(stages.fractions)[0], {}
-    memory = np.empty((W, D, D + 1)), np.empty((W, D + 1))
     tells_signs, taken = int(len(stages.fractions) == 1), np.zeros(2, np.int64)
+    if is_sparse(step.indices, D):
+        pattern = pattern_of(step.indices.tobytes(), D)
+        steps, memory = sparse_steps, np.empty(size_of(pattern))
+
+        def prepared(half):
+            return pattern, np.ascontiguousarray(half.T)
+    else:
+        field = spans_of(step)
+        steps, memory = dense_steps, (np.empty((W, D, D + 1)), np.empty((W, D + 1)))
+
+        def prepared(half):
+            coefficients = (field.weights[:, np.newaxis] * half[field.terms]).T
+            return field, np.ascontiguousarray(coefficients), half
 
     def take(line, place, most):
         of_line = line % len(lines.halves)
         if (of_line, place) not in kept:
             if lines.for_each:
-                kept.clear()  # a line takes all steps before the next one does
-            half = fractions[place] * lines.halves[of_line]
-            coefficients = np.ascontiguousarray(
-                (field.weights[:, np.newaxis] * half[field.terms]).T
-            )
-            kept[of_line, place] = coefficients, half
+                kept.clear()  # coefficients of all members would fill the memory
+            kept[of_line, place] = prepared(fractions[place] * lines.halves[of_line])
         marks = int(ended[line]), int(passed[line]), tells_signs
         taken[:] = most, 0
-        given = field, *kept[of_line, place], marks
-        dense_steps.serial(*given, lines.x[line], memory, taken)
+        steps.serial(*kept[of_line, place], marks, lines.x[line], memory, taken)
         return map(int, taken)
 
     return take

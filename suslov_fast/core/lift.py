@@ -21,7 +21,7 @@ ONE = -1  # the place of a coefficient 1
 
 
 class Lifting:
-    """What makes a step of the field of all words a step of the given equations; see `LiftedStep`.
+    """The part of a step that makes the field of all words that of the given equations.
 
     Values 0 to M - 1 are the words, the next T are h v of the terms, and after them come the
     coefficients of the lift.

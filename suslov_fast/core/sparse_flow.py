@@ -39,7 +39,7 @@ def sparse_stages(part, parts, pattern, halves, rows, least, memory):
 
 
 class _Inputs(NamedTuple):
-    """What `Program` reads of a list: the number of its inputs, and a table, which is empty."""
+    """The attributes of a list that `Program` reads: how many inputs it has, and an empty table."""
 
     D: int
     places: Any

@@ -162,7 +162,7 @@ LIFTED = {
 
 # ------------------------------------------------------------------------------ in three dimensions
 def eigenvalues_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
-    """As `eigenvalues`; the one along a line of steady states is exactly 0."""
+    """Return `eigenvalues`; the one along a line of steady states is exactly 0."""
     (I1, I2, _, _, k), x = problem.body.constants, problem.omega
     trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
     root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
@@ -170,7 +170,7 @@ def eigenvalues_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any
 
 
 def eigenvalues_in_3d(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """As `eigenvalues`; without a rotor they are real."""
+    """Return `eigenvalues`; without a rotor they are real."""
     return eigenvalues_of_gyrostat(problem, slopes).real
 
 
@@ -239,7 +239,7 @@ def _reaction_nd(problem: Problem) -> FloatArray:
 
 
 def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """As `eigenvalues`: those of f' = (I.x) J**-1 P.
+    """Return `eigenvalues`: those of f' = (I.x) J**-1 P.
 
     P projects onto the vectors orthogonal to I. The eigenvalues are I.x times the squares of the
     singular values of P J**-1/2, computed in this way because small singular values keep their

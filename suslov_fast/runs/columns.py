@@ -1,4 +1,4 @@
-"""What the results of runs consist of: one table, from which datasets, files and stores are made.
+"""Columns of the results of runs: one table, from which datasets, files and stores are made.
 
 A column of runs is a line of `RUN`, a field of `Trajectories` and an attribute of `March`, all of
 the same name. `FORMAT` changes whenever files or stores of the last release lack a column.

@@ -240,7 +240,7 @@ def test_a_solution_that_passes_a_pole_by_does_not_end():
 
 def test_one_warning_names_the_first():
     start = np.array([[-1.0], [0.5], [1.0], [np.nan], [0.1]])
-    with pytest.warns(PoleWarning, match=r"2 of 5 solutions end.* first: 1 near t = 2$") as record:
+    with pytest.warns(PoleWarning, match=r"2 of 5 solutions end; first: 1 near t = 2$") as record:
         found = flow(SQUARE, start, [3.0, 0.0])
     assert len(record) == 1
     assert np.isnan(found[0, :, 0]).tolist() == [False, True, True, True, False]
@@ -376,8 +376,9 @@ def test_bad_input():
             flow(SQUARE, [1.0], time)
     with pytest.raises(ValueError, match=r"^x must"):
         flow(SQUARE, [1.0, 2.0], 1.0)
-    with pytest.raises(sf.NotIntegrableError, match=r"flow\(QuadraticField\.of\(body\)"):
-        flow(sf.SuslovND([1.0, 2, 3], [0.1, 0.2, 0.3]), [1, 1, 1], 1.0)
+    for options in {}, {"rtol": 1e-6}:
+        with pytest.raises(sf.NotIntegrableError, match=r"flow\(QuadraticField\.of\(body\)"):
+            flow(sf.SuslovND([1.0, 2, 3], [0.1, 0.2, 0.3]), [1, 1, 1], 1.0, **options)
 
 
 def test_no_warning_for_ordinary_motion():

@@ -147,7 +147,7 @@ def _warn_of_ends(ended: Any, ends: FloatArray, batch: tuple[int, ...]) -> None:
         first = first_index(ended.reshape(batch))
         time = ends[int(np.argmax(ended))]
         checks.warn(
-            f"{np.count_nonzero(ended)} of {ended.size} solutions end, and are NaN from there on; "
-            f"first: {spell(first)} near t = {time:.9g}",
+            f"{np.count_nonzero(ended)} of {ended.size} solutions end; first: {spell(first)} "
+            f"near t = {time:.9g}",
             PoleWarning,
         )

@@ -162,16 +162,17 @@ def flow(
     """
     map = map_of(body)
     if not map.integrates:
-        for name, value in (("rtol", rtol), ("progress", progress)):
-            if value is not None:
-                received = f"a {type(body).__name__}, whose solution is exact"
-                how = "pass it for fields alone"
-                raise TypeError(f"{name} needs a field, not {received}: {how}")
         if map.plane is None:
             raise NotIntegrableError(
                 f"flow has no exact solution for a {type(body).__name__}: "
                 "use flow(QuadraticField.of(body), ...)"
             )
+        for name, value in (("rtol", rtol), ("progress", progress)):
+            if value is not None:
+                problem("flow", body, omega0, 0.0)  # of a body without a solution, says so
+                received = f"a {type(body).__name__}, whose solution is exact"
+                how = "pass it for fields alone"
+                raise TypeError(f"{name} needs a field, not {received}: {how}")
         return _states_at("flow", body, omega0, 0.0, "time", time, threads)
     times, tolerance = _checked_times("time", time), checked_tolerance(rtol)
     start = check(map, body, omega0, 0.0, threads, name="x0")

@@ -109,6 +109,11 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     text.branch(text.all_true(values[step.good]), "finish", "rare", likely=True)
 
     text.label("rare")
+    if not single:
+        # Loaded and computed anew, so that the registers of usual lines need not be stored.
+        values = {k: text.load(text.V, place) for k, place in enumerate(places)}
+        x = [*values.values()]
+        text.carry_out(usual, values, load)
     text.carry_out(step.rare, values, load)
     accurate = values[step.accurate]
     after_rare = [values[k] if k in values else load(k) for k in step.after_rare]

@@ -126,7 +126,11 @@ def add_cases(add):
     Counts and tolerances are about the least, and largest, with which the error is below its bound.
     """
     by_heyoka, by_scipy = "motions.by_heyoka", "motions.by_scipy"
-    for below, runge_kutta, ensemble in ((1e-3, 100, 1e-3), (1e-6, 450, 4e-6), (1e-9, 2753, 1e-8)):
+    for below, runge_kutta, ensemble in (
+        (1e-3, 100, 2e-3),
+        (1e-6, 450, 5.7e-6),
+        (1e-9, 2753, 1.4e-8),
+    ):
         for key, label, function, argument in (
             (
                 "rk4",
@@ -139,8 +143,8 @@ def add_cases(add):
             arguments = at_equal_error, function, "henon-heiles", (argument,), 1024, below
             add("orders", key, OTHERS, label, *arguments, x=below, one_thread=True)
     for below, count, order8, rtol, tolerance, scipy, lsoda, runge_kutta in (
-        (1e-6, 10, 20, 1.1e-6, 4.4e-6, 2e-7, 1e-7, 449),
-        (1e-9, 19, 44, 2.6e-9, 1e-8, 4e-10, 2.5e-10, 2478),
+        (1e-6, 10, 20, 1.4e-6, 5.8e-6, 3.8e-7, 4.1e-7, 449),
+        (1e-9, 19, 44, 2.8e-9, 1.4e-8, 6.4e-10, 2.5e-10, 2478),
     ):
         for key, whose, label, function, *arguments in (
             ("order8", OURS, '`iterate(..., method="order8")`', by_steps, "order8", order8),
@@ -174,12 +178,12 @@ def add_cases(add):
             arguments = at_equal_error, function, "henon-heiles", arguments, 1, below
             add("one motion", key, whose, label, *arguments, x=below, one_thread=True)
     for name, below, count, rtol, tolerance in (
-        ("euler", 1e-6, 15, 1.6e-7, 4.4e-6),
-        ("euler", 1e-9, 31, 2.6e-10, 1.7e-9),
-        ("lorenz", 1e-6, 21, 1.6e-8, 1e-7),
-        ("lorenz", 1e-9, 40, 4e-11, 2.6e-10),
-        ("fput", 1e-6, 17, 6.6e-7, 4.4e-6),
-        ("fput", 1e-9, 32, 1.7e-9, 7e-8),
+        ("euler", 1e-6, 15, 2.8e-7, 5.8e-6),
+        ("euler", 1e-9, 31, 3.4e-10, 2e-9),
+        ("lorenz", 1e-6, 21, 1.7e-8, 1.1e-7),
+        ("lorenz", 1e-9, 40, 4.8e-11, 2.6e-10),
+        ("fput", 1e-6, 17, 6.6e-7, 5.8e-6),
+        ("fput", 1e-9, 32, 2e-9, 1e-7),
     ):
         for key, whose, label, function, *arguments in (
             ("extrapolated", OURS, '`method="extrapolated"`', by_steps, "extrapolated", count),

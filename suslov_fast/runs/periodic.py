@@ -242,10 +242,13 @@ class _Shooting:
 
     def _warn_of_divisors(self, period: float) -> None:
         """Warn if the orbit returns after a fraction of the period."""
-        divisors = np.array(_DIVISORS)
-        ends = self._runs(self.x, self.eps / divisors, save_every=None).final
-        returns = abs(ends - self.x).max(axis=1) < 1e-6 * abs(self.x).max()
-        if returns.any():
-            k = int(divisors[returns][-1])
-            text = f"period: {period:g} is {k} times the shorter period {period / k:g}"
-            warn(f"{text}; pass period={period / k:g} for one turn")
+        turns, found, extent = 1, [1], abs(self.states - self.x).max()
+        while found:
+            turns *= found[-1]
+            divisors = turns * np.array(_DIVISORS)
+            ends = self._runs(self.x, self.eps / divisors, save_every=None).final
+            returns = abs(ends - self.x).max(axis=1) < 1e-6 * extent
+            found = [k for k, is_back in zip(_DIVISORS, returns, strict=True) if is_back]
+        if turns > 1:
+            text = f"period: {period:g} is {turns} times the shorter period {period / turns:g}"
+            warn(f"{text}; pass period={period / turns:g} for one turn")

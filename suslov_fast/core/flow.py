@@ -23,7 +23,7 @@ from .pool import in_parts
 from .sparse_flow import Loops
 from .stages import extrapolation, weights_of
 from .steps_field import in_lines
-from .tolerance import REACH
+from .tolerance import AT_FIRST, REACH
 
 COLUMNS = 2, 4, 6, 8, 10
 # Factors of x_1 - x_0, ..., x_n - x_0 in the difference of order n of the longest column.
@@ -95,6 +95,7 @@ class Motion:
             (self.places.base, np.where(first > 0.0, x.swapaxes(0, 1), np.nan).swapaxes(0, 1)),
             (self.places.largest, abs(x)),
             (self.places.wanted, first),
+            (self.places.longer, np.full_like(first, AT_FIRST)),
             (self.places.first, SMALLEST_FIRST * first),  # a fast mode may begin at rest
         ):
             values = values.reshape(len(x), -1, W)
@@ -206,7 +207,7 @@ class Motion:
         evaluate(choice.operations, found)
         results = [found[number] for number in choice.results]
         base[:], largest[:] = results[:n], results[n : 2 * n]
-        rows[places.time], rows[places.wanted] = results[2 * n :]
+        rows[places.time], rows[places.wanted], rows[places.longer] = results[2 * n :]
 
     def _scaled(self, half, values):
         """Return h v of the terms, and the coefficients of the lift."""

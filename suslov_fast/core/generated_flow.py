@@ -62,6 +62,7 @@ class Rows(NamedTuple):
     largest: int  # moduli so far (n)
     time: int
     wanted: int  # length of the next step, 0 if the trajectory has ended
+    longer: int  # the largest factor between this length and the next
     taken: int  # length of this step
     first: int  # time that limits lengths until the first step is taken
     least: int  # least pivot of this step
@@ -72,7 +73,7 @@ class Rows(NamedTuple):
 def rows_of(step):
     """Return the rows for the lists of a `tolerance.Stage`."""
     first = [0, step.D, *(2 * step.D + k * step.given for k in range(4))]
-    return Rows(*first, *range(first[-1] + 1, first[-1] + 6), first[-1] + 5 + len(step.table))
+    return Rows(*first, *range(first[-1] + 1, first[-1] + 7), first[-1] + 6 + len(step.table))
 
 
 def text_of_flow(step, name, W, for_each, _):
@@ -218,7 +219,7 @@ def text_of_flow(step, name, W, for_each, _):
     line, place = line_at(number), text.load("i64", at(of.place, number))
     first_value = D + 3 * given
     inputs = [*range(rows.base, rows.base + first_value), *[None] * step.T]
-    inputs += [rows.time, rows.wanted, rows.taken, rows.first, rows.least]
+    inputs += [*range(rows.time, rows.least + 1)]
     of_line = of.values
     if for_each:
         of_line = integer("add", of.values, integer("mul", number, size * step.parameters))
@@ -236,7 +237,7 @@ def text_of_flow(step, name, W, for_each, _):
     values, choice = {}, step.choice
     text.carry_out(choice.operations, values, load)
     places = numbers(line, rows.base, given) + numbers(line, rows.largest, given)
-    places += numbers(line, rows.time, 2)
+    places += numbers(line, rows.time, 3)
     for n, address in zip(choice.results, places, strict=True):
         text.store(V, values[n], address)
     text.jump("check")

@@ -14,6 +14,7 @@ from .flow import BUDGET, DIFFERENCE, SMALLEST_FIRST, plan_of
 from .generated_flow import SLOT, FlowArguments, rows_of, text_of_flow
 from .machine_code import code_of
 from .single_orbit import PLANS
+from .tolerance import AT_FIRST
 
 _SIZE = 8  # bytes of a number
 
@@ -53,7 +54,8 @@ def motion_of_one(step, values, x, rtol, direction, times):
     rows, n = array("d", bytes(_SIZE * places.size)), len(x)
     rows[places.base : places.base + n] = array("d", x)
     rows[places.largest : places.largest + n] = array("d", map(abs, x))
-    rows[places.wanted], rows[places.first] = length, SMALLEST_FIRST * length
+    rows[places.wanted], rows[places.longer] = length, AT_FIRST
+    rows[places.first] = SMALLEST_FIRST * length
     ends, states = array("d", times), array("d", bytes(_SIZE * n * len(times)))
     numbers, lines = template[:], array("q", [0, 0])  # the number of the line, and its next time
     numbers[SLOT.rows], _ = rows.buffer_info()

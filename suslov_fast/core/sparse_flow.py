@@ -52,7 +52,7 @@ class Loops:
     def __init__(self, step, W):
         self.pattern, self.D = pattern_of(step.indices.tobytes(), step.D), step.D
         self.memory, constants = np.empty(size_of(self.pattern)), {}
-        self.inputs = 4 * self.D + step.T + 7
+        self.inputs = 4 * self.D + step.T + 8
         choice = step.choice
         self.program = Program(
             _Inputs(self.inputs, {}, []), choice.operations, choice.results, constants
@@ -71,7 +71,7 @@ class Loops:
 
     def choose(self, rows, places, values, end, rtol):
         """Write the next state, largest moduli, time and length of all lanes."""
-        D, numbers, T = self.D, self.numbers, self.inputs - 4 * self.D - 7
+        D, numbers, T = self.D, self.numbers, self.inputs - 4 * self.D - 8
         for line, of_line in enumerate(rows):
             numbers[: 4 * D] = of_line[places.base : places.base + 4 * D]
             numbers[4 * D : 4 * D + T] = values[line % len(values)]
@@ -81,4 +81,4 @@ class Loops:
             found = numbers[self.program.results]
             of_line[places.base : places.base + D] = found[:D]
             of_line[places.largest : places.largest + D] = found[D : 2 * D]
-            of_line[places.time : places.time + 2] = found[2 * D :]
+            of_line[places.time : places.time + 3] = found[2 * D :]

@@ -15,7 +15,8 @@ on every processor. A step is taken if rho <= 1 and the pivots of all its stages
 LEAST_PIVOT: Kahan's map is exact for x' = x**2, so beyond a pole all columns agree. Pivots tend to
 1 with h, so this only shortens steps, and stages need no other test: what rounding does to a stage
 the estimate sees. A step that is refused for its estimate is taken again with h_next, one that is
-refused for a pivot with half of its length at most, because such an estimate means nothing.
+refused for a pivot with half of its length at most, because such an estimate means nothing. After a
+refused step the next one is not longer, because it would often be refused as well.
 
 A lifted field begins each step with the words of its state, and ends it with the state alone. Its
 pivots are those of 1 - (h/4) f' of the equations as given, at the beginning. A step that changes a
@@ -39,7 +40,8 @@ SMALLEST, OF_ROUNDING, SHORTEST = 2.0**-20, 2.0**-46, 2.0**-42
 # With lengths that grow up to fourfold, a step sometimes misses a transient: HIRES loses 4000 rtol
 # at 1e-5. Up to threefold it loses 50 at most between 1e-4 and 1e-6.
 SAFETY, SHORTER, LONGER, REFUSED = 0.85, 0.2, 3.0, 0.5
-AT_FIRST = 10.0  # in place of LONGER for the first step, whose length is only a guess
+# In place of LONGER: for the first step, whose length is only a guess, and after a refused one.
+AT_FIRST, AFTER_REFUSED = 10.0, 1.0
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
 
 
@@ -145,18 +147,21 @@ class Choice:
 
     Values are given in this order: the state x, of n components, with the words after it (D);
     x_next - x, the same without the shortest column, and the largest moduli so far (n each); the
-    values v of the terms (T); t, the length wanted, the length taken, the first length, the least
-    pivot, the end of time, and rtol. `signs` has the components that keep their signs.
+    values v of the terms (T); t, the length wanted, its largest factor, the length taken, the first
+    length, the least pivot, the end of time, and rtol. `signs` has the components that keep their
+    signs.
 
-    results   numbers of the next state and the largest moduli (n each), t and the length
+    results   numbers of the next state and the largest moduli (n each), t, the length, its factor
     """
 
     def __init__(self, indices, D, n, signs):
         T, first_value = indices.shape[1], D + 3 * n
-        values = Values(first_value + T + 7, ())
+        values = Values(first_value + T + 8, ())
         emit, joined = values.emit, values.joined
         x, (total, second, largest) = range(D), (range(k, k + n) for k in range(D, first_value, n))
-        t, wanted, taken, first, least, end, rtol = range(first_value + T, first_value + T + 7)
+        t, wanted, longer, taken, first, least, end, rtol = range(
+            first_value + T, first_value + T + 8
+        )
         after = [emit("fadd", x[k], total[k]) for k in range(n)]
         errors = [emit("fabs", emit("fsub", total[k], second[k])) for k in range(n)]
         sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(n)]
@@ -186,13 +191,13 @@ class Choice:
         for _ in range(3):
             root = emit("sqrt", root)
         factor = emit("max", emit("fdiv", SAFETY, root), SHORTER)
-        longer = emit("select", emit("oeq", t, 0.0), AT_FIRST, LONGER)
         factor = emit("min", factor, longer)
         factor = emit("select", is_resolved, factor, emit("min", factor, REFUSED))
         length = emit("fmul", taken, factor)
         # A step that was cut at the end of time says nothing against the length wanted, and one of
         # length 0 nothing at all, even if f has no value at x.
-        is_cut = emit("or", good, emit("oeq", taken, 0.0))
+        is_nothing = emit("oeq", taken, 0.0)
+        is_cut = emit("or", good, is_nothing)
         is_cut = emit("and", is_cut, emit("olt", taken, wanted))
         length = emit("select", is_cut, wanted, length)
         arrives = emit("oeq", taken, emit("fsub", end, t))
@@ -203,5 +208,6 @@ class Choice:
         states = [emit("select", good, after[k], x[k]) for k in range(n)]
         states = [emit("select", ended, np.nan, state) for state in states]
         moduli = [emit("select", good, sizes[k], largest[k]) for k in range(n)]
-        self.results = [*states, *moduli, later, emit("select", ended, 0.0, length)]
+        longer = emit("select", is_nothing, longer, emit("select", good, LONGER, AFTER_REFUSED))
+        self.results = [*states, *moduli, later, emit("select", ended, 0.0, length), longer]
         self.operations = values.operations

@@ -275,8 +275,9 @@ def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
 
 def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the shape that the named batch shapes broadcast to."""
-    if not any(shapes.values()):
-        return ()
+    others = {shape for shape in shapes.values() if shape}
+    if len(others) < 2:  # for speed in small calls
+        return others.pop() if others else ()
     try:
         return np.broadcast_shapes(*shapes.values())
     except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes

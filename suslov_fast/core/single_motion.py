@@ -21,7 +21,7 @@ _SIZE = 8  # bytes of a number
 
 @functools.lru_cache(PLANS)
 def _prepared(step, values, rtol, direction):
-    """Return code, arguments, and what has to stay alive; None without code for a single state."""
+    """Return code, arguments, `Rows`, and what stays alive; None without code for one state."""
     if not step.usual or step.lift is not None or step.pieces[1]:
         return None
     if (address := code_of(text_of_flow, step)) is None:
@@ -34,7 +34,7 @@ def _prepared(step, values, rtol, direction):
         "difference": DIFFERENCE.ctypes.data, "rtol": at, "values": at + _SIZE,
         "state_bytes": _SIZE * step.D, "taking": 1, "next": 1,
     }  # fmt: skip
-    return address, array("q", FlowArguments(**numbers)), (kept, plan)
+    return address, array("q", FlowArguments(**numbers)), rows_of(step), (kept, plan)
 
 
 def motion_of_one(step, values, x, rtol, direction, times):
@@ -46,7 +46,7 @@ def motion_of_one(step, values, x, rtol, direction, times):
     found = _prepared(step, values.tobytes(), rtol, direction)
     if found is None:
         return None
-    (address, template, _), places = found, rows_of(step)
+    address, template, places, _ = found
     f, size = max(map(abs, step.rates_of_one(x, values.tolist()))), max(map(abs, x))
     if not math.isfinite(f + size):
         return None

@@ -318,9 +318,9 @@ def test_an_interrupted_run_goes_on(store, rng):
 RUN = """
     import sys
     from suslov_fast import RandomStarts, Suslov3D, ensemble
-    body, starts = Suslov3D(4, 1, -0.5, -0.3), RandomStarts(60_000, 1.5, seed=4)
-    chunk = {"trajectory": 1000, "n": 5}
-    ensemble(body, starts, 0.3, 2000, save_every=100, store=sys.argv[1], chunk=chunk)
+    body, starts = Suslov3D(4, 1, -0.5, -0.3), RandomStarts(12_000, 1.5, seed=4)
+    chunk = {"trajectory": 200, "n": 5}
+    ensemble(body, starts, 0.3, 900, save_every=100, store=sys.argv[1], chunk=chunk)
 """
 
 

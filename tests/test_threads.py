@@ -50,7 +50,7 @@ thread.join()
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("layer", children.LAYERS)
-@pytest.mark.parametrize(("code", "count"), [(AT_ONCE, 64), (FORKS, 100)])
+@pytest.mark.parametrize(("code", "count"), [(AT_ONCE, 40), (FORKS, 30)])
 @pytest.mark.slow
 def test_threads_and_forks(code, count, layer):
     """Threads at once, and children forked while a thread computes, neither abort nor hang."""

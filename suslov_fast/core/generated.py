@@ -109,7 +109,7 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     text.branch(text.all_true(values[step.good]), "finish", "rare", likely=True)
 
     text.label("rare")
-    if not single:
+    if not single and not before:
         # Loaded and computed anew, so that the registers of usual lines need not be stored.
         values = {k: text.load(text.V, place) for k, place in enumerate(places)}
         x = [*values.values()]

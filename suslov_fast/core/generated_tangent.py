@@ -4,7 +4,7 @@
 """
 
 from .generated import loader, piece_function
-from .machine_code import Text
+from .machine_code import Text, numbers_in_register
 
 # Rows of a line: the state; the numbers below; the products of the lengths of D columns; columns.
 # VOLUME is abs(det) of the columns, and (1 + NEAR_1) FAR_FROM_1 is the product of abs(det DPhi).
@@ -23,18 +23,31 @@ LIMIT, LEAST_SIZE, LARGEST_SIZE = 64.0, 1e-100, 1e100
 STEP, DERIVATIVE, NEGATIVE, DUE, OUTSIDE, CHANGED = range(16, 64, 8)
 
 
-def columns_of(D, W):
-    """Return how many columns are multiplied at once, and for how many there is room.
+# Columns are multiplied at once while the loop over them has at most so many instructions, because
+# a longer one, with loads and stores, exceeds the cache for instructions.
+MOST_IN_LOOP = 1800
+
+
+def room_of(D, W):
+    """Return for how many columns there is room.
 
     Component i of column r of a line is in row 2 D + LENGTHS + i * room + r. If W is 1, the columns
     are lanes of a vector. Otherwise `room` is odd, because components an even number of lines apart
     would share the same sets of the first cache.
     """
-    if W > 1:
-        at_once = min((4, 3, 2), key=lambda n: -(-D // n) * n) if D > 1 else 1
-        return at_once, -(-D // at_once) * at_once | 1
-    at_once = min(4, 1 << (D - 1).bit_length())
-    return at_once, -(-D // at_once) * at_once
+    if W == 1:
+        at_once = columns_at_once(D, W, ())
+        return -(-D // at_once) * at_once
+    return D + 3 | 1
+
+
+def columns_at_once(D, W, operations):
+    """Return how many columns are multiplied at once, by these operations for each."""
+    if W == 1:
+        return min(4, 1 << (D - 1).bit_length())
+    length = len(operations) * W // min(numbers_in_register(), W)
+    fitting = [n for n in (4, 3, 2) if n * length <= MOST_IN_LOOP and D > 1]
+    return min(fitting, key=lambda n: -(-D // n) * n, default=1)
 
 
 def text_of_tangent(tangent, name, W, for_each, _):
@@ -47,10 +60,8 @@ def text_of_tangent(tangent, name, W, for_each, _):
     """
     text, D, size, all_lanes = Text(W), tangent.D, 8 * W, (1 << W) - 1
     new, integer, V = text.new, text.integer, text.V
-    at_once, room = columns_of(D, W)
+    at_once, room = columns_at_once(D, W, tangent.columns), room_of(D, W)
     (*before, usual), _ = tangent.pieces
-    if W > 1 and before:  # a long list: its columns at once would need as much of a stack
-        at_once = 1
     for k, piece in enumerate(before):
         piece_function(text, tangent, f"{name}_{k}", piece, for_each)
     arguments = "i64 %line, i64 %table, i64 %kept, i64 %plan, i64 %ignored, i64 %steps"
@@ -195,7 +206,7 @@ def text_of_orthonormalise(step, name, W, *_):
     # With `lengths.orthonormalise` instead, exponents take 1.05 to 1.65 times as long. Its loops
     # over lanes are no SIMD, because the compiler does not know that rows do not overlap.
     text, D, size = Text(W), step.D, 8 * W
-    new, integer, V, room = text.new, text.integer, text.V, columns_of(D, W)[1]
+    new, integer, V, room = text.new, text.integer, text.V, room_of(D, W)
     arguments = (
         "i64 %columns, i64 %carried, i64 %due, i64 %kept, i64 %plan"  # two of `sparse_tangent`
     )

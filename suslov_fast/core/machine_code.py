@@ -277,12 +277,22 @@ def _machine(level):
     """Return the target machine for the processor and the features that Numba compiles for."""
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
-    features = config.CPU_FEATURES
-    if features is None:
-        features = "" if config.CPU_NAME else binding.get_host_cpu_features().flatten()
     target = binding.Target.from_triple(binding.get_process_triple())
     cpu = config.CPU_NAME or binding.get_host_cpu_name()
-    return target.create_target_machine(cpu=cpu, features=features, opt=level, jit=True)
+    return target.create_target_machine(cpu=cpu, features=_features(), opt=level, jit=True)
+
+
+def _features():
+    """Return the features of the processor that code is made for, as LLVM spells them."""
+    if config.CPU_FEATURES is not None:
+        return config.CPU_FEATURES
+    return "" if config.CPU_NAME else binding.get_host_cpu_features().flatten()
+
+
+def numbers_in_register():
+    """Return how many numbers a register of the processor holds, at least."""
+    features = _features().split(",")
+    return 8 if "+avx512f" in features else 4 if "+avx2" in features else 2
 
 
 # ------------------------------------------------------------------------------------------- calls

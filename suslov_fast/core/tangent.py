@@ -39,7 +39,7 @@ from .generated_tangent import (
     OUTSIDE,
     STEP,
     VOLUME,
-    columns_of,
+    room_of,
     text_of_orthonormalise,
     text_of_tangent,
 )
@@ -66,7 +66,7 @@ class Arguments(NamedTuple):
     orthonormalise: int  # address of the code of `text_of_orthonormalise`, likewise
     plan: int  # address of a `sparse_tangent.Plan`, 0 for the other code
     W: int
-    room: int  # see `columns_of`
+    room: int  # see `room_of`
     kept: int  # rows for values that later pieces of a long list need, or for `sparse_tangent`
     indices: Any  # (3, T)
     table: Any  # (fractions, 1 or lines, n, 1 or W)
@@ -103,7 +103,7 @@ def arguments_of(scheme, values, eps, count):
     tangent = _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
     W = WIDTH if count > 1 else 1
     halves, table = tables_of(Scheme(tangent, stages), values, eps, W)
-    room, is_each, address = columns_of(tangent.D, W)[1], halves.shape[2] > 1, None
+    room, is_each, address = room_of(tangent.D, W), halves.shape[2] > 1, None
     if tangent.usual:
         address = code_of(text_of_tangent, tangent, W, is_each)
     codes = address, code_of(text_of_orthonormalise, scheme_of(_NO_TERMS, step.D).step, W)

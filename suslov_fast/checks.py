@@ -365,8 +365,13 @@ def spelled(number: Fraction) -> str:
 
 
 def brief(expression: str) -> str:
-    """Return an expression for readers, where long fractions are rounded to six digits."""
-    return re.sub(r"\d{4,}/\d{4,}", lambda found: spelled(Fraction(found[0])), expression)
+    """Return an expression for readers, whose numbers are those of `spelled`."""
+
+    def shown(found: re.Match[str]) -> str:
+        text = found[0]
+        return spelled(Fraction(text if "/" in text else float(text)))
+
+    return re.sub(r"(?<![\w.])\d+(/\d+|(\.\d+)?(e[-+]?\d+)?)", shown, expression)
 
 
 def short(value: Any) -> str:

@@ -334,6 +334,9 @@ def test_long_fractions_are_rounded_for_readers_alone():
     assert "1.00015" in repr(field)
     assert "1.00015" in field.added["u1"]
     assert body_from_dict(field.to_dict()) == field
+    field = LiftedField.from_function(lambda x: (np.log10(2 + x[0] ** 2),), "x")
+    assert repr(field) == "LiftedField(x' = 0.434294*log(x**2 + 2))"
+    assert field.to_dict()["equations"] == [f"{math.log10(math.e)}*u1"]
 
 
 def fills_an_array(x):
@@ -351,7 +354,7 @@ def needs_too_many(x):
     ("call", "message"),
     [
         (two(lambda x: (abs(x[0]), x[1])), "calls abs of x: it is not smooth"),
-        (two(lambda x: (np.sign(x[0]), x[1])), "calls sign of x"),
+        (two(lambda x: (np.sign((0.3 - x[0]) / 3), x[1])), r"calls sign of -1/3\*x \+ 0.1: it"),
         (two(lambda x: (np.floor(x[0]), x[1])), "calls floor of x"),
         (two(lambda x: (np.maximum(x[0], 0), x[1])), "calls maximum"),
         (two(lambda x: (x[0] if x[0] > 0 else 0, x[1])), "compares x"),
@@ -359,6 +362,7 @@ def needs_too_many(x):
         (two(lambda x: (math.exp(-x[0]), x[1])), r"write np\.exp, as in np\.exp\(-x\[0\]\)"),
         (two(fills_an_array), r"derivative\[0\] = x\[1\]: an array of floats.* return a tuple"),
         (two(lambda t, y: (y[1], S(t))), r"\(\*f\(s\[-1\], s\[:-1\]\), 1\), \"x y t\""),
+        (two(lambda y, t: (y[1], math.cos(t))), r"f\(s\[:-1\], s\[-1\]\), 1\), \"x y t\""),
         (two(lambda t, y: (y[1], S(y[0]))), r"pass lambda x: f\(None, x\)"),
         (two(needs_too_many), "more than 200 variables"),
         (of_a(lambda x, a: (S(x[0]) if a > 1 else x[0],)), "compares the parameter a.* one field"),
@@ -381,6 +385,40 @@ def test_what_a_lifted_field_has_not_is_refused_with_what_to_use():
     for function, advice in ((matrix, "use jacobian"), (modified_energy, "use energy")):
         with pytest.raises(TypeError, match=advice):
             function(pendulum, [1.0, 0.0], 0.1)
+
+
+def forced(y, t, mu):
+    return y[1], mu * y[1] - S(y[0]) + C(t)
+
+
+@pytest.mark.parametrize("kind", [QuadraticField, LiftedField])
+def test_a_function_of_time_gets_a_call_that_works(kind):
+    with pytest.raises(TypeError) as caught:
+        kind.from_function(forced, "x v", mu=0.5)
+    call = str(caught.value).partition("derivative 1, ")[2]
+    assert repr(eval(call)) == "LiftedField(x' = v, v' = 1/2*v - sin(x) + cos(t), t' = 1)"
+
+
+def test_functions_without_a_rule_can_be_written():
+    with pytest.raises(TypeError, match=r"write np\.arctan\(x/.* LiftedField.from_function\(f, 1"):
+        QuadraticField.from_function(lambda x: (np.arcsin(x[0]),), 1)
+
+
+def test_high_powers():
+    """Of a Hill function, and powers that are variables of their own: u' by the chain rule."""
+    for f in (
+        lambda x: (1 / (1 + x[0] ** 20) - x[0],),
+        *(lambda x, n=n: (-(x[0] ** n),) for n in (40, 150, -120, 150.5)),
+    ):
+        field, x, h = LiftedField.from_function(f, 1), np.array([1.02]), 1e-6
+        assert body_from_dict(field.to_dict()) == field
+        assert field.lifted.dimension <= 12
+        rate = f(x)[0]
+        slopes = (field.lift(x + h * rate) - field.lift(x - h * rate)) / (2 * h)
+        found = vector_field(field.lifted, field.lift(x))
+        np.testing.assert_allclose(found[0], rate, rtol=1e-13)
+        np.testing.assert_allclose(found, slopes, rtol=1e-5, atol=1e-7)
+    assert LiftedField.from_function(lambda x: (x[0] ** (10**9),), 1).added["u2"] == "1/x1"
 
 
 def test_quadratic_fields_name_the_call_that_works():

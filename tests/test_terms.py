@@ -74,6 +74,16 @@ def test_repeated_terms_are_added_in_any_order(rng, batch):
         assert single(x.astype(float)).tolist() == value(x, indices, values[member])
 
 
+def test_repeated_terms_of_a_family_are_those_of_its_members(rng):
+    """Floats whose sums round: to the bit, in any order."""
+    indices = random_terms(rng, 2, 60)[0]
+    values, order = rng.normal(size=(5, 60)), rng.permutation(60)
+    family = of_terms(indices, values, 2)
+    assert of_terms(indices[:, order], values[:, order], 2) == family
+    for k in range(5):
+        assert (of_terms(indices, values[k], 2).terms[1] == family.terms[1][k]).all()
+
+
 def test_a_field_is_its_terms_and_its_tables(rng):
     for field in (
         of_terms(*random_terms(rng, 5, 80), 5),

@@ -12,6 +12,8 @@ from keyword import iskeyword
 from typing import Any
 
 from ..checks import page, short, wrong
+from .definitions import Definitions
+from .expressions import state_of
 from .names import TIME, clash, free, labels
 
 # Usual names of an array of parameters, of a state or a component, and of a state as a whole in
@@ -105,6 +107,8 @@ def check_arguments(
     first = _first_scalar(arguments, names, given)
     parts = [name for name in arguments if name not in TIME]
     in_parts = first is None and 1 < len(parts) < D and D % len(parts) == 0 and _is_run(parts)
+    if is_timed and first is None and not in_parts and maker.endswith("Field.from_function"):
+        _check_time(argument, f, arguments, names, given)
     for_arrays = missing and ({*missing} <= _ARRAY or arguments[0] == f"d{missing[0]}")
     of_state = any(map(_SURELY_STATE.fullmatch, missing))
     if is_timed or (missing and (first is not None or in_parts or for_arrays or of_state)):
@@ -136,6 +140,44 @@ def check_arguments(
         known = ", ".join(a.name for a in _arguments(f)[1:]) or "none"
         text = f"{f_name} has no parameter {', '.join(unknown)}; choose from: {known}"
         raise TypeError(prefixed(argument, text))
+
+
+def _check_time(
+    argument: str, f: Any, arguments: list[str], names: Sequence[str], given: Mapping[str, Any]
+) -> None:
+    """Say how to make time a variable, for a function f(t, y, ...) or f(y, t, ...) that uses t."""
+    times = [name for name in arguments if name in TIME]
+    state, *parameters = [name for name in arguments if name not in TIME] or [""]
+    is_known = {*parameters} <= {*given} or _ARRAY.isdisjoint(parameters)
+    if not state or len(times) > 1 or not is_known:
+        return
+    own = [name for name in names if name not in TIME]
+    *components, time = state_of(Definitions([*own, *times]))
+    values = {name: given.get(name, 1.0) for name in parameters}
+    try:
+        f(**values, **{state: (*components,), times[0]: None})
+    except Exception:  # f may raise anything for a time that is None
+        try:
+            f(**values, **{state: (*components,), times[0]: time})
+        except Exception as error:  # nor does it take a variable
+            if not says(str(error), "function of math"):
+                return
+    else:
+        return
+    f_name = name_of(f, argument)
+    s = next(each for each in ("s", "x", "state") if each not in {*parameters, f_name})
+    texts = {state: f"{s}[:-1]", times[0]: f"{s}[-1]"}
+    passed = [texts.get(name, name) for name in arguments]
+    if [each.name for each in _arguments(f)][: len(arguments)] != arguments:
+        passed = [f"{name}={text}" for name, text in zip(arguments, passed, strict=True)]
+    function = f"lambda {', '.join([s, *parameters])}: (*{f_name}({', '.join(passed)}), 1)"
+    numbers = "".join(f", {name}={_value(name, given, '…')}" for name in parameters)
+    call = f'LiftedField.from_function({function}, "{" ".join([*own, *times])}"{numbers})'
+    received = f"{f_name}({', '.join(arguments)})"
+    raise TypeError(
+        f"{argument} must take the state alone, as one tuple, not {received}: "
+        f"make time a variable with the derivative 1, {call}"
+    )
 
 
 def prefixed(argument: str, text: str) -> str:

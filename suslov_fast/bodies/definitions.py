@@ -140,9 +140,9 @@ class Definitions:
         """Return p**exponent, for a number or a symbol."""
         if exponent.terms.keys() <= {()}:
             r = exponent.terms.get((), Fraction(0))
-            if r.denominator == 1:
+            if r.denominator == 1 and abs(r) < 100:
                 return product([p if r > 0 else self.inverse(p)] * abs(int(r)))
-            if r.denominator == 2:
+            if r.denominator == 2 and abs(r) < 100:
                 root, n = self.added("root", p), int(r + HALF)
                 factor, n = (p, n) if n > 0 else (root, int(-2 * r) - 1)
                 return product([factor] * n, root)

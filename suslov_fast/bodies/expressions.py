@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
+from ..checks import brief
 from .columns import Column
 from .definitions import HALF, ONE, Definitions, number, product, variable
-from .polynomials import Polynomial, exact
+from .polynomials import HOW, Polynomial, exact
 
 
 class NotSmooth(TypeError):
@@ -45,19 +46,6 @@ _NEVER = set(
     "abs sign floor ceil rint trunc maximum minimum fmax fmin heaviside remainder fmod mod "
     "floor_divide divmod copysign round clip where logical_and logical_or logical_not".split()
 )
-# How to write functions without a rule by functions that have one.
-HOW = {
-    "arctan2": "2*np.arctan(y/(x + np.hypot(x, y))) for np.arctan2(y, x)",
-    "expit": "1/(1 + np.exp(-x)) for expit(x)",
-    "logistic": "1/(1 + np.exp(-x))",
-    "sinc": "np.sin(np.pi*x)/(np.pi*x)",
-    "arcsin": "np.arctan(x/np.sqrt(1 - x**2)) for np.arcsin(x)",
-    "arccos": "np.pi/2 - np.arctan(x/np.sqrt(1 - x**2)) for np.arccos(x)",
-    "arcsinh": "np.log(x + np.sqrt(x**2 + 1)) for np.arcsinh(x)",
-    "arccosh": "np.log(x + np.sqrt(x**2 - 1)) for np.arccosh(x)",
-    "arctanh": "(np.log1p(x) - np.log1p(-x))/2 for np.arctanh(x)",
-    "logaddexp": "np.log(np.exp(x) + np.exp(y)) for np.logaddexp(x, y)",
-}
 
 
 class Expression(NDArrayOperatorsMixin):
@@ -120,8 +108,8 @@ class Expression(NDArrayOperatorsMixin):
         return self.text()
 
     def text(self, _: Any = None) -> str:
-        """Return the expression in the variables of the state."""
-        return self.definitions.text(self.polynomial)
+        """Return the expression in the variables of the state, for readers."""
+        return brief(self.definitions.text(self.polynomial))
 
 
 def state_of(definitions: Definitions) -> list[Expression]:
@@ -242,7 +230,7 @@ RULES: dict[str, Callable[..., Expression]] = {
     "expm1": lambda a: _plus(_exp(a), -1),
     "log": _log,
     "log2": _times(1 / _LOG2, _log),
-    "log10": _times(1 / math.log(10.0), _log),
+    "log10": _times(math.log10(math.e), _log),
     "log1p": lambda a: _log(_plus(a, 1)),
     "sin": _sin,
     "cos": _function("cos", "sin"),

@@ -17,17 +17,20 @@ parameters have negative indices.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from itertools import combinations_with_replacement
+from textwrap import shorten
 from typing import NamedTuple
 
+from ..checks import brief
 from .definitions import HALF, ONE, Definitions, number, variable
 from .polynomials import Polynomial
 
 MOST = 200  # variables
-HIGHEST = 16  # degree of a product that is looked for
-WORK = 200_000  # products looked at, a few seconds
+LENGTH = 2**18  # of all products that divide one that is looked for, a second
+WORK = 400_000  # products looked at, a few seconds
 
 Monomial = tuple[int, ...]
 Terms = dict[Monomial, Fraction]
@@ -262,7 +265,8 @@ def _quadratic(definitions: Definitions, algebra: _Algebra, words: list[Monomial
     closed = _closed(algebra, words, len, most) or by_degree
     if closed is None:
         missing = sorted({m for w in words for m in algebra.products(w) if len(m) > 2}, key=_order)
-        products = ", ".join(definitions.text(Polynomial([(m, Fraction(1))])) for m in missing[:3])
+        texts = [brief(definitions.text(Polynomial([(m, Fraction(1))]))) for m in missing[:3]]
+        products = ", ".join(shorten(text, 100, placeholder=" ...") for text in texts)
         raise TooMany(
             f"more than {MOST} variables would be needed, from {len(words)} and products such as "
             f"{products}"
@@ -286,7 +290,7 @@ def _closed(
     work = 0
     while missing:
         target = min(missing, key=lambda m: (len(m), tuple(-i for i in m)))
-        if len(words) >= most or len(target) > HIGHEST or work > WORK:
+        if len(words) >= most or _length(target) > LENGTH or work > WORK:
             return None
         best = None
         for fresh in _ways(target, words):
@@ -294,7 +298,7 @@ def _closed(
             left = missing - more
             for word in fresh:
                 left |= algebra.products(word) - more
-            work += len(left)
+            work += len(left) + len(fresh) * len(words)
             size = measure(left) + 2 * len(fresh), max(map(len, fresh)), sum(map(len, fresh))
             if best is None or (*size, fresh) < best[0]:
                 best = (*size, fresh), fresh, more, left
@@ -312,6 +316,11 @@ def _ways(target: Monomial, words: Sequence[Monomial]) -> Iterator[list[Monomial
         if len(part) >= len(rest):
             fresh = [w for w in dict.fromkeys((part, rest)) if w not in words and len(w) > 1]
             yield [target] if part == target else fresh
+
+
+def _length(m: Monomial) -> int:
+    """Return the degree of m times the number of monomials that divide it."""
+    return len(m) * math.prod(m.count(i) + 1 for i in {*m})
 
 
 def _parts(m: Monomial) -> set[Monomial]:

@@ -116,10 +116,20 @@ def from_text(text: str) -> Fraction:
 
 # Functions that become quadratic as a new variable, and those that need one for a quotient, too.
 _AS_VARIABLES = set("exp exp2 expm1 sinh cosh tanh tan".split())
-_WITH_QUOTIENTS = set(
-    "log log2 log10 log1p sqrt cbrt hypot arctan arctan2 arcsin arccos arcsinh arccosh arctanh "
-    "logaddexp logaddexp2 float_power".split()
-)
+_WITH_QUOTIENTS = set("log log2 log10 log1p sqrt cbrt hypot arctan logaddexp2 float_power".split())
+# How to write functions without a rule by functions that have one.
+HOW = {
+    "arctan2": "2*np.arctan(y/(x + np.hypot(x, y))) for np.arctan2(y, x)",
+    "expit": "1/(1 + np.exp(-x)) for expit(x)",
+    "logistic": "1/(1 + np.exp(-x))",
+    "sinc": "np.sin(np.pi*x)/(np.pi*x)",
+    "arcsin": "np.arctan(x/np.sqrt(1 - x**2)) for np.arcsin(x)",
+    "arccos": "np.pi/2 - np.arctan(x/np.sqrt(1 - x**2)) for np.arccos(x)",
+    "arcsinh": "np.log(x + np.sqrt(x**2 + 1)) for np.arcsinh(x)",
+    "arccosh": "np.log(x + np.sqrt(x**2 - 1)) for np.arccosh(x)",
+    "arctanh": "(np.log1p(x) - np.log1p(-x))/2 for np.arctanh(x)",
+    "logaddexp": "np.log(np.exp(x) + np.exp(y)) for np.logaddexp(x, y)",
+}
 _COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".split())
 
 
@@ -151,6 +161,8 @@ class NoPolynomial(TypeError):
         if f in _WITH_QUOTIENTS:
             why = "together with the quotient in its derivative"
             return f"calls {f} of {of}: it becomes quadratic as a new variable, {why}"
+        if f in HOW:
+            return f"calls {f} of {of}: write {HOW[f]}, which new variables make quadratic"
         f = {"absolute": "abs", "fabs": "abs"}.get(f, f)
         what = (
             f"compares {of}, as in if: a branch" if f in _COMPARISONS else f"calls {f}({of}): {f}"
@@ -255,7 +267,7 @@ class Polynomial(NDArrayOperatorsMixin):
 
         def __getattr__(self, name: str) -> Any:
             """Return a method that raises; np.exp of an array of objects calls their method exp."""
-            if name not in {"sin", "cos"} | _AS_VARIABLES | _WITH_QUOTIENTS:
+            if name not in {"sin", "cos", *HOW} | _AS_VARIABLES | _WITH_QUOTIENTS:
                 raise AttributeError(f"'Polynomial' object has no attribute {name!r}")
 
             def refuse(*_: Any) -> None:

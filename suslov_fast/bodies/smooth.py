@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..checks import short
-from .advice import arguments_of, check_arguments, check_callable, explained, name_of, prefixed
+from .advice import check_arguments, check_callable, explained, name_of, prefixed
 from .columns import Refused
 from .definitions import Definitions
 from .expressions import FUNCTIONS, NotSmooth, as_polynomial, state_of
-from .names import TIME
 from .polynomials import Polynomial
 from .tracing import Variables, _components
 
@@ -30,7 +29,6 @@ def traced(
     check_callable(argument, f)
     f = getattr(f, "py_func", f)
     f_name = name_of(f, argument)
-    _check_time(argument, f, f_name, definitions, parameters, maker)
     check_arguments(argument, f, names, parameters, maker)
     is_family = any(hasattr(each, "values") for each in parameters.values())
     state: Any = state_of(definitions)
@@ -101,34 +99,3 @@ def _segment(frame: Any) -> str:
         return line
     original = frame._original_line if hasattr(frame, "_original_line") else line
     return str(original)[begin:end]
-
-
-def _check_time(
-    argument: str,
-    f: Any,
-    f_name: str,
-    definitions: Definitions,
-    parameters: Mapping[str, Any],
-    maker: str,
-) -> None:
-    """Say how to make time a variable, for a function f(t, y) or f(y, t) that uses t."""
-    arguments = arguments_of(f)
-    if len(arguments) != 2 or len(TIME & {*arguments}) != 1:
-        return
-    is_first = arguments[0] in TIME
-    symbols: Any = state_of(Definitions(definitions.names))
-    state = Variables(symbols)
-    try:
-        f(*((None, state) if is_first else (state, None)), **parameters)
-    except Exception:  # f may raise anything for a time that is None
-        text = "s[-1], s[:-1]" if is_first else "s[:-1], s[-1]"
-    else:
-        return
-    own = [name for name in definitions.names if name not in TIME]
-    time = next(name for name in arguments if name in TIME)
-    call = f'{maker}(lambda s: (*{f_name}({text}), 1), "{" ".join([*own, time])}")'
-    received = f"{f_name}({', '.join(arguments)})"
-    raise TypeError(
-        f"{argument} must take the state alone, as one tuple, not {received}: "
-        f"make time a variable with the derivative 1, {call}"
-    )

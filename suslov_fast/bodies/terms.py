@@ -7,6 +7,7 @@ only where someone asks for them, because they have D**3 entries.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
@@ -61,7 +62,7 @@ def fractions(values: Any) -> Any:
 def collected(indices: Any, values: Any, D: int, degree: int) -> Terms:
     """Return the sum of terms at any places: of a field with the degree 2, of a Hamiltonian with 3.
 
-    Repeated terms of a single polynomial are added exactly, those of a family as floats.
+    Repeated terms are added exactly; sums of floats of a family are rounded once.
     """
     indices = np.array(indices, np.int64).reshape(3, -1)
     indices[3 - degree :].sort(axis=0)
@@ -71,8 +72,14 @@ def collected(indices: Any, values: Any, D: int, degree: int) -> Terms:
     is_first[1:] = (indices[:, 1:] != indices[:, :-1]).any(axis=0)
     if not is_first.all():
         values = fractions(values) if values.ndim == 1 else values
-        values = np.add.reduceat(values, np.flatnonzero(is_first), axis=-1)
-        indices = indices[:, is_first]
+        first = np.flatnonzero(is_first)
+        sums = np.add.reduceat(values, first, axis=-1)
+        if values.dtype == np.float64:
+            counts = np.diff(first, append=len(order))
+            for k in np.flatnonzero(counts > 2):  # a sum of two is rounded once
+                own = values[..., first[k] : first[k] + counts[k]]
+                sums[..., k] = np.apply_along_axis(math.fsum, -1, own)
+        values, indices = sums, indices[:, is_first]
     return without_zeros(indices, values)
 
 

@@ -190,7 +190,7 @@ def lorenz(rho):
     return sf.QuadraticField.from_function(f, "u v w", rho=rho)
 
 
-@pytest.mark.parametrize("members", [1, 30, 38, 64, 112, 400])
+@pytest.mark.parametrize("members", [1, 38, 400])
 def test_summaries_of_families(members):
     """Of large tables a store has no numbers; values of a parameter take one line."""
     family = lorenz(np.linspace(20, 30, members))

@@ -454,6 +454,7 @@ def plane(x):
     return x[..., 2] - 27
 
 
+@pytest.mark.sampled(16)
 @pytest.mark.parametrize("most", [None, 1, 3])
 @pytest.mark.parametrize("name", MAPS)
 def test_extended_crossings_are_those_of_one_call(name, most, tmp_path):

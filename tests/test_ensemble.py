@@ -80,6 +80,7 @@ ASKED = {"body": BODY, "omega0": [[1.0, 0.5]], "eps": 0.2, "steps": 20, "save_ev
 FIELD = {"body": FAMILY, "omega0": [1.0, 1.0, 1.0], "eps": 0.01, "steps": 9}
 
 
+@pytest.mark.sampled(13)
 @pytest.mark.parametrize(
     ("body", "shape", "eps", "ours", "settings"),
     [
@@ -95,7 +96,7 @@ FIELD = {"body": FAMILY, "omega0": [1.0, 1.0, 1.0], "eps": 0.01, "steps": 9}
         *[(BODY, shape, 0.2, {}, {"save_every": 5}) for shape in ((), (1,), (3, 0))],
     ],
 )
-@pytest.mark.parametrize("steps", [0, pytest.param(1, marks=pytest.mark.slow), 41])
+@pytest.mark.parametrize("steps", [0, 1, 25])
 def test_a_stored_run_equals_iterate(store, rng, body, shape, eps, ours, settings, steps):
     omega0 = rng.uniform(-2.0, 2.0, np.append(shape, body.dimension).astype(int))
     if shape == 20:
@@ -570,6 +571,7 @@ WAYS_TO_WRITE = {
 }
 
 
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("unfinished", [False, True])
 @pytest.mark.parametrize("way", WAYS_TO_WRITE)
 @pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr

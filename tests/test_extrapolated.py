@@ -61,6 +61,7 @@ def test_record_and_weights():
     assert abs(factor).max() <= 1 + 1e-13
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", FLOWS)
 def test_order(name):
     """By regression, forward and backward in time."""
@@ -77,6 +78,7 @@ def test_order(name):
     assert abs(back - start).max() < (1e-6 if name == "Lorenz" else 1e-9)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", FLOWS)
 def test_steps_combine_columns(name, rng):
     field, start, time = FLOWS[name]

@@ -452,7 +452,7 @@ def test_primes_may_divide_coefficients(c):
 # Reports.
 
 
-@pytest.mark.sampled(9)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(
     ("given", "degree", "kind", "integrals", "measure", "planes"),
     [
@@ -534,7 +534,7 @@ LINES = from_hamiltonian(
     ("field", "eps", "message"),
     [
         (LINES, 1, "the image is a curve"),
-        (LINES, -1, "the image is a curve"),
+        pytest.param(LINES, -1, "the image is a curve", marks=pytest.mark.slow),
         (field_of(lambda x: (x[0], 2 * x[1]), 2), -1, "the image is a curve"),
         (field_of(lambda x: (x[0], 2 * x[1]), 2), 2, "no solution"),
         pytest.param(
@@ -635,10 +635,13 @@ PAPERS = {
 }
 
 
-LONG = [pytest.param(name, marks=pytest.mark.slow) for name in ("Euler", "Ishii", "Lagrange")]
+LONG = [
+    pytest.param(name, marks=pytest.mark.slow)
+    for name in ("gyrostat", "Euler", "Ishii", "Lagrange")
+]
 
 
-@pytest.mark.parametrize("name", ["Suslov", "gyrostat", "Lotka-Volterra", *LONG])
+@pytest.mark.parametrize("name", ["Suslov", "Lotka-Volterra", *LONG])
 def test_formulas_in_eps(name):
     field, degree, integrals, density = PAPERS[name]
     found = report(field, degree=degree)
@@ -789,7 +792,7 @@ def test_names_that_sympy_takes_for_its_own():
 @pytest.mark.parametrize(
     ("field", "number"),
     [
-        (field_of(lambda x, c: (c * x[1] * x[2], x[2] * x[0], x[0] * x[1]), 3, c=0.1), "0.1"),
+        (field_of(lambda x, c: (c * x[0] * x[1], x[0]), 2, c=0.1), "0.1"),
         (field_of(lambda x: (0.1 * x[0] * x[1], x[1]), 2), "0.1"),
         (from_hamiltonian(lambda x: 0.7 * x[0] ** 2 * x[1] + x[1] ** 2, 2), "0.7"),
         (field_of(lambda x: (x[0] * x[1] / 2, x[1]), 2), None),
@@ -875,8 +878,8 @@ def test_the_cheapest_task_goes_first():
     assert (len(queue), queue.has_set_aside, queue.finished()) == (1, True, {"a": 4, "b": 1})
 
 
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("given", [BODY, CYCLE, PREY, ISHII, SIR, TODD, HENON_HEILES_FIELD])
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("given", [BODY, CYCLE, PREY, SIR])
 def test_a_larger_degree_shows_no_less(given):
     is_map = isinstance(given, RationalMap)
     reports = [report(given, None if is_map else EPS, degree) for degree in (1, 2, 3)]
@@ -889,7 +892,7 @@ def test_a_larger_degree_shows_no_less(given):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("field", [EULER, CYCLE, ISHII])
+@pytest.mark.parametrize("field", [EULER, CYCLE])
 def test_a_permutation_of_the_variables(field):
     """Reports of the same field in other variables show as much, of the same degrees."""
     n = field.dimension
@@ -1099,7 +1102,7 @@ def test_formulas_of_papers():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("field", [EULER, CYCLE, CUBIC, ISHII, ZOO["Nambu"][0]])
+@pytest.mark.parametrize("field", [EULER, CYCLE, CUBIC])
 def test_symbolic_eps_and_number_print_the_same(field):
     """And the limit for eps to 0 is an integral of the field."""
     symbolic, number = report(field), report(field, F(2, 5))
@@ -1125,7 +1128,10 @@ def test_symbolic_eps_and_number_print_the_same(field):
         (ENERGY, ["(x1, -x2)"]),
         (PREY, ["(x2, x1)"]),
         (field_of(lambda x: (x[0] ** 2 - x[0],), 1), ["(-x1 + 1)"]),
-        (CYCLE, ["(x1, x3, x2)", "(x2, x1, x3)", "(x3, x2, x1)", "(-x1, -x2, -x3)"]),
+        pytest.param(
+            *(CYCLE, ["(x1, x3, x2)", "(x2, x1, x3)", "(x3, x2, x1)", "(-x1, -x2, -x3)"]),
+            marks=pytest.mark.slow,
+        ),
         (PLANAR, []),
     ],
 )

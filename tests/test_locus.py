@@ -88,7 +88,7 @@ def counted(map, degree):
             marks=pytest.mark.slow,
         ),
         pytest.param(henon_heiles, 3, 0, {F(1): 2}, marks=pytest.mark.slow),
-        (rotors, 3, 4, {F(0): 8}),
+        pytest.param(rotors, 3, 4, {F(0): 8}, marks=pytest.mark.slow),
         pytest.param(so4, 2, 2, {F(2, 5): 13, F(1): 7, F(2): 7, F(5): 13}, marks=pytest.mark.slow),
     ],
 )

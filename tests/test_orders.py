@@ -130,6 +130,7 @@ def test_fractions(method):
     assert -1e-15 < min(np.cumsum(fractions)) <= max(np.cumsum(fractions)) < 1 + 1e-15
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FLOWS)
 def test_order(name, method):
@@ -147,6 +148,7 @@ def test_order(name, method):
     assert abs(back - start).max() < (1e-4 if method == "order4" else 1e-6)
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FLOWS)
 def test_steps_are_composed(name, method, rng):
@@ -231,6 +233,7 @@ def precise_jacobian(field, x, eps, method):
     return found, conditions * norms
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FLOWS)
 def test_jacobian(name, method, rng):

@@ -208,7 +208,7 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
         state = np.broadcast_to(omega, (*batch, omega.shape[-1]))
         step = np.broadcast_to(eps if row.eps else 0.0, batch)
         assert all(each.shape[: len(batch)] == batch for each in values)
-        some = [i for i in np.ndindex(batch) if i[0] in (0, 1, 5, LANES - 1, LANES, SIZE - 1)]
+        some = [i for i in np.ndindex(batch) if i[0] in (1, LANES - 1, LANES, SIZE - 1)]
         for index in (*some, rng.permutation(batch[0])):
             alone = row.values(part(body, index, batch), state[index], step[index])
             same(alone, [each[index] for each in values])
@@ -288,7 +288,7 @@ OPTIONS = [
 ]
 
 # Lifted fields take the steps of compositions as they are.
-REPEATED = "Lifted, order6 0", "Lifted, order8 0"
+REPEATED = "Lifted, order4 0", "Lifted, order6 0", "Lifted, order8 0"
 with_options = pytest.mark.parametrize(
     ("kind", "options"),
     [pytest.param(*each, marks=[pytest.mark.slow] * (each[0] in REPEATED)) for each in OPTIONS],
@@ -300,17 +300,17 @@ with_options = pytest.mark.parametrize(
 def test_runs_in_parts(rng, kind, options):
     """What is saved, and how a run is cut, changes no bit."""
     problem, options = hard(rng, kind), options | {"on_singular": "ignore"}
-    whole = sf.iterate(*problem, 40, **options)
+    whole = sf.iterate(*problem, 30, **options)
     assert {-2, 0} <= {*whole.status}
     if kind == "Suslov3D 0":
         assert whole.failed_at[11:14].tolist() == [1, 2, 3]
         assert (whole.status[11:14] == sf.Status.SINGULAR).all()
     for save_every in (1, 7, None):
-        run = sf.iterate(*problem, 40, save_every=save_every, **options)
+        run = sf.iterate(*problem, 30, save_every=save_every, **options)
         same([run.states, run.final, run.status], [whole.states[run.n], whole.final, whole.status])
         if run.attitude is not None:
             same([run.attitude], [whole.attitude[run.n]])
-        for cuts in ((20, 20), (0, 1, 28, 11), (33, 0, 7)):
+        for cuts in ((0, 1, 20, 9), (23, 0, 7)):
             extended = sf.iterate(*problem, cuts[0], save_every=save_every, **options)
             for more in cuts[1:]:
                 extended = extended.extend(more, on_singular="ignore")
@@ -378,7 +378,7 @@ def measured_order(map, method, body, x):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_order_of_steps(rng, kind):
     """It is what the record says; steps of high order that can be measured are rather long."""
-    map, (body, omega, _) = RECORDS[kind], sample(rng, kind, (), (20,), ())
+    map, (body, omega, _) = RECORDS[kind], sample(rng, kind, (), (9,), ())
     x = omega / abs(omega).max(axis=1, keepdims=True)
     for method in map.methods:
         with np.errstate(all="ignore"):
@@ -400,7 +400,7 @@ def test_the_order_of_a_composition(kind):
 @with_options
 def test_failures_are_marked_at_any_step(rng, kind, options):
     """Trajectories whose states end, early or late, have a status, and no others."""
-    run = sf.iterate(*hard(rng, kind), 300, on_singular="ignore", **options)
+    run = sf.iterate(*hard(rng, kind), 100, on_singular="ignore", **options)
     exist = np.isfinite(run.states).all(axis=-1)
     failed = run.status < 0
     assert (failed == ~exist[-1]).all()

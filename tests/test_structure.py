@@ -6,6 +6,7 @@ import graphlib
 import importlib
 import inspect
 import re
+from functools import cache
 from pathlib import Path
 
 import children
@@ -16,8 +17,12 @@ from suslov_fast.bodies.names import clash
 
 PACKAGE = Path(suslov_fast.__file__).parent
 TEXTS = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
-NODES = {path: list(ast.walk(ast.parse(text))) for path, text in TEXTS.items()}
 PUBLIC = [getattr(suslov_fast, name) for name in suslov_fast.__all__]
+
+
+@cache
+def nodes_of(path):
+    return list(ast.walk(ast.parse(TEXTS[path])))
 
 
 def name_of(path):
@@ -36,12 +41,12 @@ def importing(path):
     own = [PACKAGE.name, *path.relative_to(PACKAGE).parts]
     checking = [
         node
-        for node in NODES[path]
+        for node in nodes_of(path)
         if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
     ]
     unseen = {each for node in checking for part in node.body for each in ast.walk(part)}
     roots = set()  # names of the package in this file
-    for node in NODES[path]:
+    for node in nodes_of(path):
         if node in unseen:
             continue
         if isinstance(node, ast.Import):
@@ -58,7 +63,7 @@ def importing(path):
                     yield defining(alias.name)
         elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "import_module":
             yield from (each.value for each in node.args if isinstance(each, ast.Constant))
-    for node in NODES[path]:
+    for node in nodes_of(path):
         if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") in roots:
             yield defining(node.attr)
 
@@ -145,7 +150,7 @@ def test_numba_is_chosen_in_one_file():
 def test_the_core_is_pure_numerics():
     for path in TEXTS:
         if path.parent.name == "core" and path not in COMPILING:
-            assert not any(isinstance(node, ast.Raise) for node in NODES[path]), path
+            assert not any(isinstance(node, ast.Raise) for node in nodes_of(path)), path
             modules = {each.split(".")[0] for each in importing(path)}
             pure = {
                 "math",
@@ -166,7 +171,7 @@ def test_compiled_functions_assign_no_arrays_to_slices():
     kinds = {"function", "formula", "inlined", "kernel", "for_users", "universal", "c_function"}
     compiled = 0
     for path in (path for path in TEXTS if path.parent.name == "core"):
-        for each in (node for node in NODES[path] if isinstance(node, ast.FunctionDef)):
+        for each in (node for node in nodes_of(path) if isinstance(node, ast.FunctionDef)):
             names = {ast.unparse(decorator).partition("(")[0] for decorator in each.decorator_list}
             compiled += bool(names & kinds)
             for node in ast.walk(each) if names & kinds else ():

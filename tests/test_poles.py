@@ -15,7 +15,7 @@ from suslov_fast.maps.methods import FRACTIONS
 
 quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 LONG = "eps is too long"
-SIGN = " (a component changed its sign, which is impossible along the motion)"
+SIGN = " (a component that cannot change its sign did)"
 SQUARE = QuadraticField([[[1]]])  # x' = x**2: 1 / x decreases by eps in a step
 # The motion from this state ends at t = 3.27.
 HENON = QuadraticField.from_hamiltonian(

@@ -240,7 +240,7 @@ def warn_of_poles(
         time = step * float(np.broadcast_to(problem.eps, problem.batch)[index])
         why = f"the motion escapes to infinity before t = {_at_least(time)}, or {why}"
     if by_sign:
-        why += " (a component changed its sign, which is impossible along the motion)"
+        why += " (a component that cannot change its sign did)"
     if steps.goes_back:
         why += ", or a mode decays so fast that a substep backwards in time looks "
         why += "like a pole, and the states may be right"

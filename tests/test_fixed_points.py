@@ -128,3 +128,11 @@ def test_members_with_infinitely_many_fixed_points_are_none():
     bodies = sf.Suslov3D([4, 2], 1, -0.5, -0.3)
     with pytest.warns(UserWarning, match=r"member 0 \(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3\)"):
         assert fixed_points(bodies) == [None, None]
+
+
+def test_points_beyond_the_range_of_numbers():
+    field = QuadraticField.from_function(
+        lambda x: (1e-60 * x[0] - 1e60 * x[1] ** 2, 1e-60 * x[1] - 1e60), 2
+    )  # y = 1e120, x = 1e360
+    with pytest.raises(ValueError, match="beyond the range of float64: use other units"):
+        fixed_points(field)

@@ -1347,3 +1347,10 @@ class Quantity(float):
 def test_bad_input(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+def test_two_periods_of_second_differences_are_too_few():
+    """1, 0, 1, 0 may go on in any way."""
+    found = growth_of([2, 4, 7, 10, 14, 18])
+    assert found.kind == "unclear"
+    assert "not yet periodic" in found.based_on

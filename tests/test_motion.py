@@ -278,6 +278,7 @@ def test_bits_do_not_depend_on_batch_and_threads(rng, monkeypatch):
         for part in (slice(0, 1), slice(3, 5), slice(7, 12), slice(20, 60), slice(None, None, -1)):
             own = field[part] if field.shape else field
             assert (flow(own, x[part], [0.3, 1.0]) == whole[:, part]).all()
+        assert (flow(LORENZ, 1e-6 * x[0], 0.3) == flow(LORENZ, 1e-6 * x, 0.3)[0]).all()
         with monkeypatch.context() as patch:
             patch.setattr(threads, "CROSSOVER", 0)
             assert (flow(field, x, [0.3, 1.0], threads=TWO_THREADS) == whole).all()
@@ -386,3 +387,14 @@ def test_no_warning_for_ordinary_motion():
         warnings.simplefilter("error")
         flow(LORENZ, [1.0, 1, 20], [1.0, -0.1])
         flow(of(lambda x: (0 * x[0],), 1), [1.0], 3.0)
+
+
+def test_first_lengths_follow_from_the_rates(rng):
+    """Of many states and of one, also of a component without terms."""
+    field = of(lambda x: (x[0] * x[1] - 2, 0 * x[0], x[2] - x[0] + 3 * x[1] ** 2), 3)
+    indices, values = field.terms
+    stage, x = tolerance.stage_of(indices, 3), rng.normal(size=(5, 3))
+    wanted = np.stack([x[:, 0] * x[:, 1] - 2, 0 * x[:, 0], x[:, 2] - x[:, 0] + 3 * x[:, 1] ** 2])
+    found = stage.rates(x.T, np.float64(values)[:, np.newaxis])
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14)
+    assert stage.rates_of_one(x[2].tolist(), np.float64(values).tolist()) == found[:, 2].tolist()

@@ -177,3 +177,16 @@ def test_the_period_is_corrected_first():
         orbit = sf.periodic_orbit(field, start, guess, 400)
         assert abs(orbit.period - 2 * np.pi) < 1e-7
         assert abs(orbit.state - start).max() < 1e-7
+
+
+def test_a_start_from_which_whole_steps_lead_away():
+    """Then parts of Newton's steps are taken: to the orbit AB."""
+    orbit = sf.periodic_orbit(LORENZ, [-13.4, -18.2, 25.5], 1.7, 200)
+    assert abs(orbit.period / 1.558652210716175 - 1) < 1e-12
+
+
+def test_multipliers_that_exceed_the_range_of_numbers():
+    """exp(800 pi) for a circle beside a third component that grows as exp(400 t)."""
+    field = sf.QuadraticField.from_function(lambda x: (x[1], -x[0], 400 * x[2]), 3)
+    with pytest.raises(RuntimeError, match=r"period 6\.28319 whose multipliers .*call iterate"):
+        sf.periodic_orbit(field, [1.0, 0.0, 0.0], 2 * np.pi, 2000)

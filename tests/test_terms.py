@@ -118,6 +118,8 @@ def test_linear_terms_and_constants_are_added():
     assert whole.constant.tolist() == [*range(D)]
     assert whole.names == tuple("abcdef")
     assert of_terms(np.zeros((3, 0), int), [], 2, linear=[[[1.0, 0], [0, 2]]] * 3).shape == (3,)
+    with pytest.raises(ValueError, match=r"linear must have the shape \(6, 6\), not \(7, 7\)"):
+        of_terms(indices, values, D, linear=sparse.eye(7))
 
 
 def test_exact_numbers_stay_exact():

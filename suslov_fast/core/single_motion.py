@@ -22,7 +22,7 @@ _SIZE = 8  # bytes of a number
 @functools.lru_cache(PLANS)
 def _prepared(step, values, rtol, direction):
     """Return code, arguments, `Rows`, and what stays alive; None without code for one state."""
-    if not step.usual or step.lift is not None or step.pieces[1]:
+    if not step.usual or step.pieces[1]:
         return None
     if (address := code_of(text_of_flow, step)) is None:
         return None

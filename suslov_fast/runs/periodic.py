@@ -90,7 +90,7 @@ def periodic_orbit(
     ------
     RuntimeError
         If Newton's method does not converge, or converges to an equilibrium: `start` or `period` is
-        too far from an orbit.
+        too far from an orbit. Also if the multipliers exceed the range of float64.
     TypeError, ValueError
         If an argument is out of range, or the method has no Jacobian.
 
@@ -233,8 +233,15 @@ class _Shooting:
         elif not self.residual <= tol:
             found = f"no orbit: the residual {self.residual:.1e} exceeds tol = {tol:g}"
         else:
+            with np.errstate(all="ignore"):
+                derivative = self._derivative()
+            if not np.isfinite(derivative).all():
+                found = (
+                    f"an orbit of period {period:g} whose multipliers exceed the range of float64"
+                )
+                raise RuntimeError(f"periodic_orbit found {found}: call iterate for its states")
             self._warn_of_divisors(period)
-            values = np.linalg.eigvals(self._derivative()).astype(complex)
+            values = np.linalg.eigvals(derivative).astype(complex)
             order = np.lexsort((-values.imag, -abs(values)))
             return PeriodicOrbit(self.x, float(period), values[order], self.residual)
         given = f"start or period = {self.given:g} is too far from a periodic orbit"

@@ -11,6 +11,7 @@ _NAMES_OF_ARRAYS = "tiled", "shared"
 # Attributes of stores of fields: the number of variables and their terms, and those of H.
 _TERMS = "dimension", "indices", "values"
 _LISTS = *_TERMS, "indices of H", "H", "K"
+_LISTS_OF_LIFTED = "numbers", "values"
 
 
 def facts_in(path: Path) -> dict[str, Any]:
@@ -129,8 +130,9 @@ def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
         del shown["method"]
     if record.variable == "x":
         body = facts["body"]
-        lists = [name for name in _LISTS if name in facts]
-        if not isinstance(body, dict) and "values" in facts:  # the attributes of a store
+        is_lifted = "definitions" in facts  # the attributes of a store, with equations as text
+        lists = [n for n in (_LISTS_OF_LIFTED if is_lifted else _LISTS) if n in facts]
+        if not isinstance(body, dict) and "dimension" in facts:  # the attributes of a store
             body = {"body": body} | {k: facts[k] for k in (*_TERMS, "names") if k in facts}
             # For a long list a store has a text, size and range, in place of numbers.
             if any(isinstance(body[name], str) for name in _TERMS):

@@ -206,6 +206,18 @@ def test_summaries_of_families(members):
         assert "linear" not in text
 
 
+def test_summaries_of_stores_of_lifted_fields():
+    """Of a family, by its file, too: both are the same run."""
+    f = lambda x, g: (x[1], -g * np.sin(x[0]))  # noqa: E731
+    family = sf.LiftedField.from_function(f, "q p", g=[1.0, 2.0])
+    sf.ensemble(family, [[0.5, 0.0]], 1 / 8, 3, store="l.zarr")
+    Path("l.json").write_text(json.dumps(family.to_dict()))
+    line = "run --body l.json --eps 1/8 --omega0 .5,0 --steps 3 -o"
+    for text in succeed("info l.zarr"), succeed(f"{line} c.zarr"), succeed(f"{line} l.zarr"):
+        assert "definitions      u1 = sin(q); u2 = cos(q)\n" in text
+        assert "trajectories     2\n" in text
+
+
 def test_info_and_plot_of_crossings():
     points = sf.crossings(
         lorenz(28), [[1, 1, 20], [2, 1, 20]], 1 / 64, 3000, lambda x: x[..., 2] - 27

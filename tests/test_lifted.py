@@ -340,6 +340,27 @@ def test_long_fractions_are_rounded_for_readers_alone():
     assert field.to_dict()["equations"] == [f"{math.log10(math.e)}*u1"]
 
 
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda x, a, b, c: (-c * S(x[0]) - a * (b * (c * x[0])),),  # letters that round once
+        lambda x, a, b, c: (a * (c * (x[0] + b)) + 0.1 * a,),
+        lambda x, a, b, c: (b + 1 / a - x[0] / b + (-b) * (a * c) * x[0],),
+        lambda x, a, b, c: ((1 + x[0] ** 2) ** (-b) * np.sqrt(2) * a + (a + 1) ** 2 * x[0],),
+        lambda x, a, b, c: ((1.5 + C(-b * x[0])) ** (-b) / 3 + S((a - c) - x[0]),),
+        lambda x, a, b, c: ((2.5 + 0 * x[0]) ** 0.37 * C((a - c) - x[0]) * (-0.3) ** 2,),
+    ],
+)
+def test_texts_of_families_are_read_to_the_bit(rng, f):
+    """Their texts, too, by which a store knows its run."""
+    a, b, c = rng.uniform(0.5, 2, (3, 40))
+    family = LiftedField.from_function(f, "x", a=a, b=b, c=c)
+    found = body_from_dict(family.to_dict())
+    assert found == family
+    assert found.to_dict() == family.to_dict()
+    np.testing.assert_array_equal(step(found, [0.3], 0.1), step(family, [0.3], 0.1))
+
+
 def fills_an_array(x):
     derivative = np.zeros(2)
     derivative[0] = x[1]

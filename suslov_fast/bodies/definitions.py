@@ -127,7 +127,10 @@ class Definitions:
         return self.inverse_of[i]
 
     def symbol(self, values: Any, text: str, is_inverse: bool = False) -> int:
-        """Return the index of a new symbol for the values of parameters, or their inverses."""
+        """Return the index of the symbol for the values of parameters, or their inverses."""
+        for k, each in enumerate(self.symbols):  # as often as f computes them
+            if self.texts[k] == text and each.is_inverse == is_inverse:
+                return -1 - k
         self.symbols.append(Symbol(values, is_inverse))
         self.texts.append(text)
         return -len(self.symbols)
@@ -156,45 +159,65 @@ class Definitions:
         return self.added("power", p, exponent)
 
     # -------------------------------------------------------------------------------------- texts
-    def text(self, polynomial: Polynomial, named: Sequence[str] = ()) -> str:
+    def text(
+        self, polynomial: Polynomial, named: Sequence[str] = (), *, exact: bool = False
+    ) -> str:
         """Return a polynomial in the syntax of Python.
 
-        Added variables have their names in `named`, the others their definitions.
+        Added variables have their names in `named`, the others their definitions. With `exact` the
+        text, evaluated from left to right, is this polynomial: products and sums of symbols begin
+        with a variable, because symbols alone are columns of floats, whose arithmetic rounds.
         """
-        text = ""
-        for indices, c in sorted(polynomial.terms.items(), key=lambda t: (-len(t[0]), t[0])):
+        text, terms = "", sorted(polynomial.terms.items(), key=lambda t: (-len(t[0]), t[0]))
+        if exact:
+            terms.sort(key=lambda t: (max(t[0], default=-1) < 0, -len(t[0]), self._ranks(t[0])))
+        for indices, c in terms:
             size = abs(c)
             value = str(plain(size) if size.denominator > 2**20 else size)
             factors, below = [] if indices and size == 1 else [value], ""
-            for i in dict.fromkeys(indices):
-                power, name = indices.count(i), self._name(i, named)
+            if exact and indices and max(indices) < 0:
+                is_one = len(indices) == size == 1 and not self.symbols[-1 - indices[0]].is_inverse
+                if not (is_one and (text or (c > 0 and len(terms) == 1))):
+                    factors.append(f"{self.names[0]}**0")
+            for i in (
+                sorted({*indices}, key=lambda i: self._ranks([i]))
+                if exact
+                else dict.fromkeys(indices)
+            ):
+                power, name = indices.count(i), self._name(i, named, exact)
                 if i < 0 and self.symbols[-1 - i].is_inverse:
                     below += f"/{name}" * power
+                elif i < 0 and exact:
+                    factors += [name] * power
                 else:
                     factors.append(f"{name}**{power}" if power > 1 else name)
             text += (" - " if c < 0 else " + ") + ("*".join(factors) or "1") + below
         return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
 
-    def _name(self, i: int, named: Sequence[str]) -> str:
+    def _ranks(self, indices: Sequence[int]) -> list[tuple[bool, int, str]]:
+        """Return a key that depends on texts of symbols, not on the order in which f uses them."""
+        return sorted((i < 0, max(i, 0), self.texts[-1 - i] if i < 0 else "") for i in indices)
+
+    def _name(self, i: int, named: Sequence[str], exact: bool) -> str:
         if i < 0:
             return in_brackets(self.texts[-1 - i])
         if i < self.D:
             return self.names[i]
         if i - self.D < len(named) and named[i - self.D]:
             return named[i - self.D]
-        text = self.text_of_definition(i, named)
+        text = self.text_of_definition(i, named, exact=exact)
         return text if _is_call(text) else f"({text})"
 
-    def text_of_definition(self, i: int, named: Sequence[str] = ()) -> str:
+    def text_of_definition(self, i: int, named: Sequence[str] = (), *, exact: bool = False) -> str:
         """Return the definition of the added variable i as text."""
         function, p, exponent = self.list[i - self.D]
-        argument = self.text(p, named)
+        argument = self.text(p, named, exact=exact)
         if function == "inverse":
             return f"1/{in_brackets(argument)}"
         if function == "root":
             return f"{in_brackets(argument)}**(-1/2)"
         if function == "power":
-            power = self.text(exponent)
+            power = self.text(exponent, exact=exact)
             power = power if power.isidentifier() else f"({power})"
             return f"{in_brackets(argument)}**{power}"
         return f"{function}({argument})"

@@ -167,16 +167,19 @@ def _power(base: Expression, power: Expression) -> Expression:
             return _power(_inverse(base), Expression(number(-n), definitions))
         factors = [(q, k * n) for q, k in base.factors]
         return Expression(math.prod([p] * n, start=ONE), definitions, factors if n else ())
+    if r is not None and (value := constant(p)) is not None:
+        return Expression(number(_of_numbers("power", value, r)), definitions)
     [(q, count), *others] = base.factors
     factors = [(p, r)] if r is not None and q is p and count == 1 and not others else []
     return Expression(definitions.power(p, exponent), definitions, factors)
 
 
-def _of_number(name: str, value: Fraction) -> Fraction:
+def _of_numbers(name: str, *values: Fraction) -> Fraction:
+    floats = [*map(float, values)]
     with np.errstate(all="ignore"):
-        result = float(getattr(np, name)(float(value)))
+        result = float(getattr(np, name)(*floats))
     if not math.isfinite(result):
-        raise ValueError(f"{name}({float(value)}) has no finite value")
+        raise ValueError(f"{name}({', '.join(map(str, floats))}) has no finite value")
     return Fraction(result)
 
 
@@ -186,7 +189,7 @@ def _function(name: str, *partners: str) -> Callable[[Expression], Expression]:
     def rule(a: Expression) -> Expression:
         p, definitions = a.polynomial, a.definitions
         if (value := constant(p)) is not None:
-            return Expression(number(_of_number(name, value)), definitions)
+            return Expression(number(_of_numbers(name, value)), definitions)
         variables = {each: definitions.added(each, p) for each in sorted({name, *partners})[::-1]}
         return Expression(variables[name], definitions)
 

@@ -47,11 +47,17 @@ class Parameter(Column):
                 texts.append(in_brackets(a._text))
             else:
                 values.append(float(a))
-                texts.append(repr(a) if isinstance(a, (int, float)) else f"({a})")
+                texts.append(_text_of_number(a))
         return Parameter(_by_member(name, operation, values), self._definitions, _text(name, texts))
 
     def __bool__(self) -> bool:
         raise Refused(f"asks whether {self._text} is true, which has an array of values")
+
+
+def _text_of_number(a: Any) -> str:
+    """Return a number, or a fraction, as text that is an operand."""
+    text = repr(float(a)) if isinstance(a, float) else str(a)
+    return text if text.replace(".", "").isdigit() else f"({text})"
 
 
 _SIGNS = {

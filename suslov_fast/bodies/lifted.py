@@ -302,7 +302,7 @@ class LiftedField(FieldOfFunction):
         used = free_names(len(definitions.list), taken)
         places = range(definitions.D, definitions.D + len(definitions.list))
         texts = [
-            (name, definitions.text_of_definition(i, used[: i - definitions.D]))
+            (name, definitions.text_of_definition(i, used[: i - definitions.D], exact=True))
             for name, i in zip(used, places, strict=True)
         ]
         if rows is None:
@@ -340,9 +340,9 @@ class LiftedField(FieldOfFunction):
             texts=tuple(texts),
             equations=()
             if energy is not None
-            else tuple(definitions.text(row, used) for row in rows),
+            else tuple(definitions.text(row, used, exact=True) for row in rows),
             shown=tuple(checks.brief(definitions.text(row)) for row in rows),
-            energy="" if energy is None else definitions.text(energy, used),
+            energy="" if energy is None else definitions.text(energy, used, exact=True),
             shown_energy="" if energy is None else checks.brief(definitions.text(energy)),
         )
         parts = {NUMBERS: numbers.stacked(numbers.list, True), VALUES: coefficients}

@@ -44,10 +44,10 @@ def dense(D):
 
 
 def cost(call, least=0.02, repeats=3):
-    """Processor time of a call: the least of several."""
+    """Processor time of a call, of short ones the least of several."""
     call()
     times = []
-    for _ in range(repeats):
+    while len(times) < repeats and not max(times, default=0.0) > 0.1:
         begin, count = time.process_time(), 0
         while not count or time.process_time() - begin < least:
             call()

@@ -222,7 +222,7 @@ def test_a_system_that_is_a_global_of_a_cached_function(tmp_path):
     path = tmp_path / "loops.py"
     path.write_text(GLOBAL)
     for process in (0, 1):
-        done = children.attempt(path, process, NUMBA_CACHE_DIR=str(tmp_path))
+        done = children.attempt(path, process)
         assert done.returncode == 0, done.stderr[-2000:]
         assert done.stdout.split() == ["0", str(process)]
         assert done.stderr.count("Cannot cache compiled function") == 2

@@ -197,10 +197,6 @@ def test_reports_hold_the_integrals_that_are_too_long():
             *("Lagrange", [1, 3, 4], [8], "4 integrals: 3 written, 1 of degree 8 by their bases."),
             marks=pytest.mark.slow,
         ),
-        pytest.param(
-            *("Kirchhoff", [1, 2], [8, 8], "4 integrals: 2 written, 2 of degree 8 by their bases."),
-            marks=pytest.mark.slow,
-        ),
         ("three waves", [2, 2], [], "dimension 4 of 6. These may not be all: a larger degree"),
     ],
 )

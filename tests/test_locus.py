@@ -87,7 +87,6 @@ def counted(map, degree):
             {F(-3): 21, F(-1): 10, F(1): 6, F(3): 1},
             marks=pytest.mark.slow,
         ),
-        pytest.param(henon_heiles, 3, 0, {F(1): 2}, marks=pytest.mark.slow),
         pytest.param(rotors, 3, 4, {F(0): 8}, marks=pytest.mark.slow),
         pytest.param(so4, 2, 2, {F(2, 5): 13, F(1): 7, F(2): 7, F(5): 13}, marks=pytest.mark.slow),
     ],

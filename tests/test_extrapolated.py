@@ -259,6 +259,12 @@ def test_statuses():
     assert run.failed_at.tolist() == [1, -1]
     assert np.isnan(run.x[1:, 0]).all()
     assert np.isnan(run.local_error[0]).all()
+    # x' = 1 + x**2, which keeps no sign, has its pole at pi / 2 - arctan(x).
+    run = sf.iterate(
+        sf.QuadraticField([[[1.0]]], constant=[1.0]), [[0.1], [3.0]], 1.0, 1, method=METHOD,
+        on_singular="ignore",
+    )  # fmt: skip
+    assert run.status.tolist() == [S.OK, S.PASSED_POLE]
 
 
 def test_local_error_belongs_to_this_method():

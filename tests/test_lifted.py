@@ -1,5 +1,6 @@
 """Fields whose right-hand side is smooth and not quadratic."""
 
+import ctypes
 import math
 import pickle
 from math import exp
@@ -477,3 +478,21 @@ def test_a_parameter_and_its_inverse_cancel():
     z, h = field.lift(x), 2.0**-20
     along = (field.lift(x + h * field(x)) - field.lift(x - h * field(x))) / (2 * h)
     np.testing.assert_allclose(field.lifted(z), along, rtol=1e-8)
+
+
+@pytest.mark.compiled
+def test_code_that_writes_words_behind_a_state():
+    """As `lift`; it returns 2 beyond a pole of the given equations."""
+    field = LiftedField.from_function(predator_prey, "N P", K=[2.0, 4.0])[1]
+    constants = system(field, 4.0)
+    write = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 2)(constants.lift)
+    for state, code in (([1.0, 1.0], 0), ([0.1, 0.1], 2)):
+        words = np.array([*state, *[np.nan] * len(field.added)])
+        assert write(words.ctypes.data, constants.table[0].ctypes.data) == code
+        np.testing.assert_allclose(words, field.lift(state), rtol=1e-15)
+        N, P = state
+        slopes = [
+            [1 - N / 2 - P / (1 + N) ** 2, -N / (1 + N)],
+            [P / (1 + N) ** 2, N / (1 + N) - 1 / 3],
+        ]
+        assert (np.linalg.det(np.eye(2) - 2 * np.array(slopes)) < 0) == (code == 2)

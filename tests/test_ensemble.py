@@ -67,7 +67,7 @@ def assert_same(dataset, orbits):
 
 def contents(store):
     return {
-        str(path.relative_to(store)): path.read_bytes()
+        path.relative_to(store).as_posix(): path.read_bytes()
         for path in sorted(store.rglob("*"))
         if path.is_file() and path.suffix != ".partial"
     }

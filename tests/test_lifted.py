@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from suslov_fast import (
     LiftedField,
     QuadraticField,
+    SingularStepWarning,
     Status,
     body_from_dict,
     energy,
@@ -244,6 +245,15 @@ def test_real_powers_near_0(method):
     exact = (x[:4] ** -1.5163 + 1.5163 * 5) ** (-1 / 1.5163)
     np.testing.assert_allclose(run.final[:4], exact, rtol=1e-3 if method == "auto" else 1e-9)
     assert run.status.tolist() == [0, 0, 0, 0, Status.NONFINITE, Status.NONFINITE]
+
+
+def test_a_parameter_as_exponent_is_a_real_power():
+    family = LiftedField.from_function(lambda x, m: (-(x[0] ** m),), "x", m=[2.0, 3.0])
+    assert family.added == {"u1": "x**m", "u2": "1/x"} | family.added
+    with pytest.warns(SingularStepWarning, match=r"undefined at x = 0: make one field for each n$"):
+        iterate(family, [0.0], 0.1, 2)
+    with pytest.warns(SingularStepWarning, match=r"at step 1$"):
+        iterate(LiftedField.from_function(lambda x: (x[0] ** 0.3,), "x"), [0.0], 0.1, 2)
 
 
 @njit

@@ -99,6 +99,7 @@ class Body:
 
     # True if motions may escape to infinity. Those of bodies cannot: their energy is constant.
     _may_escape = False
+    _at_zero = ""  # what to do where a state with a component 0 has no next one
 
     def field(self) -> Any:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""

@@ -116,6 +116,15 @@ class LiftedField(FieldOfFunction):
 
     _may_escape = True
 
+    @property
+    def _at_zero(self) -> str:  # type: ignore[override]
+        powers = [place for f, _, place in self._structure.lift.definitions if f == "power"]
+        exponents = self._numbers[..., powers]
+        if not powers or (exponents == exponents[(0,) * len(self.shape)]).all():
+            return ""
+        how = "make one field for each n"
+        return f"x**n with a parameter n is a real power, which is undefined at x = 0: {how}"
+
     def field(self) -> Any:
         """Refuse, because the equations are not quadratic in the given variables."""
         how = "use report(field.lifted), and scipy.optimize.root on vector_field for fixed points"

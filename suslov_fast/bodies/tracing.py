@@ -183,7 +183,7 @@ def _components(result: Any, D: int) -> Any:
         raise TypeError(f"must return polynomials of x, not expressions of SymPy: {how}")
     is_sequence = isinstance(result, (tuple, list, np.ndarray))
     if isinstance(result, np.ndarray) and result.shape == (D, 1):
-        how = "flatten it, as in QuadraticField.from_function(lambda x: f(x).ravel(), …)"
+        how = "flatten it: pass lambda x: f(x).ravel()"
         raise ValueError(f"must return {D} components, not an array of shape ({D}, 1): {how}")
     if not is_sequence or len(result) != D:
         received = f"{short(result)}: return a tuple of {D}"

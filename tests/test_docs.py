@@ -76,8 +76,10 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("howto")
 
 
-# Pages of long reports and of loops that take long to compile; other tests have shorter forms.
+# Pages of long reports, of many orbits, and of loops that take long to compile; other tests have
+# shorter forms.
 LONG = "report.md", "cubic.md", "discretization.md", "compiled.md", "families.md", "potentials.md"
+LONG += "crossings.md", "diagrams.md", "many.md", "smooth.md"
 
 
 @pytest.mark.compiled

@@ -215,7 +215,9 @@ def test_headers_of_docstrings_are_underlined():
 
 
 WITH_EXAMPLES = [name for name, path in FILES.items() if ">>>" in TEXTS[path]]
-LONG = "suslov_fast.integrability.implicit", "suslov_fast.integrability.locus"
+# Long reports, and loops and steps of users that take long to compile.
+LONG = [f"suslov_fast.{name}" for name in ("compiled", "maps.base")]
+LONG += [f"suslov_fast.integrability.{name}" for name in ("implicit", "locus")]
 
 
 @pytest.mark.parametrize(

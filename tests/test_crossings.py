@@ -367,6 +367,7 @@ def test_there_is_no_crossing_to_a_state_that_is_nan(monkeypatch, kind, piece):
     ("options", "message"),
     [
         ({"direction": 2}, "direction must be 1, -1 or 0, not 2"),
+        ({"direction": -2}, "direction must be 1, -1 or 0, not -2"),
         ({"direction": "up"}, "direction must be 1, -1 or 0, not .*'up'"),
         ({"transient": -1}, "transient must be an integer"),
         ({"steps": 1.5}, "steps must be an integer"),

@@ -45,6 +45,7 @@ from suslov_fast.integrability import (
 from suslov_fast.integrability import growth as growth_of
 from suslov_fast.integrability.functions import MODULAR
 from suslov_fast.integrability.invariants import Invariants
+from suslov_fast.integrability.normal_form import NormalForms
 from suslov_fast.integrability.report import Report
 from suslov_fast.integrability.search import Search
 from suslov_fast.integrability.tasks import Queue, Task
@@ -1354,3 +1355,19 @@ def test_two_periods_of_second_differences_are_too_few():
     found = growth_of([2, 4, 7, 10, 14, 18])
     assert found.kind == "unclear"
     assert "not yet periodic" in found.based_on
+
+
+def test_the_normal_form_at_a_number_is_that_of_a_symbolic_eps():
+    """Of the Suslov body in any basis: energy, and the denominator of the modified energy."""
+    field = field_of(lambda x: (x[1] * (2 * x[0] + x[1]) / 16, -x[0] * (2 * x[0] + x[1]) / 8), 2)
+    map = kahan(field, F(1, 4))
+    x, y = polynomials.polynomial_ring(2, False).gens()
+    energy, denominator = 2 * x**2 + y**2, (2 * x + y) ** 2 + 8192
+    known = Invariants(map, 2)
+    for P in (denominator + 2 * energy, denominator - energy):
+        cofactor = map.cofactor(P)
+        known.add(RationalFunction(((P, 1),), basis=MODULAR, cofactor=cofactor))
+    NormalForms(known).update(known.value(cofactor))
+    assert {str(g) for g in known.generators} == {str(energy), str(denominator)}
+    [integral] = known.forms[known.value(cofactor)]
+    assert str(integral) == f"16*({energy})/({denominator})"

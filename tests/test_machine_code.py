@@ -218,6 +218,8 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
             alone = sf.iterate(lattice, populations[k], 0.2, 60, on_singular="ignore")
             np.testing.assert_array_equal(alone.x, run.x[:, k])
             assert (alone.status, alone.failed_at) == (run.status[k], run.failed_at[k])
+        last = sf.iterate(lattice, populations, 0.2, 60, save_every=None, on_singular="ignore")
+        np.testing.assert_array_equal(last.final, run.final)
         accurate = sf.iterate(field, x0, 0.02, 5, method="extrapolated", save_every=2)
         return [
             run.status,

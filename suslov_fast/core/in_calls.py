@@ -52,13 +52,13 @@ def in_calls(lines, take, arrays, start, steps, saved, until, between, abandoned
 
 
 def _stages_at_once(stages, steps):
-    """Return, for each stage, how many have its fraction from there to the end of a column."""
-    fractions, columns = stages.fractions, weights_of(stages)[:, 0]
+    """Return, for each stage, how many have its fraction from there on; a column has its own."""
+    fractions = stages.fractions
     if len(fractions) == 1:
         return [steps]
     counts = [1] * len(fractions)
     for k in range(len(fractions) - 2, -1, -1):
-        if fractions[k] == fractions[k + 1] and not columns[k]:
+        if fractions[k] == fractions[k + 1]:
             counts[k] += counts[k + 1]
     return counts
 

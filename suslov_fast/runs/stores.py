@@ -104,11 +104,11 @@ def _is_whole(path: str, nbytes: int | None) -> bool:
     """Return whether a file has the right size; ValueError for folders in its place."""
     try:
         size_and_mode = os.stat(path)
-    except FileNotFoundError:
-        return False
-    except NotADirectoryError:
-        file = next(parent for parent in Path(path).parents if parent.is_file())
-        raise wrong("store", "have a folder of chunks", f"the file {file}: remove it") from None
+    except (FileNotFoundError, NotADirectoryError):  # Windows raises the first below files, too
+        nearest = next(parent for parent in Path(path).parents if parent.exists())
+        if nearest.is_dir():
+            return False
+        raise wrong("store", "have a folder of chunks", f"the file {nearest}: remove it") from None
     if stat.S_ISDIR(size_and_mode.st_mode):
         raise wrong("store", "have a file for each chunk", f"the folder {path}: remove it")
     return nbytes is None or size_and_mode.st_size == nbytes

@@ -1371,3 +1371,8 @@ def test_the_normal_form_at_a_number_is_that_of_a_symbolic_eps():
     assert {str(g) for g in known.generators} == {str(energy), str(denominator)}
     [integral] = known.forms[known.value(cofactor)]
     assert str(integral) == f"16*({energy})/({denominator})"
+
+
+def test_a_recurrence_that_holds_from_the_identity_on_says_so():
+    text = "d(k+1) = 2 d(k), all 5 degrees and that of the identity"
+    assert growth_of([2, 4, 8, 16, 32]).based_on == text

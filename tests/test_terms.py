@@ -293,3 +293,13 @@ def test_long_lists_of_states_are_those_of_arrays(rng):
         rows[150] = [0.0, 0.0, 0.0]
         with pytest.raises(ValueError, match="rows of equal length"):
             sf.step(field, rows, 0.01)
+
+
+def test_the_tensor_of_a_hamiltonian_is_its_form():
+    """H(x) is the sum of T_ijk y_i y_j y_k with y = (x, 1), for terms of each kind."""
+    field = QuadraticField.from_hamiltonian(
+        lambda x: x[0] * x[1] * x[2] + 3 * x[0] ** 2 * x[3] - x[1] ** 3 + x[0] * x[1] + 2, 4
+    )
+    y = [F(3), F(-1, 2), F(5), F(2, 3), F(1)]
+    form = sum(T * y[i] * y[j] * y[k] for (i, j, k), T in np.ndenumerate(field.H.tensor))
+    assert form == field.H(y[:4])

@@ -283,7 +283,6 @@ def text_of_flow(step, name, W, for_each, _):
     text.label("stepped")
     text.branch(text.compare_integers("eq", "%kept1", 0), "end", "step")
     text.label("end")
-    text.store("i64", 0, text.plus("%arguments", 8 * SLOT.taking))
     text.add("  ret i64 1")
     return text.finished()
 

@@ -47,9 +47,10 @@ def motion_of_one(step, values, x, rtol, direction, times):
     if found is None:
         return None
     address, template, places, _ = found
-    f, size = max(map(abs, step.rates_of_one(x, values.tolist()))), max(map(abs, x))
-    if not math.isfinite(f + size):
+    rates = step.rates(x, values.tolist())
+    if not all(map(math.isfinite, [*rates, *x])):
         return None
+    f, size = max(map(abs, rates)), max(map(abs, x))
     length = min(0.125 * size / f, times[-1]) if f > 0.0 and size > 0.0 else times[-1]
     rows, n = array("d", bytes(_SIZE * places.size)), len(x)
     rows[places.base : places.base + n] = array("d", x)

@@ -4,6 +4,7 @@ Stages are those of `sparse`, and the list of operations that chooses the next l
 is carried out as a long list (`listed`).
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,18 +47,23 @@ class _Inputs(NamedTuple):
     table: Any
 
 
+@functools.lru_cache(8)
+def _choice_of(step):
+    """Return the number of inputs of `Stage.choice`, its `Program`, and the constants."""
+    inputs, constants, choice = 4 * step.D + step.T + 8, {}, step.choice
+    of_list = _Inputs(inputs, {}, [])
+    program = Program(of_list, choice.operations, choice.results, constants)
+    return inputs, program, np.array([*constants])
+
+
 class Loops:
     """The loops for motions with one `tolerance.Stage`, in lines of W lanes."""
 
     def __init__(self, step, W):
         self.pattern, self.D = pattern_of(step.indices.tobytes(), step.D), step.D
-        self.memory, constants = np.empty(size_of(self.pattern)), {}
-        self.inputs = 4 * self.D + step.T + 8
-        choice = step.choice
-        self.program = Program(
-            _Inputs(self.inputs, {}, []), choice.operations, choice.results, constants
-        )
-        self.constants, self.code = np.array([*constants]), runs_code(W)
+        self.memory = np.empty(size_of(self.pattern))
+        self.inputs, self.program, self.constants = _choice_of(step)
+        self.code = runs_code(W)
         self.numbers = np.empty((self.program.rows, W))
 
     @staticmethod

@@ -27,7 +27,6 @@ it then has the length 0. With the length 0 a step changes nothing.
 """
 
 import functools
-import itertools
 
 import numpy as np
 
@@ -57,44 +56,14 @@ class Stage(Step):
     def __init__(self, indices, D, carried=0):
         super().__init__(indices, D, carried)
         self.choice = Choice(indices, D, self.given, self.lift[0].signs if self.lift else ())
-        self._values = Values(D + self.T, ())
-        f = Matrix(indices, D, self._values, range(D), range(D, D + self.T))
-        self._rates = [f.right_side(k) for k in range(self.given)]
+        self._terms = [(t, *at) for t, at in enumerate(indices.T.tolist()) if at[0] < self.given]
 
     def rates(self, x, v):
-        """Return f(x) (D, ...) of states (D, ...), with the bits that a single state has."""
-        found = dict(enumerate([*x, *v]))
-        evaluate(self._values.operations, found)
-        f = np.zeros((len(self._rates), *np.shape(x[0])))
-        for row, number in zip(f, self._rates, strict=True):
-            row[:] = 0.0 if number is None else found[number]
+        """Return the components of f(x), from those of x and v, all of them numbers or arrays."""
+        x, f = [*x, 1.0], [0.0] * self.given
+        for t, i, j, k in self._terms:
+            f[i] = f[i] + v[t] * x[j] * x[k]
         return f
-
-    @functools.cached_property
-    def _for_one(self):
-        """Constants, operations (is_product, a, b) and results of f(x), for a list of numbers.
-
-        The list has x, v, the constants, and the result of each operation.
-        """
-        operations = self._values.operations
-        constants = [k for _, _, of in operations for k in of if isinstance(k, float)]
-        inputs, later = self.D + self.T, itertools.count(self.D + self.T)
-
-        def place(k):
-            if isinstance(k, float):
-                return next(later)
-            return k if k < inputs else k + len(constants)
-
-        rows = [(name == "fmul", place(a), place(b)) for name, _, (a, b) in operations]
-        return constants, rows, [None if n is None else place(n) for n in self._rates]
-
-    def rates_of_one(self, x, v):
-        """Return f(x), a list, of one state, from lists of numbers."""
-        constants, operations, rates = self._for_one
-        found = [*x, *v, *constants]
-        for is_product, a, b in operations:  # in the order of their numbers
-            found.append(found[a] * found[b] if is_product else found[a] + found[b])
-        return [0.0 if n is None else found[n] for n in rates]
 
     def _add_tests(self, halves):
         self._test_pivots([self.factors.pivot[k] for k in sorted(self.factors.pivot)])
@@ -114,7 +83,7 @@ class LiftedStage(Lifting, Stage):
         pass
 
     def rates(self, x, v):
-        return super().rates([*x, *self.words(x, v)[0]], v[: self.T])
+        return super().rates([*x, *self.words(x, v)[0]], v)
 
     def words(self, x, halves):
         """Return the words after the state (n, ...) of states x (given, ...), and the least pivot.

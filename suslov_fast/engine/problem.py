@@ -66,14 +66,14 @@ def check(
     """Check the arguments of a public function that takes states of a body, and a step size.
 
     States may be NaN; their components are those of the body, unless `components` has other names.
-    Messages call them `name`, or x if the map does. `attitude` is False, True for the identity, or
-    rotations. `later` is that of `checks.states`.
+    Messages call them `name`, or x in place of omega if the map does. `attitude` is False, True for
+    the identity, or rotations. `later` is that of `checks.states`.
     """
     labels, turns = components or body._labels, None
     if components is None and len(labels) != body.dimension:
         expected = f"have {body.dimension} entries, the dimension of {type(body).__name__}"
         raise wrong("_labels", expected, checks.short(labels))
-    if map.variable == "x":
+    if map.variable == "x" and name.startswith("omega"):
         name = "x"
     if isinstance(omega, RandomStarts):
         states = omega.states(math.prod(omega.shape), 0, len(labels))

@@ -303,3 +303,8 @@ def test_the_tensor_of_a_hamiltonian_is_its_form():
     y = [F(3), F(-1, 2), F(5), F(2, 3), F(1)]
     form = sum(T * y[i] * y[j] * y[k] for (i, j, k), T in np.ndenumerate(field.H.tensor))
     assert form == field.H(y[:4])
+
+
+def test_the_canonical_matrix_has_the_entries_1_and_minus_1():
+    oscillator = QuadraticField.from_hamiltonian(lambda x: (x[0] ** 2 + x[1] ** 2) / 2, 2)
+    assert oscillator([3, 5]) == (5, -3)

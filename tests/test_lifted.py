@@ -396,6 +396,7 @@ def needs_too_many(x):
         (two(lambda x: (exp(-x[0]), x[1])), r"write np\.exp, as in np\.exp\(-x\[0\]\)"),
         (two(lambda x: (math.floor(2.5) * math.exp(-x[0]), x[1])), r"write np\.exp, as in"),
         (two(lambda x: (float(x[0]), x[1])), "float has no rule"),
+        (two(lambda x: (int(x[0]), x[1])), "int has no rule"),
         (two(fills_an_array), r"derivative\[0\] = x\[1\]: an array of floats.* return a tuple"),
         (two(lambda t, y: (y[1], S(t))), r"\(\*f\(s\[-1\], s\[:-1\]\), 1\), \"x y t\""),
         (two(lambda y, t: (y[1], math.cos(t))), r"f\(s\[:-1\], s\[-1\]\), 1\), \"x y t\""),

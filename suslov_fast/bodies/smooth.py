@@ -73,7 +73,7 @@ def _polynomial(value: Any, name: str, argument: str) -> Polynomial:
 def _of_math(error: Exception) -> str:
     """Return what to write in place of a function of `math`; "" for other errors."""
     text = str(error)
-    if "must be real number, not" not in text and "float() argument" not in text:
+    if "must be real number, not" not in text and "() argument must be" not in text:
         return ""
     last = traceback.extract_tb(error.__traceback__)[-1]
     line = (last.line or "").strip()

@@ -175,7 +175,7 @@ def flow(
                 raise TypeError(f"{name} needs a field, not {received}: {how}")
         return _states_at("flow", body, omega0, 0.0, "time", time, threads)
     times, tolerance = _checked_times("time", time), checked_tolerance(rtol)
-    start = check(map, body, omega0, 0.0, threads, name="x0")
+    start = check(map, body, omega0, 0.0, threads, name="x")
     states = motion(start, times.reshape(-1), tolerance, progress)
     return states.reshape(*times.shape, *states.shape[1:])
 

@@ -98,7 +98,7 @@ def test_notebook_without_a_kernel(browser, notebook):
     notebook.alive = False
     slider = "document.getElementById('I1-slider')"
     browser.value(f"{slider}.stepUp(); {slider}.dispatchEvent(new Event('input'))", **frame)
-    words = "document.getElementById('message').textContent.includes('run this cell again')"
+    words = "document.getElementById('message')?.textContent.includes('run this cell again')"
     browser.wait(words, **frame)
     assert "any more" in text(browser, "message", **frame)
     browser.events.clear()

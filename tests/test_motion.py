@@ -398,3 +398,21 @@ def test_first_lengths_follow_from_the_rates(rng):
     found = np.stack(np.broadcast_arrays(*stage.rates(x.T, np.float64(values)[:, np.newaxis])))
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14)
     assert stage.rates(x[2].tolist(), np.float64(values).tolist()) == found[:, 2].tolist()
+
+
+def test_after_a_refused_step_the_next_is_not_longer():
+    indices, values = LORENZ.terms
+    run = core_flow.Motion(
+        tolerance.stage_of(indices, 3), np.atleast_2d(values), np.ones((1, 3)), 1e-9, 1, 2.0
+    )
+    places = [run.places.time, run.places.wanted, run.places.taken]
+    time, was_refused, count = 0.0, False, 0
+    while time < 2.0:
+        before = time
+        run._step_to(2.0)
+        time, wanted, taken = run.rows[0, places, 0]
+        if was_refused and before < time < 2.0:
+            assert wanted <= taken
+        was_refused = time == before
+        count += was_refused
+    assert count > 0

@@ -179,11 +179,10 @@ class Definitions:
                 is_one = len(indices) == size == 1 and not self.symbols[-1 - indices[0]].is_inverse
                 if not (is_one and (text or (c > 0 and len(terms) == 1))):
                     factors.append(f"{self.names[0]}**0")
-            for i in (
-                sorted({*indices}, key=lambda i: self._ranks([i]))
-                if exact
-                else dict.fromkeys(indices)
-            ):
+            distinct = [*dict.fromkeys(indices)]
+            if exact:
+                distinct.sort(key=lambda i: self._ranks([i]))
+            for i in distinct:
                 power, name = indices.count(i), self._name(i, named, exact)
                 if i < 0 and self.symbols[-1 - i].is_inverse:
                     below += f"/{name}" * power

@@ -21,10 +21,8 @@ LIMIT, LEAST_SIZE, LARGEST_SIZE = 64.0, 1e-100, 1e100
 # whose derivative is not accurate, so that no lane took the step; from det A < 0; with columns to
 # be orthonormalised; with logarithms to be taken; in which a component changed its sign.
 STEP, DERIVATIVE, NEGATIVE, DUE, OUTSIDE, CHANGED = range(16, 64, 8)
-
-
-# Columns are multiplied at once while the loop over them has at most so many instructions, because
-# a longer one, with loads and stores, exceeds the cache for instructions.
+# Instructions of the loop over columns, besides loads and stores. Several columns are multiplied at
+# once while there are no more, because a longer loop exceeds the processor's instruction cache.
 MOST_IN_LOOP = 1800
 
 
@@ -32,13 +30,13 @@ def room_of(D, W):
     """Return for how many columns there is room.
 
     Component i of column r of a line is in row 2 D + LENGTHS + i * room + r. If W is 1, the columns
-    are lanes of a vector. Otherwise `room` is odd, because components an even number of lines apart
-    would share the same sets of the first cache.
+    are lanes of a vector. Otherwise four at once may go beyond column D - 1, and `room` is odd,
+    because components an even number of lines apart would share the same sets of the first cache.
     """
     if W == 1:
         at_once = columns_at_once(D, W, ())
         return -(-D // at_once) * at_once
-    return D + 3 | 1
+    return (D + 3) | 1
 
 
 def columns_at_once(D, W, operations):

@@ -21,7 +21,7 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if "slow" in item.path.parent.parts:
             item.add_marker("slow")
-        if item.get_closest_marker("sampled"):
+        if item.get_closest_marker("sampled") and not item.get_closest_marker("slow"):
             cases[item.path, item.originalname].append(item)
         if numba.config.DISABLE_JIT and item.get_closest_marker("compiled"):
             reason = "needs compiled kernels: NUMBA_DISABLE_JIT is set"

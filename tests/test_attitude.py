@@ -12,6 +12,7 @@ def states(body, omega0, eps, steps):
     return sf.iterate(body, omega0, eps, steps, on_singular="ignore").omega
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("eps", [0.2, -0.2, 3.0])
 def test_against_cayley_matrices(rng, body, eps):
     others = [sf.SuslovND(rng.uniform(1, 3, m), rng.normal(size=m)) for m in (1, 2, 3, 8)]

@@ -148,6 +148,7 @@ RUNS = {
 
 
 @pytest.mark.compiled  # 65,536 trajectories are the default
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("options", RUNS)
 def test_run_is_iterate(options):
     Path("b.json").write_text(json.dumps(lotka().to_dict()))
@@ -190,6 +191,7 @@ def lorenz(rho):
     return sf.QuadraticField.from_function(f, "u v w", rho=rho)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("members", [1, 38, 400])
 def test_summaries_of_families(members):
     """Of large tables a store has no numbers; values of a parameter take one line."""
@@ -218,6 +220,7 @@ def test_summaries_of_stores_of_lifted_fields():
         assert "trajectories     2\n" in text
 
 
+@pytest.mark.slow
 def test_info_and_plot_of_crossings():
     points = sf.crossings(
         lorenz(28), [[1, 1, 20], [2, 1, 20]], 1 / 64, 3000, lambda x: x[..., 2] - 27

@@ -79,17 +79,18 @@ def test_a_step_is_accurate(body, rng):
     assert worst < 8 * 2.0**-52
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("body", "size", "eps"),
     [
-        pytest.param(ND, 1.0, 0.4, marks=pytest.mark.slow),
-        pytest.param(ND, 10.0, -3.0, marks=pytest.mark.slow),  # by elimination
-        pytest.param(sf.SuslovND([1.0], [2.0]), 1.0, 0.25, marks=pytest.mark.slow),
         (FIELD, 10.0, 1 / 64),
         (FIELD, 1.0, 0.5),  # with other pivots
         (sf.QuadraticField.of(GYROSTAT), 1.0, 0.35),
+        (ND, 1.0, 0.4),
+        (ND, 10.0, -3.0),  # by elimination
+        (sf.SuslovND([1.0], [2.0]), 1.0, 0.25),
     ],
-    ids=["nd", "nd-elimination", "n=2", "lorenz", "lorenz-pivots", "gyrostat"],
+    ids=["lorenz", "lorenz-pivots", "gyrostat", "nd", "nd-elimination", "n=2"],
 )
 def test_steps_in_any_dimension_are_those_of_the_package(body, size, eps, rng):
     """Their accuracy is tested there. Views are taken, and out may be x."""
@@ -108,6 +109,7 @@ def test_steps_in_any_dimension_are_those_of_the_package(body, size, eps, rng):
     np.testing.assert_allclose(x, expected, rtol=apart, atol=apart)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("body", [BODY, GYROSTAT], ids=["body", "gyrostat"])
 def test_loops_of_users_follow_orbits(body, rng):
     omega = rng.uniform(-2, 2, (65, 2))

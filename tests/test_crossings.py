@@ -425,6 +425,7 @@ def test_a_callable_ends_a_run(monkeypatch):
         assert points == whole
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("stop", [1, 40, 99, 100, 101])
 def test_a_run_that_ended_in_its_transient(monkeypatch, stop, tmp_path):
     """It has no crossings, and `extend` finishes the transient first."""
@@ -455,7 +456,7 @@ def plane(x):
     return x[..., 2] - 27
 
 
-@pytest.mark.sampled(16)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("most", [None, 1, 3])
 @pytest.mark.parametrize("name", MAPS)
 def test_extended_crossings_are_those_of_one_call(name, most, tmp_path):

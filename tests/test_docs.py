@@ -83,6 +83,7 @@ LONG += "crossings.md", "diagrams.md", "many.md", "smooth.md"
 
 
 @pytest.mark.compiled
+@pytest.mark.sampled(10)
 @pytest.mark.parametrize(
     "path",
     [

@@ -47,6 +47,7 @@ def solved(matrix, *sides):
         return system[:, len(A) :, 0], determinant_of(system, units), status
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_solutions_and_determinants(name):
     A = np.array(SYSTEMS[name], float)
@@ -110,6 +111,7 @@ def test_a_pivot_just_above_rounding_is_none_of_0():
             assert found[:, 0].tolist() == [1.0, 0.0]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("m", [1, 2, 3, 6, 7])
 def test_elimination_of_lanes_without_exchanges(rng, m):
     """Two pivots at a time, an odd one last; with the least and the largest pivot of each lane."""

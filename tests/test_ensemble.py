@@ -80,7 +80,7 @@ ASKED = {"body": BODY, "omega0": [[1.0, 0.5]], "eps": 0.2, "steps": 20, "save_ev
 FIELD = {"body": FAMILY, "omega0": [1.0, 1.0, 1.0], "eps": 0.01, "steps": 9}
 
 
-@pytest.mark.sampled(13)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("body", "shape", "eps", "ours", "settings"),
     [
@@ -107,6 +107,7 @@ def test_a_stored_run_equals_iterate(store, rng, body, shape, eps, ours, setting
     assert_same(open_ensemble(str(store)), orbits)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("body", [BODY, BODY_4D, FAMILY, lorenz(28.0)])
 def test_a_store_has_the_variables_and_coordinates_of_a_run(store, body):
     """Tables of coefficients are stored as they are, and opened as columns."""
@@ -135,6 +136,7 @@ def test_parameters_are_axes_of_the_batch(store, rng):
     assert np.array_equal(dataset.time.sel(eps=0.5), 0.5 * orbits.n)
 
 
+@pytest.mark.slow
 def test_sources_of_initial_states(tmp_path):
     random = RandomStarts((5, 10), 2.0, seed=5)
     array = random.states(50).reshape(5, 10, 2)
@@ -194,6 +196,7 @@ def oscillator(constant):
     return sf.QuadraticField.from_hamiltonian(H, 2)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("asked", "change", "words"),
     [
@@ -361,6 +364,7 @@ def test_a_run_killed_while_its_store_is_made_is_finished(store):
     assert finished == whole
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "name", ["omega/c/0/0/0", "final/c/0/0", "status/c/0", "n/c/0", "eps/c", "zarr.json"]
 )
@@ -419,6 +423,7 @@ def say(**changes):
     return lambda attributes, arrays: attributes.update(changes)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     "change",
     [
@@ -469,6 +474,7 @@ def test_folders_and_files_in_places_of_the_other_are_named(store, place):
             opens(store)
 
 
+@pytest.mark.slow
 def test_two_at_once_write_the_same(store):
     seen, run = [], {**ASKED, "omega0": RandomStarts(200, 1.0)}
     ours = {"store": store, "chunk": 5, "progress": lambda *done: seen.append(done)}
@@ -479,6 +485,7 @@ def test_two_at_once_write_the_same(store):
     assert seen[-1] == max(seen) == (4000, 4000)
 
 
+@pytest.mark.slow
 def test_workers_of_a_cluster(store):
     random = RandomStarts(50, 1.5)
     orbits = iterate(BODY, random, 0.2, 40, save_every=3)
@@ -571,7 +578,7 @@ WAYS_TO_WRITE = {
 }
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("unfinished", [False, True])
 @pytest.mark.parametrize("way", WAYS_TO_WRITE)
 @pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
@@ -748,6 +755,7 @@ def test_a_callable_ends_a_run(store):
     }
 
 
+@pytest.mark.slow
 def test_a_callable_ends_the_work_of_a_cluster(store):
     run = (BODY, RandomStarts(50, 1.5), 0.2, 40)
     with distributed.Client(n_workers=1, processes=False, dashboard_address=":0") as client:
@@ -835,6 +843,7 @@ class Counting(Wrapper):
         return self._store.list_prefix(prefix)
 
 
+@pytest.mark.slow
 def test_a_finished_store_takes_few_requests():
     """One listing, and no request for each tile; statuses are read in one task, many at a time."""
     place, run = Counting(zarr.storage.MemoryStore()), (BODY, RandomStarts(200, 1.0), 0.2, 3)

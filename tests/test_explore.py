@@ -61,6 +61,7 @@ def rows(found, size=2):
     return np.array([[np.nan] * size if row is None else row for row in found])
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")
 @pytest.mark.parametrize("name", CASES)
 def test_numbers_equal_those_of_the_package(name):

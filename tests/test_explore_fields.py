@@ -129,6 +129,7 @@ def test_bad_arguments():
         sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3), method="order4")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("field", [FAMILY, sf.Suslov3D(5, 2, -0.5, -0.3)])
 def test_the_command(field, tmp_path):
     path = tmp_path / "field.json"

@@ -61,7 +61,7 @@ def test_record_and_weights():
     assert abs(factor).max() <= 1 + 1e-13
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", FLOWS)
 def test_order(name):
     """By regression, forward and backward in time."""
@@ -78,7 +78,7 @@ def test_order(name):
     assert abs(back - start).max() < (1e-6 if name == "Lorenz" else 1e-9)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", FLOWS)
 def test_steps_combine_columns(name, rng):
     field, start, time = FLOWS[name]
@@ -129,6 +129,7 @@ def test_decaying_modes_are_bounded():
     assert abs(fast.final).max() < 1e-12
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", FLOWS)
 def test_jacobian(name, rng):
     """The sum of products over columns, and differences of steps; NaN gives NaN."""
@@ -224,6 +225,7 @@ def test_bits_of_a_family(rng):
         assert (alone.local_error == run.local_error[k]).all()
 
 
+@pytest.mark.slow
 def test_numpy_carries_out_the_same_steps(rng, monkeypatch):
     """With the same bits, in states next to poles, beyond them, and out of range."""
     x = np.concatenate([rng.normal(size=(20, 1)), [[2.0], [1e308], [np.nan], [3.7], [1e200]]])

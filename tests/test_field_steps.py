@@ -43,6 +43,7 @@ def square(x):
     return (x[0] * x[0],)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("f", "start", "eps", "steps", "tolerance"),
     [
@@ -86,6 +87,7 @@ def values_at(tables, x):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_random_fields_in_units_far_apart(rng):
     """Errors of a step and of its derivative in units of the condition of A in these units."""
     for case in range(32):
@@ -154,6 +156,7 @@ def test_a_plan_uses_zeros(rng):
         assert len(step.usual) < 48 * D
 
 
+@pytest.mark.slow
 def test_fields_have_a_plan_unless_it_takes_too_long():
     """Elimination fills a sparse matrix; of dense fields, most operations are those of terms."""
     for D, is_dense, has_plan in (
@@ -282,6 +285,7 @@ def test_a_growing_pivot():
     assert naive.relative_error(run.final, exact) < 2e-16 * np.linalg.cond(A)
 
 
+@pytest.mark.slow
 def test_pivots_are_chosen_in_units_of_the_components(rng):
     for _ in range(70):
         D = int(rng.integers(2, 6))
@@ -352,6 +356,7 @@ def of_a(x, a):
     )
 
 
+@pytest.mark.slow
 def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
     """The operations of a step depend on the zeros of the field, and on those of no other one."""
     a, eps = np.array([0.0, 1.3, 0.0, -0.4, 0.0, 2.0]), rng.uniform(0.1, 0.3, 6)

@@ -110,6 +110,7 @@ def steps(field, eps, x, count):
         yield x
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_integrals_of_systems_with_six_variables(name):
     """They are constant along exact orbits from random points, and independent."""
@@ -134,6 +135,7 @@ def test_integrals_of_systems_with_six_variables(name):
     assert np.linalg.svd(rows)[1][-1] > 1e-3  # the rank of the gradients
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_degrees_on_a_line(name):
     """A quotient of polynomials of degree d goes through the values on a line, none below."""
@@ -155,6 +157,7 @@ def test_degrees_on_a_line(name):
         assert (relations(each.degree - 1), relations(each.degree)) == (0, 1)
 
 
+@pytest.mark.slow
 def test_short_formulas_are_written_out():
     field, eps = SYSTEMS["Lagrange"]
     *integrals, long = chosen("Lagrange")
@@ -190,6 +193,7 @@ def test_reports_hold_the_integrals_that_are_too_long():
     assert (plain["degree"], plain["basis"]) == (6, "modulo a prime, at random points")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("name", "written", "implicit", "sentence"),
     [
@@ -207,6 +211,7 @@ def test_sentences_of_reports(name, written, implicit, sentence):
     assert sentence in repr(found)
 
 
+@pytest.mark.slow
 def test_symbolic_eps():
     field, eps = SYSTEMS["Lagrange"]
     symbolic = chosen("Lagrange", symbolic=True)

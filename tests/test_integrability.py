@@ -311,6 +311,7 @@ def assert_basis(found, map):
     assert all(a * before[0] == b * after[0] for a, b in zip(after, before, strict=True))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("field", "lowest", "independent"),
     [(EULER, 2, 2), (of(BODY), 2, 1), (SIR, 1, 1), (CHAIN, 2, 1), (CYCLE, 3, 2), (CUBIC, 3, 1)],
@@ -453,7 +454,7 @@ def test_primes_may_divide_coefficients(c):
 # Reports.
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("given", "degree", "kind", "integrals", "measure", "planes"),
     [
@@ -531,6 +532,7 @@ LINES = from_hamiltonian(
 )
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("field", "eps", "message"),
     [
@@ -642,6 +644,7 @@ LONG = [
 ]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["Suslov", "Lotka-Volterra", *LONG])
 def test_formulas_in_eps(name):
     field, degree, integrals, density = PAPERS[name]
@@ -790,6 +793,7 @@ def test_names_that_sympy_takes_for_its_own():
 # Numbers, limits and bad input.
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("field", "number"),
     [
@@ -1106,6 +1110,7 @@ def test_symbolic_eps_and_number_print_the_same(field):
         assert f(x, 0) != f([a + 1 for a in x], 0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("field", "symmetries"),
     [

@@ -130,6 +130,7 @@ def test_the_lifted_field_is_the_given_one_where_it_is_lifted(name):
 ORDERS = {"auto": (2, 32), "order4": (4, 32), "order6": (6, 16), "order8": (8, 12)}
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", ["pendulum", "kepler", "predator and prey", "brusselator"])
 @pytest.mark.parametrize("method", [*ORDERS, "extrapolated"])
 def test_steps_have_the_order_of_the_method(name, method):
@@ -145,6 +146,7 @@ def test_steps_have_the_order_of_the_method(name, method):
     assert errors[-1] < 1e-12 or 2 ** (order - 0.7) < errors[1] / errors[2] < 2 ** (order + 3)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("method", ["auto", "order6", "extrapolated"])
 def test_the_jacobian_is_that_of_differences(method):
     for name in ("pendulum", "kepler", "roots", "powers"):
@@ -477,6 +479,7 @@ def test_slopes_of_added_variables_are_their_derivatives(name):
     np.testing.assert_allclose(field._slopes(x), wanted, rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("name", "method", "fractions", "h"),
     [

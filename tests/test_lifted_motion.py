@@ -76,6 +76,7 @@ def test_solutions_have_their_tolerance(f, start, time):
         assert abs(found - exact).max() < 100 * rtol
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "name", ["double pendulum", "three bodies", "sitnikov", "toda", "tangent", "roots", "powers"]
 )
@@ -216,6 +217,7 @@ def test_numpy_takes_the_same_steps(rng, monkeypatch):
         np.testing.assert_array_equal(flow(*case), wanted)
 
 
+@pytest.mark.slow
 def test_a_field_without_a_plan(monkeypatch):
     """By elimination with pivoting, to rounding."""
     field, start = of(predator_prey, 2), [1.0, 1.0]

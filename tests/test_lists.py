@@ -79,7 +79,7 @@ def same_bits(found, expected):
     return (same | (np.isnan(found) & np.isnan(expected))).all()
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", range(24))
 def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
     """For lists in one piece and in several, lanes with parameters of their own, any alignment."""

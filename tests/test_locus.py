@@ -110,6 +110,7 @@ def test_known_loci(f, degree, generic, values):
         assert counted(kahan(f(each.value)), degree) == each.relations
 
 
+@pytest.mark.slow
 def test_texts_heights_and_monomials():
     """Of 7 b, 1 and 2 are 1/7 and 2/7, of a height that may be too large."""
     wide = locus(lambda b: three_lines(7 * b, 1), 4, height=7)
@@ -126,6 +127,7 @@ def test_texts_heights_and_monomials():
     assert "more at none, of all fractions of height up to 2" in repr(none)
 
 
+@pytest.mark.slow
 def test_algebraic_values():
     """Residues of square roots, in the primes modulo which there are some."""
     roots = locus(lambda b: three_lines(b * b - 5, 1), 4, height=3)

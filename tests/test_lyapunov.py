@@ -38,6 +38,7 @@ def test_derivatives_of_a_step(rng, m, eps):
     assert error < 2e-14 * np.linalg.cond(sf.matrix(body, omega, eps))
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(
     ("body", "omega", "eps", "steps", "tolerance"),
     [(THREE, [1.0, 0.5], eps, steps, 1e-13) for eps in (0.2, -0.2) for steps in (1, 2, 40)]
@@ -124,6 +125,7 @@ def poles_told(function, *arguments, **keywords):
     return [str(each.message) for each in told]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("method", "start", "eps", "steps"),
     [
@@ -242,6 +244,7 @@ def exponents_by_qr(field, x, eps, steps):
     return np.sort(total / steps)[::-1]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("linear", "eps", "tolerance"),
     [
@@ -279,6 +282,7 @@ def in_a_cascade(x):
 
 
 @pytest.mark.compiled
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("f", "D", "size", "tolerance"),
     [(ring, 60, 8.0, 1e-12), (everything, 48, 0.5, 1e-12), (in_a_cascade, 50, 0.1, 1e-10)],
@@ -315,6 +319,7 @@ def test_determinants_above_the_range_of_numbers():
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 @pytest.mark.parametrize("most", [4000, 0])
 def test_determinants_of_many_variables(monkeypatch, most):
     """Factors near 1 have a product below rounding: 0.6**100 for x_i' = -x_i and eps = 1/2."""

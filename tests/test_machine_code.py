@@ -92,6 +92,7 @@ def exponents(rng):
     return [sf.lyapunov_exponents(field, x, 0.02, 100) for x in (x0, x0[0])]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_numpy_computes_the_same_bits_where_llvm_refuses_the_code(rng, monkeypatch, anew):
     """With one warning, which says how slow it is."""
@@ -127,6 +128,7 @@ def test_numpy_computes_the_same_bits_where_llvm_refuses_the_code(rng, monkeypat
     np.testing.assert_allclose(start, after[1], rtol=1e-14)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("batch", [1, 20])
 def test_a_long_list_is_divided(rng, monkeypatch, anew, batch):
     """Into pieces that pass on what later ones need, with the same bits."""
@@ -169,6 +171,7 @@ def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
     assert met >= {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
     """Of steps that are good, near a pole, beyond one, and of NaN; and of rare and dense lanes."""
@@ -200,6 +203,7 @@ def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_sparse", [False, True])
 def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
     """Loops eliminate the whole matrix, or its pattern: within rounding of a plan."""
@@ -279,6 +283,7 @@ def test_old_codes_are_freed_but_not_those_in_use(rng, monkeypatch, anew):
     assert (x == run.x[20, 0]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("batch", [1, 3000])
 def test_an_interrupt_while_careful_steps_are_compiled(monkeypatch, batch):
     """Ctrl-C ends the run, in whichever thread it arrives, and later runs are as before."""
@@ -347,12 +352,14 @@ assert (run(2) == expected).all()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_child_of_a_parent_that_ran_fields_in_threads():
     """It has none of their threads, and neither hangs nor computes other bits."""
     children.run(FORK, timeout=120)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("W", [1, 8])
 @pytest.mark.parametrize("D", [6, *(pytest.param(D, marks=SLOW) for D in (9, 13, 19))])
 @pytest.mark.parametrize("text_of", [generated.text_of_steps, text_of_tangent])

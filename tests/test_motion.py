@@ -90,6 +90,7 @@ def by_scipy(field, start, time, method="DOP853"):
 
 
 # -------------------------------------------------------------------------------------- accuracy
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", FLOWS)
 def test_series(name):
     """Against power series in long doubles; forward and back."""
@@ -301,6 +302,7 @@ def test_numpy_takes_the_same_steps(rng, monkeypatch):
         np.testing.assert_array_equal(flow(*case), wanted)
 
 
+@pytest.mark.slow
 def test_a_field_without_a_plan(rng, monkeypatch):
     """By elimination with pivoting, to rounding."""
     start = np.array([[1.0, 1, 20], [3, -2, 25]])

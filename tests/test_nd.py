@@ -42,6 +42,7 @@ def test_orbits(rng, m, speed):
         assert naive.worst_error(orbit.omega, exact) < 5e-14 * (max(sizes) / min(sizes)) ** 2
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("spread", [0.0, 0.3, 4.0])  # J and I within a factor 1e8
 @pytest.mark.parametrize("kind", ["any", "next to rest", "small d", "equal J"])
 def test_all_lengths_of_steps(rng, spread, kind):

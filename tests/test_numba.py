@@ -166,6 +166,7 @@ def test_later_processes_compile_edited_and_damaged_functions_only(folder):
     assert not set(after) & set(before)
 
 
+@pytest.mark.slow
 def test_without_a_writable_folder(folder):
     """Each process compiles for itself, as in a read-only installation."""
     blocked = folder / "package" / "core" / "__pycache__"

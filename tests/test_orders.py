@@ -130,7 +130,7 @@ def test_fractions(method):
     assert -1e-15 < min(np.cumsum(fractions)) <= max(np.cumsum(fractions)) < 1 + 1e-15
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FLOWS)
 def test_order(name, method):
@@ -148,7 +148,7 @@ def test_order(name, method):
     assert abs(back - start).max() < (1e-4 if method == "order4" else 1e-6)
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FLOWS)
 def test_steps_are_composed(name, method, rng):
@@ -233,7 +233,7 @@ def precise_jacobian(field, x, eps, method):
     return found, conditions * norms
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FLOWS)
 def test_jacobian(name, method, rng):
@@ -373,6 +373,7 @@ def test_a_store(method, tmp_path):
 
 
 @pytest.mark.compiled  # interpreted, they agree to rounding
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FLOWS)
 def test_own_loops_take_whole_steps(name, method):
@@ -398,6 +399,7 @@ def statuses(field, x, eps, method):
     return Status.PASSED_POLE if passed else Status.OK
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_status_of_sub_steps(method, rng):
     """At long steps; in a batch and by `compiled`, alike."""

@@ -69,6 +69,7 @@ def test_states_of_another_discretization():
     assert np.isfinite(run.x[: run.failed_at[3], 3]).all()
 
 
+@pytest.mark.slow
 def test_cuts_threads_and_batches_change_no_bit(monkeypatch):
     whole = midpoint()
     for every, cuts in itertools.product((1, 7, None), ((20, 20), (0, 1, 28, 11), (33, 0, 7))):
@@ -102,6 +103,7 @@ def counter(step=counting, work=0, values=(1.0,)):
     return kind(1.0, 1.0, 1.0)
 
 
+@pytest.mark.slow
 def test_a_positive_status_of_a_step_is_kept_with_its_first_step(tmp_path):
     body = counter()
     starts = [[0.0], [2.5], [4.5], [9.0]]
@@ -213,6 +215,7 @@ def test_steps_whose_functions_write_beyond_arrays_do_not_run():
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_an_exception_of_a_step_ends_the_run(monkeypatch):
     """A parallel loop of Numba would ignore it, and leave states unwritten."""
 
@@ -276,6 +279,7 @@ def test_a_run_has_the_quantities_of_its_map_alone(tmp_path, capsys):
     assert sf.Trajectories.load(path).map is own.MIDPOINT
 
 
+@pytest.mark.slow
 def test_files_name_the_map(tmp_path):
     run, path = midpoint(), tmp_path / "run.npz"
     run.save(path)
@@ -432,6 +436,7 @@ class Named(sf.QuadraticField):
     """A field with methods of its own."""
 
 
+@pytest.mark.slow
 def test_a_subclass_comes_back_as_itself(tmp_path):
     field = Named([[[1]]], [[-1]])
     run = iterate(field, [0.5], 0.1, 5)
@@ -668,6 +673,7 @@ class Exact(own.Sleigh):
         return sf.QuadraticField([[[0, 0], [0, self.b]], [[0, -self.mass * c], [0, 0]]])
 
 
+@pytest.mark.slow
 def test_a_step_for_a_class_without_families():
     """With a number, too, that is common to all by its nature."""
 
@@ -769,6 +775,7 @@ def slow_fields(rng, shape):
     return sf.QuadraticField(1e-3 * np.asarray(field.quadratic, float))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("random", [own.MIDPOINT.random[0], slow_fields])
 @pytest.mark.parametrize("of_kahan", [True, False])
 def test_promises_compare_a_jacobian_with_the_steps(rng, monkeypatch, of_kahan, random):

@@ -68,6 +68,7 @@ HENON = rational_map(
 )
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(
     ("map", "lengths", "entropy", "minimal", "proved"),
     [
@@ -344,6 +345,7 @@ def check_entropy(map):
     return found.entropy
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "map", [products(1), products(-3), products(F(2, 7)), two_products(1, 1, 0)], ids=str
 )

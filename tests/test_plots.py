@@ -82,6 +82,7 @@ def test_axes_are_taken_and_returned():
 
 
 @pytest.mark.compiled  # interpreted, the long runs take minutes
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("body", "states", "arguments", "lines", "joined"),
     [

@@ -66,6 +66,7 @@ def changed(field, x):
     return ((x[1:] * x[:-1] < 0) & ~lacking).any(axis=-1)
 
 
+@pytest.mark.sampled(1)
 @quiet
 @pytest.mark.parametrize("D", [1, 2, 3, 5, pytest.param(9, marks=pytest.mark.slow)])
 def test_statuses_of_fields_are_signs_of_determinants(rng, D):
@@ -80,6 +81,7 @@ def test_statuses_of_fields_are_signs_of_determinants(rng, D):
     assert len({*run.status[good]}) == 2
 
 
+@pytest.mark.sampled(1)
 @quiet
 @pytest.mark.parametrize("order", FRACTIONS)
 def test_a_part_of_a_step_counts_for_the_step(rng, order):
@@ -325,6 +327,7 @@ def test_crossings_tell_of_poles_before_they_end(most, tmp_path):
         assert (transient.failed_at == whole.failed_at).all()
 
 
+@pytest.mark.slow
 @quiet
 def test_compiled_steps_return_a_status():
     """In a body of three dimensions too, whose runs have another one."""
@@ -537,6 +540,7 @@ def test_signs_agree_for_all_ways_to_compute(rng, tmp_path):
     assert 0 < points.valid.sum() < len(points)
 
 
+@pytest.mark.sampled(1)
 @quiet
 @pytest.mark.parametrize("method", ["order4", "extrapolated"])
 @pytest.mark.parametrize("has_code", [True, False])
@@ -602,6 +606,7 @@ def test_modes_that_decay_fast_look_like_poles_to_steps_backwards():
         assert message.endswith("eps is too long" + SIGN)
 
 
+@pytest.mark.slow
 @quiet
 def test_steps_of_users_loops_tell_changes_of_sign():
     for method in ("auto", "order4"):

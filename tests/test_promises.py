@@ -198,6 +198,7 @@ def test_every_function_with_threads_is_in_the_table():
 SHAPES = [((SIZE,),) * 3, ((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), (0, 3), ())]
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @cases()
 def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
@@ -214,6 +215,7 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
             same(alone, [each[index] for each in values])
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @pytest.mark.compiled
 @cases(threaded=True)
@@ -227,6 +229,7 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
     same(alone, row.values(*problem))
 
 
+@pytest.mark.sampled(24)
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @cases()
 def test_any_input(rng, name, kind):
@@ -296,6 +299,7 @@ with_options = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.sampled(5)
 @with_options
 def test_runs_in_parts(rng, kind, options):
     """What is saved, and how a run is cut, changes no bit."""
@@ -328,6 +332,7 @@ def test_states_saved_seldom(rng, kind):
         same([run.states], [whole.states[::save_every]])
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("kind", KINDS)
 def test_kernels_keep_the_contract(rng, kind):
     """Item by item, between numbers that no kernel may touch."""
@@ -375,6 +380,7 @@ def measured_order(map, method, body, x):
     return np.median(found) - 1
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_order_of_steps(rng, kind):
     """It is what the record says; steps of high order that can be measured are rather long."""
@@ -397,6 +403,7 @@ def test_the_order_of_a_composition(kind):
         assert abs(math.fsum(each**power for each in fractions)) < 1e-15, power
 
 
+@pytest.mark.sampled(5)
 @with_options
 def test_failures_are_marked_at_any_step(rng, kind, options):
     """Trajectories whose states end, early or late, have a status, and no others."""
@@ -415,6 +422,7 @@ OF_FORMULAS = {name for map in MAPS.values() for name in map.formulas} - {
 }  # fmt: skip
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", KINDS)
 def test_values_of_formulas_have_the_shape_of_the_batch(rng, kind):
     map, (body, omega, eps) = RECORDS[kind], sample(rng, kind, (2, 1), (3,), (4, 1, 1))

@@ -73,6 +73,7 @@ def error(computed, exact):
     return naive.relative_error(np.ravel(computed), np.ravel(np.array(exact, object)))
 
 
+@pytest.mark.sampled(20)
 @pytest.mark.parametrize("name", IN_3D)
 @pytest.mark.parametrize("k", [0.0, 1e-3, 0.9, -20.0])
 @pytest.mark.parametrize("near", [False, True])
@@ -116,6 +117,7 @@ def test_in_n_dimensions(rng, m):
 ALONG = [sf.SuslovND([1.3, 2.1, 3.7], I) for I in np.diag([0.7, -1.3, 0.4])]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("body", [sf.Suslov3D(4, 1, -0.5, -0.3), *ALONG, HENON])
 def test_densities_are_those_of_invariant_measures(rng, body):
     """rho(next) det DPhi = rho."""

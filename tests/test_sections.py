@@ -31,7 +31,7 @@ def plane(x):
     return x[..., 0]
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("direction", [1, -1, 0])
 def test_points_have_the_digits_of_the_states(method, direction):

@@ -220,6 +220,7 @@ def test_statuses():
 
 
 @pytest.mark.compiled
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("k", [0.0, 1e-3, 0.3, 2.0, 30.0])
 def test_F_over_a_million_steps(rng, k):
     I1, I2 = rng.uniform(1, 4, (2, 40))

@@ -220,6 +220,7 @@ LONG = [f"suslov_fast.{name}" for name in ("compiled", "maps.base")]
 LONG += [f"suslov_fast.integrability.{name}" for name in ("implicit", "locus")]
 
 
+@pytest.mark.sampled(10)
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in WITH_EXAMPLES],

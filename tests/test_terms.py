@@ -197,6 +197,7 @@ def test_tables_that_do_not_fit_are_refused_with_their_size():
     assert small.quadratic[3, 2, 4] == small.quadratic[3, 4, 2] == F(1, 2)
 
 
+@pytest.mark.slow
 def test_many_variables_cost_their_terms(rng):
     """In a process of its own, whose memory is limited to far less than a table."""
     D = 1024

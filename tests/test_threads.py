@@ -138,6 +138,7 @@ def test_a_child_of_a_parent_that_is_in_a_cached_property():
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 @pytest.mark.parametrize("before", ["", "run(1, threads=2)"])
 def test_fields_at_the_end_of_a_process(before):
     """Threads of Python cannot be started any more: results are the same."""
@@ -175,6 +176,7 @@ print(len({*found}), work(0) == found[0])
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 @pytest.mark.parametrize("started", ["prange", "torch"])
 def test_children_of_a_parent_with_threads_of_others(started):
@@ -187,6 +189,7 @@ def test_children_of_a_parent_with_threads_of_others(started):
     assert lines == ["1 True"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 @pytest.mark.parametrize("loaded", ["", "torch"])
 def test_a_loaded_torch_counts_as_threads(loaded):
@@ -267,6 +270,7 @@ def test_no_memory_for_several_threads():
     threads.call_kernel(kernel, 10**9, 1)
 
 
+@pytest.mark.slow
 def test_ctrl_c():
     """Ctrl-C ends a long run at the next return to Python; a stretch has a bounded number of steps.
 
@@ -301,6 +305,7 @@ def test_ctrl_c():
         assert steps < 2**29
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("function", [sf.iterate, sf.lyapunov_exponents])
 def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
     """Ctrl-C is heard between calls: their operations are counted, and not done."""

@@ -224,10 +224,15 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
             assert (alone.status, alone.failed_at) == (run.status[k], run.failed_at[k])
         last = sf.iterate(lattice, populations, 0.2, 60, save_every=None, on_singular="ignore")
         np.testing.assert_array_equal(last.final, run.final)
+        steps = np.linspace(0.01, 0.03, 9)  # each orbit has its own
+        together = sf.iterate(field, x0, steps, 30).x
+        alone = [sf.iterate(field, *each, 30).x for each in zip(x0, steps, strict=True)]
+        np.testing.assert_array_equal(together, np.stack(alone, axis=1))
         accurate = sf.iterate(field, x0, 0.02, 5, method="extrapolated", save_every=2)
         return [
             run.status,
             run.failed_at,
+            together,
             accurate.x,
             accurate.final,
             sf.iterate(field, x0, 0.02, 30).x,

@@ -7,6 +7,8 @@ Each function brings its own typing and lowering, because an overload is itself 
 `gep` name their types, because pointers of later versions of llvmlite have none.
 """
 
+import operator
+
 import numpy as np
 from llvmlite import ir
 from numba import types
@@ -241,3 +243,65 @@ def _stream_pairs(context, builder, signature, arguments):
         store = builder.store(builder.shuffle_vector(*lines, order), pointer, align=8 * LINE)
         store.set_metadata("nontemporal", past_caches)
     return context.get_dummy_value()
+
+
+# ---------------------------------------------------------------------------------------- vectors
+QUAD = 4  # numbers of a vector
+
+
+class _Quad(types.Type):
+    """The type of vectors."""
+
+
+_quad = _Quad("Quad")
+
+
+@register_model(_Quad)
+class _QuadModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, ir.VectorType(_NUMBER, QUAD))
+
+
+def get(array, i):
+    """Return the vector i of an array (-,). NUMBA_BOUNDSCHECK does not check i, here and in `put`.
+
+    LLVM does not see by itself that arrays do not overlap. Vectors have products and differences.
+    """
+    return array[i * QUAD : (i + 1) * QUAD].copy()
+
+
+def put(array, i, quad):
+    """Set the vector i of an array (-,)."""
+    array[i * QUAD : (i + 1) * QUAD] = quad
+
+
+type_callable(get)(lambda context: lambda array, i: _quad)
+type_callable(put)(lambda context: lambda array, i, quad: types.none)
+
+
+def _place(context, builder, signature, arguments):
+    array = context.make_array(signature.args[0])(context, builder, arguments[0])
+    i = context.cast(builder, arguments[1], signature.args[1], types.intp)
+    data = builder.bitcast(array.data, ir.VectorType(_NUMBER, QUAD).as_pointer())
+    return builder.gep(data, [i], source_etype=ir.VectorType(_NUMBER, QUAD))
+
+
+@lower_builtin(get, types.Array, types.Integer)
+def _get(context, builder, signature, arguments):
+    place = _place(context, builder, signature, arguments)
+    return builder.load(place, align=8, typ=ir.VectorType(_NUMBER, QUAD))
+
+
+@lower_builtin(put, types.Array, types.Integer, _Quad)
+def _put(context, builder, signature, arguments):
+    builder.store(arguments[2], _place(context, builder, signature, arguments), align=8)
+    return context.get_dummy_value()
+
+
+for _operator, _instruction in ((operator.mul, "fmul"), (operator.sub, "fsub")):
+    type_callable(_operator)(lambda context: lambda a, b: _quad if a == b == _quad else None)
+    lower_builtin(_operator, _Quad, _Quad)(
+        lambda context, builder, signature, arguments, emit=_instruction: getattr(builder, emit)(
+            *arguments
+        )
+    )

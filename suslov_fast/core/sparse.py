@@ -17,8 +17,8 @@ import numpy as np
 
 from .dense import advance_lane
 from .elimination import LEAST_PIVOT, simd_max, simd_min
-from .llvm import uncounted
-from .numba import function, kernel
+from .llvm import QUAD, get, put, uncounted
+from .numba import function, kernel, lesser
 from .operations import of_one_sign
 from .planned_elimination import elimination_order, filled
 
@@ -30,8 +30,6 @@ class Pattern(NamedTuple):
     starts: Any  # (D + 1,), of rows in `columns`
     columns: Any  # (E,), places
     diagonal: Any  # (D,), of rows in `columns`
-    run_starts: Any  # (D + 1,), of rows in `runs`
-    runs: Any  # (R, 3): place, number and index in `columns` of neighbours right of the diagonal
     fill_starts: Any  # (D + 1,), of rows in `fills`
     fills: Any  # (F, 3), by rows: entry among `given`, component, term
     given_starts: Any  # (D + 1,), of rows in `given`
@@ -69,19 +67,12 @@ def pattern_of(places, D):
     starts, diagonal = _starts(map(len, lines)), [len(before[n]) for n in order]
     found = place[np.concatenate([np.empty(0, np.int64), *map(np.array, lines)]).astype(np.int64)]
     diagonal = starts[:-1] + diagonal
-    runs, counts = [], []
-    for begin, end in zip(diagonal + 1, starts[1:], strict=True):
-        own = found[begin:end]
-        breaks = np.flatnonzero(np.diff(own, prepend=-2) != 1)
-        lengths = np.diff(np.append(breaks, len(own)))
-        runs.append(np.stack([own[breaks], lengths, begin + breaks], 1))
-        counts.append(len(breaks))
     is_right = k == D
     keeps = np.zeros(D, bool)
     keeps[[*of_one_sign(indices)]] = True
     return Pattern(
         np.array(order, np.int64), starts, found, diagonal,
-        _starts(counts), np.concatenate(runs), _starts(np.bincount(rows, minlength=D)), fills,
+        _starts(np.bincount(rows, minlength=D)), fills,
         _starts(np.bincount(entries // D, minlength=D)), entries % D,
         np.stack([place[i], j, terms], 1)[is_right], keeps,
     )  # fmt: skip
@@ -107,7 +98,7 @@ def _by_branches(order, after):
 
 # ------------------------------------------------------------------------------------- elimination
 class Room(NamedTuple):
-    """Memory for a lane."""
+    """Memory for QUAD lanes, whose numbers are neighbours."""
 
     y: Any  # (D + 1,), the state and 1
     row: Any  # (D,), a row of the matrix, by places
@@ -116,90 +107,112 @@ class Room(NamedTuple):
     pivots: Any  # (D,), less 1
     inverse: Any  # (D,), of the pivots
     right: Any  # (D,), by places
+    tests: Any  # (2,), the least and the largest modulus of a pivot
 
 
 def size_of(pattern):
     """Return how many numbers `room_of` takes, and a state."""
-    return 6 * len(pattern.order) + 1 + len(pattern.given) + len(pattern.columns)
+    D, G, E = len(pattern.order), len(pattern.given), len(pattern.columns)
+    return (6 * D + 3 + G + E) * QUAD
 
 
 @function
 def room_of(memory, D, G, E):
     """Return the `Room` in an array of `size_of` numbers."""
-    a, b = 2 * D + 1, 2 * D + 1 + G
+    n, a, b = D * QUAD, (2 * D + 1) * QUAD, (2 * D + 1 + G) * QUAD
+    c = b + E * QUAD
     return Room(
-        memory[: D + 1], memory[D + 1 : a], memory[a:b], memory[b : b + E],
-        memory[b + E : b + E + D], memory[b + E + D : b + E + 2 * D],
-        memory[b + E + 2 * D : b + E + 3 * D],
+        memory[: n + QUAD], memory[n + QUAD : a], memory[a:b], memory[b:c], memory[c : c + n],
+        memory[c + n : c + 2 * n], memory[c + 2 * n : c + 3 * n], memory[c + 3 * n :],
     )  # fmt: skip
 
 
 @function
-def subtract(target, factor, source):
-    """Subtract a multiple of an array."""
-    for c in range(len(target)):
-        target[c] -= factor * source[c]
-
-
-@function
-def eliminate(pattern, half, sign, most, room):
+def eliminate(pattern, half, first, sign, most, room):
     """Eliminate 1 - sign N(y), and the right sides; keep the entries before elimination.
 
-    Return whether this kept digits (see `elimination.keeps_digits`; pivots of `most` count, too),
-    and whether an odd number of pivots is negative.
+    `half` (W, T), or (1, T) for all lanes, is eps / 2 times the values of the terms; lanes begin
+    with `first`. Return the bits of lanes in which this kept digits (`elimination.keeps_digits`;
+    pivots of `most` count, too), and of lanes in which an odd number of pivots is negative.
     """
-    row, entries, least, largest, negative = room.row, room.entries, most, 1.0, False
-    for i in range(len(row)):
-        for e in range(pattern.given_starts[i], pattern.given_starts[i + 1]):
-            room.given[e] = 0.0
+    row, given, entries, right, tests = room.row, room.given, room.entries, room.right, room.tests
+    good, negative, last = np.int64(0), np.int64(0), len(half) - 1
+    for l in range(QUAD):
+        tests[l] = 0.0
+    zero = get(tests, 0)
+    for l in range(QUAD):
+        tests[l], tests[QUAD + l] = most, 1.0
+    for i in range(len(pattern.order)):
+        for g in range(pattern.given_starts[i], pattern.given_starts[i + 1]):
+            put(given, g, zero)
         for f in range(pattern.fill_starts[i], pattern.fill_starts[i + 1]):
-            e, m, t = pattern.fills[f, 0], pattern.fills[f, 1], pattern.fills[f, 2]
-            room.given[e] -= sign * half[t] * room.y[m]
+            e, m, t = pattern.fills[f, 0] * QUAD, pattern.fills[f, 1] * QUAD, pattern.fills[f, 2]
+            for l in range(QUAD):
+                given[e + l] -= sign * half[lesser(first + l, last), t] * room.y[m + l]
         begin, middle, end = pattern.starts[i], pattern.diagonal[i], pattern.starts[i + 1]
         for e in range(begin, end):
-            row[pattern.columns[e]] = 0.0
-        for e in range(pattern.given_starts[i], pattern.given_starts[i + 1]):
-            row[pattern.given[e]] = room.given[e]
-        largest = simd_max(abs(1.0 + row[i]), largest)
+            put(row, pattern.columns[e], zero)
+        for g in range(pattern.given_starts[i], pattern.given_starts[i + 1]):
+            put(row, pattern.given[g], get(given, g))
+        for l in range(QUAD):
+            tests[QUAD + l] = simd_max(abs(1.0 + row[i * QUAD + l]), tests[QUAD + l])
         for e in range(begin, middle):
             k = pattern.columns[e]
-            multiplier = row[k] * room.inverse[k]
-            entries[e] = multiplier
-            room.right[i] -= multiplier * room.right[k]
-            for r in range(pattern.run_starts[k], pattern.run_starts[k + 1]):
-                first, n, at = pattern.runs[r, 0], pattern.runs[r, 1], pattern.runs[r, 2]
-                subtract(row[first : first + n], multiplier, entries[at : at + n])
-        pivot = 1.0 + row[i]
-        least, largest = simd_min(abs(pivot), least), simd_max(abs(pivot), largest)
-        negative ^= pivot < 0.0
-        room.pivots[i], room.inverse[i] = row[i], 1.0 / pivot
+            multiplier = get(row, k) * get(room.inverse, k)
+            put(entries, e, multiplier)
+            put(right, i, get(right, i) - multiplier * get(right, k))
+            for u in range(pattern.diagonal[k] + 1, pattern.starts[k + 1]):
+                j = pattern.columns[u]
+                put(row, j, get(row, j) - multiplier * get(entries, u))
+        for l in range(QUAD):
+            pivot = 1.0 + row[i * QUAD + l]
+            tests[l] = simd_min(abs(pivot), tests[l])
+            tests[QUAD + l] = simd_max(abs(pivot), tests[QUAD + l])
+            negative ^= np.int64(pivot < 0.0) << l
+            room.pivots[i * QUAD + l], room.inverse[i * QUAD + l] = row[i * QUAD + l], 1.0 / pivot
         for e in range(middle + 1, end):
-            entries[e] = row[pattern.columns[e]]
-    return least > LEAST_PIVOT * largest, negative
+            put(entries, e, get(row, pattern.columns[e]))
+    for l in range(QUAD):
+        good |= np.int64(tests[l] > LEAST_PIVOT * tests[QUAD + l]) << l
+    return good, negative
 
 
 @function
-def step_once(pattern, half, room, after):
-    """Write the state after `room.y` to `after` (D,); return if it is accurate, and if det A < 0.
+def step_once(pattern, half, x, first, room, after):
+    """Write the states after those of lanes of x (D, W) to `after` (D,), see `eliminate`.
 
-    `half` (T,) is eps / 2 times the values of the terms.
+    Return the bits of lanes in which it is accurate, and of lanes in which det A < 0.
     """
-    D, size = len(room.row), 0.0
-    room.y[D] = 1.0
+    (D, W), right, y = x.shape, room.right, room.y
     for i in range(D):
-        room.right[i] = room.y[pattern.order[i]]
+        for l in range(QUAD):
+            y[i * QUAD + l] = x[i, lesser(first + l, W - 1)]
+    for l in range(QUAD):
+        y[D * QUAD + l] = 1.0
+    for i in range(D):
+        for l in range(QUAD):
+            right[i * QUAD + l] = y[pattern.order[i] * QUAD + l]
     for t in range(len(pattern.right)):
-        i, j, v = pattern.right[t, 0], pattern.right[t, 1], half[pattern.right[t, 2]]
-        room.right[i] += v * room.y[j] if j < D else 2.0 * v
-    good, negative = eliminate(pattern, half, 1.0, np.inf, room)
+        i, j, term = pattern.right[t, 0], pattern.right[t, 1], pattern.right[t, 2]
+        for l in range(QUAD):
+            v = half[lesser(first + l, len(half) - 1), term]
+            right[i * QUAD + l] += v * y[j * QUAD + l] if j < D else 2.0 * v
+    good, negative = eliminate(pattern, half, first, 1.0, np.inf, room)
+    sizes = room.tests
+    for l in range(QUAD):
+        sizes[l] = 0.0
     for i in range(D - 1, -1, -1):
-        value = room.right[i]
+        value = get(right, i)
         for e in range(pattern.diagonal[i] + 1, pattern.starts[i + 1]):
-            value -= room.entries[e] * room.right[pattern.columns[e]]
-        value *= room.inverse[i]
-        room.right[i] = after[pattern.order[i]] = value
-        size += 0.0 * value
-    return good and size == 0.0, negative
+            value = value - get(room.entries, e) * get(right, pattern.columns[e])
+        value = value * get(room.inverse, i)
+        put(right, i, value)
+        put(after, pattern.order[i], value)
+        for l in range(QUAD):
+            sizes[l] += 0.0 * right[i * QUAD + l]
+    for l in range(QUAD):
+        good &= ~(np.int64(sizes[l] != 0.0) << l)
+    return good, negative
 
 
 @kernel
@@ -210,14 +223,14 @@ def sparse_steps(part, parts, pattern, half, marks, x, memory, taken):
     """
     pattern, half, memory = uncounted(pattern), uncounted(half), uncounted(memory)
     (D, W), G, E = x.shape, len(pattern.given), len(pattern.columns)
-    room, after = room_of(memory[D:], D, G, E), memory[:D]
+    room, after = room_of(memory[D * QUAD :], D, G, E), memory[: D * QUAD]
     for n in range(taken[0]):
         bits = np.int64(0)
-        for l in range(W):
-            for i in range(D):
-                room.y[i] = x[i, l]
-            good, negative = step_once(pattern, half[l % len(half)], room, after)
-            bits |= advance_lane(x, l, after, pattern.of_one_sign, good, negative, marks)
+        for first in range(0, W, QUAD):
+            good, negative = step_once(pattern, half, x, first, room, after)
+            for l in range(lesser(QUAD, W - first)):
+                told = (good >> l & 1 != 0), (negative >> l & 1 != 0), marks
+                bits |= advance_lane(x, first + l, after[l::QUAD], pattern.of_one_sign, *told)
         if bits != 0 or n + 1 == taken[0]:
             taken[0], taken[1] = n + 1, bits
             break

@@ -12,7 +12,7 @@ import numpy as np
 from .elimination import simd_min
 from .listed import Program
 from .listed_code import carry_out, runs_code
-from .llvm import uncounted
+from .llvm import QUAD, uncounted
 from .numba import kernel
 from .sparse import pattern_of, room_of, size_of, step_once
 
@@ -26,17 +26,18 @@ def sparse_stages(part, parts, pattern, halves, rows, least, memory):
     """
     pattern, halves, rows = uncounted(pattern), uncounted(halves), uncounted(rows)
     D, G, E = len(pattern.order), len(pattern.given), len(pattern.columns)
-    room, after = room_of(memory[D:], D, G, E), memory[:D]
+    room, after = room_of(memory[D * QUAD :], D, G, E), memory[: D * QUAD]
     for line in range(len(rows)):
-        for l in range(rows.shape[2]):
+        x = rows[line, :D]
+        for lane in range(x.shape[1]):
+            l = lane % QUAD
+            if l == 0:
+                step_once(pattern, halves[line], x, lane, room, after)
+            pivot = rows[line, least, lane]
             for i in range(D):
-                room.y[i] = rows[line, i, l]
-            step_once(pattern, halves[line, l], room, after)
-            pivot = rows[line, least, l]
-            for i in range(D):
-                rows[line, i, l] = after[i]
-                pivot = simd_min(1.0 + room.pivots[i], pivot)
-            rows[line, least, l] = pivot
+                x[i, lane] = after[i * QUAD + l]
+                pivot = simd_min(1.0 + room.pivots[i * QUAD + l], pivot)
+            rows[line, least, lane] = pivot
 
 
 class _Inputs(NamedTuple):

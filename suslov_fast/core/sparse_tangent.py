@@ -22,9 +22,9 @@ from .generated_tangent import (
     STEP,
     VOLUME,
 )
-from .llvm import address_as_pointer
+from .llvm import QUAD, address_as_pointer
 from .numba import c_function, function, lesser
-from .sparse import Pattern, eliminate, pattern_of, room_of, size_of, step_once, subtract
+from .sparse import Pattern, eliminate, pattern_of, room_of, size_of, step_once
 
 BLOCK = 64  # columns that are multiplied at once, because their rows stay in the caches
 # Columns are orthonormalised after `pace` steps. It begins with 1, doubles where they have lost
@@ -35,12 +35,19 @@ PACE, LONGEST_PACE = 32.0, 16.0
 
 
 @function
+def subtract(target, factor, source):
+    """Subtract a multiple of an array."""
+    for c in range(len(target)):
+        target[c] -= factor * source[c]
+
+
+@function
 def multiply(pattern, room, back, columns, new):
     """Replace the columns q (D, -) by -DPhi q; `new` is memory of the same shape.
 
     `room` has the factors of 1 - N(x), and `back` the entries of 1 - M(x_next).
     """
-    D, order = len(room.row), pattern.order
+    D, order = len(pattern.order), pattern.order
     for begin in range(0, D, BLOCK):
         end = lesser(begin + BLOCK, D)
         for i in range(D):
@@ -48,22 +55,22 @@ def multiply(pattern, room, back, columns, new):
             for c in range(len(row)):
                 row[c] = -unit[c]
             for e in range(pattern.given_starts[i], pattern.given_starts[i + 1]):
-                subtract(row, back.given[e], columns[order[pattern.given[e]], begin:end])
+                subtract(row, back.given[e * QUAD], columns[order[pattern.given[e]], begin:end])
             for e in range(pattern.starts[i], pattern.diagonal[i]):
-                subtract(row, room.entries[e], new[order[pattern.columns[e]], begin:end])
+                subtract(row, room.entries[e * QUAD], new[order[pattern.columns[e]], begin:end])
         for i in range(D - 1, -1, -1):
             row, result = new[order[i], begin:end], columns[order[i], begin:end]
             for e in range(pattern.diagonal[i] + 1, pattern.starts[i + 1]):
-                subtract(row, room.entries[e], columns[order[pattern.columns[e]], begin:end])
+                subtract(row, room.entries[e * QUAD], columns[order[pattern.columns[e]], begin:end])
             for c in range(len(row)):
-                result[c] = row[c] * room.inverse[i]
+                result[c] = row[c] * room.inverse[i * QUAD]
 
 
 @function
 def logarithm_of_det(room, back):
     """Return log(abs(det DPhi)), see `operations.Tangent`: many factors may leave their range."""
     logarithm = 0.0
-    for i in range(len(room.row)):
+    for i in range(0, len(room.row), QUAD):
         change = (back.pivots[i] - room.pivots[i]) * room.inverse[i]
         if abs(change) < 0.5:
             logarithm += np.log1p(change)
@@ -113,13 +120,13 @@ def orthonormalise_columns(columns, products, basis, part):
 
 
 # Addresses of the arrays of `Pattern`, and lengths.
-Plan = namedtuple("Plan", (*Pattern._fields, "D", "E", "R", "F", "G", "L", "T", "room"))
+Plan = namedtuple("Plan", (*Pattern._fields, "D", "E", "F", "G", "L", "T", "room"))
 PLACE = Plan(*range(len(Plan._fields)))
 
 
 def plan_of(pattern, T, room):
     """Return the array that `take_steps` takes; it holds addresses of the `Pattern`."""
-    lengths = [len(pattern.order), *(len(pattern[k]) for k in (2, 5, 7, 9, 10)), T, room]
+    lengths = [len(pattern.order), *(len(pattern[k]) for k in (2, 5, 7, 8)), T, room]
     return np.array([*(array.ctypes.data for array in pattern), *lengths], np.int64)
 
 
@@ -170,8 +177,6 @@ def take_steps(line, table, kept, plan, ignored, steps):
         _integers(a[PLACE.starts], (D + 1,)),
         _integers(a[PLACE.columns], (E,)),
         _integers(a[PLACE.diagonal], (D,)),
-        _integers(a[PLACE.run_starts], (D + 1,)),
-        _integers(a[PLACE.runs], (a[PLACE.R], 3)),
         _integers(a[PLACE.fill_starts], (D + 1,)),
         _integers(a[PLACE.fills], (F, 3)),
         _integers(a[PLACE.given_starts], (D + 1,)),
@@ -179,33 +184,32 @@ def take_steps(line, table, kept, plan, ignored, steps):
         _integers(a[PLACE.right], (a[PLACE.L], 3)),
         carray(address_as_pointer(a[PLACE.of_one_sign]), (D,), np.bool_),
     )
-    size, width = 6 * D + 1 + G + E, a[PLACE.room]
+    size, width = (6 * D + 3 + G + E) * QUAD, a[PLACE.room]
     memory = _numbers(kept, (2 * size + D * width,))
     room = room_of(memory, D, G, E)
     back = room_of(memory[size:], D, G, E)
     new = memory[2 * size :].reshape((D, width))
-    half, x = _numbers(table, (T,)), _numbers(line, (D,))
+    half, x = _numbers(table, (1, T)), _numbers(line, (D, 1))
     products = _numbers(line + 8 * D, (LENGTHS + D,))
     columns = _numbers(line + 8 * (2 * D + LENGTHS), (D, width))
     for n in range(steps):
-        for i in range(D):
-            room.y[i] = x[i]
-            back.right[i] = 0.0
-        good, negative = step_once(pattern, half, room, back.y)
-        back.y[D] = 1.0
-        if not (good and eliminate(pattern, half, -1.0, 1.0, back)[0]):
+        back.right[:] = 0.0
+        good, negative = step_once(pattern, half, x, 0, room, back.y)
+        back.y[D * QUAD :] = 1.0
+        good &= eliminate(pattern, half, 0, -1.0, 1.0, back)[0]
+        if good & 1 == 0:
             return n | 1 << STEP
         multiply(pattern, room, back, columns, new)
         products[NEAR_1] += logarithm_of_det(room, back)
         length, changed = 0.0, False
         for i in range(D):
-            changed |= pattern.of_one_sign[i] and crosses_0(x[i], back.y[i])
-            x[i] = back.y[i]
+            changed |= pattern.of_one_sign[i] and crosses_0(x[i, 0], back.y[i * QUAD])
+            x[i, 0] = back.y[i * QUAD]
             for r in range(D):
                 length += columns[i, r] * columns[i, r]
         products[VOLUME] += 1.0
         since, pace = products[VOLUME] % PACE, products[VOLUME] // PACE
-        flags = np.int64(negative) << NEGATIVE | np.int64(changed) << CHANGED
+        flags = (negative & 1) << NEGATIVE | np.int64(changed) << CHANGED
         if since >= pace or not (LEAST_SIZE < length < LARGEST_SIZE):
             flags |= 1 << DUE
         if flags:
@@ -218,7 +222,7 @@ def orthonormalise(columns, carried, due, kept, plan):
     """Orthonormalise the columns of a trajectory, as `lengths.orthonormalise`, and set the pace."""
     a = _integers(plan, (len(PLACE),))
     D, width = a[PLACE.D], a[PLACE.room]
-    size = 2 * (6 * D + 1 + a[PLACE.G] + a[PLACE.E])
+    size = 2 * (6 * D + 3 + a[PLACE.G] + a[PLACE.E]) * QUAD
     part = _numbers(kept + 8 * (size + D * width), (2, BLOCK))
     basis = _numbers(kept + 8 * size, (D, D))
     products = _numbers(carried, (LENGTHS + D,))

@@ -43,6 +43,8 @@ MOMENTS, OTHERS = 50, 60
 _PACKAGES = {"flint": "python-flint"}  # packages whose modules have another name
 # Requests for up to this many bytes are not checked, for speed; this many bytes are kept free.
 _SMALL = 2**26
+# What to say of arrays, by the kind of their dtype.
+_NOT_REAL = dict.fromkeys("US", ", which is text: leave out the quotation marks") | {"O": ""}
 _HERE = os.path.dirname(__file__) + os.sep
 
 
@@ -179,7 +181,8 @@ def _floats(name: str, value: Any) -> FloatArray:
         expected = "numbers in the range of float64, with rows of equal length"
         raise wrong(name, expected, short(value)) from error
     if array.dtype.kind not in "iuf":
-        raise wrong(name, "hold real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
+        what = _NOT_REAL.get(array.dtype.kind, f" of dtype {array.dtype}")
+        raise wrong(name, "hold real numbers", f"{short(value)}{what}", TypeError)
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
 
 

@@ -225,6 +225,13 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
                 text = "not a complete file of numpy.save"
                 how = f"save an array of numbers of shape (count, {body.dimension})"
                 raise ValueError(f"{text}: {how}") from error
+        elif wrong := next((row for row in states if len(row) != body.dimension), None):
+            example, given = (
+                ",".join(f"{x:g}" for x in row) for row in ([1.0] * body.dimension, wrong)
+            )
+            raise ValueError(
+                f"--omega0 must be {body.dimension} numbers, such as {example}, not {given}"
+            )
         return checks.states(name, checks.real_array(name, states), body._labels)
 
 

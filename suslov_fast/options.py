@@ -73,6 +73,8 @@ def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namesp
     if words and words[0].startswith("--") and words[0] not in ("--help", "--version"):
         after = next((word for word in words[1:] if word in subparsers.choices), "COMMAND")
         parser.error(f"{words[0]} comes after the command: suslov-fast {after} {words[0]}")
+    if not words:
+        parser.error(f"a command is required, such as run: {', '.join(subparsers.choices)}")
     options, unknown = parser.parse_known_args(words)
     if unknown:
         options.usage_error(f"unrecognized arguments: {' '.join(unknown)}")

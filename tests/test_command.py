@@ -296,7 +296,7 @@ def test_force_replaces_a_run():
 
 # Exit status, command line, and parts of the message on stderr.
 MISTAKES = """
-2 | | required: COMMAND
+2 | | a command is required, such as run: run, info, plot
 2 | rum | invalid choice: 'rum' .* did you mean run?
 2 | run --stpes 3 | unrecognized arguments: --stpes 3; did you mean --steps?
 2 | run --dt 3 | --dt 3; did you mean --eps?
@@ -314,7 +314,7 @@ MISTAKES = """
 2 | report --body good.json --eps 1/0 | --eps: '1/0' is not a number, such as 0.1 or 1/3
 2 | report --body good.json --eps 1e99999999 | --eps: '1e99999999' is not a number
 2 | run --steps 1e-99999999 | --steps: '1e-99999999' is not an integer
-1 | run --omega0 1,2,3 | --omega0 must have the shape
+1 | run --omega0 1,2,3 | --omega0 must be 2 numbers, such as 1,1, not 1,2,3
 1 | run --J 1,-2 --I 1,1 --eps 1 | J must be positive, not -2
 1 | run --trajectories 0 | --trajectories must .* 0
 1 | run --trajectories 1e12 --steps 9 | memory

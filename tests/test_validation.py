@@ -70,8 +70,8 @@ def crossings(surface):
 
 BODIES = [
     (body(I2=[1, 2, -3]), ValueError, "I2"), (body(I13=[1, INF]), ValueError, "I13"),
-    (body(I23=1j), TypeError, "I23"), (body(I23="0.3"), TypeError, "I23"),
-    (rotor(k=None), TypeError, "k"), (body(I1=[4, True]), TypeError, "I1"),
+    (body(I23=1j), TypeError, "I23"), (body(I23="0.3"), TypeError, "I23.* text: leave out the quotation marks"),
+    (rotor(k=None), TypeError, "k .*, not None"), (body(I1=[4, True]), TypeError, "I1"),
     (body(I1=[1, 2], I2=[1, 2, 3]), ValueError, "I2"), (body(I1=1e51), ValueError, "I1"),
     (body(I3=9e-51), ValueError, "I3"), (rotor(k=[1, 1e-70]), ValueError, "k"),
     (lambda: SuslovND([1, 2], [1, 2, 3]), ValueError, "J and I"),
@@ -108,6 +108,8 @@ BODIES = [
 ]  # fmt: skip
 
 FIELDS = [
+    (lambda: QuadraticField(ID), ValueError, r"quadratic.*lambda x: A @ x, 3"),
+    (lambda: run(omega0=[1.0, 0.5])().to_xarray("a"), ValueError, "dims must be left out"),
     (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, "quadratic"),
     (lambda: QuadraticField(lambda x: x), TypeError, r"quadratic.*from_function"),
     (lambda: QuadraticField([[["1"]]]), TypeError, "quadratic"),

@@ -35,13 +35,23 @@ class NotSmooth(TypeError):
             return f"calls {f}, which has no rule: write {HOW[f]}"
         if f in COMPARISONS:
             where = f"compares {of}" if f != "if" else f"asks whether {of} is true"
-            return f"{where}, as in if: a branch is not smooth, and no added variable makes it so"
+            how = f"write a step as {_SMOOTH['if']} {_INSTEAD}"
+            return f"{where}, as in if: a branch is not smooth: {how}"
         if f in _NEVER:
-            return f"calls {f} of {of}: it is not smooth, and no added variable makes it so"
+            how = f"write {_SMOOTH[f]} {_INSTEAD}" if f in _SMOOTH else "use SciPy's solve_ivp"
+            return f"calls {f} of {of}: it is not smooth: {how}"
         return f"calls {f} of {of}, which has no rule; those with one are {', '.join(FUNCTIONS)}"
 
 
 COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".split())
+# Smooth functions near those that are not.
+_SMOOTH = {
+    "abs": "np.sqrt(x**2 + d**2)",
+    "sign": "np.tanh(x / d)",
+    **dict.fromkeys(("if", "heaviside", "where"), "(1 + np.tanh(x / d)) / 2"),
+    **dict.fromkeys(("maximum", "fmax"), "(x + np.sqrt(x**2 + d**2)) / 2 for max(x, 0)"),
+}
+_INSTEAD = "with a small d, or use SciPy's solve_ivp"
 _NEVER = set(
     "abs sign floor ceil rint trunc maximum minimum fmax fmin heaviside remainder fmod mod "
     "floor_divide divmod copysign round clip where logical_and logical_or logical_not".split()

@@ -96,6 +96,9 @@ class QuadraticField(_FieldOfTerms):
             raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
         array = as_given("quadratic", quadratic)
         D = (0, *array.shape)[-1]
+        if array.ndim == 2:
+            how = f"for x' = A x pass QuadraticField.from_function(lambda x: A @ x, {D})"
+            raise wrong("quadratic", "have the shape (..., D, D, D)", f"{array.shape}: {how}")
         terms = with_arrays({"quadratic": of_array("quadratic", array, 3, D)}, linear, constant, D)
         self._take(parts_of(terms, variables("names", names, D)))
 

@@ -144,6 +144,8 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
         return tuple(names)
     names = [dims] if isinstance(dims, str) else list(dims)
     if len(names) != count or len({*names}) != count or not all(isinstance(n, str) for n in names):
+        if count == 0:
+            raise wrong("dims", "left out for one trajectory, which has no batch axis", repr(dims))
         raise wrong("dims", f"{count} different names, one for each axis of the batch", repr(dims))
     if clashing := sorted({*TAKEN, run.map.variable} & {*names}):
         raise wrong("dims", "names that are not taken", ", ".join(map(repr, clashing)))

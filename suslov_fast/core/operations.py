@@ -27,7 +27,7 @@ import math
 
 import numpy as np
 
-from .planned_elimination import Factors, Matrix, elimination_order, work_of
+from .planned_elimination import Factors, Matrix, elimination_order, places_of, work_of
 
 # A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
 # components fall below LARGE_PART of theirs.
@@ -187,13 +187,13 @@ class Step:
         values = self.values = Values(D + self.T + carried, range(D, D + self.parameters))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
-        matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
-        order, right = elimination_order(matrix.pattern, D), {}
-        varying = {*matrix.products, *matrix.early}
-        work, of_state = work_of(matrix.pattern, order, varying)
+        pattern, varying = places_of(indices, D)
+        order, right = elimination_order(pattern, D), {}
+        work, of_state = work_of(pattern, order, varying)
         of_state += int((indices[2] < D).sum())
         if of_state > max(MOST, PART_OF_DENSE * D**3) or work > LONGEST:
             return
+        matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         self.factors = Factors(matrix, order, right)
         for k in reversed(order):
             right[k] = self.factors.backward(k, right)

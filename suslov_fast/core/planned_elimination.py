@@ -12,6 +12,19 @@ import numpy as np
 from .elimination import LEAST_PIVOT
 
 
+def places_of(indices, D):
+    """Return the places (i, j) of entries of N, and of those that depend on the state."""
+
+    def of(i, j):
+        numbers = np.unique(i * D + j)
+        return {*zip((numbers // D).tolist(), (numbers % D).tolist(), strict=True)}
+
+    i, j, k = indices
+    products, linear = k < D, (j < D) & (k == D)
+    varying = of(i[products], j[products]) | of(i[products], k[products])
+    return varying | of(i[linear], j[linear]), varying
+
+
 class Matrix:
     """The entries of N(x) and the right sides h f(x), as sums over the terms of a field.
 
@@ -41,7 +54,7 @@ class Matrix:
             product = half, self.x[other]
             self.early[i, column].append(product)
             self.products[i, column].remove(product)
-        self.pattern = {*self.linear, *self.products, *self.early}
+        self.pattern = places_of(indices, D)[0]
         self.columns = defaultdict(set)
         for i, j in self.pattern:
             self.columns[i].add(j)

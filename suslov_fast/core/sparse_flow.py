@@ -15,6 +15,7 @@ from .listed_code import carry_out, runs_code
 from .llvm import QUAD, uncounted
 from .numba import kernel
 from .sparse import pattern_of, room_of, size_of, step_once
+from .tolerance import Choice
 
 
 @kernel
@@ -40,6 +41,19 @@ def sparse_stages(part, parts, pattern, halves, rows, least, memory):
             rows[line, least, lane] = pivot
 
 
+@kernel
+def sums_of_terms(part, parts, indices, values, x, sums):
+    """Set the sums (D, W) of |terms of f_i|, of values (T, 1 or W) and states (D, W)."""
+    (D, W), own = x.shape, int(values.shape[1] > 1)
+    sums[:] = 0.0
+    for t in range(len(values)):
+        i, j, k = indices[0, t], indices[1, t], indices[2, t]
+        for l in range(W):
+            term = values[t, own * l]
+            term *= x[j, l] if j < D else 1.0
+            sums[i, l] += abs(term * x[k, l] if k < D else term)
+
+
 class _Inputs(NamedTuple):
     """The attributes of a list that `Program` reads: how many inputs it has, and an empty table."""
 
@@ -50,8 +64,8 @@ class _Inputs(NamedTuple):
 
 @functools.lru_cache(8)
 def _choice_of(step):
-    """Return the number of inputs of `Stage.choice`, its `Program`, and the constants."""
-    inputs, constants, choice = 4 * step.D + step.T + 8, {}, step.choice
+    """Return the number of inputs of the `Choice` of sums, its `Program`, and the constants."""
+    inputs, constants, choice = 5 * step.D + 8, {}, Choice(None, step.D, step.D, ())
     of_list = _Inputs(inputs, {}, [])
     program = Program(of_list, choice.operations, choice.results, constants)
     return inputs, program, np.array([*constants])
@@ -62,6 +76,7 @@ class Loops:
 
     def __init__(self, step, W):
         self.pattern, self.D = pattern_of(step.indices.tobytes(), step.D), step.D
+        self.indices = step.indices
         self.memory = np.empty(size_of(self.pattern))
         self.inputs, self.program, self.constants = _choice_of(step)
         self.code = runs_code(W)
@@ -78,11 +93,11 @@ class Loops:
 
     def choose(self, rows, places, values, end, rtol):
         """Write the next state, largest moduli, time and length of all lanes."""
-        D, numbers, T = self.D, self.numbers, self.inputs - 4 * self.D - 8
+        D, numbers, sums = self.D, self.numbers, self.numbers[4 * self.D : 5 * self.D]
         for line, of_line in enumerate(rows):
             numbers[: 4 * D] = of_line[places.base : places.base + 4 * D]
-            numbers[4 * D : 4 * D + T] = values[line % len(values)]
-            numbers[4 * D + T : self.inputs - 2] = of_line[places.time : places.least + 1]
+            sums_of_terms.serial(self.indices, values[line % len(values)], numbers[:D], sums)
+            numbers[5 * D : self.inputs - 2] = of_line[places.time : places.least + 1]
             numbers[self.inputs - 2], numbers[self.inputs - 1] = end, rtol
             carry_out(self.code, self.program.runs, numbers, self.constants)
             found = numbers[self.program.results]

@@ -48,15 +48,18 @@ class Stage(Step):
     """The operations of a stage: those of a step, with the least pivot as the only test.
 
     least    the least pivot
-    choice   the `Choice` of the next length
     """
 
     least = None  # without a plan
 
     def __init__(self, indices, D, carried=0):
         super().__init__(indices, D, carried)
-        self.choice = Choice(indices, D, self.given, self.lift[0].signs if self.lift else ())
         self._terms = [(t, *at) for t, at in enumerate(indices.T.tolist()) if at[0] < self.given]
+
+    @functools.cached_property
+    def choice(self):
+        """The `Choice` of the next length."""
+        return Choice(self.indices, self.D, self.given, self.lift[0].signs if self.lift else ())
 
     def rates(self, x, v):
         """Return the components of f(x), from those of x and v, all of them numbers or arrays."""
@@ -118,13 +121,14 @@ class Choice:
     x_next - x, the same without the shortest column, and the largest moduli so far (n each); the
     values v of the terms (T); t, the length wanted, its largest factor, the length taken, the first
     length, the least pivot, the end of time, and rtol. `signs` has the components that keep their
-    signs.
+    signs. Without `indices` the sums |terms of f_i| (n) take the place of v.
 
     results   numbers of the next state and the largest moduli (n each), t, the length, its factor
     """
 
     def __init__(self, indices, D, n, signs):
-        T, first_value = indices.shape[1], D + 3 * n
+        first_value = D + 3 * n
+        T = n if indices is None else indices.shape[1]
         values = Values(first_value + T + 8, ())
         emit, joined = values.emit, values.joined
         x, (total, second, largest) = range(D), (range(k, k + n) for k in range(D, first_value, n))
@@ -136,17 +140,20 @@ class Choice:
         sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(n)]
         floor = emit("fmul", SMALLEST, joined("max", sizes))
         sizes = [emit("max", size, floor) for size in sizes]
-        [of_state] = np.nonzero(indices[0] < n)
-        terms = Matrix(
-            indices[:, of_state], D, values,
-            [emit("fabs", k) for k in x],
-            [emit("fabs", first_value + k) for k in of_state.tolist()],
-        )  # fmt: skip
+        sums = range(first_value, first_value + n)
+        if indices is not None:
+            [of_state] = np.nonzero(indices[0] < n)
+            terms = Matrix(
+                indices[:, of_state], D, values,
+                [emit("fabs", k) for k in x],
+                [emit("fabs", first_value + k) for k in of_state.tolist()],
+            )  # fmt: skip
+            sums = [terms.right_side(k) for k in range(n)]
         rounding, ratios = emit("fmul", OF_ROUNDING, taken), []
         for k in range(n):
-            allowed, of_terms = emit("fmul", rtol, sizes[k]), terms.right_side(k)
-            if of_terms is not None:
-                allowed = emit("max", emit("fmul", rounding, of_terms), allowed)
+            allowed = emit("fmul", rtol, sizes[k])
+            if sums[k] is not None:
+                allowed = emit("max", emit("fmul", rounding, sums[k]), allowed)
             ratio = emit("fdiv", errors[k], allowed)
             ratios.append(emit("select", emit("oeq", errors[k], 0.0), 0.0, ratio))
         rho = joined("max", ratios)

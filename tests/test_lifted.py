@@ -100,6 +100,8 @@ FIELDS = {
     "repressilator": (repressilator, [1.0, 2.0, 3.0, 0.5, 0.4, 0.3], 21),
     "sitnikov": (sitnikov, [0.5, 0.1, 0.0], 60),
     "van der pol": (lambda x: (x[1], 10 * (1 - x[0] ** 2) * x[1] - x[0]), [2.0, 0.0], 3),
+    # Words that bring the most products within reach at once are one fewer than those by degree.
+    "two ways": (lambda x: (x[0] ** 3 * x[1], x[0] * x[1] ** 2), [0.4, 0.3], 4),
     "degree 6": (degree_six, [0.1, 0.2, 0.3, 0.4], 9),
     "hyperbolic": (lambda x: (np.tanh(x[1]), np.cosh(x[0] / 2) - np.sinh(x[0])), [0.4, 0.3], 10),
     "logarithm": (lambda x: (-np.log1p(x[1] ** 2), np.log2(x[0] + 2)), [0.4, 0.3], 20),

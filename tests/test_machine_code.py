@@ -214,21 +214,28 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
     lattice = sf.QuadraticField.from_function(volterra, 5)
     populations = abs(rng.normal(size=(9, 5))) * np.geomspace(0.1, 30.0, 9)[:, None]
     populations[4] = np.nan
+    ignore, extrapolated = {"on_singular": "ignore"}, {"method": "extrapolated"}
 
     def found():
-        run = sf.iterate(lattice, populations, 0.2, 60, on_singular="ignore")
+        run = sf.iterate(lattice, populations, 0.2, 60, **ignore)
         assert {*run.status} == {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
         for k in (0, 4, 8):
-            alone = sf.iterate(lattice, populations[k], 0.2, 60, on_singular="ignore")
+            alone = sf.iterate(lattice, populations[k], 0.2, 60, **ignore)
             np.testing.assert_array_equal(alone.x, run.x[:, k])
             assert (alone.status, alone.failed_at) == (run.status[k], run.failed_at[k])
-        last = sf.iterate(lattice, populations, 0.2, 60, save_every=None, on_singular="ignore")
+        last = sf.iterate(lattice, populations, 0.2, 60, save_every=None, **ignore)
         np.testing.assert_array_equal(last.final, run.final)
         steps = np.linspace(0.01, 0.03, 9)  # each orbit has its own
         together = sf.iterate(field, x0, steps, 30).x
         alone = [sf.iterate(field, *each, 30).x for each in zip(x0, steps, strict=True)]
         np.testing.assert_array_equal(together, np.stack(alone, axis=1))
-        accurate = sf.iterate(field, x0, 0.02, 5, method="extrapolated", save_every=2)
+        # From 1e300 on, 10 times the state overflows in step 18, the state itself in step 20.
+        growing = sf.QuadraticField.from_function(lambda x: (x[0] * x[1], 0 * x[1]), 2)
+        starts = [[1e290, 1.0], [1e300, 1.0]]
+        fast = sf.iterate(growing, starts, 1.0, 20, **extrapolated, **ignore)
+        assert fast.failed_at.tolist() == [-1, 18]
+        assert abs(fast.x[17, 1, 0] / np.exp(17.0) - 1e300) < 1e291
+        accurate = sf.iterate(field, x0, 0.02, 5, **extrapolated, save_every=2)
         return [
             run.status,
             run.failed_at,

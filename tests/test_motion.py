@@ -287,6 +287,16 @@ def test_bits_do_not_depend_on_batch_and_threads(rng, monkeypatch):
             assert (flow(field, x, [0.3, 1.0]) == whole).all()
 
 
+def test_lengths_follow_from_the_rounding_of_each_member():
+    """Of a fast exchange, whose terms cancel: in several lines and columns of members."""
+    a = 10.0 ** (np.arange(20) % 5)
+    family = of(lambda x, a: (a * (x[1] - x[0]) - x[0] * x[1], a * (x[0] - x[1]) + x[0]), 2, a=a)
+    x = np.linspace(1.0, 3.0, 20)[:, np.newaxis] * np.ones(2)
+    whole = flow(family, x, [0.3, 1.0], rtol=1e-13)
+    for k in range(20):
+        assert (flow(family[k], x[k], [0.3, 1.0], rtol=1e-13) == whole[:, k]).all()
+
+
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @pytest.mark.slow
 def test_numpy_takes_the_same_steps(rng, monkeypatch):

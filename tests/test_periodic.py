@@ -126,7 +126,7 @@ def test_no_orbit_is_an_error(start, period):
 
 def test_a_multiple_of_a_period_is_named():
     about = sf.periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8, 120).period
-    for k in (2, 3, 4):
+    for k in (2, 3, 4, 11, 13):
         with pytest.warns(UserWarning, match=rf"is {k} times the shorter period 6\.6"):
             sf.periodic_orbit(VOLTERRA, [1.0, 2.0], k * about, 240)
 

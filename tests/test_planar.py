@@ -191,6 +191,22 @@ def test_orbits_that_are_not_decided(monkeypatch):
     assert 1e-3 < planar_entropy(kahan(QUARTIC, THIRD)).entropy_error < 0.1
 
 
+def test_changes_of_roots_below_the_digits_of_a_float():
+    """Of a confinement so late that the entropy has the same float, against roots in 60 digits."""
+    flint, mpmath = planar.flint, pytest.importorskip("mpmath")
+    x, golden = flint.fmpz_poly([0, 1]), flint.fmpz_poly([-1, -1, 1])
+    for before, after in ((golden, golden * x**120 + 3), (golden * x**125, golden * x**120 - 2)):
+        with mpmath.workdps(60):
+            root = (1 + mpmath.sqrt(5)) / 2
+
+            def value(z, of=after):
+                return mpmath.polyval([int(c) for c in of.coeffs()][::-1], z)
+
+            change = mpmath.findroot(value, root) / root - 1
+            found = planar._relative_change_of_root(before, after, float(root))
+            assert abs(found / change) == pytest.approx(1, rel=1e-9)
+
+
 def test_powers_of_a_moebius_transformation():
     """All kinds, against iteration: it meets a point of its orbit, and no other."""
     matrices = [

@@ -35,6 +35,7 @@ from suslov_fast.integrability import (
     functions,
     hk_bases,
     kahan,
+    normal_form,
     planar_entropy,
     polynomials,
     rational_map,
@@ -1361,6 +1362,24 @@ def test_the_normal_form_at_a_number_is_that_of_a_symbolic_eps():
     assert {str(g) for g in known.generators} == {str(energy), str(denominator)}
     [integral] = known.forms[known.value(cofactor)]
     assert str(integral) == f"16*({energy})/({denominator})"
+
+
+def test_echelon_form_is_that_of_the_matrix_of_coefficients():
+    """Rows of Gauss and Jordan's elimination from the first and then from the last column."""
+    sympy = pytest.importorskip("sympy")
+    x, y = polynomials.polynomial_ring(2, False).gens()
+    space = [3 * x**2 + 2 * y + 5, 2 * x**2 - y**2 + 7 * y + x, y**2 + 4 * y - 3 + 2 * x, 9 + x - y]
+    columns = [(2, 0), (0, 2), (1, 0), (0, 1), (0, 0)]
+
+    def matrix(some):
+        return sympy.Matrix([[int(P.to_dict().get(e, 0)) for e in columns] for P in some])
+
+    found = matrix(normal_form.in_echelon_form(space))
+    assert found.rank() == found.col_join(matrix(space)).rank() == len(space)
+    for k, row in enumerate(found.tolist()):
+        first, *_, last = (n for n, c in enumerate(row) if c)
+        assert not any(found[k + 1 :, first])
+        assert not any(found[:k, last])
 
 
 def test_a_recurrence_that_holds_from_the_identity_on_says_so():

@@ -1,5 +1,6 @@
 """Exact computations for Kahan maps and other birational maps, against published results."""
 
+import functools
 import io
 import json
 import math
@@ -50,6 +51,8 @@ from suslov_fast.integrability.normal_form import NormalForms
 from suslov_fast.integrability.report import Report
 from suslov_fast.integrability.search import Search
 from suslov_fast.integrability.tasks import Queue, Task
+
+reported = functools.cache(report)  # reports take seconds, and several tests read the same ones
 
 BODY = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
 ROTOR = SuslovGyrostat(2, 3, 0.5, -0.25, 0.75)
@@ -488,7 +491,7 @@ def test_primes_may_divide_coefficients(c):
 def test_report(given, degree, kind, integrals, measure, planes):
     is_map = isinstance(given, RationalMap)
     eps = None if is_map else EPS
-    found = report(given, eps, degree)
+    found = reported(given, eps, degree)
     n = found.map.dimension
     assert (found.growth.kind, found.finished) == (kind, True)
     assert [each.degree for each in found.integrals] == integrals
@@ -671,7 +674,7 @@ def test_formulas_in_eps(name):
         assert by_sympy(density, y, eps=eps) * J == by_sympy(density, x, eps=eps)
         density_now = found.measures[0].subs(eps)
         assert density_now(y) * J == density_now(x)
-    number = report(field, eps, degree)
+    number = reported(field, eps, degree)
     assert_holds(number)
     assert {f.degree for f in number.integrals} == {f.degree for f in found.integrals}
     for P in found.polynomials:
@@ -749,7 +752,7 @@ def test_names_of_variables(eps):
             text = re.sub(rf"\b{name}\b(?! ->)", f"x{k}", text)
         return text
 
-    found, expected = report(other, eps, 2), report(CYCLE, eps, 2)
+    found, expected = report(other, eps, 2), reported(CYCLE, eps, 2)
     assert plain(found).replace("x3 ->", "x ->") == repr(expected)
     assert [plain(f.cofactor) for f in found.polynomials] == [
         repr(f.cofactor) for f in expected.polynomials
@@ -840,7 +843,7 @@ def test_a_report_that_is_cut_short(monkeypatch, tmp_path):
     (tmp_path / "random.py").write_text("1 / 0")  # the current folder may hold anything
     monkeypatch.chdir(tmp_path)
     assert not report(CYCLE, EPS, time_limit=0).finished
-    assert repr(report(CYCLE, EPS, time_limit=1000)) == repr(report(CYCLE, EPS))
+    assert repr(report(CYCLE, EPS, time_limit=1000)) == repr(reported(CYCLE, EPS))
 
     def interrupt(done, parts):
         if done >= 150:
@@ -888,7 +891,7 @@ def test_the_cheapest_task_goes_first():
 @pytest.mark.parametrize("given", [BODY, CYCLE, PREY, SIR])
 def test_a_larger_degree_shows_no_less(given):
     is_map = isinstance(given, RationalMap)
-    reports = [report(given, None if is_map else EPS, degree) for degree in (1, 2, 3)]
+    reports = [reported(given, None if is_map else EPS, degree) for degree in (1, 2, 3)]
     for less, more in pairwise(reports):
         assert more.relations >= less.relations
         for name in ("integrals", "measures", "polynomials"):
@@ -911,7 +914,7 @@ def test_a_permutation_of_the_variables(field):
         f = [sum(v * x[j] * x[k] for row, j, k, v in terms if row == i) for i in range(n)]
         return [*f[1:], f[0]]
 
-    first, second = report(field, EPS, 2), report(field_of(permuted, n), EPS, 2)
+    first, second = reported(field, EPS, 2), report(field_of(permuted, n), EPS, 2)
     for name in ("integrals", "polynomials"):
         degrees = [sorted(f.degree for f in getattr(each, name)) for each in (first, second)]
         assert degrees[0] == degrees[1]
@@ -1055,7 +1058,7 @@ TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)
 @pytest.mark.parametrize("field", [TETRAHEDRAL, EULER, CYCLE])
 def test_a_polynomial_has_one_sign_in_a_report(field):
     """It is that of the limit for eps to 0."""
-    found = report(field)
+    found = reported(field)
     factors = {
         str(P): P
         for f in (*found.integrals, *found.measures, *found.polynomials)
@@ -1096,7 +1099,7 @@ def test_formulas_of_papers():
 @pytest.mark.parametrize("field", [EULER, CYCLE, CUBIC])
 def test_symbolic_eps_and_number_print_the_same(field):
     """And the limit for eps to 0 is an integral of the field."""
-    symbolic, number = report(field), report(field, F(2, 5))
+    symbolic, number = reported(field), report(field, F(2, 5))
     assert [str(f.subs(F(2, 5))) for f in symbolic.integrals] == [*map(str, number.integrals)]
     of_symbolic = [P.subs(F(2, 5)).factors for P in symbolic.polynomials]
     assert [*map(str, of_symbolic)] == [str(P.factors) for P in number.polynomials]

@@ -73,11 +73,12 @@ reduced = np.array([momentum_energy(omega) for omega in roots[:, 0]])
 for name, values, look in (
     ("this map: first integral F", first_integral(body, kahan[:, 0], eps), "k-"),
     ("this map: energy", energy(body, kahan[:, 0]), "k--"),
-    ("Fedorov and Zenkov: energy of the momentum", reduced, "b-"),
-    ("Fedorov and Zenkov: energy", energy(body, roots[:, 0]), "b--"),
+    ("Fedorov and Zenkov: energy of the momentum", reduced, "C0-"),
+    ("Fedorov and Zenkov: energy", energy(body, roots[:, 0]), "C0--"),
 ):
     change = np.maximum(abs(values / values[0] - 1), 1e-16)
-    conserved.semilogy(change, look, linewidth=1, label=name)
+    width = 1 if look.startswith("k") else 2.5
+    conserved.semilogy(change, look, linewidth=width, label=name)
 conserved.set(
     xlabel="step",
     ylabel="relative change",

@@ -19,6 +19,8 @@ n = np.where(constants.t < 1, -constants.k2 / (constants.k1 * eps), np.nan)
 
 figure, axes = plt.subplots(figsize=(6.4, 4.8), layout="constrained")
 image = axes.pcolormesh(axis, axis, n, cmap="coolwarm", vmin=-4, vmax=4, rasterized=True)
+# Negative levels are dashed, for prints in grey.
+axes.contour(axis, axis, n, levels=[-2, -1, -0.5, 0.5, 1, 2], colors="0.3", linewidths=0.6)
 axes.contour(axis, axis, constants.t, levels=[1.0], colors="black")
 axes.plot([], [], color="black", label="$t = 1$")
 line = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)

@@ -71,16 +71,38 @@ def collected(indices: Any, values: Any, D: int, degree: int) -> Terms:
     is_first = np.ones(len(order), bool)
     is_first[1:] = (indices[:, 1:] != indices[:, :-1]).any(axis=0)
     if not is_first.all():
-        values = fractions(values) if values.ndim == 1 else values
         first = np.flatnonzero(is_first)
         sums = np.add.reduceat(values, first, axis=-1)
         if values.dtype == np.float64:
-            counts = np.diff(first, append=len(order))
-            for k in np.flatnonzero(counts > 2):  # a sum of two is rounded once
-                own = values[..., first[k] : first[k] + counts[k]]
-                sums[..., k] = np.apply_along_axis(math.fsum, -1, own)
+            of_one = values.ndim == 1
+            sums = _exact_sums(values, first, sums) if of_one else _rounded(values, first, sums)
         values, indices = sums, indices[:, is_first]
     return without_zeros(indices, values)
+
+
+def _exact_sums(values: Any, first: Any, sums: Any) -> Any:
+    """Return the sums of floats from each index on: floats if these are exact, else fractions."""
+    ends = np.append(first[1:], len(values))
+    before, last = values[first], np.where(ends - first == 2, values[ends - 1], 0.0)
+    # A sum of two is exact if differences give back both (Knuth).
+    part = sums - before
+    if ((ends - first <= 2) & (part == last) & (sums - part == before)).all():
+        return sums
+    found: Any = np.empty(len(first), object)
+    ratios = [each.as_integer_ratio() for each in values.tolist()]
+    for n, (begin, end) in enumerate(zip(first.tolist(), ends.tolist(), strict=True)):
+        scale = max(d for _, d in ratios[begin:end])  # a power of 2, as the others
+        found[n] = Fraction(sum(a * (scale // d) for a, d in ratios[begin:end]), scale)
+    return found
+
+
+def _rounded(values: Any, first: Any, sums: Any) -> Any:
+    """Return the sums of floats of a family (..., T) from each index on, rounded once."""
+    counts = np.diff(first, append=values.shape[-1])
+    for k in np.flatnonzero(counts > 2):  # a sum of two is rounded once
+        own = values[..., first[k] : first[k] + counts[k]]
+        sums[..., k] = np.apply_along_axis(math.fsum, -1, own)
+    return sums
 
 
 def without_zeros(indices: Any, values: Any) -> Terms:

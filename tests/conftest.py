@@ -15,13 +15,17 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` selects
-def pytest_collection_modifyitems(items):
-    """Mark slow tests: those in tests/slow, and all but some cases of tests marked `sampled`."""
-    cases = defaultdict(list)
+def pytest_collection_modifyitems(config, items):
+    """Mark slow tests: those in tests/slow, and all but some cases of tests marked `sampled`.
+
+    Who tests maps of their own wants all cases.
+    """
+    cases, all_cases = defaultdict(list), config.getoption("--maps")
     for item in items:
         if "slow" in item.path.parent.parts:
             item.add_marker("slow")
-        if item.get_closest_marker("sampled") and not item.get_closest_marker("slow"):
+        is_sampled = item.get_closest_marker("sampled") and not item.get_closest_marker("slow")
+        if is_sampled and not all_cases:
             cases[item.path, item.originalname].append(item)
         if numba.config.DISABLE_JIT and item.get_closest_marker("compiled"):
             reason = "needs compiled kernels: NUMBA_DISABLE_JIT is set"

@@ -452,7 +452,7 @@ def test_nothing_is_compiled_after_warm_up(tmp_path):
     # Each function, serially and in threads, and each kernel of steps.
     words = "any_input or threads_and_stretches or contract or states_saved"
     code = "import pytest, sys; sys.exit(pytest.main(['-q', *sys.argv[1:]]))"
-    children.run(code, tests, "-k", words, **cache)
+    children.run(code, tests, "-m", "", "-k", words, **cache)
     assert set(tmp_path.rglob("*.nbc")) == compiled
 
 

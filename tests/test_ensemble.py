@@ -3,6 +3,7 @@
 import asyncio
 import errno
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -273,13 +274,14 @@ def test_a_finished_store_needs_no_space(store, monkeypatch):
     call(ensemble, **ASKED, store=store)
 
 
-def test_a_disk_that_fills_up_on_the_way(store, monkeypatch):
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT])
+def test_a_disk_that_fills_up_on_the_way(store, monkeypatch, code):
     """The error names the store, and the same call goes on."""
     given, written = computed._compute, []
 
     def compute(*arguments):
         if written:
-            raise OSError(errno.ENOSPC, "No space left on device", f"{store}/x/c/0")
+            raise OSError(code, os.strerror(code), f"{store}/x/c/0")
         written.append(given(*arguments))
         return written[0]
 
@@ -287,7 +289,7 @@ def test_a_disk_that_fills_up_on_the_way(store, monkeypatch):
     monkeypatch.setattr(computed, "_compute", compute)
     with pytest.raises(OSError, match="make room, then call ensemble again") as told:
         call(ensemble, **asked, store=store, chunk=2)
-    assert (told.value.errno, told.value.filename) == (errno.ENOSPC, str(store))
+    assert (told.value.errno, told.value.filename) == (code, str(store))
     monkeypatch.setattr(computed, "_compute", given)
     assert_same(call(ensemble, **asked, store=store, chunk=2), call(iterate, **asked))
 

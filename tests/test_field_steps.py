@@ -167,6 +167,15 @@ def test_fields_have_a_plan_unless_it_takes_too_long():
         assert bool(plans.Step(np.array(terms).T, D).usual) == has_plan
 
 
+def test_linear_fields_have_a_plan_that_may_take_longer(monkeypatch):
+    """Elimination is done once for a step size; one product of states makes it one of each step."""
+    monkeypatch.setattr(plans, "LONGEST", 100)
+    monkeypatch.setattr(plans, "LONGEST_LINEAR", 400)
+    for D, terms, has_plan in ((10, [], True), (10, [(0, 0, 0)], False), (12, [], False)):
+        indices = [*terms, *((i, j, D) for i in range(D) for j in range(D))]
+        assert bool(plans.Step(np.array(indices).T, D).usual) == has_plan
+
+
 def test_grids_have_a_plan():
     """Elimination fills in, but takes far fewer products than that of a dense matrix."""
     n = 16

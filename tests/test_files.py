@@ -65,21 +65,25 @@ def test_a_file_of_trajectories_that_fail_at_once(path):
     assert sf.Crossings.load(path) == points
 
 
-def test_a_full_disk_leaves_no_part_and_the_old_file(path, monkeypatch):
+@pytest.mark.parametrize(
+    ("code", "why"),
+    [(errno.ENOSPC, r"[\d.,]+ \w+ are free"), (errno.EDQUOT, "the disk quota is used up")],
+)
+def test_a_full_disk_leaves_no_part_and_the_old_file(path, monkeypatch, code, why):
     """The error has the file, its size, and what to do."""
     run = run_of("one")
     run.save(path)
 
     def filled(file, **arrays):
         file.write(b"PK")
-        raise OSError(errno.ENOSPC, "No space left on device")
+        raise OSError(code, os.strerror(code))
 
     monkeypatch.setattr(np, "savez", filled)
-    size = r"[\d.,]+ \w+ are free, the file takes [\d.]+ \w+: make room, or raise save_every"
+    size = rf"{why}, the file takes [\d.]+ \w+: make room, or raise save_every"
     for target in (path, path.with_name("other.npz")):
         with pytest.raises(OSError, match=size) as told:
             run.save(target, overwrite=True)
-        assert (told.value.errno, told.value.filename) == (errno.ENOSPC, str(target))
+        assert (told.value.errno, told.value.filename) == (code, str(target))
     assert os.listdir(path.parent) == [path.name]
     assert sf.Trajectories.load(path) == run
 

@@ -3,6 +3,7 @@
 import ctypes
 import math
 import pickle
+import re
 from math import exp
 
 import numpy as np
@@ -13,11 +14,13 @@ from scipy.integrate import solve_ivp
 
 from suslov_fast import (
     LiftedField,
+    PoleWarning,
     QuadraticField,
     SingularStepWarning,
     Status,
     body_from_dict,
     energy,
+    flow,
     iterate,
     jacobian,
     matrix,
@@ -196,6 +199,37 @@ def test_where_a_definition_has_no_value_a_trajectory_ends_alone():
     assert run.status.tolist() == [Status.NONFINITE, 0]
 
 
+@pytest.mark.parametrize("method", ["auto", "order4", "extrapolated"])
+@pytest.mark.parametrize(
+    ("f", "x", "definition"),
+    [
+        (np.log, 0.0, "log(x)"),
+        (np.log, -1.0, "log(x)"),
+        (lambda x: 1 / x, 0.0, "1/x"),
+        (np.sqrt, -1.0, "x**(-1/2)"),
+        (np.exp, 800.0, "exp(x)"),
+    ],
+)
+def test_a_start_without_a_value_is_named(f, x, definition, method):
+    """It is no pole that was passed, whatever a determinant of NaN says."""
+    field = LiftedField.from_function(lambda z: (f(z[0]) - z[1] / 2, z[0]), "x y")
+    starts, told = (
+        [[2.0, 1.0], [x, 1.0]],
+        rf"{re.escape(definition)} has no finite value at the start",
+    )
+    with pytest.warns(SingularStepWarning, match=rf"1 at step 1; {told} of 1$"):
+        run = iterate(field, starts, 1 / 64, 5, method=method)
+    assert (run.failed_at.tolist(), run.first_pole.tolist()) == ([-1, 1], [-1, -1])
+    with pytest.warns(
+        PoleWarning, match=rf"1 of 2 solutions end; first: 1 near t = 0; {told} of 1$"
+    ):
+        states = flow(field, starts, [0.0, 0.1])
+    np.testing.assert_array_equal(np.isnan(states[..., 0]), [[False, False], [False, True]])
+    values = field(starts)
+    np.testing.assert_array_equal(np.isnan(values), [[False, False], [True, True]])
+    np.testing.assert_allclose(values[0], [f(2.0) - 0.5, 2.0])
+
+
 def test_poles_are_those_of_the_given_equations():
     # det A of the lifted field is negative at nearly all of these states.
     for eps in (1 / 8, 1 / 16):
@@ -256,7 +290,7 @@ def test_a_parameter_as_exponent_is_a_real_power():
     assert family.added == {"u1": "x**m", "u2": "1/x"} | family.added
     with pytest.warns(SingularStepWarning, match=r"undefined at x = 0: make one field for each n$"):
         iterate(family, [0.0], 0.1, 2)
-    with pytest.warns(SingularStepWarning, match=r"at step 1$"):
+    with pytest.warns(SingularStepWarning, match=r"has no finite value at the start of 0$"):
         iterate(LiftedField.from_function(lambda x: (x[0] ** 0.3,), "x"), [0.0], 0.1, 2)
 
 

@@ -270,6 +270,22 @@ def test_no_memory_for_several_threads():
     threads.call_kernel(kernel, 10**9, 1)
 
 
+@pytest.mark.compiled
+def test_other_errors_of_the_interpreter_are_not_lack_of_memory():
+    """Python's own text of a function that returns NULL is known, and no other one."""
+
+    def parallel(*_):
+        raise SystemError("bad argument to internal function")
+
+    kernel = SimpleNamespace(parallel=parallel, serial=lambda *_: None)
+    with pytest.raises(SystemError, match="bad argument"):
+        threads.call_kernel(kernel, 10**9, 2)
+    returns_null = pytest.importorskip("_testcapi").return_null_without_error
+    with pytest.raises(SystemError) as told:
+        returns_null()
+    assert threads._WITHOUT_ERROR in str(told.value)
+
+
 @pytest.mark.slow
 def test_ctrl_c():
     """Ctrl-C ends a long run at the next return to Python; a stretch has a bounded number of steps.

@@ -99,7 +99,10 @@ class Body:
 
     # True if motions may escape to infinity. Those of bodies cannot: their energy is constant.
     _may_escape = False
-    _at_zero = ""  # what to do where a state with a component 0 has no next one
+
+    def _without_value(self, x: Any, which: Any) -> str:
+        """Return why the equations have no value at the first of some states (...), or nothing."""
+        return ""
 
     def field(self) -> Any:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""

@@ -116,14 +116,12 @@ class LiftedField(FieldOfFunction):
 
     _may_escape = True
 
-    @property
-    def _at_zero(self) -> str:  # type: ignore[override]
-        powers = [place for f, _, place in self._structure.lift.definitions if f == "power"]
-        exponents = self._numbers[..., powers]
-        if not powers or (exponents == exponents[(0,) * len(self.shape)]).all():
-            return ""
-        how = "make one field for each n"
-        return f"x**n with a parameter n is a real power, which is undefined at x = 0: {how}"
+    def _without_value(self, x: Any, which: Any) -> str:
+        """Return which definition has no value at the first of some states (...), or nothing."""
+        index, D = checks.first_index(which), self.dimension
+        added = np.broadcast_to(self._lift(x)[..., D:], (*which.shape, len(self.added)))
+        why = self._structure.without_value(added[index], self._numbers)
+        return why and f"{why[0]} has no finite value at the start of {checks.spell(index)}{why[1]}"
 
     def field(self) -> Any:
         """Refuse, because the equations are not quadratic in the given variables."""
@@ -188,9 +186,11 @@ class LiftedField(FieldOfFunction):
             return energy + 0.0 * x.sum(axis=-1)
 
     def __call__(self, x: Any) -> FloatArray:
-        """Return f(x), floats (..., D)."""
-        z: FloatArray = np.asarray(self.lifted(self.lift(x)), np.float64)
-        return z[..., : self.dimension]
+        """Return f(x), floats (..., D), NaN where it has no value."""
+        added = self.lift(x)
+        exists = np.isfinite(added).all(axis=-1, keepdims=True)
+        z: FloatArray = np.asarray(self.lifted(np.where(exists, added, np.nan)), np.float64)
+        return np.where(exists, z[..., : self.dimension], np.nan)
 
     @classmethod
     @public

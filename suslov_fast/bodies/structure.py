@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
+from ..checks import FloatArray
 from ..core.lift import ONE
 from .columns import rounded
 from .definitions import Definitions
@@ -35,6 +36,19 @@ class Structure(NamedTuple):
     def key(self) -> tuple[Any, ...]:
         """The parts that == compares: the texts do not matter."""
         return self.lift, self.indices, self.H, self.K
+
+    def without_value(self, added: FloatArray, numbers: FloatArray) -> Any:
+        """Return the first definition with no finite value in `added` (n,), and a remark, or "".
+
+        `numbers` are the coefficients of a single field, or of each member of a family.
+        """
+        missing = np.flatnonzero(~np.isfinite(added))
+        powers = [place for f, _, place in self.lift.definitions if f == "power"]
+        exponents, remark = numbers[..., powers], ""
+        if (exponents != exponents[(0,) * (numbers.ndim - 1)]).any():
+            remark = "; x**n with a parameter n is a real power, which is undefined at x = 0: "
+            remark += "make one field for each n"
+        return (self.added[missing[0]][1], remark) if missing.size else ""
 
 
 class SmoothHamiltonian:

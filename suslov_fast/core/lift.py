@@ -86,7 +86,7 @@ class Lifting:
 class LiftedStep(Lifting, Step):
     """The operations of a stage of the lifted field, and those of its first stage before it.
 
-    turned      true if det(1 - h f'(x)) of the equations as given is negative
+    turned      true if det(1 - h f'(x)) of the equations as given is negative, and x has words
     """
 
     turned = None
@@ -101,8 +101,11 @@ class LiftedStep(Lifting, Step):
         self.rare.append(self.values.operations[-1])
 
     def _test_pivots(self, pivots):
-        emit = self.values.emit
-        self.turned = self.values.joined("xor", [emit("olt", pivot, 0.0) for pivot in pivots])
+        emit, joined = self.values.emit, self.values.joined
+        self.turned = joined("xor", [emit("olt", pivot, 0.0) for pivot in pivots])
+        if self.lifted:  # 0 times a word that is not finite, such as log 0, is NaN
+            nothing = joined("fadd", [emit("fmul", 0.0, word) for word in self.lifted])
+            self.turned = emit("and", self.turned, emit("oeq", nothing, 0.0))
 
     def _results(self):
         return [*super()._results(), *self.lifted]

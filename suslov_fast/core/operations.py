@@ -38,8 +38,9 @@ SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
 WHOLE, PIECE = 4000, 1000
 # A field has a plan unless more terms and products of elimination depend on the state than MOST,
 # and than a part of those of a dense matrix, because elimination without a plan is faster then; or
-# unless there are more than LONGEST products in all, because planning takes long.
-MOST, PART_OF_DENSE, LONGEST = 36_000, 1 / 24, 150_000
+# unless there are more than LONGEST products in all, because planning takes long. That of a linear
+# field may take longer, because its steps then have no elimination.
+MOST, PART_OF_DENSE, LONGEST, LONGEST_LINEAR = 36_000, 1 / 24, 150_000, 400_000
 AT_MOST = 8  # factors of abs(det DPhi) near 1, after which their product may be far from 1
 
 
@@ -191,7 +192,8 @@ class Step:
         order, right = elimination_order(pattern, D), {}
         work, of_state = work_of(pattern, order, varying)
         of_state += int((indices[2] < D).sum())
-        if of_state > max(MOST, PART_OF_DENSE * D**3) or work > LONGEST:
+        longest = LONGEST if of_state else LONGEST_LINEAR
+        if of_state > max(MOST, PART_OF_DENSE * D**3) or work > longest:
             return
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         self.factors = Factors(matrix, order, right)

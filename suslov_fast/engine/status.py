@@ -199,11 +199,10 @@ def report_failures(
         why = "eps is too long"
         why += ", or the motion escapes" if march.problem.body._may_escape else ""
         texts.append(f"{np.count_nonzero(passed)} of them had passed a pole before: {why}")
-    if texts and (how := march.problem.body._at_zero):
-        at_once = (status == Status.NONFINITE) & (failed_at == 1)
-        if (at_once & (march.problem.omega == 0.0).any(axis=-1)).any():
-            texts.append(how)
-    message = "; ".join(texts)
+    at_once = (status == Status.NONFINITE) & (failed_at == 1)
+    if texts and since <= 1 and at_once.any():
+        texts.append(march.problem.body._without_value(march.problem.omega, at_once))
+    message = "; ".join(filter(None, texts))
     if message and on_singular == "raise":
         raise SingularStepError(message, run, name)
     if message and on_singular == "warn":

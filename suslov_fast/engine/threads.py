@@ -42,6 +42,10 @@ def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any)
         kernel.serial(*arguments)
 
 
+# What Python says of Numba, which sets no error where it lacks memory.
+_WITHOUT_ERROR = "without setting an exception"
+
+
 def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:
     """Call a kernel in parallel and return True, or return False if that is impossible.
 
@@ -55,7 +59,9 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
             return False
         kernel.parallel(threads or available(), *arguments)
         return True
-    except SystemError as error:  # of Numba, which sets no error of its own
+    except SystemError as error:
+        if _WITHOUT_ERROR not in str(error):
+            raise
         how = "pass threads=1, or allow the process more memory (ulimit -v)"
         raise MemoryError(f"there is no memory for a call on several threads: {how}") from error
     finally:

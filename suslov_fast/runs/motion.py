@@ -68,7 +68,7 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
             states[rows] = found[where]
             ends = np.where(now_ended & ~ended, direction * at, ends)
             ended |= now_ended
-    _warn_of_ends(ended & ~undefined, ends, problem.batch)
+    _warn_of_ends(problem, ended & ~undefined, ends)
     return states.reshape(len(times), *problem.batch, D)
 
 
@@ -85,7 +85,7 @@ def _of_one(problem: Problem, x: list[float], times: list[float], rtol: float) -
         return None
     states, end = found
     if end is not None:
-        _warn_of_ends(np.array([True]), np.array([end]), problem.batch)
+        _warn_of_ends(problem, np.array([True]), np.array([end]))
     return np.frombuffer(states).copy()
 
 
@@ -141,13 +141,14 @@ def _in_direction(
     return out, ended, ends
 
 
-def _warn_of_ends(ended: Any, ends: FloatArray, batch: tuple[int, ...]) -> None:
+def _warn_of_ends(problem: Problem, ended: Any, ends: FloatArray) -> None:
     """Warn of solutions that end, with the index and the time of the first."""
     if ended.any():
-        first = first_index(ended.reshape(batch))
+        first = first_index(ended.reshape(problem.batch))
         time = ends[int(np.argmax(ended))]
-        checks.warn(
-            f"{np.count_nonzero(ended)} of {ended.size} solutions end; first: {spell(first)} "
-            f"near t = {time:.9g}",
-            PoleWarning,
-        )
+        text = f"{np.count_nonzero(ended)} of {ended.size} solutions end; first: {spell(first)} "
+        text += f"near t = {time:.9g}"
+        at_once = (ended & (ends == 0.0)).reshape(problem.batch)
+        if at_once.any() and (why := problem.body._without_value(problem.omega, at_once)):
+            text += f"; {why}"
+        checks.warn(text, PoleWarning)

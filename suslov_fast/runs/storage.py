@@ -40,6 +40,7 @@ _NUMBERS = {
     "Crossings": ("method", "steps", "transient", "direction", "most", "_n"),
 }
 # Texts in files, and texts that files of version 0.5 have in place of `about`.
+_ROOM = "make room, or raise save_every"
 _TEXTS, _OLD = ("about", "body"), ("format", "version")
 # Largest sizes in bytes: of the header of an entry, of the text `about`, and of the text `body`,
 # which may be larger if its compressed size is at least 1/64: JSON is never compressed so much.
@@ -80,9 +81,11 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
 
 def _why_not(error: OSError, target: Path, nbytes: int) -> str:
     """Return why a file of a size was not written, and what to do."""
+    if error.errno == errno.EDQUOT:
+        return f"the disk quota is used up, the file takes {in_units(nbytes)}: {_ROOM}"
     if error.errno == errno.ENOSPC:
         sizes = in_units(shutil.disk_usage(target.parent).free), in_units(nbytes)
-        return f"{sizes[0]} are free, the file takes {sizes[1]}: make room, or raise save_every"
+        return f"{sizes[0]} are free, the file takes {sizes[1]}: {_ROOM}"
     if os.name == "nt" and isinstance(error, PermissionError) and target.exists():
         return "a program reads the file: close what has it open"  # Windows replaces no such file
     return error.strerror or str(error)

@@ -219,10 +219,11 @@ def naming_full_disks(store: Any) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno != errno.ENOSPC or error.filename == str(store):
+        full = {errno.ENOSPC: "no space is left", errno.EDQUOT: "the disk quota is used up"}
+        if error.errno not in full or error.filename == str(store):
             raise
-        how = "no space is left: make room, then call ensemble again, which goes on"
-        raise OSError(errno.ENOSPC, how, str(store)) from error
+        how = f"{full[error.errno]}: make room, then call ensemble again, which goes on"
+        raise OSError(error.errno, how, str(store)) from error
 
 
 def described(name: str, array: Any, few: int = 1000) -> Any:

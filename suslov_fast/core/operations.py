@@ -38,8 +38,7 @@ SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
 WHOLE, PIECE = 4000, 1000
 # A field has a plan unless more terms and products of elimination depend on the state than MOST,
 # and than a part of those of a dense matrix, because elimination without a plan is faster then; or
-# unless there are more than LONGEST products in all, because planning takes long. That of a linear
-# field may take longer, because its steps then have no elimination.
+# unless planning takes long: more than LONGEST products in all, or LONGEST_LINEAR of linear fields.
 MOST, PART_OF_DENSE, LONGEST, LONGEST_LINEAR = 36_000, 1 / 24, 150_000, 400_000
 AT_MOST = 8  # factors of abs(det DPhi) near 1, after which their product may be far from 1
 
@@ -192,8 +191,8 @@ class Step:
         order, right = elimination_order(pattern, D), {}
         work, of_state = work_of(pattern, order, varying)
         of_state += int((indices[2] < D).sum())
-        longest = LONGEST if of_state else LONGEST_LINEAR
-        if of_state > max(MOST, PART_OF_DENSE * D**3) or work > longest:
+        is_long = work > (LONGEST if of_state else LONGEST_LINEAR)
+        if is_long or of_state > max(MOST, PART_OF_DENSE * D**3):
             return
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         self.factors = Factors(matrix, order, right)

@@ -327,8 +327,9 @@ def instance(name: str, value: Any, expected: Any) -> None:
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         called = either([vars(kind).get("_called", kind.__name__) for kind in classes])
         instead = ""
-        if isinstance(value, (str, bytes)) and expected is Mapping:
-            instead = ": pass json.loads(text)"
+        if expected is Mapping:
+            called = "a dictionary"
+            instead = ": pass json.loads(text)" if isinstance(value, (str, bytes)) else ""
         elif all(hasattr(kind, "_instead") for kind in classes):
             instead = in_place_of(value)
         raise wrong(name, called, kind_of(value) + instead, TypeError)

@@ -27,6 +27,8 @@ def facts_in(path: Path) -> dict[str, Any]:
             text = f"a chunk of status or first_pole is damaged ({error})"
             raise ValueError(f"{text}: {advice}") from error
         return {**facts, **_counts(status, first_pole)}
+    if path.suffix != ".npz":
+        raise ValueError("not the name of a saved run, such as run.npz or run.zarr")
     result = result_in(path)
     if isinstance(result, sf.Crossings):
         return _facts_of_crossings(result)

@@ -322,6 +322,7 @@ MISTAKES = """
 1 | run --threads 100000 | --threads:
 1 | run --method order9 | method must be 'auto', not 'order9' .* field of this body has the methods
 1 | run --body missing.json --eps 1 | missing.json: No such file
+1 | info wrong.json | wrong.json: not the name of a saved run, such as run.npz
 1 | run --body cut.json --eps 1 | cut.json: not the JSON text .* line 1 column 10
 1 | run --body good.npz --eps 1 | good.npz: not the JSON text of body.to_dict
 1 | run --body wrong.json --eps 1 | wrong.json: .* I1 .* -4

@@ -102,6 +102,7 @@ BODIES = [
     (lambda: sf.body_from_dict(json.dumps(BODY.to_dict())), TypeError, r"parameters.*json.loads"),
     (lambda: Suslov3D.from_dict("body.json"), TypeError, r"parameters.*json.loads"),
     (lambda: sf.body_from_dict({"body": "Unknown"}), ValueError, "body"),
+    (lambda: sf.body_from_dict([1, 2]), TypeError, "parameters must be a dictionary, not list"),
     (lambda: sf.body_from_dict({"body": "QuadraticField", "quadratic": [[["1e99999999"]]]}), ValueError, "quadratic"),
     (lambda: QuadraticField([[[Decimal("1e99999999")]]]), ValueError, "quadratic"),
     (lambda: QuadraticField([[[Decimal("1e-99999999")]]]), ValueError, "quadratic"),

@@ -1,5 +1,6 @@
 """Exact computations for Kahan maps and other birational maps, against published results."""
 
+import _thread
 import functools
 import io
 import json
@@ -1230,22 +1231,35 @@ def test_ctrl_c_without_a_limit(monkeypatch):
     assert repr(report(CYCLE, EPS)) == repr(here)  # an application cannot start Python
 
 
-@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="needs POSIX signals")
 def test_ctrl_c_while_another_process_searches(monkeypatch):
+    """Windows only notes Ctrl-C, as `interrupt_main` does; it ends no system call."""
     from suslov_fast.integrability import process
 
     monkeypatch.setattr(process, "_BRIEF", 0.0)
     monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
-    # As of a terminal: another thread's signal would not wake this one.
-    whom = threading.main_thread().ident
-    timer = threading.Timer(0.2, signal.pthread_kill, [whom, signal.SIGINT])
+    timer = threading.Timer(0.2, _thread.interrupt_main)
     timer.start()
     with pytest.raises(KeyboardInterrupt) as stopped:
         report(CYCLE, EPS)
     timer.join()
     signal.signal(signal.SIGINT, before)
     assert not stopped.value.report.finished
+
+
+def test_errors_of_the_process_that_searches(monkeypatch):
+    """Its own error is not one of the pipe to it."""
+    from suslov_fast.integrability import process
+
+    monkeypatch.setattr(process, "_BRIEF", 0.0)
+    text = "import pickle, sys; pickle.dump(OSError('of its own'), sys.stdout.buffer)"
+    for start, error, message in (
+        (text, OSError, "^of its own$"),
+        ("", RuntimeError, "^the process of the search ended$"),
+    ):
+        monkeypatch.setattr(process, "_START", start)
+        with pytest.raises(error, match=message):
+            report(CYCLE, EPS)
 
 
 def test_a_search_ends_with_the_process_that_waits_for_it(monkeypatch):

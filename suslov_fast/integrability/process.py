@@ -8,6 +8,7 @@ import dataclasses
 import math
 import os
 import pickle
+import queue
 import subprocess
 import sys
 import threading
@@ -26,6 +27,7 @@ import suslov_fast.integrability.process as process
 process.serve()
 """
 _BRIEF = 1.0  # seconds of processor time that a search may take in this process
+_PAUSE = 0.2  # seconds after which Ctrl-C is handled at the latest
 
 Parts = Iterator[tuple[Any, int, int]]
 
@@ -73,26 +75,40 @@ def search_until(deadline: float, report: Any, seed: int) -> Parts:
     """Yield what `search` yields in another process, until `time.monotonic()` is the deadline."""
     pipe, command = subprocess.PIPE, [sys.executable, "-c", _START.format(sys.path)]
     process: Any = subprocess.Popen(command, stdin=pipe, stdout=pipe)
-    left = min(deadline - time.monotonic(), threading.TIMEOUT_MAX)
-    timer = threading.Timer(left, process.kill)
+    answers: Any = queue.SimpleQueue()
+    exchange = threading.Thread(target=_exchange, args=(process, (report, seed), answers))
     with process:
         try:
-            timer.start()
-            with process.stdin:
-                pickle.dump((report, seed), process.stdin)
-            while not report.finished:
-                result = pickle.load(process.stdout)
+            exchange.start()
+            while not report.finished and (left := deadline - time.monotonic()) > 0.0:
+                try:
+                    result = answers.get(timeout=min(left, _PAUSE))
+                except queue.Empty:
+                    continue
                 if isinstance(result, Exception):
                     raise result
                 report = result[0]
                 yield result
-        # Windows has no BrokenPipeError for a process that ended, but EINVAL.
-        except (EOFError, OSError, pickle.UnpicklingError):
-            if time.monotonic() < deadline:
-                raise RuntimeError("the process of the search ended") from None
         finally:
-            timer.cancel()
             process.kill()
+            exchange.join()
+
+
+def _exchange(process: Any, request: Any, answers: Any) -> None:
+    """Write a request to a process, and put what it answers, or an error, into a queue.
+
+    It runs in a thread: on Windows a read from a pipe cannot be interrupted, not even by Ctrl-C.
+    """
+    try:
+        with process.stdin:
+            pickle.dump(request, process.stdin)
+        while True:
+            answers.put(pickle.load(process.stdout))
+    # Windows has no BrokenPipeError for a process that ended, but EINVAL.
+    except (EOFError, OSError, pickle.UnpicklingError):
+        answers.put(RuntimeError("the process of the search ended"))
+    except Exception as error:
+        answers.put(error)
 
 
 def serve() -> None:

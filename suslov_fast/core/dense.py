@@ -1,8 +1,8 @@
 """Steps of fields whose elimination fills most of the matrix, such as dense or Galerkin systems.
 
 Lanes solve A(x) x_next = x + (eps/2) l x + eps c (see `careful`) without row exchanges. A(x) is
-filled from spans: parts of a row that one component of x multiplies, in which columns follow each
-other. Lanes that lose digits take the step by `careful`.
+filled by columns, so that each coefficient is read once. Lanes that lose digits take the step by
+`careful`.
 """
 
 import functools
@@ -18,76 +18,53 @@ from .operations import of_one_sign
 
 
 class Spans(NamedTuple):
-    """The terms of a field as spans of rows of f'(x); component D of x is 1."""
+    """The terms v x_j x_k of a field as spans, of rows that follow each other; x_D is 1."""
 
-    spans: Any  # (S, 5): row, component, first column, number of columns, first coefficient
-    terms: Any  # (n,), of which a coefficient is this many times h v
-    weights: Any  # (n,)
-    linear: Any  # (L, 3): row, component, term, for the right sides
-    constant: Any  # (C, 2): row, term
+    spans: Any  # (S, 5): j, k, first row, number of rows, first coefficient
+    terms: Any  # (T,), the term of each coefficient
     of_one_sign: Any  # (D,), true for components that keep their sign along the motion
 
 
 @functools.lru_cache(8)
 def spans_of(step):
     """Return the `Spans` of a step."""
-    (i, j, k), D, terms = step.indices, step.D, np.arange(step.T)
-    is_constant, is_linear = j == D, (j < D) & (k == D)
-    first, second = j < D, k < D  # terms with a derivative by x_j, and by x_k
-    rows = np.concatenate([i[first], i[second]])
-    factors = np.concatenate([k[first], j[second]])
-    columns = np.concatenate([j[first], k[second]])
-    of = np.concatenate([terms[first], terms[second]])
-    order = np.lexsort((columns, factors, rows))
-    rows, factors, columns, of = (each[order] for each in (rows, factors, columns, of))
-    square = np.zeros(len(of), bool)  # x_j**2, whose two derivatives are equal
-    square[1:] = (of[1:] == of[:-1]) & (columns[1:] == columns[:-1]) & (rows[1:] == rows[:-1])
-    weights = np.ones(len(of))
-    weights[:-1] += square[1:]
-    rows, factors, columns, of, weights = (
-        each[~square] for each in (rows, factors, columns, of, weights)
-    )
-    begins = np.ones(len(of), bool)
-    begins[1:] = (
-        (rows[1:] != rows[:-1]) | (factors[1:] != factors[:-1]) | (columns[1:] != columns[:-1] + 1)
-    )
-    [at] = np.nonzero(begins)
-    lengths = np.diff(np.append(at, len(of)))
-    spans = np.stack([rows[at], factors[at], columns[at], lengths, at], axis=1)
-    linear = np.stack([i, j, terms], axis=1)[is_linear]
-    constant = np.stack([i, terms], axis=1)[is_constant]
-    keep = np.isin(np.arange(D), [*of_one_sign(step.indices)])
-    return Spans(spans, of, weights, linear, constant, keep)
+    i, j, k = step.indices
+    terms = np.lexsort((i, k, j))
+    i, j, k = i[terms], j[terms], k[terms]
+    follows = np.zeros(len(i), bool)
+    follows[1:] = (j[1:] == j[:-1]) & (k[1:] == k[:-1]) & (i[1:] == i[:-1] + 1)
+    [at] = np.nonzero(~follows)
+    spans = np.stack([j[at], k[at], i[at], np.diff(np.append(at, len(i))), at], axis=1)
+    return Spans(spans, terms, np.isin(np.arange(step.D), [*of_one_sign(step.indices)]))
 
 
 @function
-def fill(spans, coefficients, states, a):
-    """Fill a (W, D, D + 1) with A(x) of lanes, and the last columns with x; x_D is 1.
+def fill(spans, coefficients, states, columns, a):
+    """Fill a (W, D, D + 1) with A(x) of lanes, and the last columns with right sides; x_D is 1.
 
-    Lanes take turns, because coefficients, the most of all memory, then are read once.
+    `columns` (W, D + 1, D) is memory. A term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j
+    to N_ik, where column D of N is the right side less x. Lanes take turns, because coefficients,
+    the most of all memory, then are read once.
     """
     W, D, _ = a.shape
     for l in range(W):
+        for j in range(D + 1):
+            for i in range(D):
+                columns[l, j, i] = states[l, i] if j == D else 0.0
+    for s in range(len(spans)):
+        j, k, begin, n, at = spans[s, 0], spans[s, 1], spans[s, 2], spans[s, 3], spans[s, 4]
+        for l in range(W):
+            values = coefficients[l % len(coefficients), at : at + n]
+            one, other = columns[l, j, begin : begin + n], columns[l, k, begin : begin + n]
+            x_j, x_k = states[l, j], states[l, k]
+            for c in range(n):
+                one[c] += values[c] * x_k
+                other[c] += values[c] * x_j
+    for l in range(W):
         for i in range(D):
             for j in range(D):
-                a[l, i, j] = 0.0
-            a[l, i, i], a[l, i, D] = 1.0, states[l, i]
-    s = 0
-    while s < len(spans):
-        i, m, begin, n, at = spans[s, 0], spans[s, 1], spans[s, 2], spans[s, 3], spans[s, 4]
-        t = s + 1
-        is_pair = t < len(spans) and spans[t, 0] == i and spans[t, 2] == begin and spans[t, 3] == n
-        for l in range(W):
-            row, values = a[l, i, begin : begin + n], coefficients[l % len(coefficients), at:]
-            first = states[l, m]
-            if is_pair:  # half of the loads and stores
-                second, others = states[l, spans[t, 1]], values[n:]
-                for c in range(n):
-                    row[c] = row[c] - values[c] * first - others[c] * second
-            else:
-                for c in range(n):
-                    row[c] -= values[c] * first
-        s += 2 if is_pair else 1
+                a[l, i, j] = -columns[l, j, i]
+            a[l, i, i], a[l, i, D] = 1.0 + a[l, i, i], columns[l, D, i]
 
 
 @function
@@ -145,29 +122,23 @@ def advance_lane(x, l, after, of_one_sign, is_good, negative, marks):
 
 
 @kernel
-def dense_steps(part, parts, field, coefficients, half, marks, x, memory, taken):
-    """Take up to taken[0] steps of a line x (D, W), whose `half` is eps / 2 times values (T, W).
+def dense_steps(part, parts, field, coefficients, marks, x, memory, taken):
+    """Take up to taken[0] steps of a line x (D, W).
 
-    `coefficients` are (1 or W, n). Write how many steps it took, and bits of lanes, as
-    `listed_code.text_of_listed_steps` returns them: the last step was not accurate in some lanes,
-    or from det A < 0, or changed a sign.
+    `coefficients` (1 or W, T) are eps / 2 times values of terms. Write how many steps it took, and
+    bits of lanes, as `listed_code.text_of_listed_steps` returns them: the last step was not
+    accurate in some lanes, or from det A < 0, or changed a sign.
     """
     field, coefficients, memory = uncounted(field), uncounted(coefficients), uncounted(memory)
-    (D, W), (a, states) = x.shape, memory
+    (D, W), (a, columns, states) = x.shape, memory
     for n in range(taken[0]):
         bits = np.int64(0)
         for l in range(W):
             states[l, D] = 1.0
             for i in range(D):
                 states[l, i] = x[i, l]
-        fill(field.spans, coefficients, states, a)
+        fill(field.spans, coefficients, states, columns, a)
         for l in range(W):
-            own = l % half.shape[1]
-            for s in range(len(field.linear)):
-                i, j, t = field.linear[s, 0], field.linear[s, 1], field.linear[s, 2]
-                a[l, i, D] += half[t, own] * states[l, j]
-            for s in range(len(field.constant)):
-                a[l, field.constant[s, 0], D] += 2.0 * half[field.constant[s, 1], own]
             is_good, negative = solve_rows(a[l])
             bits |= advance_lane(x, l, a[l, :, D], field.of_one_sign, is_good, negative, marks)
         if bits != 0 or n + 1 == taken[0]:

@@ -72,7 +72,7 @@ def taker_without_plan(lines):
     W, D = lines.W, lines.D
     fractions, kept = distinct(stages.fractions)[0], {}
     tells_signs, taken = int(len(stages.fractions) == 1), np.zeros(2, np.int64)
-    if is_sparse(step.indices, D):
+    if is_sparse(step):
         pattern = pattern_of(step.indices.tobytes(), D)
         steps, memory = sparse_steps, np.empty(size_of(pattern))
 
@@ -80,11 +80,11 @@ def taker_without_plan(lines):
             return pattern, np.ascontiguousarray(half.T)
     else:
         field = spans_of(step)
-        steps, memory = dense_steps, (np.empty((W, D, D + 1)), np.empty((W, D + 1)))
+        steps, shapes = dense_steps, ((D, D + 1), (D + 1, D), (D + 1,))
+        memory = tuple(np.empty((W, *shape)) for shape in shapes)
 
         def prepared(half):
-            coefficients = (field.weights[:, np.newaxis] * half[field.terms]).T
-            return field, np.ascontiguousarray(coefficients), half
+            return field, np.ascontiguousarray(half[field.terms].T)
 
     def take(line, place, most):
         of_line = line % len(lines.halves)

@@ -38,9 +38,10 @@ class Pattern(NamedTuple):
     of_one_sign: Any  # (D,), true for unknowns that keep their sign along the motion
 
 
-def is_sparse(indices, D):
+@functools.lru_cache(8)
+def is_sparse(step):
     """Return whether rows of f' have few entries: otherwise `dense` is faster."""
-    i, j, k = indices
+    (i, j, k), D = step.indices, step.D
     entries = np.unique(np.append(i * (D + 1) + j, i * (D + 1) + k))
     return len(entries) < D * D // 8
 

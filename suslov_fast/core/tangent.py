@@ -86,7 +86,7 @@ def _is_long(step):
     """Return whether the loops of `sparse_tangent` take the steps of a field with columns."""
     if config.DISABLE_JIT or 0 < len(step.usual) <= MOST:
         return False
-    if not step.usual or is_sparse(step.indices, step.D):
+    if not step.usual or is_sparse(step):
         return True
     tangent = _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
     return len(tangent.usual + tangent.columns) > MOST_OF_DENSE

@@ -44,7 +44,7 @@ _PACKAGES = {"flint": "python-flint"}  # packages whose modules have another nam
 # Requests for up to this many bytes are not checked, for speed; this many bytes are kept free.
 _SMALL = 2**26
 # What to say of arrays, by the kind of their dtype.
-_NOT_REAL = dict.fromkeys("US", ", which is text: leave out the quotation marks") | {"O": ""}
+_NOT_REAL = dict.fromkeys("US", ", which is text: pass numbers") | {"O": ""}
 _HERE = os.path.dirname(__file__) + os.sep
 
 

@@ -18,7 +18,7 @@ _DIGITS = (
 )
 _CHOSEN = "flow chooses its steps from the tolerance rtol=; iterate has eps= and method="
 _AXES = "set it on the axes that plots return, such as ax.set_xlim(0, 1)"
-_ON_AXES = "xlim ylim xlabel ylabel figsize cmap alpha s lw linewidth label grid legend"
+_ON_AXES = "xlim ylim xlabel ylabel cmap alpha s lw linewidth label grid legend"
 
 # Names that SciPy, MATLAB, Julia and pynamicalsys have for an argument; the names that it may have
 # here; and a sentence if the function has none of them, but has another argument.
@@ -49,6 +49,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("filename file", ("store", "path"), "", ""),
         ("c colour colors", ("color",), _AXES, "ax"),
         (_ON_AXES, (), _AXES, "ax"),
+        ("figsize", (), "pass ax= of plt.subplots(figsize=(6, 4))", "ax"),
         ("axis", ("components",), "components are always on the last axis of states", ""),
     )
     for name in names.split()

@@ -44,6 +44,7 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (sf.fixed_points, (FIELD,), "tol", "it takes no argument by name"),
         (RUN.plot, (), "xlim", r"set it on the axes that plots return, such as ax\.set_xlim"),
         (RUN.plot, (), "colour", "pass color="),
+        (RUN.plot, (), "figsize", r"pass ax= of plt\.subplots\(figsize="),
         (RUN.plot, (), "x", r'pass components, as in plot\("x1", "x2"\)'),
         (POINTS.plot, (), "cmap", "set it on the axes"),
         (RUN.extend, (), "n", "pass steps="),

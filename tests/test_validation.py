@@ -70,7 +70,7 @@ def crossings(surface):
 
 BODIES = [
     (body(I2=[1, 2, -3]), ValueError, "I2"), (body(I13=[1, INF]), ValueError, "I13"),
-    (body(I23=1j), TypeError, "I23"), (body(I23="0.3"), TypeError, "I23.* text: leave out the quotation marks"),
+    (body(I23=1j), TypeError, "I23"), (body(I23="0.3"), TypeError, "I23.* text: pass numbers"),
     (rotor(k=None), TypeError, "k .*, not None"), (body(I1=[4, True]), TypeError, "I1"),
     (body(I1=[1, 2], I2=[1, 2, 3]), ValueError, "I2"), (body(I1=1e51), ValueError, "I1"),
     (body(I3=9e-51), ValueError, "I3"), (rotor(k=[1, 1e-70]), ValueError, "k"),
@@ -109,6 +109,8 @@ BODIES = [
 ]  # fmt: skip
 
 FIELDS = [
+    (lambda: FAMILY[0](0.0, [1.0]), TypeError, r"lambda t, x: field\(x\)"),
+    (crossings(lambda x: None), TypeError, "surface .* None: return a value"),
     (lambda: QuadraticField(ID), ValueError, r"quadratic.*lambda x: A @ x, 3"),
     (lambda: run(omega0=[1.0, 0.5])().to_xarray("a"), ValueError, "dims must be left out"),
     (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, "quadratic"),

@@ -287,7 +287,7 @@ class QuadraticField(_FieldOfTerms):
             rows[i][powers] = flint.fmpq(*c.as_integer_ratio())
         return tuple(map(context.from_dict, rows))
 
-    def __call__(self, x: Any) -> Any:
+    def _value_at(self, x: Any) -> Any:
         """Return f(x): a tuple of fractions if all numbers are exact, else floats (..., D)."""
         terms = Terms(self._parts[INDICES], self._parts[VALUES])
         found = values_at(terms, x, self.names, 2)

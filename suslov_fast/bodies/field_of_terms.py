@@ -31,6 +31,7 @@ class FieldOfFunction(Body):
     """A field whose parts include named parameters, those of the function that it is made of."""
 
     names: tuple[str, ...]
+    _value_at: ClassVar[Any]  # f(x)
 
     @property
     def _arrays(self) -> dict[str, FloatArray]:
@@ -40,6 +41,13 @@ class FieldOfFunction(Body):
     def parameters(self) -> dict[str, Any]:
         """The named parameters of the function: numbers as they were given, and arrays."""
         return {name: self._parts[name] for name in self._coordinates}
+
+    def __call__(self, x: Any, *others: Any) -> Any:
+        """Return f(x): fractions if all numbers of a quadratic field are exact, else floats."""
+        if others:
+            how = "for solve_ivp pass lambda t, x: field(x)"
+            raise TypeError(f"a field takes the state alone, field(x): {how}")
+        return self._value_at(x)
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)

@@ -185,7 +185,7 @@ class LiftedField(FieldOfFunction):
         with np.errstate(all="ignore"):
             return energy + 0.0 * x.sum(axis=-1)
 
-    def __call__(self, x: Any) -> FloatArray:
+    def _value_at(self, x: Any) -> FloatArray:
         """Return f(x), floats (..., D), NaN where it has no value."""
         added = self.lift(x)
         exists = np.isfinite(added).all(axis=-1, keepdims=True)

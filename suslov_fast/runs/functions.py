@@ -26,7 +26,8 @@ def values_at(
         how = "pass the difference, not the comparison"
         raise wrong(name, "have real numbers as values", f"bool: {how}", TypeError)
     if values.dtype.kind not in "biuf":
-        raise wrong(name, "have real numbers as values", f"{values.dtype}", TypeError)
+        received = "None: return a value" if returned is None else values.dtype
+        raise wrong(name, "have real numbers as values", received, TypeError)
     if values.shape != states.shape[:-1]:
         received = f"values {values.shape} for states {states.shape}"
         last = "components on the last axis, as x[..., 0]"

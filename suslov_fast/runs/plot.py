@@ -198,9 +198,8 @@ def _colours(
         if color not in {*parameters, *of_crossings}:
             if is_color_like(color):
                 return _Colours(single=color)
-            known = ", ".join([*parameters, *of_crossings]) or "nothing varies, so pass numbers"
-            text = f"color: {short(color)} is not a colour, nor one of the names here: {known}"
-            raise ValueError(text)
+            known = " or ".join(["such as 'red'", *parameters, *of_crossings])
+            raise wrong("color", f"a colour of Matplotlib, {known}", short(color))
         if color in of_crossings:
             return _Colours(np.asarray(of_crossings[color], float), color)
         values = parameters[color]

@@ -202,10 +202,10 @@ class LiftedField(FieldOfFunction):
         Parameters
         ----------
         f : callable
-            Maps a tuple x of D variables to D smooth expressions: + - * /, powers with a constant
-            exponent, and NumPy's exp, log, sqrt, sin, cos, tan, sinh, cosh, tanh, arctan, square,
-            power, reciprocal, hypot, cbrt, exp2, expm1, log2, log10 and log1p. The result of
-            SymPy's `lambdify` is such a function.
+            Maps a tuple x of D variables to D smooth expressions: + - * /, powers, and NumPy's
+            exp, log, sqrt, sin, cos, tan, sinh, cosh, tanh, arctan, square, power, reciprocal,
+            hypot, cbrt, exp2, expm1, log2, log10 and log1p. The result of SymPy's `lambdify` is
+            such a function.
         dimension : int, str or sequence of str
             The number of variables, D, or their names, such as ``"u v w"``.
         **parameters : float or array_like(float, shape=(...))

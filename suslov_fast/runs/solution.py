@@ -114,10 +114,10 @@ def flow(
         Times in any order, positive or negative.
     rtol : float, optional
         Tolerance for fields, from 1e-13 to 1e-2, by default 1e-9. In each component the estimated
-        error of a step stays below `rtol` times the largest modulus that this component has had on
-        the trajectory (a component smaller than 1e-6 of the largest one counts as that large), or
-        below what rounding allows. So there is no absolute tolerance: scale components that differ
-        by more than a factor 1e6.
+        error of a step stays below `rtol` times the largest absolute value of this component on the
+        trajectory so far, or below what rounding allows. A component smaller than 1e-6 of the
+        largest one counts as that large. So there is no absolute tolerance: scale components that
+        differ by more than a factor of 1e6.
     threads : int, optional
         As in :func:`iterate`; a solution is bit-identical on any number of threads, in any batch.
     progress : bool or callable, optional

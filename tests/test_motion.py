@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from children import TWO_THREADS
+from numba import config
 from scipy.integrate import solve_ivp
 from test_orders import FLOWS, HENON_HEILES, LORENZ, SQUARE, motion
 
@@ -284,7 +285,15 @@ def test_bits_do_not_depend_on_batch_and_threads(rng, monkeypatch):
             patch.setattr(threads, "CROSSOVER", 0)
             assert (flow(field, x, [0.3, 1.0], threads=TWO_THREADS) == whole).all()
             patch.setattr(core_flow, "BUDGET", 1)  # a pause after each step
+            given, returned = core_flow.call, []
+
+            def call(*arguments, given=given, returned=returned):
+                returned.append(given(*arguments))
+                return returned[-1]
+
+            patch.setattr(core_flow, "call", call)
             assert (flow(field, x, [0.3, 1.0]) == whole).all()
+            assert returned.count(0) > 10 or config.DISABLE_JIT
 
 
 def test_lengths_follow_from_the_rounding_of_each_member():

@@ -217,11 +217,11 @@ def test_a_start_without_a_value_is_named(f, x, definition, method):
         [[2.0, 1.0], [x, 1.0]],
         rf"{re.escape(definition)} has no finite value at the start",
     )
-    with pytest.warns(SingularStepWarning, match=rf"1 at step 1; {told} of 1$"):
+    with pytest.warns(SingularStepWarning, match=rf"1 at step 1; {told} of trajectory 1$"):
         run = iterate(field, starts, 1 / 64, 5, method=method)
     assert (run.failed_at.tolist(), run.first_pole.tolist()) == ([-1, 1], [-1, -1])
     with pytest.warns(
-        PoleWarning, match=rf"1 of 2 solutions end; first: 1 near t = 0; {told} of 1$"
+        PoleWarning, match=rf"1 of 2 solutions end; first: 1 near t = 0; {told} of trajectory 1$"
     ):
         states = flow(field, starts, [0.0, 0.1])
     np.testing.assert_array_equal(np.isnan(states[..., 0]), [[False, False], [False, True]])
@@ -290,7 +290,7 @@ def test_a_parameter_as_exponent_is_a_real_power():
     assert family.added == {"u1": "x**m", "u2": "1/x"} | family.added
     with pytest.warns(SingularStepWarning, match=r"undefined at x = 0: make one field for each n$"):
         iterate(family, [0.0], 0.1, 2)
-    with pytest.warns(SingularStepWarning, match=r"has no finite value at the start of 0$"):
+    with pytest.warns(SingularStepWarning, match=r"no finite value at the start of trajectory 0$"):
         iterate(LiftedField.from_function(lambda x: (x[0] ** 0.3,), "x"), [0.0], 0.1, 2)
 
 

@@ -121,7 +121,8 @@ class LiftedField(FieldOfFunction):
         index, D = checks.first_index(which), self.dimension
         added = np.broadcast_to(self._lift(x)[..., D:], (*which.shape, len(self.added)))
         why = self._structure.without_value(added[index], self._numbers)
-        return why and f"{why[0]} has no finite value at the start of {checks.spell(index)}{why[1]}"
+        where = f"the start of trajectory {checks.spell(index)}"
+        return why and f"{why[0]} has no finite value at {where}{why[1]}"
 
     def field(self) -> Any:
         """Refuse, because the equations are not quadratic in the given variables."""

@@ -73,7 +73,7 @@ def check(
     if components is None and len(labels) != body.dimension:
         expected = f"have {body.dimension} entries, the dimension of {type(body).__name__}"
         raise wrong("_labels", expected, checks.short(labels))
-    if map.variable == "x" and name.startswith("omega"):
+    if map.variable == "x" and name in ("omega", "omega0"):
         name = "x"
     if isinstance(omega, RandomStarts):
         states = omega.states(math.prod(omega.shape), 0, len(labels))

@@ -151,21 +151,25 @@ def test_a_supercritical_orbit_that_ends_keeps_its_status(rng):
 def test_rules_of_zero():
     """The map x -> x + 1 visits prescribed values of the surface, one after the other."""
     count_up = sf.QuadraticField.from_function(lambda x: (1,), 1)
-    values = np.array([0, -1, 0, 2, -0.0, -3, -3, 1, np.nan, -1, 1, np.inf, -2, -np.inf, 5, -1e308])
+    values = [0, -1, 0, 2, -0.0, -3, -3, 1, np.nan, -1, 1, np.inf, -2, -np.inf, 5, -1e308, np.inf]
+    values = np.array(values)
 
     def surface(x):
         return values[np.minimum(x[..., 0].astype(int), len(values) - 1)]
 
     for direction, expected in ((1, [1, 6, 9]), (-1, [0, 4, 14]), (0, [0, 1, 4, 6, 9, 14])):
-        points = check(count_up, [0.0], 1.0, 15, surface, direction=direction)
+        points = check(count_up, [0.0], 1.0, 16, surface, direction=direction)
         assert points.n.tolist() == expected
     assert sf.crossings(count_up, [0.0], 1.0, 9, surface, direction=-1).fraction.tolist() == [0, 0]
     # With 0, an orbit that touches the surface from below crosses twice.
     touch = sf.crossings(count_up, [0.0], 1.0, 2, lambda x: -((x[..., 0] - 1) ** 2), direction=0)
     assert (touch.n.tolist(), touch.fraction.tolist()) == ([0, 1], [1, 0])
     # The difference of the values need not be finite.
-    wide = sf.crossings(count_up, [0.0], 1.0, 2, lambda x: 1.5e308 * np.sign(x[..., 0] - 0.5))
-    assert wide.fraction.tolist() == [0.5]
+    for size in (6e307, 1.5e308):
+        wide = sf.crossings(
+            count_up, [0.0], 1.0, 2, lambda x, size=size: size * np.sign(x[..., 0] - 0.5)
+        )
+        assert wide.fraction.tolist() == [0.5]
 
 
 def test_bits_do_not_depend_on_pieces_threads_and_batch(rng, monkeypatch):

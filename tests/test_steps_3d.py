@@ -147,10 +147,35 @@ def test_a_step_is_the_first_of_a_run(mixture):
     same([sf.step(*mixture)], [run(*mixture, 1).final])
 
 
-def test_pairs_are_written_by_whole_cache_lines(rng):
+def test_blocks_begin_at_cache_lines(monkeypatch):
+    """All but the first block of 32 trajectories, of which the lines of memory hold four each."""
+    monkeypatch.setattr(rows, "STREAM_FROM", 0)
+    numbers = np.empty(1000)
+    for offset, begin, batch in product(range(8), (0, 5, 32), (100, 101)):
+        out = numbers[offset : offset + 2 * batch]
+        lead, shift, shared = rows.alignment.py_func(out, begin, batch, 32)
+        assert 0 <= lead < 8
+        assert (out.ctypes.data + 8 * lead) % 64 == 0
+        if lead % 2 == 1:
+            assert (shift, shared) == (0, 0)
+        elif batch % 4 > 0:
+            assert (shift, shared) == (0, 8)
+        else:
+            assert (0 <= shift < 4, shared) == (True, 0)
+            assert out[2 * (begin + 32 - shift) :].ctypes.data % 64 == 0
+        assert rows.alignment.py_func(out, begin, batch, 1)[1:] == (0, 0)
+
+
+def test_pairs_are_written_by_whole_cache_lines(rng, monkeypatch):
     """From every place, and of all numbers of pairs before, in and after the lines."""
-    flat = np.empty(100)
+    flat, stream = np.empty(100), rows.stream_pairs
     lead = -(flat.ctypes.data // 8) % 8  # numbers before the first line
+
+    def whole_line(flat, place, *of_rows):
+        assert (place - lead) % 8 == 0
+        stream(flat, place, *of_rows)
+
+    monkeypatch.setattr(rows, "stream_pairs", whole_line)
     for place, lanes, count in product(range(10), (8, 32), (0, 1, 7, 8, 9, 30, 32)):
         if count <= lanes:
             b, flat[:], expected = rng.normal(size=(4, lanes)), 0.0, np.zeros(100)

@@ -73,9 +73,13 @@ def collected(indices: Any, values: Any, D: int, degree: int) -> Terms:
     if not is_first.all():
         first = np.flatnonzero(is_first)
         sums = np.add.reduceat(values, first, axis=-1)
-        if values.dtype == np.float64:
-            of_one = values.ndim == 1
-            sums = _exact_sums(values, first, sums) if of_one else _rounded(values, first, sums)
+        if values.dtype == np.float64 and values.ndim == 1:
+            sums = _exact_sums(values, first, sums)
+        elif values.dtype == np.float64:
+            counts = np.diff(first, append=len(order))
+            for k in np.flatnonzero(counts > 2):  # a sum of two is rounded once
+                own = values[..., first[k] : first[k] + counts[k]]
+                sums[..., k] = np.apply_along_axis(math.fsum, -1, own)
         values, indices = sums, indices[:, is_first]
     return without_zeros(indices, values)
 
@@ -94,15 +98,6 @@ def _exact_sums(values: Any, first: Any, sums: Any) -> Any:
         scale = max(d for _, d in ratios[begin:end])  # a power of 2, as the others
         found[n] = Fraction(sum(a * (scale // d) for a, d in ratios[begin:end]), scale)
     return found
-
-
-def _rounded(values: Any, first: Any, sums: Any) -> Any:
-    """Return the sums of floats of a family (..., T) from each index on, rounded once."""
-    counts = np.diff(first, append=values.shape[-1])
-    for k in np.flatnonzero(counts > 2):  # a sum of two is rounded once
-        own = values[..., first[k] : first[k] + counts[k]]
-        sums[..., k] = np.apply_along_axis(math.fsum, -1, own)
-    return sums
 
 
 def without_zeros(indices: Any, values: Any) -> Terms:

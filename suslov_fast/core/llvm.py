@@ -247,6 +247,7 @@ def _stream_pairs(context, builder, signature, arguments):
 
 # ---------------------------------------------------------------------------------------- vectors
 QUAD = 4  # numbers of a vector
+_QUAD = ir.VectorType(_NUMBER, QUAD)
 
 
 class _Quad(types.Type):
@@ -254,12 +255,7 @@ class _Quad(types.Type):
 
 
 _quad = _Quad("Quad")
-
-
-@register_model(_Quad)
-class _QuadModel(models.PrimitiveModel):
-    def __init__(self, manager, kind):
-        super().__init__(manager, kind, ir.VectorType(_NUMBER, QUAD))
+register_model(_Quad)(lambda manager, kind: models.PrimitiveModel(manager, kind, _QUAD))
 
 
 def get(array, i):
@@ -282,14 +278,13 @@ type_callable(put)(lambda context: lambda array, i, quad: types.none)
 def _place(context, builder, signature, arguments):
     array = context.make_array(signature.args[0])(context, builder, arguments[0])
     i = context.cast(builder, arguments[1], signature.args[1], types.intp)
-    data = builder.bitcast(array.data, ir.VectorType(_NUMBER, QUAD).as_pointer())
-    return builder.gep(data, [i], source_etype=ir.VectorType(_NUMBER, QUAD))
+    data = builder.bitcast(array.data, _QUAD.as_pointer())
+    return builder.gep(data, [i], source_etype=_QUAD)
 
 
 @lower_builtin(get, types.Array, types.Integer)
 def _get(context, builder, signature, arguments):
-    place = _place(context, builder, signature, arguments)
-    return builder.load(place, align=8, typ=ir.VectorType(_NUMBER, QUAD))
+    return builder.load(_place(context, builder, signature, arguments), align=8, typ=_QUAD)
 
 
 @lower_builtin(put, types.Array, types.Integer, _Quad)

@@ -282,6 +282,8 @@ def test_bits_do_not_depend_on_batch_and_threads(rng, monkeypatch):
             assert (flow(own, x[part], [0.3, 1.0]) == whole[:, part]).all()
         assert (flow(LORENZ, 1e-6 * x[0], 0.3) == flow(LORENZ, 1e-6 * x, 0.3)[0]).all()
         with monkeypatch.context() as patch:
+            patch.setattr(core_flow, "ACTIVE", 1)  # four lines at once, then the others
+            assert (flow(field, x, [0.3, 1.0]) == whole).all()
             patch.setattr(threads, "CROSSOVER", 0)
             assert (flow(field, x, [0.3, 1.0], threads=TWO_THREADS) == whole).all()
             patch.setattr(core_flow, "BUDGET", 1)  # a pause after each step
@@ -304,6 +306,21 @@ def test_lengths_follow_from_the_rounding_of_each_member():
     whole = flow(family, x, [0.3, 1.0], rtol=1e-13)
     for k in range(20):
         assert (flow(family[k], x[k], [0.3, 1.0], rtol=1e-13) == whole[:, k]).all()
+
+
+def test_rounding_of_terms_that_cancel_shortens_no_step():
+    """Of a faster exchange, whose terms leave 1e-8: with s = x_0 = x_1, 2 s' = s - s**2."""
+    fast = of(lambda x: (1e8 * (x[1] - x[0]) - x[0] * x[1], 1e8 * (x[0] - x[1]) + x[0]), 2)
+    indices, values = fast.terms
+    run = core_flow.Motion(
+        tolerance.stage_of(indices, 2), np.atleast_2d(values), np.full((1, 2), 0.5), 1e-13, 1, 1.0
+    )
+    with np.errstate(all="ignore"):
+        for _ in range(40):
+            run._step_to(1.0)
+    assert run.rows[0, run.places.time, 0] == 1.0
+    found = run.rows[0, run.places.base : run.places.base + 2, 0]
+    np.testing.assert_allclose(found, 1 / (1 + np.exp(-0.5)), rtol=0, atol=1e-8)
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")

@@ -10,22 +10,23 @@ from .operations import Step
 class ColumnStage(Step):
     """The operations of a stage of an extrapolated step.
 
-    They do not test that increments keep the digits of small components: the ends of columns are
-    subtracted from the state before the step, which loses them.
+    They do not test that increments keep the digits of small components: the changes of columns are
+    added to the state before the step, which loses them. Nor do they test that states are finite,
+    which the end of a step does.
     """
 
     def _add_tests(self, halves):
         emit, joined = self.values.emit, self.values.joined
-        sizes, finite = [emit("fabs", self.after[k]) for k in halves], []
-        if sizes:
-            finite = [emit("olt", joined("fadd", sizes), np.inf)]
-        self.good = joined("and", [*finite, *self._good_pivots()])
+        self.good = joined("and", self._good_pivots())
         first_rare = len(self.values.operations)
         self.after_rare = [*self.after]
-        self.accurate = joined("and", [*self._accurate_pivots(), *finite])
+        self.accurate = joined("and", self._accurate_pivots())
         negative = [emit("olt", pivot, 0.0) for pivot in self.factors.pivot.values()]
         self.negative = joined("xor", negative or [emit("olt", 1.0, 0.0)])
         self.rare = self.values.operations[first_rare:]
+
+    def _results(self):
+        return [*super()._results(), *self.increments.values()]
 
 
 @functools.lru_cache(32)

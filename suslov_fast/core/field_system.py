@@ -7,7 +7,7 @@ import numpy as np
 from .careful import changes_sign, solve_lane
 from .codes import NONFINITE, OK, PASSED_POLE
 from .column_stage import column_stage_of
-from .generated import text_of_step
+from .generated import text_of_stage, text_of_step
 from .listed import programs_of
 from .listed_code import text_of_listed_step
 from .llvm import call_code, with_address
@@ -25,6 +25,7 @@ class FieldSystem(NamedTuple):
     half: Any  # (stages, T), half of the step size times the values of the terms
     table: Any  # (stages, n), see `Step.table`
     weights: Any  # (stages,), at the ends of columns, else 0
+    sums: bool  # see `Scheme.sums_increments`
     indices: Any  # (3, T)
     dimension: int
 
@@ -41,44 +42,53 @@ def with_weights(indices, half, weights, D):
     """Return the system with these weights of stages."""
     step, text_of = scheme_of(indices, D).step, text_of_step
     if weights[-1] != 0.0:  # the last column of an extrapolated step
-        step = column_stage_of(step.indices.tobytes(), D)
+        step, text_of = column_stage_of(step.indices.tobytes(), D), text_of_stage
     table = np.ascontiguousarray(step.table_of(half.T).T)
     if len(step.usual) > MANY:
         text_of, constants = text_of_listed_step, programs_of(step).constants
         table = np.concatenate([table, np.tile(constants, (len(table), 1))], axis=1)
     # The code lasts, because users may store the system anywhere.
     address = code_of(text_of, step, lasts=True) if step.usual else None
-    return FieldSystem(int(address or 0), half, table, weights, step.indices, D)
+    sums = bool(address) and text_of is text_of_stage
+    return FieldSystem(int(address or 0), half, table, weights, sums, step.indices, D)
 
 
 @function
 def field_memory(system):
     """The memory of `field_step_of_one`."""
     D = system.dimension
-    return np.empty((D, D + 1, 1)), np.empty((2, D)), np.empty((D,)), np.empty((D,))
+    return np.empty((D, D + 1, 1)), np.empty((2, D)), np.empty((3, D)), np.empty((D,))
 
 
 @function
-def take_stages(system, base, x, total, matrix, units):
-    """Replace x, which is the state `base`, by the next state; return its status, and det A < 0."""
-    status, passed, D = OK, False, len(x)
+def take_stages(system, base, rows, total, matrix, units):
+    """Replace x, which is the state `base`, by the next state; return its status, and det A < 0.
+
+    `rows` has x, the sum of increments of a column, and a state before a stage.
+    """
+    status, passed, D = OK, False, len(total)
+    x, change, before = rows[0], rows[1], rows[2]
     for i in range(D):
-        total[i] = 0.0
+        total[i], change[i] = 0.0, 0.0
     for stage in range(len(system.half)):
         code = np.int64(1)  # of `text_of_step`: 1 if the step is not accurate, 2 if det A < 0
         if system.address != 0:
             code = call_code(system.address, (x.ctypes.data, system.table[stage].ctypes.data))
         negative = code == 2
         if code == 1:
+            for i in range(D):
+                before[i] = x[i]
             status, negative = solve_lane(system.indices, system.half[stage], x, matrix, units)
+            for i in range(D):
+                change[i] += x[i] - before[i]
         passed |= negative
         if status != OK:
             break
         weight = system.weights[stage]
         if weight != 0.0:
             for i in range(D):
-                total[i] += weight * (x[i] - base[i])
-                x[i] = base[i]
+                total[i] += weight * (change[i] if system.sums else x[i] - base[i])
+                x[i], change[i] = base[i], 0.0
     if system.weights[-1] != 0.0 and status == OK:  # the last column of an extrapolated step
         for i in range(D):
             x[i] += total[i]
@@ -89,10 +99,11 @@ def take_stages(system, base, x, total, matrix, units):
 @function
 def field_step_of_one(system, state, out, memory):
     """Write the state that follows `state` to `out`; return its status. For `compiled`."""
-    matrix, units, x, total = memory
+    matrix, units, rows, total = memory
+    x = rows[0]
     for i in range(len(x)):
         x[i] = state[i]
-    status, passed = take_stages(system, state, x, total, matrix, units)
+    status, passed = take_stages(system, state, rows, total, matrix, units)
     passed |= changes_sign(system.indices, state, x)  # now, because `out` may be `state`
     for i in range(len(x)):
         out[i] = x[i] if status == OK else np.nan

@@ -106,6 +106,8 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     load = loader(text, step, for_each, state, table, arguments.kept, fixed)
     text.carry_out(usual, values, load)
     after = [values[k] if k in values else load(k) for k in step.after]
+    increments = step.increments if in_columns else {}
+    added = {k: values[n] if n in values else load(n) for k, n in increments.items()}
     text.branch(text.all_true(values[step.good]), "finish", "rare", likely=True)
 
     text.label("rare")
@@ -128,6 +130,7 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     if step.changed is not None:
         changed = integer("and", text.bits(values[step.changed]), told)
         negative = integer("or", negative, integer("shl", changed, CHANGED))
+    rarely = increments_of(text, step, values, load, x) if in_columns else {}
     is_any = text.compare_integers("ne", integer("or", bad, negative), 0)
     text.branch(is_any, "careful", "finish")
 
@@ -137,6 +140,10 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     text.add("  ret i64 0")
     text.label("call")
     solved = call_careful(text, arguments, bad, negative, places)
+    carefully = {
+        k: text.select(accurate, made, text.operate("fsub", solved[k], x[k]))
+        for k, made in rarely.items()
+    }
     text.jump("finish")
 
     text.label("finish")
@@ -145,8 +152,12 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     for k in range(D):
         ways = f"[ {after[k]}, %{begin} ], [ {advanced[k]}, %rare ], [ {solved[k]}, %call ]"
         text.add(f"  {final[k]} = phi {text.V} {ways}")
+    for k in increments:
+        ways = f"[ {added[k]}, %{begin} ], [ {rarely[k]}, %rare ], [ {carefully[k]}, %call ]"
+        text.add(f"  %added{k} = phi {text.V} {ways}")
     if in_columns:
-        end_column(text, step, arguments, places, final, weights, is_last)
+        added = {k: f"%added{k}" for k in increments}
+        end_column(text, step, arguments, places, final, added, weights, is_last)
     else:
         for k in range(D):
             if step.after[k] != k:
@@ -193,6 +204,24 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     text.store("i64", "%hi", text.plus("%arguments", 8 * SLOT.line))
     text.add("  ret i64 1")
     return text.finished()
+
+
+def increments_of(text, step, values, load, x):
+    """Return the increments of states x in which `Step.accurate` is true, by component.
+
+    They are differences of states where the list did not add `Step.increments`.
+    """
+    found = {}
+    for k, number in step.increments.items():
+        made, after, other = (
+            values[n] if n in values else load(n)
+            for n in (number, step.after[k], step.after_rare[k])
+        )
+        found[k] = made
+        if other != after:
+            difference = text.operate("fsub", other, x[k])
+            found[k] = text.select(text.compare("oeq", other, after), made, difference)
+    return found
 
 
 def add_table(text, step, halves, fraction, fixed):
@@ -290,10 +319,16 @@ def save(text, states, D, trajectories, align):
     text.jump("next")
 
 
-def text_of_step(step, name, *_):
+def text_of_stage(*arguments):
+    """Return the text of `text_of_step` for extrapolated steps."""
+    return text_of_step(*arguments, in_columns=True)
+
+
+def text_of_step(step, name, *_, in_columns=False):
     """Return the text of i64 name(x, table): one step of a state (D,), in place.
 
-    It returns 1, and leaves the state, if the step is not accurate; else 2 if det A < 0, or 0.
+    It returns 1, and leaves the state, if the step is not accurate; else 2 if det A < 0, or 0. In
+    columns it adds the increments to D numbers after the state.
     """
     text = Text(1)
     text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
@@ -305,6 +340,10 @@ def text_of_step(step, name, *_):
         return text.load("double", text.plus("%table", 8 * step.places[number]))
 
     text.carry_out(step.usual, values, of_table)
+    added = {
+        k: values[n] if n in values else of_table(n)
+        for k, n in (step.increments.items() if in_columns else ())
+    }
     text.branch(values[step.good], "finish", "rare", likely=True)
     text.label("rare")
     rare = dict(values)
@@ -314,9 +353,14 @@ def text_of_step(step, name, *_):
     text.add("  ret i64 1")
     text.label("accurate")
     sign = text.integer("mul", 2, text.bits(rare[step.negative]))
+    rarely = increments_of(text, step, rare, of_table, values) if in_columns else {}
     text.jump("finish")
     text.label("finish")
     text.add(f"  %code = phi i64 [ 0, %entry ], [ {sign}, %accurate ]")
+    made = {
+        k: text.new(f"phi double [ {added[k]}, %entry ], [ {value}, %accurate ]")
+        for k, value in rarely.items()
+    }
     both = [*zip(step.after, step.after_rare, strict=True)]
     final = {
         k: text.new(f"phi double [ {values[usual]}, %entry ], [ {rare[other]}, %accurate ]")
@@ -325,5 +369,8 @@ def text_of_step(step, name, *_):
     }
     for k, value in final.items():
         text.store("double", value, places[k])
+    for k, value in made.items():
+        place = text.plus("%x", 8 * (step.D + k))
+        text.store("double", text.operate("fadd", text.load("double", place), value), place)
     text.add("  ret i64 %code")
     return text.finished()

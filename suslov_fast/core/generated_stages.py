@@ -44,10 +44,10 @@ class CodeArguments(NamedTuple):
 
 SLOT = CodeArguments(*range(len(CodeArguments._fields)))  # places in the array
 
-# Rows of columns: the state before the whole step, sums with both weights, and the largest
-# estimated error of a step so far, NaN before the first.
-BASE, SUM, SECOND, LARGEST = range(4)
-ROWS = 4
+# Rows of columns: the state before the whole step, sums with both weights, the sum of increments in
+# a column, and the largest estimated error of a step so far, NaN before the first.
+BASE, SUM, SECOND, CHANGE, LARGEST = range(5)
+ROWS = 5
 
 
 def state_of(D):
@@ -107,25 +107,35 @@ def add_lift(text, step, arguments, places, load, has_columns):
     text.label("lifted")
 
 
-def end_column(text, step, arguments, places, final, weights, is_last):
+def end_column(text, step, arguments, places, final, increments, weights, is_last):
     """Add what follows a stage of an extrapolated step: the end of a column, or of the step.
 
-    The stage made the state `final` of a line. Then the line has `state_of`, and is stored.
+    The stage made the state `final` of a line by these increments. Then the line has `state_of`,
+    and is stored.
     """
     V, D, size = text.V, len(final), 8 * text.W
+    line = text.integer("mul", "%line", ROWS * D * size)
+    line = text.integer("add", arguments.columns, line)
+    rows = [[text.plus(line, size * (row * D + k)) for k in range(D)] for row in range(ROWS)]
+    changes = {
+        k: text.operate("fadd", text.load(V, rows[CHANGE][k]), increment)
+        for k, increment in increments.items()
+    }
     text.branch(text.new(f"fcmp une double {weights[0]}, 0.0"), "column", "inside")
 
     text.label("inside")
     for value, place in zip(final, places, strict=True):
         text.store(V, value, place)
+    for k, change in changes.items():
+        text.store(V, change, rows[CHANGE][k])
     text.jump("stored")
 
     text.label("column")
-    line = text.integer("mul", "%line", ROWS * D * size)
-    line = text.integer("add", arguments.columns, line)
-    rows = [[text.plus(line, size * (row * D + k)) for k in range(D)] for row in range(ROWS)]
+    zero = "zeroinitializer" if text.W > 1 else "0.0"
     base = [text.load(V, place) for place in rows[BASE]]
-    changes = [text.operate("fsub", *both) for both in zip(final, base, strict=True)]
+    for k in changes:
+        text.store(V, zero, rows[CHANGE][k])
+    changes = [changes.get(k, zero) for k in range(D)]
     sums = []
     for row, weight in zip((SUM, SECOND), weights, strict=True):
         weight = weight if text.W == 1 else text.splat(weight, text.W)

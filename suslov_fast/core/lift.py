@@ -108,7 +108,7 @@ class LiftedStep(Lifting, Step):
             self.turned = emit("and", self.turned, emit("oeq", nothing, 0.0))
 
     def _results(self):
-        return [*super()._results(), *self.lifted]
+        return [*super()._results(), *self.lifted, *self.increments.values()]
 
 
 class _Variables:

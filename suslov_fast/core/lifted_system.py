@@ -7,7 +7,7 @@ import numpy as np
 from .careful import crosses_0
 from .codes import OK, PASSED_POLE
 from .field_system import take_stages
-from .generated import text_of_step
+from .generated import text_of_stage, text_of_step
 from .llvm import call_code, with_address
 from .machine_code import Text, code_of
 from .numba import function
@@ -24,6 +24,7 @@ class LiftedSystem(NamedTuple):
     half: Any  # (stages, T), half of the step size times the values of the terms
     table: Any  # (stages, n), see `Step.table`
     weights: Any  # (stages,), at the ends of columns, else 0
+    sums: bool  # see `Scheme.sums_increments`
     indices: Any  # (3, T)
     signs: Any  # components that keep their signs along the motion
     words: int
@@ -62,12 +63,14 @@ def lifted_system_of(indices, values, half_eps, stages, D, lift):
     others = np.broadcast_to(values[step.T :], (len(half), len(values) - step.T))
     table = step.table_of(np.hstack([half, others]).T).T
     # The code lasts, because users may store the system anywhere.
-    codes = [code_of(text_of_step, step, lasts=True) if step.usual else 0]
+    text_of = text_of_stage if stages.columns else text_of_step
+    codes = [code_of(text_of, step, lasts=True) if step.usual else 0]
     codes.append(code_of(text_of_lift, step, lasts=True))
     if None in codes:
         return None
     signs, weights = np.array(lift.signs, np.int64), np.ascontiguousarray(weights_of(stages)[:, 0])
-    of_field = half, np.ascontiguousarray(table), weights, step.indices, signs, D, lift.given
+    sums = bool(stages.columns and step.usual)
+    of_field = half, np.ascontiguousarray(table), weights, sums, step.indices, signs, D, lift.given
     return LiftedSystem(*map(int, codes), *of_field)
 
 
@@ -75,21 +78,22 @@ def lifted_system_of(indices, values, half_eps, stages, D, lift):
 def lifted_memory(system):
     """The memory of `lifted_step_of_one`."""
     M = system.words
-    return np.empty((M, M + 1, 1)), np.empty((2, M)), np.empty((3, M))
+    return np.empty((M, M + 1, 1)), np.empty((2, M)), np.empty((5, M))
 
 
 @function
 def lifted_step_of_one(system, state, out, memory):
     """Write the state that follows `state` to `out`; return its status. For `compiled`."""
     matrix, units, rows = memory
-    base, x, total = rows[0], rows[1], rows[2]
+    base, total, of_column = rows[0], rows[1], rows[2:]
+    x = of_column[0]
     D, M = len(state), system.words
     for i in range(D):
         base[i] = state[i]
     passed = call_code(system.lift, (base.ctypes.data, system.table[0].ctypes.data)) == 2
     for i in range(M):
         x[i] = base[i]
-    status, _ = take_stages(system, base, x, total, matrix, units)
+    status, _ = take_stages(system, base, of_column, total, matrix, units)
     for i in system.signs:
         passed |= crosses_0(base[i], x[i])
     for i in range(D):

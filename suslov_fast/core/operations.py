@@ -164,6 +164,7 @@ class Step:
     usual       operations for all states
     rare        operations for states where `good` is false
     after       the next state
+    increments  the values that are added to components for it, by component
     after_rare  the next state after the operations `rare`; the same where `after` keeps its digits
     good        true if `after` is accurate and all pivots are positive
     accurate    true if `after_rare` is accurate; a value of `rare`
@@ -187,6 +188,7 @@ class Step:
         values = self.values = Values(D + self.T + carried, range(D, D + self.parameters))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
+        self.increments = {}
         pattern, varying = places_of(indices, D)
         order, right = elimination_order(pattern, D), {}
         work, of_state = work_of(pattern, order, varying)
@@ -200,7 +202,8 @@ class Step:
             right[k] = self.factors.backward(k, right)
         halves = {k: half for k, half in sorted(right.items()) if half is not None}
         for k, half in halves.items():
-            self.after[k] = values.emit("fadd", k, values.emit("fmul", 2.0, half))
+            self.increments[k] = values.emit("fmul", 2.0, half)
+            self.after[k] = values.emit("fadd", k, self.increments[k])
         self._add_tests(halves)
         self._separate_fixed()
 

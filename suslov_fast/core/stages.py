@@ -9,14 +9,17 @@ x_next = x + sum_n w_n (x_n - x),    w_n = prod_m n**2 / (n**2 - m**2),    sum_n
 where m runs over the other columns (Aitken and Neville). Without the shortest column the order is
 2 k - 2, so the difference of the two estimates the error. All columns are even, because then
 R(z) = sum_n w_n ((1 + z / (2 n)) / (1 - z / (2 n)))**n, the factor of a decaying mode, stays
-between -1 and 1 for all z < 0.
+between -1 and 1 for all z < 0. The change x_n - x is the sum of the increments of a column, because
+weights would multiply the rounding errors of states, which are the same at all steps near rest.
 """
 
 from functools import lru_cache
 from math import prod
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from .machine_code import MANY
 
 
 class Stages(NamedTuple):
@@ -59,6 +62,23 @@ def weights_of(stages):
 def _weight(n, columns):
     others = [m for m in columns if m != n]
     return n ** (2 * len(others)) / prod(n * n - m * m for m in others)  # rounded once
+
+
+class Scheme(NamedTuple):
+    """A list of operations for a stage, and the stages of one step."""
+
+    step: Any  # `operations.Step`
+    stages: Stages
+
+    @property
+    def sums_increments(self):
+        """Whether changes of columns are sums of the increments of their stages.
+
+        Differences of states would contain the rounding errors of all stages. But the code of long
+        lists, and that of fields without a plan, returns states alone.
+        """
+        is_short = len(self.step.usual) <= MANY or self.step.lift is not None
+        return bool(self.stages.columns and self.step.usual and is_short)
 
 
 @lru_cache

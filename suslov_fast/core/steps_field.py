@@ -19,7 +19,6 @@ States are in lines of W lanes, x[line, component, lane]. After a failure a traj
 """
 
 import functools
-from typing import Any, NamedTuple
 
 import numpy as np
 from numba import config
@@ -33,7 +32,7 @@ from .generated import (
     text_of_extrapolated_steps,
     text_of_steps,
 )
-from .generated_stages import BASE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
+from .generated_stages import BASE, CHANGE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
 from .in_calls import in_calls, taker_without_plan
 from .lift import LiftedStep
 from .lines import alignment, halves_of, in_lines, note_undefined, tables_of
@@ -43,18 +42,11 @@ from .numba import STREAM_FROM, Kernel
 from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
 from .pool import in_parts
 from .single_orbit import PLANS, plan_of, take_one
-from .stages import WHOLE, distinct, weights_of
+from .stages import WHOLE, Scheme, distinct, weights_of
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
 SHORT_RUN = 256  # steps of lines, which are prepared for `careful` only when they need it
-
-
-class Scheme(NamedTuple):
-    """A list of operations for a stage, and the stages of one step."""
-
-    step: Any  # `operations.Step`
-    stages: Any  # `stages.Stages`
 
 
 @functools.lru_cache(PLANS)
@@ -222,7 +214,7 @@ class _Lines:
             own = arguments_of(arrays, start)
         # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
         # a short block waits for the one before it.
-        blocks = -(-8 * self.x.size // 2**15)
+        blocks = -(-8 * self.x.size * (1 + self.scheme.sums_increments) // 2**15)
         block = -(-self.count // min(blocks, -(-self.count // 4)))
         first_row, columns = saved.ctypes.data, self.columns
         table = None if self.for_each == OF_HALVES else self.table
@@ -270,7 +262,8 @@ class _Lines:
     def _carry_out(self, stage):
         """Carry out the operations of a stage where that is accurate.
 
-        Return the bits of these lanes, of lanes with det A < 0, and of those with a changed sign.
+        Return the bits of these lanes, of lanes with det A < 0, and of those with a changed sign,
+        and the increments (lines, D, W) that were added to states, NaN where none was.
         """
         (step, stages), shape = self.scheme, (self.count, self.W)
         values = dict(enumerate(self.x.swapaxes(0, 1)))
@@ -278,11 +271,15 @@ class _Lines:
         values.update(zip(step.table, table, strict=True))
         evaluate(step.usual, values)
         evaluate(step.rare, values)
-        accurate = np.broadcast_to(values[step.accurate], shape)
+        accurate, made = np.broadcast_to(values[step.accurate], shape), np.full_like(self.x, np.nan)
+        for k, number in step.increments.items():
+            is_made = accurate & (values[step.after_rare[k]] == values[step.after[k]])
+            made[:, k] = np.where(is_made, values[number], np.nan)
         for k, number in enumerate(step.after_rare):
             self.x[:, k] = np.where(accurate, values[number], self.x[:, k])
         told = (False if each is None else values[each] for each in (step.negative, step.changed))
-        return _packed(accurate), *(_packed(np.broadcast_to(each, shape)) for each in told)
+        told = (_packed(np.broadcast_to(each, shape)) for each in told)
+        return _packed(accurate), *told, made
 
     def _take_in_numpy(self, start, steps, saved, until, between):
         """Carry out the operations by NumPy: the reference, where there is no machine code."""
@@ -293,7 +290,8 @@ class _Lines:
             if stage == 0 and self.given < self.D:
                 self._lift(arrays, start, n)
             if self.scheme.step.usual:
-                accurate, negative, changed = self._carry_out(stage)
+                before = self.x.copy()
+                accurate, negative, changed, made = self._carry_out(stage)
             else:
                 accurate, negative, changed = np.zeros((3, self.count), np.uint8)
             bad = ~(accurate | ended) & np.uint8(2**self.W - 1)
@@ -301,6 +299,8 @@ class _Lines:
             told &= (accurate & ~passed).astype(np.int64) * (1 | 1 << CHANGED)
             for line in np.flatnonzero(bad | told):
                 step_carefully(arrays, start, line, int(bad[line]), int(told[line]), n)
+            if self.scheme.sums_increments:
+                self.columns[:, CHANGE] += np.where(np.isnan(made), self.x - before, made)
             if weights[stage, 0]:
                 finite = self.end_column(weights[stage], stage == len(weights) - 1)
                 bad = ~(finite | ended) & np.uint8(2**self.W - 1)
@@ -331,8 +331,9 @@ class _Lines:
         `of` is a slice of lines.
         """
         x, columns = self.x[of], self.columns[of]
-        base, total, second, largest = columns.swapaxes(0, 1)
-        change = x - base
+        base, total, second, sums, largest = columns.swapaxes(0, 1)
+        change = sums.copy() if self.scheme.sums_increments else x - base
+        sums[:] = 0.0
         total += weights[0] * change
         second += weights[1] * change
         x[:] = base

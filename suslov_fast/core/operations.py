@@ -220,16 +220,13 @@ class Step:
         parts = {k: emit("fabs", half) for k, half in halves.items()}
         limits = {k: emit("fmul", SMALL_PART, parts[k]) for k in halves}
         common = [emit("oge", sizes[k], limits[k]) for k in halves]
-        tests, tested = (
-            [*common, *self._good_pivots()],
-            self.of_one_sign if self.keeps_signs else (),
-        )
+        tests = [*common, *self._good_pivots()]
+        tested = self.of_one_sign if self.keeps_signs else ()
         for k in sorted(tested):
             pair = emit("olt", k, 0.0), emit("oge", self.after[k], 0.0)
             tests.append(emit("xor", *pair))
         if halves:
-            size = joined("fadd", sizes.values())
-            part = joined("fadd", parts.values())
+            size, part = (joined("fadd", each.values()) for each in (sizes, parts))
             tests.append(emit("olt", size, np.inf))
             if len(halves) == self.D:
                 tests.append(emit("ogt", size, emit("fmul", LARGE_PART, part)))

@@ -7,6 +7,8 @@ from scipy.optimize import brentq
 
 import suslov_fast as sf
 
+pytestmark = pytest.mark.compiled  # 20,000 steps of order 8 take minutes as Python
+
 LORENZ = sf.QuadraticField.from_function(
     lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
 )

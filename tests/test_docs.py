@@ -214,6 +214,7 @@ def test_the_tutorial_as_a_notebook(tmp_path):
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_the_table_of_bodies():
     """The reference has what `python docs/features.py` writes."""
     script = script_of("features")

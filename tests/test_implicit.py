@@ -193,7 +193,7 @@ def test_reports_hold_the_integrals_that_are_too_long():
     assert (plain["degree"], plain["basis"]) == (6, "modulo a prime, at random points")
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "written", "implicit", "sentence"),
     [
@@ -227,6 +227,7 @@ def test_symbolic_eps():
     assert formula(x, eps) == formula(y, eps)
 
 
+@pytest.mark.slow
 def test_floats_along_a_run():
     """Floats are exact numbers: along a run values differ by rounding of its states."""
     field, eps = SYSTEMS["so(4)"]

@@ -571,6 +571,7 @@ def test_degenerate_step_sizes(field, eps, message):
         degrees(kahan(LINES, 1), 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_relations", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_integrals_with_irrational_coefficients(monkeypatch, with_relations):
     """Those of degree 2 have irrational coefficients; those of degree 4 are norms of them.

@@ -151,7 +151,7 @@ def test_steps_have_the_order_of_the_method(name, method):
     assert errors[-1] < 1e-12 or 2 ** (order - 0.7) < errors[1] / errors[2] < 2 ** (order + 3)
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "order6", "extrapolated"])
 def test_the_jacobian_is_that_of_differences(method):
     for name in ("pendulum", "kepler", "roots", "powers"):

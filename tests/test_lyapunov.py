@@ -125,7 +125,7 @@ def poles_told(function, *arguments, **keywords):
     return [str(each.message) for each in told]
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "start", "eps", "steps"),
     [

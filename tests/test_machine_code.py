@@ -261,6 +261,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
     assert made <= {text_of_orthonormalise}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_sparse", [False, True])
 def test_sums_of_columns_that_overflow_without_a_plan(monkeypatch, anew, is_sparse):
     """From 1e300 on, 10 times the state overflows in step 18, the state itself in step 20."""

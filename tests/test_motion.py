@@ -355,6 +355,7 @@ def test_a_field_without_a_plan(rng, monkeypatch):
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_one_state_of_many_variables_compiles_no_code_of_its_own(monkeypatch):
     monkeypatch.setattr("suslov_fast.core.operations.WHOLE", 10)
     monkeypatch.setattr("suslov_fast.core.operations.PIECE", 10)

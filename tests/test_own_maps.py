@@ -253,6 +253,7 @@ def test_an_edit_of_a_step_compiles_anew():
     assert digest(text) == digests[0]
 
 
+@pytest.mark.slow
 def test_a_run_has_the_quantities_of_its_map_alone(tmp_path, capsys):
     """Kahan's modified energy is none of the midpoint rule, which has no drift."""
     run = iterate(HENON, START[:2], 0.1, 40, method="midpoint")
@@ -306,6 +307,7 @@ def test_stores_hold_the_map(tmp_path):
         ensemble(HENON, START, 0.1, 40, store=store, save_every=10)
 
 
+@pytest.mark.slow
 def test_a_body_that_turns_nothing(tmp_path):
     run, path = iterate(SLEIGHS, SPEEDS, 0.3, 50), tmp_path / "run.npz"
     suslov = sf.Suslov3D(SLEIGHS.mass, 1.5 + 0.16 * SLEIGHS.mass, 0, -0.4 * SLEIGHS.mass)

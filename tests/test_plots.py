@@ -202,7 +202,7 @@ def test_crossings_are_drawn():
     np.testing.assert_array_equal(dots.get_array(), one_each[points.trajectory])
     for wrong in ("eps", "count", [1.0], np.ones((9, 1))):
         with pytest.raises(
-            ValueError, match=r"^color.*\(9,\), for each trajectory|of the names here"
+            ValueError, match=r"^color.*(\(9,\), for each trajectory|'rho' or 'trajectory')"
         ):
             points.plot(color=wrong)
     assert len(points.of(8).plot().figure.axes) == 1
@@ -369,7 +369,9 @@ def test_colours_of_matplotlib_and_titles():
     assert axes.get_title() == ""
     np.testing.assert_array_equal(axes.collections[0].get_color(), [[*colors.to_rgba("crimson")]])
     assert run.plot(color=(0.1, 0.2, 0.3)).get_title() != ""
-    with pytest.raises(ValueError, match=r"color must be a colour of Matplotlib, .*not 'crimsn'"):
+    with pytest.raises(
+        ValueError, match=r"color must be a colour of Matplotlib such as 'red', not 'crimsn'"
+    ):
         run.plot(color="crimsn")
 
 

@@ -198,8 +198,8 @@ def _colours(
         if color not in {*parameters, *of_crossings}:
             if is_color_like(color):
                 return _Colours(single=color)
-            known = [repr(name) for name in (*parameters, *of_crossings)]
-            known = " or ".join([*known, "a colour of Matplotlib such as 'red'"])
+            names = [repr(name) for name in (*parameters, *of_crossings)]
+            known = " or ".join([*names, "a colour of Matplotlib such as 'red'"])
             raise wrong("color", known, short(color))
         if color in of_crossings:
             return _Colours(np.asarray(of_crossings[color], float), color)

@@ -183,7 +183,6 @@ def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
         ignore = {"on_singular": "ignore"}
         runs = [sf.iterate(dense, x0[:n], 0.1, 50, **ignore) for n in (1, 2, 7, 21)]
         runs.append(sf.iterate(chain, x0[:, :1] + np.arange(9.0), 1 / 32, 500, save_every=7))
-        runs.append(sf.iterate(dense, x0, 0.2, 20, method="extrapolated", **ignore))
         lattice = sf.QuadraticField.from_function(volterra, 5)
         runs.append(sf.iterate(lattice, abs(x0), 0.1, 60, **ignore))
         assert (runs[-1].status == sf.Status.PASSED_POLE).any()

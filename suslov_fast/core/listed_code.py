@@ -330,7 +330,7 @@ def with_constants(table, constants):
     stages, lines, _, W = table.shape
     shape = stages, lines, len(constants), W
     constants = np.broadcast_to(constants[:, np.newaxis], shape)
-    return np.concatenate([table, constants], axis=2)
+    return np.ascontiguousarray(np.concatenate([table, constants], axis=2))
 
 
 def _aligned(rows, W):

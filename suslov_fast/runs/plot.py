@@ -279,7 +279,7 @@ def _draw(
             axes.add_collection(drawn)
             axes.autoscale_view()  # Matplotlib before 3.11 does not do so itself
         else:
-            axes.add_collection3d(drawn, autolim=False)
+            axes.add_collection3d(drawn)
             axes.auto_scale_xyz(*pieces.reshape(-1, 3).T)
     if not lines or count <= most:
         size = 4.0 if lines else None

@@ -118,6 +118,7 @@ def test_affine_integrals_are_kept():
         assert abs(run.x.sum(axis=-1) / sum(start) - 1).max() < 1e-12
 
 
+@pytest.mark.compiled  # 30,000 steps take minutes as Python
 def test_totals_are_kept_near_rest():
     """Where the same rounding errors occur at each step: an epidemic near its equilibrium."""
 

@@ -111,15 +111,20 @@ class Room(NamedTuple):
     tests: Any  # (2,), the least and the largest modulus of a pivot
 
 
-def size_of(pattern):
+@function
+def numbers_of(D, G, E):
     """Return how many numbers `room_of` takes, and a state."""
-    D, G, E = len(pattern.order), len(pattern.given), len(pattern.columns)
     return (6 * D + 3 + G + E) * QUAD
+
+
+def size_of(pattern):
+    """Return `numbers_of` a pattern."""
+    return numbers_of.py_func(len(pattern.order), len(pattern.given), len(pattern.columns))
 
 
 @function
 def room_of(memory, D, G, E):
-    """Return the `Room` in an array of `size_of` numbers."""
+    """Return the `Room` in an array of `numbers_of` these lengths."""
     n, a, b = D * QUAD, (2 * D + 1) * QUAD, (2 * D + 1 + G) * QUAD
     c = b + E * QUAD
     return Room(
@@ -180,9 +185,10 @@ def eliminate(pattern, half, first, sign, most, room):
 
 @function
 def step_once(pattern, half, x, first, room, after):
-    """Write the states after those of lanes of x (D, W) to `after` (D,), see `eliminate`.
+    """Write the states after those of QUAD lanes of x (D, W) to `after` (D * QUAD,).
 
-    Return the bits of lanes in which it is accurate, and of lanes in which det A < 0.
+    `half` and `first` are those of `eliminate`. Return the bits of lanes in which the step is
+    accurate, and of lanes in which det A < 0.
     """
     (D, W), right, y = x.shape, room.right, room.y
     for i in range(D):

@@ -24,7 +24,7 @@ from .generated_tangent import (
 )
 from .llvm import QUAD, address_as_pointer
 from .numba import c_function, function, lesser
-from .sparse import Pattern, eliminate, pattern_of, room_of, size_of, step_once
+from .sparse import Pattern, eliminate, numbers_of, pattern_of, room_of, size_of, step_once
 
 BLOCK = 64  # columns that are multiplied at once, because their rows stay in the caches
 # Columns are orthonormalised after `pace` steps. It begins with 1, doubles where they have lost
@@ -184,7 +184,7 @@ def take_steps(line, table, kept, plan, ignored, steps):
         _integers(a[PLACE.right], (a[PLACE.L], 3)),
         carray(address_as_pointer(a[PLACE.of_one_sign]), (D,), np.bool_),
     )
-    size, width = (6 * D + 3 + G + E) * QUAD, a[PLACE.room]
+    size, width = numbers_of(D, G, E), a[PLACE.room]
     memory = _numbers(kept, (2 * size + D * width,))
     room = room_of(memory, D, G, E)
     back = room_of(memory[size:], D, G, E)
@@ -222,7 +222,7 @@ def orthonormalise(columns, carried, due, kept, plan):
     """Orthonormalise the columns of a trajectory, as `lengths.orthonormalise`, and set the pace."""
     a = _integers(plan, (len(PLACE),))
     D, width = a[PLACE.D], a[PLACE.room]
-    size = 2 * (6 * D + 3 + a[PLACE.G] + a[PLACE.E]) * QUAD
+    size = 2 * numbers_of(D, a[PLACE.G], a[PLACE.E])
     part = _numbers(kept + 8 * (size + D * width), (2, BLOCK))
     basis = _numbers(kept + 8 * size, (D, D))
     products = _numbers(carried, (LENGTHS + D,))

@@ -107,7 +107,7 @@ def _exchange(process: Any, request: Any, answers: Any) -> None:
     # Windows has no BrokenPipeError for a process that ended, but EINVAL.
     except (EOFError, OSError, pickle.UnpicklingError):
         answers.put(RuntimeError("the process of the search ended"))
-    except Exception as error:
+    except Exception as error:  # of any class: who waits for the answers raises it
         answers.put(error)
 
 

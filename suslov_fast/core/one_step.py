@@ -31,7 +31,8 @@ def steps_of(step, work):
     def steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at):
         begin, end, start, stop, every, next_row = span
         eps, D = arguments[-1], omega0.shape[1]
-        x, out, memory = np.empty(D), np.empty(D), np.empty(size(D))
+        x, out = np.empty(D), np.empty(D)
+        memory = np.zeros(size(D))  # so that steps which remember do so alike, and trials see it
         first, last = share(end - begin, part, parts)
         for i in range(begin + first, begin + last):
             h, own, row, undefined = eps[i % len(eps)], rows_of(arguments[:-1], i), next_row, 0.0

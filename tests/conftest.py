@@ -85,13 +85,20 @@ def case(request, body):
 @pytest.fixture(autouse=True)
 def _figures():
     """Close all figures and restore the settings of Matplotlib after each test."""
+    before = _settings()
     yield
     if "matplotlib.pyplot" in sys.modules:
-        import matplotlib
         import matplotlib.pyplot as plt
 
         plt.close("all")
-        matplotlib.rcdefaults()
+        if _settings() != before:  # to restore them takes longer than most tests
+            plt.rcdefaults()
+
+
+def _settings():
+    matplotlib = sys.modules.get("matplotlib")
+    # Not by the methods of its class, which choose a backend.
+    return matplotlib and dict(dict.items(matplotlib.rcParams))
 
 
 @pytest.fixture(scope="session")

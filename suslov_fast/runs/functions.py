@@ -33,5 +33,6 @@ def values_at(
         last = "components on the last axis, as x[..., 0]"
         expected = f"have a value for each state, (...) for states (..., D), with {last}"
         raise wrong(name, expected, received)
-    values = np.ascontiguousarray(values, np.float64)
+    # Writeable, because Numba would compile for read-only arrays anew.
+    values = np.require(values, np.float64, ["C", "A", "W"])
     return values if all_exist else np.where(np.isnan(states[..., 0]), np.nan, values)

@@ -239,7 +239,7 @@ def _states_at(
     times = _checked_times(name, value)
     start = problem(function, body, omega0, eps, threads, name="omega0")
     plane, from_plane = start.map.plane.reduce(start)
-    batch, threads, flat_times = plane.batch, plane.threads, times.reshape(-1)
+    batch, threads, flat_times = plane.batch, plane.threads, flat_arrays(times, times.shape, 0)
     starts = flat_arrays(plane.omega, batch)
     orbits = by_constants(plane.body, plane.eps, batch), starts, float(name == "n")
     require(8 * times.size * starts.size, "compute fewer states at a time")

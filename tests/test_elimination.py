@@ -3,18 +3,28 @@
 import mpmath
 import numpy as np
 import pytest
+from numba import njit
 
+from suslov_fast.core import elimination
 from suslov_fast.core.codes import NONFINITE, OK, SINGULAR
-from suslov_fast.core.elimination import (
-    LARGEST,
-    LEAST,
-    TO_SOLVE,
-    accept,
-    balance,
-    determinant_of,
-    eliminate,
-    solve,
-)
+from suslov_fast.core.elimination import LARGEST, LEAST, TO_SOLVE, balance, determinant_of
+
+
+# Calls from compiled code run the code of the kernels; those from Python would compile another.
+@njit
+def solve(system, units):
+    return elimination.solve(system, units)
+
+
+@njit
+def eliminate(system, b, lanes):
+    elimination.eliminate(system, b, lanes)
+
+
+@njit
+def accept(a, x, b, lanes):
+    return elimination.accept(a, x, b, lanes)
+
 
 FAR = 2.0**60
 RANDOM = np.random.default_rng(5).normal(size=(7, 7))

@@ -29,6 +29,7 @@ from suslov_fast import (
     vector_field,
 )
 from suslov_fast.compiled import step_system, system, work
+from suslov_fast.core import machine_code
 from suslov_fast.maps.methods import FRACTIONS
 
 S, C = np.sin, np.cos
@@ -309,9 +310,13 @@ def after(system, x, steps):
 def test_compiled_loops_take_the_same_steps():
     family = LiftedField.from_function(predator_prey, "N P", K=[2.0, 4.0])
     inverse = LiftedField.from_function(lambda x: (1 / x[0],), "x")
+    beyond = LiftedField.from_function(
+        lambda x: (np.exp(x[0]),), "x"
+    )  # det(1 - h f') < 0, no signs
     for method in ("auto", "order4", "extrapolated"):
         for field, starts, eps in (
             (field_of("kepler"), np.array([FIELDS["kepler"][1], [1.0, 0, 0, 1]]), 1 / 16),
+            (beyond, np.array([[-3.0], [1.0]]), 2.0),
             (family[1], np.array([[1.0, 1.0], [3.0, 0.1], [0.0, 2.0]]), 3.0),
             (inverse, np.array([[1.0], [0.0]]), 0.1),
         ):
@@ -333,9 +338,16 @@ def test_compiled_steps_without_a_plan(monkeypatch):
     """As of fields of many variables, by elimination with pivoting."""
     monkeypatch.setattr("suslov_fast.core.operations.MOST", 0)
     field = LiftedField.from_function(lambda x: (x[1], -S(5 * x[0]) / (1 + x[1] ** 2)), "a b")
-    constants, x, out = system(field, 0.1), np.array([1.0, 0.5]), np.empty(2)
-    assert step_system(constants, x, out, work(constants)) == Status.OK
-    np.testing.assert_array_equal(out, step(field, x, 0.1))
+    for method in ("auto", "extrapolated"):
+        constants, x, out = system(field, 0.1, method=method), np.array([1.0, 0.5]), np.empty(2)
+        assert step_system(constants, x, out, work(constants)) == Status.OK
+        np.testing.assert_array_equal(out, step(field, x, 0.1, method=method))
+
+
+def test_a_system_needs_machine_code(monkeypatch):
+    monkeypatch.setattr("suslov_fast.core.lifted_system.code_of", lambda *_, **__: None)
+    with pytest.raises(RuntimeError, match=r"^body: steps of a LiftedField need machine code here"):
+        system(field_of("pendulum"), 0.1)
 
 
 def test_dictionaries_hold_the_equations_as_text():
@@ -556,6 +568,9 @@ def test_code_that_writes_words_behind_a_state():
     """As `lift`; it returns 2 beyond a pole of the given equations."""
     field = LiftedField.from_function(predator_prey, "N P", K=[2.0, 4.0])[1]
     constants = system(field, 4.0)
+    # Users may keep the system, so its code is never freed.
+    lasting = {code for (*_, lasts), code in machine_code._codes.items() if lasts}
+    assert {constants.address, constants.lift} <= lasting
     write = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 2)(constants.lift)
     for state, code in (([1.0, 1.0], 0), ([0.1, 0.1], 2)):
         words = np.array([*state, *[np.nan] * len(field.added)])

@@ -1,16 +1,20 @@
 """Steps of sparse fields, lane by lane, against the dense implicit equations by NumPy."""
 
+import ctypes
+
 import numpy as np
 import pytest
 
+from suslov_fast.core import generated_tangent, sparse_tangent
 from suslov_fast.core.careful import CHANGED
 from suslov_fast.core.elimination import LEAST_PIVOT
 from suslov_fast.core.sparse import pattern_of, size_of, sparse_steps
+from suslov_fast.core.steps_field import scheme_of
 
 D = 11
 
 
-def terms(rng):
+def terms(rng, D=D):
     """Indices of v x_j x_k in f_i with x_D = 1: neighbours, distant products, constants."""
     i = np.arange(D)
     linear = [[*i, *i], [*i, *(i + 1) % D], [D] * 2 * D]
@@ -24,7 +28,8 @@ def terms(rng):
 
 def equations(indices, half, x):
     """Matrix A and right side b of x_next - x = sum of half (x_j x_k_next + x_j_next x_k)."""
-    A, b, y = np.eye(D), x.copy(), np.append(x, 1.0)
+    D, y = len(x), np.append(x, 1.0)
+    A, b = np.eye(D), x.copy()
     for (i, j, k), h in zip(indices.T, half, strict=True):
         for known, sought in ((j, k), (k, j)):
             if sought < D:
@@ -37,7 +42,7 @@ def equations(indices, half, x):
 def pivots_of(A, order):
     """Pivots of elimination in an order, as quotients of leading minors."""
     sorted_rows = A[np.ix_(order, order)]
-    minors = [np.linalg.det(sorted_rows[:k, :k]) for k in range(D + 1)]
+    minors = [np.linalg.det(sorted_rows[:k, :k]) for k in range(len(A) + 1)]
     return np.divide(minors[1:], minors[:-1])
 
 
@@ -74,3 +79,103 @@ def test_steps_solve_the_implicit_equations(rng, W, for_each):
     taken = np.array([3, 0])
     sparse_steps.serial(pattern, half, (255, 255, 1), x, memory, taken)
     assert taken.tolist() == [3, 0]
+
+
+class Columns:
+    """A line of `sparse_tangent`, and calls of its code."""
+
+    def __init__(self, indices, half, x):
+        D, first = len(x), generated_tangent.LENGTHS
+        step = scheme_of(indices, D).step
+        fixed, self.alive = sparse_tangent.arguments_of(
+            step, 2.0 * half, np.array([1.0]), np.array([1.0])
+        )
+        *self.codes, self.plan, _, width, kept, _, self.table, _ = fixed
+        self.kept, self.line = np.full(kept, np.nan), np.zeros(2 * D + first + D * width)
+        self.x, self.numbers = self.line[:D], self.line[D : D + first]
+        self.lengths, columns = np.split(self.line[D + first :], [D])
+        self.columns = columns.reshape(D, width)[:, :D]
+        self.x[:], self.lengths[:] = x, 1.0
+
+    def call(self, code, *arguments):
+        arguments = [getattr(each, "ctypes", each) for each in arguments]
+        arguments = [getattr(each, "data", each) for each in arguments]
+        kind = ctypes.CFUNCTYPE(*[ctypes.c_int64] * (len(arguments) + 1))
+        return kind(self.codes[code])(*arguments)
+
+    def take(self, ignored, steps):
+        return self.call(0, self.line, self.table, self.kept, self.plan, ignored, steps)
+
+    def orthonormalise(self):
+        self.call(1, self.columns, self.numbers, 1, self.kept, self.plan)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("D", "size"), [(D, 0.45), (70, 0.2)])  # 64 columns at once
+def test_derivatives_along_orbits(rng, D, size):
+    """Columns q become -DPhi q; what stops a run is told."""
+    indices, seen, ends = terms(rng, D), 0, 0
+    column, pace = rng.normal(size=(D, D)), sparse_tangent.PACE
+    for k in range(60 if D < 64 else 6):
+        half, before = size * rng.normal(size=(1, indices.shape[1])), rng.normal(size=D)
+        A, b = equations(indices, half[0], before)
+        after = np.linalg.solve(A, b)
+        B = 2 * np.eye(D) - equations(indices, half[0], after)[0]
+        line = Columns(indices, half, before)
+        order = pattern_of(indices.tobytes(), D).order
+        is_bad = False
+        for matrix, most in ((A, np.inf), (B, 1.0)):  # of B, a pivot 1 counts, too
+            pivots = abs(pivots_of(matrix, order))
+            largest = max(1.0, pivots.max(), abs(matrix.diagonal()).max())
+            is_bad |= min(most, pivots.min()) <= LEAST_PIVOT * largest
+        flags = [(np.linalg.det(A) < 0, generated_tangent.NEGATIVE)]
+        flags.append((after[5] * before[5] < 0, generated_tangent.CHANGED))
+        flags.append((is_due := k % 3 == 0, generated_tangent.DUE))
+        told = sum(int(is_told) << place for is_told, place in flags)
+        line.columns[:], line.numbers[generated_tangent.VOLUME] = column, (2 - is_due) * pace
+        assert line.take(1, 3) == 3
+        np.testing.assert_array_equal(line.x, before)
+        if is_bad:
+            assert line.take(0, 3) == 1 << generated_tangent.STEP
+            ends += 1
+            continue
+        seen |= told
+        assert line.take(0, 1) == 1 + told
+        derivative = np.linalg.solve(A, B)
+        np.testing.assert_allclose(line.x, after, rtol=1e-7, atol=1e-9)
+        wanted = -derivative @ column
+        np.testing.assert_allclose(line.columns, wanted, rtol=1e-7, atol=1e-9 * abs(wanted).max())
+        logarithm = line.numbers[generated_tangent.NEAR_1]
+        assert logarithm == pytest.approx(np.linalg.slogdet(derivative)[1], rel=1e-7, abs=1e-9)
+    kinds = generated_tangent.NEGATIVE, generated_tangent.CHANGED, generated_tangent.DUE
+    assert D > 64 or (ends > 3 and seen == sum(1 << kind for kind in kinds))
+
+
+@pytest.mark.compiled
+def test_columns_are_orthonormalised_as_seldom_as_they_keep_digits(rng):
+    """As by QR. A column that loses less than 1/8 of its length lets the next time come later."""
+    D, pace = 70, sparse_tangent.PACE
+    indices = terms(rng, D)
+    half, limit = np.ones((1, indices.shape[1])), generated_tangent.LIMIT
+    line = Columns(indices, half, np.zeros(D))
+    basis = np.linalg.qr(rng.normal(size=(D, D)))[0]
+    for lost, before, after in (
+        (1.0, (4, 4), 8),
+        (1.0, (16, 16), 16),
+        (1.0, (4, 3), 4),  # before its time, because lengths were out of range
+        (2 * limit**0.5, (4, 4), 4),
+        (2 * limit, (4, 2), 2),
+        (2 * limit, (1, 1), 1),
+        (np.inf, (8, 8), 4),
+    ):
+        mixed = np.diag(rng.uniform(0.5, 2.0, D))
+        for k in (5, 67):  # of both blocks
+            mixed[k - 2, k] = mixed[k, k] * np.sqrt(lost**2 - 1.0) if lost < np.inf else 0.0
+        mixed[2, 2] *= lost < np.inf
+        line.columns[:], line.lengths[:] = basis @ mixed, 3.0
+        line.numbers[generated_tangent.VOLUME] = pace * before[0] + before[1]
+        line.orthonormalise()
+        assert line.numbers[generated_tangent.VOLUME] == pace * after
+        np.testing.assert_allclose(line.lengths, 3.0 * mixed.diagonal(), rtol=1e-6, atol=1e-15)
+        if lost < np.inf:
+            np.testing.assert_allclose(line.columns, basis, atol=1e-12 * lost)

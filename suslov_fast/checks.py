@@ -148,7 +148,8 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     array = _floats(name, value)
     if array.ndim == 0 or array.shape[-1] != len(labels):
         received = f"{array.shape}{_advice_on_shape(array.shape, labels)}"
-        raise wrong(name, f"have the shape (..., {len(labels)})", received)
+        last = f", with {', '.join(labels)} on the last axis" if len(labels) <= 8 else ""
+        raise wrong(name, f"have the shape (..., {len(labels)}){last}", received)
     if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
         return array
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
@@ -247,7 +248,8 @@ def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False
     """Return matrices (..., n, n) of finite real numbers."""
     matrices = real_array(name, value, allow_nan)
     if matrices.shape[-2:] != (n, n):
-        raise wrong(name, f"have the shape (..., {n}, {n})", matrices.shape)
+        how = f": pass np.diag({name})" if matrices.shape == (n,) else ""
+        raise wrong(name, f"have the shape (..., {n}, {n})", f"{matrices.shape}{how}")
     return matrices
 
 

@@ -10,6 +10,7 @@ from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 _STATES = "the states are the second argument, without a name"
 _SPAN = "pass eps= and steps=; a run ends at the time eps * steps"
@@ -17,6 +18,7 @@ _DIGITS = (
     'pass method="extrapolated", or a smaller eps=; flow integrates fields to a tolerance rtol='
 )
 _CHOSEN = "flow chooses its steps from the tolerance rtol=; iterate has eps= and method="
+_TENSOR = "from_inertia(I, a) makes a body from an inertia tensor and the constrained axis"
 _AXES = "set it on the axes that plots return, such as ax.set_xlim(0, 1)"
 _ON_AXES = "xlim ylim xlabel ylabel cmap alpha s lw linewidth label grid legend"
 
@@ -28,7 +30,8 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("dt h step_size stepsize delta_t first_step max_step", ("eps",), _CHOSEN, "rtol"),
         ("eps steps", (), _CHOSEN, "rtol"),
         ("t time times t_eval tspan saveat ts", ("time",), _SPAN, "steps"),
-        ("t_span T t_end tf t_final total_time tmax t0", ("time",), _SPAN, "steps"),
+        ("T", ("time", "period"), _SPAN, "steps"),
+        ("t_span t_end tf t_final total_time tmax t0", ("time",), _SPAN, "steps"),
         ("tol rtol atol reltol abstol", ("rtol", "tol"), _DIGITS, "method"),
         ("method order integrator solver alg algorithm scheme", ("method",), _CHOSEN, "rtol"),
         ("n n_steps num_steps nsteps N iterations max_steps maxiter", ("steps", "n"), "", ""),
@@ -51,33 +54,75 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         (_ON_AXES, (), _AXES, "ax"),
         ("figsize", (), "pass ax= of plt.subplots(figsize=(6, 4))", "ax"),
         ("axis", ("components",), "components are always on the last axis of states", ""),
+        ("I11", ("I1",), "", ""),
+        ("I22", ("I2",), "", ""),
+        ("I33", ("I3",), "", ""),
+        ("I31", ("I13",), "", ""),
+        ("I32", ("I23",), "", ""),
+        ("I12 I21", (), f"it is 0 in the adapted basis: {_TENSOR}", "I13"),
+        ("I inertia tensor", (), _TENSOR, "I13"),
     )
     for name in names.split()
 }
 
 
+# What a required argument is, for calls without it.
+_REQUIRED = {
+    "steps": "the number of steps; a run ends at the time eps * steps",
+    "eps": "the step size",
+    "time": "the times of the solution",
+    "surface": "a function of states, such as lambda x: x[..., 0] - 1",
+    "dimension": 'the number of variables or their names, such as "x v"',
+    "period": "an approximate period",
+    "store": "the name of a folder, such as 'runs.zarr'",
+    "a": "the constrained axis, such as [0, 0, 1]",
+    "k": "the angular momentum of the rotor",
+    "I2": _TENSOR,
+    "SuslovND.I": "the products of inertia; from_mass_tensor makes a body from a matrix",
+    "quadratic": "an array (D, D, D); from_function makes a field from its right-hand side",
+}
+
+
+def public_class(body: type[T]) -> type[T]:
+    """Let the constructor of a dataclass answer as a public function."""
+    body.__init__ = public(body.__init__)  # type: ignore[method-assign]
+    return body
+
+
 def public(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function answer a keyword that it does not have with the one to use."""
-    parameters = inspect.signature(function).parameters.values()
+    """Let a function answer a keyword that it does not have with the one to use.
+
+    It also says what the arguments are that a call lacks.
+    """
+    parameters = [*inspect.signature(function).parameters.values()]
     kinds = [each.kind for each in parameters]
     takes_any = inspect.Parameter.VAR_KEYWORD in kinds
     most = len(kinds) - kinds.count(inspect.Parameter.KEYWORD_ONLY) - takes_any
-    is_method = int(next(iter(parameters)).name in ("self", "cls")) if kinds else 0
+    is_method = int(parameters[0].name in ("self", "cls")) if kinds else 0
     by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
-    known = {each.name for each in [*parameters][is_method:] if each.kind in by_name}
+    known = {each.name for each in parameters[is_method:] if each.kind in by_name}
     others = [f"{each.name}=" for each in parameters if each.kind is each.KEYWORD_ONLY]
     others += ["parameters, such as a=1"] * takes_any
+    stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
+    required = [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
+    called = function.__qualname__.removesuffix(".__init__").rpartition(".")[-1]
 
     @wraps(function)
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
         if len(args) > most and inspect.Parameter.VAR_POSITIONAL not in kinds:
             count, s = most - is_method, "" if most - is_method == 1 else "s"
-            received = f"{count} argument{s} by position, not {len(args) - is_method}"
+            first = ", ".join(each.name for each in parameters[is_method:most])
+            received = f"{count} argument{s} by position ({first}), not {len(args) - is_method}"
             how = f"; by name: {', '.join(others)}" if others else ""
-            raise TypeError(f"{function.__name__} takes {received}{how}")
+            raise TypeError(f"{called} takes {received}{how}")
         if kwargs and not takes_any and not kwargs.keys() <= known:
             name = next(name for name in kwargs if name not in known)
-            raise TypeError(f"{function.__name__} has no argument {name!r}: {advice(name, known)}")
+            raise TypeError(f"{called} has no argument {name!r}: {advice(name, known)}")
+        if len(args) < len(required):
+            for name in required[len(args) :]:
+                if name not in kwargs:
+                    what = _REQUIRED.get(f"{called}.{name}") or _REQUIRED.get(name)
+                    raise TypeError(f"{called} needs {name}{f', {what}' if what else ''}")
         return function(*args, **kwargs)
 
     return answering
@@ -89,10 +134,10 @@ def advice(name: str, known: Collection[str]) -> str:
         return 'pass components, as in plot("x1", "x2")'
     arguments, sentence, other = _ADVICE.get(name, ((), "", ""))
     found = [argument for argument in arguments if argument in known]
+    if not found and sentence and (not other or other in known):
+        return sentence
     if found or (found := get_close_matches(name, known, 1)):
         return f"pass {found[0]}="
-    if sentence and (not other or other in known):
-        return sentence
     return f"it has {', '.join(sorted(known))}" if known else "it takes no argument by name"
 
 

@@ -12,6 +12,7 @@ from suslov_fast.keywords import advice, public
 
 FIELD = sf.QuadraticField.from_function(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
 RUN = sf.iterate(FIELD, [1.0, 0.0], 0.1, 10)
+SPACE = sf.QuadraticField.from_function(lambda x: (x[1], -x[0], x[2]), "u v w")
 POINTS = sf.crossings(FIELD, [1.0, 0.0], 0.1, 100, lambda x: x[..., 0])
 STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
 
@@ -49,6 +50,11 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (POINTS.plot, (), "cmap", "set it on the axes"),
         (RUN.extend, (), "n", "pass steps="),
         (RUN.save, (), "filename", "pass path="),
+        (sf.periodic_orbit, (FIELD, [1, 0]), "T", "pass period="),
+        (sf.Suslov3D, (), "I11", "Suslov3D has no argument 'I11': pass I1="),
+        (sf.Suslov3D, (), "I12", r"it is 0 in the adapted basis: from_inertia\(I, a\)"),
+        (sf.SuslovGyrostat, (), "inertia", "from_inertia"),
+        (sf.SuslovND, (), "N", "SuslovND has no argument 'N': it has I, J"),
     ],
     ids=lambda value: value if isinstance(value, str) else getattr(value, "__name__", ""),
 )
@@ -63,14 +69,22 @@ def test_unknown_keywords(function, arguments, keyword, answer):
         (
             sf.flow,
             (FIELD, [1, 0], 3.0, 1e-6),
-            "takes 3 arguments by position, not 4; by name: rtol=",
+            r"takes 3 arguments by position \(body, omega0, time\), not 4; by name: rtol=",
         ),
-        (sf.energy, (FIELD, [1, 0], 3), "energy takes 2 arguments by position, not 3$"),
-        (RUN.extend, (3, 4), "extend takes 1 argument by position, not 2; by name: threads="),
+        (
+            sf.energy,
+            (FIELD, [1, 0], 3),
+            r"energy takes 2 arguments by position \(body, omega\), not 3$",
+        ),
+        (
+            RUN.extend,
+            (3, 4),
+            r"extend takes 1 argument by position \(steps\), not 2; by name: threads=",
+        ),
         (
             sf.QuadraticField.from_function,
             (lambda x, rho: (x[1], -rho * x[0]), 2, 28),
-            "from_function takes 2 arguments by position, not 3; by name: parameters, such as a=1",
+            r"takes 2 arguments by position \(f, dimension\), not 3; by name: parameters, such as",
         ),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
@@ -78,6 +92,51 @@ def test_unknown_keywords(function, arguments, keyword, answer):
 def test_arguments_that_are_passed_by_name(function, arguments, answer):
     with pytest.raises(TypeError, match=answer):
         function(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "answer"),
+    [
+        (sf.iterate, STEPPED[:3], "^iterate needs steps, the number of steps"),
+        (sf.jacobian, STEPPED[:2], "^jacobian needs eps, the step size"),
+        (sf.ensemble, STEPPED, "^ensemble needs store, the name of a folder"),
+        (sf.flow, (), "^flow needs body$"),
+        (sf.Suslov3D, (np.eye(3),), "^Suslov3D needs I2, from_inertia"),
+        (sf.Suslov3D.from_inertia, (np.eye(3),), "^from_inertia needs a, the constrained axis"),
+        (sf.SuslovND, ([1.0, 2.0],), "^SuslovND needs I, .*from_mass_tensor"),
+        (sf.QuadraticField, (), "^QuadraticField needs quadratic, an array"),
+        (sf.QuadraticField.from_function, (len,), "needs dimension, the number of variables"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_missing_arguments(function, arguments, answer):
+    with pytest.raises(TypeError, match=answer):
+        function(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("call", "answer"),
+    [
+        (lambda: sf.flow(SPACE, (0, 10), [1, 2, 3]), r"a time: pass .* flow\(field, x0, time\)"),
+        (lambda: sf.iterate(FIELD, [1.0, 0.0, 0.0], 0.1, 10), r"\(\.\.\., 2\), with u, w on the"),
+        (lambda: sf.ensemble(*STEPPED, store=3), "store must be the name of a folder, .*, not 3$"),
+        (lambda: sf.ensemble(*STEPPED, store="a.h5"), r"not 'a\.h5': .* has to_netcdf\(path\)"),
+        (lambda: sf.ensemble(*STEPPED, store="a.csv"), r"not 'a\.csv': .* has to_dataframe\(\)"),
+        (lambda: sf.RandomStarts(3, (-1, 2)), "for an interval pass low=-1, high=2"),
+        (lambda: sf.Suslov3D.from_inertia([4, 2, 3], [0, 0, 1]), r"\(3,\): pass np\.diag\(I\)"),
+        (
+            lambda: sf.QuadraticField.from_function(lambda x, p: (p["k"] * x[0],), 1, p={"k": 2}),
+            "pass each number by its own name, such as k=2",
+        ),
+        (lambda: sf.QuadraticField.from_function("p, -q", "q p"), "for example lambda x: "),
+        (lambda: RUN.plot("run.png"), r"whose figure\.savefig\('run\.png'\) writes a file"),
+        (lambda: RUN.plot("time", "energy"), r"ax\.plot\(run\.time, run\.energy\(\)\)"),
+        (lambda: RUN.plot(color=[1, 2]), r"shape \(\), one number for each orbit"),
+    ],
+)
+def test_messages_end_with_what_to_type(call, answer):
+    with pytest.raises((TypeError, ValueError), match=answer):
+        call()
 
 
 def test_every_public_function_answers():

@@ -206,6 +206,25 @@ def test_families_have_the_solutions_of_their_members(rng):
         assert abs(found[k] - exact[0]).max() < 1e-8
 
 
+def test_parameters_of_families_in_arrays():
+    """As NumPy writes coupled phases, and a matrix of parameters."""
+    own, K, start = np.linspace(-1, 1, 4), np.array([0.5, 2.0]), [0.1, 0.7, 1.5, 2.0]
+
+    def phases(x, K):
+        x = np.array(x)
+        return own + K / 4 * np.sin(x[None, :] - x[:, None]).sum(axis=1)
+
+    def turned(x, K):
+        return np.array([[0, K], [-K, 0]]) @ np.array([np.sin(x[0]), x[1]])
+
+    for f, x in (phases, start), (turned, start[:2]):
+        family = LiftedField.from_function(f, len(x), K=K)
+        found = flow(family, x, [2.0])[0]
+        for k in (0, 1):
+            exact = solution(lambda z, f=f, k=k: f(z, K[k]), x, [2.0])[0]
+            assert abs(found[k] - exact).max() < 1e-7
+
+
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_numpy_takes_the_same_steps(rng, monkeypatch):
     field = of(lambda x: (E(x[0] - x[1]), -np.sqrt(x[1])), 2)

@@ -86,7 +86,8 @@ def check_callable(argument: str, f: Any) -> None:
     if callable(f):
         return
     each = f if isinstance(f, (list, tuple)) else [f]
-    how = ""
+    example = "(x[0]**2 + x[1]**2) / 2" if argument == "H" else "(x[1], -x[0])"
+    how = f": for example lambda x: {example}"
     if any(hasattr(expression, "free_symbols") for expression in each):
         how = ": pass sympy.lambdify([names], list(expressions))"
     expected = "a function of x, a tuple of the variables"

@@ -61,7 +61,7 @@ class Column(NDArrayOperatorsMixin):
             # Arrays of polynomials: compute entry by entry. NumPy may add floats in another order.
             if any(a.dtype != object for a in arrays):
                 raise Refused
-            return operation(*(a if isinstance(a, np.ndarray) else _alone(a) for a in operands))
+            return operation(*(a if isinstance(a, np.ndarray) else alone(a) for a in operands))
         if operation is np.power:
             return self._power(*operands)
         if operation not in _ARITHMETIC:
@@ -93,7 +93,7 @@ class Column(NDArrayOperatorsMixin):
         raise Refused
 
 
-def _alone(value: Any) -> Any:
+def alone(value: Any) -> Any:
     """Return an array without axes that holds one object."""
     array = np.empty((), object)
     array[()] = value
@@ -119,7 +119,7 @@ def exact_values(terms: Terms, symbols: Sequence[Symbol]) -> Any:
 
 def _product(c: Fraction, factors: Sequence[Symbol]) -> Any:
     """Return c times the values of symbols for all members, as fractions."""
-    product = _alone(c)
+    product = alone(c)
     for values, is_inverse in factors:
         p, q = (1, 1) if product.ndim else c.as_integer_ratio()
         ratios = (a.as_integer_ratio() for a in values.ravel().tolist())

@@ -88,6 +88,7 @@ class QuadraticField(_FieldOfTerms):
 
     _texts: ClassVar[Any] = ("names",)
 
+    @public
     def __init__(
         self, quadratic: Any, linear: Any = None, constant: Any = None, names: Any = None
     ) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .columns import Column, Refused
+from .columns import Column, Refused, alone
 from .definitions import Definitions, in_brackets
 from .expressions import COMPARISONS, RULES, Expression
 
@@ -32,7 +32,7 @@ class Parameter(Column):
 
     def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
         if any(isinstance(a, np.ndarray) for a in operands):
-            return operation(*(np.array(a, object) for a in operands))
+            return operation(*(np.asarray(a, object) for a in operands))
         name = operation.__name__
         if any(isinstance(a, Expression) for a in operands):
             return NotImplemented
@@ -49,6 +49,9 @@ class Parameter(Column):
                 values.append(float(a))
                 texts.append(_text_of_number(a))
         return Parameter(_by_member(name, operation, values), self._definitions, _text(name, texts))
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        return alone(self)  # so that arrays can hold it, such as a matrix of parameters
 
     def __bool__(self) -> bool:
         raise Refused(f"asks whether {self._text} is true, which has an array of values")

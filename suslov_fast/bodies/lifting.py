@@ -269,7 +269,7 @@ def _quadratic(definitions: Definitions, algebra: _Algebra, words: list[Monomial
         products = ", ".join(shorten(text, 100, placeholder=" ...") for text in texts)
         raise TooMany(
             f"more than {MOST} variables would be needed, from {len(words)} and products such as "
-            f"{products}"
+            f"{products}: if f contains differences, make them variables; or use SciPy's solve_ivp"
         )
     return _with_places(algebra, closed)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import OTHERS, FloatArray, first_index, real_array, spell, within, wrong
+from ..keywords import public, public_class
 from .base import Body
 from .field import QuadraticField
 from .field_of_terms import parts_of
@@ -31,6 +32,7 @@ _INSTEAD = {
 }
 
 
+@public_class
 @dataclass(frozen=True, eq=False, repr=False)
 class SuslovND(Body):
     """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
@@ -107,6 +109,7 @@ class SuslovND(Body):
         return places, np.concatenate([I[..., j] / J[..., i], -I[..., i] / J[..., i]], axis=-1)
 
     @classmethod
+    @public
     def from_mass_tensor(
         cls, I: ArrayLike, a: ArrayLike | None = None
     ) -> tuple[SuslovND, FloatArray]:

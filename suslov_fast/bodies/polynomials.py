@@ -30,6 +30,9 @@ def exact(name: str, value: Any) -> Fraction:
         raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = f"the {type(value).__name__} {short(value)}"
+        if isinstance(value, dict) and value:
+            key = next(iter(value))
+            received += f": pass each number by its own name, such as {key}={value[key]!r}"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     try:
         if not is_ratio and value and float(value) in (0.0, math.inf, -math.inf):

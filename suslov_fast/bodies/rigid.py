@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, wrong
+from ..keywords import public, public_class
 from .base import Body
 from .field import QuadraticField
 from .field_of_terms import parts_of
@@ -81,6 +82,7 @@ def _excess(tensors: FloatArray) -> Any:
     return moments.sum(axis=-1) / moments[..., -1] - 2.0
 
 
+@public_class
 @dataclass(frozen=True, eq=False, repr=False)
 class Suslov3D(_In3D):
     """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
@@ -143,6 +145,7 @@ class Suslov3D(_In3D):
         return low[()], high[()]
 
     @classmethod
+    @public
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
         """Return the body with this inertia tensor and this constrained axis.
 
@@ -185,6 +188,7 @@ class Suslov3D(_In3D):
         return cls(I1, I2, I13, I23, I3), rotation
 
 
+@public_class
 @dataclass(frozen=True, eq=False, repr=False)
 class SuslovGyrostat(_In3D):
     """A rigid body, or a batch of them, with a rotor along the constrained axis.
@@ -220,6 +224,7 @@ class SuslovGyrostat(_In3D):
     _steady: ClassVar[str] = "0, and the states with I13 Omega1 + I23 Omega2 = -k"
 
     @classmethod
+    @public
     def from_inertia(
         cls, I: ArrayLike, a: ArrayLike, k: ArrayLike
     ) -> tuple[SuslovGyrostat, FloatArray]:

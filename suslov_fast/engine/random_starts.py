@@ -63,6 +63,9 @@ class RandomStarts:
         if self.low is None and self.high is None:
             if self.extent is None:
                 raise TypeError("RandomStarts needs extent, or low and high, such as low=0, high=2")
+            if isinstance(self.extent, (tuple, list)) and len(self.extent) == 2:
+                how = "{!r}: for an interval pass low={!r}, high={!r}"
+                raise wrong("extent", "a positive number", how.format(self.extent, *self.extent))
             vars(self).update(extent=positive("extent", self.extent))
             return
         if self.extent is not None or self.low is None or self.high is None:

@@ -4,6 +4,7 @@ Imports Matplotlib (extra `plots`).
 """
 
 import math
+import re
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -136,6 +137,18 @@ def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any
 _TIME = -1  # in place of the index of a component
 
 
+def _in_place_of(components: Any) -> str:
+    """Return advice, for messages, on what is no component."""
+    if isinstance(components, str) and re.search(r"\.\w+$", components):
+        return f": plots return axes, whose figure.savefig({components!r}) writes a file"
+    quantities = ("energy", "modified_energy", "first_integral", "criticality")
+    if isinstance(components, (tuple, list)):
+        for name in quantities:
+            if name in components:
+                return f": draw quantities by ax.plot(run.time, run.{name}())"
+    return ""
+
+
 def _components(run: Any, components: Any) -> list[int]:
     """Return the indices of two or three components, given by index or label, or _TIME."""
     labels = [*run.body._labels]
@@ -146,7 +159,7 @@ def _components(run: Any, components: Any) -> list[int]:
     expected += f', such as ("time", "{labels[0]}")'
     given = components if isinstance(components, (tuple, list)) else ()
     if len(given) not in (2, 3) or any(isinstance(k, str) and k not in names for k in given):
-        raise wrong("components", expected, short(components))
+        raise wrong("components", expected, f"{short(components)}{_in_place_of(components)}")
     indices = []
     for k in given:
         if isinstance(k, str):
@@ -213,9 +226,10 @@ def _colours(
     if of_crossings and values.shape == run.count.shape != shape:
         values = run._at_crossings(values)
     if values.shape != shape:
-        expected = f"have the shape {shape}"
+        expected = f"have the shape {shape}, one number for each orbit"
         if of_crossings:
-            expected += f", one for each crossing, or {run.count.shape}, for each trajectory"
+            expected = f"have the shape {shape}, one number for each crossing, or "
+            expected += f"{run.count.shape}, one for each trajectory"
         raise wrong("color", expected, values.shape)
     return _Colours(values.ravel())
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import AnyBody, BodyOrField
 from ..bodies.nd import NotIntegrableError
-from ..checks import FloatArray, real_number, require, warn, wrong
+from ..checks import FloatArray, real_number, require, short, warn, wrong
 from ..core import closed_form
 from ..engine.arguments import by_constants, flat_arrays
 from ..engine.problem import check
@@ -175,7 +175,13 @@ def flow(
                 raise TypeError(f"{name} needs a field, not {received}: {how}")
         return _states_at("flow", body, omega0, 0.0, "time", time, threads)
     times, tolerance = _checked_times("time", time), checked_tolerance(rtol)
-    start = check(map, body, omega0, 0.0, threads, name="x")
+    try:
+        start = check(map, body, omega0, 0.0, threads, name="x")
+    except ValueError:
+        if times.shape == (len(body._labels),) != np.shape(omega0)[-1:]:
+            how = "pass the state first, flow(field, x0, time)"
+            raise wrong("x", "the initial state", f"{short(omega0)}, a time: {how}") from None
+        raise
     states = motion(start, times.reshape(-1), tolerance, progress)
     return states.reshape(*times.shape, *states.shape[1:])
 

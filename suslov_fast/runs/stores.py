@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..checks import first_index, in_units, wrong
+from ..checks import first_index, in_units, short, wrong
 from ..engine.random_starts import RandomStarts
 from ..engine.status import Status
 from . import access
@@ -35,6 +35,13 @@ from .metadata import COPY, Contents, Stored, Tile, digest_of, overlaid, read_co
 
 # Values that unwritten chunks show, by the name of a column; others are NaN, or Zarr's default.
 _FILLS = {column.name: column.fill for column in RUN}
+# What to use for files with a suffix that no folder has.
+_LABELLED = "the result of ensemble has to_netcdf(path), which writes one file"
+_OF_FILES = {
+    ".npz": "Trajectories.load reads .npz files",
+    **dict.fromkeys((".nc", ".h5", ".hdf5"), _LABELLED),
+    ".csv": "the result of ensemble has to_dataframe(), whose to_csv(path) writes one file",
+}
 # Held while settings of Zarr are changed, because they apply to all threads.
 _SETTINGS = Lock()
 
@@ -54,12 +61,13 @@ class Lost(NamedTuple):
 def resolved(store: Any) -> Any:
     """Return a store in a form that other processes can open: folders as absolute paths."""
     Store = checks.extra("zarr.abc.store", "large").Store
-    checks.instance("store", store, (str, os.PathLike, Store))
     if isinstance(store, Store):
         return access.opened(store)
-    if Path(store).suffix.lower() == ".npz":
-        received = f"{os.fspath(store)!r}: Trajectories.load reads .npz files"
-        raise wrong("store", "the name of a folder, such as 'runs.zarr'", received)
+    folder = "the name of a folder, such as 'runs.zarr'"
+    if not isinstance(store, (str, os.PathLike)):
+        raise wrong("store", folder, short(store), TypeError)
+    if how := _OF_FILES.get(Path(store).suffix.lower()):
+        raise wrong("store", folder, f"{os.fspath(store)!r}: {how}")
     if Path(store).suffix.lower() == ".zip" and Path(store).is_file():
         received = f"the name of a file: pass zarr.storage.ZipStore({os.fspath(store)!r}, mode='r')"
         raise wrong("store", "the name of a folder, or a Zarr store", received)

@@ -339,9 +339,9 @@ def test_compiled_steps_without_a_plan(monkeypatch):
     monkeypatch.setattr("suslov_fast.core.operations.MOST", 0)
     field = LiftedField.from_function(lambda x: (x[1], -S(5 * x[0]) / (1 + x[1] ** 2)), "a b")
     for method in ("auto", "extrapolated"):
-        constants, x, out = system(field, 0.1, method=method), np.array([1.0, 0.5]), np.empty(2)
-        assert step_system(constants, x, out, work(constants)) == Status.OK
-        np.testing.assert_array_equal(out, step(field, x, 0.1, method=method))
+        x, out = np.array([1.0, 0.5]), np.array([[1.0, 0.5]])
+        assert (after(system(field, 0.1, method=method), out, 40) == Status.OK).all()
+        np.testing.assert_array_equal(out[0], iterate(field, x, 0.1, 40, method=method).final)
 
 
 def test_a_system_needs_machine_code(monkeypatch):

@@ -13,7 +13,7 @@ from test_orders import FLOWS, HENON_HEILES, LORENZ, SQUARE, motion
 import suslov_fast as sf
 from suslov_fast import PoleWarning, QuadraticField, flow
 from suslov_fast.core import flow as core_flow
-from suslov_fast.core import single_motion, tolerance
+from suslov_fast.core import operations, single_motion, tolerance
 from suslov_fast.engine import threads
 
 
@@ -455,3 +455,80 @@ def test_after_a_refused_step_the_next_is_not_longer():
         was_refused = time == before
         count += was_refused
     assert count > 0
+
+
+USUAL = {"t": 0.25, "wanted": 0.125, "longest": 3.0, "taken": 0.125, "first": 0.125}
+USUAL |= {"least": 0.5, "end": 1.0, "rtol": 1e-6}
+
+
+def chosen(total, error=(0.0, 0.0), signs=(), largest=(0.0, 0.0), sums=(0.0, 0.0), **numbers):
+    """Return what `Choice` makes of a step from (1, 2): state, largest, time, length, longest."""
+    choice, total = tolerance.Choice(None, 2, 2, signs), np.array(total)
+    given = [1.0, 2.0, *total, *(total - error), *largest, *sums, *(USUAL | numbers).values()]
+    found = dict(enumerate(map(np.float64, given)))
+    with np.errstate(all="ignore"):
+        operations.evaluate(choice.operations, found)
+    return [float(found[number]) for number in choice.results]
+
+
+@pytest.mark.parametrize(
+    ("step", "is_taken", "factor"),
+    [
+        (([0.5, 1.0], [0.5e-6, 0.0]), True, 0.85 * 3 ** (1 / 8)),
+        (([0.5, 1.0], [0.0, 6e-6]), False, 0.85 * 2 ** (-1 / 8)),
+        (([0.5, 1.0], [0.0, -5.99e-6], (), (0.0, 6.0)), True, 0.85),
+        (([-1.0, 1.0], [2.99e-6 * 2.0**-20, 0.0]), True, 0.85),  # of the other component
+        (([0.5, 1.0], [0.124 * 2.0**-16, 0.0], (), (0.0, 0.0), (2.0**30, 0.0)), True, 0.85),
+        (([0.5, 1.0],), True, 3.0),
+        (([0.5, 1.0], [1.0, 1.0]), False, 0.2),
+        (([np.inf, 1.0],), False, 0.2),
+        (([0.5, 1.0], [0.0, np.nan]), False, 0.2),
+    ],
+)
+def test_the_next_length_follows_from_the_error(step, is_taken, factor):
+    """It is 0.85 rho**(-1/8) times the length, but at least 0.2, and 3 at most."""
+    *state, first, second, time, length, longest = chosen(*step)
+    assert state == [1.0 + is_taken * step[0][0], 2.0 + is_taken * 1.0] if is_taken else [1.0, 2.0]
+    largest = [*step[3]] if len(step) > 3 else [0.0, 0.0]
+    if is_taken:
+        largest = np.maximum(np.maximum(np.abs(state), largest), 2.0**-20 * max(*state, *largest))
+    np.testing.assert_array_equal([first, second], largest)
+    assert time == (0.375 if is_taken else 0.25)
+    assert length == pytest.approx(0.125 * factor, rel=2e-3)
+    assert longest == (3.0 if is_taken else 1.0)
+
+
+def test_steps_that_a_test_refuses_are_halved():
+    """A component changes a sign that it keeps along the motion, or a pivot is small."""
+    turned = [-3.0, 1.0]
+    for signs, numbers in (((0,), {}), ((), {"least": 2.0**-6}), ((1, 0), {"least": 0.1})):
+        found = chosen(turned, signs=signs, **numbers)
+        assert found == [1.0, 2.0, 0.0, 0.0, 0.25, 0.0625, 1.0]
+    for signs in (), (1,):
+        assert chosen(turned, signs=signs)[:2] == [-2.0, 3.0]
+    assert chosen([-1.0, 1.0], signs=(0,))[:2] == [0.0, 3.0]  # 0 is no change
+
+
+def test_lengths_at_the_end_of_time_and_of_a_solution():
+    # A step that was cut says nothing against the length wanted; it reaches the end exactly.
+    cut = {"t": 0.1, "taken": 0.3 - 0.1, "end": 0.3, "wanted": 0.5}
+    assert chosen([0.5, 1.0], **cut)[4:6] == [0.3, 0.5]
+    assert chosen([0.5, 1.0], [0.0, 6e-6], **cut)[4:6] == [
+        0.1,
+        pytest.approx(0.2 * 0.779, rel=1e-3),
+    ]
+    # A step of length 0 changes nothing, even if f has no value.
+    for total in ([0.0, 0.0], [np.nan, 0.0]):
+        found = chosen(total, taken=0.0, longest=10.0)
+        assert found[:2] == [1.0, 2.0]
+        assert found[4:] == [0.25, 0.125, 10.0]
+    # Lengths below 2**-42 of the time, or of the first length, end the solution.
+    for t, first, size, ends in (
+        (0.25, 0.125, 2.0**-42, True),
+        (0.25, 0.125, 2.0**-40, False),
+        (0.0, 0.25, 2.0**-42, True),
+        (0.0, 0.25, 2.0**-40, False),
+    ):
+        found = chosen([np.inf, 0.0], t=t, first=first, taken=size, wanted=size)
+        assert np.isnan(found[:2]).tolist() == [ends, ends]
+        assert found[5] == (0.0 if ends else pytest.approx(0.2 * size))

@@ -25,11 +25,17 @@ DPI = 200  # pages show figures at half their size: sharp on dense screens
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
-def run(name):
-    """Run a script, or the blocks of a page, and return the names that it defines."""
+def run(name, replaced=()):
+    """Run a script, or the blocks of a page, and return the names that it defines.
+
+    `replaced` are pairs of texts: the second takes the place of the first, which must be there.
+    """
     names = {"__name__": "__main__"}
     path = SCRIPTS.get(name) or PAGES[name]
     text = path.read_text(encoding="utf-8")
+    for old, new in replaced:
+        assert old in text, (name, old)
+        text = text.replace(old, new)
     for number, code in enumerate([text] if path.suffix == ".py" else BLOCK.findall(text)):
         block = f"{path} [{number}]"
         # The source of a function is part of the identity of a store.
@@ -45,15 +51,18 @@ def draw(name, folder=IMAGES):
         return _draw(name, folder)
 
 
-def _draw(name, folder):
-    names = run(name)
+def figures_of(names):
+    """Return the open figures of a script that defined these names."""
     if "animation" in names:
         animation = names["animation"]
         frames = list(animation.new_frame_seq())
         animation._draw_next_frame(frames[len(frames) // 2], blit=False)
-        figures = [animation._fig]
-    else:
-        figures = [plt.figure(number) for number in plt.get_fignums()]
+        return [animation._fig]
+    return [plt.figure(number) for number in plt.get_fignums()]
+
+
+def _draw(name, folder):
+    figures = figures_of(run(name))
     for number, figure in enumerate(figures, start=1):
         path = folder / f"{name}_{number}.png"
         figure.savefig(path, dpi=DPI)

@@ -1,4 +1,5 @@
 import importlib
+import math
 import signal
 import sys
 from collections import defaultdict
@@ -22,7 +23,7 @@ def pytest_collection_modifyitems(config, items):
     """
     cases, all_cases = defaultdict(list), config.getoption("--maps")
     for item in items:
-        if "slow" in item.path.parent.parts:
+        if "slow" in item.path.relative_to(config.rootpath).parent.parts:
             item.add_marker("slow")
         is_sampled = item.get_closest_marker("sampled") and not item.get_closest_marker("slow")
         if is_sampled and not all_cases:
@@ -99,6 +100,13 @@ def _settings():
     matplotlib = sys.modules.get("matplotlib")
     # Not by the methods of its class, which choose a backend.
     return matplotlib and dict(dict.items(matplotlib.rcParams))
+
+
+@pytest.fixture(autouse=True)
+def _search_in_this_process(monkeypatch):
+    """Let no search of a report begin anew in another process, but where a test asks for it."""
+    if process := sys.modules.get("suslov_fast.integrability.process"):
+        monkeypatch.setattr(process, "_BRIEF", math.inf)
 
 
 @pytest.fixture(scope="session")

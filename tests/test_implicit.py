@@ -194,21 +194,11 @@ def test_reports_hold_the_integrals_that_are_too_long():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "written", "implicit", "sentence"),
-    [
-        pytest.param(
-            *("Lagrange", [1, 3, 4], [8], "4 integrals: 3 written, 1 of degree 8 by their bases."),
-            marks=pytest.mark.slow,
-        ),
-        ("three waves", [2, 2], [], "dimension 4 of 6. These may not be all: a larger degree"),
-    ],
-)
-def test_sentences_of_reports(name, written, implicit, sentence):
-    found = report(*SYSTEMS[name], degree=2)
-    assert [each.degree for each in found.integrals] == written
-    assert [each.degree for each in found.implicit] == implicit
-    assert sentence in repr(found)
+def test_a_report_that_may_have_missed_integrals():
+    found = report(*SYSTEMS["three waves"], degree=2)
+    assert [each.degree for each in found.integrals] == [2, 2]
+    assert not found.implicit
+    assert "dimension 4 of 6. These may not be all: a larger degree" in repr(found)
 
 
 @pytest.mark.slow

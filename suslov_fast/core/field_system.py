@@ -45,8 +45,7 @@ def with_weights(indices, half, weights, D):
         step, text_of = column_stage_of(step.indices.tobytes(), D), text_of_stage
     table = np.ascontiguousarray(step.table_of(half.T).T)
     if len(step.usual) > MANY:
-        text_of, constants = text_of_listed_step, programs_of(step).constants
-        table = np.concatenate([table, np.tile(constants, (len(table), 1))], axis=1)
+        text_of, table = text_of_listed_step, programs_of(step).numbers.of(table.T).T.copy()
     # The code lasts, because users may store the system anywhere.
     address = code_of(text_of, step, lasts=True) if step.usual else None
     sums = bool(address) and text_of is text_of_stage

@@ -5,11 +5,16 @@ has the operations of a list in runs: those of a run have the same kind, and non
 one. The code of `listed_code` is common to all programs: it takes run after run, and reads and
 writes rows of W lanes. A sum of products, which is what most of a list consists of, is one
 operation, whose sum stays in a register. Bits are those of `operations.evaluate`.
+
+For one orbit, reading the places of operands takes longer than the arithmetic. So the values of a
+run are in neighbouring rows, in the order in which a later run reads them. Operations whose
+operands are in neighbouring rows, too, two thirds of those of a lattice, are regular runs, whose
+code reads the places of the first operation alone.
 """
 
 import functools
 from collections import Counter, defaultdict
-from itertools import product
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -30,78 +35,195 @@ KINDS = [
     *(("select", "r" + a + b) for a, b in product("rt", "rt")),
     ("fabs", "r"),
     ("sqrt", "r"),
+    ("copy", "r"),
 ]  # fmt: skip
 _NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
+LEAST = 8  # operations of a regular run
+# Kinds that have regular runs. Others are rare, and LLVM would compile a loop for each.
+REGULAR = [number for number, (_, kinds) in enumerate(KINDS) if kinds.count("t") < 2]
+
+
+def operand_kinds(kind, n=2):
+    """Return the kinds of the operands of an operation of a kind; a long sum has n of them."""
+    instruction, kinds = KINDS[kind]
+    if "sum" not in instruction:
+        return kinds
+    return kinds[:-2] + kinds[-2:] * (int(instruction[3:]) or n // 2)
 
 
 class Runs(NamedTuple):
-    """Runs of operations."""
+    """Runs of operations.
+
+    The kind of a regular run is larger by the number of KINDS. `heads` has the number of its
+    operations in place of the bytes of one, and `places` those of its first operation.
+    """
 
     heads: np.ndarray  # (runs, 3): the kind, and the bytes of `places` of an operation and of all
     places: np.ndarray  # of each operation: the row of its value, and places of its operands
 
 
+class Numbers:
+    """The numbers that are no rows: those of `Step.table`, constants, and copies of both.
+
+    A regular run reads copies, one after the other.
+    """
+
+    def __init__(self, step):
+        self.in_table, self.step = len(step.table), step
+        self.constants, self.order = {}, [*range(self.in_table)]
+
+    def place(self, operand):
+        """Return the place of a constant or of a value of the table."""
+        if not isinstance(operand, float):
+            return self.step.places[operand]
+        if operand not in self.constants:
+            self.order.append(self.in_table + len(self.constants))
+            self.constants[operand] = len(self.order) - 1
+        return self.constants[operand]
+
+    def copied(self, places):
+        """Return the place of the first of copies of numbers."""
+        self.order += [self.order[place] for place in places]
+        return len(self.order) - len(places)
+
+    @functools.cached_property
+    def _arrays(self):
+        return np.array([*self.constants], float)[:, np.newaxis], np.array(self.order, int)
+
+    def of(self, table):
+        """Return the numbers (-, W) of a table (n, W), when all have places."""
+        constants, order = self._arrays
+        constants = np.broadcast_to(constants, (len(constants), table.shape[1]))
+        return np.concatenate([table, constants])[order]
+
+
 class Program:
     """Operations of a step (`operations.Step`) as runs, on `rows` rows of lanes.
 
-    The first D rows have the state, and the rows `results` the values with these numbers. Tables
-    have the numbers of `Step.table`, and after them `constants`.
+    The first D rows have the state, and the rows `results` the values with these numbers. The first
+    run copies the state, to the order in which it is read.
     """
 
-    def __init__(self, step, operations, results, constants):
-        self.step, self.constants = step, constants
+    def __init__(self, step, operations, results, numbers):
+        self.step, self.numbers = step, numbers
         uses = Counter(a for *_, operands in operations for a in operands)
         uses.update(results)
-        runs = self._runs(_with_sums(operations, uses, step.places))
+        operations = _with_sums(operations, uses, step.places)
+        runs = _in_order_of_use(self._runs(operations, _tests(operations, results)), results)
         last = {}  # run that reads a value, after which its row is free
         for n, (_, values) in enumerate(runs):
             for number, operands in values:
                 last.update(dict.fromkeys((number, *operands), n))
-        last.update(dict.fromkeys([*range(step.D), *results], np.inf))
+        last.update(dict.fromkeys([*range(-step.D, 0), *results], np.inf))
         ending = defaultdict(list)
         for number, n in last.items():
             ending[n].append(number)
-        self.rows, self._free, self._row = step.D, [], {k: k for k in range(step.D)}
+        self._is_free, self._row = bytearray(step.D), {-1 - k: k for k in range(step.D)}
         self.runs = self._placed(runs, ending)
+        self.rows = len(self._is_free)
         self.results = np.array([self._row[number] for number in results])
 
-    def _runs(self, operations):
-        """Return runs ((kind, operands of each), [(number, operands)]), in a possible order."""
-        level, runs = {}, defaultdict(list)
+    def _runs(self, operations, tests):
+        """Return runs ((kind, operands of each), [(number, operands)]), in a possible order.
+
+        The first one copies the state, whose values -1 - k become the values k. Tests come last,
+        because those of a kind then are in one run.
+        """
+        levels, runs = ({}, {}), defaultdict(list)
+        runs[False, 0, _NUMBER_OF["copy", "r"], 1] = [(k, (-1 - k,)) for k in range(self.step.D)]
         for instruction, number, operands in operations:
             kinds = "".join("t" if self._is_in_table(a) else "r" for a in operands)
+            is_test = number in tests
+            level = levels[is_test]
             level[number] = 1 + max((level.get(a, 0) for a in operands), default=0)
             if instruction == "sum":
                 n = len(operands) // 2
                 instruction = f"sum{n if n <= SHORT else 0}"
                 kinds = kinds[: 2 + len(operands) % 2]
             kind = _NUMBER_OF[instruction, kinds], len(operands)
-            runs[level[number], *kind].append((number, operands))
-        return [((kind, n), runs[level, kind, n]) for level, kind, n in sorted(runs)]
+            runs[is_test, level[number], *kind].append((number, operands))
+        return [(key[2:], runs[key]) for key in sorted(runs)]
 
     def _is_in_table(self, operand):
         return isinstance(operand, float) or operand in self.step.places
 
     def _placed(self, runs, ending):
         """Give each value of runs a row; return `Runs`."""
-        heads, places = [], []
+        heads, places = [], [np.empty(0, np.int32)]
         for run, ((kind, n), operations) in enumerate(runs):
-            heads.append((kind, 4 * (n + 1), 4 * (n + 1) * len(operations)))
-            for number, operands in operations:
-                if not self._free:
-                    self._free.append(self.rows)
-                    self.rows += 1
-                self._row[number] = self._free.pop()
-                places.append(self._row[number])
-                places += map(self._place, operands)
-            self._free += [self._row[number] for number in ending[run] if number in self._row]
-        return Runs(np.array(heads, np.int64).reshape(-1, 3), np.array(places, np.int32))
+            self._take_rows([number for number, _ in operations])
+            of_run = np.array(
+                [[self._row[number], *map(self._place, of)] for number, of in operations], np.int32
+            )
+            is_left = np.ones(len(of_run), bool)
+            for begin, end in _regular(kind, of_run):
+                first, is_left[begin:end] = of_run[begin].copy(), False
+                for k, each in enumerate(operand_kinds(kind, n), 1):
+                    if each == "t":
+                        first[k] = self.numbers.copied(of_run[begin:end, k])
+                heads.append((len(KINDS) + kind, end - begin, first.nbytes))
+                places.append(first)
+            if is_left.any():
+                left = of_run[is_left]
+                heads.append((kind, left[0].nbytes, left.nbytes))
+                places.append(left.ravel())
+            for number in ending[run]:
+                if number in self._row:
+                    self._is_free[self._row[number]] = 1
+        return Runs(np.array(heads, np.int64).reshape(-1, 3), np.concatenate(places))
+
+    def _take_rows(self, numbers):
+        """Give values free rows that follow each other, or as many of them as possible."""
+        parts = [numbers]
+        while parts:
+            part = parts.pop()
+            n, first = len(part), self._is_free.find(b"\1" * len(part))
+            if first < 0 and n > 1:
+                parts += part[n // 2 :], part[: n // 2]
+                continue
+            if first < 0:
+                first = len(self._is_free)
+            self._is_free[first : first + n] = bytes(n)
+            self._row.update(zip(part, range(first, first + n), strict=True))
 
     def _place(self, operand):
-        if isinstance(operand, float):
-            first = len(self.step.table)
-            return self.constants.setdefault(operand, first + len(self.constants))
-        return self.step.places[operand] if operand in self.step.places else self._row[operand]
+        return self.numbers.place(operand) if self._is_in_table(operand) else self._row[operand]
+
+
+def _tests(operations, results):
+    """Return the numbers of values that only lead to truth values among the results."""
+    instructions = {number: instruction for instruction, number, _ in operations}
+    needed = {a for a in results if instructions.get(a) not in OF_TRUTH_VALUES}
+    tests = set()
+    for _, number, operands in reversed(operations):
+        if number in needed:
+            needed.update(operands)
+        else:
+            tests.add(number)
+    return tests
+
+
+def _in_order_of_use(runs, results):
+    """Return runs whose values are in the order in which a later run, or the results, read them."""
+    first = {number: (len(runs), 0, k) for k, number in enumerate(results)}
+    for run in reversed(range(len(runs))):
+        (_, n), operations = runs[run]
+        operations.sort(key=lambda operation: first.get(operation[0], (len(runs), 1)))
+        for slot in reversed(range(n)):
+            for place in reversed(range(len(operations))):
+                first[operations[place][1][slot]] = run, slot, place
+    return runs
+
+
+def _regular(kind, places):
+    """Return the begins and ends of regular runs among operations of a kind with these places."""
+    if len(places) < LEAST or kind not in REGULAR:
+        return []
+    kinds = operand_kinds(kind, places.shape[1] - 1)
+    in_rows = [0, *(k for k, each in enumerate(kinds, 1) if each == "r")]
+    follows = (np.diff(places[:, in_rows], axis=0) == 1).all(axis=1)
+    ends = [0, *(np.flatnonzero(~follows) + 1).tolist(), len(places)]
+    return [(a, b) for a, b in pairwise(ends) if b - a >= LEAST]
 
 
 def _with_sums(operations, uses, places):
@@ -132,16 +254,16 @@ class Programs(NamedTuple):
 
     usual: Program  # its results are `Step.after` and `good`
     rare: Program  # `after_rare`, `accurate`, `negative`, and `changed` if it is not None
-    constants: np.ndarray
+    numbers: Numbers  # that both read
     rows: int
 
 
 @functools.lru_cache(8)
 def programs_of(step):
     """Return the `Programs` of a step."""
-    constants = {}
-    usual = Program(step, step.usual, [*step.after, step.good], constants)
+    numbers = Numbers(step)
+    usual = Program(step, step.usual, [*step.after, step.good], numbers)
     results = [*step.after_rare, step.accurate, step.negative]
     results += [] if step.changed is None else [step.changed]
-    rare = Program(step, [*step.usual, *step.rare], results, constants)
-    return Programs(usual, rare, np.array([*constants], float), max(usual.rows, rare.rows))
+    rare = Program(step, [*step.usual, *step.rare], results, numbers)
+    return Programs(usual, rare, numbers, max(usual.rows, rare.rows))

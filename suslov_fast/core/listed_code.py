@@ -1,11 +1,12 @@
 """Machine code that carries out any `listed.Program`, for lines of W lanes."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
 
 from .careful import CHANGED
-from .listed import JOINING, KINDS, programs_of
+from .listed import JOINING, KINDS, REGULAR, operand_kinds, programs_of
 from .machine_code import Text, call, code_of, pointer
 from .operations import OF_NUMBERS, Step
 
@@ -124,30 +125,13 @@ def _add_runs(text, name, for_each):
     text.add("  %first = phi i64 [ %places, %entry ], [ %last, %next ]")
     kind, own, size = (text.load("i64", text.plus("%head", 8 * k)) for k in range(3))
     text.add(f"  %last = add i64 %first, {size}")
-    ways = " ".join(f"i64 {number}, label %kind{number}" for number in range(len(KINDS)))
-    text.add(f"  switch i64 {kind}, label %next [ {ways} ]")
-    for number, (instruction, operands) in enumerate(KINDS):
-        text.label(f"kind{number}")
-        back = f"done{number}" if instruction == "sum0" else f"kind{number}"
-        text.add(f"  %at{number} = phi i64 [ %first, %run ], [ %at{number}_1, %{back} ]")
-        text.add(f"  %at{number}_1 = add i64 %at{number}, {own}")
-        place = f"%at{number}"
-
-        def operand(kind, at):
-            return text.load(text.V, _at(text, "%rows", at)) if kind == "r" else _number(
-                text, for_each, at)  # fmt: skip
-
-        def operands_of(kinds, first, place=place):
-            return [operand(kind, text.plus(place, 4 * k)) for k, kind in enumerate(kinds, first)]
-
-        if instruction.startswith("sum"):
-            value = _sum(text, number, instruction, operands, operands_of)
-        else:
-            value = _value(text, instruction, operands_of(operands, 1))
-        text.store(text.V, value, _at(text, "%rows", place))
-        text.branch(
-            text.compare_integers("ult", f"%at{number}_1", "%last"), f"kind{number}", "next"
-        )
+    ways = [f"i64 {number}, label %run{number}" for number in range(len(KINDS))]
+    ways += [f"i64 {len(KINDS) + number}, label %regular{number}" for number in REGULAR]
+    text.add(f"  switch i64 {kind}, label %next [ {' '.join(ways)} ]")
+    for number in range(len(KINDS)):
+        _add_run(text, number, own, for_each)
+    for number in REGULAR:
+        _add_regular_run(text, number, own, for_each)
     text.label("next")
     text.add("  %head1 = add i64 %head, 24")
     text.branch(text.compare_integers("ult", "%head1", end), "run", "end")
@@ -156,60 +140,113 @@ def _add_runs(text, name, for_each):
     text.add("}")
 
 
-def _at(text, rows, at):
-    """Return the address of the row whose number is at an address."""
-    row = text.new(f"zext i32 {text.load('i32', at, 4)} to i64")
-    return text.integer("add", rows, text.integer("mul", row, 8 * text.W))
+def _add_run(text, number, size, for_each):
+    """Add the loop of a run of a kind, whose operations have places of this size in bytes."""
+    place, before = f"%at{number}", "done_run" if KINDS[number][0] == "sum0" else "run"
+    text.label(f"run{number}")
+    text.add(f"  {place} = phi i64 [ %first, %run ], [ {place}_1, %{before}{number} ]")
+    text.add(f"  {place}_1 = add i64 {place}, {size}")
+
+    def operand(k, kind, at=place):
+        return _load(text, kind, _address(text, kind, at, k, for_each), for_each)
+
+    value = _value(text, number, operand, place, f"{place}_1")
+    text.store(text.V, value, _address(text, "r", place, 0, for_each))
+    text.branch(text.compare_integers("ult", f"{place}_1", "%last"), f"run{number}", "next")
 
 
-def _number(text, for_each, at):
-    """Return a number of the table, whose place is at an address, for all lanes."""
-    if for_each or text.W == 1:
-        return text.load(text.V, _at(text, "%table", at))
-    place = text.new(f"zext i32 {text.load('i32', at, 4)} to i64")
-    place = text.integer("add", "%table", text.integer("mul", place, 8))
-    return text.splat(text.load("double", place), text.W)
+def _add_regular_run(text, number, count, for_each):
+    """Add the loop of a regular run of a kind, whose operands are in rows that follow each other.
+
+    It takes four operations of a single lane at once, and some of the last four twice.
+    """
+    integer, at_once = text.integer, 4 if text.W == 1 else 1
+    inner, kinds = Text(max(text.W, at_once), text), f"r{operand_kinds(number)}"
+    text.label(f"regular{number}")
+    firsts = [_address(text, kind, "%first", k, for_each) for k, kind in enumerate(kinds)]
+    last = integer("sub", count, at_once)
+    times = integer("udiv", text.plus(count, at_once - 1), at_once)
+    with text.loop(f"regular_{number}", times) as n:
+        n = integer("mul", n, at_once)
+        n = text.new(f"select i1 {text.compare_integers('ult', n, last)}, i64 {n}, i64 {last}")
+
+        def following(kind, address):
+            return integer("add", address, integer("mul", n, _size(text, kind, for_each)))
+
+        def operand(k, kind, at=None):
+            first = firsts[k] if at is None else _address(text, kind, at, k, for_each)
+            return _load(inner, kind, following(kind, first), for_each)
+
+        value = _value(inner, number, operand, "%first", "%last")
+        inner.store(inner.V, value, following("r", firsts[0]))
+    text.jump("next")
 
 
-def _sum(text, number, instruction, kinds, operands_of):
-    """Return the sum of an optional start and of products."""
-    start, pair, place = kinds[:-2], kinds[-2:], f"%at{number}"
-    total = operands_of(start, 1)[0] if start else None
-    first = 1 + len(start)
-    for n in range(int(instruction[-1]) or not start):
-        term = text.operate("fmul", *operands_of(pair, first + 2 * n))
-        total = term if total is None else text.operate("fadd", total, term)
-    if instruction != "sum0":
-        return total
-    at = text.plus(place, 4 * (first + 2 * (not start)))  # a long sum has more products
-    text.jump(f"terms{number}")
-    text.label(f"terms{number}")
-    text.add(f"  %at_term{number} = phi i64 [ {at}, %kind{number} ], "
-             f"[ %at_term{number}_1, %terms{number} ]")  # fmt: skip
-    text.add(f"  %sum{number} = phi {text.V} [ {total}, %kind{number} ], "
-             f"[ %sum{number}_1, %terms{number} ]")  # fmt: skip
-    term = text.operate("fmul", *operands_of(pair, 0, f"%at_term{number}"))
-    text.add(f"  %sum{number}_1 = fadd {text.V} %sum{number}, {term}")
-    text.add(f"  %at_term{number}_1 = add i64 %at_term{number}, 8")
-    more = text.compare_integers("ult", f"%at_term{number}_1", f"{place}_1")
-    text.branch(more, f"terms{number}", f"done{number}")
-    text.label(f"done{number}")
-    return f"%sum{number}_1"
+def _size(text, kind, for_each):
+    """Return the bytes of a row, or of a number of the table for all lanes."""
+    return 8 * text.W if kind == "r" or for_each else 8
 
 
-def _value(text, instruction, operands):
-    """Return the value of an instruction; truth values are numbers with equal bits."""
-    kinds = f"<{text.W} x i64>" if text.W > 1 else "i64"
+def _address(text, kind, at, k, for_each):
+    """Return the address of an operand, whose place is the k-th number at an address."""
+    place = text.new(f"zext i32 {text.load('i32', text.plus(at, 4 * k), 4)} to i64")
+    base = "%rows" if kind == "r" else "%table"
+    return text.integer("add", base, text.integer("mul", place, _size(text, kind, for_each)))
+
+
+def _load(text, kind, address, for_each):
+    """Return a row at an address, or a number of the table for all lanes."""
+    if kind == "r" or for_each or text.target.W == 1:
+        return text.load(text.V, address)
+    return text.splat(text.load("double", address), text.W)
+
+
+def _value(text, number, operand, begin, end):
+    """Return the value of an operation of a kind; truth values are numbers with equal bits.
+
+    operand(k, kind) is its k-th operand, and operand(k, kind, at) the one whose place is the k-th
+    number at an address. Its places are between the addresses `begin` and `end`.
+    """
+    instruction, operands = KINDS[number]
+    if instruction.startswith("sum"):
+        return _sum(text, number, operand, begin, end)
+    operands = [operand(k, kind) for k, kind in enumerate(operands, 1)]
+    if instruction == "copy":
+        return operands[0]
     if instruction in (*JOINING, "select"):
         count = 1 if instruction == "select" else 2
         operands = [_truth(text, value) for value in operands[:count]] + operands[count:]
-    numbers = iter(range(len(operands)))
     values = dict(enumerate(operands))
-    text.carry_out([(instruction, -1, tuple(numbers))], values, None)
+    text.carry_out([(instruction, -1, tuple(values))], values, None)
     if instruction in OF_NUMBERS:
         return values[-1]
+    kinds = f"<{text.W} x i64>" if text.W > 1 else "i64"
     bits = text.new(f"sext {text.M} {values[-1]} to {kinds}")
     return text.new(f"bitcast {kinds} {bits} to {text.V}")
+
+
+def _sum(text, number, operand, begin, end):
+    """Return the sum of an optional start and of products."""
+    instruction, kinds = KINDS[number]
+    start, (one, other), outer = kinds[:-2], kinds[-2:], text.target
+    total, first, before = operand(1, start) if start else None, 1 + len(start), outer.block
+    for k in range(first, first + 2 * (int(instruction[-1]) or not start), 2):
+        term = text.operate("fmul", operand(k, one), operand(k + 1, other))
+        total = term if total is None else text.operate("fadd", total, term)
+    if instruction != "sum0":
+        return total
+    at, label = text.plus(begin, 4 * (first + 2 * (not start))), f"terms_{before}"
+    outer.jump(label)  # a long sum has more products
+    outer.label(label)
+    text.add(f"  %at_{label} = phi i64 [ {at}, %{before} ], [ %at_{label}_1, %{label} ]")
+    text.add(f"  %{label}_0 = phi {text.V} [ {total}, %{before} ], [ %{label}_1, %{label} ]")
+    term = text.operate("fmul", operand(0, one, f"%at_{label}"), operand(1, other, f"%at_{label}"))
+    text.add(f"  %{label}_1 = fadd {text.V} %{label}_0, {term}")
+    text.add(f"  %at_{label}_1 = add i64 %at_{label}, 8")
+    more = text.compare_integers("ult", f"%at_{label}_1", end)
+    text.branch(more, label, f"done_{before}")
+    outer.label(f"done_{before}")
+    return f"%{label}_1"
 
 
 def text_of_listed_step(step, name, *_):
@@ -302,8 +339,7 @@ def carry_out(address, runs, rows, table):
 def taker_of(lines, address):
     """Return the function that takes steps of a line with `listed_code`, see `in_calls`."""
     step, W, D = lines.scheme.step, lines.W, lines.D
-    programs, (ended, passed) = programs_of(step), lines.marks
-    table = with_constants(lines.table, programs.constants)
+    programs, (ended, passed), table = programs_of(step), lines.marks, lines.table
     rows, addresses = _aligned(programs.rows, W), []
     for program in (programs.usual, programs.rare):
         heads, of_runs = program.runs
@@ -312,10 +348,14 @@ def taker_of(lines, address):
     arguments = ListArguments(rows.ctypes.data, 0, *addresses, changed, D, 0, 0, 0, 0)
     arguments = np.array(arguments, np.int64)
 
+    @functools.lru_cache(32)  # stages, and not all lines, which may fill the memory
+    def numbers(place, line):
+        return programs.numbers.of(table[place, line])
+
     # `programs_of` may forget them, and does not keep those of all threads that begin at once.
     def take(line, place, most, _kept_alive=programs):
         rows[:D] = lines.x[line]
-        arguments[SLOT.table] = table[place, line % table.shape[1]].ctypes.data
+        arguments[SLOT.table] = numbers(place, line % table.shape[1]).ctypes.data
         arguments[SLOT.ended], arguments[SLOT.passed] = ended[line], passed[line]
         arguments[SLOT.steps] = most
         bits = call(address, arguments)
@@ -323,14 +363,6 @@ def taker_of(lines, address):
         return int(arguments[SLOT.n]), bits
 
     return take
-
-
-def with_constants(table, constants):
-    """Return a table (stages, lines, n, W) with constants after its numbers."""
-    stages, lines, _, W = table.shape
-    shape = stages, lines, len(constants), W
-    constants = np.broadcast_to(constants[:, np.newaxis], shape)
-    return np.ascontiguousarray(np.concatenate([table, constants], axis=2))
 
 
 def _aligned(rows, W):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .elimination import simd_min
-from .listed import Program
+from .listed import Numbers, Program
 from .listed_code import carry_out, runs_code
 from .llvm import QUAD, uncounted
 from .numba import kernel
@@ -64,11 +64,12 @@ class _Inputs(NamedTuple):
 
 @functools.lru_cache(8)
 def _choice_of(step):
-    """Return the number of inputs of the `Choice` of sums, its `Program`, and the constants."""
-    inputs, constants, choice = 5 * step.D + 8, {}, Choice(None, step.D, step.D, ())
+    """Return the number of inputs of the `Choice` of sums, its `Program`, and the `Numbers`."""
+    inputs, choice = 5 * step.D + 8, Choice(None, step.D, step.D, ())
     of_list = _Inputs(inputs, {}, [])
-    program = Program(of_list, choice.operations, choice.results, constants)
-    return inputs, program, np.array([*constants])
+    numbers = Numbers(of_list)
+    program = Program(of_list, choice.operations, choice.results, numbers)
+    return inputs, program, numbers.of(np.empty((0, 1)))
 
 
 class Loops:

@@ -128,11 +128,12 @@ def test_densities_are_those_of_invariant_measures(rng, body):
 
 
 def test_a_density_where_a_pivot_is_small():
-    """For eps = 2 the matrix A is [[0, -1], [-1, 2]]; its determinant is 1 - eps**2 / 2."""
-    H = lambda x: x[0] * x[1] + (x[1] ** 2 - x[0] ** 2) / 2  # noqa: E731
-    field, eps = sf.QuadraticField.from_hamiltonian(H, 2), np.array([2, 2 - 2.0**-28, 1, -0.5])
-    density = sf.invariant_density(field, [0.25, -3.0], eps)
-    np.testing.assert_allclose(density, 1 / (1 - eps**2 / 2), rtol=1e-15)
+    """For eps = 1 the matrix A is [[0, -1], [-1, 2]]; its determinant is 1 - 2 eps**2."""
+    H = lambda x: 2 * x[0] * x[1] + x[1] ** 2 - x[0] ** 2  # noqa: E731
+    field, eps = sf.QuadraticField.from_hamiltonian(H, 2), np.array([1, 1 - 2.0**-29, 0.5, -0.25])
+    for some in (eps, eps[2:0:-1], eps[1]):
+        density = sf.invariant_density(field, [0.25, -3.0], some)
+        np.testing.assert_allclose(density, 1 / (1 - 2 * some**2), rtol=1e-15)
 
 
 @pytest.mark.parametrize(

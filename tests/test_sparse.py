@@ -1,4 +1,4 @@
-"""Steps of sparse fields, lane by lane, against the dense implicit equations by NumPy."""
+"""Steps of fields without a plan, lane by lane, against the implicit equations by NumPy."""
 
 import ctypes
 
@@ -7,6 +7,7 @@ import pytest
 
 from suslov_fast.core import generated_tangent, sparse_tangent
 from suslov_fast.core.careful import CHANGED
+from suslov_fast.core.dense import dense_steps, spans_of
 from suslov_fast.core.elimination import LEAST_PIVOT
 from suslov_fast.core.sparse import pattern_of, size_of, sparse_steps
 from suslov_fast.core.steps_field import scheme_of
@@ -48,36 +49,44 @@ def pivots_of(A, order):
 
 @pytest.mark.parametrize("for_each", [False, True])
 @pytest.mark.parametrize("W", [1, 8])
-def test_steps_solve_the_implicit_equations(rng, W, for_each):
+@pytest.mark.parametrize("is_dense", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_steps_solve_the_implicit_equations(rng, is_dense, W, for_each):
     """Where pivots are large enough; other lanes wait, and those with det A < 0 are told."""
     indices = terms(rng)
-    pattern = pattern_of(indices.tobytes(), D)
+    pattern, steps, order = pattern_of(indices.tobytes(), D), sparse_steps, np.arange(D)
     half = 0.6 * rng.normal(size=(W if for_each else 1, indices.shape[1]))
-    bits, memory, seen = 1 << np.arange(W), np.empty(size_of(pattern)), set()
-    signs = 0
-    for _ in range(160 // W):
+    bits, memory, seen = 1 << np.arange(W), np.full(size_of(pattern), np.nan), set()
+    field, given, signs = pattern, half, 0
+    if is_dense:
+        field, steps = spans_of(scheme_of(indices, D).step), dense_steps
+        given, shapes = half[:, field.terms].copy(), ((D, D + 1), (D + 1, D), (D + 1,))
+        memory = tuple(np.full((W, *shape), np.nan) for shape in shapes)
+    else:
+        order = pattern.order
+    for n in range(240 // W):
         x = rng.normal(size=(D, W))
         x[3, 6:7] = np.nan
         before, wanted, refused, negative = x.copy(), x.copy(), np.isnan(x[3]), np.zeros(W, bool)
         for l in np.flatnonzero(~refused):
             A, b = equations(indices, half[l % len(half)], x[:, l])
-            pivots = pivots_of(A, pattern.order)
+            pivots = pivots_of(A, order)
             sizes = abs(np.concatenate([pivots, A.diagonal(), [1.0]]))
             refused[l] = abs(pivots).min() <= LEAST_PIVOT * sizes.max()
             if not refused[l]:
                 wanted[:, l], negative[l] = np.linalg.solve(A, b), np.linalg.det(A) < 0
             seen.add((refused[l], negative[l]))
         taken = np.array([1, 0])
-        sparse_steps.serial(pattern, half, (0, 0, 1), x, memory, taken)
+        steps.serial(field, given, (0, 0, n % 2), x, memory, taken)
         np.testing.assert_allclose(x, wanted, rtol=1e-9, atol=1e-9)
-        told = [bits[each].sum() for each in (refused, negative, wanted[5] * before[5] < 0)]
+        changed = (wanted[5] * before[5] < 0) & (n % 2 == 1)  # of whole steps, not of stages
+        told = [bits[each].sum() for each in (refused, negative, changed)]
         assert taken.tolist() == [1, told[0] + (told[1] << 8) + (told[2] << 8 + CHANGED)]
         signs |= told[2]
     assert signs != 0 or W == 1
     assert len(seen) == 3  # all kinds
     # Lanes that have ended, or passed a pole, stop nothing.
     taken = np.array([3, 0])
-    sparse_steps.serial(pattern, half, (255, 255, 1), x, memory, taken)
+    steps.serial(field, given, (255, 255, 1), x, memory, taken)
     assert taken.tolist() == [3, 0]
 
 

@@ -269,7 +269,8 @@ def _quadratic(definitions: Definitions, algebra: _Algebra, words: list[Monomial
         products = ", ".join(shorten(text, 100, placeholder=" ...") for text in texts)
         raise TooMany(
             f"more than {MOST} variables would be needed, from {len(words)} and products such as "
-            f"{products}: if f contains differences, make them variables; or use SciPy's solve_ivp"
+            f"{products}: use SciPy's solve_ivp, or make differences variables if f has powers "
+            "of them"
         )
     return _with_places(algebra, closed)
 

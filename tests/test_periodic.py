@@ -113,6 +113,23 @@ def test_the_middle_of_a_circle_is_no_orbit():
         sf.periodic_orbit(VOLTERRA, [1.0, 1.0 + 1e-9], 3.0, 20)
 
 
+def test_time_as_a_variable_never_returns():
+    """And a force by two variables does: the orbit of a linear oscillator is known."""
+    forced = sf.LiftedField.from_function(
+        lambda s: (s[1], -s[0] - s[1] + np.cos(2 * s[2]), 1), "q p t"
+    )
+    with pytest.raises(ValueError, match=r"not one in which t grows at a constant rate: write"):
+        sf.periodic_orbit(forced, [0.1, 0.1, 0.0], np.pi, 40)
+    own = sf.QuadraticField.from_function(
+        lambda s: (s[1], -s[0] - s[1] + s[2], -2 * s[3], 2 * s[2]), "q p c s"
+    )
+    orbit = sf.periodic_orbit(own, [-0.2, 0.3, 1.0, 0.0], np.pi, 40)
+    amplitude = 1 / (1 - 4 + 2j)  # of q = Re(amplitude exp(2 i t)), for a force of size 1
+    c, s = orbit.state[2:]
+    known = [(amplitude * (c + 1j * s)).real, (2j * amplitude * (c + 1j * s)).real]
+    assert abs(orbit.state[:2] - known).max() < 1e-9
+
+
 def test_a_start_at_rest_is_no_orbit():
     with pytest.raises(RuntimeError, match=r"found the equilibrium .*start or period = 3 is too"):
         sf.periodic_orbit(LORENZ, [0, 0, 0], 3.0, 20)

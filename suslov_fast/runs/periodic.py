@@ -92,7 +92,8 @@ def periodic_orbit(
         If Newton's method does not converge, or converges to an equilibrium: `start` or `period` is
         too far from an orbit. Also if the multipliers exceed the range of float64.
     TypeError, ValueError
-        If an argument is out of range, or the method has no Jacobian.
+        If an argument is out of range, the method has no Jacobian, or a variable, such as time, has
+        a constant rate.
 
     Warns
     -----
@@ -123,7 +124,23 @@ def periodic_orbit(
     steps, tol = integer("steps", steps, 1), float(real_number("tol", tol))
     if not 1e-14 <= tol <= 1e-2:
         raise wrong("tol", "from 1e-14 to 1e-2", tol)
+    _check_return(field)
     return _Shooting(field, x, period, steps, method).solve(tol)
+
+
+def _check_return(field: Any) -> None:
+    """Raise an error if a variable has a constant rate, as time has: no orbit returns then."""
+    own = getattr(field, "lifted", field)
+    if not hasattr(own, "terms"):  # a body
+        return
+    i, j, k = own.terms[0]
+    is_constant = (j == own.dimension) & (k == own.dimension)
+    growing = sorted({*i[is_constant].tolist()} - {*i[~is_constant].tolist()})
+    if growing:
+        name = own.names[growing[0]]
+        received = f"one in which {name} grows at a constant rate"
+        how = "write a force cos(w t) by two variables, c' = -w s and s' = w c, from (1, 0)"
+        raise wrong("field", "a field whose orbits can return", f"{received}: {how}")
 
 
 class _Shooting:
@@ -229,7 +246,7 @@ class _Shooting:
         period = self.eps * self.steps
         size = abs(self.x).max()
         if abs(vector_field(self.field, self.x)).max() * period <= _AT_REST * size:
-            found = f"the equilibrium {short(self.x)}"
+            found = f"the equilibrium {short(self.x.tolist())}"
         elif not self.residual <= tol:
             found = f"no orbit: the residual {self.residual:.1e} exceeds tol = {tol:g}"
         else:

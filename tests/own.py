@@ -24,12 +24,15 @@ def midpoint_step(x, out, eps, work, indices, values):
     """x_next = x + eps f(x + (eps / 2) f(x))."""
     D = len(x)
     given, middle, after = work[: D + 1], work[D + 1 : 2 * D + 2], work[2 * D + 2 :]
-    given[:D], given[D] = x, 1.0
-    middle[:] = given
+    given[D] = 1.0
+    for d in range(D):
+        given[d] = x[d]
+    for d in range(D + 1):  # loops, because Numba compiles slices on the left for seconds
+        middle[d] = after[d] = given[d]
     add_field(indices, values, given, 0.5 * eps, middle)
-    after[:] = given
     add_field(indices, values, middle, eps, after)
-    out[:] = after[:D]
+    for d in range(D):
+        out[d] = after[d]
     return OK
 
 

@@ -9,9 +9,12 @@ import suslov_fast as sf
 
 pytestmark = pytest.mark.compiled  # 20,000 steps of order 8 take minutes as Python
 
-LORENZ = sf.QuadraticField.from_function(
-    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
-)
+
+def lorenz(x):
+    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
+
+
+LORENZ = sf.QuadraticField.from_function(lorenz, 3)
 
 
 def roessler(a, b, c):
@@ -60,10 +63,8 @@ def test_multipliers_are_those_of_the_motion():
     orbit = sf.periodic_orbit(LORENZ, start, about, 300)
 
     def after(x):
-        return solve_ivp(
-            lambda t, y: sf.vector_field(LORENZ, y), (0, orbit.period), x, "DOP853",
-            rtol=1e-13, atol=1e-13,
-        ).y[:, -1]  # fmt: skip
+        slopes = lambda t, y: lorenz(y.tolist())  # noqa: E731
+        return solve_ivp(slopes, (0, orbit.period), x, "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
 
     h = 1e-5
     derivative = np.array(

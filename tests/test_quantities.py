@@ -283,7 +283,7 @@ def test_criticality_agrees_with_the_status(unit, rng):
 
 
 def test_closed_form(rng, unit):
-    for _ in range(100):
+    for _ in range(30):
         parameters, eps, omega = random_problem(rng)
         h, k1, k2, t = sf.closed_form(sf.Suslov3D(*parameters), omega, eps)
         assert t == sf.criticality(sf.Suslov3D(*parameters), omega, eps)

@@ -451,14 +451,6 @@ def test_streams():
         assert (done.returncode, done.stderr) == (1, "suslov-fast: No space left on device\n")
 
 
-def test_pictures():
-    """In a folder that is made; no figure stays open."""
-    names = succeed("pictures -o new").split()
-    assert all(Path(name).read_bytes().startswith(b"\x89PNG") for name in names)
-    assert len(names) == len(os.listdir("new")) == 4
-    assert not plt.get_fignums()
-
-
 @pytest.mark.compiled
 @pytest.mark.slow
 def test_warm_up(monkeypatch):

@@ -84,11 +84,11 @@ def folder(tmp_path_factory):
 # Pages of long reports, of many orbits, and of loops that take long to compile; other tests have
 # shorter forms.
 LONG = "report.md", "cubic.md", "discretization.md", "compiled.md", "families.md", "potentials.md"
-LONG += "crossings.md", "diagrams.md", "many.md", "smooth.md"
+LONG += "crossings.md", "diagrams.md", "many.md", "smooth.md", "afternoon.md", "large.md"
 
 
 @pytest.mark.compiled
-@pytest.mark.sampled(10)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(
     "path",
     [
@@ -128,7 +128,10 @@ def test_the_readme(tmp_path, monkeypatch):
                 command, *arguments = shlex.split(line)
                 assert (command, main(arguments)) == ("suslov-fast", 0), line
     assert np.load(tmp_path / "run.npz")["states"].shape == (6, 1000, 2)
-    assert (tmp_path / "pictures" / "picture4.png").exists()
+    pictures = sorted((tmp_path / "pictures").iterdir())
+    assert [path.name for path in pictures] == [f"picture{k}.png" for k in (1, 2, 3, 4)]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in pictures)
+    assert not plt.get_fignums()
 
 
 def test_readme_is_short():

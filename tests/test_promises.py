@@ -434,6 +434,7 @@ def test_values_of_formulas_have_the_shape_of_the_batch(rng, kind):
         np.testing.assert_allclose(values[at], alone, rtol=1e-12, err_msg=name)
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("kind", [k for k in KINDS if "jacobian" in RECORDS[k].formulas])
 def test_the_jacobian_is_that_of_the_steps(rng, kind):
     """By central differences, where eps |f'| is 1/2: that of another discretization is far off."""

@@ -445,9 +445,7 @@ def time_of_escape(x, end):
 
 
 @quiet
-@pytest.mark.parametrize(
-    ("count", "end"), [(6, 10), pytest.param(150, 200, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("count", "end"), [(6, 10), pytest.param(60, 100, marks=pytest.mark.slow)])
 def test_motions_that_escape_are_those_that_are_told(count, end):
     """Early ones at their times. (Motions are chaotic: later times depend on the method.)"""
     starts = energies_above_the_saddle(count, seed=1)

@@ -1,5 +1,7 @@
 """Crossings of methods above order 2: points on the orbit of the method, and not on a chord."""
 
+from itertools import cycle
+
 import numpy as np
 import pytest
 from children import TWO_THREADS
@@ -37,8 +39,7 @@ def plane(x):
 
 
 @pytest.mark.sampled(1)
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("direction", [1, -1, 0])
+@pytest.mark.parametrize(("method", "direction"), [*zip(METHODS, cycle([0, 1, -1]), strict=False)])
 def test_points_have_the_digits_of_the_states(method, direction):
     """The error of points is at most 10 times that of the states; DOP853 is the reference."""
     eps = LENGTHS[map_of(HENON_HEILES, method).order]

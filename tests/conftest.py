@@ -31,6 +31,8 @@ def pytest_collection_modifyitems(config, items):
         if numba.config.DISABLE_JIT and item.get_closest_marker("compiled"):
             reason = "needs compiled kernels: NUMBA_DISABLE_JIT is set"
             item.add_marker(pytest.mark.skip(reason=reason))
+        if item.get_closest_marker("slow_to_compile") and not numba.config.DISABLE_JIT:
+            item.add_marker("slow")
     for some in cases.values():
         count = some[0].get_closest_marker("sampled").args[0]
         kept = {i * len(some) // count for i in range(count)}

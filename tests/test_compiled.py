@@ -79,7 +79,7 @@ def test_a_step_is_accurate(body, rng):
     assert worst < 8 * 2.0**-52
 
 
-@pytest.mark.slow
+@pytest.mark.slow_to_compile
 @pytest.mark.parametrize(
     ("body", "size", "eps"),
     [
@@ -255,7 +255,7 @@ def test_a_long_orbit_comes_to_rest_without_subnormal_numbers():
     assert u == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.slow_to_compile
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
 def test_what_does_not_exist_is_nan():
     unit = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)  # X = Omega1, Y = -Omega2: poles are Y = 1 + 2 X**2

@@ -236,7 +236,7 @@ def test_numpy_takes_the_same_steps(rng, monkeypatch):
         np.testing.assert_array_equal(flow(*case), wanted)
 
 
-@pytest.mark.slow
+@pytest.mark.slow_to_compile
 def test_a_field_without_a_plan(monkeypatch):
     """By elimination with pivoting, to rounding."""
     field, start = of(predator_prey, 2), [1.0, 1.0]

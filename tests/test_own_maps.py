@@ -870,11 +870,14 @@ def test_slips_in_the_order_of_the_step_of_the_page_are_measured(
 
 def test_slopes_and_solutions_for_steps_of_ones_own(rng):
     """Beside the field itself, its Jacobian by `matrix`, and NumPy; with rows of any size."""
-    field, x = HENON, START[0]
-    f, derivative = np.empty(4), np.full((4, 4), np.nan)
-    maps.slope_at(x, *field.terms, f, derivative)
-    np.testing.assert_allclose(f, sf.vector_field(field, x), rtol=1e-15)
-    np.testing.assert_allclose(derivative, 2 * (np.eye(4) - sf.matrix(field, x, 1.0)), atol=1e-15)
+    constant = sf.QuadraticField.from_function(lambda x: (x[0] * x[1], 3 - x[1]), 2)
+    for field, x in ((HENON, START[0]), (constant, np.array([2.0, 5.0]))):
+        D = len(x)
+        f, derivative = np.empty(D), np.full((D, D), np.nan)
+        maps.slope_at(x, *field.terms, f, derivative)
+        np.testing.assert_allclose(f, sf.vector_field(field, x), rtol=1e-15)
+        slopes = 2 * (np.eye(D) - sf.matrix(field, x, 1.0))
+        np.testing.assert_allclose(derivative, slopes, atol=1e-15)
     for D in (1, 2, 5, 9):
         A, y = rng.normal(size=(D, D)), rng.normal(size=D)
         A *= 10.0 ** rng.uniform(-100, 100, (D, 1))

@@ -5,6 +5,7 @@ from itertools import cycle
 import numpy as np
 import pytest
 from children import TWO_THREADS
+from numba import config
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -26,6 +27,7 @@ METHODS = [
     if map.body is sf.QuadraticField and map.order > 2
     for method in map.methods
 ]
+FEW = METHODS[:1] if config.DISABLE_JIT else METHODS  # interpreted, one takes half a minute
 LENGTHS = {4: 1 / 16, 6: 1 / 8, 8: 1 / 4, 10: 1 / 2}
 
 
@@ -97,7 +99,7 @@ def test_points_are_steps_from_the_states_before(rng, method):
     )
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", FEW)
 def test_grazing_planes_lose_no_crossing(rng, method):
     """Which states cross is as for `iterate`, and every crossing is found on its own step."""
     starts = rng.uniform(-0.25, 0.25, (30, 4))
@@ -146,7 +148,7 @@ def test_a_surface_without_values_within_a_step():
     assert abs(jump.states[0, 0] - 0.3) < 1e-5  # twenty halves
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", FEW)
 def test_bits_depend_on_no_cut(rng, monkeypatch, tmp_path, method):
     """Threads, pieces, batches, `extend`, files."""
     starts, arguments = rng.uniform(-0.25, 0.25, (9, 4)), {"method": method, "direction": 0}

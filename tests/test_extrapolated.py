@@ -335,7 +335,7 @@ def test_crossings(tmp_path):
     assert sf.Crossings.load(tmp_path / "section.npz").extend(60, surface=surface) == whole
 
 
-@pytest.mark.compiled
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
 def test_steps_in_loops_of_users():
     x, out = np.array([1.0, 1, 20]), np.empty(3)
     run = sf.iterate(LORENZ, x, 1 / 8, 5, method=METHOD)

@@ -324,7 +324,6 @@ def test_many_variables(rng, monkeypatch, f, D, size, tolerance):
     np.testing.assert_array_equal(sf.lyapunov_exponents(field, x, 1 / 64, 40), found)
 
 
-@pytest.mark.compiled
 def test_determinants_above_the_range_of_numbers():
     """The pivots of a step with pivoting are about 1e8: the product of 40 of them is 1e320."""
     D, rate = 40, 2e8

@@ -443,6 +443,18 @@ def test_first_lengths_follow_from_the_rates(rng):
     assert stage.rates(x[2].tolist(), np.float64(values).tolist()) == found[:, 2].tolist()
 
 
+def test_threads_take_no_step_after_one_has_failed():
+    indices, values = LORENZ.terms
+    run = core_flow.Motion(
+        tolerance.stage_of(indices, 3), np.atleast_2d(values), np.ones((1, 3)), 1e-9, 1, 2.0
+    )
+    out = np.full((1, 1, 3), np.nan)
+    core_flow._advance(run, np.array([2.0]), out, ["an error"])
+    assert np.isnan(out).all()
+    run._advance_in_numpy(np.array([2.0]), out, ["an error"])
+    assert (out == 1.0).all()
+
+
 def test_after_a_refused_step_the_next_is_not_longer():
     indices, values = LORENZ.terms
     run = core_flow.Motion(

@@ -332,7 +332,9 @@ def test_what_does_not_fit_is_refused_when_a_loop_is_compiled(body):
             each(body, 1.0, 2.0)
 
 
-@pytest.mark.parametrize("body", [ND, FIELD], ids=["nd", "field"])
+@pytest.mark.parametrize(
+    "body", [pytest.param(ND, marks=pytest.mark.slow), FIELD], ids=["nd", "field"]
+)
 def test_arrays_of_another_length_are_refused(body):
     """Nothing else would notice: compiled code checks no index."""
     constants, three, four = system(body, 0.1), np.ones(3), np.ones(4)

@@ -546,8 +546,7 @@ LINES = from_hamiltonian(
 @pytest.mark.parametrize(
     ("field", "eps", "message"),
     [
-        (LINES, 1, "the image is a curve"),
-        pytest.param(LINES, -1, "the image is a curve", marks=pytest.mark.slow),
+        pytest.param(LINES, 1, "the image is a curve", marks=pytest.mark.slow),
         (field_of(lambda x: (x[0], 2 * x[1]), 2), -1, "the image is a curve"),
         (field_of(lambda x: (x[0], 2 * x[1]), 2), 2, "no solution"),
         pytest.param(
@@ -680,7 +679,7 @@ def test_formulas_in_eps(name):
 
 
 def test_special_values_of_eps():
-    assert report(BODY).special_eps == ()
+    assert reported(BODY).special_eps == ()
     linear = report(field_of(lambda x: (x[0], 2 * x[1]), 2), degree=2)
     assert {F(1), F(2)} <= {*linear.special_eps}
     pole = kahan(QuadraticField([[[1]]]))([F(1, 2)])[0]
@@ -1313,7 +1312,7 @@ class Quantity(float):
         (lambda: kahan(CUBIC, "1/0"), ValueError, "eps must be numbers or strings.*'1/0'"),
         (lambda: kahan(CUBIC).inverse, TypeError, "eps.*subs"),
         (lambda: kahan(CUBIC).jacobian([1, 2]), TypeError, "eps"),
-        (lambda: report(BODY).integrals[0]([1, 2]), TypeError, "eps"),
+        (lambda: reported(BODY).integrals[0]([1, 2]), TypeError, "eps"),
         (lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1), TypeError, "cofactor"),
         (lambda: degrees(CUBIC, 3), TypeError, r"map is a QuadraticField: .*kahan\(field, eps\)"),
         (lambda: growth_of(CUBIC), TypeError, r"degrees\(map, n\).*QuadraticField"),

@@ -48,10 +48,10 @@ import math
 
 import numpy as np
 
-from .llvm import block_of
-from .numba import are_common, formula, inlined, kernel, lesser, pick, select, share, universal
+from .llvm import block_of, flat
+from .numba import are_common, formula, kernel, lesser, pick, select, share, universal
 from .rows import alignment, write_pairs
-from .steps_3d import FIRST, LANES, RANGE, ZERO_TO_ROUNDING, one_step
+from .steps_3d import FIRST, LANES, NO, RANGE, ZERO_TO_ROUNDING, one_step
 
 # TINY replaces a factor that is exactly 0 on the critical level L = 1. Then all that vanishes with
 # it keeps its proportions, and state 1 and the decay to the steady state are right.
@@ -255,7 +255,7 @@ def state(b, l):
     return (w1 * inverse) * b[UNIT, l], (w2 * inverse) * b[UNIT, l]
 
 
-@inlined
+@formula
 def adjacent(b, l):
     """State 1 or -1 of a lane, by a step, because both forms in `state` may vanish for large K."""
     eps = abs(b[EPS, l]) * b[TIME, l]
@@ -266,7 +266,7 @@ def adjacent(b, l):
     return w1 * in_range, w2 * in_range
 
 
-@inlined
+@formula
 def reason(b, l):
     """The reason why a lane has no state: 0, 1 or 2, the row of `reasons` in `states`."""
     if b[PASSES, l] > 0.0 and not has_power(b[R, l], abs(b[TIME, l])):
@@ -279,7 +279,7 @@ def reason(b, l):
     return 2 if abs(total) < np.inf else 1
 
 
-@inlined
+@formula
 def fill_bodies(b, first, width, lanes, parameters, discrete):
     """Fill the rows of the bodies of `width` trajectories from `first` on, repeated; UNIT is 1."""
     i = first
@@ -297,7 +297,7 @@ def fill_bodies(b, first, width, lanes, parameters, discrete):
         b[UNIT, l] = 1.0
 
 
-@inlined
+@formula
 def rescale(b, lanes, discrete):
     """Change the unit of lanes whose state is not ordinary to `unit_of` the state."""
     for l in range(lanes):
@@ -310,7 +310,7 @@ def rescale(b, lanes, discrete):
                 b[E_, l] = 0.5 * abs(b[EPS, l]) / b[ROOT_A, l]
 
 
-@inlined
+@formula
 def start_orbits(b, first, width, used, omega0, discrete):
     """Fill the first `used` lanes with `width` orbits from trajectory `first` on, repeated.
 
@@ -320,9 +320,9 @@ def start_orbits(b, first, width, used, omega0, discrete):
     for l in range(used):
         b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
         i = i + 1 if i + 1 < first + width else first
-    extreme = 0
+    extreme = FIRST
     for l in range(LANES):
-        extreme += select(is_ordinary(b[W1, l], b[W2, l]), 0, 1)
+        extreme += ~is_ordinary(b[W1, l], b[W2, l])
     if extreme > 0:
         rescale(b, used, discrete)
     for l in range(LANES):
@@ -348,13 +348,13 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     A block has `width` trajectories at `abreast` values of n, so that few trajectories fill the
     lanes, too.
     """
-    B, N, target, b = len(omega0), len(n), out.reshape(-1), new_block()
-    abreast, started = LANES // B if 0 < B < LANES else 1, -1
+    B, N, target, b = len(omega0), len(n), flat(out), new_block()
+    abreast, started = LANES // B if 0 < B < LANES else 1, FIRST - 1
     lead, shift, shared = alignment(out, FIRST, B, LANES)
     stride = LANES - shared
     blocks, rows = (B + shift + stride - 1) // stride, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
-    common, filled = are_common(parameters), False
+    common, filled = are_common(parameters), NO
     for task in range(begin, end):
         block, row = task // rows, task % rows * abreast
         first = block * stride - shift if block > 0 else 0
@@ -376,12 +376,12 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
                 b[RHO, l], b[SIGMA, l] = pair(steps, b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l])
                 if b[TIME, l] * b[MISSING, l] > 0.0:
                     b[RHO, l] = np.nan
-        special = 0
+        special = FIRST
         for l in range(LANES):
             w1, w2 = state(b, l)
             b[OUT1, l], b[OUT2, l] = w1, w2
             usual = (abs(w1) + abs(w2) < np.inf) & (abs(b[TIME, l]) != 1.0)
-            special += select(usual, 0, 1)
+            special += ~usual
         for l in range(used if special > 0 else 0):
             if discrete > 0.0 and abs(b[TIME, l]) == 1.0:
                 b[OUT1, l], b[OUT2, l] = adjacent(b, l)

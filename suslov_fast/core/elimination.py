@@ -20,6 +20,7 @@ from .numba import formula, function, inlined, lesser, select
 # Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
 # and 1 for lanes that need `solve`, else 0.
 LEAST, LARGEST, TO_SOLVE = range(3)
+NONE = np.int64(0)  # typed, because Numba types a function twice if a sum begins with a literal
 # Elimination without row exchanges is accurate if LEAST / LARGEST is above this number.
 LEAST_PIVOT = 2.0**-6
 ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 if it is below m times this part of its terms
@@ -95,11 +96,11 @@ def accept(a, x, b, lanes):
 
     On entry b[TO_SOLVE] is NaN, or at least the length of x, for solutions that are not usable.
     """
-    m, to_solve = len(a), 0
+    m, to_solve = len(a), NONE
     for l in range(lanes):
         good = (b[TO_SOLVE, l] < m) & keeps_digits(b, l) | np.isnan(x[0, l])
         b[TO_SOLVE, l] = select(good, 0.0, 1.0)
-        to_solve += select(good, 0, 1)
+        to_solve += ~good
     for i in range(m):
         for l in range(lanes):
             x[i, l] = select(b[TO_SOLVE, l] == 0.0, a[i, m, l], x[i, l])
@@ -174,9 +175,10 @@ def balance(a, units):
     column of each unknown.
     """
     m, columns = a.shape
-    units[:] = 1.0
+    for i in range(m):
+        units[i] = 1.0
     for _ in range(ROUNDS):
-        changed = False
+        changes = NONE
         for i in range(m):
             of_row, of_column = 0.0, 0.0
             for j in range(m):
@@ -187,14 +189,14 @@ def balance(a, units):
             if of_row > 0.0 and of_column > 0.0:
                 power = power // 2
             if power != 0 and abs(power) <= 500 and of_row + of_column < np.inf:
-                changed = True
+                changes += 1
                 factor = math.ldexp(1.0, power)
                 units[i] *= factor
                 for j in range(columns):
                     a[i, j] /= factor
                 for j in range(m):  # restores the diagonal, too
                     a[j, i] *= factor
-        if not changed:
+        if changes == 0:
             break
 
 

@@ -12,7 +12,7 @@ import operator
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core.imputils import lower_constant
+from numba.core.imputils import impl_ret_borrowed, lower_constant
 from numba.extending import (
     intrinsic,
     lower_builtin,
@@ -141,6 +141,14 @@ def uncounted(arrays):
     return arrays
 
 
+def flat(array):
+    """Return the numbers of an array of order C as an array (-,).
+
+    Numba compiles `reshape` for each number of axes.
+    """
+    return array.reshape(-1)
+
+
 def for_size():
     """Let LLVM optimise the function that calls this for size, which compiles faster.
 
@@ -183,12 +191,29 @@ def block_of(rows, lanes):
 
 
 type_callable(uncounted)(lambda context: lambda arrays: arrays)
+type_callable(flat)(
+    lambda context: lambda array: types.Array(array.dtype, 1, "C") if array.layout == "C" else None
+)
 type_callable(for_size)(lambda context: lambda: types.none)
 
 
 @lower_builtin(uncounted, types.Any)
 def _uncounted(context, builder, signature, arguments):
     return uncounted_value(context, builder, signature.args[0], arguments[0])
+
+
+@lower_builtin(flat, types.Array)
+def _flat(context, builder, signature, arguments):
+    array = context.make_array(signature.args[0])(context, builder, arguments[0])
+    numbers = context.make_array(signature.return_type)(context, builder)
+    names = "meminfo", "parent", "nitems", "itemsize", "data"
+    for name in names:
+        setattr(numbers, name, getattr(array, name))
+    word = context.get_value_type(types.intp)
+    for name, value in (("shape", array.nitems), ("strides", array.itemsize)):
+        one = builder.insert_value(ir.Constant(ir.ArrayType(word, 1), ir.Undefined), value, 0)
+        setattr(numbers, name, one)
+    return impl_ret_borrowed(context, builder, signature.return_type, numbers._getvalue())
 
 
 @lower_builtin(for_size)

@@ -378,7 +378,7 @@ def _rows_of_types(arrays, i):
     return lambda arrays, i: (_row(arrays[0], i), *rows_of(arrays[1:], i))
 
 
-@inlined
+@formula
 def are_common(parameters):
     """True if all trajectories have the same body and step size."""
     I1, I2, I13, I23, k, eps = parameters

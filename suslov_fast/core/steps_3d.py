@@ -25,12 +25,12 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .llvm import block_of
-from .numba import are_common, formula, inlined, kernel, lesser, pick, select, share
+from .llvm import block_of, flat
+from .numba import are_common, formula, kernel, lesser, pick, select, share
 from .rows import alignment, store_rows, write_pairs
 
-# Typed, because Numba compiles a function that takes literals for each of them.
-FIRST, ONE, LANES = np.int64(0), np.int64(1), np.int64(128)
+# Typed, because Numba compiles a function for each literal, and types one twice if a sum begins so.
+FIRST, ONE, LANES, NO = np.int64(0), np.int64(1), np.int64(128), np.bool_(False)
 FEW = 6  # trajectories, which take less time one by one than all lanes of a block
 PROJECTED = 512  # steps, after which R is restored
 ZERO_TO_ROUNDING = 2.0**-50  # D is 0 if it is below this part of the sum of its terms
@@ -222,7 +222,7 @@ def state_at(b, l):
     return select(exists, w1, np.nan), select(exists, w2, np.nan)
 
 
-@inlined
+@formula
 def fill_frames(b, lanes, first, width, parameters):
     """Fill the frames of lanes; lanes beyond `width` repeat the first trajectory."""
     I1, I2, I13, I23, k, eps = parameters
@@ -238,13 +238,13 @@ def fill_frames(b, lanes, first, width, parameters):
         b[E_, l] = e
 
 
-@inlined
+@formula
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
     """Fill lanes with trajectories from `first` on, at state 0; return how many lanes are plain.
 
     All are plain if a single trajectory is. Lanes beyond `width` repeat the first trajectory.
     """
-    plains, flagged = 0, 0
+    plains, flagged = FIRST, FIRST
     for l in range(lanes):
         i = first + (l if l < width else 0)
         b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
@@ -258,8 +258,8 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
         b[X_, l], b[Y_, l] = X, Y
         b[XG, l] = select(loses_digits(frame, X, Y), np.nan, X)  # NaN, for no next state
         b[TOO_LONG, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)
-        flagged += select((b[TOO_LONG, l] > 0.0) | ~(abs(w1) + abs(v) < np.inf), 1, 0)
-        plains += select(plain, 1, 0)
+        flagged += (b[TOO_LONG, l] > 0.0) | ~(abs(w1) + abs(v) < np.inf)
+        plains += plain
     if lanes == 1:  # the other lanes have no trajectory
         plains, flagged = LANES if b[KIND, 0] == PLAIN else 0, 1
     if plains < LANES:
@@ -274,17 +274,17 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
     return plains
 
 
-@inlined
+@formula
 def continue_lanes(b, lanes, first, width, carry):
     """Fill lanes with trajectories where they stopped; return the same as `start_lanes`."""
-    plains = 0
+    plains = FIRST
     for l in range(lanes):
         for j in range(CARRIED):
             b[j, l] = carry[j, first + (l if l < width else 0)]
         b[W1, l], b[W2, l] = b[U, l], b[V, l]
         if b[KIND, l] == FIXED:
             b[U, l], b[V, l] = 0.0, 0.0
-        plains += 1 if b[KIND, l] == PLAIN else 0
+        plains += b[KIND, l] == PLAIN
     return plains * (LANES // lanes)
 
 
@@ -316,12 +316,12 @@ def take_steps(b, lanes, plains, n, pause):
             b[XG, l], b[U, l], b[V, l] = project_on_level(frame_at(b, l), b[R, l], X, u, v)
 
 
-@inlined
+@formula
 def finish_lanes(b, alone, plains, first, last, span, carry, final, status, failed_at):
     """Write last states, statuses and `carry`; return how many trajectories may have failed."""
-    (_, _, start, stop, _, _), to_find = span, 0
+    (_, _, start, stop, _, _), to_find = span, FIRST
     if plains == LANES:
-        store_rows(b, STATE, final.reshape(-1), 2 * first, last - first)
+        store_rows(b, STATE, flat(final), 2 * first, last - first)
         for j in range(CARRIED_BY_PLAIN):
             for l in range(last - first):
                 carry[j, first + l] = b[j, l]
@@ -360,7 +360,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     status, failed_at   (B,), OK and -1 at first; changed at the first failure
     """
     begin, end, start, stop, every, first_row = span
-    B, out, b = len(omega0), saved.reshape(-1), new_block()
+    B, out, b = len(omega0), flat(saved), new_block()
     first_saved = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     alone = end - begin <= FEW
     lanes = ONE if alone else LANES
@@ -370,7 +370,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     first_block, last_block = share((end - origin + stride - 1) // stride, part, parts)
     begin = begin if first_block == 0 else origin + first_block * stride
     end = lesser(origin + last_block * stride, end)
-    first, again, to_find = begin, False, 0
+    first, again, to_find = begin, NO, FIRST
     while first < end:
         last = lesser(first + stride - (first - origin) % stride, end)
         if again and failed_at[first] != TO_FIND:

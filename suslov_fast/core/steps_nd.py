@@ -35,8 +35,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, OK, PASSED_POLE
-from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
-from .numba import formula, function, inlined, kernel, lesser, select, share
+from .elimination import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
+from .numba import formula, function, kernel, lesser, select, share
 from .rows import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
@@ -126,14 +126,14 @@ def compute_factors(c, b, lanes):
             b[ALPHA, l] = b[ALPHA, l] + alpha_i + alpha_j
             b[BETA, l] = b[BETA, l] + beta_i + beta_j
             b[GAMMA, l] = b[GAMMA, l] + gamma_i + gamma_j
-    near, to_solve = 0, 0
+    near, to_solve = NONE, NONE
     for l in range(lanes):
         b[OF_W, l], b[OF_I, l], accurate, b[DET, l] = solve_two(
             b[EPS, l], b[P, l], b[SQUARE, l], b[ALPHA, l], b[BETA, l], b[GAMMA, l]
         )
         b[TO_SOLVE, l] = select(accurate, 0.0, 1.0)
-        near += select(b[HALF, l] >= b[NEAR, l], 1, 0)
-        to_solve += select(accurate, 0, 1)
+        near += b[HALF, l] >= b[NEAR, l]
+        to_solve += ~accurate
     if near > 0:
         for l in range(lanes):
             for i in range(M):
@@ -167,7 +167,7 @@ def compute_sums(c, b, lanes):
             b[SQUARE, l] = b[SQUARE, l] + w_i * w_i + w_j * w_j
 
 
-@inlined
+@formula
 def eliminate_one(c, b, l, memory):
     """Take the step of lane l by `solve`; set its increment to 0; return its status."""
     a, units = memory
@@ -182,7 +182,7 @@ def eliminate_one(c, b, l, memory):
     return status
 
 
-@inlined
+@formula
 def eliminate_all(c, b, a, lanes):
     """Take the step of all lanes by elimination; return how many lanes need `solve`."""
     m = len(a)
@@ -251,7 +251,7 @@ def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, stat
     iterate_nd(part, parts, parameters, span, arrays, True)
 
 
-@inlined
+@formula
 def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
     """Iterate the trajectories of a part.
 
@@ -317,7 +317,7 @@ def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
     compute_sums(c, b, c.shape[2])
 
 
-@inlined
+@formula
 def end_lane(c, b, l):
     """Set the state and the step size of a lane to NaN."""
     b[EPS, l] = np.nan

@@ -307,8 +307,10 @@ def plot(options: argparse.Namespace) -> None:
     result = result_in(options.file)
     from .runs.plot import plt
 
+    named = {"components": options.components} if options.components else {}
+    figure = result.plot(**named).figure
     with _about(options.output):
-        result.plot().figure.savefig(options.output, dpi=150)
+        figure.savefig(options.output, dpi=150)
         plt.close()
     print(options.output, flush=True)
 

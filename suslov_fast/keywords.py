@@ -53,7 +53,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("c colour colors", ("color",), _AXES, "ax"),
         (_ON_AXES, (), _AXES, "ax"),
         ("figsize", (), "pass ax= of plt.subplots(figsize=(6, 4))", "ax"),
-        ("axis", ("components",), "components are always on the last axis of states", ""),
+        ("axis", ("surface", "components"), "components are always on the last axis of states", ""),
         ("I11", ("I1",), "", ""),
         ("I22", ("I2",), "", ""),
         ("I33", ("I3",), "", ""),

@@ -103,6 +103,11 @@ def integer(text: str) -> int:
     raise argparse.ArgumentTypeError(f"{text!r} is not an integer, such as 1000 or 1e6")
 
 
+def names_or_indices(text: str) -> list[str | int]:
+    """Return the components in a text such as x,z or 0,2."""
+    return [int(part) if part.isdecimal() else part.strip() for part in text.split(",")]
+
+
 def numbers(text: str) -> list[float]:
     """Return the numbers in a text such as 1,0.5."""
     try:
@@ -120,7 +125,7 @@ def _run(parser: Any) -> None:
     add = group.add_mutually_exclusive_group().add_argument
     add(
         "--picture",
-        type=int,
+        type=integer,
         choices=(1, 2, 3, 4),
         help="body of a figure of the paper (default 2)",
     )
@@ -167,6 +172,8 @@ def _info(parser: Any) -> None:
 def _plot(parser: Any) -> None:
     add = parser.add_argument
     add("file", type=Path, metavar="FILE.npz", help="a file of a run or of crossings")
+    which = "two or three components, such as x,z or time,x (default: the first two)"
+    add("--components", type=names_or_indices, metavar="X,Y", help=which)
     add("-o", "--output", type=Path, metavar="FILE.png", required=True, help="the figure")
     add("--force", action="store_true", help=_FORCE)
 

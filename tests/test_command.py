@@ -236,8 +236,11 @@ def test_info_and_plot_of_crossings():
         ("p", "png", b"\x89PNG"),
         ("r", "png", b"\x89PNG"),
         ("r", "pdf", b"%PDF"),
+        ("p", "svg --components x1,x2", b"<?xml"),
+        ("r", "svg --components time,1", b"<?xml"),
     ):
-        assert succeed(f"plot {name}.npz -o {name}.{suffix}") == f"{name}.{suffix}\n"
+        suffix, _, options = suffix.partition(" ")
+        assert succeed(f"plot {name}.npz -o {name}.{suffix} {options}") == f"{name}.{suffix}\n"
         assert Path(f"{name}.{suffix}").read_bytes().startswith(start)
     succeed("plot p.npz -o r.png --force")
     assert Path("r.png").read_bytes() == Path("p.png").read_bytes()
@@ -340,7 +343,9 @@ MISTAKES = """
 2 | run --omega0 1,2 --low 1 --high 2 | are for random states
 1 | run --low 1 --high 0 | low must be below high, 0.0, not 1.0
 1 | run --low 1,2,3 --high 4 | low and high must be numbers, or one for each component, not 3 for 2
+2 | run --picture one | --picture: 'one' is not an integer
 2 | plot good.npz | required: -o/--output
+1 | plot run.npz --components Omega1,p -o o.png | suslov-fast: components must .* Omega2, time
 1 | plot missing.npz -o o.png | missing.npz: No such file
 1 | plot foreign.npz -o o.png | foreign.npz
 1 | plot run.npz -o picture1.png | picture1.png exists: choose a new name, or add --force

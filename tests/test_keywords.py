@@ -132,6 +132,14 @@ def test_missing_arguments(function, arguments, answer):
         (lambda: sf.QuadraticField.from_function("p, -q", "q p"), "for example lambda x: "),
         (lambda: RUN.plot("run.png"), r"whose figure\.savefig\('run\.png'\) writes a file"),
         (lambda: RUN.plot("time", "energy"), r"ax\.plot\(run\.time, run\.energy\(\)\)"),
+        (
+            lambda: sf.plot_phase(sf.Suslov3D(4, 2, -0.5, -0.3), [[1, 0.5]]),
+            r"eps must .*: plot_phase chooses its orbits; iterate\(\.\.\.\)\.plot\(\) draws yours",
+        ),
+        (
+            lambda: sf.QuadraticField.from_function(lambda x, v: (-x,), 1),
+            "f needs v: pass v=28, .*if v is a variable, count it among the 2 of the dimension",
+        ),
         (lambda: RUN.plot(color=[1, 2]), r"shape \(\), one number for each orbit"),
     ],
 )

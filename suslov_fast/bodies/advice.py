@@ -132,6 +132,8 @@ def check_arguments(
     unknown = _unknown(f, given)
     if missing:
         how = f"pass {missing[0]}=28, for example"
+        if is_state(missing[0]):
+            how += f"; if {missing[0]} is a variable, count it among the {D + 1} of the dimension"
         if what := clash(missing[0], names, maker):
             other = free(missing[0], names, maker)
             how = f"this name is in use, for {what}: rename it, for example to {other}"

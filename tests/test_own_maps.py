@@ -995,3 +995,26 @@ def test_families_of_trials_are_those_of_the_field():
         family = trial.family_like(field, 3)
         assert family.shape == (3,)
         assert [family[k] == field for k in range(3)] == [True] * 3
+
+
+def test_the_first_status_above_0_is_kept_until_a_failure():
+    """Over cuts of a run, too: `carry` has its state."""
+
+    def step(x, out, eps, work):
+        out[0] = x[0] + 1
+        return 2 if x[0] in (2, 4) else -1 if x[0] == 6 else 0
+
+    step_all, x0 = one_step.steps_of(step, 0).py_func, np.array([[0.0], [10.0]])
+    carry, final, saved = np.full((2, 2), np.nan), np.empty((2, 1)), np.empty((0, 2, 1))
+    status, failed_at = np.zeros(2, np.int8), np.full(2, -1)
+    for start, stop, state, first in ((0, 4, [4, 14], [2, 3]), (4, 6, [6, 16], [2, 3])):
+        span = 0, 2, start, stop, 0, 0
+        step_all(0, 1, (np.array([0.1]),), x0, carry, span, saved, final, status, failed_at)
+        assert final.ravel().tolist() == state
+        assert [status[0], failed_at[0], status[1], failed_at[1]] == [*first, 0, -1]
+        assert carry.tolist() == [[3.0, 0.0], [2.0, 0.0]]
+    span = 0, 2, 6, 9, 0, 0
+    step_all(0, 1, (np.array([0.1]),), x0, carry, span, saved, final, status, failed_at)
+    assert [*status, *failed_at, final[1, 0]] == [-1, 0, 7, -1, 19.0]
+    assert np.isnan(final[0, 0])
+    assert carry[:, 0].tolist() == [3.0, 2.0]

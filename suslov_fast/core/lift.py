@@ -103,9 +103,9 @@ class LiftedStep(Lifting, Step):
     def _test_pivots(self, pivots):
         emit, joined = self.values.emit, self.values.joined
         self.turned = joined("xor", [emit("olt", pivot, 0.0) for pivot in pivots])
-        if self.lifted:  # 0 times a word that is not finite, such as log 0, is NaN
-            nothing = joined("fadd", [emit("fmul", 0.0, word) for word in self.lifted])
-            self.turned = emit("and", self.turned, emit("oeq", nothing, 0.0))
+        # 0 times a word that is not finite, such as log 0, is NaN.
+        nothing = joined("fadd", [emit("fmul", 0.0, word) for word in self.lifted])
+        self.turned = emit("and", self.turned, emit("oeq", nothing, 0.0))
 
     def _results(self):
         return [*super()._results(), *self.lifted, *self.increments.values()]

@@ -5,6 +5,7 @@ import os
 # Peers that solve linear equations by NumPy use one thread, as the rows beside them do.
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
+import pytest
 import results
 
 
@@ -13,6 +14,20 @@ def pytest_configure(config):
     given = [*config.invocation_params.args, *os.environ.get("PYTEST_ADDOPTS", "").split()]
     if not any(str(option).startswith("--benchmark") for option in given):
         config.option.benchmark_disable = True
+
+
+@pytest.hookimpl(tryfirst=True)  # before some of the cases are chosen
+def pytest_collection_modifyitems(config, items):
+    """Leave out cases that differ from others in size alone, unless they are timed."""
+    if config.option.benchmark_disable:
+        kept = {}
+        for item in items:
+            is_case = getattr(item, "originalname", None) == "bench_case"
+            case = item.callspec.params["case"] if is_case else None
+            kept.setdefault((case.table, case.key) if case else item.nodeid, item)
+        chosen = {*kept.values()}
+        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
+        items[:] = [item for item in items if item in chosen]
 
 
 def pytest_benchmark_update_machine_info(machine_info):

@@ -12,7 +12,6 @@ from numba import config
 HERE = Path(__file__).parent
 # The number of threads of a parallel call where there are two, else the default.
 TWO_THREADS = 2 if config.NUMBA_NUM_THREADS > 1 else None
-LAYERS = ("omp", "tbb", "workqueue")
 
 SETUP = """
 import numpy as np, suslov_fast as sf

@@ -379,8 +379,7 @@ def test_a_child_of_a_parent_that_ran_fields_in_threads():
 
 
 @pytest.mark.sampled(1)
-@pytest.mark.parametrize("W", [1, 8])
-@pytest.mark.parametrize("D", [6, *(pytest.param(D, marks=SLOW) for D in (9, 13, 19))])
+@pytest.mark.parametrize(("D", "W"), [(6, 1), (6, 8), pytest.param(19, 8, marks=SLOW)])
 @pytest.mark.parametrize("text_of", [generated.text_of_steps, text_of_tangent])
 def test_frames(text_of, D, W):
     """No code takes 256 KB of a stack: a thread may have 512 KB. Dense fields, any x86-64."""

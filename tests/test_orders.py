@@ -2,6 +2,7 @@
 
 import json
 from functools import cache
+from itertools import cycle
 
 import mpmath
 import numba
@@ -83,6 +84,7 @@ FLOWS = {
     "Euler's top": (sf.QuadraticField.from_function(euler, 3), (1.0, 0.5, -0.7), 4),
     "epidemic": (sf.QuadraticField.from_function(epidemic, 3), (0.9, 0.1, 0.1), 8),
 }
+EACH = [*zip(FLOWS, cycle(METHODS), strict=False)]  # flow with a method
 
 
 @cache
@@ -131,8 +133,7 @@ def test_fractions(method):
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", FLOWS)
+@pytest.mark.parametrize(("name", "method"), EACH)
 def test_order(name, method):
     """Forward, and backward in time from the end, by regression."""
     field, start, time = FLOWS[name]
@@ -149,8 +150,7 @@ def test_order(name, method):
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", FLOWS)
+@pytest.mark.parametrize(("name", "method"), EACH)
 def test_steps_are_composed(name, method, rng):
     """To rounding, with step sizes of each orbit, negative ones too."""
     field, start, time = FLOWS[name]
@@ -234,8 +234,7 @@ def precise_jacobian(field, x, eps, method):
 
 
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", FLOWS)
+@pytest.mark.parametrize(("name", "method"), EACH)
 def test_jacobian(name, method, rng):
     """That of sub-steps, and differences of steps; NaN gives NaN."""
     field, start, time = FLOWS[name]
@@ -374,8 +373,7 @@ def test_a_store(method, tmp_path):
 
 @pytest.mark.compiled  # interpreted, they agree to rounding
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", FLOWS)
+@pytest.mark.parametrize(("name", "method"), EACH)
 def test_own_loops_take_whole_steps(name, method):
     field, start, time = FLOWS[name]
     run = sf.iterate(field, start, time / 30, 30, method=method)

@@ -214,3 +214,43 @@ def test_values_at_one_state_are_numbers():
         assert isinstance(function(body, [1.0, 0.5], 0.1), np.float64), function
     nd = sf.SuslovND([2.0, 2.0, 2.0], [0.4, -0.7, 0.5])
     assert isinstance(sf.criticality(nd, [1.0, 0.5, 0.2], 0.1), np.float64)
+
+
+BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
+
+
+def rotating():
+    return sf.iterate(BODY, [[1.0, 0.5], [0.2, 0.3]], 0.2, 3)
+
+
+ATTRIBUTES = [
+    (lambda: rotating().sel(eps=0.1), r"to_xarray\(\).sel\(...\).* or run.omega\[:, k\]"),
+    (lambda: rotating().t, "run.time"),
+    (lambda: rotating().y, "run.omega.T"),
+    (lambda: rotating().x, "omega"),
+    (lambda: RUN.omega, "x"),
+    (lambda: rotating().Omega2, r"run.omega\[..., 1\]"),
+    (
+        lambda: rotating().lyapunov_exponents,
+        r"suslov_fast.lyapunov_exponents\(run.body, run.omega, ...\)",
+    ),
+    (lambda: FIELD.rho, r"parameters\['rho'\]"),
+    (lambda: FIELD.trajectory(100), r"suslov_fast.iterate\(body, ...\)"),
+    (lambda: POINTS.x, "crossings.states"),
+    (lambda: POINTS.t_events, "crossings.time"),
+    (lambda: BODY.energy([1, 2]), r"suslov_fast.energy\(body, ...\)"),
+]
+
+
+@pytest.mark.parametrize(("look", "advice"), ATTRIBUTES)
+def test_attributes_that_users_of_other_packages_look_for(look, advice):
+    with pytest.raises(AttributeError, match=rf"(expected|use|states of this run are) .*{advice}"):
+        look()
+
+
+def test_close_names_are_suggested():
+    """Python suggests a name where an AttributeError says what was asked of which object."""
+    for thing in (sf, BODY, rotating()):
+        with pytest.raises(AttributeError) as caught:
+            _ = thing.no_such_name
+        assert (caught.value.name, caught.value.obj) == ("no_such_name", thing)

@@ -279,6 +279,7 @@ def test_animation_of_a_run():
         (lambda: sf.animate_body(run, start), "omega0 must be left out"),
         (lambda: sf.animate_body(run, R0=np.eye(3)), "R0 must be left out"),
         (lambda: sf.animate_body(body, R0=np.ones((3, 3))), "R0 must be a rotation matrix"),
+        (lambda: sf.animate_body(body, R0=[np.eye(3)]), "omega0, R0 must be a single state"),
         (lambda: sf.animate_body(sf.iterate(body, [start] * 2, 0.1, 6)), r"run.*batch \(2,\)"),
         (lambda: sf.animate_body(sf.iterate(body, start, 0.1, 6, save_every=3)), "omega: "),
         (

@@ -179,14 +179,13 @@ class March:
         # States after n steps, statuses and numbers of the first missing states.
         self.final = np.empty((*problem.batch, D))
         self.status = np.zeros(problem.batch, np.int8)
-        self.failed_at = np.empty(problem.batch, np.int64)
-        self.failed_at.fill(-1)  # faster than `np.full`, which matters in small calls
+        self.failed_at = _no_states(problem.batch)
 
     @property
     def first_pole(self) -> NDArray[np.int64]:
         """The first state beyond a pole of each trajectory, -1 without one."""
         if not (self.steps.notes_poles and self.carry[0].any()):  # of most runs, and soon known
-            return np.full(self.problem.batch, -1, np.int64)
+            return _no_states(self.problem.batch)
         first, status = self.noted()
         passed = (first > 0) & (status == codes.PASSED_POLE)
         return np.where(passed, first, -1).reshape(self.problem.batch)
@@ -382,6 +381,13 @@ class March:
 def _rows(begin: int, end: int, every: int) -> int:
     """Return how many states are saved after state `begin`, or from state 0 on, up to `end`."""
     return end // every - (begin or -1) // every if every else 0
+
+
+def _no_states(batch: tuple[int, ...]) -> NDArray[np.int64]:
+    """Return -1 for each trajectory, the number of a state that does not exist."""
+    numbers = np.empty(batch, np.int64)
+    numbers.fill(-1)  # faster than `np.full`, which matters in small calls
+    return numbers
 
 
 def states_after(problem: Problem, steps: int = 1) -> FloatArray:

@@ -157,7 +157,7 @@ def iterate(
     steps, save_every = checked_counts(steps, save_every)
     if type(problem.eps) is not float:  # copied, because the run keeps it
         problem = problem._replace(eps=np.array(problem.eps))
-    warn_of_times(problem)
+        warn_of_times(problem)
     march = March(problem, method)
     return run_to_end(march, method, steps, save_every, on_singular, progress, out)
 

@@ -236,7 +236,7 @@ def test_info_and_plot_of_crossings():
         ("p", "png", b"\x89PNG"),
         ("r", "png", b"\x89PNG"),
         ("r", "pdf", b"%PDF"),
-        ("p", "svg --components x1,x2", b"<?xml"),
+        ("p", "svg --components u,v", b"<?xml"),
         ("r", "svg --components time,1", b"<?xml"),
     ):
         suffix, _, options = suffix.partition(" ")

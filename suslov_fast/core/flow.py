@@ -23,7 +23,7 @@ from .pool import in_parts
 from .sparse_flow import Loops
 from .stages import extrapolation, weights_of
 from .steps_field import in_lines
-from .tolerance import AT_FIRST, REACH
+from .tolerance import AT_FIRST, REACH, first_part
 
 COLUMNS = 2, 4, 6, 8, 10
 # Factors of x_1 - x_0, ..., x_n - x_0 in the difference of order n of the longest column.
@@ -106,7 +106,7 @@ class Motion:
         x = np.ascontiguousarray(x.swapaxes(0, 1))  # five times as fast as strided rows
         f = functools.reduce(np.maximum, map(abs, self.step.rates(x, self.values.swapaxes(0, 1))))
         size = abs(x).max(axis=0)
-        length = np.where((f > 0.0) & (size > 0.0), 0.125 * size / f, last)
+        length = np.where((f > 0.0) & (size > 0.0), first_part(self.rtol[0]) * size / f, last)
         return np.where(np.isfinite(f + size), np.minimum(length, last), 0.0)
 
     def ends(self):
@@ -176,13 +176,12 @@ class Motion:
         """Take one step of all lanes, at most to a time."""
         rows, places, (D, n) = self.rows.swapaxes(0, 1), self.places, (self.step.D, self.given)
         words, all_base = rows[places.x : places.x + D], rows[places.base : places.base + D]
-        x, base, total, second, largest = (
-            rows[first : first + n]
-            for first in (places.x, places.base, places.total, places.second, places.largest)
+        x, base, total, second, difference, largest = (
+            rows[first : first + n] for first in (places.x, *places[1:6])
         )
         rest, wanted = end - rows[places.time], rows[places.wanted]
         taken = rows[places.taken] = np.where(wanted < REACH * rest, wanted, rest)
-        total[:], second[:], rows[places.least] = 0.0, 0.0, 1.0
+        total[:], second[:], difference[:], rows[places.least] = 0.0, 0.0, 0.0, 1.0
         values = self.values.swapaxes(0, 1)
         for (_, scale, weight, without), stages in zip(self.plan, COLUMNS, strict=True):
             halves = self._scaled(scale * taken, values)
@@ -192,7 +191,7 @@ class Motion:
             for k in range(stages):
                 self._take_stage(rows, halves)
                 if stages == LONGEST:
-                    second += DIFFERENCE[k] * (x - base)
+                    difference += DIFFERENCE[k] * (x - base)
             change = x - base
             total += weight * change
             second += without * change
@@ -200,7 +199,7 @@ class Motion:
             self.loops.choose(self.rows, places, self.values, end, self.rtol[0])
             return
         choice = self.step.choice
-        inputs = [*all_base, *total, *second, *largest, *values[: self.step.T]]
+        inputs = [*all_base, *total, *second, *difference, *largest, *values[: self.step.T]]
         found = dict(enumerate(inputs))
         scalars = [rows[k] for k in range(places.time, places.least + 1)]
         found.update(enumerate([*scalars, end, self.rtol[0]], len(found)))

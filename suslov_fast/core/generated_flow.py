@@ -20,7 +20,7 @@ class FlowArguments(NamedTuple):
     values: int  # address of the values v of the terms, (T,) or (lines, T, W)
     plan: int  # address of a `Column` for each column: four numbers of 8 bytes
     columns: int
-    difference: int  # address of the factors of the states of the last column in `Rows.second`
+    difference: int  # address of the factors of the states of the last column in `Rows.difference`
     times: int  # address of the times, ascending moduli
     count: int  # of times
     states: int  # address of the states at these times (count, trajectories, D)
@@ -58,7 +58,8 @@ class Rows(NamedTuple):
     x: int  # of a stage (D)
     base: int  # the state before the step (D)
     total: int  # sum of weights times ends of columns (n, the `given` components)
-    second: int  # the same without the shortest column, less the difference of the last one (n)
+    second: int  # the same without the shortest column (n)
+    difference: int  # of the states of the last column (n)
     largest: int  # moduli so far (n)
     time: int
     wanted: int  # length of the next step, 0 if the trajectory has ended
@@ -72,7 +73,7 @@ class Rows(NamedTuple):
 
 def rows_of(step):
     """Return the rows for the lists of a `tolerance.Stage`."""
-    first = [0, step.D, *(2 * step.D + k * step.given for k in range(4))]
+    first = [0, step.D, *(2 * step.D + k * step.given for k in range(5))]
     return Rows(*first, *range(first[-1] + 1, first[-1] + 7), first[-1] + 6 + len(step.table))
 
 
@@ -190,13 +191,14 @@ def text_of_flow(step, name, W, for_each, _):
             text.branch(is_last, "of_last", "of_all")
             text.label("of_last")
             factor = scalar(at(of.difference, number_of_stage))
+            begins = text.compare_integers("eq", number_of_stage, 0)
             with text.loop("differ", "%taking") as k:
                 line = line_at(active(k))
                 for n in range(given):
                     change = text.operate("fsub", row(line, rows.x + n), row(line, rows.base + n))
-                    term = text.operate("fmul", factor, change)
-                    term = text.operate("fadd", row(line, rows.second + n), term)
-                    text.store(V, term, text.plus(line, size * (rows.second + n)))
+                    so_far = from_0(row(line, rows.difference + n), zero, begins)
+                    term = text.operate("fadd", so_far, text.operate("fmul", factor, change))
+                    text.store(V, term, text.plus(line, size * (rows.difference + n)))
             text.jump("of_all")
             text.label("of_all")
 
@@ -217,7 +219,7 @@ def text_of_flow(step, name, W, for_each, _):
     text.add(f"  %kept = phi i64 [ 0, %{before_choice} ], [ %kept1, %chosen ]")
     number = active("%k")
     line, place = line_at(number), text.load("i64", at(of.place, number))
-    first_value = D + 3 * given
+    first_value = D + 4 * given
     inputs = [*range(rows.base, rows.base + first_value), *[None] * step.T]
     inputs += [*range(rows.time, rows.least + 1)]
     of_line = of.values

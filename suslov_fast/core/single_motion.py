@@ -14,7 +14,7 @@ from .flow import BUDGET, DIFFERENCE, SMALLEST_FIRST, plan_of
 from .generated_flow import SLOT, FlowArguments, rows_of, text_of_flow
 from .machine_code import code_of
 from .single_orbit import PLANS
-from .tolerance import AT_FIRST
+from .tolerance import AT_FIRST, first_part
 
 _SIZE = 8  # bytes of a number
 
@@ -51,7 +51,8 @@ def motion_of_one(step, values, x, rtol, direction, times):
     if not all(map(math.isfinite, [*rates, *x])):
         return None
     f, size = max(map(abs, rates)), max(map(abs, x))
-    length = min(0.125 * size / f, times[-1]) if f > 0.0 and size > 0.0 else times[-1]
+    part = first_part(rtol)
+    length = min(part * size / f, times[-1]) if f > 0.0 and size > 0.0 else times[-1]
     rows, n = array("d", bytes(_SIZE * places.size)), len(x)
     rows[places.base : places.base + n] = array("d", x)
     rows[places.largest : places.largest + n] = array("d", map(abs, x))

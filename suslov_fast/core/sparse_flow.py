@@ -65,7 +65,7 @@ class _Inputs(NamedTuple):
 @functools.lru_cache(8)
 def _choice_of(step):
     """Return the number of inputs of the `Choice` of sums, its `Program`, and the `Numbers`."""
-    inputs, choice = 5 * step.D + 8, Choice(None, step.D, step.D, ())
+    inputs, choice = 6 * step.D + 8, Choice(None, step.D, step.D, ())
     of_list = _Inputs(inputs, {}, [])
     numbers = Numbers(of_list)
     program = Program(of_list, choice.operations, choice.results, numbers)
@@ -94,11 +94,11 @@ class Loops:
 
     def choose(self, rows, places, values, end, rtol):
         """Write the next state, largest moduli, time and length of all lanes."""
-        D, numbers, sums = self.D, self.numbers, self.numbers[4 * self.D : 5 * self.D]
+        D, numbers, sums = self.D, self.numbers, self.numbers[5 * self.D : 6 * self.D]
         for line, of_line in enumerate(rows):
-            numbers[: 4 * D] = of_line[places.base : places.base + 4 * D]
+            numbers[: 5 * D] = of_line[places.base : places.base + 5 * D]
             sums_of_terms.serial(self.indices, values[line % len(values)], numbers[:D], sums)
-            numbers[5 * D : self.inputs - 2] = of_line[places.time : places.least + 1]
+            numbers[6 * D : self.inputs - 2] = of_line[places.time : places.least + 1]
             numbers[self.inputs - 2], numbers[self.inputs - 1] = end, rtol
             carry_out(self.code, self.program.runs, numbers, self.constants)
             found = numbers[self.program.results]

@@ -1,12 +1,15 @@
 """The motion of a field to a tolerance, as lists of operations: stages, and the length of steps.
 
-An extrapolated step of length h (`stages`) gives the next state and one of two orders less. Their
-difference, plus the tenth difference of the states of the last column over 2**10, is the estimate e
-of the error. Modes that decay much faster than h need the latter: stages change their signs, and
-all columns multiply them by almost 1, so they would neither decay nor be seen. The difference is
-what is left of them; of smooth solutions it is of order 10. The next length follows from
+An extrapolated step of length h (`stages`) gives the next state and one of two orders less, whose
+distance is the estimate e of the error. Modes that decay much faster than h need more: stages
+change their signs, and all columns multiply them by almost 1, so they would neither decay nor be
+seen. What is left of them is the tenth difference d of the states of the last column over 2**10.
+It is subtracted from the next state, and |d| times OF_FAST is added to e. Of smooth solutions d is
+of order 10 and may exceed the error of the step, so it is subtracted only where a mode decays so
+fast that d is the better multiple of it, which h sum |terms of f_i(x)| > FAST |x_i| tells: terms of
+this size have to cancel. The next length follows from
 
-rho = max_i |e_i| / max(rtol s_i, 2**-46 h sum |terms of f_i(x)|),    h_next = 0.85 rho**(-1/8) h.
+rho = max_i e_i / max(rtol s_i, 2**-46 h sum |terms of f_i(x)|),    h_next = 0.8 rho**(-1/8) h.
 
 s_i is the largest |x_i| so far, but at least 2**-20 max_j s_j, because a component that is reached
 through m others begins as t**m, and no step has relative digits of it for m > 10. The second bound
@@ -22,11 +25,15 @@ A lifted field begins each step with the words of its state, and ends it with th
 pivots are those of 1 - (h/4) f' of the equations as given, at the beginning. A step that changes a
 sign which the motion keeps is not taken, because a population below 0 would leave the solution.
 
+The first length is that in which |x| changes by the part `first_part`, which is too short for most
+motions: few first steps are refused, and the next one may be ten times as long.
+
 A trajectory ends where h falls below 2**-42 of the time, or far below its first length at time 0;
 it then has the length 0. With the length 0 a step changes nothing.
 """
 
 import functools
+import math
 
 import numpy as np
 
@@ -36,12 +43,20 @@ from .operations import Step, Values, evaluate
 from .planned_elimination import Matrix
 
 SMALLEST, OF_ROUNDING, SHORTEST = 2.0**-20, 2.0**-46, 2.0**-42
+FAST = 2.0**10
+# With 1, stiff problems take twice as many steps; with 1/32 some lose digits.
+OF_FAST = 0.125
 # With lengths that grow up to tenfold, van der Pol's equation with mu = 1000 has half as much error
 # again, in as many operations.
-SAFETY, SHORTER, LONGER, REFUSED = 0.85, 0.2, 3.0, 0.5
+SAFETY, SHORTER, LONGER, REFUSED = 0.8, 0.2, 3.0, 0.5
 # In place of LONGER: for the first step, whose length is only a guess, and after a refused one.
 AT_FIRST, AFTER_REFUSED = 10.0, 1.0
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
+
+
+def first_part(rtol):
+    """Return the length of the first step, in units of max_j |x_j| / max_j |f_j(x)|."""
+    return min(5.0 * math.sqrt(math.sqrt(math.sqrt(rtol))), 1.0)
 
 
 class Stage(Step):
@@ -118,28 +133,25 @@ class Choice:
     """The operations at the end of a step: the next state, time and length.
 
     Values are given in this order: the state x, of n components, with the words after it (D);
-    x_next - x, the same without the shortest column, and the largest moduli so far (n each); the
-    values v of the terms (T); t, the length wanted, its largest factor, the length taken, the first
-    length, the least pivot, the end of time, and rtol. `signs` has the components that keep their
-    signs. Without `indices` the sums |terms of f_i| (n) take the place of v.
+    x_next - x before d is subtracted, the same without the shortest column, d, and the largest
+    moduli so far (n each); the values v of the terms (T); t, the length wanted, its largest factor,
+    the length taken, the first length, the least pivot, the end of time, and rtol. `signs` has the
+    components that keep their signs. Without `indices` the sums |terms of f_i| (n) take the place
+    of v.
 
     results   numbers of the next state and the largest moduli (n each), t, the length, its factor
     """
 
     def __init__(self, indices, D, n, signs):
-        first_value = D + 3 * n
+        first_value = D + 4 * n
         T = n if indices is None else indices.shape[1]
         values = Values(first_value + T + 8, ())
         emit, joined = values.emit, values.joined
-        x, (total, second, largest) = range(D), (range(k, k + n) for k in range(D, first_value, n))
+        x, rows = range(D), [range(k, k + n) for k in range(D, first_value, n)]
+        total, second, difference, largest = rows
         t, wanted, longer, taken, first, least, end, rtol = range(
             first_value + T, first_value + T + 8
         )
-        after = [emit("fadd", x[k], total[k]) for k in range(n)]
-        errors = [emit("fabs", emit("fsub", total[k], second[k])) for k in range(n)]
-        sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(n)]
-        floor = emit("fmul", SMALLEST, joined("max", sizes))
-        sizes = [emit("max", size, floor) for size in sizes]
         sums = range(first_value, first_value + n)
         if indices is not None:
             [of_state] = np.nonzero(indices[0] < n)
@@ -149,11 +161,25 @@ class Choice:
                 [emit("fabs", first_value + k) for k in of_state.tolist()],
             )  # fmt: skip
             sums = [terms.right_side(k) for k in range(n)]
-        rounding, ratios = emit("fmul", OF_ROUNDING, taken), []
+        after, of_fast, errors = [emit("fadd", x[k], total[k]) for k in range(n)], [], []
+        changes = {k: emit("fmul", taken, sums[k]) for k in range(n) if sums[k] is not None}
+        for k, change in changes.items():
+            size = emit("max", emit("fabs", x[k]), emit("fabs", after[k]))
+            of_fast.append(emit("ogt", change, emit("fmul", FAST, size)))
+        if of_fast:
+            is_fast = joined("or", of_fast)
+            slow = [emit("fsub", after[k], difference[k]) for k in range(n)]
+            after = [emit("select", is_fast, slow[k], after[k]) for k in range(n)]
+        sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(n)]
+        floor = emit("fmul", SMALLEST, joined("max", sizes))
+        sizes = [emit("max", size, floor) for size in sizes]
+        ratios = []
         for k in range(n):
+            fast = emit("fmul", OF_FAST, emit("fabs", difference[k]))
+            errors.append(emit("fadd", emit("fabs", emit("fsub", total[k], second[k])), fast))
             allowed = emit("fmul", rtol, sizes[k])
-            if sums[k] is not None:
-                allowed = emit("max", emit("fmul", rounding, sums[k]), allowed)
+            if k in changes:
+                allowed = emit("max", emit("fmul", OF_ROUNDING, changes[k]), allowed)
             ratio = emit("fdiv", errors[k], allowed)
             ratios.append(emit("select", emit("oeq", errors[k], 0.0), 0.0, ratio))
         rho = joined("max", ratios)

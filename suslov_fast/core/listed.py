@@ -109,7 +109,7 @@ class Program:
         uses = Counter(a for *_, operands in operations for a in operands)
         uses.update(results)
         operations = _with_sums(operations, uses, step.places)
-        runs = _in_order_of_use(self._runs(operations, _tests(operations, results)), results)
+        runs = _in_order_of_use(self._runs(operations, _tests(operations, results)))
         last = {}  # run that reads a value, after which its row is free
         for n, (_, values) in enumerate(runs):
             for number, operands in values:
@@ -203,12 +203,12 @@ def _tests(operations, results):
     return tests
 
 
-def _in_order_of_use(runs, results):
-    """Return runs whose values are in the order in which a later run, or the results, read them."""
-    first = {number: (len(runs), 0, k) for k, number in enumerate(results)}
+def _in_order_of_use(runs):
+    """Return runs whose values are in the order in which a later run first reads them."""
+    first = {}
     for run in reversed(range(len(runs))):
         (_, n), operations = runs[run]
-        operations.sort(key=lambda operation: first.get(operation[0], (len(runs), 1)))
+        operations.sort(key=lambda operation: first.get(operation[0], (len(runs),)))
         for slot in reversed(range(n)):
             for place in reversed(range(len(operations))):
                 first[operations[place][1][slot]] = run, slot, place

@@ -814,7 +814,7 @@ def test_the_maps_of_the_page_keep_the_promises(tmp_path):
     """In a module of one's own; and a map whose random orbits diverge."""
     (tmp_path / "my_maps.py").write_text(MODULE + DIVERGING, encoding="utf-8")
     tests = Path(__file__).with_name("test_promises.py")
-    words = "implicit or trapezoidal or strong and (seldom or order or loop)"
+    words = "trapezoidal or strong and (seldom or order or loop)"
     given = ["-q", "-x", "-p", "no:cacheprovider", tests, "--maps", "my_maps", "-k", words]
     places = os.pathsep.join(map(str, [tmp_path, tests.parent, *sys.path]))
     done = subprocess.run(
@@ -822,7 +822,7 @@ def test_the_maps_of_the_page_keep_the_promises(tmp_path):
         env=os.environ | {"PYTHONPATH": places}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
-    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 20
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 15
 
 
 def of_the_page(right, wrong):
@@ -835,36 +835,19 @@ def of_the_page(right, wrong):
 
 @pytest.mark.compiled
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("right", "wrong", "words"),
-    [
-        ("out[:] = x + eps * f", "out[:] = x + eps * work[D : 2 * D]", "remember no other step"),
-        ("work=lambda D: D * D + 2 * D", "work=lambda D: D * D + D", "stay within its arrays"),
-        ("    out[:] = x + eps * f\n", "    out[:] = x + eps * f\n    values[0] *= 2\n", "its row"),
-        ("    out[:] = x + eps * f\n", "    out[:] = x + eps * f\n    x[:] = out\n", "not to x"),
-    ],
-)
-def test_slips_in_the_step_of_the_page_are_refused(right, wrong, words):
-    record = of_the_page(right, wrong)
+def test_a_slip_in_the_step_of_the_page_is_refused():
+    """It reads what the step before has left in its memory."""
+    record = of_the_page("out[:] = x + eps * f", "out[:] = x + eps * work[D : 2 * D]")
     family = sf.QuadraticField.from_function(lambda x, a: (a * x[0] * x[1], -x[0]), 2, a=[1, 2])
-    with pytest.raises(ValueError, match=rf"^step must.*{words}"):
+    with pytest.raises(ValueError, match=r"^step must.*remember no other step"):
         iterate(family, [0.3, 0.4], 0.1, 3, method=next(iter(record.methods)))
 
 
 @pytest.mark.compiled
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("right", "wrong", "order"),
-    [
-        ("residual[:] = x + eps / 2 *", "residual[:] = x + 1.0001 * eps / 2 *", 0),
-        ("(f + residual)", "(0.9999 * f + 1.0001 * residual)", 1),
-    ],
-)
-def test_slips_in_the_order_of_the_step_of_the_page_are_measured(
-    rng, monkeypatch, right, wrong, order
-):
-    promise(monkeypatch, of_the_page(right, wrong))
-    with pytest.raises(AssertionError, match=rf"order 2, and a step of .* has order -?{order}"):
+def test_a_slip_in_the_order_of_the_step_of_the_page_is_measured(rng, monkeypatch):
+    promise(monkeypatch, of_the_page("(f + residual)", "(0.9999 * f + 1.0001 * residual)"))
+    with pytest.raises(AssertionError, match=r"order 2, and a step of .* has order 1"):
         promises.test_the_order_of_steps(rng, "new 0")
 
 

@@ -36,7 +36,7 @@ import numpy as np
 
 from .codes import NONFINITE, OK, PASSED_POLE
 from .elimination import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
-from .numba import formula, function, kernel, lesser, select, share
+from .numba import formula, function, inlined, kernel, lesser, select, share
 from .rows import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
@@ -167,7 +167,7 @@ def compute_sums(c, b, lanes):
             b[SQUARE, l] = b[SQUARE, l] + w_i * w_i + w_j * w_j
 
 
-@formula
+@inlined
 def eliminate_one(c, b, l, memory):
     """Take the step of lane l by `solve`; set its increment to 0; return its status."""
     a, units = memory
@@ -182,7 +182,7 @@ def eliminate_one(c, b, l, memory):
     return status
 
 
-@formula
+@inlined
 def eliminate_all(c, b, a, lanes):
     """Take the step of all lanes by elimination; return how many lanes need `solve`."""
     m = len(a)
@@ -251,7 +251,7 @@ def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, stat
     iterate_nd(part, parts, parameters, span, arrays, True)
 
 
-@formula
+@inlined
 def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
     """Iterate the trajectories of a part.
 
@@ -317,7 +317,7 @@ def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
     compute_sums(c, b, c.shape[2])
 
 
-@formula
+@inlined
 def end_lane(c, b, l):
     """Set the state and the step size of a lane to NaN."""
     b[EPS, l] = np.nan

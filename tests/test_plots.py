@@ -202,7 +202,7 @@ def test_crossings_are_drawn():
     np.testing.assert_array_equal(dots.get_array(), one_each[points.trajectory])
     for wrong in ("eps", "count", [1.0], np.ones((9, 1))):
         with pytest.raises(
-            ValueError, match=r"^color.*(\(9,\), for each trajectory|'rho' or 'trajectory')"
+            ValueError, match=r"^color.*(\(9,\), one for each trajectory|'rho' or 'trajectory')"
         ):
             points.plot(color=wrong)
     assert len(points.of(8).plot().figure.axes) == 1

@@ -88,7 +88,7 @@ LONG += "crossings.md", "diagrams.md", "many.md", "smooth.md", "afternoon.md", "
 
 
 @pytest.mark.compiled
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     "path",
     [

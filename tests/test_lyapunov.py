@@ -300,7 +300,7 @@ def in_a_cascade(x):
 
 
 @pytest.mark.compiled
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("f", "D", "size", "tolerance"),
     [(ring, 44, 8.0, 1e-12), (everything, 48, 0.5, 1e-12), (in_a_cascade, 50, 0.1, 1e-10)],

@@ -132,7 +132,8 @@ if __name__ == "__main__":
     if "--write" in sys.argv:
         KEPT.write_text(json.dumps(all_hashes(), indent=1) + "\n", encoding="utf-8")
     else:
+        steps, *left_out = sys.argv[1:] or [60]
         with event.install_recorder("numba:run_pass") as passes:
-            found = all_hashes(*map(int, sys.argv[1:2]), tuple(sys.argv[2:]))
+            found = all_hashes(int(steps), tuple(left_out))
         names = {f"{each.data['module']}.{each.data['qualname']}" for _, each in passes.buffer}
         print(json.dumps({"hashes": found, "compiled": sorted(names)}, indent=1))

@@ -72,7 +72,7 @@ class Scheme(NamedTuple):
 
     @property
     def sums_increments(self):
-        """Whether changes of columns are sums of the increments of their stages.
+        """True if changes of columns are sums of the increments of their stages.
 
         Differences of states would contain the rounding errors of all stages. But the code of long
         lists, and that of fields without a plan, returns states alone.

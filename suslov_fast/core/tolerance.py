@@ -149,6 +149,7 @@ class Choice:
         T = n if indices is None else indices.shape[1]
         values = Values(first_value + T + 8, ())
         emit, joined = values.emit, values.joined
+        is_lifted = n < D
         x, rows = range(D), [range(k, k + n) for k in range(D, first_value, n)]
         total, second, difference, largest = rows
         t, wanted, longer, taken, first, least, end, rtol = range(
@@ -168,14 +169,14 @@ class Choice:
         for k, change in changes.items():
             size = emit("max", emit("fabs", x[k]), emit("fabs", after[k]))
             of_fast.append(emit("ogt", change, emit("fmul", FAST, size)))
-        if of_fast and n == D:
+        if of_fast and not is_lifted:
             is_fast = joined("or", of_fast)
             slow = [emit("fsub", after[k], difference[k]) for k in range(n)]
             after = [emit("select", is_fast, slow[k], after[k]) for k in range(n)]
         sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(n)]
         floor = emit("fmul", SMALLEST, joined("max", sizes))
         sizes = [emit("max", size, floor) for size in sizes]
-        ratios, part = [], OF_FAST if n == D else 1.0
+        ratios, part = [], 1.0 if is_lifted else OF_FAST
         for k in range(n):
             fast = emit("fmul", part, emit("fabs", difference[k]))
             errors.append(emit("fadd", emit("fabs", emit("fsub", total[k], second[k])), fast))

@@ -26,7 +26,7 @@ from zarr.core import sync
 
 import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
-from suslov_fast.runs import access
+from suslov_fast.runs import access, stores
 from suslov_fast.runs import tiles as computed
 from suslov_fast.runs.stores import described
 
@@ -768,6 +768,29 @@ def test_a_callable_ends_the_work_of_a_cluster(store):
         data = ensemble(*run, **ours, progress=lambda done, total: done < 400)
         assert (data.status.values != PENDING).sum() >= 10
         assert_same(ensemble(*run, **ours), iterate(*run, save_every=None))
+
+
+def test_a_tile_finished_while_its_store_is_opened(store, monkeypatch):
+    """A cancelled worker may still write one: its status comes last, and is looked for first."""
+    omega0 = np.ones((4, 2))
+    ensemble(BODY, omega0, 0.2, 9, save_every=1, store=store, chunk=2)
+    parts = ("final/c", "omega/c", "status/c")
+    tile = {
+        store / name: value for name, value in contents(store).items() if name.startswith(parts)
+    }
+    for path in tile:
+        path.unlink()
+    is_whole = stores._is_whole
+
+    def written_meanwhile(path, nbytes):
+        found = is_whole(path, nbytes)
+        if not found:
+            for name, content in tile.items():
+                name.write_bytes(content)
+        return found
+
+    monkeypatch.setattr(stores, "_is_whole", written_meanwhile)
+    assert_same(open_ensemble(store), iterate(BODY, omega0, 0.2, 9))
 
 
 def test_requests_that_an_interrupt_has_left():

@@ -99,10 +99,14 @@ def lost(store: Any, contents: Contents) -> Lost:
 
 
 def _whole(folder: Path, arrays: Mapping[str, Stored]) -> set[str]:
-    """Return the keys of the chunks in a folder whose files have the right size."""
+    """Return the keys of the chunks in a folder whose files have the right size.
+
+    Those of `status` come first, because it is written last: a tile that is finished meanwhile is
+    then pending, not damaged.
+    """
     return {
         key
-        for name, array in arrays.items()
+        for name, array in sorted(arrays.items(), key=lambda item: item[0] != "status")
         for _, key in array.keys(name)
         if _is_whole(f"{folder}/{key}", array.nbytes)
     }

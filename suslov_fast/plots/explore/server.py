@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import sys
 import threading
-import time
-from contextlib import suppress
 from http.server import BaseHTTPRequestHandler
 from importlib.util import find_spec
 from socketserver import ThreadingTCPServer
@@ -26,8 +23,6 @@ from .fields import FieldScene
 from .scene import PAGE, Parameters, answer, parse_query
 
 _ADDRESS = "127.0.0.1"
-_MOST = 32  # simultaneous requests; others wait
-_PATIENCE = 0.5  # seconds for a client to send or to receive, while others wait
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir()}
 _TYPES = {".css": "text/css", ".html": "text/html", ".js": "text/javascript"}
 
@@ -35,7 +30,7 @@ _TYPES = {".css": "text/css", ".html": "text/html", ".js": "text/javascript"}
 class Server(ThreadingTCPServer):
     """HTTP server of the page on a local port; port 0 selects a free one."""
 
-    daemon_threads = True
+    daemon_threads = True  # so that the end does not wait for slow clients
     request_queue_size = 128
     # Only on POSIX, where a second server on the same port is still an error.
     allow_reuse_address = os.name == "posix"
@@ -43,9 +38,6 @@ class Server(ThreadingTCPServer):
     def __init__(self, port: int, field: FieldScene | None = None) -> None:
         self._field = field
         self.files = _FILES | {"/": PAGE / ("field.html" if field else "index.html")}
-        self._free = threading.Semaphore(_MOST)
-        self._since: dict[Any, float] = {}  # times at which clients began to send or to receive
-        self._is_closing = False
         super().__init__((_ADDRESS, port), _Handler)
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
@@ -53,44 +45,6 @@ class Server(ThreadingTCPServer):
     def answer(self, query: str) -> Any:
         """Return the numbers for a query."""
         return self._field.answer(query) if self._field else answer(query)
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Start a thread for a request when one is free; disconnect slow clients until then."""
-        while not self._free.acquire(timeout=0.1):
-            if self._is_closing:
-                super().shutdown_request(request)
-                return
-            self.disconnect(_PATIENCE)
-        self.wait_for(request)
-        super().process_request(request, client_address)
-
-    def wait_for(self, request: Any) -> None:
-        """Note that a client begins to send or to receive."""
-        self._since[request] = time.monotonic()
-
-    def compute_for(self, request: Any) -> None:
-        """Note that the server computes for a client, which is not slow meanwhile."""
-        self._since.pop(request, None)
-
-    def disconnect(self, patience: float) -> None:
-        """End the connections of clients that take longer than `patience`, in seconds."""
-        now = time.monotonic()
-        for request, since in [*self._since.items()]:
-            if now - since > patience:
-                with suppress(OSError):  # its thread may have closed it just now
-                    request.shutdown(socket.SHUT_RDWR)
-
-    def shutdown_request(self, request: Any) -> None:
-        """End a request, and let the next one have its thread."""
-        self.compute_for(request)
-        self._free.release()
-        super().shutdown_request(request)
-
-    def shutdown(self) -> None:
-        """Stop serving, whatever clients do."""
-        self._is_closing = True
-        super().shutdown()
-        self.disconnect(0.0)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error, unless the browser has closed the connection."""
@@ -116,7 +70,6 @@ class _Handler(BaseHTTPRequestHandler):
         if is_foreign or self.headers.get("Host") not in hosts:
             self.send_error(403)
         elif path == "/scene":
-            self.server.compute_for(self.connection)
             text = json.dumps(self.server.answer(query), allow_nan=False, separators=(",", ":"))
             self._send("application/json", text.encode())
         elif file := self.server.files.get(path):
@@ -126,7 +79,6 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _send(self, kind: str, content: bytes) -> None:
         """Send a content of a MIME type."""
-        self.server.wait_for(self.connection)
         self.send_response(200)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))

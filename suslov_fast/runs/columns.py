@@ -78,6 +78,11 @@ OF_KIND = {
     "Trajectories": [column for column in RUN if column.in_files],
     "Crossings": [*CROSSINGS],
 }  # of files
+# The arguments of the functions that made a result: texts, and integers or None.
+ARGUMENTS = {
+    "Trajectories": ("method", "steps", "save_every"),
+    "Crossings": ("method", "steps", "transient", "direction", "most"),
+}
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`
 

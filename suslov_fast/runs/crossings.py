@@ -20,6 +20,7 @@ from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import nearest, public
 from ..maps import Map
+from .columns import ARGUMENTS, CROSSINGS
 from .results import Result, in_short, read_only
 from .search import Search, Surface, check_surface
 
@@ -214,7 +215,7 @@ class Crossings(Result):
             body = body[tuple(k if size > 1 else 0 for k, size in body_place)]
         i = int(np.ravel_multi_index(place, batch)) if place else 0
         begin, end = np.searchsorted(self.trajectory, [i, i + 1])
-        parts = {name: getattr(self, name) for name in ("map", *_NUMBERS, "_n")}
+        parts = {name: getattr(self, name) for name in ("map", *ARGUMENTS["Crossings"], "_n")}
         parts |= {name: getattr(self, name)[begin:end] for name in _BY_CROSSING}
         parts |= {name: np.array(getattr(self, name)[place]) for name in _BY_TRAJECTORY}
         parts |= {"body": body, "eps": float(np.broadcast_to(self.eps, batch)[place])}
@@ -396,7 +397,6 @@ _INSTEAD = {
     ),
     "parameters": "crossings.body.parameters, or the coordinates of crossings.to_xarray()",
 }
-# Attributes with a row for each crossing; with one for each trajectory; the same for all.
-_BY_CROSSING = "n", "before", "after", "fraction"
-_BY_TRAJECTORY = "count", "status", "failed_at", "first_pole", "final"
-_NUMBERS = "method", "steps", "transient", "direction", "most"
+# Attributes with a row for each crossing, and with one for each trajectory.
+_BY_CROSSING = [column.name for column in CROSSINGS if column.axes.startswith("crossing")]
+_BY_TRAJECTORY = [column.name for column in CROSSINGS if column.axes.startswith("batch")]

@@ -7,11 +7,8 @@ import numpy as np
 
 from ..checks import extra, instance, wrong
 from ..engine.status import Status
-from .columns import CROSSINGS, RUN, dims_of
+from .columns import ARGUMENTS, CROSSINGS, RUN, dims_of
 
-# Attributes of the datasets of runs and of crossings.
-_OF_RUNS = "method", "steps", "save_every"
-_OF_CROSSINGS = "method", "steps", "transient", "direction", "most"
 # The terms of a field in a store, and their axes: the names are no identifiers, as those of
 # parameters are.
 _INDICES, _VALUES, _OF_TERMS = "terms-indices", "terms-values", ("terms-places", "terms-numbers")
@@ -21,7 +18,7 @@ TAKEN = (
     *("n", "time", "component", "space", "body"),
     *_OF_TERMS,
     *(c.name for c in _VARIABLES),
-    *_OF_RUNS,
+    *ARGUMENTS["Trajectories"],
 )
 
 
@@ -72,7 +69,7 @@ def to_xarray(
     if body._lists_terms:
         variables[_INDICES] = _OF_TERMS, indices
     attributes = {"title": map.title, "map": map.name, "version": __version__}
-    attributes |= {name: getattr(run, name) for name in _OF_RUNS if getattr(run, name) is not None}
+    attributes |= _arguments_of(run)
     dataset = xarray.Dataset(variables, attrs=attributes).set_coords(coordinates)
     if coords is not None:
         instance("coords", coords, Mapping)
@@ -80,6 +77,12 @@ def to_xarray(
         raise wrong("coords", "names that are not taken", ", ".join(repr(name) for name in taken))
     dataset = with_time(dataset.assign_coords(coords or {}))
     return dataset if with_terms else as_columns(dataset)
+
+
+def _arguments_of(result: Any) -> dict[str, Any]:
+    """Return the attributes of a dataset for the arguments of a run or of crossings."""
+    arguments = {name: getattr(result, name) for name in ARGUMENTS[type(result).__name__]}
+    return {name: value for name, value in arguments.items() if value is not None}
 
 
 def with_time(data: Any) -> Any:
@@ -187,6 +190,4 @@ def crossings_to_xarray(points: Any) -> Any:
             dims = ("crossing", "component")[: axes + 1]
             coords[name] = dims, points._at_crossings(values, axes)
     attributes = {"title": map.title, "map": map.name, "version": __version__}
-    arguments = {name: getattr(points, name) for name in _OF_CROSSINGS}
-    attributes |= {name: value for name, value in arguments.items() if value is not None}
-    return dataset(variables, coords, attributes)
+    return dataset(variables, coords, attributes | _arguments_of(points))

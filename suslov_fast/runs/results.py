@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray
 from ..engine.status import count_in_words
 from ..keywords import public
 
@@ -38,16 +37,6 @@ INSTEAD_IN_RUNS = {
         "run.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
     ),
 }
-
-
-class States(property):
-    """A property of states, whose type checkers would not see."""
-
-    if TYPE_CHECKING:
-
-        def __get__(  # type: ignore[override]
-            self, instance: Any, owner: type | None = None, /
-        ) -> FloatArray: ...
 
 
 @dataclass(frozen=True, eq=False, repr=False)

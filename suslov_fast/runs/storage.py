@@ -23,6 +23,7 @@ from ..checks import MOMENTS, common_shape, in_units, integer, real_array, requi
 from ..engine.status import Status
 from ..maps import map_of, named
 from .columns import (
+    ARGUMENTS,
     FORMAT,
     OF_KIND,
     arrays_of,
@@ -35,13 +36,10 @@ from .columns import (
 
 PathLike = str | os.PathLike[str]
 
-_NUMBERS = {
-    "Trajectories": ("method", "steps", "save_every"),
-    "Crossings": ("method", "steps", "transient", "direction", "most", "_n"),
-}
-# Texts in files, and texts that files of version 0.5 have in place of `about`.
+# Numbers and texts of results: their arguments, and of crossings the number of states so far.
+_NUMBERS = ARGUMENTS | {"Crossings": (*ARGUMENTS["Crossings"], "_n")}
 _ROOM = "make room, or raise save_every"
-_TEXTS, _OLD = ("about", "body"), ("format", "version")
+_TEXTS = "about", "body"
 # Largest sizes in bytes: of the header of an entry, of the text `about`, and of the text `body`,
 # which may be larger if its compressed size is at least 1/64: JSON is never compressed so much.
 _MOST_HEADER, _MOST_ABOUT, _MOST_BODY, _RATIO = 2**14, 2**20, 2**24, 64
@@ -186,13 +184,11 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
 
 def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the description of a file (format, kind, map, numbers), and all its texts."""
-    names = [name for name in (*_TEXTS, *_OLD) if _header(entries, name) is not None]
-    texts = {name: _text(entries, name) for name in names}
-    about = json.loads(texts.get("about", "{}"))
-    version = about.get("version", texts.get("version"))
-    number = about.get("format", texts.get("format", FORMAT))
-    if number != FORMAT:
-        raise wrong("format", f"{FORMAT}, that of this version", of_other_format(number, version))
+    texts = {name: _text(entries, name) for name in _TEXTS if _header(entries, name) is not None}
+    about = json.loads(texts["about"])
+    if (number := about["format"]) != FORMAT:
+        other = of_other_format(number, about.get("version"))
+        raise wrong("format", f"{FORMAT}, that of this version", other)
     return about, texts
 
 

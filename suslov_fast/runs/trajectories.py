@@ -20,7 +20,7 @@ from ..engine.threads import thread_count
 from ..keywords import nearest, public
 from ..maps import Map
 from .columns import names_kept
-from .results import INSTEAD_IN_RUNS, Result, States, in_short, read_only
+from .results import INSTEAD_IN_RUNS, Result, in_short, read_only
 
 if TYPE_CHECKING:
     import xarray
@@ -40,17 +40,6 @@ def _quantity(name: str) -> Callable[[Trajectories], FloatArray]:
 
 # Names of these methods; `dir(run)` hides those that its map does not have.
 _QUANTITIES: set[str] = set()
-
-
-def _states(name: str, kind: str) -> States:
-    """Return the property `omega` or `x`, which a run has if its map calls the states so."""
-
-    def states(self: Trajectories) -> FloatArray:
-        if name != self.map.variable:
-            raise AttributeError  # `__getattr__` words the message
-        return self.states
-
-    return States(states, doc=f"The saved states of {kind}, shape (n_saved, ..., D).")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -176,8 +165,20 @@ class Trajectories(Result):
 
         return evaluate(name, self.body, states, self.eps, map=self.map)
 
-    omega = _states("omega", "a body, its angular velocities")
-    x = _states("x", "a field")
+    @property
+    def omega(self) -> FloatArray:
+        """The saved states of a body, its angular velocities, shape (n_saved, ..., D)."""
+        return self._states_called("omega")
+
+    @property
+    def x(self) -> FloatArray:
+        """The saved states of a field, shape (n_saved, ..., D)."""
+        return self._states_called("x")
+
+    def _states_called(self, name: str) -> FloatArray:
+        if name != self.map.variable:
+            raise AttributeError  # `__getattr__` words the message
+        return self.states
 
     if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 

@@ -9,7 +9,7 @@ import inspect
 import re
 from collections.abc import Mapping, Sequence
 from keyword import iskeyword
-from typing import Any
+from typing import Any, NoReturn
 
 from ..checks import page, short, wrong
 from .definitions import Definitions
@@ -315,6 +315,19 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
             how = f": {given}, and {wanted[1]} are unpacked"
         return f"{text}{how}"
     return text
+
+
+def raise_explained(argument: str, error: Exception, cause: str) -> NoReturn:
+    """Raise a TypeError or a ValueError with the cause of an error that f raised.
+
+    An error of another class, of which nothing more is known, is raised as it is.
+    """
+    is_value = isinstance(error, (ValueError, IndexError, ArithmeticError))
+    is_usual = is_value or isinstance(error, (TypeError, AttributeError))
+    if not is_usual and cause == " ".join(str(error).split()):
+        raise error
+    kind = ValueError if is_value else TypeError
+    raise kind(prefixed(argument, cause)) from (error if is_usual else None)
 
 
 def _is_of_numba(error: Exception) -> bool:

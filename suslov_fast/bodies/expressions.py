@@ -18,7 +18,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from ..checks import brief
 from .columns import Column
 from .definitions import HALF, ONE, Definitions, number, product, variable
-from .polynomials import HOW, Polynomial, exact
+from .polynomials import COMPARISONS, HOW, Polynomial, exact
 
 
 class NotSmooth(TypeError):
@@ -43,7 +43,6 @@ class NotSmooth(TypeError):
         return f"calls {f} of {of}, which has no rule; those with one are {', '.join(FUNCTIONS)}"
 
 
-COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".split())
 # Smooth functions near those that are not.
 _SMOOTH = {
     "abs": "np.sqrt(x**2 + d**2)",

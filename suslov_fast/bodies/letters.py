@@ -9,7 +9,8 @@ import numpy as np
 
 from .columns import Column, Refused, alone
 from .definitions import Definitions, in_brackets
-from .expressions import COMPARISONS, RULES, Expression
+from .expressions import RULES, Expression
+from .polynomials import COMPARISONS
 
 
 class Parameter(Column):

@@ -156,6 +156,10 @@ def _without(m: Monomial, part: Monomial) -> Monomial | None:
     return tuple(rest) if k == len(part) else None
 
 
+def _without_symbols(m: Monomial) -> Monomial:
+    return tuple(i for i in m if i >= 0)
+
+
 def _order(m: Monomial) -> tuple[int, Monomial]:
     """A key for monomials: by degree, then those with the earlier variables first."""
     return len(m), tuple(-i for i in m)
@@ -180,32 +184,27 @@ class _Algebra:
                 yield u + u, inverse.terms
             if function != "inverse":
                 continue
-            leads = sorted(self._leads(p), key=_order, reverse=True)
-            if not leads:
+            if (found := self._lead(p)) is None:
                 continue
-            lead = leads[0]
-            scale = self._inverse_coefficient(p, lead)
-            terms: Terms = {scale[0]: scale[1]}
+            lead, symbols, inverse_of_c = found
+            terms: Terms = {symbols: inverse_of_c}
             for m, c in p.terms.items():
-                if tuple(i for i in m if i >= 0) != lead:
-                    key = self.cancelled(_merged(_merged(m, u), scale[0]))
-                    terms[key] = terms.get(key, Fraction(0)) - c * scale[1]
+                if _without_symbols(m) != lead:
+                    key = self.cancelled(_merged(_merged(m, u), symbols))
+                    terms[key] = terms.get(key, Fraction(0)) - c * inverse_of_c
             yield _merged(lead, u), {m: c for m, c in terms.items() if c}
 
-    def _leads(self, p: Polynomial) -> list[Monomial]:
-        """Return the leading monomial, without symbols, if its coefficient is one term."""
-        parts = [tuple(i for i in m if i >= 0) for m in p.terms]
-        highest = max(parts, key=_order)
-        if parts.count(highest) > 1:
-            return []
-        [m] = [m for m, part in zip(p.terms, parts, strict=True) if part == highest]
-        is_known = all(i >= 0 or i in self._inverse_of for i in m)
-        return [highest] if is_known else []
+    def _lead(self, p: Polynomial) -> tuple[Monomial, Monomial, Fraction] | None:
+        """Return the leading monomial, without symbols, and the inverse of its coefficient.
 
-    def _inverse_coefficient(self, p: Polynomial, lead: Monomial) -> tuple[Monomial, Fraction]:
-        [m] = [m for m in p.terms if tuple(i for i in m if i >= 0) == lead]
-        symbols = tuple(sorted(self._inverse_of[i] for i in m if i < 0))
-        return symbols, 1 / p.terms[m]
+        The inverse is a product of symbols and a number; None if it is not known as one.
+        """
+        lead = max(map(_without_symbols, p.terms), key=_order)
+        (m, c), *others = (term for term in p.terms.items() if _without_symbols(term[0]) == lead)
+        symbols = [i for i in m if i < 0]
+        if others or not all(i in self._inverse_of for i in symbols):
+            return None
+        return lead, tuple(sorted(self._inverse_of[i] for i in symbols)), 1 / c
 
     def cancelled(self, m: Monomial) -> Monomial:
         """Return a monomial without products of a symbol and its inverse."""
@@ -254,7 +253,7 @@ class _Algebra:
 
     def products(self, word: Monomial) -> set[Monomial]:
         """Return the monomials, without symbols, in the derivative of a word."""
-        return {tuple(i for i in m if i >= 0) for m in self.derivative(word)}
+        return {*map(_without_symbols, self.derivative(word))}
 
 
 # ----------------------------------------------------------------------------------- quadratization
@@ -290,7 +289,7 @@ def _closed(
     missing = {m for word in words for m in algebra.products(word)} - pairs
     work = 0
     while missing:
-        target = min(missing, key=lambda m: (len(m), tuple(-i for i in m)))
+        target = min(missing, key=_order)
         if len(words) >= most or _length(target) > LENGTH or work > WORK:
             return None
         best = None
@@ -346,7 +345,7 @@ def _with_places(algebra: _Algebra, words: Sequence[Monomial]) -> Lifted:
         sums: dict[tuple[int, int], Terms] = {}
         for m, c in algebra.derivative(word).items():
             symbols = tuple(i for i in m if i < 0)
-            place = places[tuple(i for i in m if i >= 0)]
+            place = places[_without_symbols(m)]
             of_place = sums.setdefault(place, {})
             of_place[symbols] = of_place.get(symbols, 0) + c
         terms.append(tuple((j, k, sums[j, k]) for j, k in sorted(sums)))

@@ -133,7 +133,7 @@ HOW = {
     "arctanh": "(np.log1p(x) - np.log1p(-x))/2 for np.arctanh(x)",
     "logaddexp": "np.log(np.exp(x) + np.exp(y)) for np.logaddexp(x, y)",
 }
-_COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".split())
+COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".split())
 
 
 class NoPolynomial(TypeError):
@@ -167,9 +167,7 @@ class NoPolynomial(TypeError):
         if f in HOW:
             return f"calls {f} of {of}: write {HOW[f]}, which new variables make quadratic"
         f = {"absolute": "abs", "fabs": "abs"}.get(f, f)
-        what = (
-            f"compares {of}, as in if: a branch" if f in _COMPARISONS else f"calls {f}({of}): {f}"
-        )
+        what = f"compares {of}, as in if: a branch" if f in COMPARISONS else f"calls {f}({of}): {f}"
         how = "is not a polynomial, and no new variable makes it one"
         return f"{what} {how}: only smooth right-hand sides can become quadratic"
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import short
-from .advice import check_arguments, check_callable, explained, name_of, prefixed
+from .advice import check_arguments, check_callable, explained, name_of, prefixed, raise_explained
 from .columns import Refused
 from .definitions import Definitions
 from .expressions import FUNCTIONS, NotSmooth, as_polynomial, state_of
@@ -42,12 +42,7 @@ def traced(
         raise TypeError(prefixed(argument, text)) from None
     except Exception as error:  # raised by f
         cause = _of_math(error) or explained(error, f_name, names, is_family)
-        is_value = isinstance(error, (ValueError, IndexError, ArithmeticError))
-        is_usual = is_value or isinstance(error, (TypeError, AttributeError))
-        if not is_usual and cause == " ".join(str(error).split()):
-            raise
-        kind = ValueError if is_value else TypeError
-        raise kind(prefixed(argument, cause)) from (error if is_usual else None)
+        raise_explained(argument, error, cause)
     try:
         parts = [result] if argument == "H" else _components(result, len(names))
     except (TypeError, ValueError) as error:

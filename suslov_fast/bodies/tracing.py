@@ -23,6 +23,7 @@ from .advice import (
     lifted_call,
     name_of,
     prefixed,
+    raise_explained,
     says,
 )
 from .columns import Column, Refused, Symbol, exact_values, rounded
@@ -203,12 +204,7 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
         is_smooth = hasattr(error, "in_words") or says(str(error), "function of math")
         if is_smooth and not ("no new variable" in cause or "split" in cause):
             cause = cause.replace(", see ", f", as in {call.lifted}, see ")
-        is_value = isinstance(error, (ValueError, IndexError, ArithmeticError))
-        is_usual = is_value or isinstance(error, (TypeError, AttributeError))
-        if not is_usual and cause == " ".join(str(error).split()):
-            raise
-        kind = ValueError if is_value else TypeError
-        raise kind(prefixed(call.argument, cause)) from (error if is_usual else None)
+        raise_explained(call.argument, error, cause)
     try:
         if call.degree == 3:
             terms = _terms_of(result, f_name, call)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from .maps import RationalMap
 from .polynomials import exponents_in_x
 
@@ -28,10 +30,4 @@ def degrees_of_monomials(A: Sequence[Sequence[int]]) -> Iterator[int]:
         # The common denominator has the largest negative exponents of each variable.
         negative = sum(max(0, *(-a for a in column)) for column in zip(*power, strict=True))
         yield max(0, *map(sum, power)) + negative
-        power = [
-            [
-                sum(a * b for a, b in zip(row, column, strict=True))
-                for column in zip(*A, strict=True)
-            ]
-            for row in power
-        ]
+        power = (np.array(power, object) @ np.array(A, object)).tolist()

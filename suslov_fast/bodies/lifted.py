@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -23,12 +22,10 @@ from .expressions import as_polynomial, state_of
 from .field import QuadraticField
 from .field_of_terms import FieldOfFunction, parts_of
 from .letters import Parameter
-from .lift import Lift
-from .lifting import TooMany, gradient, lifted
 from .names import variables
 from .polynomials import Polynomial, named, to_lists
 from .smooth import traced
-from .structure import Numbers, SmoothHamiltonian, Structure, added_words, free_names, terms_of
+from .structure import SmoothHamiltonian, Structure, structure_of
 from .terms import collected
 
 NUMBERS, VALUES = "coefficients of definitions", "values of the lifted field"
@@ -308,55 +305,9 @@ class LiftedField(FieldOfFunction):
         matrix: Any,
     ) -> LiftedField:
         """Return the field of traced equations, or of an energy and its matrix."""
-        names, taken = definitions.names, {*definitions.names, *values}
-        used = free_names(len(definitions.list), taken)
-        places = range(definitions.D, definitions.D + len(definitions.list))
-        texts = [
-            (name, definitions.text_of_definition(i, used[: i - definitions.D], exact=True))
-            for name, i in zip(used, places, strict=True)
-        ]
-        if rows is None:
-            assert energy is not None
-            slopes = gradient(definitions, energy)
-            rows = [Polynomial([])] * definitions.D
-            for i, j, c in matrix.T:
-                rows[i] = rows[i] + slopes[j] * Polynomial([((), Fraction(c))])
-        signs = tuple(
-            i for i, row in enumerate(rows) if row.terms and all(i in m for m in row.terms)
-        )
-        try:
-            found = lifted(definitions, rows)
-        except TooMany as error:
-            raise ValueError(f"f: {error}") from None
-        except OverflowError:
-            raise ValueError("f: coefficients leave the range of float64") from None
-        numbers = Numbers(definitions, values)
-        lift = Lift(
-            given=len(names),
-            definitions=tuple(numbers.definition(each) for each in definitions.list),
-            words=found.words[len(names) :],
-            signs=signs,
-            coefficients=0,
-        )
-        terms_of_H = None if energy is None else numbers.polynomial(energy)
-        lift = lift._replace(coefficients=len(numbers.list))
-        indices, coefficients = terms_of(found, numbers)
-        shared = Structure(
-            lift=lift,
-            indices=indices,
-            H=terms_of_H,
-            K=None if matrix is None else tuple((int(i), int(j), c) for i, j, c in matrix.T),
-            added=added_words(definitions, found, taken),
-            texts=tuple(texts),
-            equations=()
-            if energy is not None
-            else tuple(definitions.text(row, used, exact=True) for row in rows),
-            shown=tuple(checks.brief(definitions.text(row)) for row in rows),
-            energy="" if energy is None else definitions.text(energy, used, exact=True),
-            shown_energy="" if energy is None else checks.brief(definitions.text(energy)),
-        )
-        parts = {NUMBERS: numbers.stacked(numbers.list, True), VALUES: coefficients}
-        return cls._of({**parts, **values, NAMES: names, STRUCTURE: shared})
+        shared, numbers, coefficients = structure_of(definitions, values, rows, energy, matrix)
+        parts = {NUMBERS: numbers, VALUES: coefficients, NAMES: definitions.names}
+        return cls._of({**parts, **values, STRUCTURE: shared})
 
     def __repr__(self) -> str:
         if self.shape:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from itertools import count, islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,9 +14,25 @@ from ..checks import FloatArray
 from ..core.lift import ONE
 from .columns import rounded
 from .definitions import Definitions
-from .lift import Lift
-from .lifting import Lifted
+from .lifting import Lifted, TooMany, gradient, lifted
 from .polynomials import Polynomial
+
+
+class Lift(NamedTuple):
+    """The definitions of words by a state, which `core.lift` evaluates. It can be hashed.
+
+    given         components of the state
+    coefficients  number of coefficients
+    definitions   for each added variable its function, polynomial, and the place of its exponent
+    words         the words after the state, as tuples of variables
+    signs         components of the state that keep their signs along the motion
+    """
+
+    given: int
+    coefficients: int
+    definitions: tuple[Any, ...]
+    words: tuple[tuple[int, ...], ...]
+    signs: tuple[int, ...]
 
 
 class Structure(NamedTuple):
@@ -111,7 +128,7 @@ class Numbers:
         return np.stack(values, axis=-1) if values else np.empty((*shape, 0))
 
 
-def terms_of(found: Lifted, numbers: Numbers) -> tuple[Any, Any]:
+def _terms_of(found: Lifted, numbers: Numbers) -> tuple[Any, Any]:
     """Return the indices of the terms of the lifted field, and their values (..., T)."""
     indices, coefficients = [], []
     for i, row in enumerate(found.terms):
@@ -122,23 +139,18 @@ def terms_of(found: Lifted, numbers: Numbers) -> tuple[Any, Any]:
     return tuple(indices), numbers.stacked(coefficients, False)
 
 
-def free_names(count: int, taken: set[str]) -> list[str]:
-    """Return names u1, u2, ... that are not taken."""
-    names: list[str] = []
-    k = 1
-    while len(names) < count:
-        if f"u{k}" not in taken:
-            names.append(f"u{k}")
-        k += 1
-    return names
+def _free_names(n: int, taken: set[str]) -> list[str]:
+    """Return n names u1, u2, ... that are not taken."""
+    names = (f"u{k}" for k in count(1))
+    return [*islice((name for name in names if name not in taken), n)]
 
 
-def added_words(
+def _added_words(
     definitions: Definitions, found: Lifted, taken: set[str]
 ) -> tuple[tuple[str, str], ...]:
     """Return names and definitions of the words after the state."""
     D, words = definitions.D, found.words[definitions.D :]
-    names = free_names(len(words), taken)
+    names = _free_names(len(words), taken)
     named_variables = [""] * len(definitions.list)
     found_words = []
     for name, word in zip(names, words, strict=True):
@@ -149,3 +161,63 @@ def added_words(
             text = definitions.text(Polynomial([(word, Fraction(1))]), named_variables)
         found_words.append((name, checks.brief(text)))
     return tuple(found_words)
+
+
+def structure_of(
+    definitions: Definitions,
+    values: Mapping[str, Any],
+    rows: Sequence[Polynomial] | None,
+    energy: Polynomial | None,
+    matrix: Any,
+) -> tuple[Structure, Any, Any]:
+    """Return the structure of equations, or of an energy and its matrix, and its coefficients.
+
+    The first of these are those of definitions and of H, as floats; the second ones those of the
+    terms of the lifted field.
+    """
+    names, taken = definitions.names, {*definitions.names, *values}
+    used = _free_names(len(definitions.list), taken)
+    places = range(definitions.D, definitions.D + len(definitions.list))
+    texts = [
+        (name, definitions.text_of_definition(i, used[: i - definitions.D], exact=True))
+        for name, i in zip(used, places, strict=True)
+    ]
+    if rows is None:
+        assert energy is not None
+        slopes = gradient(definitions, energy)
+        rows = [Polynomial([])] * definitions.D
+        for i, j, c in matrix.T:
+            rows[i] = rows[i] + slopes[j] * Polynomial([((), Fraction(c))])
+    signs = tuple(i for i, row in enumerate(rows) if row.terms and all(i in m for m in row.terms))
+    try:
+        found = lifted(definitions, rows)
+    except TooMany as error:
+        raise ValueError(f"f: {error}") from None
+    except OverflowError:
+        raise ValueError("f: coefficients leave the range of float64") from None
+    numbers = Numbers(definitions, values)
+    lift = Lift(
+        given=len(names),
+        definitions=tuple(numbers.definition(each) for each in definitions.list),
+        words=found.words[len(names) :],
+        signs=signs,
+        coefficients=0,
+    )
+    terms_of_H = None if energy is None else numbers.polynomial(energy)
+    lift = lift._replace(coefficients=len(numbers.list))
+    indices, coefficients = _terms_of(found, numbers)
+    shared = Structure(
+        lift=lift,
+        indices=indices,
+        H=terms_of_H,
+        K=None if matrix is None else tuple((int(i), int(j), c) for i, j, c in matrix.T),
+        added=_added_words(definitions, found, taken),
+        texts=tuple(texts),
+        equations=()
+        if energy is not None
+        else tuple(definitions.text(row, used, exact=True) for row in rows),
+        shown=tuple(checks.brief(definitions.text(row)) for row in rows),
+        energy="" if energy is None else definitions.text(energy, used, exact=True),
+        shown_energy="" if energy is None else checks.brief(definitions.text(energy)),
+    )
+    return shared, numbers.stacked(numbers.list, True), coefficients

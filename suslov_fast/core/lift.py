@@ -26,7 +26,7 @@ class Lifting:
     Values 0 to M - 1 are the words, the next T are h v of the terms, and after them come the
     coefficients of the lift.
 
-    lift        a `bodies.lift.Lift`, and the longest stage over the first
+    lift        a `bodies.structure.Lift`, and the longest stage over the first
     prologue    operations at the first stage of a whole step
     lifted      values of the prologue: the words after the state
     """

@@ -4,9 +4,9 @@ Authors of further maps import everything that they need from here.
 """
 
 from ..bodies.base import Body as Body
-from ..core.implicit import slope_at as slope_at
-from ..core.implicit import solve as solve
 from ..core.numba import function as function
+from ..core.one_step import slope_at as slope_at
+from ..core.one_step import solve as solve
 from ..engine.arguments import by_constants as by_constants
 from ..engine.arguments import by_field as by_field
 from ..engine.stretches import Steps as Steps

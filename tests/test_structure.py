@@ -188,6 +188,14 @@ def test_files_can_be_read_at_once():
     assert max(lengths.values()) <= 420, max(lengths, key=lengths.get)
 
 
+@pytest.mark.parametrize("room", ["core", "bodies"])
+def test_the_architecture_names_each_file_of_large_rooms(room):
+    page = (Path(__file__).parents[1] / "docs/architecture.md").read_text("utf-8")
+    page = page.partition(f"### Files of {room}")[2].partition("\n##")[0]
+    files = {path.name for path in (PACKAGE / room).glob("*.py")} - {"__init__.py"}
+    assert files == {*re.findall(r"`(\w+\.py)`", page)}
+
+
 def test_names_of_datasets_are_no_parameters_of_fields():
     field = suslov_fast.QuadraticField([[[1.0]]])
     run = suslov_fast.iterate(field, [0.1], 0.1, 1)

@@ -6,6 +6,7 @@ import graphlib
 import importlib
 import inspect
 import re
+import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -194,6 +195,26 @@ def test_the_architecture_names_each_file_of_large_rooms(room):
     page = page.partition(f"### Files of {room}")[2].partition("\n##")[0]
     files = {path.name for path in (PACKAGE / room).glob("*.py")} - {"__init__.py"}
     assert files == {*re.findall(r"`(\w+\.py)`", page)}
+
+
+# What lies at the top level of the repository, beside files whose names begin with a dot.
+TOP = """
+    CHANGELOG.md CITATION.cff LICENSE README.md bench docs pyproject.toml suslov_fast tests tox.ini
+"""
+
+
+def test_nothing_else_lies_at_the_top_level():
+    root = Path(__file__).parent.parent
+    if not (root / ".git").exists():
+        pytest.skip("needs a checkout")
+    try:
+        listed = subprocess.run(
+            ["git", "ls-files", "-z"], cwd=root, capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("needs git, and a checkout that git accepts")
+    names = {name.split("/")[0] for name in listed.stdout.split("\0") if name}
+    assert {name for name in names if name[0] != "."} == set(TOP.split())
 
 
 def test_names_of_datasets_are_no_parameters_of_fields():

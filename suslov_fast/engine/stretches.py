@@ -390,8 +390,8 @@ def _no_states(batch: tuple[int, ...]) -> NDArray[np.int64]:
     return numbers
 
 
-def states_after(problem: Problem, steps: int = 1) -> FloatArray:
-    """Return the states (..., D) after a number of steps; NaN where a trajectory failed."""
+def states_after(problem: Problem) -> FloatArray:
+    """Return the states (..., D) after one step; NaN where there is none."""
     march = March(problem)
-    march.to(steps)
+    march.to(1)
     return march.final

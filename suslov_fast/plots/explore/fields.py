@@ -11,7 +11,7 @@ from ...engine.status import Status
 from ...maps import map_of, methods_of
 from ...quantities.conserved import energy
 from ...runs.iterate import iterate
-from .scene import MOST_STEPS, as_answer
+from .scene import MOST_STEPS, as_answer, number_in
 
 _MOST_STARTS = 20
 
@@ -71,23 +71,23 @@ class FieldScene:
             names = ", ".join(name for name, _ in pairs)
             raise wrong("parameters", f"each of {', '.join(View._fields)} once", names)
         for name in values.keys() & {"eps", "steps"}:
-            values[name] = _number(name, values[name])
+            values[name] = number_in(name, values[name])
         if "starts" in values:
             rows = [row.split(",") for row in values["starts"].split(";")]
             D = len(self.names)
             if {*map(len, rows)} != {D}:
                 raise wrong("starts", f"{D} numbers for each start", values["starts"])
             values["starts"] = np.array(
-                [[_number(*each) for each in zip(self.names, row, strict=True)] for row in rows]
+                [[number_in(*each) for each in zip(self.names, row, strict=True)] for row in rows]
             )
         if "member" in values:
             texts = [text for text in values["member"].split(",") if text]
-            values["member"] = tuple(int(_number("member", text)) for text in texts)
+            values["member"] = tuple(int(number_in("member", text)) for text in texts)
         if "numbers" in values:
             texts = values["numbers"].split(",") if values["numbers"] or self.numbers else []
             if len(texts) != len(self.numbers):
                 raise wrong("numbers", f"{len(self.numbers)} numbers", values["numbers"])
-            values["numbers"] = tuple(map(_number, self.numbers, texts))
+            values["numbers"] = tuple(map(number_in, self.numbers, texts))
         return self._checked(self.first._asdict() | values)
 
     def _checked(self, values: dict[str, Any]) -> View:
@@ -180,11 +180,3 @@ class FieldScene:
                 f"eps={view.eps}, steps={view.steps}, method={view.method!r})\n"
             ),
         }
-
-
-def _number(name: str, text: str) -> float:
-    """Return the number in a text of an address."""
-    try:
-        return float(real_number(name, float(text)))
-    except ValueError as error:
-        raise wrong(name, "a number", repr(text)) from error

@@ -64,14 +64,19 @@ def parse_query(query: str) -> Parameters:
     if len(values) < len(names) or not {*needed} <= values.keys() <= {*Parameters._fields}:
         raise wrong("parameters", f"each of {', '.join(needed)} once", ", ".join(names) or "none")
     for name in [name for name in values if name != "show"]:
-        try:
-            values[name] = real_number(name, float(values[name]))
-        except ValueError as error:
-            raise wrong(name, "a number", repr(values[name])) from error
+        values[name] = number_in(name, values[name])
     steps = values["steps"]
     if steps not in range(1, MOST_STEPS + 1):
         raise wrong("steps", f"an integer from 1 to {MOST_STEPS}", f"{steps:g}")
     return Parameters(**values | {"steps": int(steps)})
+
+
+def number_in(name: str, text: str) -> float:
+    """Return the number in a text of an address."""
+    try:
+        return float(real_number(name, float(text)))
+    except ValueError as error:
+        raise wrong(name, "a number", repr(text)) from error
 
 
 def answer(query: str) -> Any:

@@ -213,7 +213,7 @@ class LiftedField(FieldOfFunction):
         ------
         TypeError, ValueError
             As :meth:`QuadraticField.from_function`; also if f calls a function that is not smooth
-            or has no rule, or more than 200 variables would be needed.
+            or has no rule, or more than 200 variables would be added for products.
 
         Examples
         --------

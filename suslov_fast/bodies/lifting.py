@@ -28,7 +28,7 @@ from ..checks import brief
 from .definitions import HALF, ONE, Definitions, number, variable
 from .polynomials import Polynomial
 
-MOST = 200  # variables
+MOST = 200  # variables added for products
 LENGTH = 2**18  # of all products that divide one that is looked for, a second
 WORK = 400_000  # products looked at, a few seconds
 
@@ -37,7 +37,7 @@ Terms = dict[Monomial, Fraction]
 
 
 class TooMany(ValueError):
-    """More than MOST variables would be needed."""
+    """More than MOST further variables would be needed."""
 
 
 class Lifted(NamedTuple):
@@ -128,10 +128,7 @@ def _depends(definitions: Definitions, i: int, of: dict[int, Polynomial]) -> boo
 def _rates(definitions: Definitions, equations: Sequence[Polynomial]) -> list[Terms]:
     """Return the derivatives in time of all variables; some may be added meanwhile."""
     of = dict(enumerate(equations))
-    for i in range(definitions.D, definitions.D + MOST):
-        if i == definitions.D + len(definitions.list):
-            break
-        definition = definitions.list[i - definitions.D]
+    for i, definition in enumerate(definitions.list, definitions.D):  # the list grows
         for j in sorted({j for m in definition.argument.terms for j in m if j > i}):
             of[j] = rate(definitions, j, of)  # added by the chain rule, for an argument
         of[i] = rate(definitions, i, of)
@@ -259,17 +256,17 @@ class _Algebra:
 # ----------------------------------------------------------------------------------- quadratization
 def _quadratic(definitions: Definitions, algebra: _Algebra, words: list[Monomial]) -> Lifted:
     """Add words until the derivatives of all are quadratic in them; of two ways the shorter."""
-    by_degree = _closed(algebra, words, lambda left: sum(len(m) - 2 for m in left), MOST)
-    most = MOST if by_degree is None else len(by_degree) - 1
+    most = len(words) + MOST
+    by_degree = _closed(algebra, words, lambda left: sum(len(m) - 2 for m in left), most)
+    most = most if by_degree is None else len(by_degree) - 1
     closed = _closed(algebra, words, len, most) or by_degree
     if closed is None:
         missing = sorted({m for w in words for m in algebra.products(w) if len(m) > 2}, key=_order)
         texts = [brief(definitions.text(Polynomial([(m, Fraction(1))]))) for m in missing[:3]]
         products = ", ".join(shorten(text, 100, placeholder=" ...") for text in texts)
         raise TooMany(
-            f"more than {MOST} variables would be needed, from {len(words)} and products such as "
-            f"{products}: use SciPy's solve_ivp, or make differences variables if f has powers "
-            "of them"
+            f"more than {MOST} variables would be added, for products such as {products}: use "
+            "SciPy's solve_ivp, or make differences variables if f has powers of them"
         )
     return _with_places(algebra, closed)
 

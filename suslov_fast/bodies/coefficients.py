@@ -127,7 +127,7 @@ def _check_entry(name: str, given: Any) -> None:
         raise wrong(name, "have the entries indices and values", ", ".join(map(str, given)))
 
 
-def structure(K: Any, D: int) -> Any:
+def structure_matrix(K: Any, D: int) -> Any:
     """Return the antisymmetric matrix of a Hamiltonian field as (3, n): i, j and exact values.
 
     K is an array, a sparse matrix or the entry of a dictionary; by default it is canonical.

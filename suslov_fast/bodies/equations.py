@@ -11,7 +11,7 @@ import numpy as np
 
 from ..checks import short
 from .expressions import FUNCTIONS, Expression
-from .letters import Parameter
+from .parameters import Parameter
 from .polynomials import from_text
 
 _LONGEST = 1_000_000  # characters

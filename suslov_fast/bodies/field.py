@@ -18,7 +18,7 @@ from .. import checks
 from ..checks import wrong
 from ..keywords import public
 from .base import Body, summary
-from .coefficients import of_array, of_hamiltonian, of_terms, structure, with_arrays
+from .coefficients import of_array, of_hamiltonian, of_terms, structure_matrix, with_arrays
 from .field_of_terms import (
     H_INDICES,
     H_VALUES,
@@ -240,7 +240,7 @@ class QuadraticField(_FieldOfTerms):
         """
         names = variables("dimension", dimension)
         values = named(parameters, names)
-        matrix = structure(K, len(names))
+        matrix = structure_matrix(K, len(names))
         energy, terms = traced("H", H, names, values, matrix)
         field = cls._of_hamiltonian(energy, matrix, {**parts_of(terms, names), **values})
         return field._made_by(cls.from_hamiltonian, H, names, K)
@@ -342,5 +342,5 @@ class QuadraticField(_FieldOfTerms):
             return cls._of({**parts_of(terms, names), **named_values})
         if indices is not None or values is not None:
             raise ValueError("the parameters hold both coefficients and H: keep one of them")
-        energy, matrix = of_hamiltonian(H, D), structure(K, D)
+        energy, matrix = of_hamiltonian(H, D), structure_matrix(K, D)
         return cls._of_hamiltonian(energy, matrix, {NAMES: names, **named_values})

@@ -15,14 +15,14 @@ from ..checks import FloatArray
 from ..core.lift import polynomial_at, slopes_at, words_at
 from ..keywords import public
 from .base import frozen, summary
-from .coefficients import structure
+from .coefficients import structure_matrix
 from .definitions import Definitions
 from .equations import value_of
 from .expressions import as_polynomial, state_of
 from .field import QuadraticField
 from .field_of_terms import FieldOfFunction, parts_of
-from .letters import Parameter
 from .names import variables
+from .parameters import Parameter
 from .polynomials import Polynomial, named, to_lists
 from .smooth import traced
 from .structure import SmoothHamiltonian, Structure, structure_of
@@ -275,7 +275,7 @@ class LiftedField(FieldOfFunction):
         """
         names = variables("dimension", dimension)
         values = named(parameters, names)
-        matrix = structure(K, len(names))
+        matrix = structure_matrix(K, len(names))
         definitions, columns = cls._start(names, values)
         [energy] = traced("H", H, definitions, columns, f"{cls.__name__}.from_hamiltonian")
         field = cls._made(definitions, values, None, energy, matrix)
@@ -352,7 +352,7 @@ class LiftedField(FieldOfFunction):
         if not is_list or (H is None) == (equations is None):
             expected = f"a list of {len(names)} texts, or left out beside H"
             raise checks.wrong("equations", expected, checks.short(equations))
-        # Members of families keep their parameters as letters.
+        # Members of families keep their parameters by name.
         found, columns = cls._start(names, values, [*values])
         known = dict(zip(names, state_of(found), strict=True)) | columns
         for k, (name, text) in enumerate(texts.items()):
@@ -367,4 +367,4 @@ class LiftedField(FieldOfFunction):
                 raise ValueError(f"equations: {checks.short(row)}: {error}") from None
         if H is None:
             return cls._made(found, values, polynomials, None, None)
-        return cls._made(found, values, None, polynomials[0], structure(K, len(names)))
+        return cls._made(found, values, None, polynomials[0], structure_matrix(K, len(names)))

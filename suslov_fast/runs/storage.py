@@ -164,8 +164,8 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
 def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the description of a file (format, kind, map, numbers), and all its texts."""
     texts = {name: _text(entries, name) for name in _TEXTS if _header(entries, name) is not None}
-    about = json.loads(texts["about"])
-    if (number := about["format"]) != FORMAT:
+    about = json.loads(texts.get("about", "{}"))
+    if (number := about.get("format", FORMAT)) != FORMAT:
         other = of_other_format(number, about.get("version"))
         raise wrong("format", f"{FORMAT}, that of this version", other)
     return about, texts

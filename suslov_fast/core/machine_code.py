@@ -194,8 +194,9 @@ class Text:
             *self.lines, "}", *sorted(self.declared),
             f"declare {self.V} @llvm.fabs.{self.suffix}({self.V})",
             f"declare {self.V} @llvm.sqrt.{self.suffix}({self.V})",
-            # Lines are whole registers also where LLVM prefers narrower ones.
-            'attributes #0 = { nounwind "min-legal-vector-width"="512" }',
+            # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
+            # stack, registers saved there may lie across cache lines, in one process or another.
+            'attributes #0 = { nounwind "stackrealign" "min-legal-vector-width"="512" }',
             '!0 = !{!"branch_weights", i32 1000000, i32 1}', "!1 = !{i32 1}", "",
         ])  # fmt: skip
 

@@ -39,7 +39,6 @@ PathLike = str | os.PathLike[str]
 # Numbers and texts of results: their arguments, and of crossings the number of states so far.
 _NUMBERS = ARGUMENTS | {"Crossings": (*ARGUMENTS["Crossings"], "_n")}
 _ROOM = "make room, or raise save_every"
-_OLD = 3600.0  # seconds after which a partial file is that of a process that was killed
 _TEXTS = "about", "body"
 # Largest sizes in bytes: of the header of an entry, of the text `about`, and of the text `body`,
 # which may be larger if its compressed size is at least 1/64: JSON is never compressed so much.
@@ -98,17 +97,19 @@ def _exists(path: PathLike) -> FileExistsError:
 
 def _write(target: Path, arrays: Mapping[str, Any], overwrite: bool) -> None:
     """Write a partial file beside `target`, and rename it at the end."""
-    part = _partial(target)
+    part, file = _partial(target)
     try:
-        with open(part, "xb") as file:
+        with file:  # locked until it is closed
             if overwrite:  # before writing, so that nobody can read who must not
                 with suppress(FileNotFoundError):
                     shutil.copymode(target, part)
             np.savez(file, **arrays)
-        if overwrite:
-            os.replace(part, target)
-        else:
-            _rename(part, target)
+            if os.name == "nt":  # Windows renames no open file
+                file.close()
+            if overwrite:
+                os.replace(part, target)
+            else:
+                _rename(part, target)
     finally:
         part.unlink(missing_ok=True)
 
@@ -124,16 +125,36 @@ def _rename(part: Path, target: Path) -> None:
         os.replace(part, target)
 
 
-def _partial(target: Path) -> Path:
-    """Return the name of a new file beside `target`; delete those that killed processes left there.
+def _partial(target: Path) -> tuple[Path, Any]:
+    """Return a new file beside `target`, locked; delete those that killed processes left there.
 
-    Processes that live write to theirs, so those are not old.
+    The files of living processes are locked. Windows has no such locks, but deletes no open file;
+    processes close theirs just before they rename it, so those younger than a minute stay there.
     """
     for left in target.parent.glob(f".{escape(target.name)}.*.part"):
         with suppress(OSError):
-            if time.time() - left.stat().st_mtime > _OLD:
+            if os.name != "nt":
+                with open(left, "rb+") as old:
+                    _lock(old)
+                    left.unlink()
+            elif time.time() - left.stat().st_mtime > 60.0:
                 left.unlink()
-    return target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+    while True:
+        part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+        file = open(part, "xb")  # noqa: SIM115  (closed by the caller)
+        with suppress(BlockingIOError):
+            _lock(file)
+            if part.exists():  # another process may have deleted it before the lock
+                return part, file
+        file.close()
+
+
+def _lock(file: Any) -> None:
+    """Lock a file until it is closed; BlockingIOError if another process has the lock."""
+    with suppress(ImportError):
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def load(path: PathLike, *kinds: str) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import pytest
 from children import TWO_THREADS
 from numba import config
 from scipy.integrate import solve_ivp
-from scipy.special import expi
+from scipy.special import expi, lambertw
 from test_lifted import FIELDS
 
 from suslov_fast import LiftedField, PoleWarning, flow
@@ -122,6 +122,17 @@ def test_populations_stay_positive():
     exact = np.exp(solution_of_logarithms(times))
     assert exact.min() < 1e-14
     assert abs(found - exact).max() < 0.1
+
+
+def test_a_component_decays_to_0():
+    """Of 0.6 u - 2 with u = 1/(x + 0.3), rounding leaves a sign that is no solution's."""
+    times = np.array([1.0, 4.0, 7.0, 30.0, 300.0])
+    exact = 0.3 * lambertw(np.exp((1 - 2 * times) / 0.3) / 0.3).real
+    field = of(lambda x: (-2 * x[0] / (x[0] + 0.3),), 1)
+    for rtol in (1e-4, 1e-9, 1e-13):
+        found = flow(field, [[1.0], [-0.1]], times, rtol=rtol)
+        assert abs(found[:, 0, 0] - exact).max() < 10 * rtol
+        assert (np.sign(found[..., 0]) == [1, -1]).all()
 
 
 def solution_of_logarithms(times):

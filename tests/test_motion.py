@@ -162,6 +162,33 @@ def test_a_chain_displaced_uniformly_stays(shift):
 
 
 # ---------------------------------------------------------------------------------------- stiff
+@pytest.mark.parametrize("rtol", [1e-4, 1e-9, 1e-12])
+def test_populations_stay_positive(rtol):
+    """They fall to 1e-27 and below 1e-200; one below 0 would end at -1e80."""
+    field = of(lambda x: (x[0] * (1 - x[1] / 2), x[1] * (x[0] / 2 - 1)), 2)
+    times = np.linspace(0, 300, 61)[1:]
+    found = flow(field, [[100.0, 50.0], [2.0, 1e-250], [-100.0, 50.0]], times, rtol=rtol)
+    assert (np.sign(found) == [[1, 1], [1, 1], [-1, 1]]).all()
+    [exact] = np.exp(
+        solve_ivp(
+            lambda t, u: (1 - np.exp(u[1]) / 2, np.exp(u[0]) / 2 - 1),
+            (0, 5), np.log([100.0, 50.0]), "DOP853", [5.0], rtol=1e-12, atol=1e-12,
+        ).y.T
+    )  # fmt: skip
+    assert abs(found[0, 0] - exact).max() < 100 * rtol
+
+
+@pytest.mark.parametrize("start", [1e-320, 1e-316, 1e-310, 1e-300])
+def test_subnormal_states(start):
+    """Relative digits are those that the start has; 5e-324 is no solution that ends."""
+    times = np.array([1.0, 100.0, 700.0])
+    found = flow(of(lambda x: (x[0],), 1), [[start], [-start]], times)[..., 0] / start
+    error = max(1e-8, 20 * 2.0**-1074 / start)
+    np.testing.assert_allclose(found, np.exp(times)[:, None] * [1, -1], rtol=error)
+    turned = flow(of(lambda x: (x[1], -x[0]), 2), [5e-324, 0], [1.0, 100.0])
+    assert abs(turned).max() < 1e-319
+
+
 def test_hires():
     field = of(hires, 8)
     for rtol, bound in ((1e-4, 1e-3), (1e-6, 3e-6), (1e-8, 2e-8)):
@@ -544,6 +571,11 @@ def test_steps_that_a_test_refuses_are_halved():
     for signs in (), (1,):
         assert chosen(turned, signs=signs)[:2] == [-2.0, 3.0]
     assert chosen([-1.0, 1.0], signs=(0,))[:2] == [0.0, 3.0]  # 0 is no change
+    # What rounding leaves gets its sign back: 2**-46 h times the sum of moduli of terms.
+    left = chosen([-1.0 - 2.0**-44, 1.0], signs=(0,), sums=(2.0**5 + 1, 0.0))
+    assert left[:2] == [2.0**-44, 3.0]
+    left = chosen([-1.0 - 2.0**-44, 1.0], signs=(0,), sums=(2.0**5 - 1, 0.0))
+    assert left[:2] == [1.0, 2.0]
 
 
 def test_lengths_at_the_end_of_time_and_of_a_solution():

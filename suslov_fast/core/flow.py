@@ -106,7 +106,7 @@ class Motion:
         x = np.ascontiguousarray(x.swapaxes(0, 1))  # five times as fast as strided rows
         f = functools.reduce(np.maximum, map(abs, self.step.rates(x, self.values.swapaxes(0, 1))))
         size = abs(x).max(axis=0)
-        length = np.where((f > 0.0) & (size > 0.0), first_part(self.rtol[0]) * size / f, last)
+        length = np.where((f > 0.0) & (size > 0.0), first_part(self.rtol[0]) * (size / f), last)
         return np.where(np.isfinite(f + size), np.minimum(length, last), 0.0)
 
     def ends(self):

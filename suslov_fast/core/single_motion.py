@@ -52,7 +52,7 @@ def motion_of_one(step, values, x, rtol, direction, times):
         return None
     f, size = max(map(abs, rates)), max(map(abs, x))
     part = first_part(rtol)
-    length = min(part * size / f, times[-1]) if f > 0.0 and size > 0.0 else times[-1]
+    length = min(part * (size / f), times[-1]) if f > 0.0 and size > 0.0 else times[-1]
     rows, n = array("d", bytes(_SIZE * places.size)), len(x)
     rows[places.base : places.base + n] = array("d", x)
     rows[places.largest : places.largest + n] = array("d", map(abs, x))

@@ -14,6 +14,7 @@ from .listed import Numbers, Program
 from .listed_code import carry_out, runs_code
 from .llvm import QUAD, uncounted
 from .numba import kernel
+from .operations import of_one_sign
 from .sparse import pattern_of, room_of, size_of, step_once
 from .tolerance import Choice
 
@@ -65,7 +66,7 @@ class _Inputs(NamedTuple):
 @functools.lru_cache(8)
 def _choice_of(step):
     """Return the number of inputs of the `Choice` of sums, its `Program`, and the `Numbers`."""
-    inputs, choice = 6 * step.D + 8, Choice(None, step.D, step.D, ())
+    inputs, choice = 6 * step.D + 8, Choice(None, step.D, step.D, of_one_sign(step.indices))
     of_list = _Inputs(inputs, {}, [])
     numbers = Numbers(of_list)
     program = Program(of_list, choice.operations, choice.results, numbers)

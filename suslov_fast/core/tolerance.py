@@ -25,7 +25,8 @@ refused step the next one is not longer, because it would often be refused as we
 
 A lifted field begins each step with the words of its state, and ends it with the state alone. Its
 pivots are those of 1 - (h/4) f' of the equations as given, at the beginning. A step that changes a
-sign which the motion keeps is not taken, because a population below 0 would leave the solution.
+sign which the motion keeps is not taken, because a population below 0 would leave the solution; but
+what rounding leaves of a component that has decayed gets its sign back.
 
 The first length is that in which |x| changes by the part `first_part`, which is too short for most
 motions: few first steps are refused, and the next one may be ten times as long.
@@ -41,10 +42,11 @@ import numpy as np
 
 from .elimination import LEAST_PIVOT
 from .lift import Lifting
-from .operations import Step, Values, evaluate
+from .operations import Step, Values, evaluate, of_one_sign
 from .planned_elimination import Matrix
 
 SMALLEST, OF_ROUNDING, SHORTEST = 2.0**-20, 2.0**-46, 2.0**-42
+OF_SUBNORMAL = 2.0**-1067  # what rounding leaves of numbers below the normal ones, in a step
 FAST = 2.0**10
 # With 1, stiff problems take twice as many steps; with 1/32 some lose digits.
 OF_FAST = 0.125
@@ -76,7 +78,8 @@ class Stage(Step):
     @functools.cached_property
     def choice(self):
         """The `Choice` of the next length."""
-        return Choice(self.indices, self.D, self.given, self.lift[0].signs if self.lift else ())
+        signs = self.lift[0].signs if self.lift else of_one_sign(self.indices)
+        return Choice(self.indices, self.D, self.given, signs)
 
     def rates(self, x, v):
         """Return the components of f(x), from those of x and v, all of them numbers or arrays."""
@@ -173,6 +176,17 @@ class Choice:
             is_fast = joined("or", of_fast)
             slow = [emit("fsub", after[k], difference[k]) for k in range(n)]
             after = [emit("select", is_fast, slow[k], after[k]) for k in range(n)]
+        is_resolved = [emit("ogt", least, LEAST_PIVOT)]
+        for k in sorted(signs):
+            other = emit("fsub", 0.0, after[k])
+            is_kept = emit("oge", x[k], 0.0)
+            is_kept = emit("oge", emit("select", is_kept, after[k], other), 0.0)
+            after[k] = emit("select", is_kept, after[k], other)
+            if k in changes:
+                rounding = emit("fmul", OF_ROUNDING, changes[k])
+                is_kept = emit("or", is_kept, emit("oge", rounding, emit("fabs", after[k])))
+            is_resolved.append(is_kept)
+        is_resolved = joined("and", is_resolved)
         sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(n)]
         floor = emit("fmul", SMALLEST, joined("max", sizes))
         sizes = [emit("max", size, floor) for size in sizes]
@@ -180,7 +194,7 @@ class Choice:
         for k in range(n):
             fast = emit("fmul", part, emit("fabs", difference[k]))
             errors.append(emit("fadd", emit("fabs", emit("fsub", total[k], second[k])), fast))
-            allowed = emit("fmul", rtol, sizes[k])
+            allowed = emit("max", emit("fmul", rtol, sizes[k]), OF_SUBNORMAL)
             if k in changes:
                 allowed = emit("max", emit("fmul", OF_ROUNDING, changes[k]), allowed)
             ratio = emit("fdiv", errors[k], allowed)
@@ -188,9 +202,6 @@ class Choice:
         rho = joined("max", ratios)
         numbers = [emit("fabs", after[k]) for k in range(n)] + errors
         finite = joined("and", [emit("olt", number, np.inf) for number in numbers])
-        is_resolved = [emit("ogt", least, LEAST_PIVOT)]
-        is_resolved += [emit("oge", emit("fmul", x[k], after[k]), 0.0) for k in signs]
-        is_resolved = joined("and", is_resolved)
         good = joined("and", [finite, emit("oge", 1.0, rho), is_resolved])
         root = emit("select", finite, rho, 1e30)
         for _ in range(3):

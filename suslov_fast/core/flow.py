@@ -91,15 +91,11 @@ class Motion:
         self.rows = np.zeros((len(x), self.places.size, W))
         with np.errstate(all="ignore"):
             first = self._first_lengths(x, last)
-        for place, values in (
-            (self.places.base, np.where(first > 0.0, x.swapaxes(0, 1), np.nan).swapaxes(0, 1)),
-            (self.places.largest, abs(x)),
-            (self.places.wanted, first),
-            (self.places.longer, np.full_like(first, AT_FIRST)),
-            (self.places.first, SMALLEST_FIRST * first),  # a fast mode may begin at rest
-        ):
-            values = values.reshape(len(x), -1, W)
-            self.rows[:, place : place + values.shape[1]] = values
+        rows, places, n = self.rows, self.places, self.given
+        rows[:, places.base : places.base + n] = np.where(first[:, np.newaxis] > 0.0, x, np.nan)
+        rows[:, places.largest : places.largest + n] = abs(x)
+        rows[:, places.wanted], rows[:, places.longer] = first, AT_FIRST
+        rows[:, places.first] = SMALLEST_FIRST * first  # a fast mode may begin at rest
 
     def _first_lengths(self, x, last):
         """Return the lengths of first steps (lines, W), 0 where f(x) is not finite."""

@@ -73,7 +73,11 @@ class Stage(Step):
 
     def __init__(self, indices, D, carried=0):
         super().__init__(indices, D, carried)
-        self._terms = [(t, *at) for t, at in enumerate(indices.T.tolist()) if at[0] < self.given]
+        self._terms = [
+            (t, i, [k for k in factors if k < D])
+            for t, (i, *factors) in enumerate(indices.T.tolist())
+            if i < self.given
+        ]
 
     @functools.cached_property
     def choice(self):
@@ -83,9 +87,12 @@ class Stage(Step):
 
     def rates(self, x, v):
         """Return the components of f(x), from those of x and v, all of them numbers or arrays."""
-        x, f = [*x, 1.0], [0.0] * self.given
-        for t, i, j, k in self._terms:
-            f[i] = f[i] + v[t] * x[j] * x[k]
+        f = [0.0] * self.given
+        for t, i, factors in self._terms:
+            term = v[t]
+            for k in factors:
+                term = term * x[k]
+            f[i] = f[i] + term
         return f
 
     def _add_tests(self, halves):

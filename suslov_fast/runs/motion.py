@@ -45,8 +45,9 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
     states = np.full((len(times), *x0.shape), np.nan)
     undefined = np.asarray(np.isnan(x0).any(axis=1))
     ended, ends = np.zeros(len(x0), bool), np.zeros(len(x0))
-    states[times == 0.0] = np.where(undefined[:, np.newaxis], np.nan, x0)
     done = int(np.count_nonzero(times == 0.0))
+    if done:
+        states[times == 0.0] = np.where(undefined[:, np.newaxis], np.nan, x0)
     goes_on = True
 
     def told(count: int) -> bool:
@@ -61,8 +62,10 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
             rows = np.flatnonzero(direction * times > 0.0)
             if not rows.size or not goes_on:
                 continue
-            later, where = np.unique(abs(times[rows]), return_inverse=True)
-            counts = np.bincount(where).tolist() if report else []
+            later, where, counts = abs(times[rows]), slice(None), [1] * len(rows) if report else []
+            if (later[1:] <= later[:-1]).any():
+                later, where, number = np.unique(later, return_inverse=True, return_counts=True)
+                counts = number.tolist() if report else []
             arguments = problem, x0, later, direction, rtol
             found, now_ended, at = _in_direction(*arguments, counts, told)
             states[rows] = found[where]

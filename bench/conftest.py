@@ -6,7 +6,6 @@ import os
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 import pytest
-import results
 
 
 def pytest_configure(config):
@@ -31,6 +30,8 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_benchmark_update_machine_info(machine_info):
+    import results  # with Numba, which not every process of `pytest -n` needs
+
     processor = machine_info["cpu"].get("brand_raw", machine_info["machine"])
     machine_info.clear()  # of the name of the host
     machine_info.update(results.machine(processor))

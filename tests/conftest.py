@@ -5,7 +5,6 @@ import signal
 import sys
 from collections import defaultdict
 
-import numba
 import numpy as np
 import pytest
 
@@ -33,6 +32,8 @@ def pytest_collection_modifyitems(config, items):
 
     Who tests maps of their own wants all cases.
     """
+    from numba import config as settings  # not in the process that waits for those of `-n`
+
     cases, all_cases = defaultdict(list), config.getoption("--maps")
     for item in items:
         if "slow" in item.path.relative_to(config.rootpath).parent.parts:
@@ -40,10 +41,10 @@ def pytest_collection_modifyitems(config, items):
         is_sampled = item.get_closest_marker("sampled") and not item.get_closest_marker("slow")
         if is_sampled and not all_cases:
             cases[item.path, item.originalname].append(item)
-        if numba.config.DISABLE_JIT and item.get_closest_marker("compiled"):
+        if settings.DISABLE_JIT and item.get_closest_marker("compiled"):
             reason = "needs compiled kernels: NUMBA_DISABLE_JIT is set"
             item.add_marker(pytest.mark.skip(reason=reason))
-        if item.get_closest_marker("slow_to_compile") and not numba.config.DISABLE_JIT:
+        if item.get_closest_marker("slow_to_compile") and not settings.DISABLE_JIT:
             item.add_marker("slow")
     for some in cases.values():
         count = some[0].get_closest_marker("sampled").args[0]
@@ -127,8 +128,9 @@ def _search_in_this_process(monkeypatch):
 def browser(tmp_path_factory):
     """A headless browser, for pages that draw what compiled kernels compute."""
     from browser import Browser
+    from numba import config
 
-    if numba.config.DISABLE_JIT:
+    if config.DISABLE_JIT:
         pytest.skip("a page that waits for interpreted kernels")
     running = Browser(tmp_path_factory.mktemp("browser"))
     yield running

@@ -35,7 +35,8 @@ _MODULES = ("compiled", "integrability")
 # Names in other packages for functions of this one, in lower case without underscores.
 _ELSEWHERE = {
     "crossings": "poincaresection poincaremap poincaresos events basins basinsofattraction",
-    "iterate": "solveivp odeint ode integrate trajectory orbitdiagram",
+    "flow, which returns the states at given times, or iterate": "solveivp odeint ode integrate",
+    "iterate": "trajectory orbitdiagram",
     "lyapunov_exponents": "lyapunov lyapunovs lyapunovspectrum",
     "fixed_points": "fixedpoints equilibria",
     "Trajectories.load, or Crossings.load": "load",

@@ -130,6 +130,8 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     With `later`, the numbers of a large array are not checked here: the caller checks them, by
     `real_array`, if its results are not finite.
     """
+    if isinstance(value, dict):
+        raise wrong(name, "an array", f"a dict: pass [*{name}.values()], in order", TypeError)
     axes = [*value.dims] if hasattr(value, "dims") else []
     if axes and axes[-1] == "component" and "n" not in axes[1:]:
         coords = getattr(value, "coords", {})  # datasets of this package name the components
@@ -335,7 +337,7 @@ def in_place_of(value: Any) -> str:
     if isinstance(value, tuple) and value and hasattr(value[0], "_instead"):
         return ": pass the body alone, because from_inertia returns a body and a rotation"
     if callable(value) and not instead:
-        return ": pass QuadraticField.from_function(f, dimension)"
+        return ": pass LiftedField.from_function(f, names), or QuadraticField if f is quadratic"
     return instead
 
 

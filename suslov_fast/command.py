@@ -307,7 +307,16 @@ def plot(options: argparse.Namespace) -> None:
     result = result_in(options.file)
     from .runs.plot import plt
 
-    named = {"components": options.components} if options.components else {}
+    named = {}
+    if options.components:
+        named["components"] = options.components
+        known = [*result.body._labels, "time"]
+        unknown = [k for k in options.components if isinstance(k, str) and k not in known]
+        if unknown or len(options.components) not in (2, 3):
+            expected = f"two or three of {', '.join(known)}, such as time,{known[0]}"
+            from .checks import wrong
+
+            raise wrong("--components", expected, ",".join(map(str, options.components)))
     figure = result.plot(**named).figure
     with _about(options.output):
         figure.savefig(options.output, dpi=150)

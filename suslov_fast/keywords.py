@@ -20,7 +20,11 @@ _DIGITS = (
 _CHOSEN = "flow chooses its steps from the tolerance rtol=; iterate has eps= and method="
 _TENSOR = "from_inertia(I, a) makes a body from an inertia tensor and the constrained axis"
 _AXES = "set it on the axes that plots return, such as ax.set_xlim(0, 1)"
-_ON_AXES = "xlim ylim xlabel ylabel cmap alpha s lw linewidth label grid legend"
+_ON_AXES = "xlim ylim xlabel ylabel cmap alpha s grid legend"
+_ON_LINES = (
+    "for other styles draw run.x with Matplotlib, as in ax.plot(run.x[:, 0, 0], run.x[:, 0, 1])"
+)
+_RELATIVE = "flow has one tolerance, rtol=, relative to the largest value of each component so far"
 
 # Names that SciPy, MATLAB, Julia and pynamicalsys have for an argument; the names that it may have
 # here; and a sentence if the function has none of them, but has another argument.
@@ -32,7 +36,8 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("t time times t_eval tspan saveat ts", ("time",), _SPAN, "steps"),
         ("T", ("time", "period"), _SPAN, "steps"),
         ("t_span t_end tf t_final total_time tmax t0", ("time",), _SPAN, "steps"),
-        ("tol rtol atol reltol abstol", ("rtol", "tol"), _DIGITS, "method"),
+        ("atol abstol", (), _RELATIVE, ""),
+        ("tol rtol reltol", ("rtol", "tol"), _DIGITS, "method"),
         ("method order integrator solver alg algorithm scheme", ("method",), _CHOSEN, "rtol"),
         ("n n_steps num_steps nsteps N iterations max_steps maxiter", ("steps", "n"), "", ""),
         ("x0 y0 u0 z0 X0 omega0 omega x state states ic", (), _STATES, "eps"),
@@ -48,10 +53,20 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("burn_in transient_time n_transient Ttr discard", ("transient",), "", ""),
         ("every stride thin sample save_at", ("save_every",), "", ""),
         ("n_jobs workers num_threads cores", ("threads",), "", ""),
+        ("n_workers", ("threads",), "pass client=, a distributed.Client", "client"),
+        ("overwrite mode", (), "pass a new name, or delete the folder of the store", "store"),
+        (
+            "dtype",
+            (),
+            "states are stored as float64; save_every= and functions= store less",
+            "store",
+        ),
+        ("value", (), "subtract it: surface=lambda x: x[..., 0] - value", "surface"),
         ("verbose callback", ("progress",), "", ""),
         ("filename file", ("store", "path"), "", ""),
         ("c colour colors", ("color",), _AXES, "ax"),
         (_ON_AXES, (), _AXES, "ax"),
+        ("lw linewidth ls linestyle label marker", (), _ON_LINES, "ax"),
         ("figsize", (), "pass ax= of plt.subplots(figsize=(6, 4))", "ax"),
         ("axis", ("surface", "components"), "components are always on the last axis of states", ""),
         ("I11", ("I1",), "", ""),
@@ -74,6 +89,7 @@ _REQUIRED = {
     "surface": "a function of states, such as lambda x: x[..., 0] - 1",
     "dimension": 'the number of variables or their names, such as "x v"',
     "period": "an approximate period",
+    "periodic_orbit.steps": "the number of steps in a period",
     "store": "the name of a folder, such as 'runs.zarr'",
     "a": "the constrained axis, such as [0, 0, 1]",
     "k": "the angular momentum of the rotor",

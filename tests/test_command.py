@@ -345,7 +345,7 @@ MISTAKES = """
 1 | run --low 1,2,3 --high 4 | low and high must be numbers, or one for each component, not 3 for 2
 2 | run --picture one | --picture: 'one' is not an integer
 2 | plot good.npz | required: -o/--output
-1 | plot run.npz --components Omega1,p -o o.png | suslov-fast: components must .* Omega2, time
+1 | plot run.npz --components Omega1,p -o o.png | must be .* Omega2, time, such as time,Omega1, not
 1 | plot missing.npz -o o.png | missing.npz: No such file
 1 | plot foreign.npz -o o.png | foreign.npz
 1 | plot run.npz -o picture1.png | picture1.png exists: choose a new name, or add --force

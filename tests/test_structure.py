@@ -289,9 +289,10 @@ def test_names_are_imported_when_they_are_asked_for():
 @pytest.mark.parametrize(
     ("name", "here"),
     [
-        ("poincare_section", "crossings"), ("poincaresos", "crossings"), ("solve_ivp", "iterate"),
+        ("poincare_section", "crossings"), ("poincaresos", "crossings"),
+        ("solve_ivp", "flow, which"),
         ("basins_of_attraction", "crossings"), ("lyapunov_spectrum", "lyapunov_exponents"),
-        ("odeint", "iterate"), ("Trajectory", "iterate"), ("fixedpoints", "fixed_points"),
+        ("odeint", "flow, which"), ("Trajectory", "iterate"), ("fixedpoints", "fixed_points"),
     ],
 )  # fmt: skip
 def test_names_of_other_packages_say_where_it_is(name, here):

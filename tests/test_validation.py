@@ -174,6 +174,9 @@ FIELDS = [
     (run(omega0=[[1, 2, 0], [1, 2, 0]]), ValueError, "omega0.* pass the transpose, .*; or for vectors of 3 components"),
     (field(lambda x: (math.sin(x[0]), 1)), TypeError, "f.* functions of math take none.*NumPy.*LiftedField.from_function.*Equations that are not quadratic"),
     (field(lambda x: np.add(np.zeros(2), float(x[0]))), TypeError, "f.* array of floats"),
+    (field(lambda x: (x[:2] ** 2,) * 2), TypeError, r"'tuple' and 'int'.* x is a tuple; .* np.array\(x\)"),
+    (lambda: sf.iterate(sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), 2), {"x": 1.0, "y": 2.0}, 0.1, 1), TypeError, r"x must be an array, not a dict: pass \[\*x\.values"),
+    (lambda: sf.iterate(abs, [1.0, 0.5], 0.1, 1), TypeError, r"pass LiftedField\.from_function\(f, names\), or QuadraticField"),
     (field(lambda x: x**2), TypeError, r"f.* x is a tuple; .* np.array\(x\)"),
     (field(lambda x: None), ValueError, "f.*not None: return a tuple of 2"),
     # As written for other packages.
@@ -256,7 +259,7 @@ RUNS = [
     (run(out=np.zeros((4, 2, 4))[..., ::2]), ValueError, "out"),
     (run(omega0=[1.0, 0.5, 0.2]), ValueError, r"omega0.*\(rotation @ omega\)\[:2\]"),
     (run(body=Suslov3D), TypeError, "body"), (run(body=3), TypeError, "body"),
-    (run(body=lambda x: x), TypeError, r"body.*QuadraticField.from_function"),
+    (run(body=lambda x: x), TypeError, r"body.*LiftedField.from_function"),
     (run(omega0=np.ones((2, 5))[:, :3]), ValueError, "omega0.* pass the transpose"),
     (run(body=BATCH, omega0=np.ones((4, 2))), ValueError, r"omega0 .* insert axes of length 1"),
     (lambda: sf.step_full(BODY, [1, 2, 3], 0.1), TypeError, "I3"),

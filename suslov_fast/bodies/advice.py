@@ -37,7 +37,7 @@ TEXTS = {
     "function of math": "must be real number, not",
     "time is None": "NoneType",
     "number of a symbol": "Polynomial",
-    "tuple as an array": "'Variables'|tuple indices|can't multiply sequence",
+    "tuple as an array": "'Variables'|'tuple' and|tuple indices|can't multiply sequence",
     "unpacking": "to unpack",
     "argument of Numba": "compute fingerprint",
 }
@@ -292,10 +292,9 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
             how = "define a constant matrix inside f, not as a parameter"
         return f"{text}: an array is a family, and f receives one number at a time: {how}"
     if says(text, "linear algebra of symbols"):
-        how = "compute the inverse of a constant matrix outside f, and multiply by it"
-        return (
-            f"numpy.linalg cannot compute with symbols ({text}): {how}, as in Inverse @ np.array(x)"
-        )
+        constant = "multiply by the inverse of a constant matrix, as in Inverse @ np.array(x)"
+        how = f"{constant}; if the matrix depends on x, write its inverse as formulas"
+        return f"numpy.linalg cannot compute with symbols ({text}): {how}"
     if says(text, "function of math"):
         how = "x holds symbols, and functions of math take none: write those of NumPy"
         return f"{how}, such as np.sin, and make a LiftedField, see {page(CUBIC)}"

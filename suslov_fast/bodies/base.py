@@ -24,6 +24,8 @@ _ELSEWHERE = {
 }
 _INSTEAD = {
     **dict.fromkeys(("to_latex", "latex", "equations", "to_sympy"), "str(field), the equations"),
+    "save": "json.dump(body.to_dict(), file)",
+    "replace": "from_function again, with the new parameters",
     **dict.fromkeys(("x", "omega", "states"), "the states of a run, as iterate returns it"),
 }
 # Attributes for other modules of the package; `dir` hides them.
@@ -157,8 +159,7 @@ class Body:
             instead = instead or _INSTEAD.get(name, "")
             if instead:
                 raise AttributeError(f"{kind!r} object has no attribute {name!r}: use {instead}")
-            text = f"{kind!r} object has no attribute {name!r}"
-            raise AttributeError(text, name=name, obj=self)
+            raise AttributeError(f"{kind!r} object has no attribute {name!r}", name=name, obj=self)
 
     def __len__(self) -> int:
         if not self.shape:

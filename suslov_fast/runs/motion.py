@@ -149,8 +149,8 @@ def _warn_of_ends(problem: Problem, ended: Any, ends: FloatArray) -> None:
     if ended.any():
         first = first_index(ended.reshape(problem.batch))
         time = ends[int(np.argmax(ended))]
-        text = f"{np.count_nonzero(ended)} of {ended.size} solutions end; first: {spell(first)} "
-        text += f"near t = {time:.9g}"
+        text = f"{np.count_nonzero(ended)} of {ended.size} solutions end (first: trajectory "
+        text += f"{spell(first)} near t = {time:.9g})"
         at_once = (ended & (ends == 0.0)).reshape(problem.batch)
         if at_once.any() and (why := problem.body._without_value(problem.omega, at_once)):
             text += f"; {why}"

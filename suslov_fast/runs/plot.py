@@ -143,6 +143,8 @@ def _in_place_of(components: Any) -> str:
         return f": plots return axes, whose figure.savefig({components!r}) writes a file"
     quantities = ("energy", "modified_energy", "first_integral", "criticality")
     if isinstance(components, (tuple, list)):
+        if any(isinstance(each, (tuple, list)) for each in components):
+            return ": draw one after the other, ax = run.plot(0, 1) and run.plot(0, 2, ax=ax)"
         for name in quantities:
             if name in components:
                 return f": draw quantities by ax.plot(run.time, run.{name}())"
@@ -155,10 +157,13 @@ def _components(run: Any, components: Any) -> list[int]:
     last, names = len(labels) - 1, [*labels, "time"]
     if last == 0 and components == (0, 1):  # the only component, over time
         return [_TIME, 0]
-    expected = f"two or three integers from 0 to {last}, or names among {', '.join(names)}"
-    expected += f', such as ("time", "{labels[0]}")'
+    shown = names if last < 20 else [*labels[:3], "...", *names[-2:]]
+    expected = f"two or three integers from 0 to {last}, or names among {', '.join(shown)}"
+    expected += f', such as ("time", "{components if components in labels else labels[0]}")'
     given = components if isinstance(components, (tuple, list)) else ()
-    if len(given) not in (2, 3) or any(isinstance(k, str) and k not in names for k in given):
+    if len(given) not in (2, 3) or any(
+        isinstance(k, (tuple, list)) or (isinstance(k, str) and k not in names) for k in given
+    ):
         raise wrong("components", expected, f"{short(components)}{_in_place_of(components)}")
     indices = []
     for k in given:

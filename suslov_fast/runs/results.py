@@ -32,6 +32,9 @@ INSTEAD_IN_RUNS = {
     "local_error": "iterate(..., method='extrapolated'), whose steps estimate their errors",
     "to_numpy": "run.{x}, or np.asarray(run)",
     "parameters": "run.body.parameters",
+    "savefig": "run.plot().figure.savefig(path)",
+    "select": "run.{x}[:, k], the states of trajectory k",
+    "summary": "print(run), or suslov-fast info for a saved run",
     **dict.fromkeys(
         ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
         "run.to_xarray(), whose Dataset has to_dataframe and to_netcdf",

@@ -191,9 +191,10 @@ class Trajectories(Result):
                         f"no attribute {name!r}: the states of this run are run.{x}"
                     )
                 instead = INSTEAD_IN_RUNS.get(name, "").format(x=x)
-                labels = [label.lower() for label in self.body._labels]
-                if name.lower() in labels:
-                    instead = f"run.{x}[..., {labels.index(name.lower())}]"
+                labels = [*self.body._labels]
+                alike = [k for k, label in enumerate(labels) if label.lower() == name.lower()]
+                if name in labels or (alike and not instead):
+                    instead = f"run.{x}[..., {labels.index(name) if name in labels else alike[0]}]"
                 elif name in import_module("suslov_fast").__all__:
                     instead = f"suslov_fast.{name}(run.body, run.{x}, ...)"
                 elif name in self.body.parameters:

@@ -13,6 +13,7 @@ from ..maps import Map, map_of
 
 # Operations on a part of a batch, about 0.1 s: D**3 for each state, as for elimination.
 _PART = 2**27
+_FEW = 64  # numbers
 # Numbers of axes of the value at one state, for functions whose values are not numbers.
 _AXES = {"vector_field": (1,), "to_xy": (1,), "matrix": (2,), "jacobian": (2,), "reaction": (0, 2)}
 
@@ -71,9 +72,13 @@ def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> 
     With `poles`, infinite values are results, else they are missing. Formulas return no finite
     value for a state that is not finite, so a finite sum shows that nothing is missing.
     """
-    with np.errstate(all="ignore"):
-        if math.isfinite(values.sum()):
-            return values
+    if values.size <= _FEW:  # a sum of few is faster in Python
+        total = sum(values.ravel().tolist())
+    else:
+        with np.errstate(all="ignore"):
+            total = values.sum()
+    if math.isfinite(total):
+        return values
     unknown = np.isnan(real_array(problem.name, problem.omega, allow_nan=True)).any(axis=-1)
     unknown = np.broadcast_to(unknown, problem.batch)
     axes = tuple(range(len(problem.batch), values.ndim))

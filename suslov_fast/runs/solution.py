@@ -255,7 +255,7 @@ def _states_at(
         slice_times = flat_times[row : row + rows]
         work = len(starts) * (_ORBIT_COST + _STATE_COST * len(slice_times))
         call_kernel(closed_form.states, work, threads, *orbits, slice_times, states[row:], reasons)
-    if reasons.any():
+    if np.count_nonzero(reasons):  # faster than `any`, which matters in small calls
         for flags, (reason, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():
                 warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {reason}", category)

@@ -115,16 +115,17 @@ def test_page(path, folder, tmp_path, monkeypatch):
 
 
 @pytest.mark.compiled
-def test_the_readme(tmp_path, monkeypatch):
+@pytest.mark.parametrize("steps", ["50_000", pytest.param("1_000_000", marks=pytest.mark.slow)])
+def test_the_readme(tmp_path, monkeypatch, steps):
     """Run all blocks of the README in order, as a reader does, and serially.
 
-    Each Python block is a program of its own.
+    Each Python block is a program of its own; its million steps are slow.
     """
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(tmp_path)
     for kind, code in BLOCK.findall(README.read_text(encoding="utf-8")):
         if kind == "python":
-            run(code, "README.md", {})
+            run(code.replace("steps=1_000_000", f"steps={steps}"), "README.md", {})
         elif kind == "sh":
             for line in code.splitlines():
                 command, *arguments = shlex.split(line)

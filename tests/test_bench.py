@@ -87,9 +87,8 @@ def test_benchmarks_are_timed_if_an_option_asks_for_it(tmp_path):
 @pytest.mark.compiled
 @pytest.mark.slow
 def test_two_revisions_are_compared(capfd):
-    """The working tree with itself, with a huge threshold, then with a tiny one."""
+    """The working tree with itself, with a tiny threshold."""
     here, case = str(results.BENCH.parent), ["--quick", "-k", "quantities-energy"]
-    assert compare.main([here, here, *case, "--threshold", "1e9"]) == 0
     assert compare.main([here, *case, "--threshold", "1e-9"]) == 1
     assert "1 slower than allowed\n  quantities-energy" in capfd.readouterr().out
     assert compare.ratios([1.0, 2.0, 4.0], [2.0, 2.0, 6.0]) == (1.5, 2.0)

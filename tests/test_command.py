@@ -456,13 +456,6 @@ def test_streams():
         assert (done.returncode, done.stderr) == (1, "suslov-fast: No space left on device\n")
 
 
-@pytest.mark.compiled
-@pytest.mark.slow
-def test_warm_up(monkeypatch):
-    monkeypatch.setattr("suslov_fast.warm_up.COUNTS", (3,))
-    assert succeed("warm-up") == f"{warm_up.where_code_is_kept()}\n"
-
-
 def test_warm_up_says_where_code_is_kept(monkeypatch):
     for folders, words in (
         ([("/a/b/c", True), ("/a/b", True)], "compiled code is kept in /a/b"),

@@ -27,6 +27,7 @@ from suslov_fast.core import (
     steps_nd,
 )
 from suslov_fast.core import numba as core_numba
+from suslov_fast.warm_up import where_code_is_kept
 
 pytestmark = pytest.mark.compiled
 
@@ -468,14 +469,15 @@ def test_nothing_is_compiled_after_warm_up():
 
     def asked(code, *arguments):
         lines = children.run(code, *arguments, timeout=900).splitlines()
-        return {line for line in lines if line.startswith("asked suslov_fast.")}
+        return lines[0], {line for line in lines if line.startswith("asked suslov_fast.")}
 
-    made = asked(WARM_UP)
+    place, made = asked(WARM_UP)
+    assert place == where_code_is_kept()
     assert any("steps_3d.steps" in name for name in made)
     # Each function, serially and in threads, and each kernel of steps.
     words = "any_input or threads_and_stretches or contract or states_saved"
     tests = Path(__file__).with_name("test_promises.py")
-    used = asked(PROMISES, tests, "-m", "", "-k", words)
+    _, used = asked(PROMISES, tests, "-m", "", "-k", words)
     assert any("steps_3d.steps" in name for name in used)
     assert used - made == set()
 

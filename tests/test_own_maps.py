@@ -825,32 +825,6 @@ def test_the_maps_of_the_page_keep_the_promises(tmp_path):
     assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 15
 
 
-def of_the_page(right, wrong):
-    """The record of the trapezoidal rule of the page, with a slip."""
-    assert MODULE.count(right) == 1
-    names = {}
-    exec(MODULE.replace(right, wrong), names)
-    return names["maps"].MAPS["trapezoidal rule"]
-
-
-@pytest.mark.compiled
-@pytest.mark.slow
-def test_a_slip_in_the_step_of_the_page_is_refused():
-    """It reads what the step before has left in its memory."""
-    record = of_the_page("out[:] = x + eps * f", "out[:] = x + eps * work[D : 2 * D]")
-    family = sf.QuadraticField.from_function(lambda x, a: (a * x[0] * x[1], -x[0]), 2, a=[1, 2])
-    with pytest.raises(ValueError, match=r"^step must.*remember no other step"):
-        iterate(family, [0.3, 0.4], 0.1, 3, method=next(iter(record.methods)))
-
-
-@pytest.mark.compiled
-@pytest.mark.slow
-def test_a_slip_in_the_order_of_the_step_of_the_page_is_measured(rng, monkeypatch):
-    promise(monkeypatch, of_the_page("(f + residual)", "(0.9999 * f + 1.0001 * residual)"))
-    with pytest.raises(AssertionError, match=r"order 2, and a step of .* has order 1"):
-        promises.test_the_order_of_steps(rng, "new 0")
-
-
 def test_slopes_and_solutions_for_steps_of_ones_own(rng):
     """Beside the field itself, its Jacobian by `matrix`, and NumPy; with rows of any size."""
     constant = sf.QuadraticField.from_function(lambda x: (x[0] * x[1], 3 - x[1]), 2)

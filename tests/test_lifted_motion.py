@@ -135,6 +135,22 @@ def test_a_component_decays_to_0():
         assert (np.sign(found[..., 0]) == [1, -1]).all()
 
 
+def test_components_without_a_rate_stay():
+    """Those of a family, too, where the only term that a component has is 0."""
+    times = np.array([0.5, 3.0])
+    given = of(lambda x: (x[1] - np.sin(x[1]), 2 + 0 * x[0], 0 * x[0]), 3)
+    found = flow(given, [0.0, 0.0, 0.7], times, rtol=1e-9)
+    assert (found[:, 2] == 0.7).all()
+    exact = times**2 + (np.cos(2 * times) - 1) / 2
+    np.testing.assert_allclose(found[:, 0], exact, rtol=1e-8)
+    family = of(lambda x, a: (a * x[0], -x[1] / (1 + x[1])), 2, a=np.array([0.0, 0.5]))
+    found = flow(family, [1.5, 1.0], times, rtol=1e-9)
+    assert (found[:, 0, 0] == 1.5).all()
+    np.testing.assert_allclose(found[:, 1, 0], 1.5 * np.exp(times / 2), rtol=1e-8)
+    exact = lambertw(np.exp(1 - times)).real
+    np.testing.assert_allclose(found[:, :, 1].T, [exact, exact], rtol=1e-8)
+
+
 def solution_of_logarithms(times):
     def f(z):
         x, y = np.exp(z)

@@ -76,6 +76,29 @@ def sizes_of(figures):
     return [tuple((dpi * each.get_size_inches()).round()) for each in figures]
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("steps", ["50_000", pytest.param("1_000_000", marks=pytest.mark.slow)])
+def test_the_readme(tmp_path, monkeypatch, steps):
+    """Run all blocks of the README in order, as a reader does, and serially.
+
+    Each Python block is a program of its own; its million steps are slow.
+    """
+    monkeypatch.setattr(threads, "CROSSOVER", math.inf)
+    monkeypatch.chdir(tmp_path)
+    for kind, code in BLOCK.findall(README.read_text(encoding="utf-8")):
+        if kind == "python":
+            run(code.replace("steps=1_000_000", f"steps={steps}"), "README.md", {})
+        elif kind == "sh":
+            for line in code.splitlines():
+                command, *arguments = shlex.split(line)
+                assert (command, main(arguments)) == ("suslov-fast", 0), line
+    assert np.load(tmp_path / "run.npz")["states"].shape == (6, 1000, 2)
+    pictures = sorted((tmp_path / "pictures").iterdir())
+    assert [path.name for path in pictures] == [f"picture{k}.png" for k in (1, 2, 3, 4)]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in pictures)
+    assert not plt.get_fignums()
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("howto")
@@ -112,29 +135,6 @@ def test_page(path, folder, tmp_path, monkeypatch):
     if path.stem in script_of("draw").PAGES:
         figures = [plt.figure(number) for number in plt.get_fignums()]
         assert sizes_of(figures) == sizes_of_pictures(path.stem)
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("steps", ["50_000", pytest.param("1_000_000", marks=pytest.mark.slow)])
-def test_the_readme(tmp_path, monkeypatch, steps):
-    """Run all blocks of the README in order, as a reader does, and serially.
-
-    Each Python block is a program of its own; its million steps are slow.
-    """
-    monkeypatch.setattr(threads, "CROSSOVER", math.inf)
-    monkeypatch.chdir(tmp_path)
-    for kind, code in BLOCK.findall(README.read_text(encoding="utf-8")):
-        if kind == "python":
-            run(code.replace("steps=1_000_000", f"steps={steps}"), "README.md", {})
-        elif kind == "sh":
-            for line in code.splitlines():
-                command, *arguments = shlex.split(line)
-                assert (command, main(arguments)) == ("suslov-fast", 0), line
-    assert np.load(tmp_path / "run.npz")["states"].shape == (6, 1000, 2)
-    pictures = sorted((tmp_path / "pictures").iterdir())
-    assert [path.name for path in pictures] == [f"picture{k}.png" for k in (1, 2, 3, 4)]
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in pictures)
-    assert not plt.get_fignums()
 
 
 def test_readme_is_short():

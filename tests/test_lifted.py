@@ -120,6 +120,32 @@ def field_of(name):
     return LiftedField.from_function(f, len(x))
 
 
+def complex_step(field, x, fractions):
+    """Take Kahan's steps of the lifted field, as printed, from a complex state."""
+    functions = {name: getattr(np, name) for name in ("sin", "cos", "exp")}
+    scope = dict(zip(field.names, x, strict=True))
+    for name, text in field.added.items():
+        scope[name] = eval(text, functions, scope)
+    z, lifted = np.array([*scope.values()]), field.lifted
+    q, l, c = (a.astype(float) for a in (lifted.quadratic, lifted.linear, lifted.constant))
+    for h in fractions:
+        slope = 2 * np.einsum("ijk,k->ij", q, z) + l
+        rates = np.einsum("ijk,j,k", q, z, z) + l @ z + c
+        z = z + h * np.linalg.solve(np.eye(len(z)) - h / 2 * slope, rates)
+    return z[: len(x)]
+
+
+@pytest.mark.parametrize("method", ["auto", "order6"])
+@pytest.mark.parametrize("name", ["pendulum", "kepler", "predator and prey", "hill", "toda"])
+def test_the_jacobian_is_that_of_a_complex_step(name, method):
+    field, x = field_of(name), np.array(FIELDS[name][1])
+    fractions = [0.1] if method == "auto" else [0.1 * part for part in FRACTIONS[6]]
+    columns = [complex_step(field, x + 1e-30j * unit, fractions) for unit in np.eye(len(x))]
+    wanted = np.imag(columns).T / 1e-30
+    found = jacobian(field, x, 0.1, method=method)
+    assert abs(found - wanted).max() < 1e-12 * abs(wanted).max()
+
+
 @pytest.mark.parametrize("name", FIELDS)
 def test_the_lifted_field_is_the_given_one_where_it_is_lifted(name):
     f, x, most = FIELDS[name]
@@ -248,32 +274,6 @@ def test_positive_components_keep_their_signs_or_it_is_told():
     run = iterate(field, [3.0], 1.0, 3, on_singular="ignore")
     assert (run.x < 0).any()
     assert run.status == Status.PASSED_POLE
-
-
-def complex_step(field, x, fractions):
-    """Take Kahan's steps of the lifted field, as printed, from a complex state."""
-    functions = {name: getattr(np, name) for name in ("sin", "cos", "exp")}
-    scope = dict(zip(field.names, x, strict=True))
-    for name, text in field.added.items():
-        scope[name] = eval(text, functions, scope)
-    z, lifted = np.array([*scope.values()]), field.lifted
-    q, l, c = (a.astype(float) for a in (lifted.quadratic, lifted.linear, lifted.constant))
-    for h in fractions:
-        slope = 2 * np.einsum("ijk,k->ij", q, z) + l
-        rates = np.einsum("ijk,j,k", q, z, z) + l @ z + c
-        z = z + h * np.linalg.solve(np.eye(len(z)) - h / 2 * slope, rates)
-    return z[: len(x)]
-
-
-@pytest.mark.parametrize("method", ["auto", "order6"])
-@pytest.mark.parametrize("name", ["pendulum", "kepler", "predator and prey", "hill", "toda"])
-def test_the_jacobian_is_that_of_a_complex_step(name, method):
-    field, x = field_of(name), np.array(FIELDS[name][1])
-    fractions = [0.1] if method == "auto" else [0.1 * part for part in FRACTIONS[6]]
-    columns = [complex_step(field, x + 1e-30j * unit, fractions) for unit in np.eye(len(x))]
-    wanted = np.imag(columns).T / 1e-30
-    found = jacobian(field, x, 0.1, method=method)
-    assert abs(found - wanted).max() < 1e-12 * abs(wanted).max()
 
 
 @pytest.mark.parametrize("method", ["auto", "order8"])

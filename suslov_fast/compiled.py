@@ -35,10 +35,11 @@ from .bodies.base import Body
 from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
 from .core import quantities, steps_3d
+from .core.arrays import uncounted
 from .core.field_system import FieldSystem
 from .core.lifted_system import LiftedSystem
-from .core.llvm import uncounted
-from .core.numba import for_users, formula, of_kind, select
+from .core.llvm import select
+from .core.numba import for_users, formula, of_kind
 from .core.steps_nd import NDSystem
 from .maps import map_of
 

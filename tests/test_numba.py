@@ -17,6 +17,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.core import (
+    arrays,
     cache,
     elimination,
     llvm,
@@ -42,7 +43,8 @@ def change(x):
     return 2.0 * x
 """,
     "core/loops.py": """
-from .numba import kernel, select, share, universal
+from .llvm import select
+from .numba import kernel, share, universal
 from .small import change
 
 @kernel
@@ -389,8 +391,8 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
         write(b, 0, y, lead, 8, lead)
         assert (y[lead : lead + 16] == b.T.ravel()).all()
         y[:] = 0
-    assert llvm.uncounted(x) is x
-    assert llvm.block_of(2, 8)().shape == (2, 8)
+    assert arrays.uncounted(x) is x
+    assert arrays.block_of(2, 8)().shape == (2, 8)
     # Arguments that a person gets wrong are errors: numbers beside a line, and beyond the end.
     rows.write_pairs(b, 0, y, lead, 8, lead + 1)
     assert (y[lead : lead + 16] == b.T.ravel()).all()

@@ -48,8 +48,9 @@ import math
 
 import numpy as np
 
-from .llvm import block_of, flat
-from .numba import are_common, formula, kernel, lesser, pick, select, share, universal
+from .arrays import block_of, flat, uncounted
+from .llvm import lesser, select
+from .numba import are_common, formula, kernel, pick, share, universal
 from .rows import alignment, write_pairs
 from .steps_3d import FIRST, LANES, NO, RANGE, ZERO_TO_ROUNDING, one_step
 
@@ -348,9 +349,10 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     A block has `width` trajectories at `abreast` values of n, so that few trajectories fill the
     lanes, too.
     """
+    parameters, omega0, n, reasons = uncounted((parameters, omega0, n, reasons))
     B, N, target, b = len(omega0), len(n), flat(out), new_block()
     abreast, started = LANES // B if 0 < B < LANES else 1, FIRST - 1
-    lead, shift, shared = alignment(out, FIRST, B, LANES)
+    lead, shift, shared = alignment(target, FIRST, B, LANES)
     stride = LANES - shared
     blocks, rows = (B + shift + stride - 1) // stride, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)

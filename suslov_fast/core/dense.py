@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .arrays import uncounted
 from .careful import CHANGED, crosses_0
 from .elimination import LEAST_PIVOT, simd_max, simd_min
-from .llvm import uncounted
 from .numba import function, kernel
 from .operations import of_one_sign
 

@@ -14,8 +14,8 @@ import math
 import numpy as np
 
 from .codes import NONFINITE, OK, SINGULAR
-from .llvm import for_size
-from .numba import formula, function, inlined, lesser, select
+from .llvm import for_size, lesser, select
+from .numba import formula, function, inlined
 
 # Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
 # and 1 for lanes that need `solve`, else 0.

@@ -11,8 +11,8 @@ from .generated_tangent import (
     NEAR_1_LEAST,
     VOLUME,
 )
-from .llvm import for_size
-from .numba import function, lesser
+from .llvm import for_size, lesser
+from .numba import function
 
 
 @function

@@ -1,7 +1,7 @@
 """LLVM instructions for what Numba cannot express.
 
-These are calls by address, arrays without reference counts, blocks of lanes on the stack, and
-stores past the caches.
+These are calls by address, choices without branches, and stores past the caches; `arrays` has what
+concerns arrays.
 
 Each function brings its own typing and lowering, because an overload is itself compiled. `load` and
 `gep` name their types, because pointers of later versions of llvmlite have none.
@@ -9,10 +9,9 @@ Each function brings its own typing and lowering, because an overload is itself 
 
 import operator
 
-import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core.imputils import impl_ret_borrowed, lower_constant
+from numba.core.imputils import lower_constant
 from numba.extending import (
     intrinsic,
     lower_builtin,
@@ -91,137 +90,6 @@ def address_as_pointer(typing, address):
     return types.voidptr(types.int64), emit
 
 
-@intrinsic
-def pack(typing, arguments):
-    """Return the addresses of a function and of data, which are valid while the caller runs.
-
-    function(kernel, data, part, parts) calls the kernel at an address with part, parts and the
-    arguments of `pack`, which are the data.
-    """
-    result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
-
-    def emit(context, builder, signature, values):
-        packed, nothing = uncounted_value(context, builder, arguments, values[0]), types.none
-        with builder.goto_entry_block():
-            memory = builder.alloca(packed.type)
-        builder.store(packed, memory)
-        kind = ir.FunctionType(context.get_value_type(nothing), [word] * 4)
-        call_part = ir.Function(builder.module, kind, f"{builder.function.name}.part")
-        call_part.linkage = "internal"
-        kernel, data, part, parts = call_part.args
-        inner = ir.IRBuilder(call_part.append_basic_block())
-        packed = inner.load(inner.inttoptr(data, memory.type), typ=packed.type)
-        items = [inner.extract_value(packed, k) for k in range(len(arguments))]
-        emit_call(inner, kernel, kind.return_type, [part, parts, *items])
-        inner.ret(context.get_dummy_value())
-        addresses = [builder.ptrtoint(pointer, word) for pointer in (call_part, memory)]
-        return context.make_tuple(builder, result, addresses)
-
-    return result(arguments), emit
-
-
-# ------------------------------------------------------------------------------------------ arrays
-def uncounted_value(context, builder, kind, value):
-    """Return an argument whose arrays have no reference counts.
-
-    Threads that count references to the same array wait for each other.
-    """
-    if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value)
-        array.meminfo = ir.Constant(array.meminfo.type, None)
-        return array._getvalue()
-    for k, item in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
-        element = uncounted_value(context, builder, item, builder.extract_value(value, k))
-        value = builder.insert_value(value, element, k)
-    return value
-
-
-def uncounted(arrays):
-    """Return an array, or a tuple of arrays, without reference counts."""
-    return arrays
-
-
-def flat(array):
-    """Return the numbers of an array of order C as an array (-,).
-
-    Numba compiles `reshape` for each number of axes.
-    """
-    return array.reshape(-1)
-
-
-def for_size():
-    """Let LLVM optimise the function that calls this for size, which compiles faster.
-
-    LLVM then vectorises no loops of unknown lengths, which would need tests at run time.
-    """
-
-
-def block_of(rows, lanes):
-    """Return the function that makes a block (rows, lanes) for a kernel.
-
-    The block is on the stack of the kernel, 64 KiB at most, and begins at a cache line. NumPy's
-    arrays begin anywhere, and vectors that straddle two lines take up to 1.5 times as long. Because
-    the shape is a constant, the compiler knows that rows do not overlap. All numbers are equal at
-    first, and normal.
-    """
-
-    def block():
-        return np.ones((rows, lanes))
-
-    type_callable(block)(lambda context: lambda: types.Array(types.float64, 2, "C"))
-
-    @lower_builtin(block)
-    def emit(context, builder, signature, arguments):
-        word, byte, bit = context.get_value_type(types.intp), ir.IntType(8), ir.IntType(1)
-        with builder.goto_entry_block():
-            memory = builder.alloca(_NUMBER, rows * lanes)
-        memory.align, size = 8 * LINE, ir.Constant(word, 8 * rows * lanes)
-        # Bytes of 63 make doubles of about 5e-4; subnormals in unused lanes would be slow.
-        data = builder.bitcast(memory, context.get_value_type(types.voidptr))
-        fill = builder.module.declare_intrinsic("llvm.memset", [data.type, word])
-        builder.call(fill, [data, ir.Constant(byte, 63), size, ir.Constant(bit, 0)])
-        array = context.make_array(signature.return_type)(context, builder)
-        array.data, array.itemsize = memory, ir.Constant(word, 8)
-        array.nitems = ir.Constant(word, rows * lanes)
-        array.shape = ir.Constant(ir.ArrayType(word, 2), [rows, lanes])
-        array.strides = ir.Constant(ir.ArrayType(word, 2), [8 * lanes, 8])
-        return array._getvalue()
-
-    return block
-
-
-type_callable(uncounted)(lambda context: lambda arrays: arrays)
-type_callable(flat)(
-    lambda context: lambda array: types.Array(array.dtype, 1, "C") if array.layout == "C" else None
-)
-type_callable(for_size)(lambda context: lambda: types.none)
-
-
-@lower_builtin(uncounted, types.Any)
-def _uncounted(context, builder, signature, arguments):
-    return uncounted_value(context, builder, signature.args[0], arguments[0])
-
-
-@lower_builtin(flat, types.Array)
-def _flat(context, builder, signature, arguments):
-    array = context.make_array(signature.args[0])(context, builder, arguments[0])
-    numbers = context.make_array(signature.return_type)(context, builder)
-    names = "meminfo", "parent", "nitems", "itemsize", "data"
-    for name in names:
-        setattr(numbers, name, getattr(array, name))
-    word = context.get_value_type(types.intp)
-    for name, value in (("shape", array.nitems), ("strides", array.itemsize)):
-        one = builder.insert_value(ir.Constant(ir.ArrayType(word, 1), ir.Undefined), value, 0)
-        setattr(numbers, name, one)
-    return impl_ret_borrowed(context, builder, signature.return_type, numbers._getvalue())
-
-
-@lower_builtin(for_size)
-def _for_size(context, builder, signature, arguments):
-    builder.function.attributes.add("optsize")
-    return context.get_dummy_value()
-
-
 # ------------------------------------------------------------------------------------------ stores
 def stream_pairs(target, i, b, row, l):
     """Interleave LINE numbers from b[row, l] and b[row + 1, l] on into target, from index i on.
@@ -268,6 +136,61 @@ def _stream_pairs(context, builder, signature, arguments):
         store = builder.store(builder.shuffle_vector(*lines, order), pointer, align=8 * LINE)
         store.set_metadata("nontemporal", past_caches)
     return context.get_dummy_value()
+
+
+# ------------------------------------------------------------------------------ choices and options
+def for_size():
+    """Let LLVM optimise the function that calls this for size, which compiles faster.
+
+    LLVM then vectorises no loops of unknown lengths, which would need tests at run time.
+    """
+
+
+type_callable(for_size)(lambda context: lambda: types.none)
+
+
+@lower_builtin(for_size)
+def _for_size(context, builder, signature, arguments):
+    builder.function.attributes.add("optsize")
+    return context.get_dummy_value()
+
+
+def select(condition, first, second):
+    """Return `first` where the condition holds, else `second`; compute both, without a branch."""
+    return first if condition else second
+
+
+def lesser(a, b):
+    """Return the smaller number, b if they are equal; Numba would compile `min` in each kernel."""
+    return a if a < b else b
+
+
+def _unified(context, *kinds):
+    kind = context.unify_types(*kinds)
+    return kind and types.unliteral(kind)
+
+
+type_callable(select)(lambda context: lambda condition, a, b: _unified(context, a, b))
+type_callable(lesser)(lambda context: lambda a, b: _unified(context, a, b))
+
+
+def _cast(context, builder, signature, values, kinds):
+    result = signature.return_type
+    return [context.cast(builder, *pair, result) for pair in zip(values, kinds, strict=True)]
+
+
+@lower_builtin(select, types.Boolean, types.Any, types.Any)
+def _select(context, builder, signature, arguments):
+    both = _cast(context, builder, signature, arguments[1:], signature.args[1:])
+    return builder.select(arguments[0], *both)
+
+
+@lower_builtin(lesser, types.Number, types.Number)
+def _lesser(context, builder, signature, arguments):
+    a, b = _cast(context, builder, signature, arguments, signature.args)
+    is_float = isinstance(signature.return_type, types.Float)
+    compare = builder.fcmp_ordered if is_float else builder.icmp_signed
+    return builder.select(compare("<", a, b), a, b)
 
 
 # ---------------------------------------------------------------------------------------- vectors

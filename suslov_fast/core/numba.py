@@ -30,9 +30,10 @@ import numpy as np
 from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
+from .arrays import pack
 from .cache import is_foreign, kept_folders, name_with_digest, use_cache
 from .interrupts import uninterrupted
-from .llvm import call_address, pack
+from .llvm import call_address
 from .pool import in_parts
 
 TESTED = 0, 68  # the newest Numba with which this version was tested
@@ -309,12 +310,6 @@ def universal(layout):
 
 
 # ------------------------------------------------------------------------------------- in kernels
-@formula
-def select(condition, first, second):
-    """Return `first` where the condition holds, else `second`; compute both, without a branch."""
-    return first if condition else second
-
-
 def of_kind(name):
     """Return the function `name` of the class of its first argument, a named tuple."""
 
@@ -327,12 +322,6 @@ def of_kind(name):
         return chosen and chosen.py_func
 
     return call
-
-
-@formula
-def lesser(a, b):
-    """Return the smaller number; Numba would compile `min` in each kernel."""
-    return a if a < b else b
 
 
 @formula

@@ -12,7 +12,8 @@ import math
 import numpy as np
 
 from .closed_form import constants_of, coordinates, difference_of_squares, unit_of
-from .numba import formula, select, universal
+from .llvm import select
+from .numba import formula, universal
 from .steps_3d import (
     ZERO_TO_ROUNDING,
     frame_and_XY,

@@ -7,7 +7,8 @@ of them ignore, and states (B, D). `tangent` has the quantities that need elimin
 
 import numpy as np
 
-from .numba import formula, function, inlined, lesser, universal
+from .llvm import lesser
+from .numba import formula, function, inlined, universal
 
 LANES = 128  # states at once
 FIELD = "(c,t),(t),(b),(b,d)->"

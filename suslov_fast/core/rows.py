@@ -1,7 +1,7 @@
 """Copies of states from blocks of lanes to arrays, by whole cache lines if possible."""
 
-from .llvm import LINE, stream_pairs
-from .numba import STREAM_FROM, formula, function, lesser
+from .llvm import LINE, lesser, stream_pairs
+from .numba import STREAM_FROM, formula, function
 
 
 @formula

@@ -15,10 +15,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .arrays import uncounted
 from .dense import advance_lane
 from .elimination import LEAST_PIVOT, simd_max, simd_min
-from .llvm import QUAD, get, put, uncounted
-from .numba import function, kernel, lesser
+from .llvm import QUAD, get, lesser, put
+from .numba import function, kernel
 from .operations import of_one_sign
 from .planned_elimination import elimination_order, filled
 

@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .arrays import uncounted
 from .elimination import simd_min
 from .listed import Numbers, Program
 from .listed_code import carry_out, runs_code
-from .llvm import QUAD, uncounted
+from .llvm import QUAD
 from .numba import kernel
 from .operations import of_one_sign
 from .sparse import pattern_of, room_of, size_of, step_once

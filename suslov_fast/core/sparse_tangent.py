@@ -22,8 +22,8 @@ from .generated_tangent import (
     STEP,
     VOLUME,
 )
-from .llvm import QUAD, address_as_pointer
-from .numba import c_function, function, lesser
+from .llvm import QUAD, address_as_pointer, lesser
+from .numba import c_function, function
 from .sparse import Pattern, eliminate, numbers_of, pattern_of, room_of, size_of, step_once
 
 BLOCK = 64  # columns that are multiplied at once, because their rows stay in the caches

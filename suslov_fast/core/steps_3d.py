@@ -24,9 +24,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .arrays import block_of, flat, uncounted
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .llvm import block_of, flat
-from .numba import are_common, formula, kernel, lesser, pick, select, share
+from .llvm import lesser, select
+from .numba import are_common, formula, kernel, pick, share
 from .rows import alignment, store_rows, write_pairs
 
 # Typed, because Numba compiles a function for each literal, and types one twice if a sum begins so.
@@ -144,14 +145,11 @@ def length(u, v):
 
 @formula
 def project_on_level(frame, R, X, u, v):
-    """Rescale (u, v) to the initial R, and recompute X where that loses no digits.
-
-    Otherwise rounding errors would drift. A steady state is unchanged.
-    """
+    """Rescale (u, v) to the initial R, against drift; recompute X where that loses no digits."""
     Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
     X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
     factor = R * np.sqrt(1.0 + X * X) / length(u, v)
-    factor = select((X != 0.0) & (abs(factor - 1.0) < 1e-6), factor, 1.0)
+    factor = select((X != 0.0) & (abs(factor - 1.0) < 1e-6), factor, 1.0)  # a steady state stays
     return X, u * factor, v * factor
 
 
@@ -359,13 +357,15 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     saved, final (rows, B, 2) and (B, 2), the states at `stop`; NaN after a failure
     status, failed_at   (B,), OK and -1 at first; changed at the first failure
     """
+    parameters, omega0, carry = uncounted(parameters), uncounted(omega0), uncounted(carry)
+    final, status, failed_at = uncounted(final), uncounted(status), uncounted(failed_at)
     begin, end, start, stop, every, first_row = span
     B, out, b = len(omega0), flat(saved), new_block()
     first_saved = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     alone = end - begin <= FEW
     lanes = ONE if alone else LANES
     common = are_common(parameters)
-    lead, shift, shared = alignment(saved, begin, B, lanes)
+    lead, shift, shared = alignment(out, begin, B, lanes)
     stride, origin = lanes - shared, begin - shift
     first_block, last_block = share((end - origin + stride - 1) // stride, part, parts)
     begin = begin if first_block == 0 else origin + first_block * stride

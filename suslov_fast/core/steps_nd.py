@@ -34,9 +34,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .arrays import keep, uncounted
 from .codes import NONFINITE, OK, PASSED_POLE
 from .elimination import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
-from .numba import formula, function, inlined, kernel, lesser, select, share
+from .llvm import lesser, select
+from .numba import formula, function, inlined, kernel, share
 from .rows import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
@@ -240,15 +242,15 @@ NDSystem.memory, NDSystem.one_step = nd_memory, nd_step_of_one
 @kernel
 def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part in O(n); the arguments are those of `steps_3d.steps`."""
-    arrays = omega0, carry, saved, final, status, failed_at
-    iterate_nd(part, parts, parameters, span, arrays, None)
+    arrays = uncounted((omega0, carry, saved, final, status, failed_at))
+    iterate_nd(part, parts, uncounted(parameters), span, arrays, None)
 
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part by elimination."""
-    arrays = omega0, carry, saved, final, status, failed_at
-    iterate_nd(part, parts, parameters, span, arrays, True)
+    arrays = uncounted((omega0, carry, saved, final, status, failed_at))
+    iterate_nd(part, parts, uncounted(parameters), span, arrays, True)
 
 
 @inlined
@@ -261,8 +263,9 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
     lanes = lanes_of_block(m, last - first)
-    c, b, for_solve = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
-    a = None if by_elimination is None else np.empty((m, m + 1, lanes))
+    memory = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
+    systems = None if by_elimination is None else np.empty((m, m + 1, lanes))
+    (c, b, for_solve), a = uncounted(memory), uncounted(systems)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
@@ -273,7 +276,7 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
             carry[0, k] = 0.0
         for n in range(start, stop + 1):
             if n > start:
-                if a is None:
+                if systems is None:
                     to_solve = compute_factors(c, b, lanes)
                 else:
                     to_solve = eliminate_all(c, b, a, lanes)
@@ -286,13 +289,15 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
                     if b[DET, l] < 0.0 and status[begin + l] == OK:
                         status[begin + l], failed_at[begin + l] = PASSED_POLE, n
                         carry[0, begin + l] = n
-                if a is None:
+                if systems is None:
                     add_increments(c, b, lanes)
                     compute_sums(c, b, lanes)
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write_states(c[W], begin, end, saved[row])
                 row += 1
         write_states(c[W], begin, end, final)
+    keep(memory)
+    keep(systems)
 
 
 @function

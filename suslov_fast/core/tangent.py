@@ -24,6 +24,7 @@ import numpy as np
 from numba import config
 
 from . import sparse_tangent
+from .arrays import uncounted
 from .careful import changes_sign, fill_system, solve_lane
 from .codes import NONFINITE, OK, PASSED_POLE
 from .elimination import parts_of_determinant, solve
@@ -44,9 +45,9 @@ from .generated_tangent import (
     text_of_tangent,
 )
 from .lengths import orthonormalise, take_logarithms
-from .llvm import call_code, for_size, uncounted
+from .llvm import call_code, for_size, lesser
 from .machine_code import code_of
-from .numba import function, inlined, kernel, lesser, share
+from .numba import function, inlined, kernel, share
 from .operations import Tangent
 from .sparse import is_sparse
 from .stages import distinct, weights_of

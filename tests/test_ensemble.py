@@ -770,6 +770,14 @@ def test_a_callable_ends_the_work_of_a_cluster(store):
         assert_same(ensemble(*run, **ours), iterate(*run, save_every=None))
 
 
+def test_two_functions_in_one_line_are_told_apart(store):
+    pair = [lambda x: x[..., 0], lambda x: x[..., 1]]
+    for f in (pair[0], pair[0]):
+        call(ensemble, **ASKED, store=store, functions={"f": f})
+    with pytest.raises(ValueError, match="functions"):
+        call(ensemble, **ASKED, store=store, functions={"f": pair[1]})
+
+
 def test_a_tile_finished_while_its_store_is_opened(store, monkeypatch):
     """A cancelled worker may still write one: its status comes last, and is looked for first."""
     omega0 = np.ones((4, 2))

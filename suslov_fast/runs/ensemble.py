@@ -306,6 +306,9 @@ def _add_functions(data: Any, functions: Functions) -> dict[str, str]:
             received = f"{name}: {function!r}"
             must = "functions with a source, as in a file or a notebook, which identifies the run"
             raise wrong("functions", must, received, TypeError) from error
+        if getattr(function, "__name__", "") == "<lambda>":  # whose text is that of whole lines
+            starts = [place[2] for place in function.__code__.co_positions() if place[2]]
+            sources[name] += f"# column {min(starts, default=0)}"
         # A trial call, so that a wrong function is an error before anything is stored.
         checked_values(name, function, np.full((3, data.sizes["component"]), 0.5))
         shape = data.sizes["n"], *data.status.shape

@@ -185,6 +185,7 @@ def test_steps_by_elimination_pause(monkeypatch):
     assert len(calls) > 1
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_a_system_takes_the_steps_of_a_long_list(monkeypatch):
     """Of states whose steps are good, rare or missing, those of runs, which solve the equations."""

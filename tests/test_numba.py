@@ -358,6 +358,16 @@ def compiled(function):
     return numba.njit(lambda *arguments: function(*arguments))
 
 
+def test_indices_of_uncounted_arrays_from_the_end():
+    def of(b):
+        b = arrays.uncounted(b)
+        return b[-1, -2], b[2 - len(b), 1], b[1:, -1][-1]
+
+    b, of = np.arange(6.0).reshape(3, 2), numba.njit(of)
+    for each in (b, np.asfortranarray(b)):
+        assert of(each) == of.py_func(each) == (4.0, 5.0, 5.0)
+
+
 @pytest.mark.slow
 def test_every_kind_can_be_called_at_a_prompt(rng):
     """Formulas, functions, kernels and universal functions: compiled, and as Python functions.

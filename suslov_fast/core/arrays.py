@@ -1,7 +1,7 @@
 """Arrays of kernels: without reference counts, flat, or as blocks of lanes on the stack.
 
-Threads that count references to the same array wait for each other. Counting and negative indices
-also make most of the code that Numba writes for an array, and so of the time of a first call.
+Threads that count references to the same array wait for each other. Counting also makes much of the
+code that Numba writes for an array, and so of the time of a first call.
 """
 
 import operator
@@ -16,7 +16,7 @@ from .llvm import LINE, emit_call
 
 
 class Uncounted(types.Array):
-    """The type of arrays without reference counts, whose indices are not negative.
+    """The type of arrays without reference counts.
 
     They are valid while the arrays are that they are made from.
     """
@@ -189,6 +189,9 @@ def _item(context, builder, kind, array, index_kind, index):
     indices = [context.cast(builder, *pair, types.intp) for pair in pairs]
     model = context.data_model_manager[kind]
     lengths = cgutils.unpack_tuple(builder, model.get(builder, array, "shape"), kind.ndim)
+    for k, i in enumerate(indices):
+        from_end = builder.icmp_signed("<", i, i.type(0))
+        indices[k] = builder.select(from_end, builder.add(i, lengths[k]), i)
     for k in range(kind.ndim if context.enable_boundscheck else 0):
         cgutils.do_boundscheck(context, builder, indices[k], lengths[k], k)
     data = model.get(builder, array, "data")

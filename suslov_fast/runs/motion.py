@@ -62,7 +62,8 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
             rows = np.flatnonzero(direction * times > 0.0)
             if not rows.size or not goes_on:
                 continue
-            later, where, counts = abs(times[rows]), slice(None), [1] * len(rows) if report else []
+            where: Any = slice(None)
+            later, counts = abs(times[rows]), [1] * len(rows) if report else []
             if (later[1:] <= later[:-1]).any():
                 later, where, number = np.unique(later, return_inverse=True, return_counts=True)
                 counts = number.tolist() if report else []

@@ -252,7 +252,7 @@ def text_of_orthonormalise(step, name, W, *_):
 
     text.label("scale")
     text.add(f"  %square = phi {V} [ {product}, %column ], [ %product1, %subtract ]")
-    root = new(f"call {V} @llvm.sqrt.{text.suffix}({V} %square)")
+    root = text.root("%square")
     length = text.select(due, root, text.constant(1.0))
     place = text.plus(integer("add", "%carried", integer("mul", "%r", size)), size * LENGTHS)
     text.store(V, text.operate("fmul", text.load(V, place), length), place)

@@ -111,10 +111,15 @@ class Text:
         return self.new(f"{instruction} {self.V} {a}, {b}")
 
     def absolute(self, a):
-        return self.new(f"call {self.V} @llvm.fabs.{self.suffix}({self.V} {a})")
+        return self._call("fabs", a)
 
     def root(self, a):
-        return self.new(f"call {self.V} @llvm.sqrt.{self.suffix}({self.V} {a})")
+        return self._call("sqrt", a)
+
+    def _call(self, name, a):
+        call = f"{self.V} @llvm.{name}.{self.suffix}({self.V}"
+        self.target.declared.add(f"declare {call})")
+        return self.new(f"call {call} {a})")
 
     def compare(self, how, a, b):
         return self.new(f"fcmp {how} {self.V} {a}, {b}")
@@ -192,8 +197,6 @@ class Text:
         """Return the text with the end of the function and all that it refers to."""
         return "\n".join([
             *self.lines, "}", *sorted(self.declared),
-            f"declare {self.V} @llvm.fabs.{self.suffix}({self.V})",
-            f"declare {self.V} @llvm.sqrt.{self.suffix}({self.V})",
             # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
             # stack, registers saved there may lie across cache lines, in one process or another.
             'attributes #0 = { nounwind "stackrealign" "min-legal-vector-width"="512" }',

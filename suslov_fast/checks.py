@@ -226,14 +226,19 @@ def refuse(name: str, value: Any) -> None:
     if has_index or hasattr(value, "dims") or hasattr(value, "columns"):
         how = f"a labelled {kind}: pass its array, by .to_numpy()"
         raise wrong(name, "a plain array", how, TypeError)
-    if hasattr(value, "unit") or hasattr(value, "units"):
-        number = "magnitude" if hasattr(value, "magnitude") else "value"
-        unit = getattr(value, "unit", getattr(value, "units", None))
-        how = f"convert it to the unit of the other arguments: {name}.to(...).{number}"
-        raise wrong(name, "numbers without a unit", f"a {kind} in {unit}: {how}", TypeError)
+    refuse_unit(name, value)
     if isinstance(value, np.ndarray) and np.ma.is_masked(value):
         how = "fill them first, for example by .filled(0.0)"
         raise ValueError(f"{name} is a masked array with missing values: {how}")
+
+
+def refuse_unit(name: str, value: Any) -> None:
+    """Raise an error for a quantity with a unit."""
+    if hasattr(value, "unit") or hasattr(value, "units"):
+        kind, number = type(value).__name__, "magnitude" if hasattr(value, "magnitude") else "value"
+        unit = getattr(value, "unit", getattr(value, "units", None))
+        how = f"convert it to the unit of the other arguments: {name}.to(...).{number}"
+        raise wrong(name, "numbers without a unit", f"a {kind} in {unit}: {how}", TypeError)
 
 
 def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
@@ -288,6 +293,7 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
     if type(value) is int and minimum <= value <= maximum:
         return value
     expected = expected or f"an integer, {minimum} or more"
+    refuse_unit(name, value)
     try:
         if isinstance(value, (bool, np.bool_)):
             raise TypeError

@@ -22,7 +22,7 @@ _TENSOR = "from_inertia(I, a) makes a body from an inertia tensor and the constr
 _AXES = "set it on the axes that plots return, such as ax.set_xlim(0, 1)"
 _ON_AXES = "xlim ylim xlabel ylabel cmap alpha s grid legend"
 _ON_LINES = (
-    "for other styles draw run.x with Matplotlib, as in ax.plot(run.x[:, 0, 0], run.x[:, 0, 1])"
+    "for other styles draw the states with Matplotlib, as in ax.plot(run.x[..., 0], run.x[..., 1])"
 )
 _RELATIVE = "flow has one tolerance, rtol=, relative to the largest value of each component so far"
 
@@ -31,7 +31,12 @@ _RELATIVE = "flow has one tolerance, rtol=, relative to the largest value of eac
 _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
     name: (arguments, sentence, other)
     for names, arguments, sentence, other in (
-        ("dt h step_size stepsize delta_t first_step max_step", ("eps",), _CHOSEN, "rtol"),
+        (
+            "dt h step_size stepsize delta_t first_step max_step maxstep initialstep dtmax",
+            ("eps",),
+            _CHOSEN,
+            "rtol",
+        ),
         ("eps steps", (), _CHOSEN, "rtol"),
         ("t time times t_eval tspan saveat ts", ("time",), _SPAN, "steps"),
         ("T", ("time", "period"), _SPAN, "steps"),
@@ -40,7 +45,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("tol rtol reltol", ("rtol", "tol"), _DIGITS, "method"),
         ("method order integrator solver alg algorithm scheme", ("method",), _CHOSEN, "rtol"),
         ("n n_steps num_steps nsteps N iterations max_steps maxiter", ("steps", "n"), "", ""),
-        ("x0 y0 u0 z0 X0 omega0 omega x state states ic", (), _STATES, "eps"),
+        ("x0 y0 u0 z0 X0 omega0 omega x state states initial_state ic", (), _STATES, ""),
         (
             "body field f fun rhs system model",
             (),
@@ -48,7 +53,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
             "",
         ),
         ("args p params parameters", (), "parameters belong to the field or body", ""),
-        ("events event section condition", ("surface",), "use crossings", "steps"),
+        ("events event section condition", ("surface",), "use crossings", "threads"),
         ("terminal", ("most",), "use crossings", "steps"),
         ("burn_in transient_time n_transient Ttr discard", ("transient",), "", ""),
         ("every stride thin sample save_at", ("save_every",), "", ""),
@@ -65,6 +70,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("verbose callback", ("progress",), "", ""),
         ("filename file", ("store", "path"), "", ""),
         ("c colour colors", ("color",), _AXES, "ax"),
+        ("color", ("color",), "plots have it, as in run.plot(color=...)", "steps"),
         (_ON_AXES, (), _AXES, "ax"),
         ("lw linewidth ls linestyle label marker", (), _ON_LINES, "ax"),
         ("figsize", (), "pass ax= of plt.subplots(figsize=(6, 4))", "ax"),
@@ -117,6 +123,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     is_method = int(parameters[0].name in ("self", "cls")) if kinds else 0
     by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
     known = {each.name for each in parameters[is_method:] if each.kind in by_name}
+    has_states = kinds.count(inspect.Parameter.POSITIONAL_ONLY) == 2
     others = [f"{each.name}=" for each in parameters if each.kind is each.KEYWORD_ONLY]
     others += ["parameters, such as a=1"] * takes_any
     stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
@@ -133,7 +140,8 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
             raise TypeError(f"{called} takes {received}{how}")
         if kwargs and not takes_any and not kwargs.keys() <= known:
             name = next(name for name in kwargs if name not in known)
-            raise TypeError(f"{called} has no argument {name!r}: {advice(name, known)}")
+            how = advice(name, known, has_states)
+            raise TypeError(f"{called} has no argument {name!r}: {how}")
         if len(args) < len(required):
             for name in required[len(args) :]:
                 if name not in kwargs:
@@ -144,11 +152,17 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     return answering
 
 
-def advice(name: str, known: Collection[str]) -> str:
-    """Return what to pass in place of a keyword to a function with the `known` keywords."""
+def advice(name: str, known: Collection[str], has_states: bool = False) -> str:
+    """Return what to pass in place of a keyword to a function with the `known` keywords.
+
+    With `has_states` its second argument, without a name, is the states.
+    """
     if name in ("x", "y", "z") and "components" in known:
         return 'pass components, as in plot("x1", "x2")'
-    arguments, sentence, other = _ADVICE.get(name, ((), "", ""))
+    nothing: tuple[tuple[str, ...], str, str] = ((), "", "")
+    arguments, sentence, other = _ADVICE.get(name) or _ADVICE.get(name.lower(), nothing)
+    if sentence == _STATES and not has_states:
+        sentence = ""
     found = [argument for argument in arguments if argument in known]
     if not found and sentence and (not other or other in known):
         return sentence

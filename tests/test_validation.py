@@ -418,6 +418,7 @@ CALLS = {
     "n": lambda value: sf.exact(BODY, [1.0, 0.5], 0.2, value),
     "time": lambda value: sf.flow(BODY, [1.0, 0.5], value),
     "omega": lambda value: sf.energy(BODY, [value, value]),
+    "period": lambda value: sf.periodic_orbit(FIELD, [1.0, 1.0], value, 10),
 }
 
 
@@ -427,6 +428,11 @@ def test_units_and_labels_are_refused(wrap, message, name):
     """20 ms must never be read as 20, and labels are neither guessed nor ignored."""
     with pytest.raises(TypeError, match=rf"{name} must .* not \w+ .*{message}"):
         CALLS[name](wrap(20.0))
+
+
+def test_a_number_of_steps_has_no_unit():
+    with pytest.raises(TypeError, match=r"steps must be numbers without a unit, not .* in ms"):
+        sf.iterate(BODY, OMEGA, 0.1, Quantity(20.0))
 
 
 @pytest.mark.parametrize("name", ["n", "time"])

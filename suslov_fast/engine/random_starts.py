@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from ..checks import FloatArray, integer, positive, real_array, require, wrong
+from ..keywords import public_class
 
 
+@public_class
 @dataclass(frozen=True)
 class RandomStarts:
     """Random initial states, uniform in a cube around 0 or in a box.

@@ -387,10 +387,24 @@ def searched(
 # Attributes of runs and of SciPy's results, and what to use here.
 _INSTEAD = {
     **dict.fromkeys(
-        ("x", "omega", "y", "u", "points", "y_events", "values", "data", "shape", "to_numpy"),
+        (
+            "x",
+            "omega",
+            "y",
+            "u",
+            "sol",
+            "points",
+            "y_events",
+            "values",
+            "data",
+            "shape",
+            "to_numpy",
+        ),
         "crossings.states, the points, or .before and .after",
     ),
     **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),
+    **dict.fromkeys(("success", "retcode"), "crossings.ok, or crossings.status"),
+    "message": "crossings.status and crossings.failed_at, with a Status for each trajectory",
     **dict.fromkeys(
         ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
         "crossings.to_xarray(), whose Dataset has to_dataframe and to_netcdf",

@@ -112,15 +112,16 @@ def periodic_orbit(
     >>> round(orbit.period, 9), round(float(orbit.multipliers[0].real), 6)
     (5.881088456, -2.403954)
     """
-    checked = problem("jacobian", field, start, period, method=method, name="start")
+    times = real_number("period", period)
+    if not np.all(np.greater(times, 0.0)):
+        raise wrong("period", "positive", period)
+    checked = problem("jacobian", field, start, times, method=method, name="start")
     if checked.batch:
         expected = f"a single {type(field).__name__}, state and period"
         raise wrong("periodic_orbit", f"called with {expected}", f"a batch {checked.batch}")
-    x, period = checked.omega, float(period)
+    x, period = checked.omega, float(times)
     if not np.isfinite(x).all():
         raise wrong("start", "finite", short(start))
-    if not period > 0.0:
-        raise wrong("period", "positive", period)
     steps, tol = integer("steps", steps, 1), float(real_number("tol", tol))
     if not 1e-14 <= tol <= 1e-2:
         raise wrong("tol", "from 1e-14 to 1e-2", tol)

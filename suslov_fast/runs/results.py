@@ -28,6 +28,7 @@ INSTEAD_IN_RUNS = {
     ),
     **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
     "message": "run.status and run.failed_at, with a Status for each trajectory",
+    **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
     "shape": "run.{x}.shape",
     "local_error": "iterate(..., method='extrapolated'), whose steps estimate their errors",
     "to_numpy": "run.{x}, or np.asarray(run)",

@@ -35,7 +35,7 @@ def _quantity(name: str) -> Callable[[Trajectories], FloatArray]:
     method.__name__, method.__qualname__ = name, f"Trajectories.{name}"
     method.__doc__ = f"Return :func:`suslov_fast.{name}` of the saved states, shape (n_saved, ...)."
     _QUANTITIES.add(name)
-    return method
+    return public(method)
 
 
 # Names of these methods; `dir(run)` hides those that its map does not have.

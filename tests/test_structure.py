@@ -80,7 +80,7 @@ ARROWS = {
     "checks": "core",
     "keywords": "",
     "bodies": "core checks keywords",
-    "engine": "core checks bodies",
+    "engine": "core checks keywords bodies",
     "maps": "core checks bodies engine",
     "quantities": "checks keywords bodies engine maps",
     "space": "core checks keywords bodies engine maps",

@@ -41,6 +41,7 @@ from .core.lifted_system import LiftedSystem
 from .core.llvm import select
 from .core.numba import for_users, formula, of_kind
 from .core.steps_nd import NDSystem
+from .keywords import public
 from .maps import map_of
 
 __all__ = [
@@ -166,6 +167,7 @@ _enter, _advance, _leave = map(of_kind, ("enter_state", "advance_state", "leave_
 _memory, _one_step = of_kind("memory"), of_kind("one_step")
 
 
+@public
 def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | GyrostatFrame:
     """Return the constants of one body and one step size, for loops in three dimensions.
 
@@ -273,6 +275,7 @@ def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -
     return quantities.first_integral_at(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
 
+@public
 def system(
     body: Body, /, eps: ArrayLike, *, method: str = "auto"
 ) -> NDSystem | FieldSystem | LiftedSystem:

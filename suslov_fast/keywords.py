@@ -123,7 +123,8 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     is_method = int(parameters[0].name in ("self", "cls")) if kinds else 0
     by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
     known = {each.name for each in parameters[is_method:] if each.kind in by_name}
-    has_states = kinds.count(inspect.Parameter.POSITIONAL_ONLY) == 2
+    unnamed = kinds.count(inspect.Parameter.POSITIONAL_ONLY)
+    positional = [each.name for each in parameters[unnamed:most]]
     others = [f"{each.name}=" for each in parameters if each.kind is each.KEYWORD_ONLY]
     others += ["parameters, such as a=1"] * takes_any
     stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
@@ -140,8 +141,14 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
             raise TypeError(f"{called} takes {received}{how}")
         if kwargs and not takes_any and not kwargs.keys() <= known:
             name = next(name for name in kwargs if name not in known)
-            how = advice(name, known, has_states)
+            how = advice(name, known, has_states=unnamed == 2)
             raise TypeError(f"{called} has no argument {name!r}: {how}")
+        if len(args) > unnamed and not kwargs.keys().isdisjoint(positional[: len(args) - unnamed]):
+            twice = [name for name in positional if name in kwargs]
+            if takes_any:  # what is passed by name is a parameter of the equations
+                how = f"rename it, to {twice[0]}_ for example"
+                raise ValueError(f"parameters: {twice[0]!r} clashes with an argument: {how}")
+            raise TypeError(f"{called} got {twice[0]} twice, by position and by name")
         if len(args) < len(required):
             for name in required[len(args) :]:
                 if name not in kwargs:

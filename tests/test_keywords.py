@@ -68,6 +68,17 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (sf.iterate, STEPPED, "RelTol", 'method="extrapolated"'),
         (sf.iterate, STEPPED, "color", r"run\.plot\(color="),
         (sf.RandomStarts, (), "rng", "RandomStarts has no argument 'rng': it has extent, high"),
+        (
+            sf.QuadraticField.from_terms,
+            ([], [], 1),
+            "names",
+            "from_terms has no argument 'names': ",
+        ),
+        (sf.compiled.system, (FIELD,), "dt", "system has no argument 'dt': pass eps="),
+        (sf.compiled.frame, (FIELD,), "h", "frame has no argument 'h': pass eps="),
+        (sf.integrability.report, (FIELD,), "order", "report has no argument 'order': it has "),
+        (sf.Trajectories.load, (), "filename", "load has no argument 'filename': pass path="),
+        (POINTS.of, (), "k", "of has no argument 'k': it has index"),
         (RUN.energy, (), "eps", "energy has no argument 'eps': it takes no argument by name"),
     ],
     ids=lambda value: value if isinstance(value, str) else getattr(value, "__name__", ""),
@@ -106,6 +117,16 @@ def test_unknown_keywords(function, arguments, keyword, answer):
 def test_arguments_that_are_passed_by_name(function, arguments, answer):
     with pytest.raises(TypeError, match=answer):
         function(*arguments)
+
+
+def test_arguments_by_position_and_by_name():
+    with pytest.raises(TypeError, match=r"^iterate got steps twice, by position and by name"):
+        sf.iterate(*STEPPED, steps=3)
+    for make in (sf.QuadraticField.from_function, sf.LiftedField.from_function):
+        with pytest.raises(ValueError, match=r"'dimension' clashes .* rename it, to dimension_"):
+            make(lambda x, dimension: (dimension * x[0],), 1, dimension=2.0)
+    with pytest.raises(ValueError, match=r"'K' clashes .* rename it, to K_"):
+        sf.QuadraticField.from_hamiltonian(lambda x, K: K * x[0] ** 2, 2, None, K=2.0)
 
 
 @pytest.mark.parametrize(

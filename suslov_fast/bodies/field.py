@@ -104,6 +104,7 @@ class QuadraticField(_FieldOfTerms):
         self._take(parts_of(terms, variables("names", names, D)))
 
     @classmethod
+    @public
     def from_terms(
         cls,
         indices: Any,
@@ -253,6 +254,7 @@ class QuadraticField(_FieldOfTerms):
         return field
 
     @classmethod
+    @public
     def of(cls, body: Any) -> QuadraticField:
         """Return the equations of motion of a body, or of a batch, as a field.
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import integer
+from ..keywords import public
 from . import arithmetic
 from .arguments import exponents_of
 from .arithmetic import Point, Residues
@@ -64,6 +65,7 @@ class HKBasis:
         return f"{text}; {missing} more independent: try a higher degree, or `report`"
 
 
+@public
 def hk_bases(
     map: RationalMap,
     monomials: int | Sequence[Sequence[int]],

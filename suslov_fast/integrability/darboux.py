@@ -13,6 +13,7 @@ from typing import Any
 import flint
 
 from ..checks import integer
+from ..keywords import public
 from . import arithmetic
 from .arguments import check_unknowns
 from .arithmetic import EPS, EXTRA, Residues
@@ -31,6 +32,7 @@ from .polynomials import (
 from .reconstruction import over_rationals, polynomials_with
 
 
+@public
 def darboux_polynomials(
     map: RationalMap, degree: int, cofactor: Any = None, *, seed: int = 0
 ) -> Polynomials:
@@ -109,6 +111,7 @@ def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
     return int(matrix.ncols() - matrix.rank())
 
 
+@public
 def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
 

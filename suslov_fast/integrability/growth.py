@@ -16,6 +16,7 @@ import flint
 import numpy as np
 
 from ..checks import integer, short, wrong
+from ..keywords import public
 from .arithmetic import DRAWS, random_prime
 from .maps import RationalMap, check_map
 from .polynomials import random_line
@@ -25,6 +26,7 @@ _ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
 _CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees
 
 
+@public
 def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
@@ -137,6 +139,7 @@ _ROUNDING = 1e-9  # of the modulus of a root
 _HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow if they do not so exponentially
 
 
+@public
 def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     """Growth of a sequence of degrees, and its entropy.
 

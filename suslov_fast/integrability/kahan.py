@@ -21,6 +21,7 @@ from ..bodies.field import QuadraticField
 from ..bodies.names import labels
 from ..bodies.terms import Terms
 from ..checks import in_place_of, kind_of, wrong
+from ..keywords import public
 from .arithmetic import matrix, step_size
 from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap
@@ -199,6 +200,7 @@ def _integers(terms: Terms) -> tuple[list[tuple[tuple[int, ...], int]], int]:
     return [(place, int(denominator * c)) for place, c in terms.members()], denominator
 
 
+@public
 def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
     """Return the Kahan map of a field, ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``.
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from ..bodies.field import QuadraticField
 from ..checks import integer, kind_of, wrong
+from ..keywords import public
 from . import arithmetic
 from .arguments import exponents_of, progress_function
 from .kahan import KahanMap, kahan
@@ -69,6 +70,7 @@ class Locus(list[Special]):
         return f"Locus({text})"
 
 
+@public
 def locus(
     f: Callable[[Any], Any],
     degree: int,

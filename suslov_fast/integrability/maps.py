@@ -19,6 +19,7 @@ import numpy as np
 from ..bodies.advice import check_arguments
 from ..bodies.names import labels
 from ..checks import integer, wrong
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, Point
 from .functions import RationalFunction, as_function, factored, over_common_denominator
@@ -303,6 +304,7 @@ class RationalMap:
         return C * factored(numerator) / factored(denominator)
 
 
+@public
 def rational_map(
     f: Callable[[Any], Any], dimension: int, inverse: Callable[[Any], Any] | None = None
 ) -> RationalMap:

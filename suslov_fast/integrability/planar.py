@@ -15,6 +15,7 @@ from typing import Any
 import flint
 
 from ..checks import integer, wrong
+from ..keywords import public
 from .confinement import is_proved
 from .contracted import Passage, Plane, passages_across
 from .growth import agreed_degrees, check_degrees, rational_series
@@ -122,6 +123,7 @@ class PlanarEntropy:
         return f"PlanarEntropy({self.entropy:.10g}{root}; {how}){lines}"
 
 
+@public
 def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     """Find the algebraic entropy of a birational map of the plane from its singularities.
 

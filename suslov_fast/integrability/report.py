@@ -15,6 +15,7 @@ from typing import Any
 
 from ..bodies.field import QuadraticField
 from ..checks import integer, is_false, real_number, wrong
+from ..keywords import public
 from .arguments import check_unknowns, progress_function
 from .decimals import as_decimal, in_decimals, note_on_floats
 from .functions import IDENTITY, MODULAR, RationalFunction
@@ -200,6 +201,7 @@ def _listed(title: str, functions: Functions, most: int, none: str) -> str:
     return f"{title} ({len(functions)}, {how}): {formulas}{more}"
 
 
+@public
 def report(
     field: Any,
     /,

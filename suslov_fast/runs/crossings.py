@@ -173,6 +173,7 @@ class Crossings(Result):
         """Leave out the surface, because most functions cannot be pickled."""
         return super().__getstate__() | {"_surface": None}
 
+    @public
     def of(self, index: Any) -> Crossings:
         """Return the crossings of one trajectory, with its body and step size.
 
@@ -286,6 +287,7 @@ class Crossings(Result):
         search = Search(march, surface, self.direction, self.most, self)
         return searched(search, total, self.transient, self.method, on_singular, reports)
 
+    @public
     def to_xarray(self) -> xarray.Dataset:
         """Return the crossings as a labelled `xarray.Dataset` (extra `xarray`).
 

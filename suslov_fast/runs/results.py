@@ -107,6 +107,7 @@ class Result:
         save(self, path, overwrite)
 
     @classmethod
+    @public
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """Return the result in a file of `save`, which `extend` can continue.
 

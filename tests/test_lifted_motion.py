@@ -186,7 +186,8 @@ def test_only_solutions_that_end_are_nan():
     field = of(lambda x: (E(x[0]),), 1)
     start = np.array([[1.0], [-1.0], [np.nan], [0.0], [800.0]])
     with pytest.warns(
-        PoleWarning, match=r"3 of 5 solutions end \(first: trajectory 0 near t = 0.36787944"
+        PoleWarning,
+        match=r"3 of 5 solutions end or overflow \(first: trajectory 0 near t = 0.36787944",
     ):
         found = flow(field, start, [2.0])[0, :, 0]
     assert np.isnan(found).tolist() == [True, False, True, True, True]

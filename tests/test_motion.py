@@ -274,7 +274,7 @@ def test_a_solution_that_passes_a_pole_by_does_not_end():
 def test_one_warning_names_the_first():
     start = np.array([[-1.0], [0.5], [1.0], [np.nan], [0.1]])
     with pytest.warns(
-        PoleWarning, match=r"2 of 5 solutions end \(first: trajectory 1 near t = 2\)$"
+        PoleWarning, match=r"2 of 5 solutions end or overflow \(first: trajectory 1 near t = 2\)$"
     ) as record:
         found = flow(SQUARE, start, [3.0, 0.0])
     assert len(record) == 1
@@ -349,6 +349,7 @@ def test_rounding_of_terms_that_cancel_shortens_no_step():
         tolerance.stage_of(indices, 2), np.atleast_2d(values), np.full((1, 2), 0.5), 1e-13, 1, 1.0
     )
     with np.errstate(all="ignore"):
+        run._begin()
         for _ in range(40):
             run._step_to(1.0)
     assert run.rows[0, run.places.time, 0] == 1.0
@@ -462,14 +463,25 @@ def test_no_warning_for_ordinary_motion():
 
 
 def test_first_lengths_follow_from_the_rates(rng):
-    """Of many states and of one, also of a component without terms."""
+    """Also of a component without terms, at rest, and where f has no value."""
     field = of(lambda x: (x[0] * x[1] - 2, 0 * x[0], x[2] - x[0] + 3 * x[1] ** 2), 3)
-    indices, values = field.terms
-    stage, x = tolerance.stage_of(indices, 3), rng.normal(size=(5, 3))
-    wanted = np.stack([x[:, 0] * x[:, 1] - 2, 0 * x[:, 0], x[:, 2] - x[:, 0] + 3 * x[:, 1] ** 2])
-    found = np.stack(np.broadcast_arrays(*stage.rates(x.T, np.float64(values)[:, np.newaxis])))
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14)
-    assert stage.rates(x[2].tolist(), np.float64(values).tolist()) == found[:, 2].tolist()
+    (indices, values), rtol = field.terms, 1e-12
+    stage, x = tolerance.stage_of(indices, 3), rng.normal(size=(4, 3))
+    x[1:] = [2.0, 1.0, -1.0], [1e200, 1e200, 0.0], [1.0, np.nan, 0.0]
+    a, b, c = x[0]
+    rate, size = max(abs(a * b - 2), abs(c - a + 3 * b**2)), abs(x[0]).max()
+    wanted = np.array([5 * rtol ** (1 / 8) * size / rate, 0.25, 0.0, 0.0])
+    for states, last in ((x, 0.25), (x[:1], 0.001)):
+        run = core_flow.Motion(stage, np.atleast_2d(values), states, rtol, 1, last)
+        with np.errstate(all="ignore"):
+            run._begin()
+        found, first = run.rows[0, [run.places.wanted, run.places.first]]
+        expected = np.minimum(wanted[: len(states)], last)
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+        assert (first == found * 2.0**-60).all()
+        base, largest = run.rows[0, run.places.base :][:3], run.rows[0, run.places.largest :][:3]
+        assert (np.isnan(base) == (found == 0.0)).all()
+        np.testing.assert_array_equal(largest, abs(states.T))
 
 
 def test_threads_take_no_step_after_one_has_failed():
@@ -490,6 +502,7 @@ def test_after_a_refused_step_the_next_is_not_longer():
         tolerance.stage_of(indices, 3), np.atleast_2d(values), np.ones((1, 3)), 1e-9, 1, 2.0
     )
     places = [run.places.time, run.places.wanted, run.places.taken]
+    run._begin()
     time, was_refused, count = 0.0, False, 0
     while time < 2.0:
         before = time
@@ -502,8 +515,8 @@ def test_after_a_refused_step_the_next_is_not_longer():
     assert count > 0
 
 
-USUAL = {"t": 0.25, "wanted": 0.125, "longest": 3.0, "taken": 0.125, "first": 0.125}
-USUAL |= {"least": 0.5, "end": 1.0, "rtol": 1e-6}
+USUAL = {"t": 0.25, "wanted": 0.125, "longest": 3.0, "steps": 7.0, "taken": 0.125}
+USUAL |= {"first": 0.125, "least": 0.5, "end": 1.0, "rtol": 1e-6}
 
 
 def chosen(
@@ -515,7 +528,12 @@ def chosen(
     difference=(0.0, 0.0),
     **numbers,
 ):
-    """Return what `Choice` makes of a step from (1, 2): state, largest, time, length, longest."""
+    """Return what `Choice` makes of a step from (1, 2), `all_chosen` without the steps."""
+    return all_chosen(total, error, signs, largest, sums, difference, **numbers)[:-1]
+
+
+def all_chosen(total, error, signs, largest, sums, difference, **numbers):
+    """Return what `Choice` makes of a step: state, largest, time, length, longest, steps."""
     choice, total = tolerance.Choice(None, 2, 2, signs), np.array(total)
     rows = total, total - error, difference, largest, sums
     given = [1.0, 2.0, *np.ravel(rows), *(USUAL | numbers).values()]
@@ -562,6 +580,42 @@ def test_what_is_left_of_fast_modes():
     *state, _, _, _, _, _ = chosen([0.5, 1.0], sums=(8 * 1537.0, 0.0), **left)
     assert state == [1.5, 3.0 - 4e-6]  # one fast component is enough, so that sums are conserved
     assert chosen([0.5, 1.0], difference=(0.0, 25e-6))[:2] == [1.0, 2.0]
+
+
+def test_steps_are_counted_from_one_time_to_the_next():
+    def steps_after(error=0.0, **numbers):
+        nothing = 0.0, 0.0
+        found = all_chosen([0.5, 1.0], [error, 0.0], (), *[nothing] * 3, **numbers)
+        return found[-1], found[-3] == 0.0, np.isnan(found[0])
+
+    most = tolerance.MOST_STEPS
+    assert steps_after() == (8.0, False, False)
+    assert steps_after(error=1.0) == (8.0, False, False)  # a refused step is one as well
+    assert steps_after(end=0.375) == (0.0, False, False)
+    assert steps_after(end=0.375, error=1.0) == (8.0, False, False)
+    assert steps_after(taken=0.0) == (7.0, False, False)
+    assert steps_after(steps=most - 2.0) == (most - 1, False, False)
+    assert steps_after(steps=most - 1.0) == (most, True, True)
+    assert steps_after(steps=most - 1.0, end=0.375) == (0.0, False, False)
+    assert steps_after(steps=float(most), taken=0.0)[0] == most  # a trajectory that has ended
+
+
+@pytest.mark.compiled
+def test_solutions_that_need_ever_shorter_steps():
+    """Backward in time Lorenz's y and z turn at the rate x, which grows like exp(-10 t)."""
+    start, last = [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0]], -50.0
+    told = "1 of 2 solutions take more than 250,000 steps .* trajectory 0 at t = (-1.3\\d*)"
+    told += r".*np.linspace\(0, -50, 101\)"
+    with pytest.warns(RuntimeWarning, match=told) as record:
+        found = flow(LORENZ, start, [last, -1.0])
+    time = float(re.search(told, str(record[0].message))[1])
+    assert np.isnan(found[0, 0]).all()
+    np.testing.assert_allclose(found[0, 1, 2], np.exp(8 / 3 * 50.0), rtol=1e-6)
+    with pytest.warns(RuntimeWarning, match="1 of 1 solutions take"):
+        alone = flow(LORENZ, start[0], [-1.0, 1.02 * time])  # steps count from the last time
+    assert (alone[0] == found[1, 0]).all()
+    assert np.isnan(alone[1]).all()
+    assert np.isfinite(flow(LORENZ, start[0], [0.99 * time, 1.005 * time])).all()
 
 
 def test_steps_that_a_test_refuses_are_halved():

@@ -23,13 +23,12 @@ from .pool import in_parts
 from .sparse_flow import Loops
 from .stages import extrapolation, weights_of
 from .steps_field import in_lines
-from .tolerance import AT_FIRST, REACH, first_part
+from .tolerance import AT_FIRST, MOST_STEPS, REACH
 
 COLUMNS = 2, 4, 6, 8, 10
 # Factors of x_1 - x_0, ..., x_n - x_0 in the difference of order n of the longest column.
 LONGEST = COLUMNS[-1]
 DIFFERENCE = np.array([(-1) ** k * comb(LONGEST, k) / 2**LONGEST for k in range(1, LONGEST + 1)])
-SMALLEST_FIRST = 2.0**-60  # part of the first length at which a trajectory at time 0 may end
 ACTIVE = 2**15  # bytes of the rows of lines that are taken side by side
 MOST = 10_000  # operations of a stage, above which compiling takes longer than most runs
 BUDGET = 2**21  # steps of lines times operations of a stage, after which Python handles Ctrl-C
@@ -88,30 +87,18 @@ class Motion:
             self.loops = Loops(step, W)
         x = in_lines(x0, W)
         self.values = in_lines(values, W) if self.for_each else values.reshape(1, -1, 1)
-        self.rows = np.zeros((len(x), self.places.size, W))
-        with np.errstate(all="ignore"):
-            first = self._first_lengths(x, last)
-        rows, places, n = self.rows, self.places, self.given
-        rows[:, places.base : places.base + n] = np.where(first[:, np.newaxis] > 0.0, x, np.nan)
-        rows[:, places.largest : places.largest + n] = abs(x)
-        rows[:, places.wanted], rows[:, places.longer] = first, AT_FIRST
-        rows[:, places.first] = SMALLEST_FIRST * first  # a fast mode may begin at rest
-
-    def _first_lengths(self, x, last):
-        """Return the lengths of first steps (lines, W), 0 where f(x) is not finite."""
-        x = np.ascontiguousarray(x.swapaxes(0, 1))  # five times as fast as strided rows
-        f = functools.reduce(np.maximum, map(abs, self.step.rates(x, self.values.swapaxes(0, 1))))
-        size = abs(x).max(axis=0)
-        length = np.where((f > 0.0) & (size > 0.0), first_part(self.rtol[0]) * (size / f), last)
-        return np.where(np.isfinite(f + size), np.minimum(length, last), 0.0)
+        self.rows = rows = np.zeros((len(x), self.places.size, W))
+        rows[:, self.places.base : self.places.base + self.given] = x
+        rows[:, self.places.wanted], rows[:, self.places.longer] = last, AT_FIRST
+        self.beginning = len(rows)
 
     def ends(self):
-        """Return which trajectories have ended, and the moduli of their times (B,) each."""
-        time, wanted = (
+        """Return which trajectories have ended, when, and which took too many steps (B,) each."""
+        time, wanted, steps = (
             self.rows[:, place].reshape(-1)[: self.B]
-            for place in (self.places.time, self.places.wanted)
+            for place in (self.places.time, self.places.wanted, self.places.steps)
         )
-        return wanted == 0.0, time
+        return wanted == 0.0, time, steps >= MOST_STEPS
 
     def advance(self, times, out, abandoned=()):
         """Write the states at later times (n,), ascending moduli, to out (n, B, D)."""
@@ -125,7 +112,9 @@ class Motion:
         budget = max(BUDGET // len(self.step.usual), 1)
         while not abandoned:
             arguments[SLOT.budget] = budget
-            if call(address, arguments):
+            has_ended = call(address, arguments)
+            self.beginning = 0
+            if has_ended:
                 break
 
     def _arguments(self, times, out):
@@ -150,6 +139,7 @@ class Motion:
             rtol=self.rtol.ctypes.data,
             kept=kept.ctypes.data,
             place=place.ctypes.data,
+            beginning=self.beginning,
             active=active.ctypes.data,
             taking=most,
             next=most,
@@ -159,6 +149,8 @@ class Motion:
 
     def _advance_in_numpy(self, times, out, abandoned):
         """Take the same steps by NumPy: the reference, where there is no machine code."""
+        if self.beginning:
+            self._begin()
         for end, states in zip(times, out, strict=True):
             while not abandoned:
                 time, wanted = self.rows[:, self.places.time], self.rows[:, self.places.wanted]
@@ -167,6 +159,22 @@ class Motion:
                 self._step_to(end)
             base = self.rows[:, self.places.base : self.places.base + self.given]
             states[:] = base.swapaxes(1, 2).reshape(-1, self.given)[: self.B]
+
+    def _begin(self):
+        """Find the first lengths of all lanes."""
+        self.beginning, places = 0, self.places
+        if self.loops:
+            self.loops.begin(self.rows, places, self.values, self.rtol[0])
+            return
+        step, n, rows, values = self.step, self.given, self.rows.swapaxes(0, 1), self.values
+        x, values = rows[places.base : places.base + n], values.swapaxes(0, 1)
+        words = step.words(x, values)[0] if step.lift is not None else []
+        inputs = [*x, *words, *values[: step.T], rows[places.wanted], self.rtol[0]]
+        found = dict(enumerate(inputs))
+        evaluate(step.beginning.operations, found)
+        results = [found[number] for number in step.beginning.results]
+        x[:], rows[places.largest : places.largest + n] = results[:n], results[n : 2 * n]
+        rows[places.wanted], rows[places.first] = results[2 * n :]
 
     def _step_to(self, end):
         """Take one step of all lanes, at most to a time."""
@@ -202,7 +210,7 @@ class Motion:
         evaluate(choice.operations, found)
         results = [found[number] for number in choice.results]
         base[:], largest[:] = results[:n], results[n : 2 * n]
-        rows[places.time], rows[places.wanted], rows[places.longer] = results[2 * n :]
+        rows[places.time : places.time + 4] = results[2 * n :]
 
     def _scaled(self, half, values):
         """Return h v of the terms, and the coefficients of the lift."""

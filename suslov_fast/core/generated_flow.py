@@ -29,6 +29,7 @@ class FlowArguments(NamedTuple):
     rtol: int  # address of it
     kept: int  # address of memory for values that later pieces of a long list need
     place: int  # address of the number of the next time of each line
+    beginning: int  # lines whose trajectories begin, 0 in later calls
     # Where the code is. It returns 0 when the budget is spent, and goes on there in the next call;
     # else 1.
     active: int  # address of the numbers of lines that are being taken
@@ -62,8 +63,9 @@ class Rows(NamedTuple):
     difference: int  # of the states of the last column (n)
     largest: int  # moduli so far (n)
     time: int
-    wanted: int  # length of the next step, 0 if the trajectory has ended
+    wanted: int  # length of the next step, 0 if the trajectory has ended; at first the last time
     longer: int  # the largest factor between this length and the next
+    steps: int  # since the last time
     taken: int  # length of this step
     first: int  # time that limits lengths until the first step is taken
     least: int  # least pivot of this step
@@ -74,7 +76,7 @@ class Rows(NamedTuple):
 def rows_of(step):
     """Return the rows for the lists of a `tolerance.Stage`."""
     first = [0, step.D, *(2 * step.D + k * step.given for k in range(5))]
-    return Rows(*first, *range(first[-1] + 1, first[-1] + 7), first[-1] + 6 + len(step.table))
+    return Rows(*first, *range(first[-1] + 1, first[-1] + 8), first[-1] + 7 + len(step.table))
 
 
 def text_of_flow(step, name, W, for_each, _):
@@ -108,10 +110,28 @@ def text_of_flow(step, name, W, for_each, _):
         value = text.load("double", address)
         return value if W == 1 else text.splat(value, W)
 
+    def value_of(t, of_line):
+        address = text.plus(of_line, (size if for_each else 8) * t)
+        return text.load(V, address) if for_each else scalar(address)
+
+    def values_of(line):
+        """Return the address of the values v of the lanes of a line."""
+        if for_each:
+            return integer("add", of.values, integer("mul", line, size * step.parameters))
+        return of.values
+
+    text.branch(text.compare_integers("eq", of.beginning, 0), "under_way", "begins")
+    text.label("begins")
+    with text.loop("first", of.beginning) as k:
+        of_line = values_of(k)
+        begin_line(text, step, line_at(k), lambda t, v=of_line: value_of(t, v), of.rtol)
+    text.store("i64", 0, text.plus("%arguments", 8 * SLOT.beginning))
+    text.jump("under_way")
+    text.label("under_way")
     text.branch(text.compare_integers("eq", of.taking, 0), "end", "step")
 
     text.label("step")
-    text.add(f"  %taking = phi i64 [ {of.taking}, %entry ], [ %kept1, %stepped ]")
+    text.add(f"  %taking = phi i64 [ {of.taking}, %under_way ], [ %kept1, %stepped ]")
     budget_at = text.plus("%arguments", 8 * SLOT.budget)
     left = text.load("i64", budget_at)
     text.branch(text.compare_integers("sgt", left, 0), "begin", "pause")
@@ -144,17 +164,11 @@ def text_of_flow(step, name, W, for_each, _):
             text.store(V, taken, text.plus(line, size * rows.taken))
             text.store(V, from_0(row(line, rows.least), one), text.plus(line, size * rows.least))
             half = text.operate("fmul", scale, taken)
-            values, of_line = {}, of.values
-            if for_each:
-                of_line = integer("add", of.values, integer("mul", number, size * step.parameters))
+            values, of_line = {}, values_of(number)
 
             def half_of(number, of_line=of_line, half=half):
                 value = value_of(number - D, of_line)
                 return value if number >= D + step.T else text.operate("fmul", half, value)
-
-            def value_of(t, of_line):
-                address = text.plus(of_line, (size if for_each else 8) * t)
-                return text.load(V, address) if for_each else scalar(address)
 
             text.carry_out(step.fixed, values, half_of)
             for number, offset in step.places.items():
@@ -222,24 +236,19 @@ def text_of_flow(step, name, W, for_each, _):
     first_value = D + 4 * given
     inputs = [*range(rows.base, rows.base + first_value), *[None] * step.T]
     inputs += [*range(rows.time, rows.least + 1)]
-    of_line = of.values
-    if for_each:
-        of_line = integer("add", of.values, integer("mul", number, size * step.parameters))
+    of_line = values_of(number)
 
     def load(n):
         if n == len(inputs):
             return scalar(at(of.times, place))
         if n > len(inputs):
             return scalar(of.rtol)
-        if inputs[n] is not None:
-            return row(line, inputs[n])
-        address = text.plus(of_line, (size if for_each else 8) * (n - first_value))
-        return text.load(V, address) if for_each else scalar(address)
+        return value_of(n - first_value, of_line) if inputs[n] is None else row(line, inputs[n])
 
     values, choice = {}, step.choice
     text.carry_out(choice.operations, values, load)
     places = numbers(line, rows.base, given) + numbers(line, rows.largest, given)
-    places += numbers(line, rows.time, 3)
+    places += numbers(line, rows.time, 4)
     for n, address in zip(choice.results, places, strict=True):
         text.store(V, values[n], address)
     text.jump("check")
@@ -287,6 +296,39 @@ def text_of_flow(step, name, W, for_each, _):
     text.label("end")
     text.add("  ret i64 1")
     return text.finished()
+
+
+def begin_line(text, step, line, value_of, rtol):
+    """Add the beginning of the trajectories of a line; `value_of` loads a value of a term."""
+    rows, D, given = rows_of(step), step.D, step.given
+
+    def address(row):
+        return text.plus(line, 8 * text.W * row)
+
+    def load(n):
+        """Return a value by its number in the lists of `Step`."""
+        return text.load(text.V, address(rows.base + n)) if n < given else value_of(n - D)
+
+    values = {}
+    if step.lift is not None:
+        found = {}
+        text.carry_out([*step.fixed, *step.prologue], found, load)
+        words = enumerate(step.lifted, given)
+        values = {k: found[n] if n in found else load(n) for k, n in words}
+
+    def load_more(n):
+        if n < D + step.T:
+            return load(n)
+        if n == D + step.T:
+            return text.load(text.V, address(rows.wanted))
+        number = text.load("double", rtol)
+        return number if text.W == 1 else text.splat(number, text.W)
+
+    beginning = step.beginning
+    text.carry_out(beginning.operations, values, load_more)
+    places = [rows.base + k for k in range(given)] + [rows.largest + k for k in range(given)]
+    for n, row in zip(beginning.results, [*places, rows.wanted, rows.first], strict=True):
+        text.store(text.V, values[n], address(row))
 
 
 def begin_step(text, step, is_first, line, values, half_of):

@@ -5,16 +5,15 @@ are those of `flow`.
 """
 
 import functools
-import math
 from array import array
 
 import numpy as np
 
-from .flow import BUDGET, DIFFERENCE, SMALLEST_FIRST, plan_of
+from .flow import BUDGET, DIFFERENCE, plan_of
 from .generated_flow import SLOT, FlowArguments, rows_of, text_of_flow
 from .machine_code import code_of
 from .single_orbit import PLANS
-from .tolerance import AT_FIRST, first_part
+from .tolerance import AT_FIRST, MOST_STEPS
 
 _SIZE = 8  # bytes of a number
 
@@ -32,32 +31,24 @@ def _prepared(step, values, rtol, direction):
     numbers = dict.fromkeys(FlowArguments._fields, 0) | {
         "lines": 1, "plan": plan.ctypes.data, "columns": len(plan), "trajectories": 1,
         "difference": DIFFERENCE.ctypes.data, "rtol": at, "values": at + _SIZE,
-        "state_bytes": _SIZE * step.D, "taking": 1, "next": 1,
+        "state_bytes": _SIZE * step.D, "beginning": 1, "taking": 1, "next": 1,
     }  # fmt: skip
     return address, array("q", FlowArguments(**numbers)), rows_of(step), (kept, plan)
 
 
 def motion_of_one(step, values, x, rtol, direction, times):
-    """Return the states at ascending moduli of times, as one list, and when the solution ended.
+    """Return the states at ascending moduli of times, as one list, and those of `Motion.ends`.
 
-    The time is None if it did not end. Return None if others have to compute the motion. `x` and
-    `times` are lists of numbers; `values` (T,) are those of the terms.
+    Return None if others have to compute the motion. `x` and `times` are lists of numbers; `values`
+    (T,) are those of the terms.
     """
     found = _prepared(step, values.tobytes(), rtol, direction)
     if found is None:
         return None
     address, template, places, _ = found
-    rates = step.rates(x, values.tolist())
-    if not all(map(math.isfinite, [*rates, *x])):
-        return None
-    f, size = max(map(abs, rates)), max(map(abs, x))
-    part = first_part(rtol)
-    length = min(part * (size / f), times[-1]) if f > 0.0 and size > 0.0 else times[-1]
     rows, n = array("d", bytes(_SIZE * places.size)), len(x)
     rows[places.base : places.base + n] = array("d", x)
-    rows[places.largest : places.largest + n] = array("d", map(abs, x))
-    rows[places.wanted], rows[places.longer] = length, AT_FIRST
-    rows[places.first] = SMALLEST_FIRST * length
+    rows[places.wanted], rows[places.longer] = times[-1], AT_FIRST
     ends, states = array("d", times), array("d", bytes(_SIZE * n * len(times)))
     numbers, lines = template[:], array("q", [0, 0])  # the number of the line, and its next time
     numbers[SLOT.rows], _ = rows.buffer_info()
@@ -70,4 +61,5 @@ def motion_of_one(step, values, x, rtol, direction, times):
         numbers[SLOT.budget] = max(BUDGET // len(step.usual), 1)
         if address.call(at):
             break
-    return states, rows[places.time] if rows[places.wanted] == 0.0 else None
+    ends = rows[places.wanted] == 0.0, rows[places.time], rows[places.steps] >= MOST_STEPS
+    return states, ends

@@ -17,7 +17,7 @@ from .llvm import QUAD
 from .numba import kernel
 from .operations import of_one_sign
 from .sparse import pattern_of, room_of, size_of, step_once
-from .tolerance import Choice
+from .tolerance import Beginning, Choice
 
 
 @kernel
@@ -44,8 +44,8 @@ def sparse_stages(part, parts, pattern, halves, rows, least, memory):
 
 
 @kernel
-def sums_of_terms(part, parts, indices, values, x, sums):
-    """Set the sums (D, W) of |terms of f_i|, of values (T, 1 or W) and states (D, W)."""
+def sums_of_terms(part, parts, indices, values, x, sums, of_moduli):
+    """Set the sums (D, W) of terms, or of moduli, of values (T, 1 or W) and states (D, W)."""
     (D, W), own = x.shape, int(values.shape[1] > 1)
     sums[:] = 0.0
     for t in range(len(values)):
@@ -53,7 +53,8 @@ def sums_of_terms(part, parts, indices, values, x, sums):
         for l in range(W):
             term = values[t, own * l]
             term *= x[j, l] if j < D else 1.0
-            sums[i, l] += abs(term * x[k, l] if k < D else term)
+            term *= x[k, l] if k < D else 1.0
+            sums[i, l] += abs(term) if of_moduli else term
 
 
 class _Inputs(NamedTuple):
@@ -65,13 +66,16 @@ class _Inputs(NamedTuple):
 
 
 @functools.lru_cache(8)
-def _choice_of(step):
-    """Return the number of inputs of the `Choice` of sums, its `Program`, and the `Numbers`."""
-    inputs, choice = 6 * step.D + 8, Choice(None, step.D, step.D, of_one_sign(step.indices))
-    of_list = _Inputs(inputs, {}, [])
-    numbers = Numbers(of_list)
-    program = Program(of_list, choice.operations, choice.results, numbers)
-    return inputs, program, numbers.of(np.empty((0, 1)))
+def _programs_of(step):
+    """Return the `Program` and its numbers, for the `Beginning` and the `Choice` of sums."""
+    D, programs = step.D, []
+    choice = Choice(None, D, D, of_one_sign(step.indices))
+    for inputs, operations in ((2 * D + 2, Beginning(None, D, D)), (6 * D + 9, choice)):
+        of_list = _Inputs(inputs, {}, [])
+        numbers = Numbers(of_list)
+        program = Program(of_list, operations.operations, operations.results, numbers)
+        programs.append((program, numbers.of(np.empty((0, 1)))))
+    return programs
 
 
 class Loops:
@@ -81,9 +85,10 @@ class Loops:
         self.pattern, self.D = pattern_of(step.indices.tobytes(), step.D), step.D
         self.indices = step.indices
         self.memory = np.empty(size_of(self.pattern))
-        self.inputs, self.program, self.constants = _choice_of(step)
+        self.beginning, self.choice = _programs_of(step)
         self.code = runs_code(W)
-        self.numbers = np.empty((self.program.rows, W))
+        rows = max(program.rows for program, _ in (self.beginning, self.choice))
+        self.numbers = np.empty((rows, W))
 
     @staticmethod
     def halves(half, values):
@@ -94,16 +99,32 @@ class Loops:
         """Take a stage of all lanes."""
         sparse_stages.serial(self.pattern, halves, rows, places.least, self.memory)
 
+    def begin(self, rows, places, values, rtol):
+        """Write the largest moduli and first lengths of all lanes."""
+        after = [places.wanted, places.first]
+        self._carry_out(self.beginning, rows, places, values, 1, [places.wanted], [rtol], after)
+
     def choose(self, rows, places, values, end, rtol):
         """Write the next state, largest moduli, time and length of all lanes."""
-        D, numbers, sums = self.D, self.numbers, self.numbers[5 * self.D : 6 * self.D]
+        first, after = range(places.time, places.least + 1), range(places.time, places.taken)
+        self._carry_out(self.choice, rows, places, values, 5, first, [end, rtol], after)
+
+    def _carry_out(self, of_list, rows, places, values, count, first, others, after):
+        """Carry out a list for all lanes.
+
+        Its values are `count` numbers of each component from the state on, sums of terms, those of
+        the rows `first`, and `others`; it writes the state, largest moduli, and rows `after`.
+        """
+        (program, constants), D, numbers = of_list, self.D, self.numbers
+        sums, scalars = numbers[count * D : (count + 1) * D], numbers[(count + 1) * D :]
         for line, of_line in enumerate(rows):
-            numbers[: 5 * D] = of_line[places.base : places.base + 5 * D]
-            sums_of_terms.serial(self.indices, values[line % len(values)], numbers[:D], sums)
-            numbers[6 * D : self.inputs - 2] = of_line[places.time : places.least + 1]
-            numbers[self.inputs - 2], numbers[self.inputs - 1] = end, rtol
-            carry_out(self.code, self.program.runs, numbers, self.constants)
-            found = numbers[self.program.results]
+            numbers[: count * D] = of_line[places.base : places.base + count * D]
+            own = values[line % len(values)]
+            sums_of_terms.serial(self.indices, own, numbers[:D], sums, of_list is self.choice)
+            scalars[: len(first)] = of_line[first]
+            scalars[len(first) : len(first) + len(others)] = np.reshape(others, (-1, 1))
+            carry_out(self.code, program.runs, numbers, constants)
+            found = numbers[program.results]
             of_line[places.base : places.base + D] = found[:D]
             of_line[places.largest : places.largest + D] = found[D : 2 * D]
-            of_line[places.time : places.time + 3] = found[2 * D :]
+            of_line[after] = found[2 * D :]

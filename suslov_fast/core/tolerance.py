@@ -28,15 +28,15 @@ pivots are those of 1 - (h/4) f' of the equations as given, at the beginning. A 
 sign which the motion keeps is not taken, because a population below 0 would leave the solution; but
 what rounding leaves of a component that has decayed gets its sign back.
 
-The first length is that in which |x| changes by the part `first_part`, which is too short for most
-motions: few first steps are refused, and the next one may be ten times as long.
+The first length is that in which |x| changes by the part min(5 rtol**(1/8), 1), which is too short
+for most motions: few first steps are refused, and the next one may be ten times as long.
 
-A trajectory ends where h falls below 2**-42 of the time, or far below its first length at time 0;
-it then has the length 0. With the length 0 a step changes nothing.
+A trajectory ends where h falls below 2**-42 of the time, or far below its first length at time 0,
+and after MOST_STEPS steps that have not reached the next time; it then has the length 0. With the
+length 0 a step changes nothing.
 """
 
 import functools
-import math
 
 import numpy as np
 
@@ -53,14 +53,12 @@ OF_FAST = 0.125
 # With lengths that grow up to tenfold, van der Pol's equation with mu = 1000 has half as much error
 # again, in as many operations.
 SAFETY, SHORTER, LONGER, REFUSED = 0.8, 0.2, 3.0, 0.5
+FIRST_PART = 5.0
+SMALLEST_FIRST = 2.0**-60  # part of the first length at which a trajectory at time 0 may end
+MOST_STEPS = 250_000  # 10,000 orbits of a planet at rtol 1e-9; a third of a second for one orbit
 # In place of LONGER: for the first step, whose length is only a guess, and after a refused one.
 AT_FIRST, AFTER_REFUSED = 10.0, 1.0
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
-
-
-def first_part(rtol):
-    """Return the length of the first step, in units of max_j |x_j| / max_j |f_j(x)|."""
-    return min(5.0 * math.sqrt(math.sqrt(math.sqrt(rtol))), 1.0)
 
 
 class Stage(Step):
@@ -71,29 +69,16 @@ class Stage(Step):
 
     least = None  # without a plan
 
-    def __init__(self, indices, D, carried=0):
-        super().__init__(indices, D, carried)
-        self._terms = [
-            (t, i, [k for k in factors if k < D])
-            for t, (i, *factors) in enumerate(indices.T.tolist())
-            if i < self.given
-        ]
+    @functools.cached_property
+    def beginning(self):
+        """The `Beginning` of a trajectory."""
+        return Beginning(self.indices, self.D, self.given)
 
     @functools.cached_property
     def choice(self):
         """The `Choice` of the next length."""
         signs = self.lift[0].signs if self.lift else of_one_sign(self.indices)
         return Choice(self.indices, self.D, self.given, signs)
-
-    def rates(self, x, v):
-        """Return the components of f(x), from those of x and v, all of them numbers or arrays."""
-        f = [0.0] * self.given
-        for t, i, factors in self._terms:
-            term = v[t]
-            for k in factors:
-                term = term * x[k]
-            f[i] = f[i] + term
-        return f
 
     def _add_tests(self, halves):
         self._test_pivots([self.factors.pivot[k] for k in sorted(self.factors.pivot)])
@@ -111,9 +96,6 @@ class LiftedStage(Lifting, Stage):
 
     def _add_tests(self, halves):
         pass
-
-    def rates(self, x, v):
-        return super().rates([*x, *self.words(x, v)[0]], v)
 
     def words(self, x, halves):
         """Return the words after the state (n, ...) of states x (given, ...), and the least pivot.
@@ -141,39 +123,78 @@ def stage_of(indices, D, lift=None):
     return _stage_of(places, D) if lift is None else _stage_of(places, D, lift)
 
 
+def _sums_over_terms(indices, D, n, values, x, v):
+    """Return sums over the terms of n components of a field; None where there are none."""
+    [of_state] = np.nonzero(indices[0] < n)
+    terms = Matrix(indices[:, of_state], D, values, x, [v[k] for k in of_state.tolist()])
+    return [terms.right_side(k) for k in range(n)]
+
+
+class Beginning:
+    """The operations before the first step: its length.
+
+    Values are given in this order: the state x, of n components, with the words after it (D); the
+    values v of the terms (T); the last time, and rtol. Without `indices` the components of f(x) (n)
+    take the place of v.
+
+    results   numbers of x (NaN where f(x) has no value), the largest moduli (n each), the length,
+              and the first length of `Choice`
+    """
+
+    def __init__(self, indices, D, n):
+        T = n if indices is None else indices.shape[1]
+        last, rtol = D + T, D + T + 1
+        values = Values(D + T + 2, ())
+        emit, joined = values.emit, values.joined
+        f = v = range(D, D + T)
+        if indices is not None:
+            f = _sums_over_terms(indices, D, n, values, range(D), v)
+        moduli = [emit("fabs", k) for k in range(n)]
+        size = joined("max", moduli)
+        rate = joined("max", [0.0, *(emit("fabs", change) for change in f if change is not None)])
+        numbers = [*moduli, *(emit("fabs", change) for change in f if change is not None)]
+        finite = joined("and", [emit("olt", number, np.inf) for number in numbers])
+        part = rtol
+        for _ in range(3):
+            part = emit("sqrt", part)
+        part = emit("min", emit("fmul", FIRST_PART, part), 1.0)
+        length = emit("min", emit("fmul", part, emit("fdiv", size, rate)), last)
+        moves = emit("and", emit("ogt", rate, 0.0), emit("ogt", size, 0.0))
+        length = emit("select", finite, emit("select", moves, length, last), 0.0)
+        states = [emit("select", finite, k, np.nan) for k in range(n)]
+        self.results = [*states, *moduli, length, emit("fmul", SMALLEST_FIRST, length)]
+        self.operations = values.operations
+
+
 class Choice:
     """The operations at the end of a step: the next state, time and length.
 
     Values are given in this order: the state x, of n components, with the words after it (D);
     x_next - x before d is subtracted, the same without the shortest column, d, and the largest
     moduli so far (n each); the values v of the terms (T); t, the length wanted, its largest factor,
-    the length taken, the first length, the least pivot, the end of time, and rtol. `signs` has the
-    components that keep their signs. Without `indices` the sums |terms of f_i| (n) take the place
-    of v.
+    the steps since the last time that was asked for, the length taken, the first length, the least
+    pivot, the next time, and rtol. `signs` has the components that keep their signs. Without
+    `indices` the sums |terms of f_i| (n) take the place of v.
 
-    results   numbers of the next state and the largest moduli (n each), t, the length, its factor
+    results   numbers of the next state and the largest moduli (n each), t, the length, its factor,
+              and the steps
     """
 
     def __init__(self, indices, D, n, signs):
         first_value = D + 4 * n
         T = n if indices is None else indices.shape[1]
-        values = Values(first_value + T + 8, ())
+        values = Values(first_value + T + 9, ())
         emit, joined = values.emit, values.joined
         is_lifted = n < D
         x, rows = range(D), [range(k, k + n) for k in range(D, first_value, n)]
         total, second, difference, largest = rows
-        t, wanted, longer, taken, first, least, end, rtol = range(
-            first_value + T, first_value + T + 8
+        t, wanted, longer, steps, taken, first, least, end, rtol = range(
+            first_value + T, first_value + T + 9
         )
         sums = range(first_value, first_value + n)
         if indices is not None:
-            [of_state] = np.nonzero(indices[0] < n)
-            terms = Matrix(
-                indices[:, of_state], D, values,
-                [emit("fabs", k) for k in x],
-                [emit("fabs", first_value + k) for k in of_state.tolist()],
-            )  # fmt: skip
-            sums = [terms.right_side(k) for k in range(n)]
+            moduli = [emit("fabs", k) for k in x], [emit("fabs", first_value + k) for k in range(T)]
+            sums = _sums_over_terms(indices, D, n, values, *moduli)
         after, of_fast, errors = [emit("fadd", x[k], total[k]) for k in range(n)], [], []
         changes = {k: emit("fmul", taken, sums[k]) for k in range(n) if sums[k] is not None}
         for k, change in changes.items():
@@ -227,10 +248,13 @@ class Choice:
         later = emit("select", arrives, end, emit("fadd", t, taken))
         later = emit("select", good, later, t)
         limit = emit("fmul", SHORTEST, emit("max", later, first))
-        ended = emit("olt", length, limit)
+        steps = emit("select", is_nothing, steps, emit("fadd", steps, 1.0))
+        steps = emit("select", emit("and", good, arrives), 0.0, steps)
+        ended = emit("or", emit("olt", length, limit), emit("oge", steps, float(MOST_STEPS)))
         states = [emit("select", good, after[k], x[k]) for k in range(n)]
         states = [emit("select", ended, np.nan, state) for state in states]
         moduli = [emit("select", good, sizes[k], largest[k]) for k in range(n)]
         longer = emit("select", is_nothing, longer, emit("select", good, LONGER, AFTER_REFUSED))
-        self.results = [*states, *moduli, later, emit("select", ended, 0.0, length), longer]
+        length = emit("select", ended, 0.0, length)
+        self.results = [*states, *moduli, later, length, longer, steps]
         self.operations = values.operations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,7 +13,7 @@ from .. import checks
 from ..checks import FloatArray, first_index, require, spell, wrong
 from ..core.flow import Motion, flow_kernel
 from ..core.single_motion import motion_of_one
-from ..core.tolerance import stage_of
+from ..core.tolerance import MOST_STEPS, stage_of
 from ..engine.arguments import ALL, alike, by_field, flat_arrays, lift_of, words_of
 from ..engine.problem import Problem
 from ..engine.status import PoleWarning
@@ -44,7 +45,7 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
             return one.reshape(len(times), *problem.batch, D)
     states = np.full((len(times), *x0.shape), np.nan)
     undefined = np.asarray(np.isnan(x0).any(axis=1))
-    ended, ends = np.zeros(len(x0), bool), np.zeros(len(x0))
+    ended, ends, are_long = _no_ends(len(x0))
     done = int(np.count_nonzero(times == 0.0))
     if done:
         states[times == 0.0] = np.where(undefined[:, np.newaxis], np.nan, x0)
@@ -68,17 +69,20 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
                 later, where, number = np.unique(later, return_inverse=True, return_counts=True)
                 counts = number.tolist() if report else []
             arguments = problem, x0, later, direction, rtol
-            found, now_ended, at = _in_direction(*arguments, counts, told)
+            found, now_ended, at, now_long = _in_direction(*arguments, counts, told)
             states[rows] = found[where]
             ends = np.where(now_ended & ~ended, direction * at, ends)
+            are_long |= now_long & ~ended
             ended |= now_ended
-    _warn_of_ends(problem, ended & ~undefined, ends)
+    if ended.any():
+        last = float(times[np.argmax(abs(times))])
+        _warn_of_ends(problem, last, ended & ~undefined, ends, are_long)
     return states.reshape(len(times), *problem.batch, D)
 
 
 def _of_one(problem: Problem, x: list[float], times: list[float], rtol: float) -> FloatArray | None:
     """Return the states (N, D) of one trajectory at ascending times, None for other times."""
-    if lift_of(problem.body) or not times or times[0] <= 0.0:
+    if lift_of(problem.body) or not times or times[0] <= 0.0 or any(map(math.isnan, x)):
         return None
     if any(later <= time for time, later in itertools.pairwise(times)):
         return None
@@ -87,9 +91,9 @@ def _of_one(problem: Problem, x: list[float], times: list[float], rtol: float) -
     found = motion_of_one(step, values[0], x, rtol, 1, times) if len(values) == 1 else None
     if found is None:
         return None
-    states, end = found
-    if end is not None:
-        _warn_of_ends(problem, np.array([True]), np.array([end]))
+    states, (ended, end, is_long) = found
+    if ended:
+        _warn_of_ends(problem, times[-1], *map(np.atleast_1d, (ended, end, is_long)))
     return np.frombuffer(states).copy()
 
 
@@ -101,8 +105,8 @@ def _in_direction(
     rtol: float,
     counts: Sequence[int],
     told: Report,
-) -> tuple[FloatArray, Any, FloatArray]:
-    """Return states at ascending moduli of times, which solutions have ended, and when.
+) -> tuple[FloatArray, Any, FloatArray, Any]:
+    """Return states at ascending moduli of times, and those of `Motion.ends`.
 
     With `counts`, all trajectories reach a time before the next one, and `told` takes its count; if
     it returns False, states at later times are NaN.
@@ -132,27 +136,45 @@ def _in_direction(
             call_kernel(flow_kernel, work, problem.threads, motions, times[k : k + 1], at_once)
             if not told(count):
                 break
-    ended, ends = np.zeros(len(x0), bool), np.zeros(len(x0))
+    all_ends = _no_ends(len(x0))
     left = iter(motions)
     for where, states, count in groups:
         of_parts = [next(left).ends() for _ in range(count)]
         if of_parts:
-            ended[where], ends[where] = (
-                np.concatenate(each) for each in zip(*of_parts, strict=True)
-            )
+            for of_all, each in zip(all_ends, zip(*of_parts, strict=True), strict=True):
+                of_all[where] = np.concatenate(each)
         if where is not ALL:
             out[:, where] = states
-    return out, ended, ends
+    return out, *all_ends
 
 
-def _warn_of_ends(problem: Problem, ended: Any, ends: FloatArray) -> None:
-    """Warn of solutions that end, with the index and the time of the first."""
-    if ended.any():
-        first = first_index(ended.reshape(problem.batch))
-        time = ends[int(np.argmax(ended))]
-        text = f"{np.count_nonzero(ended)} of {ended.size} solutions end (first: trajectory "
-        text += f"{spell(first)} near t = {time:.9g})"
-        at_once = (ended & (ends == 0.0)).reshape(problem.batch)
-        if at_once.any() and (why := problem.body._without_value(problem.omega, at_once)):
+def _no_ends(count: int) -> tuple[Any, FloatArray, Any]:
+    """Return what `Motion.ends` returns before the first step."""
+    return np.zeros(count, bool), np.zeros(count), np.zeros(count, bool)
+
+
+def _warn_of_ends(
+    problem: Problem, last: float, ended: Any, ends: FloatArray, are_long: Any
+) -> None:
+    """Warn of solutions that end, and of those that take too many steps."""
+    if (which := ended & ~are_long).any():
+        text = _first_of(which, "end or overflow", "near", problem, ends)
+        at_once = (which & (ends == 0.0)).reshape(problem.batch)
+        if at_once.any():
+            why = problem.body._without_value(problem.omega, at_once)
+            of_first = f"at the start of trajectory {spell(first_index(at_once))}"
+            why = why or f"{of_first} the field overflows, or is too fast for any step"
             text += f"; {why}"
         checks.warn(text, PoleWarning)
+    if (which := ended & are_long).any():
+        verb = f"take more than {MOST_STEPS:,} steps from one time to the next"
+        text = _first_of(which, verb, "at", problem, ends)
+        text += f" and are NaN later; increase rtol, or pass times between: np.linspace(0, {last:g}"
+        checks.warn(text + ", 101)", RuntimeWarning)
+
+
+def _first_of(which: Any, verb: str, where: str, problem: Problem, ends: FloatArray) -> str:
+    """Return what so many solutions do, and where the first of them does it."""
+    first, time = spell(first_index(which.reshape(problem.batch))), ends[int(np.argmax(which))]
+    text = f"{np.count_nonzero(which)} of {which.size} solutions {verb} "
+    return f"{text}(first: trajectory {first} {where} t = {time:.9g})"

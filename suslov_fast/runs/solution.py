@@ -127,8 +127,10 @@ def flow(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states. A solution of a field that ends, because it escapes to infinity, is NaN from
-        there on, with one :class:`PoleWarning` that tells when. NaN for a state that contains NaN.
+        The states. A solution of a field that ends, because it escapes to infinity, or overflows,
+        is NaN from there on, with one :class:`PoleWarning` that tells when. So is one that takes
+        more than 250,000 steps from one time to the next, with a `RuntimeWarning`; then pass more
+        times. NaN for a state that contains NaN.
 
     Raises
     ------

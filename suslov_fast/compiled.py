@@ -348,10 +348,10 @@ def step_system(
     loop is compiled.
     """
     _check(x, out)
-    D, (dimension, memory) = system.dimension, work
+    D, (dimension, memory) = system.dimension, uncounted(work)
     if (len(x) != D) | (len(out) != D) | (dimension != D):
         raise ValueError("step_system: x, out and work must have the dimension of the system")
-    return _one_step(uncounted(system), uncounted(x), uncounted(out), uncounted(memory))
+    return _one_step(uncounted(system), uncounted(x), uncounted(out), memory)
 
 
 def _check(x, out):

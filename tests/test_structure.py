@@ -8,6 +8,7 @@ import inspect
 import re
 import subprocess
 from functools import cache
+from itertools import takewhile
 from pathlib import Path
 
 import children
@@ -183,6 +184,23 @@ def test_compiled_functions_assign_no_arrays_to_slices():
                     is_number = isinstance(node.value, (ast.Constant, ast.Attribute))
                     assert is_number, (path, ast.unparse(node))
     assert compiled > 100
+
+
+def test_arrays_live_longer_than_those_without_reference_counts():
+    """Numba frees an array after its last use, which has to be `keep` where a function made it."""
+    kept_somewhere = set()
+    for path in (path for path, text in TEXTS.items() if "uncounted(" in text):
+        for each in (node for node in nodes_of(path) if isinstance(node, ast.FunctionDef)):
+            calls = [node for node in ast.walk(each) if isinstance(node, ast.Call)]
+            calls = [call for call in calls if ast.unparse(call.func) == "uncounted"]
+            made = {part.id for call in calls for part in ast.walk(call) if hasattr(part, "id")}
+            if {"kernel", "for_users"} & {ast.unparse(word) for word in each.decorator_list}:
+                made -= {argument.arg for argument in each.args.args}
+            ends = takewhile(lambda line: "keep(" in line, reversed(ast.unparse(each).split("\n")))
+            kept = {line.strip()[len("keep(") : -1] for line in ends}
+            assert kept == made - {"uncounted"}, (path, each.name)
+            kept_somewhere |= kept
+    assert kept_somewhere
 
 
 def test_files_can_be_read_at_once():

@@ -129,7 +129,7 @@ def test_the_loop_over_regular_runs_does_what_numpy_does(rng, monkeypatch, W, co
     monkeypatch.setattr(steps_field, "MANY", 0)
     D, B, steps, fractions = 37, 13 if W == 8 else W, 5, (0.5, -0.25, 0.75)
     field = sf.QuadraticField.from_function(
-        lambda x: [x[i - 1] * (x[(i + 1) % D] - x[i - 2]) - x[i] + 2 for i in range(D)], D
+        lambda x: [1, *(x[i - 1] * (x[(i + 1) % D] - x[i - 2]) - x[i] + 2 for i in range(1, D))], D
     )
     indices, values = field.terms
     step = steps_field.scheme_of(indices, D, Stages(fractions)).step
@@ -138,7 +138,7 @@ def test_the_loop_over_regular_runs_does_what_numpy_does(rng, monkeypatch, W, co
         assert 0 < regular.sum() < len(regular)
         assert (program.runs.heads[regular, 1] % 4).any()  # a single lane takes four at once
     x, eps = rng.normal(size=(B, D)), rng.uniform(0.05, 0.1, count)
-    x[0, ::9] = 1e-9  # a component falls below its limit: rare operations
+    x[0, 0] = -fractions[0] * eps[0]  # of which the first stage leaves 0: rare operations
     notes = np.zeros(B, np.int8), np.zeros(B, np.int64), np.zeros(B)
     given = steps_field.Scheme(step, Stages(fractions)), np.tile(values, (count, 1)), eps
     lines = steps_field._Lines(given, x, notes, np.zeros((D, B)), W)

@@ -24,7 +24,7 @@ class ListArguments(NamedTuple):
     rare_places: int
     rare_runs: int
     rare_results: int  # of `after_rare`, `accurate`, `negative` and `changed`
-    changed: int  # place of `changed` among the results, 0 if there is none
+    changed: int  # place of `changed` among the results, that of `negative` if there is none
     D: int
     ended: int  # bits of lanes, which are those of `generated.CodeArguments.marks`
     passed: int
@@ -85,8 +85,6 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
     bad = integer("and", integer("xor", good, all_lanes), integer("xor", a.ended, all_lanes))
     told = integer("and", good, integer("xor", a.passed, all_lanes))
     changed = text.bits(truth(a.rare_results, a.changed))
-    is_told = text.compare_integers("ne", a.changed, 0)
-    changed = text.new(f"select i1 {is_told}, i64 {changed}, i64 0")
     negative = integer("or", negative, integer("shl", changed, CHANGED))
     told = integer("mul", told, 1 | 1 << CHANGED)
     rare = integer("or", bad, integer("shl", integer("and", negative, told), 8))
@@ -265,7 +263,7 @@ def text_of_listed_step(step, name, *_):
         text.new(f"ptrtoint {pointer('double')} {text.new(f'alloca double, i64 {size}')} to i64")
         for size in (programs.rows, len(SLOT))
     )
-    numbers = {"rows": rows, "table": "%table", "D": step.D, "steps": 1}
+    numbers = {"rows": rows, "table": "%table", "changed": 1, "D": step.D, "steps": 1}
     for prefix, program in (("", programs.usual), ("rare_", programs.rare)):
         numbers[f"{prefix}heads"] = constant(f"{prefix}heads", program.runs.heads)
         numbers[f"{prefix}places"] = constant(f"{prefix}places", program.runs.places)
@@ -281,7 +279,7 @@ def text_of_listed_step(step, name, *_):
     text.add("  ret i64 1")
     text.label("good")
     _copy(text, "after", rows, "%x", step.D)
-    text.add(f"  ret i64 {text.integer('lshr', bits, 7)}")
+    text.add(f"  ret i64 {text.integer('and', text.integer('lshr', bits, 7), 2)}")
     steps = text_of_listed_steps(None, f"{name}_steps", 1, False)
     return "\n".join([*constants, *text.lines, "}", steps])
 
@@ -344,7 +342,7 @@ def taker_of(lines, address):
     for program in (programs.usual, programs.rare):
         heads, of_runs = program.runs
         addresses += heads.ctypes.data, of_runs.ctypes.data, len(heads), program.results.ctypes.data
-    changed = 0 if step.changed is None else 2
+    changed = 1 if step.changed is None else 2
     arguments = ListArguments(rows.ctypes.data, 0, *addresses, changed, D, 0, 0, 0, 0)
     arguments = np.array(arguments, np.int64)
 

@@ -252,6 +252,13 @@ def test_advice_on_published_functions_is_a_call_that_works(f, dimension, given,
     assert [*map(float, found(point))] == pytest.approx([*map(float, expected)])
 
 
+def test_advice_on_published_functions_has_the_names_that_the_user_passed():
+    with pytest.raises(TypeError) as e:
+        of_function(vallis, 3, b=102)
+    call = "QuadraticField.from_function(lambda x, b, c, p: vallis(*x, None, b, c, p), 3, b=b, c=…"
+    assert call in str(e.value)
+
+
 def test_a_missing_parameter_is_told_with_how_to_pass_it():
     with pytest.raises(TypeError, match="f needs rho: pass rho=28"):
         of_function(lambda x, rho, sigma: (rho * x[0],), 1)

@@ -254,7 +254,7 @@ def _adapted(
             passed.append(f"{name}={text}" if is_by_name else text)
     function = f"lambda {', '.join([state, *parameters.values()])}: {f_name}({', '.join(passed)})"
     size = D if tuple(names) == labels(D) else repr(" ".join(names))
-    values = (f", {new}={_value(name, given, '…')}" for name, new in parameters.items())
+    values = (f", {new}={name if name in given else '…'}" for name, new in parameters.items())
     whole = f"{maker}({function}, {size}{''.join(values)})" if maker else function
     return f"pass {whole}" if parameters else f"pass {function}, as in {whole}"
 

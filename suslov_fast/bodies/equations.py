@@ -27,9 +27,14 @@ def value_of(text: Any, names: Mapping[str, Any]) -> Any:
         raise ValueError(f"equations: {short(text)} is not an equation")
     try:
         tree = ast.parse(text, mode="eval").body
-        return _value(tree, names, text)
+        with np.errstate(all="ignore"):  # of numbers that are not finite, which are refused later
+            return _value(tree, names, text)
     except (SyntaxError, RecursionError, MemoryError):
         raise ValueError(f"equations: {short(text)} cannot be read") from None
+    except ZeroDivisionError:
+        raise ValueError(f"equations: {short(text)}: division by zero") from None
+    except (TypeError, OverflowError) as error:
+        raise ValueError(f"equations: {short(text)}: {error}") from None
 
 
 def _value(node: Any, names: Mapping[str, Any], text: str) -> Any:

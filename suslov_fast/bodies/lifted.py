@@ -359,12 +359,7 @@ class LiftedField(FieldOfFunction):
             known[name] = value_of(text, known)
             if len(found.list) <= k:
                 raise ValueError(f"definitions: {checks.short(text)} adds no variable")
-        polynomials = []
-        for row in rows:
-            try:
-                polynomials.append(as_polynomial(value_of(row, known)))
-            except (TypeError, ZeroDivisionError) as error:
-                raise ValueError(f"equations: {checks.short(row)}: {error}") from None
+        polynomials = [as_polynomial(value_of(row, known)) for row in rows]
         if H is None:
             return cls._made(found, values, polynomials, None, None)
         return cls._made(found, values, None, polynomials[0], structure_matrix(K, len(names)))

@@ -344,7 +344,8 @@ def check_formulas(formulas: Mapping[str, Any], conserved: Any) -> None:
 
 # What errors advise, by the name of the function, if the map of a body does not support it.
 INSTEAD = {
-    **dict.fromkeys(("exact", "flow", "limits"), ", which has no closed form: use iterate"),
+    "exact": ", which has no closed form: use iterate or flow",
+    **dict.fromkeys(("flow", "limits"), ", which has no closed form: use iterate"),
     "closed_form": ": use exact, or iterate where there is no closed form",
     "matrix": ", whose step is not the solution of one linear system: use jacobian",
     "frame": ": call system(body, eps)",

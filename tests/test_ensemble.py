@@ -181,6 +181,16 @@ def one_component(x):
     return x[..., 0]
 
 
+def doubled(x):
+    x *= 2
+    return x[..., 0]
+
+
+def first_of_two(x):
+    u, _v = x
+    return u
+
+
 def test_functions_of_states(store, rng):
     omega0 = rng.uniform(-2.0, 2.0, (20, 2))
     chosen = {"radius": radius, "up": lambda x: x[..., 1] > 0}
@@ -235,7 +245,13 @@ BAD = [
     *[({"coords": {name: 3}}, ValueError, "coords") for name in ("a/b", "omega", "zarr.json")],
     *[({"functions": {name: radius}}, ValueError, "functions") for name in ("", ".", "..", "/r")],
     *[({"dims": name}, ValueError, "dims") for name in ("", "..", "a/b")],
-    *[({"functions": {name: radius}}, ValueError, "functions") for name in ("omega", "time")],
+    *[
+        ({"functions": {name: radius}}, ValueError, "functions")
+        for name in ("omega", "time", "trajectory")
+    ],
+    ({"functions": {"r": lambda x: np.add(x, 1, out=x)[..., 0]}}, ValueError, "read-only"),
+    ({"functions": {"r": doubled}}, ValueError, "read-only"),
+    ({"functions": {"r": first_of_two}}, ValueError, r"functions\['r'\] must take components on"),
     ({"functions": {"r": np.sin}}, TypeError, "functions.*r"),
     ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
     ({"functions": {"r": lambda x: x[..., 0] * 1j}}, TypeError, "functions.*r"),
@@ -258,6 +274,9 @@ def test_places_that_cannot_hold_a_store(store):
     for place in ("file", "file/run.zarr"):
         with pytest.raises((NotADirectoryError, FileExistsError), match="file"):
             call(ensemble, **ASKED, store=store.parent / place)
+    (store.parent / "link").symlink_to(store.parent / "nowhere")
+    with pytest.raises(FileExistsError, match="a link without a target: pass a new name"):
+        call(ensemble, **ASKED, store=store.parent / "link")
     (store.parent / "thesis").mkdir()
     (store.parent / "thesis" / "thesis.tex").touch()
     with pytest.raises(ValueError, match=r"store.*thesis\.tex"):
@@ -294,6 +313,13 @@ def test_a_disk_that_fills_up_on_the_way(store, monkeypatch, code):
     assert (told.value.errno, told.value.filename) == (code, str(store))
     monkeypatch.setattr(computed, "_compute", given)
     assert_same(call(ensemble, **asked, store=store, chunk=2), call(iterate, **asked))
+
+
+def test_the_url_of_a_folder(tmp_path):
+    folder = tmp_path / "a folder"
+    data = call(ensemble, **ASKED, store=folder.as_uri())
+    assert_same(data, call(iterate, **ASKED))
+    assert open_ensemble(folder).identical(data)
 
 
 def test_other_kinds_of_stores():

@@ -1,6 +1,7 @@
 """Unknown keywords and attributes are answered with what to use."""
 
 import copy
+import importlib.util
 import inspect
 import pickle
 
@@ -185,6 +186,9 @@ def test_messages_end_with_what_to_type(call, answer):
 
 def test_every_public_function_answers():
     functions = [getattr(sf, name) for name in sf.__all__]
+    if importlib.util.find_spec("flint"):
+        laboratory = importlib.import_module("suslov_fast.integrability")
+        functions += [getattr(laboratory, name) for name in laboratory.__all__]
     functions = [each for each in functions if inspect.isfunction(each)]
     assert len(functions) > 30
     for function in functions:

@@ -184,7 +184,8 @@ def test_parameters_and_names_of_the_user_as_coordinates():
     for last in ("a", "n", "omega", 3, "eps", "I1"):  # eps varies along another axis, I1 along none
         with pytest.raises(ValueError, match=r"^dims "):
             run.to_xarray(dims=("a", "b", last))
-    for coords in ({"omega": 3}, {"I1": [1, 2]}, [1, 2]):
+    too_long = {"start": [1, 2, 3]}, {"colour": ("start", ["a", "b", "c"])}
+    for coords in ({"omega": 3}, {"I1": [1, 2]}, [1, 2], *too_long):
         with pytest.raises((TypeError, ValueError), match=r"^coords must"):
             run.to_xarray(coords=coords)
     family = run_of("field").to_xarray()

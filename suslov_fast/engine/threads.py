@@ -38,8 +38,14 @@ def available() -> int:
 def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
     """Call a kernel, in parallel if `work`, in steps of single trajectories, is worth it."""
     is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
-    if is_serial or not _parallel(kernel, threads, arguments):
-        kernel.serial(*arguments)
+    try:
+        if is_serial or not _parallel(kernel, threads, arguments):
+            kernel.serial(*arguments)
+    except SystemError as error:
+        if _WITHOUT_ERROR not in str(error):
+            raise
+        how = "allow the process more (ulimit -v)" + ("" if is_serial else ", or pass threads=1")
+        raise MemoryError(f"there is not enough memory for this call: {how}") from error
 
 
 # What Python says of Numba, which sets no error where it lacks memory.
@@ -59,11 +65,6 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
             return False
         kernel.parallel(threads or available(), *arguments)
         return True
-    except SystemError as error:
-        if _WITHOUT_ERROR not in str(error):
-            raise
-        how = "pass threads=1, or allow the process more memory (ulimit -v)"
-        raise MemoryError(f"there is no memory for a call on several threads: {how}") from error
     finally:
         try:  # noqa: SIM105  (`suppress` would be the first call)
             _one_at_a_time.release()

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..bodies.field import QuadraticField
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..keywords import public
 from .maps import RationalMap, rational_map
 
 
@@ -79,6 +80,7 @@ def _recurrence(z: Callable[[Any, Any], Any]) -> tuple[RationalMap, None]:
     return rational_map(lambda x: (x[1], z(*x)), 2, inverse=lambda x: (z(*x[::-1]), x[0])), None
 
 
+@public
 def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     """Return the fields of the page "A zoo of Kahan maps", by name, each with a step size.
 

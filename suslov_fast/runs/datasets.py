@@ -75,6 +75,10 @@ def to_xarray(
         instance("coords", coords, Mapping)
     if taken := [str(name) for name in coords or () if name in {*dataset.variables, *TAKEN}]:
         raise wrong("coords", "names that are not taken", ", ".join(repr(name) for name in taken))
+    for name, values in (coords or {}).items():
+        for dim, length in xarray.as_variable(values, name=name).sizes.items():
+            if length != (expected := dataset.sizes.get(dim, length)):
+                raise wrong("coords", f"have {expected} values along {dim}", f"{length}, {name}")
     dataset = with_time(dataset.assign_coords(coords or {}))
     return dataset if with_terms else as_columns(dataset)
 

@@ -298,7 +298,7 @@ def _add_functions(data: Any, functions: Functions) -> dict[str, str]:
     sources, columns = {}, columns_of(data)
     for name, function in functions.items():
         checks.instance("functions, a name", name, str)
-        if name in (*data.variables, *columns, "time"):
+        if name in (*data.variables, *data.dims, *columns, "time"):
             raise wrong("functions", "names that the dataset does not have", repr(name))
         try:
             sources[name] = inspect.getsource(function)

@@ -2,11 +2,31 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 
 from ..checks import FloatArray, wrong
+
+# Errors of a function that was written for a single state, and what to advise.
+_OF_ONE_STATE = "out of bounds|too many indices|values to unpack"
+_LAST = "components on the last axis, as x[..., 0]"
+
+
+def returned_at(name: str, function: Any, states: FloatArray) -> Any:
+    """Return what a function returns for states (..., D), which it cannot change."""
+    states = states.view()
+    states.flags.writeable = False
+    try:
+        # No warnings, because states after the end of a trajectory are NaN or may overflow here.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return function(states)
+    except (IndexError, ValueError) as error:
+        if not re.search(_OF_ONE_STATE, str(error)):
+            raise
+        kind = IndexError if isinstance(error, IndexError) else ValueError
+        raise kind(f"{name} must take {_LAST}: {error}") from error
 
 
 def values_at(
@@ -30,8 +50,7 @@ def values_at(
         raise wrong(name, "have real numbers as values", received, TypeError)
     if values.shape != states.shape[:-1]:
         received = f"values {values.shape} for states {states.shape}"
-        last = "components on the last axis, as x[..., 0]"
-        expected = f"have a value for each state, (...) for states (..., D), with {last}"
+        expected = f"have a value for each state, (...) for states (..., D), with {_LAST}"
         raise wrong(name, expected, received)
     # Writeable, because Numba would compile for read-only arrays anew.
     values = np.require(values, np.float64, ["C", "A", "W"])

@@ -6,7 +6,6 @@ state of a piece, and only the states on both sides of a change of sign are kept
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import Any
 
@@ -20,7 +19,7 @@ from ..core.sign_changes import sort_by_orbit, write_crossings
 from ..engine.arguments import flat_parameter
 from ..engine.status import Status
 from ..engine.stretches import March, Report
-from .functions import values_at
+from .functions import returned_at, values_at
 from .refine import crossing_fractions
 
 # Numbers in a piece, which fits into the caches. Pieces are _LONGER if crossings are refined,
@@ -32,9 +31,6 @@ _STATES, _LARGE = 48, 2**22
 # Steps of the first piece of a run that may end early; the length doubles from piece to piece.
 _FIRST = 64
 _WITHOUT_END = 2**62
-# Errors of a surface that was written for a single state, and what to advise.
-_OF_ONE_STATE = "out of bounds|too many indices|values to unpack"
-_LAST = "components on the last axis, as x[..., 0]"
 
 Surface = Callable[[FloatArray], ArrayLike]
 
@@ -99,17 +95,7 @@ class Search:
 
         At states that are NaN they are NaN, because a function with integer values returns numbers.
         """
-        states = states.view()
-        states.flags.writeable = False
-        try:
-            # No warnings, because states after the end of a trajectory may overflow here.
-            with np.errstate(over="ignore", invalid="ignore"):
-                returned: Any = self.surface(states)
-        except (IndexError, ValueError) as error:
-            if not re.search(_OF_ONE_STATE, str(error)):
-                raise
-            kind = IndexError if isinstance(error, IndexError) else ValueError
-            raise kind(f"surface must take {_LAST}: {error}") from error
+        returned = returned_at("surface", self.surface, states)
         exist = self.march.n > 0 and (self.march.status >= 0).all()
         values = values_at("surface", states, returned, all_exist=bool(exist))
         return values.reshape(len(states), -1)

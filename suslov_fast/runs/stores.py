@@ -22,6 +22,8 @@ from itertools import product
 from pathlib import Path
 from threading import Lock
 from typing import Any, NamedTuple
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import numpy as np
 
@@ -71,7 +73,10 @@ def resolved(store: Any) -> Any:
     if Path(store).suffix.lower() == ".zip" and Path(store).is_file():
         received = f"the name of a file: pass zarr.storage.ZipStore({os.fspath(store)!r}, mode='r')"
         raise wrong("store", "the name of a folder, or a Zarr store", received)
-    return store if "://" in os.fspath(store) else Path(store).absolute()
+    name = os.fspath(store)
+    if name.startswith("file://"):  # fsspec makes no folders
+        return Path(url2pathname(urlsplit(name).path)).absolute()
+    return name if "://" in name else Path(store).absolute()
 
 
 def lost(store: Any, contents: Contents) -> Lost:
@@ -214,6 +219,9 @@ def _check_new(store: Any, data: Any) -> None:
         raise wrong("store", "a new name or a store", f"{store} with tiles, but without zarr.json")
     if not isinstance(store, Path):
         return
+    if os.path.lexists(store) and not store.is_dir():
+        message = "the name of a file, or of a link without a target: pass a new name"
+        raise FileExistsError(errno.EEXIST, message, str(store))
     names = {path.name for path in store.glob("*") if path.suffix != ".partial"}
     ours = {"zarr.json", *map(str, data.variables)}  # another process may have begun this run
     if others := names - ours:

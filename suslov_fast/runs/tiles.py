@@ -17,7 +17,7 @@ from ..engine.random_starts import RandomStarts
 from ..engine.stretches import March
 from . import stores
 from .columns import of_runs
-from .functions import values_at
+from .functions import returned_at, values_at
 from .metadata import Tile
 
 # Tiles that are queued per thread of a Dask worker.
@@ -117,9 +117,8 @@ def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> bool
 
 def checked_values(name: str, function: Any, states: FloatArray) -> Any:
     """Return the values of a user's function for states (..., D), real numbers (...)."""
-    with np.errstate(over="ignore", invalid="ignore"):  # states may be NaN
-        returned = function(states)
-    return values_at(f"functions[{name!r}]", states, returned, truths=True)
+    name = f"functions[{name!r}]"
+    return values_at(name, states, returned_at(name, function, states), truths=True)
 
 
 def _problem_of(whole: Problem, where: Where) -> Problem:

@@ -272,6 +272,21 @@ def test_X_that_grows_is_never_flushed():
     np.testing.assert_allclose(run(body, omega, 1.0, 500).states, states, atol=1e-11)
 
 
+def test_a_decayed_X_is_0_from_the_same_step_on_wherever_a_run_ends():
+    """Runs of last states test at some steps only whether X has decayed."""
+    fast = np.linspace(0.9, 0.99, 128)  # with X = Omega1 and Y = -Omega2, whose rates differ
+    body, omega = sf.Suslov3D(*UNIT), np.stack([fast / 9, fast], axis=-1)
+    saved = run(body, omega, 2.0, 140).states
+    zero = saved[..., 0] == 0.0
+    assert {*zero.argmax(axis=0) % steps_3d.DECAYING} == {*range(steps_3d.DECAYING)}
+    for n in range(60, 140, 7):
+        same([run(body, omega, 2.0, n, None).final], [saved[n]])
+    X, Y = saved[0, 0] * [1, -1]
+    for n in range(1, 141):
+        X, Y = steps_3d.plain_step.py_func(X, Y)
+        assert tuple(saved[n, 0] * [1, -1]) == (X, Y)
+
+
 @pytest.mark.parametrize(
     "omega", [[1e3, 1e10], [1e10, 1e25], [1e16, -1e35], [1e61, 0.1], [1e90, -1e91]]
 )

@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 from .bodies.base import Body
 from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
-from .core import quantities, steps_3d
+from .core import map_3d, quantities
 from .core.arrays import uncounted
 from .core.field_system import FieldSystem
 from .core.lifted_system import LiftedSystem
@@ -68,7 +68,7 @@ def __dir__() -> list[str]:
     return __all__
 
 
-# Without a rotor u and v are X and Y of `core.steps_3d`, and steps with T < 1 have the bits of its
+# Without a rotor u and v are X and Y of `core.map_3d`, and steps with T < 1 have the bits of its
 # plain form. With a rotor, X = K + ... would lose digits of ell where K is large. There u and v are
 # (omega1, omega2 / back) in the unit of time eps / 2, and the frame is that of the body in this
 # unit.
@@ -78,7 +78,7 @@ def __dir__() -> list[str]:
 def enter_body(frame, omega1, omega2):
     """X and Y of a state."""
     f = frame
-    _, X, Y = steps_3d.frame_and_XY(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
+    _, X, Y = map_3d.frame_and_XY(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
     return X, Y
 
 
@@ -86,10 +86,10 @@ def enter_body(frame, omega1, omega2):
 def advance_body(frame, X, Y):
     """X and Y of the next state, for any T."""
     square = X * (2.0 * X)
-    D, least = (1.0 - Y) + square, steps_3d.ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
+    D, least = (1.0 - Y) + square, map_3d.ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
     ratio = (1.0 + Y) / select(abs(D) > least, D, np.nan)
     X_next, change = X * ratio, square * ratio
-    decayed = abs(X_next) < -steps_3d.NEGLIGIBLE * Y
+    decayed = abs(X_next) < -map_3d.NEGLIGIBLE * Y
     # Where Y - change cancels, which needs T >= 1, use (1 + Y_next) / (1 - Y) = X_next / X.
     Y_next = select((abs(Y) < 1.0) | (square < 1.0), Y - change, (1.0 - Y) * ratio - 1.0)
     return select(decayed, 0.0, X_next), Y_next
@@ -106,7 +106,7 @@ def enter_gyrostat(frame, omega1, omega2):
 def advance_gyrostat(frame, u, v):
     """The next state, without a test of the range of X, Y and K."""
     X, Y = frame.K + (frame.a1 * u + frame.a2 * v), frame.a2 * u - frame.a1 * v
-    along, across, _, _ = steps_3d.turn(X, Y, frame.K)
+    along, across, _, _ = map_3d.turn(X, Y, frame.K)
     return along * u - across * v, along * v + across * u
 
 
@@ -118,7 +118,7 @@ def leave_gyrostat(frame, u, v):
 
 
 class Frame(NamedTuple):
-    """The constants of a body without a rotor, a step size, and the numbers of `steps_3d.Frame`.
+    """The constants of a body without a rotor, a step size, and the numbers of `map_3d.Frame`.
 
     Compares as a tuple.
     """
@@ -138,11 +138,11 @@ class Frame(NamedTuple):
 
     enter_state = enter_body
     advance_state = advance_body
-    leave_state = steps_3d.leave_plain
+    leave_state = map_3d.leave_plain
 
 
 class GyrostatFrame(NamedTuple):
-    """The constants of a gyrostat, a step size, and numbers of `steps_3d.Frame`.
+    """The constants of a gyrostat, a step size, and numbers of `map_3d.Frame`.
 
     These are in the unit of time eps / 2; m1 and m2, which may be infinite, are left out.
     """
@@ -206,7 +206,7 @@ def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | Gyrosta
     if step_size == 0.0 or not any((*inertia[2:], k)):
         text = f"body, eps: the map of {body!r} with eps = {step_size!r} is the identity"
         raise ValueError(f"{text}, which has no frame: use eps != 0, and I13, I23 or k != 0")
-    frame_of: Any = steps_3d.frame_of.py_func
+    frame_of: Any = map_3d.frame_of.py_func
     with np.errstate(all="ignore"):
         if "k" in body.parameters:
             # In the unit of time eps / 2, in which k is eps k / 2.
@@ -252,7 +252,7 @@ def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, floa
 def step(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the next state; NaN where there is none."""
     f = frame
-    return steps_3d.one_step(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
+    return map_3d.one_step(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
 
 @for_users

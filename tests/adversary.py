@@ -40,7 +40,7 @@ def with_k_next_to_A(X, Y, K, d):
     return X, Y, (1.0 + d) * ((X * X + Y * Y) / (X * root) if d > 0 else -root / X)
 
 
-# Of X, Y, K and a distance, see `steps_3d`: X, Y and K next to the set.
+# Of X, Y, K and a distance, see `map_3d`: X, Y and K next to the set.
 PLANAR = {
     "l = 0": lambda X, Y, K, d: (X * d, Y, K),
     "|k| = A": with_k_next_to_A,

@@ -13,7 +13,7 @@ from numba.typed import List
 import suslov_fast as sf
 from suslov_fast import compiled
 from suslov_fast.compiled import advance, enter, frame, leave, step_system, system, work
-from suslov_fast.core import steps_3d
+from suslov_fast.core import map_3d
 
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
@@ -364,6 +364,6 @@ def test_frames_and_systems_are_plain_data():
 
 def test_frames_hold_the_numbers_of_those_of_the_core():
     constants = "I1", "I2", "I13", "I23", "k", "eps"
-    core = steps_3d.Frame._fields
+    core = map_3d.Frame._fields
     assert compiled.Frame._fields == (*constants, *core)
     assert compiled.GyrostatFrame._fields == (*constants, *core[:4])

@@ -21,6 +21,7 @@ from suslov_fast.core import (
     cache,
     elimination,
     llvm,
+    map_3d,
     orientations,
     quantities,
     rows,
@@ -376,7 +377,7 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
     """
     x, y, w = rng.normal(size=16), np.zeros(32), rng.normal(size=(1, 2))
     body, eps = (4.0, 1.0, -0.5, -0.3, 0.0), 0.2
-    for take in (steps_3d.plain_step, steps_3d.plain_step.py_func):
+    for take in (map_3d.plain_step, map_3d.plain_step.py_func):
         assert np.allclose(take(0.1, 0.2), (6 / 41, 7 / 41), rtol=1e-15)
     gram = np.empty((3, 3, 8))
     for clean in (orientations.clean, orientations.clean.py_func):

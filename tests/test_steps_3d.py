@@ -11,7 +11,7 @@ from numba import config
 from test_promises import same
 
 import suslov_fast as sf
-from suslov_fast.core import rows, steps_3d
+from suslov_fast.core import map_3d, rows, steps_3d
 from suslov_fast.core.codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
 
 
@@ -283,7 +283,7 @@ def test_a_decayed_X_is_0_from_the_same_step_on_wherever_a_run_ends():
         same([run(body, omega, 2.0, n, None).final], [saved[n]])
     X, Y = saved[0, 0] * [1, -1]
     for n in range(1, 141):
-        X, Y = steps_3d.plain_step.py_func(X, Y)
+        X, Y = map_3d.plain_step.py_func(X, Y)
         assert tuple(saved[n, 0] * [1, -1]) == (X, Y)
 
 

@@ -1,6 +1,6 @@
 """The closed form: state n of an orbit, or its state at time n, with a rotor or without.
 
-Symbols are those of `steps_3d`: z, g, e, ell, X = e ell, Y = e nu and K = e k. With
+Symbols are those of `map_3d`: z, g, e, ell, X = e ell, Y = e nu and K = e k. With
 nu = -Im(conj(g) z) and x = ell - k, conj(g) z = x - i nu. (In equation (7) x is x, and y is
 sqrt(I1 I2) nu.) R = |z| / sqrt(1 + X**2) and A = R |g| are conserved. Let
 psi = arg(z / (1 - i X)) - arg g and (p, q) = (sin(psi / 2), cos(psi / 2)). Then a step is linear,
@@ -50,9 +50,10 @@ import numpy as np
 
 from .arrays import block_of, flat, uncounted
 from .llvm import lesser, select
+from .map_3d import RANGE, ZERO_TO_ROUNDING, one_step
 from .numba import are_common, formula, kernel, pick, share, universal
 from .rows import alignment, write_pairs
-from .steps_3d import FIRST, LANES, NO, RANGE, ZERO_TO_ROUNDING, one_step
+from .steps_3d import FIRST, LANES, NO
 
 # TINY replaces a factor that is exactly 0 on the critical level L = 1. Then all that vanishes with
 # it keeps its proportions, and state 1 and the decay to the steady state are right.
@@ -69,8 +70,7 @@ ORDINARY = 2.0**32  # sizes of states between 1 / ORDINARY and this need no unit
 # unknown. States, momenta and inverse times are in the unit UNIT. The last rows are e > 0,
 # sqrt(I1 I2), I13 / I1, I23 / I2, I13 / ROOT_A, I23 / ROOT_A, 1 / |g|**2, ROOT_A / I1, ROOT_A / I2.
 I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)
-B1, B2, C1, C2, D12, D22 = range(8, 14)
-BACK = 6
+B1, B2, C1, C2, D12, D22, BACK = *range(8, 14), 6
 PASSES, ROOT, R, RATE, MISSING, TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(20, 31)
 E_, ROOT_A, G1, G2, H1, H2, PER_G, TURN1, TURN2 = range(31, 40)
 ROWS, STATE = 40, np.int64(OUT1)

@@ -3,7 +3,7 @@
 All take the same arguments, even those that they ignore: in three dimensions I1, I2, I13, I23, k (0
 without a rotor), eps and the state w; in n dimensions J, I, eps and w.
 
-X, Y, K, e, ell, g and z are those of `steps_3d`, nu that of `closed_form`, x and y those of
+X, Y, K, e, ell, g and z are those of `map_3d`, nu that of `closed_form`, x and y those of
 equation (7), and `half` is eps / 2. Numbers of equations are those of the paper.
 """
 
@@ -13,8 +13,7 @@ import numpy as np
 
 from .closed_form import constants_of, coordinates, difference_of_squares, unit_of
 from .llvm import select
-from .numba import formula, universal
-from .steps_3d import (
+from .map_3d import (
     ZERO_TO_ROUNDING,
     frame_and_XY,
     frame_of,
@@ -22,6 +21,7 @@ from .steps_3d import (
     length,
     step_in_frame,
 )
+from .numba import formula, universal
 
 LAYOUT_3D, LAYOUT_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
 STATES_LAYOUT_3D = "(),(),(),(),(),(),(b,d)->"  # B states of one body

@@ -249,7 +249,7 @@ def test_a_start_without_a_value_is_named(f, x, definition, method):
     assert (run.failed_at.tolist(), run.first_pole.tolist()) == ([-1, 1], [-1, -1])
     with pytest.warns(
         PoleWarning,
-        match=rf"1 of 2 solutions end .* trajectory 1 near t = 0\); {told} of trajectory 1$",
+        match=rf"1 of 2 solutions end; first: 1 near t = 0; {told} of trajectory 1$",
     ):
         states = flow(field, starts, [0.0, 0.1])
     np.testing.assert_array_equal(np.isnan(states[..., 0]), [[False, False], [False, True]])

@@ -258,7 +258,7 @@ def test_solutions_that_end(field, start, end):
     times = np.array([0.5, 0.99, 1.01, 2.0]) * end
     with pytest.warns(PoleWarning, match="1 of 1 solutions end") as record:
         found = flow(field, start, times)
-    [told] = re.findall(r"near t = (\S+)\)$", str(record[0].message))
+    [told] = re.findall(r"near t = (\S+)$", str(record[0].message))
     assert abs(float(told) - end) < 1e-6
     assert np.isfinite(found[:2]).all()
     assert np.isnan(found[2:]).all()
@@ -274,7 +274,7 @@ def test_a_solution_that_passes_a_pole_by_does_not_end():
 def test_one_warning_names_the_first():
     start = np.array([[-1.0], [0.5], [1.0], [np.nan], [0.1]])
     with pytest.warns(
-        PoleWarning, match=r"2 of 5 solutions end or overflow \(first: trajectory 1 near t = 2\)$"
+        PoleWarning, match=r"2 of 5 solutions end; first: 1 near t = 2$"
     ) as record:
         found = flow(SQUARE, start, [3.0, 0.0])
     assert len(record) == 1
@@ -604,7 +604,7 @@ def test_steps_are_counted_from_one_time_to_the_next():
 def test_solutions_that_need_ever_shorter_steps():
     """Backward in time Lorenz's y and z turn at the rate x, which grows like exp(-10 t)."""
     start, last = [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0]], -50.0
-    told = "1 of 2 solutions take more than 250,000 steps .* trajectory 0 at t = (-1.3\\d*)"
+    told = "1 of 2 solutions take more than 250,000 steps .*; first: 0 at t = (-1.3\\d*)"
     told += r".*np.linspace\(0, -50, 101\)"
     with pytest.warns(RuntimeWarning, match=told) as record:
         found = flow(LORENZ, start, [last, -1.0])

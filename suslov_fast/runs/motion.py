@@ -158,7 +158,7 @@ def _warn_of_ends(
 ) -> None:
     """Warn of solutions that end, and of those that take too many steps."""
     if (which := ended & ~are_long).any():
-        text = _first_of(which, "end or overflow", "near", problem, ends)
+        text = _first_of(which, "end", "near", problem, ends)
         at_once = (which & (ends == 0.0)).reshape(problem.batch)
         if at_once.any():
             why = problem.body._without_value(problem.omega, at_once)
@@ -169,12 +169,12 @@ def _warn_of_ends(
     if (which := ended & are_long).any():
         verb = f"take more than {MOST_STEPS:,} steps from one time to the next"
         text = _first_of(which, verb, "at", problem, ends)
-        text += f" and are NaN later; increase rtol, or pass times between: np.linspace(0, {last:g}"
-        checks.warn(text + ", 101)", RuntimeWarning)
+        how = f"increase rtol, or pass times between: np.linspace(0, {last:g}, 101)"
+        checks.warn(f"{text}; later states are NaN: {how}", RuntimeWarning)
 
 
 def _first_of(which: Any, verb: str, where: str, problem: Problem, ends: FloatArray) -> str:
     """Return what so many solutions do, and where the first of them does it."""
     first, time = spell(first_index(which.reshape(problem.batch))), ends[int(np.argmax(which))]
-    text = f"{np.count_nonzero(which)} of {which.size} solutions {verb} "
-    return f"{text}(first: trajectory {first} {where} t = {time:.9g})"
+    text = f"{np.count_nonzero(which)} of {which.size} solutions {verb}"
+    return f"{text}; first: {first} {where} t = {time:.9g}"

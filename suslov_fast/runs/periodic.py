@@ -97,7 +97,7 @@ def periodic_orbit(
 
     Warns
     -----
-    RuntimeWarning
+    UserWarning
         If the period is a multiple of a shorter one.
 
     Examples

@@ -273,9 +273,7 @@ def test_a_solution_that_passes_a_pole_by_does_not_end():
 
 def test_one_warning_names_the_first():
     start = np.array([[-1.0], [0.5], [1.0], [np.nan], [0.1]])
-    with pytest.warns(
-        PoleWarning, match=r"2 of 5 solutions end; first: 1 near t = 2$"
-    ) as record:
+    with pytest.warns(PoleWarning, match=r"2 of 5 solutions end; first: 1 near t = 2$") as record:
         found = flow(SQUARE, start, [3.0, 0.0])
     assert len(record) == 1
     assert np.isnan(found[0, :, 0]).tolist() == [False, True, True, True, False]

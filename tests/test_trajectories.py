@@ -123,6 +123,7 @@ def test_arrays_of_a_run_are_read_only(path):
             with pytest.raises(ValueError, match=r"read-only|output array"):
                 exec(f"each.{name} *= 2")
             np.testing.assert_array_equal(getattr(each, name), before)
+        assert not each.valid.flags.writeable
     with pytest.raises(ValueError, match=r"read-only|output array"):
         written.omega *= 2
     given = run.states.copy()
@@ -179,6 +180,7 @@ def test_parameters_and_names_of_the_user_as_coordinates():
     assert (data.omega.sel(eps=0.2, I13=-0.4).values == run.omega[:, 1, 1]).all()
     assert (data.time.sel(eps=0.3).values == 0.3 * np.arange(6)).all()
     assert data.colour.dims == ("start",)
+    assert run.to_xarray(("a", "b", "start"), {"start": [10, 20]}).start.values.tolist() == [10, 20]
     one = sf.iterate(BODY, [[1.0, 0.5]], [0.2], 5).to_xarray(dims="eps")
     assert one.omega.sel(eps=0.2).shape == (6, 2)
     for last in ("a", "n", "omega", 3, "eps", "I1"):  # eps varies along another axis, I1 along none

@@ -137,8 +137,7 @@ class Crossings(Result):
     def valid(self) -> NDArray[np.bool_]:
         """True for crossings before the first failure or pole of their trajectory, shape (K,)."""
         first = first_beyond(self.failed_at, self.first_pole).ravel()
-        valid: NDArray[np.bool_] = self.n + 1 < first[self.trajectory]
-        return valid
+        return read_only(self.n + 1 < first[self.trajectory])
 
     if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 

@@ -76,7 +76,7 @@ def to_xarray(
     if taken := [str(name) for name in coords or () if name in {*dataset.variables, *TAKEN}]:
         raise wrong("coords", "names that are not taken", ", ".join(repr(name) for name in taken))
     for name, values in (coords or {}).items():
-        for dim, length in xarray.as_variable(values, name=name).sizes.items():
+        for dim, length in xarray.Dataset(coords={name: values}).sizes.items():
             if length != (expected := dataset.sizes.get(dim, length)):
                 raise wrong("coords", f"have {expected} values along {dim}", f"{length}, {name}")
     dataset = with_time(dataset.assign_coords(coords or {}))

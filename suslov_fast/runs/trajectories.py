@@ -269,8 +269,7 @@ class Trajectories(Result):
         All states of a trajectory with the status SUPERCRITICAL are valid.
         """
         n = self.n.reshape(-1, *(1,) * self.status.ndim)
-        valid: NDArray[np.bool_] = n < first_beyond(self.failed_at, self.first_pole)
-        return valid
+        return read_only(n < first_beyond(self.failed_at, self.first_pole))
 
     first_integral = _quantity("first_integral")
     energy = _quantity("energy")

@@ -199,9 +199,12 @@ def _check_arrays(contents: Contents) -> None:
 
 
 def overlaid(store: Any, contents: Contents, read_only: bool = True) -> Any:
-    """Return a store to be read by Zarr: with the copy of the metadata, if others changed them."""
-    if contents.copy is None:
+    """Return a store for Zarr: with the copy of the metadata, if others changed them.
+
+    To be read, it also names damaged chunks.
+    """
+    if contents.copy is None and not read_only:
         return store
     from .overlay import Overlay
 
-    return Overlay(access.reader(store, read_only), contents.copy)
+    return Overlay(access.reader(store, read_only), str(store), contents.copy)

@@ -1,21 +1,32 @@
-"""A view of a store with its original metadata, after others changed them (needs Zarr)."""
+"""A view of a store for reading (needs Zarr)."""
 
 from typing import Any
 
+import google_crc32c  # which Zarr requires
 from zarr.storage import WrapperStore
 
 
 class Overlay(WrapperStore[Any]):  # type: ignore[misc]
-    """A store whose key zarr.json, the consolidated metadata, has another text."""
+    """A store whose damaged chunks are errors that name them, because those of Zarr do not.
 
-    def __init__(self, store: Any, text: str) -> None:
+    With a `text`, that is the text of zarr.json, the consolidated metadata.
+    """
+
+    def __init__(self, store: Any, name: str, text: str | None) -> None:
         super().__init__(store)
-        self.text = text
+        self.name, self.text = name, text
 
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
-        if key == "zarr.json":
+        if key == "zarr.json" and self.text is not None:
             return prototype.buffer.from_bytes(self.text.encode())
-        return await super().get(key, prototype, byte_range)
+        value = await super().get(key, prototype, byte_range)
+        if value is not None and byte_range is None and not key.endswith("zarr.json"):
+            data = value.as_numpy_array()
+            checksum = int.from_bytes(data[-4:].tobytes(), "little")
+            if len(data) < 4 or google_crc32c.value(data[:-4]) != checksum:
+                how = "delete it, and ensemble, called again, computes its tile anew"
+                raise ValueError(f"store: the chunk {key} of {self.name} is damaged: {how}")
+        return value
 
     def with_read_only(self, read_only: bool = False) -> "Overlay":
-        return Overlay(self._store.with_read_only(read_only), self.text)
+        return Overlay(self._store.with_read_only(read_only), self.name, self.text)

@@ -189,7 +189,7 @@ def test_parameters_and_names_of_the_user_as_coordinates():
     too_long = {"start": [1, 2, 3]}, {"colour": ("start", ["a", "b", "c"])}
     for coords in ({"omega": 3}, {"I1": [1, 2]}, [1, 2], *too_long):
         with pytest.raises((TypeError, ValueError), match=r"^coords must"):
-            run.to_xarray(coords=coords)
+            run.to_xarray(("eps", "I13", "start"), coords)
     family = run_of("field").to_xarray()
     assert (family.x.sel(a=2).values == run_of("field").x[:, 1]).all()
 

@@ -85,13 +85,15 @@ def enter_body(frame, omega1, omega2):
 @formula
 def advance_body(frame, X, Y):
     """X and Y of the next state, for any T."""
-    square = X * (2.0 * X)
-    D, least = (1.0 - Y) + square, map_3d.ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
-    ratio = (1.0 + Y) / select(abs(D) > least, D, np.nan)
-    X_next, change = X * ratio, square * ratio
+    above, below, less = 1.0 + Y, 1.0 - Y, X * (-2.0 * X)
+    # For Y < 0, where D > 1 + X**2, `least` is not that of `map_3d.turn`, but smaller than D, too.
+    D, least = below - less, map_3d.ZERO_TO_ROUNDING * (above - less)
+    ratio = above / select(abs(D) > least, D, np.nan)
+    X_next = X * ratio
     decayed = abs(X_next) < -map_3d.NEGLIGIBLE * Y
-    # Where Y - change cancels, which needs T >= 1, use (1 + Y_next) / (1 - Y) = X_next / X.
-    Y_next = select((abs(Y) < 1.0) | (square < 1.0), Y - change, (1.0 - Y) * ratio - 1.0)
+    # Y - 2 X X_next cancels only where T >= 1; then (1 + Y_next) / (1 - Y) = X_next / X.
+    usual = (abs(Y) < 1.0) | (less > -1.0)
+    Y_next = select(usual, Y, -1.0) + select(usual, less, below) * ratio
     return select(decayed, 0.0, X_next), Y_next
 
 

@@ -102,12 +102,15 @@ def agreed_by_primes(rng: random.Random, compute: Callable[[int, int], Any]) -> 
 # Matrices.
 
 
+def moduli(a: Any) -> list[int]:
+    """Return [p] for a number modulo p, and [] for a rational one: what a matrix of them takes."""
+    return [int(a.modulus())] if isinstance(a, flint.nmod) else []
+
+
 def matrix(rows: Sequence[Sequence[Any]]) -> Any:
     """Return a matrix of rational numbers, or of numbers modulo a prime."""
-    first = rows[0][0]
-    if isinstance(first, flint.nmod):
-        return flint.nmod_mat(rows, int(first.modulus()))
-    return flint.fmpq_mat(rows)
+    modulus = moduli(rows[0][0])
+    return flint.nmod_mat(rows, *modulus) if modulus else flint.fmpq_mat(rows)
 
 
 def null_space(matrix: Any) -> Residues:

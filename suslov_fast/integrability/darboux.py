@@ -173,9 +173,9 @@ class _Points:
         self._map, self._p, self._eps = map.at_eps(eps), p, eps
         self._values: dict[str, list[Any]] = {}  # of factors of cofactors
         self._x = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + EXTRA)]
-        self._monomials = [monomial_values(exponents, x).tolist() for x in self._x]
+        self._monomials = [monomial_values(exponents, x) for x in self._x]
         images = [self._map.image(x) for x in self._x]
-        self.monomials_of_images = [monomial_values(exponents, y).tolist() for y in images]
+        self.monomials_of_images = [monomial_values(exponents, y) for y in images]
 
     def monomials_times(self, cofactor: Any, sign: int = 1) -> list[Any]:
         """Return the monomials at the points times a cofactor."""
@@ -292,7 +292,7 @@ def _divisors(
     enough = 1 + 2 * count // min(sizes, default=1)
     lines = [random_line(map.dimension, p, rng) for _ in range(enough)]
     at_number = map.at_eps(eps)
-    pullbacks = [list(monomial_values(monomials, at_number.coprime_image(line))) for line in lines]
+    pullbacks = [monomial_values(monomials, at_number.coprime_image(line)) for line in lines]
 
     def equations(f: Any, size: int, power: int) -> Residues:
         """Return equations for the polynomials whose pullback is divisible by f**power."""

@@ -85,7 +85,7 @@ class ImplicitIntegral:
         others = [e for e in self.monomials if e != self.denominator]
         orbit = _orbit_around(map, x, len(others))
         # With the coefficient 1 of the denominator, the others solve a linear system.
-        rows = [[*monomial_values(others, y)] for y in orbit]
+        rows = [monomial_values(others, y) for y in orbit]
         right = [[-monomial_values([self.denominator], y)[0]] for y in orbit]
         try:
             solution = arithmetic.matrix(rows).solve(arithmetic.matrix(right))
@@ -259,7 +259,8 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
         for _ in range(2 * len(exponents) + EXTRA):
             x = arithmetic.random_point(D, p, rng)
             values, quotient = monomial_values(exponents, x), integral.value(at_number, x)
-            rows.append([*values, *(-quotient * values)])  # numerator - quotient denominator = 0
+            # numerator - quotient denominator = 0
+            rows.append([*values, *(-quotient * a for a in values)])
         space = arithmetic.null_space(flint.nmod_mat(rows, p))
         return space if len(space) == 1 else []
 

@@ -22,7 +22,7 @@ from ..bodies.names import labels
 from ..bodies.terms import Terms
 from ..checks import in_place_of, kind_of, wrong
 from ..keywords import public
-from .arithmetic import matrix, step_size
+from .arithmetic import matrix, moduli, step_size
 from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap
 from .polynomials import coprime, cramer, degree_of
@@ -40,6 +40,7 @@ class KahanMap(RationalMap):
         self.field, self.eps = field, eps
         self.dimension, self.is_symbolic = field.dimension, eps is None
         self.names = None if field.names == labels(field.dimension) else field.names
+        self._parts: dict[tuple[int, ...], tuple[list[Any], Any]] = {}  # see `_matrices`
 
     @cached_property
     def inverse(self) -> KahanMap:
@@ -94,30 +95,57 @@ class KahanMap(RationalMap):
                 forms[i][k].setdefault(j, [0, 0])[1] += v if k == D else -v
         return [[[(j, *form[j]) for j in sorted(form)] for form in row] for row in forms]
 
-    def _system(self, x: Sequence[Any], sign: int = 1) -> list[list[Any]]:
-        """Return the rows of (A | b), or with the sign -1 those of the inverse map, at a point."""
+    def _forms(self, sign: int) -> list[Any]:
+        """Return `_equations` with entries (j, a), for terms a x_j, at sign * eps."""
         if self.eps is None:
             eps, unit = sign * self.ring.gens()[0], 1
         else:
             eps, unit = sign * self.eps.numerator, self.eps.denominator
-        zero = 0 * x[-1]
         return [
-            [sum(((c * unit + d * eps) * x[j] for j, c, d in form), zero) for form in row]
+            [[(j, c * unit + d * eps) for j, c, d in form] for form in row]
             for row in self._equations
         ]
 
+    def _system(self, x: Sequence[Any], sign: int = 1) -> list[list[Any]]:
+        """Return the rows of (A | b), or with the sign -1 those of the inverse map, at a point."""
+        zero = 0 * x[-1]
+        return [
+            [sum((a * x[j] for j, a in form), zero) for form in row] for row in self._forms(sign)
+        ]
+
+    def _matrices(self, x: Sequence[Any], sign: int = 1) -> tuple[Any, Any]:
+        """Return A and b, or with the sign -1 those of the inverse map, at a point of numbers."""
+        kind = sign, *moduli(x[0])
+        if kind not in self._parts:
+            self._parts[kind] = self._parts_of(*kind)
+        parts, B = self._parts[kind]
+        A = sum((a * part for a, part in zip(x[1:], parts[1:], strict=True)), x[0] * parts[0])
+        return A, B * matrix([[a] for a in x])
+
+    def _parts_of(self, sign: int, *modulus: int) -> tuple[list[Any], Any]:
+        """Return the matrices A_j of A = sum_j x_j A_j, and the matrix B of b = B x."""
+        D = self.dimension
+        rows_of_A = [[[0] * D for _ in range(D)] for _ in range(D + 1)]
+        rows_of_B = [[0] * (D + 1) for _ in range(D)]
+        for i, row in enumerate(self._forms(sign)):
+            for k, form in enumerate(row):
+                for j, a in form:
+                    if k < D:
+                        rows_of_A[j][i][k] = a
+                    else:
+                        rows_of_B[i][j] = a
+        of = flint.nmod_mat if modulus else flint.fmpq_mat
+        return [of(rows, *modulus) for rows in rows_of_A], of(rows_of_B, *modulus)
+
     def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
-        rows = self._system(x)
         if not isinstance(x[-1], flint.nmod | flint.fmpq):  # polynomials
-            return cramer(rows)
-        A, b = (matrix([row[part] for row in rows]) for part in (slice(-1), slice(-1, None)))
+            return cramer(self._system(x))
+        A, b = self._matrices(x)
         return [*A.solve(b).entries(), x[-1]]
 
     def derivative(self, x: Sequence[Any]) -> Any:
         # A(x; eps) DPhi(x) = A(Phi(x); -eps)
-        systems = self._system(x), self._system(self.image(x), -1)
-        A, A_backward = (matrix([row[:-1] for row in rows]) for rows in systems)
-        return A.solve(A_backward)
+        return self._matrices(x)[0].solve(self._matrices(self.image(x), -1)[0])
 
     @cached_property
     def _solution(self) -> list[Any]:

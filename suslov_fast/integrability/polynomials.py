@@ -15,7 +15,6 @@ from itertools import combinations_with_replacement
 from typing import Any
 
 import flint
-import numpy as np
 
 from .arithmetic import EPS, prime_for
 
@@ -185,20 +184,39 @@ def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
     return sum((int(c) * a for c, a in terms), 0 * x[-1])
 
 
-def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any:
+def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> list[Any]:
     """Return monomials in the first coordinates of a point."""
-    values = np.ones(len(exponents), object)
-    for a, (powers, highest) in zip(x, _by_variable(tuple(exponents)), strict=False):
-        # NumPy takes univariate polynomials in a list for sequences.
-        values *= np.fromiter((a**k for k in range(highest + 1)), object)[powers]
-    return values
+    products, places = _products(tuple(exponents), len(x))
+    values = [x[0] ** 0, *x]
+    for i, j in products:
+        values.append(values[i] * values[j])
+    return [values[k] for k in places]
 
 
 @lru_cache(maxsize=256)
-def _by_variable(exponents: Exponents) -> list[tuple[Any, int]]:
-    """Return the powers of each variable in monomials, and the highest of them."""
-    columns = np.array(exponents, int).T if exponents else ()
-    return [(powers, int(powers.max())) for powers in columns]
+def _products(exponents: Exponents, n: int) -> tuple[list[tuple[int, int]], list[int]]:
+    """Return products that make monomials one after the other, and the places of the monomials.
+
+    A product is of two values at earlier places: 1 is at place 0, the n coordinates follow.
+    """
+    products: list[tuple[int, int]] = []
+
+    def times(i: int, j: int) -> int:
+        if i and j:
+            products.append((i, j))
+            return n + len(products)
+        return i or j
+
+    powers = [[0] for _ in range(n)]
+    for i, highest in enumerate(map(max, zip(*exponents, strict=True)), start=1):
+        for _ in range(highest):
+            powers[i - 1].append(times(powers[i - 1][-1], i))
+    found: dict[tuple[int, ...], int] = {(): 0}  # of the first factors of monomials
+    for e in exponents:
+        known = next(k for k in range(len(e), -1, -1) if e[:k] in found)
+        for k in range(known, len(e)):
+            found[e[: k + 1]] = times(found[e[:k]], powers[k][e[k]])
+    return products, [found[e] for e in exponents]
 
 
 def modulo(P: Any, p: int, eps: Any) -> Any:

@@ -22,7 +22,7 @@ _ORBITS = 3  # whose relations span those of all orbits
 
 def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], length: int) -> Any:
     """Return the values of monomials at the points of an orbit modulo a prime, in rows."""
-    return arithmetic.matrix([[*monomial_values(exponents, y)] for y in map.orbit(x, length)])
+    return arithmetic.matrix([monomial_values(exponents, y) for y in map.orbit(x, length)])
 
 
 def relations_along(map: RationalMap, exponents: Exponents, eps: int, x: list[Any]) -> Residues:

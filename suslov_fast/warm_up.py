@@ -14,10 +14,10 @@ import suslov_fast as sf
 from .compiled import step
 from .core.cache import folder_of
 from .core.steps_3d import steps
+from .engine import threads
 from .maps import MAPS
 
-# Numbers of states: few are computed in one thread, many in parallel.
-COUNTS = (3, 2**15)
+FEW, MANY = 3, 256  # states of calls in one thread, and in parallel: blocks for two threads
 # Names of the second argument, which is positional only.
 _STATES = "omega", "omega0", "xy", "x"
 _NO_KERNELS = "animate_body", "compiled", "explore", "integrability"
@@ -29,11 +29,13 @@ def call_all() -> None:
     public = [getattr(sf, name) for name in dir(sf) if name not in _NO_KERNELS]
     rng = np.random.default_rng(0)
     problems: list[Any] = [
-        (map, *map.pole, n) for map, n in product(MAPS.values(), COUNTS) if map.pole
+        (map, *map.pole, n) for map, n in product(MAPS.values(), (FEW, MANY)) if map.pole
     ]
     for map in MAPS.values():
-        problems += [(map, make(rng, ()), 0.5, COUNTS[0]) for make in map.random]
+        problems += [(map, make(rng, ()), 0.5, FEW) for make in map.random]
+    crossover = threads.CROSSOVER
     for map, body, pole, count in problems:
+        threads.CROSSOVER = 0 if count == MANY else crossover
         states = rng.uniform(0.1, 1.0, (count, body.dimension))
         states[1::2] = pole
         values = {"body": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
@@ -50,6 +52,7 @@ def call_all() -> None:
                     positional[1] = np.pad(states, [(0, 0), (0, 1)], constant_values=0.5)
                 with suppress(ValueError, TypeError):  # some functions do not take this body
                     function(*positional, **keywords)
+    threads.CROSSOVER = crossover
 
 
 def where_code_is_kept() -> str:

@@ -89,7 +89,7 @@ ARROWS = {
     "plots": "checks keywords bodies engine maps quantities space runs",
     "integrability": "checks keywords bodies",
     "compiled": "core checks keywords bodies maps",
-    "warm_up": "core maps compiled",
+    "warm_up": "core engine maps compiled",
     "summary": "bodies engine maps runs",
     "options": "bodies",
     "command": "checks bodies engine maps runs plots integrability warm_up summary options",

@@ -500,10 +500,13 @@ def test_parts_run_serially_where_a_private_name_has_another_signature(monkeypat
     def count(part, parts, out):
         out[part] += parts
 
+    count.py_func.__module__ = core_numba.__name__  # threads of Python take kernels of others
     monkeypatch.setattr(core_numba.types, "CompileResultWAP", lambda: None)
+    monkeypatch.setattr(core_numba, "_found", {})
     out = np.zeros(3)
     count.parallel(3, out)
     assert out.tolist() == [3.0, 3.0, 3.0]
+    assert [*core_numba._found.values()] == [None]
 
 
 def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):

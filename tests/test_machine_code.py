@@ -15,14 +15,19 @@ import suslov_fast as sf
 from suslov_fast.core import (
     careful,
     field_system,
+    flow,
     generated,
     machine_code,
     operations,
+    single_motion,
+    single_orbit,
     steps_field,
     tangent,
+    tolerance,
 )
 from suslov_fast.core import numba as core_numba
 from suslov_fast.core.generated_tangent import text_of_orthonormalise, text_of_tangent
+from suslov_fast.core.stages import Stages
 from suslov_fast.engine import derivatives, stretches
 
 pytestmark = pytest.mark.compiled
@@ -340,6 +345,55 @@ for _ in range(50):
 assert system.address != 0
 print(x.tobytes().hex())
 """
+
+
+def places_in(*things):
+    """Return the memory of arrays (begin, end), and addresses of code, to which things refer."""
+    seen, left, places = set(), [*things], []
+    while left:
+        thing = left.pop()
+        if id(thing) in seen:
+            continue
+        seen.add(id(thing))
+        if isinstance(thing, np.ndarray):
+            places.append((thing.ctypes.data, thing.ctypes.data + thing.nbytes))
+        elif isinstance(thing, int):
+            places.append((thing, thing + 1))
+        elif isinstance(thing, tuple):
+            left += thing
+        elif type(thing).__module__.startswith("suslov_fast"):
+            left += vars(thing).values()
+    return places
+
+
+def test_what_machine_code_is_given_stays_alive():
+    """Each address among its arguments is one of arrays that these calls return or have."""
+    indices, values = sf.QuadraticField.from_function(lambda x: of_a(x, 1.0), 3).terms
+    step, stages = steps_field.scheme_of(indices, 3, Stages((0.5, 0.5)))
+    given, x = (np.atleast_2d(values), np.array([0.1])), np.ones((20, 3))
+    careful.careful.compile()
+    notes, saved = [np.zeros(20, kind) for kind in (np.int8, np.int64, float)], np.ones((5, 20, 3))
+    lines = steps_field._Lines((steps_field.Scheme(step, stages), *given), x, notes, x.T, 8)
+    motion = flow.Motion(tolerance.stage_of(indices, 3), given[0], x, 1e-6, 1, 1.0)
+    bits = values.tobytes()
+    one = single_orbit._prepared(step, stages, given[1].tobytes(), bits, False)
+    motion_of_one = single_motion._prepared(motion.step, bits, 1e-6, 1)
+    code = careful.careful.address
+    for arguments, kept, *owners in (
+        (*lines._code_arguments(0, 10, saved, 4, 1, True), lines, saved, code),
+        (*motion._arguments(np.ones(5), saved), motion, saved, flow.DIFFERENCE),
+        (*tangent.arguments_of(lines.scheme, *given, 20),),
+        (np.array(one[1]), one[-1]),
+        (np.array(motion_of_one[1]), motion_of_one[-1], flow.DIFFERENCE),
+    ):
+        places, arrays = places_in(kept, *owners), [a for a in kept if isinstance(a, np.ndarray)]
+        plans = [each.view(np.int64)[:, 0] for each in arrays if each.ndim == 2]
+        numbers = [arguments, *plans, *(each for each in arrays if each.dtype == np.int64)]
+        numbers = [number for each in numbers for number in each if np.ndim(number) == 0]
+        addresses = [number for number in numbers if number > 2**32]
+        assert addresses
+        for address in addresses:
+            assert any(begin <= address <= end for begin, end in places)
 
 
 @pytest.mark.slow

@@ -168,8 +168,8 @@ def _check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
     try:
         map_of(body, method)
     except ValueError as error:
-        text, advice, methods = str(error).partition(": QuadraticField.of(body) has ")
-        if not advice:
+        text, _, methods = str(error).partition(": QuadraticField.of(body) has ")
+        if repr(method) not in methods:
             raise
         path = str(options.body)
         source = f"body_from_dict(json.loads(Path({path!r}).read_bytes()))"

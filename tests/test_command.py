@@ -341,6 +341,7 @@ MISTAKES = """
 2 | run --low 1 | arguments --low and --high belong together
 2 | run --low 1 --high 2 --extent 3 | belong together, without --extent
 2 | run --omega0 1,2 --low 1 --high 2 | are for random states
+1 | run --method orderx | method must be 'auto', not 'orderx': QuadraticField.of(body) has
 1 | run --low 1 --high 0 | low must be below high, 0.0, not 1.0
 1 | run --low 1,2,3 --high 4 | low and high must be numbers, or one for each component, not 3 for 2
 2 | run --picture one | --picture: 'one' is not an integer

@@ -575,6 +575,32 @@ def test_lattices_have_more_than_200_variables(rng, rate):
     assert np.allclose(vector_field(field.lifted, field.lift(x))[:D], f(x), rtol=1e-13, atol=1e-13)
 
 
+def test_functions_of_negative_arguments_need_no_variables(rng):
+    """Kuramoto's oscillators: a sine and a cosine for each pair, not for each ordered pair."""
+
+    def kuramoto(x):
+        return [w + sum(np.sin(other - own) for other in x) for w, own in enumerate(x)]
+
+    field, x = LiftedField.from_function(kuramoto, 6), rng.normal(size=(5, 6))
+    assert field.lifted.dimension == 6 + 2 * 15
+    rates = np.arange(6) + np.sin(x[:, None] - x[:, :, None]).sum(axis=2)
+    assert np.allclose(vector_field(field, x), rates, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", "sin tan sinh tanh arctan cbrt cos cosh".split())
+def test_odd_and_even_functions(rng, name):
+    f, x = getattr(np, name), rng.uniform(0.1, 1, (5, 2))
+
+    def both(x):
+        return x[1], 2 * f(-x[0]) - f(x[0])
+
+    field = LiftedField.from_function(both, 2)
+    alone = LiftedField.from_function(lambda x: (x[1], f(-x[0])), 2)
+    assert field.lifted.dimension == alone.lifted.dimension
+    assert np.allclose(vector_field(field, x), np.stack(both(x.T), 1), rtol=1e-13)
+    assert body_from_dict(field.to_dict()) == field
+
+
 def test_a_parameter_and_its_inverse_cancel():
     """The derivative of sin(x / K) has the factor K / K."""
     K, x = np.array([0.5, 3.0]), np.array([[1.0], [2.0]])

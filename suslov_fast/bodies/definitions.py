@@ -20,6 +20,8 @@ Key = tuple[str, frozenset[Any], frozenset[Any]]
 NOTHING = Polynomial([])
 ONE = Polynomial([((), Fraction(1))])
 HALF = Fraction(1, 2)
+# g(-p) = -g(p) or g(p), without rounding; sin(b - a) needs no variable beside sin(a - b).
+_ODD, _EVEN = {"sin", "tan", "sinh", "tanh", "arctan", "cbrt"}, {"cos", "cosh"}
 
 
 def variable(i: int) -> Polynomial:
@@ -71,9 +73,16 @@ class Definitions:
     def added(
         self, function: str, argument: Polynomial, exponent: Polynomial = NOTHING
     ) -> Polynomial:
-        """Return the variable with this definition, which is added if there is none."""
+        """Return the variable with this definition, which is added if there is none.
+
+        If there is the variable of the negative argument, return this variable or its negative.
+        """
         definition = Definition(function, argument, exponent)
         if definition.key not in self._places:
+            if function in _ODD | _EVEN:
+                place = self._places.get(Definition(function, -argument, exponent).key)
+                if place is not None:
+                    return variable(place) if function in _EVEN else -variable(place)
             self._places[definition.key] = self.D + len(self.list)
             self.list.append(definition)
         return variable(self._places[definition.key])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core import lengths
+from suslov_fast.core import lengths, tangent
 from suslov_fast.engine import derivatives
 
 # Long steps on purpose, from states with det A < 0.
@@ -116,6 +116,32 @@ def test_batches_and_a_transient():
     with pytest.warns(sf.SingularStepWarning, match="1 of 2"):  # and later
         found = sf.lyapunov_exponents(square, [[2.0], [-1.0]], 0.5, 5)
     assert np.isnan(found).ravel().tolist() == [True, False]
+
+
+@pytest.mark.compiled
+def test_lanes_that_need_pivoting_change_no_bits(monkeypatch):
+    """Kernels without elimination end at such a lane, and the steps are taken anew."""
+    starts = 20 * np.random.default_rng(0).normal(size=(20, 3))
+    able, had_solve = tangent.able, []
+
+    def noting(arguments):
+        had_solve.append(able(arguments).solves)
+        return able(arguments)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        run = LORENZ, starts, 0.5, 60, 5
+        monkeypatch.setattr(tangent, "able", noting)
+        found = sf.lyapunov_exponents(*run)
+        assert had_solve[:2] == [None, True]
+        had_solve.clear()
+        slopes = sf.jacobian(LORENZ, starts, 0.9)
+        assert had_solve == [None, True]
+        monkeypatch.setattr("suslov_fast.engine.derivatives._STRETCH", 2000)  # 1 step a call
+        np.testing.assert_array_equal(sf.lyapunov_exponents(*run), found)
+        monkeypatch.setattr(tangent, "able", lambda arguments: arguments._replace(solves=True))
+        np.testing.assert_array_equal(sf.lyapunov_exponents(*run), found)
+        np.testing.assert_array_equal(sf.jacobian(LORENZ, starts, 0.9), slopes)
 
 
 def poles_told(function, *arguments, **keywords):

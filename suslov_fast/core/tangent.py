@@ -24,22 +24,20 @@ import numpy as np
 from numba import config
 
 from . import sparse_tangent
-from .arrays import uncounted
-from .careful import changes_sign, fill_system, solve_lane
+from .arrays import keep, uncounted
+from .careful import changes_sign
+from .careful_tangent import copy_lanes, solve_lanes
 from .codes import NONFINITE, OK, PASSED_POLE
-from .elimination import parts_of_determinant, solve
 from .generated import WIDTH
 from .generated_tangent import (
     CHANGED,
     DERIVATIVE,
     DUE,
-    FAR_FROM_1,
     LENGTHS,
     NEAR_1,
     NEGATIVE,
     OUTSIDE,
     STEP,
-    VOLUME,
     room_of,
     text_of_orthonormalise,
     text_of_tangent,
@@ -76,6 +74,8 @@ class Arguments(NamedTuple):
     tables: Any  # (stages,), places in `table`
     weights: Any  # (stages,), at the ends of columns, else 0
     has_signs: int  # 1 if components keep their signs along the motion
+    unable: Any  # (1,), 1 after a lane needed `solve`
+    solves: Any  # True if the kernels compute such lanes, None if they are compiled without `solve`
 
 
 @functools.lru_cache(32)
@@ -97,7 +97,7 @@ def arguments_of(scheme, values, eps, count):
     """Return the arguments of the kernels for `count` trajectories, and what has to stay alive."""
     (step, stages), fractions = scheme, scheme.stages.fractions
     of_stages = np.array(fractions), distinct(fractions)[1], weights_of(stages)[:, 0].copy()
-    of_stages = *of_stages, int(bool(step.of_one_sign))
+    of_stages = *of_stages, int(bool(step.of_one_sign)), np.zeros(1, np.int64), None
     if _is_long(step):
         fixed, kept = sparse_tangent.arguments_of(step, values, eps, distinct(fractions)[0])
         return Arguments(*fixed, *of_stages), kept
@@ -109,7 +109,17 @@ def arguments_of(scheme, values, eps, count):
         address = code_of(text_of_tangent, tangent, W, is_each)
     codes = address, code_of(text_of_orthonormalise, scheme_of(_NO_TERMS, step.D).step, W)
     fixed = W, room, len(tangent.pieces[1]), step.indices, table, halves, *of_stages
-    return Arguments(*(int(code or 0) for code in codes), 0, *fixed), codes
+    arguments = Arguments(*(int(code or 0) for code in codes), 0, *fixed)
+    arguments.unable[0] = arguments.step == 0
+    return arguments, codes
+
+
+def able(arguments):
+    """Return the arguments of kernels that compute lanes by `solve` if one was found to need it.
+
+    Few fields have such lanes, and `solve` takes a third of the time of compiling.
+    """
+    return arguments._replace(solves=True) if arguments.unable[0] else arguments
 
 
 def operations_of(scheme):
@@ -151,42 +161,13 @@ def memory_of(arguments, D):
 
 
 @function
-def multiply_columns(indices, half, before, after, columns, system, units):
-    """Replace each q = columns[r] by -DPhi q, by `solve`; return det DPhi."""
-    for_size()
-    D = len(before)
-    fill_system(indices, half, -1.0, after, system)
-    for i in range(D):
-        for r in range(D):
-            system[i, D + r, 0] = 0.0
-            for j in range(D):
-                system[i, D + r, 0] -= system[i, j, 0] * columns[r, j]
-    for r in range(D):
-        for i in range(D):
-            columns[r, i] = system[i, D + r, 0]
-            system[i, D + r, 0] = 0.0
-    solve(system, units)
-    of_back, power_of_back = parts_of_determinant(system, units)
-    fill_system(indices, half, 1.0, before, system)
-    for i in range(D):
-        for r in range(D):
-            system[i, D + r, 0] = columns[r, i]
-    solve(system, units)
-    for i in range(D):
-        for r in range(D):
-            columns[r, i] = system[i, D + r, 0]
-    mantissa, power = parts_of_determinant(system, units)
-    # In Python 1 / 0 raises.
-    return np.ldexp(of_back / np.float64(mantissa), power_of_back - power)
-
-
-@function
-def take_steps(arguments, memory, place, stage, ignored, steps):
+def take_steps(arguments, memory, place, stage, ignored, steps, solves):
     """Take up to so many steps of line `place`, and none after a step that leaves bits of lanes.
 
     Return how many were taken, and bits of lanes: from det A < 0, in which a component changed its
     sign, with columns to be orthonormalised, with logarithms to be taken, and that took the last
-    step by `solve`.
+    step by `solve`. If `solves` is None, Numba compiles no `solve`; a step that needs it is not
+    taken, and sets `unable`.
     """
     line, all_lanes, address = memory.line, (1 << arguments.W) - 1, arguments.step
     table = arguments.table[arguments.tables[stage], place % arguments.table.shape[1]].ctypes.data
@@ -200,70 +181,22 @@ def take_steps(arguments, memory, place, stage, ignored, steps):
     solved, negative = step | (code >> DERIVATIVE) & all_lanes, (code >> NEGATIVE) & all_lanes
     changed = (code >> CHANGED) & all_lanes
     if solved != 0:
-        copy_lanes(arguments, memory, solved)
-        code = np.int64(0)
-        if address != 0:  # the other lanes take this step, too
-            others = np.int64(ignored | solved)
-            one = others, np.int64(1)
-            code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, *one))
-        negative |= (code >> NEGATIVE) & all_lanes
-        changed |= (code >> CHANGED) & all_lanes
-        beyond, over_0 = solve_lanes(arguments, memory, place, stage, step, solved)
-        negative, changed = negative | beyond, changed | over_0
+        if solves is None:
+            arguments.unable[0] = 1
+        else:
+            copy_lanes(arguments, memory, solved)
+            code = np.int64(0)
+            if address != 0:  # the other lanes take this step, too
+                others = np.int64(ignored | solved)
+                one = others, np.int64(1)
+                code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, *one))
+            negative |= (code >> NEGATIVE) & all_lanes
+            changed |= (code >> CHANGED) & all_lanes
+            beyond, over_0 = solve_lanes(arguments, memory, place, stage, step, solved)
+            negative, changed = negative | beyond, changed | over_0
         taken += 1
     due, outside = (code >> DUE) & all_lanes | solved, (code >> OUTSIDE) & all_lanes | solved
     return taken, negative, changed, due, outside, solved
-
-
-@function
-def copy_lanes(arguments, memory, lanes):
-    """Copy the states, columns and products of lanes before a step to the memory of `solve`."""
-    for_size()
-    line, D = memory.line, len(memory.after)
-    first = 2 * D + LENGTHS
-    for l in range(arguments.W):
-        for i in range(D if (lanes >> l) & 1 else 0):
-            memory.before[l, i] = line[i, l]
-            for r in range(D):
-                memory.columns[l, r, i] = line[first + i * arguments.room + r, l]
-        memory.products[l, 0], memory.products[l, 1] = line[D + NEAR_1, l], line[D + FAR_FROM_1, l]
-
-
-@function
-def solve_lanes(arguments, memory, place, stage, step, lanes):
-    """Compute the derivative of lanes by `solve`, and the step of lanes in `step`.
-
-    Return the bits of lanes whose step was from det A < 0, and in which a component changed its
-    sign that keeps it along the motion.
-    """
-    for_size()
-    line, half, after, D = memory.line, memory.half, memory.after, len(memory.after)
-    first, indices, halves = 2 * D + LENGTHS, arguments.indices, arguments.halves
-    negative, changed = 0, 0
-    for l in range(arguments.W):
-        if (lanes >> l) & 1 == 0:
-            continue
-        for t in range(len(half)):
-            value = halves[place % len(halves), t, l % halves.shape[2]]
-            half[t] = arguments.fractions[stage] * value
-        status = OK
-        for i in range(D):
-            after[i] = memory.before[l, i] if (step >> l) & 1 else line[i, l]
-        if (step >> l) & 1:
-            status, beyond = solve_lane(indices, half, after, memory.matrix, memory.units)
-            negative |= (1 << l) if beyond else 0
-            changed |= (1 << l) if changes_sign(indices, memory.before[l], after) else 0
-        memory.statuses[l] = status
-        before, columns = memory.before[l], memory.columns[l]
-        tangent, units = memory.tangent, memory.units
-        det = multiply_columns(indices, half, before, after, columns, tangent, units)
-        for i in range(D):
-            line[i, l] = after[i]
-            for r in range(D):
-                line[first + i * arguments.room + r, l] = columns[r, i]
-        line[D + VOLUME, l], line[D + NEAR_1, l] = 0.0, memory.products[l, 0]
-        line[D + FAR_FROM_1, l] = memory.products[l, 1] * abs(det)
-    return negative, changed
 
 
 # ------------------------------------------------------------------------------------------ kernels
@@ -295,8 +228,9 @@ def fill_line(arguments, memory, x, carry, place, start):
 @kernel
 def jacobians(part, parts, arguments, x, out):
     """Fill out (B, D, D) with DPhi at the states x (B, D), NaN where it does not exist."""
-    (B, D), W = x.shape, arguments.W
-    memory, first = memory_of(arguments, D), 2 * D + LENGTHS
+    (B, D), W, arguments = x.shape, arguments.W, uncounted(arguments)
+    counted, first = memory_of(arguments, D), 2 * D + LENGTHS
+    memory = uncounted(counted)
     stages, (begin, end) = len(arguments.fractions), share((B + W - 1) // W, part, parts)
     for place in range(begin, end):
         ignored = fill_line(arguments, memory, x, x, place, 0)
@@ -304,7 +238,7 @@ def jacobians(part, parts, arguments, x, out):
         # column of an extrapolated step, whose derivative is 1 + sum_n w_n (DPhi_n - 1).
         is_first = True
         for stage in range(stages):
-            take_steps(arguments, memory, place, stage, ignored, np.int64(1))
+            take_steps(arguments, memory, place, stage, ignored, np.int64(1), arguments.solves)
             weight, is_last = arguments.weights[stage], stage == stages - 1
             if weight == 0.0 and not is_last:
                 continue
@@ -322,6 +256,7 @@ def jacobians(part, parts, arguments, x, out):
             is_first = False
             if not is_last:
                 fill_line(arguments, memory, x, x, place, 0)
+    keep(counted)
 
 
 @kernel
@@ -344,7 +279,8 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     for_size()
     arguments, sums, of_det = uncounted(arguments), uncounted(sums), uncounted(of_det)
     (start, stop, last), (B, D), W = span, x0.shape, arguments.W
-    memory, stages = memory_of(arguments, D), len(arguments.fractions)
+    counted, stages = memory_of(arguments, D), len(arguments.fractions)
+    memory = uncounted(counted)
     line, first, all_lanes = memory.line, 2 * D + LENGTHS, (1 << W) - 1
     base = np.empty((D, W))  # the states before the first of several stages
     begin, end = share((B + W - 1) // W, part, parts)
@@ -369,8 +305,10 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                     for l in range(W):
                         base[i, l] = line[i, l]
             taken, negative, changed, due, outside, solved = take_steps(
-                arguments, memory, place, stage, ignored, steps
+                arguments, memory, place, stage, ignored, steps, arguments.solves
             )
+            if solved != 0 and arguments.solves is None:  # the caller begins anew
+                break
             state = n + taken if stages == 1 else n + 1
             stage = (stage + taken) % stages
             n = state if stage == 0 else n
@@ -412,3 +350,4 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                     carry[k, D + D * i + r] = line[first + i * arguments.room + r, l]
             for j in range(LENGTHS + D):
                 carry[k, D + D * D + j] = line[D + j, l]
+    keep(counted)

@@ -55,7 +55,9 @@ def _at_states(
 
 def _fill_jacobians(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
     arguments, _kept_alive = tangent.arguments_of(scheme, values, eps, len(x))
-    tangent.jacobians.serial(arguments, x, out)
+    tangent.jacobians.serial(able := tangent.able(arguments), x, out)
+    if arguments.unable[0] and not able.solves:
+        tangent.jacobians.serial(tangent.able(arguments), x, out)
 
 
 def _fill_densities(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
@@ -144,6 +146,18 @@ def _parts(problem: Problem, start: FloatArray) -> Iterator[_Part]:
             yield _Part(part if where is ALL else where[part], arguments, x, carry, sums, cost)
 
 
+def _grow_part(part: _Part, span: tuple[int, int, int], work: int, threads: int | None) -> None:
+    """Add the logarithms of some steps; take them anew where a lane is found to need `solve`."""
+    arguments, carried = tangent.able(part.arguments[0]), (part.carry, *part.sums)
+    before = [] if arguments.solves else [array.copy() for array in carried]
+    arrays = part.x, part.carry, span, *part.sums
+    call_kernel(tangent.growth, work, threads, arguments, *arrays)
+    if arguments.unable[0] and not arguments.solves:
+        for array, kept in zip(carried, before, strict=True):
+            array[:] = kept
+        call_kernel(tangent.growth, work, threads, tangent.able(arguments), *arrays)
+
+
 def _grow(
     parts: list[_Part], ends: tuple[int, int], threads: int | None, report: Report | None
 ) -> int:
@@ -155,9 +169,8 @@ def _grow(
     def take(start: int, stop: int, last: int) -> None:
         for part in parts:
             # An operation is 1/20 of a step of the 3D map.
-            work, arrays = part.cost * len(part.x) * (stop - start) // 20, (part.x, part.carry)
-            span = start, stop, last
-            call_kernel(tangent.growth, work, threads, part.arguments[0], *arrays, span, *part.sums)
+            work = part.cost * len(part.x) * (stop - start) // 20
+            _grow_part(part, (start, stop, last), work, threads)
 
     length = max(_STRETCH // max(sum(part.cost * len(part.x) for part in parts), 1), 1)
     n, (transient, end) = 0, ends

@@ -168,9 +168,12 @@ def _check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
     try:
         map_of(body, method)
     except ValueError as error:
-        text, _, methods = str(error).partition(": QuadraticField.of(body) has ")
-        if repr(method) not in methods:
+        text, advice, methods = str(error).partition(": QuadraticField.of(body) has ")
+        if not advice:
             raise
+        text += f"; the field of this body has {methods}"
+        if repr(method) not in methods:
+            raise ValueError(text) from None
         path = str(options.body)
         source = f"body_from_dict(json.loads(Path({path!r}).read_bytes()))"
         source = source if options.body else repr(body)
@@ -179,9 +182,7 @@ def _check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
         imports = "import json; from pathlib import Path; from suslov_fast import *"
         make = f'python -c "{imports}; {code}"'
         then = f"suslov-fast run --body field.json --eps {eps} --method {method}"
-        raise ValueError(
-            f"{text}; the field of this body has {methods}: {make}, and then {then}"
-        ) from None
+        raise ValueError(f"{text}: {make}, and then {then}") from None
 
 
 def _body_in(path: Path) -> Any:

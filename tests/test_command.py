@@ -341,7 +341,6 @@ MISTAKES = """
 2 | run --low 1 | arguments --low and --high belong together
 2 | run --low 1 --high 2 --extent 3 | belong together, without --extent
 2 | run --omega0 1,2 --low 1 --high 2 | are for random states
-1 | run --method orderx | method must be 'auto', not 'orderx': QuadraticField.of(body) has
 1 | run --low 1 --high 0 | low must be below high, 0.0, not 1.0
 1 | run --low 1,2,3 --high 4 | low and high must be numbers, or one for each component, not 3 for 2
 2 | run --picture one | --picture: 'one' is not an integer
@@ -394,6 +393,11 @@ def test_mistakes(bad_files, monkeypatch, mistake):
     assert not any(word in done.err for word in foreign)
     assert set(os.listdir()) == before
     assert Path("good.npz").read_text() == "precious"
+
+
+def test_a_method_that_no_map_has():
+    done = run("run --method order9")
+    assert done.err.endswith("the methods 'order4', 'order6', 'order8', 'extrapolated'\n")
 
 
 def test_a_method_of_fields_for_a_body():

@@ -11,6 +11,7 @@ import pytest
 from children import TWO_THREADS
 from numba import config, njit
 from scipy.integrate import solve_ivp
+from scipy.special import lambertw
 
 from suslov_fast import (
     LiftedField,
@@ -285,6 +286,33 @@ def test_real_powers_near_0(method):
     exact = (x[:4] ** -1.5163 + 1.5163 * 5) ** (-1 / 1.5163)
     np.testing.assert_allclose(run.final[:4], exact, rtol=1e-3 if method == "auto" else 1e-9)
     assert run.status.tolist() == [0, 0, 0, 0, Status.NONFINITE, Status.NONFINITE]
+
+
+@pytest.mark.parametrize("method", ["order4", "order8", "extrapolated"])
+def test_rounding_is_no_pole(method):
+    """A substrate that decays to 0 keeps its sign, though terms of 0.6 u - 2 cancel."""
+    field = LiftedField.from_function(lambda x: (-2 * x[0] / (x[0] + 0.3),), "x")
+    starts, eps, steps = np.linspace(0.1, 2.0, 9)[:, np.newaxis], 0.2, 60
+    run = iterate(field, starts, eps, steps, method=method)
+    assert run.ok
+    assert (run.status == Status.OK).all()
+    assert (run.x > 0).all()
+    assert (run.x[-10:] < 1e-15).all()
+    exact = 0.3 * lambertw(starts / 0.3 * np.exp((starts - 2 * eps) / 0.3)).real
+    np.testing.assert_allclose(run.x[1], exact, rtol=0, atol=1e-4)
+    for k in 0, 8:
+        alone = iterate(field, starts[k], eps, 25, method=method)
+        alone = iterate(field, alone.final, eps, steps - 25, method=method)
+        np.testing.assert_array_equal(alone.final, run.final[k])
+    negative = iterate(field, -starts[:2] / 10, eps, steps, method=method)
+    assert (negative.status == Status.OK).all()
+    assert (negative.x < 0).all()
+    if not config.DISABLE_JIT:
+        x = starts[:1].copy()
+        assert (after(system(field, eps, method=method), x, steps) == Status.OK).all()
+        np.testing.assert_array_equal(x, run.final[:1])
+    long = iterate(field, starts, 2.0, 9, method="order8", on_singular="ignore")
+    assert (long.status[1:] == Status.PASSED_POLE).all()
 
 
 def test_a_parameter_as_exponent_is_a_real_power():

@@ -16,6 +16,8 @@ from .llvm import address_as_pointer
 from .numba import c_function, function, inlined
 from .operations import SIGNIFICANT
 
+# A component may change its sign by this part of the sum of moduli of its terms, times eps / 2.
+OF_TERMS = 2.0**-45
 ENDED, PASSED = range(2)  # rows of `LineArrays.marks`
 CHANGED = 8  # place of the bits of lanes in which a component changed its sign, after det A < 0
 
@@ -76,6 +78,24 @@ def changes_sign(indices, x, after):
     return False
 
 
+@function
+def of_rounding(indices, half, words, i, after):
+    """Return whether rounding may leave this of component i of a lifted field, after a whole step.
+
+    Terms of a component that decays cancel, as in x' = 0.6 u - 2 with u = 1 / (x + 0.3). `half` is
+    eps / 2 times the values of the terms, `words` those before the step.
+    """
+    total = 0.0
+    for t in range(indices.shape[1]):
+        if indices[0, t] == i:
+            term = half[t]
+            for factor in range(1, 3):
+                j = indices[factor, t]
+                term *= words[j] if j < len(words) else 1.0
+            total += abs(term)
+    return abs(after) <= OF_TERMS * total
+
+
 class LineArrays(NamedTuple):
     """The arrays of trajectories in lines of W lanes."""
 
@@ -89,6 +109,8 @@ class LineArrays(NamedTuple):
     marks: Any  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
     memory: Any  # (D (D + 4) + T,)
     tells: Any  # (1,), 1 if stages tell poles and signs; those of lifted fields do not
+    signs: Any  # components of a lifted field that keep their signs along the motion
+    columns: Any  # of a lifted field (lines, rows, D, W), rows of columns, first the state before
 
 
 @function
@@ -97,6 +119,7 @@ def step_carefully(arrays, first, line, bad, negative, n):
 
     A step is one stage; steps are counted from state `first` on. Bits in `negative` mark lanes that
     took this step from det A < 0, and from CHANGED on lanes in which a component changed its sign.
+    Where rounding changed it, of lifted fields, the component gets its sign back.
     """
     D, W, T = arrays.x.shape[1], arrays.x.shape[2], arrays.halves.shape[1]
     stages = len(arrays.fractions)
@@ -119,6 +142,17 @@ def step_carefully(arrays, first, line, bad, negative, n):
                 changed = changes_sign(arrays.indices, arrays.x[line, :, l], state)
             for j in range(D):
                 arrays.x[line, j, l] = state[j]
+        elif changed and len(arrays.signs):
+            changed = False
+            for t in range(T):
+                half[t] = halves[line % len(halves), t, l % halves.shape[2]]
+            for j in arrays.signs:
+                before, after = arrays.columns[line, 0, :, l], arrays.x[line, j, l]
+                if crosses_0(before[j], after):
+                    if of_rounding(arrays.indices, half, before, j, after):
+                        arrays.x[line, j, l] = -after
+                    else:
+                        changed = True
         if status != OK:
             arrays.status[i], arrays.failed_at[i] = status, n
             arrays.marks[ENDED, line] |= bit
@@ -131,7 +165,7 @@ def step_carefully(arrays, first, line, bad, negative, n):
 
 # Integers of the array that `careful` takes: addresses of `LineArrays`, lengths, 1 if lanes have
 # parameters of their own and 0 if not, and the number of the state before the first step.
-_NUMBERS = ("lines", "D", "W", "T", "for_each", "stages", "B", "first")
+_NUMBERS = ("lines", "D", "W", "T", "for_each", "stages", "B", "first", "signs_count", "rows")
 Arguments = namedtuple("Arguments", (*LineArrays._fields, *_NUMBERS))
 PLACE = Arguments(*range(len(Arguments._fields)))
 _COUNT = len(PLACE)
@@ -150,6 +184,8 @@ def arguments_of(arrays, first):
         stages=len(arrays.fractions),
         B=len(arrays.status),
         first=first,
+        signs_count=len(arrays.signs),
+        rows=arrays.columns.shape[1],
     )
     return np.array(arguments, np.int64)
 
@@ -176,5 +212,7 @@ def careful(address, line, bad, negative, n):
         _array(a[PLACE.marks], (2, count), np.uint8),
         _array(a[PLACE.memory], (D * (D + 4) + T,), np.float64),
         _array(a[PLACE.tells], (1,), np.int64),
+        _array(a[PLACE.signs], (a[PLACE.signs_count],), np.int64),
+        _array(a[PLACE.columns], (count, a[PLACE.rows], D, W), np.float64),
     )
     step_carefully(lines, a[PLACE.first], line, bad, negative, n)

@@ -158,15 +158,16 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     if in_columns:
         added = {k: f"%added{k}" for k in increments}
         end_column(text, step, arguments, places, final, added, weights, is_last)
+        final = state_of(D)
     else:
         for k in range(D):
             if step.after[k] != k:
                 text.store(text.V, final[k], places[k])
         if tells_signs:
-            end_composition(text, step, arguments, places, final, is_last)
+            final = end_composition(text, step, arguments, places, final, is_last)
     if align:
         text.branch(saves, "save", "next")
-        save(text, state_of(D)[:given], given, arguments.trajectories, align)
+        save(text, final[:given], given, arguments.trajectories, align)
     else:
         text.jump("next")
 

@@ -183,45 +183,56 @@ def end_column(text, step, arguments, places, final, increments, weights, is_las
         text.store(V, "zeroinitializer" if text.W > 1 else "0.0", rows[SUM][k])
         text.store(V, "zeroinitializer" if text.W > 1 else "0.0", rows[SECOND][k])
     taken = [f"%taken{k}" for k in range(D)]
-    tell_changes(text, step, arguments, base, taken, places)
+    taken = tell_changes(text, step, arguments, base, taken, places)
     for k in range(D):
         text.store(V, taken[k], rows[BASE][k])
     text.jump("stored")
 
     text.label("stored")
     for k, state in enumerate(state_of(D)):
-        ways = f"[ {final[k]}, %inside ], [ {base[k]}, %restart ], [ %taken{k}, %told ]"
+        ways = f"[ {final[k]}, %inside ], [ {base[k]}, %restart ], [ {taken[k]}, %told ]"
         text.add(f"  {state} = phi {V} {ways}")
 
 
 def end_composition(text, step, arguments, places, final, is_last):
-    """Add what follows a stage of a composition that tells changes of signs over whole steps."""
-    D, size = len(final), 8 * text.W
+    """Add what follows a stage of a composition that tells changes of signs over whole steps.
+
+    Return the state of the line.
+    """
+    D, size, before = len(final), 8 * text.W, text.block
     text.branch(text.new(f"xor i1 {is_last}, true"), "stored", "ended", likely=True)
     text.label("ended")
     line = text.integer("mul", "%line", ROWS * D * size)
     line = text.integer("add", arguments.columns, line)
     rows = {k: text.plus(line, size * (BASE * D + k)) for k in step.of_one_sign}
     base = {k: text.load(text.V, place) for k, place in rows.items()}
-    tell_changes(text, step, arguments, base, final, places)
+    told = tell_changes(text, step, arguments, base, final, places)
     for k, place in rows.items():
-        text.store(text.V, final[k], place)
+        text.store(text.V, told[k], place)
     text.jump("stored")
     text.label("stored")
+    if step.lift is None:
+        return final
+    for k in step.of_one_sign:
+        ways = f"[ {final[k]}, %{before} ], [ {told[k]}, %told ]"
+        text.add(f"  %kept{k} = phi {text.V} {ways}")
+    return [f"%kept{k}" if k in step.of_one_sign else value for k, value in enumerate(final)]
 
 
 def tell_changes(text, step, arguments, base, after, places):
     """Tell `careful` of lanes in which a component changed its sign that keeps it along the motion.
 
-    `base` and `after` are the states before and after the whole step. The block `told` is open
-    after it.
+    `base` and `after` are the states before and after the whole step, which are stored. Return the
+    state after it, in which components of lifted fields have their signs back that rounding had
+    changed. The block `told` is open after it.
     """
     zero, significant, minus = map(text.constant, (0.0, SIGNIFICANT, -SIGNIFICANT))
     signs = sorted(step.of_one_sign)
     if not signs:
         text.jump("told")
         text.label("told")
-        return
+        return after
+    before = text.block
     kept = [
         text.joined(
             "xor", [text.compare("olt", base[k], zero), text.compare("oge", after[k], zero)]
@@ -244,6 +255,12 @@ def tell_changes(text, step, arguments, base, after, places):
     text.label("tell")
     text.branch(text.compare_integers("eq", arguments.careful, 0), "unable", "telling")
     text.label("telling")
-    call_careful(text, arguments, 0, text.integer("shl", changed, CHANGED), places)
+    kept = call_careful(text, arguments, 0, text.integer("shl", changed, CHANGED), places)
     text.jump("told")
     text.label("told")
+    if step.lift is None:
+        return after
+    for k in signs:
+        same = ", ".join(f"[ {after[k]}, %{block} ]" for block in (before, "changed"))
+        text.add(f"  %signed{k} = phi {text.V} {same}, [ {kept[k]}, %telling ]")
+    return [f"%signed{k}" if k in signs else value for k, value in enumerate(after)]

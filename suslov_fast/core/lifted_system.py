@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .careful import crosses_0
+from .careful import crosses_0, of_rounding
 from .codes import OK, PASSED_POLE
 from .field_system import take_stages
 from .generated import text_of_stage, text_of_step
@@ -21,7 +21,8 @@ class LiftedSystem(NamedTuple):
 
     address: int  # of the code of `generated.text_of_step`, 0 without a plan of elimination
     lift: int  # address of the code of `text_of_lift`
-    half: Any  # (stages, T), half of the step size times the values of the terms
+    half: Any  # (stages, T), half of the step size of a stage times the values of the terms
+    whole: Any  # (T,), the same of the whole step
     table: Any  # (stages, n), see `Step.table`
     weights: Any  # (stages,), at the ends of columns, else 0
     sums: bool  # see `Scheme.sums_increments`
@@ -59,7 +60,8 @@ def lifted_system_of(indices, values, half_eps, stages, D, lift):
     It is None without machine code.
     """
     step = scheme_of(indices, D, stages, lift).step
-    half = np.outer(stages.fractions, half_eps * values[: step.T])
+    whole = half_eps * values[: step.T]
+    half = np.outer(stages.fractions, whole)
     others = np.broadcast_to(values[step.T :], (len(half), len(values) - step.T))
     table = step.table_of(np.hstack([half, others]).T).T
     # The code lasts, because users may store the system anywhere.
@@ -70,8 +72,8 @@ def lifted_system_of(indices, values, half_eps, stages, D, lift):
         return None
     signs, weights = np.array(lift.signs, np.int64), np.ascontiguousarray(weights_of(stages)[:, 0])
     sums = bool(stages.columns and step.usual)
-    of_field = half, np.ascontiguousarray(table), weights, sums, step.indices, signs, D, lift.given
-    return LiftedSystem(*map(int, codes), *of_field)
+    of_stages = half, whole, np.ascontiguousarray(table), weights, sums
+    return LiftedSystem(*map(int, codes), *of_stages, step.indices, signs, D, lift.given)
 
 
 @function
@@ -95,7 +97,11 @@ def lifted_step_of_one(system, state, out, memory):
         x[i] = base[i]
     status, _ = take_stages(system, base, of_column, total, matrix, units)
     for i in system.signs:
-        passed |= crosses_0(base[i], x[i])
+        if crosses_0(base[i], x[i]):
+            if of_rounding(system.indices, system.whole, base, i, x[i]):
+                x[i] = -x[i]
+            else:
+                passed = True
     for i in range(D):
         out[i] = x[i] if status == OK else np.nan
     return PASSED_POLE if passed and status == OK else status

@@ -200,10 +200,13 @@ class _Lines:
     def _line_arrays(self):
         """Return the arrays for `careful`."""
         step, stages = self.scheme
+        is_lifted = isinstance(step, LiftedStep)
         return LineArrays(
             self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes, self.marks,
             np.empty(self.D * (self.D + 4) + step.T),
-            np.array([not isinstance(step, LiftedStep)], np.int64),
+            np.array([not is_lifted], np.int64),
+            np.array(sorted(step.of_one_sign) if is_lifted else [], np.int64),
+            np.empty((0, 0, 0, 0)) if self.columns is None else self.columns,
         )  # fmt: skip
 
     def _code_arguments(self, start, steps, saved, until, between, is_ready):

@@ -135,6 +135,27 @@ def test_a_component_decays_to_0():
         assert (np.sign(found[..., 0]) == [1, -1]).all()
 
 
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+@pytest.mark.parametrize(
+    ("g", "integral"),
+    [
+        (lambda x: np.tanh(100 * x), lambda x: np.log(2 * np.cosh(100 * x)) / 100),
+        (lambda x: 1 / (1 + np.exp(-100 * x)), lambda x: np.logaddexp(0, 100 * x) / 100),
+        (lambda x: 1 / (1 + np.exp(100 * x)), lambda x: -np.logaddexp(0, -100 * x) / 100),
+        (
+            lambda x: np.sqrt(x**2 + 1e-6),
+            lambda x: (x * np.sqrt(x**2 + 1e-6) + 1e-6 * np.arcsinh(1e3 * x)) / 2,
+        ),
+    ],
+    ids=["tanh", "rises", "falls", "modulus"],
+)
+def test_no_step_passes_over_a_change_of_the_rate(g, integral, rtol):
+    """Of y' = g(t) from t = -2 on, though words may agree that no state has."""
+    field, times = of(lambda x: (1 + 0 * x[0], g(x[0])), 2), np.array([1.9, 2.1, 4.0])
+    found = flow(field, [-2.0, 0.0], times, rtol=rtol)[:, 1]
+    assert abs(found - (integral(times - 2) - integral(-2.0))).max() < 3e-5
+
+
 def test_components_without_a_rate_stay():
     """Those of a family, too, where the only term that a component has is 0."""
     times = np.array([0.5, 3.0])

@@ -206,7 +206,8 @@ class Motion:
         inputs = [*all_base, *total, *second, *difference, *largest, *values[: self.step.T]]
         found = dict(enumerate(inputs))
         scalars = [rows[k] for k in range(places.time, places.least + 1)]
-        found.update(enumerate([*scalars, end, self.rtol[0]], len(found)))
+        others = [*words[n:], *values[self.step.T :]] if self.step.lift is not None else []
+        found.update(enumerate([*scalars, end, self.rtol[0], *others], len(found)))
         evaluate(choice.operations, found)
         results = [found[number] for number in choice.results]
         base[:], largest[:] = results[:n], results[n : 2 * n]

@@ -241,8 +241,13 @@ def text_of_flow(step, name, W, for_each, _):
     def load(n):
         if n == len(inputs):
             return scalar(at(of.times, place))
-        if n > len(inputs):
+        if n == len(inputs) + 1:
             return scalar(of.rtol)
+        if n > len(inputs):  # words of a lifted field, and coefficients of the lift
+            word, words = n - len(inputs) - 2, D - given
+            if word < words:
+                return row(line, rows.x + given + word)
+            return value_of(step.T + word - words, of_line)
         return value_of(n - first_value, of_line) if inputs[n] is None else row(line, inputs[n])
 
     values, choice = {}, step.choice

@@ -51,7 +51,7 @@ class Lifting:
     def _add_prologue(self):
         lift, longest = self.lift
         emit, first = self.values.emit, self.D + self.T
-        variables = _Variables(self.values, lift, first)
+        variables = Variables(self.values, lift, first)
         words = [variables.product(word) for word in lift.words]
         self.lifted = [number for number, _ in words]
         slopes = [{i: 1.0} for i in range(lift.given)] + [slope for _, slope in words]
@@ -111,12 +111,12 @@ class LiftedStep(Lifting, Step):
         return [*super()._results(), *self.lifted, *self.increments.values()]
 
 
-class _Variables:
+class Variables:
     """Values of variables, and their derivatives by the components of the state, as operations."""
 
-    def __init__(self, values, lift, first):
+    def __init__(self, values, lift, first, state=None):
         self.values, self.emit, self.first = values, values.emit, first
-        self.numbers = [*range(lift.given)]
+        self.numbers = [*(state or range(lift.given))]
         self.slopes = [{i: 1.0} for i in range(lift.given)]
         for definition in lift.definitions:
             number, slope = self._variable(*definition)
@@ -207,6 +207,16 @@ _OF_LIBRARY = {
 }
 
 
+def needed_for(results, operations):
+    """Return the operations that values with these numbers need."""
+    needed, kept = {*results}, []
+    for operation in reversed(operations):
+        if operation[1] in needed:
+            needed.update(operation[2])
+            kept.append(operation)
+    return kept[::-1]
+
+
 # ---------------------------------------------------------------------------------- values by NumPy
 _OTHER_NAMES = {"atan": "arctan", "pow": "power"}
 _IN_NUMPY = FUNCTIONS | {name: getattr(np, _OTHER_NAMES.get(name, name)) for name in OF_LIBRARY}
@@ -216,7 +226,7 @@ _IN_NUMPY = FUNCTIONS | {name: getattr(np, _OTHER_NAMES.get(name, name)) for nam
 def _plan(lift, terms):
     """Return operations on a state and coefficients, and words, or a polynomial, with slopes."""
     values = Values(lift.given + lift.coefficients, ())
-    variables = _Variables(values, lift, lift.given)
+    variables = Variables(values, lift, lift.given)
     found = [variables.product(word) for word in lift.words]
     return values.operations, found if terms is None else [variables.polynomial(terms)]
 
@@ -224,16 +234,11 @@ def _plan(lift, terms):
 def _evaluated(lift, terms, coefficients, x, results):
     """Return the function that returns a value of the operations, of those that `results` need."""
     operations, _ = _plan(lift, terms)
-    needed, kept = {*results}, []
-    for operation in reversed(operations):
-        if operation[1] in needed:
-            needed.update(operation[2])
-            kept.append(operation)
     values = [x[..., i] for i in range(lift.given)]
     values += [coefficients[..., k] for k in range(lift.coefficients)]
     values = dict(enumerate(values))
     with np.errstate(all="ignore"):
-        evaluate(reversed(kept), values, _IN_NUMPY)
+        evaluate(needed_for(results, operations), values, _IN_NUMPY)
     return lambda number: number if isinstance(number, float) else values[number]
 
 

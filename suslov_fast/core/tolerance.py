@@ -26,7 +26,11 @@ refused step the next one is not longer, because it would often be refused as we
 A lifted field begins each step with the words of its state, and ends it with the state alone. Its
 pivots are those of 1 - (h/4) f' of the equations as given, at the beginning. A step that changes a
 sign which the motion keeps is not taken, because a population below 0 would leave the solution; but
-what rounding leaves of a component that has decayed gets its sign back.
+what rounding leaves of a component that has decayed gets its sign back. Nor is a step taken at
+whose end words have left the state: all columns may agree on words that no state has. The word
+tanh(100 x) is -1 for negative x, where its derivative is 0, so it stays -1; and next to 0 stages
+take x for sqrt(x**2 + 1e-6). A word g(p) has left the state if it differs by an eighth of itself
+(tanh: of 1), and if this changes h f by more than the tolerance allows.
 
 The first length is that in which |x| changes by the part min(5 rtol**(1/8), 1), which is too short
 for most motions: few first steps are refused, and the next one may be ten times as long.
@@ -41,13 +45,15 @@ import functools
 import numpy as np
 
 from .elimination import LEAST_PIVOT
-from .lift import Lifting
+from .lift import Lifting, Variables, needed_for
 from .operations import Step, Values, evaluate, of_one_sign
 from .planned_elimination import Matrix
 
 SMALLEST, OF_ROUNDING, SHORTEST = 2.0**-20, 2.0**-46, 2.0**-42
 OF_SUBNORMAL = 2.0**-1067  # what rounding leaves of numbers below the normal ones, in a step
 FAST = 2.0**10
+LEFT = 0.125  # how far words may be from those of the state, in units of themselves or of 1
+OF_ONE_SIGN = {"inverse", "root", "power", "exp", "cosh"}
 # With 1, stiff problems take twice as many steps; with 1/32 some lose digits.
 OF_FAST = 0.125
 # With lengths that grow up to tenfold, van der Pol's equation with mu = 1000 has half as much error
@@ -77,8 +83,9 @@ class Stage(Step):
     @functools.cached_property
     def choice(self):
         """The `Choice` of the next length."""
-        signs = self.lift[0].signs if self.lift else of_one_sign(self.indices)
-        return Choice(self.indices, self.D, self.given, signs)
+        if self.lift is None:
+            return Choice(self.indices, self.D, self.D, of_one_sign(self.indices))
+        return Choice(self.indices, self.D, self.given, self.lift[0].signs, self.lift[0])
 
     def _add_tests(self, halves):
         self._test_pivots([self.factors.pivot[k] for k in sorted(self.factors.pivot)])
@@ -130,6 +137,26 @@ def _sums_over_terms(indices, D, n, values, x, v):
     return [terms.right_side(k) for k in range(n)]
 
 
+def _compared(values, lift, first, state, words):
+    """Return the words of a state, and truth values of other `words`: whether they are near.
+
+    Coefficients of the lift begin with value `first`.
+    """
+    variables, n, near = Variables(values, lift, first, state), lift.given, []
+    own = [variables.product(word)[0] for word in lift.words]
+    for number, other, (variable, *others) in zip(own, words, lift.words, strict=True):
+        function = None if others or variable < n else lift.definitions[variable - n][0]
+        if function != "tanh" and function not in OF_ONE_SIGN:
+            continue
+        limit = LEFT
+        if function in OF_ONE_SIGN:
+            size = values.emit("max", values.emit("fabs", number), values.emit("fabs", other))
+            limit = values.emit("fmul", LEFT, size)
+        distance = values.emit("fabs", values.emit("fsub", number, other))
+        near.append(values.emit("oge", limit, distance))
+    return own, near
+
+
 class Beginning:
     """The operations before the first step: its length.
 
@@ -173,23 +200,25 @@ class Choice:
     x_next - x before d is subtracted, the same without the shortest column, d, and the largest
     moduli so far (n each); the values v of the terms (T); t, the length wanted, its largest factor,
     the steps since the last time that was asked for, the length taken, the first length, the least
-    pivot, the next time, and rtol. `signs` has the components that keep their signs. Without
-    `indices` the sums |terms of f_i| (n) take the place of v.
+    pivot, the next time, and rtol; with a `lift`, the words after x at the end of the last column
+    (D - n) and the coefficients of the lift. `signs` has the components that keep their signs.
+    Without `indices` the sums |terms of f_i| (n) take the place of v.
 
     results   numbers of the next state and the largest moduli (n each), t, the length, its factor,
               and the steps
     """
 
-    def __init__(self, indices, D, n, signs):
+    def __init__(self, indices, D, n, signs, lift=None):
         first_value = D + 4 * n
         T = n if indices is None else indices.shape[1]
-        values = Values(first_value + T + 9, ())
+        first_word = first_value + T + 9
+        values = Values(first_word + (D - n + lift.coefficients if lift else 0), ())
         emit, joined = values.emit, values.joined
         is_lifted = n < D
         x, rows = range(D), [range(k, k + n) for k in range(D, first_value, n)]
         total, second, difference, largest = rows
         t, wanted, longer, steps, taken, first, least, end, rtol = range(
-            first_value + T, first_value + T + 9
+            first_value + T, first_word
         )
         sums = range(first_value, first_value + n)
         if indices is not None:
@@ -214,18 +243,30 @@ class Choice:
                 rounding = emit("fmul", OF_ROUNDING, changes[k])
                 is_kept = emit("or", is_kept, emit("oge", rounding, emit("fabs", after[k])))
             is_resolved.append(is_kept)
-        is_resolved = joined("and", is_resolved)
         sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(n)]
         floor = emit("fmul", SMALLEST, joined("max", sizes))
         sizes = [emit("max", size, floor) for size in sizes]
+        allowed = [emit("max", emit("fmul", rtol, size), OF_SUBNORMAL) for size in sizes]
+        for k, change in changes.items():
+            allowed[k] = emit("max", emit("fmul", OF_ROUNDING, change), allowed[k])
+        if lift is not None:
+            words = range(first_word, first_word + D - n)
+            own, near = _compared(values, lift, first_word + D - n, after, words)
+            if near:
+                of_terms = range(first_value, first_value + T)
+                f, of_words = (
+                    _sums_over_terms(indices, D, n, values, [*after, *each], of_terms)
+                    for each in (own, words)
+                )
+                apart = {k: emit("fabs", emit("fsub", f[k], of_words[k])) for k in changes}
+                small = [emit("oge", allowed[k], emit("fmul", taken, apart[k])) for k in changes]
+                is_resolved.append(emit("or", joined("and", near), joined("and", small)))
+        is_resolved = joined("and", is_resolved)
         ratios, part = [], 1.0 if is_lifted else OF_FAST
         for k in range(n):
             fast = emit("fmul", part, emit("fabs", difference[k]))
             errors.append(emit("fadd", emit("fabs", emit("fsub", total[k], second[k])), fast))
-            allowed = emit("max", emit("fmul", rtol, sizes[k]), OF_SUBNORMAL)
-            if k in changes:
-                allowed = emit("max", emit("fmul", OF_ROUNDING, changes[k]), allowed)
-            ratio = emit("fdiv", errors[k], allowed)
+            ratio = emit("fdiv", errors[k], allowed[k])
             ratios.append(emit("select", emit("oeq", errors[k], 0.0), 0.0, ratio))
         rho = joined("max", ratios)
         numbers = [emit("fabs", after[k]) for k in range(n)] + errors
@@ -258,3 +299,5 @@ class Choice:
         length = emit("select", ended, 0.0, length)
         self.results = [*states, *moduli, later, length, longer, steps]
         self.operations = values.operations
+        if lift is not None:  # derivatives of words have no use here
+            self.operations = needed_for(self.results, self.operations)

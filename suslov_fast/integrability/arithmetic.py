@@ -122,8 +122,9 @@ def null_space(matrix: Any) -> Residues:
 def row_space(rows: Residues, p: int) -> Residues:
     """Return the basis in reduced row echelon form of the span of rows modulo a prime."""
     reduced, rank = flint.nmod_mat(rows, p).rref()
-    return integer_rows(reduced)[:rank]
+    return integer_rows(reduced, rank)
 
 
-def integer_rows(matrix: Any) -> Residues:
-    return [[int(a) for a in row] for row in matrix.tolist()]
+def integer_rows(matrix: Any, count: int | None = None) -> Residues:
+    """Return the first rows of a matrix, by default all."""
+    return [[int(a) for a in row] for row in matrix.tolist()[:count]]

@@ -372,6 +372,15 @@ def test_products_have_the_entropy_of_the_golden_ratio(map):
     assert not found.proved
 
 
+def test_orders_of_germs_that_triple():
+    """x_{n+1} = x_{n-1} x_n^3 + c: degrees 4, 13, 43, 142, d_{k+1} = 3 d_k + d_{k-1}."""
+    map = rational_map(
+        lambda x: (x[1], x[0] * x[1] ** 3 - 4), 2, lambda x: ((x[1] + 4) / x[0] ** 3, x[0])
+    )
+    assert check_entropy(map) == pytest.approx(math.log((3 + math.sqrt(13)) / 2), abs=1e-12)
+    assert planar_entropy(map).degrees[:5] == (4, 13, 43, 142, 469)
+
+
 @pytest.mark.parametrize(
     "A",
     [

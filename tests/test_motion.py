@@ -480,6 +480,10 @@ def test_first_lengths_follow_from_the_rates(rng):
         base, largest = run.rows[0, run.places.base :][:3], run.rows[0, run.places.largest :][:3]
         assert (np.isnan(base) == (found == 0.0)).all()
         np.testing.assert_array_equal(largest, abs(states.T))
+    tiny = tolerance.Beginning(None, 2, 2)  # of the state (1e-6, 2e-6), which moves slowly
+    found = dict(enumerate(map(np.float64, (1e-6, 2e-6, 1e-7, -3e-7, 1e9, rtol))))
+    operations.evaluate(tiny.operations, found)
+    assert found[tiny.results[4]] == pytest.approx(5 * rtol ** (1 / 8) * 2 / 0.3)
 
 
 def test_threads_take_no_step_after_one_has_failed():
@@ -524,17 +528,17 @@ def chosen(
     largest=(0.0, 0.0),
     sums=(0.0, 0.0),
     difference=(0.0, 0.0),
-    **numbers,
+    **options,
 ):
     """Return what `Choice` makes of a step from (1, 2), `all_chosen` without the steps."""
-    return all_chosen(total, error, signs, largest, sums, difference, **numbers)[:-1]
+    return all_chosen(total, error, signs, largest, sums, difference, **options)[:-1]
 
 
-def all_chosen(total, error, signs, largest, sums, difference, **numbers):
+def all_chosen(total, error, signs, largest, sums, difference, words=(), **numbers):
     """Return what `Choice` makes of a step: state, largest, time, length, longest, steps."""
-    choice, total = tolerance.Choice(None, 2, 2, signs), np.array(total)
+    choice, total = tolerance.Choice(None, 2 + len(words), 2, signs), np.array(total)
     rows = total, total - error, difference, largest, sums
-    given = [1.0, 2.0, *np.ravel(rows), *(USUAL | numbers).values()]
+    given = [1.0, 2.0, *words, *np.ravel(rows), *(USUAL | numbers).values()]
     found = dict(enumerate(map(np.float64, given)))
     with np.errstate(all="ignore"):
         operations.evaluate(choice.operations, found)
@@ -578,6 +582,10 @@ def test_what_is_left_of_fast_modes():
     *state, _, _, _, _, _ = chosen([0.5, 1.0], sums=(8 * 1537.0, 0.0), **left)
     assert state == [1.5, 3.0 - 4e-6]  # one fast component is enough, so that sums are conserved
     assert chosen([0.5, 1.0], difference=(0.0, 25e-6))[:2] == [1.0, 2.0]
+    left["difference"] = 0.0, 2e-6  # of lifted fields, all of it is error
+    *state, _, _, _, length, _ = chosen([0.5, 1.0], sums=(0.0, 8 * 3073.0), words=(0.0,), **left)
+    assert state == [1.5, 3.0]
+    assert length == pytest.approx(0.125 * 0.8 * 1.5 ** (1 / 8), rel=2e-3)
 
 
 def test_steps_are_counted_from_one_time_to_the_next():

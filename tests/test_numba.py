@@ -362,11 +362,11 @@ def compiled(function):
 def test_indices_of_uncounted_arrays_from_the_end():
     def of(b):
         b = arrays.uncounted(b)
-        return b[-1, -2], b[2 - len(b), 1], b[1:, -1][-1]
+        return b[-1, -2], b[2 - len(b), 1], b[1:, -1][-1], b[-2][0]
 
     b, of = np.arange(6.0).reshape(3, 2), numba.njit(of)
     for each in (b, np.asfortranarray(b)):
-        assert of(each) == of.py_func(each) == (4.0, 5.0, 5.0)
+        assert of(each) == of.py_func(each) == (4.0, 5.0, 5.0, 2.0)
 
 
 @pytest.mark.slow

@@ -54,8 +54,6 @@ def uncounted_type(kind):
 
 def uncounted_value(context, builder, kind, value):
     """Return an argument whose arrays have no reference counts."""
-    if isinstance(kind, Uncounted):
-        return value
     if isinstance(kind, types.Array):
         return builder.insert_value(value, ir.Constant(value.type.elements[0], None), 0)
     for k, item in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):

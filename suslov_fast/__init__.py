@@ -34,11 +34,19 @@ __all__ = sorted(_MODULE_OF)
 _MODULES = ("compiled", "integrability")
 # Names in other packages for functions of this one, in lower case without underscores.
 _ELSEWHERE = {
-    "crossings": "poincaresection poincaremap poincaresos events basins basinsofattraction",
+    "crossings": "poincare poincaremap poincaresection poincaresos events basins "
+    "basinsofattraction",
     "flow, which returns the states at given times, or iterate": "solveivp odeint ode integrate",
-    "iterate": "trajectory orbitdiagram",
-    "lyapunov_exponents": "lyapunov lyapunovs lyapunovspectrum",
-    "fixed_points": "fixedpoints equilibria",
+    "iterate": "trajectory simulate evolve",
+    "iterate, or crossings, with a family of fields": "orbitdiagram bifurcationdiagram bifurcation",
+    "iterate(...).plot()": "phaseportrait plot",
+    "lyapunov_exponents": "lyapunov lyapunovs lyapunovspectrum maxlyapunov lyapunovexponent",
+    "fixed_points": "fixedpoints equilibria equilibrium",
+    "QuadraticField.from_function, or LiftedField.from_function": "fromfunction field system",
+    "QuadraticField.from_hamiltonian": "fromhamiltonian hamiltonianfield hamiltonian",
+    "suslov_fast.integrability.report": "report conservedquantities integrals firstintegrals",
+    "the argument threads= of each function": "setnumthreads threads numthreads",
+    "the command suslov-fast warm-up": "warmup compile",
     "Trajectories.load, or Crossings.load": "load",
 }
 
@@ -55,11 +63,9 @@ def __getattr__(name: str) -> object:
     if name in _MODULES:
         return _imported(f".{name}")
     if name not in _MODULE_OF:
-        text = f"module {__name__!r} has no attribute {name!r}"
         plain = name.lower().replace("_", "")
-        for here, names in _ELSEWHERE.items():
-            text += f": use {here}" * (plain in names.split())
-        raise AttributeError(text, name=name, obj=sys.modules[__name__])  # Python adds suggestions
+        how = next((here for here, names in _ELSEWHERE.items() if plain in names.split()), "")
+        import_module(".keywords", __name__).refuse(sys.modules[__name__], name, how)
     value: object = getattr(_imported(_MODULE_OF[name]), name)
     globals()[name] = value
     return value

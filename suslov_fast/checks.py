@@ -342,6 +342,8 @@ def in_place_of(value: Any) -> str:
     instead: str = getattr(value, "_instead", "")
     if isinstance(value, tuple) and value and hasattr(value[0], "_instead"):
         return ": pass the body alone, because from_inertia returns a body and a rotation"
+    if isinstance(value, dict):
+        return ": pass body_from_dict(parameters)"
     if callable(value) and not instead:
         return ": pass LiftedField.from_function(f, names), or QuadraticField if f is quadratic"
     return instead

@@ -4,6 +4,7 @@ import argparse
 import inspect
 import json
 import os
+import re
 import shutil
 import sys
 import threading
@@ -27,9 +28,15 @@ _NO_LIMIT, _BEAT = 1e9, 60.0
 # Words of messages for Python, and what they are in a shell.
 _IN_A_SHELL = {
     "raise save_every or divide the batch": "raise --save-every, or lower --trajectories",
+    "use fewer initial states, or ensemble": "lower --trajectories, or write a store, -o run.zarr",
     "raise save_every": "raise --save-every",
     " (open_ensemble reads a store)": "",
 }
+# How messages for Python begin whose argument is an option of the same name.
+_ARGUMENT = re.compile(
+    "(steps|method|save_every|threads|degree|low|extent|seed) must be (None or )?"
+)
+_FIGURES = ".png", ".svg", ".pdf"
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -85,6 +92,8 @@ def _text_of(error: Exception, subject: object = "") -> str:
         subject, text = error.filename or subject, error.strerror
     for words, here in _IN_A_SHELL.items():
         text = text.replace(words, here)
+    if argument := _ARGUMENT.match(text):
+        text = f"--{argument[1].replace('_', '-')} must be {text[argument.end() :]}"
     return text if text.startswith(str(subject)) else f"{subject}: {text}"
 
 
@@ -120,8 +129,9 @@ def run(options: argparse.Namespace) -> None:
     import numba
 
     if options.threads is not None:
-        with _about("--threads"):
-            numba.set_num_threads(options.threads)
+        from .engine.threads import thread_count
+
+        numba.set_num_threads(thread_count(options.threads))
     settings = {name: getattr(options, name) for name in ("save_every", "method", "attitude")}
     settings["progress"] = os.isatty(2) and find_spec("tqdm") is not None
     is_stored = path is not None and path.suffix == ".zarr"
@@ -152,12 +162,14 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
     required = [
         name for name, parameter in signature.items() if parameter.default is parameter.empty
     ]
+    in_file = _body_in(options.body) if options.body else None
     missing = [f"--{name}" for name in (*required, "eps") if getattr(options, name, None) is None]
     if missing:
-        options.usage_error(f"the following arguments are required: {', '.join(missing)}")
+        how = "; --eps is the step size, such as --eps 0.01" if "--eps" in missing else ""
+        options.usage_error(f"the following arguments are required: {', '.join(missing)}{how}")
     if foreign := parameters.keys() - signature.keys():
         options.usage_error(f"argument --{min(foreign)}: not allowed with --J and --I")
-    return _body_in(options.body) if options.body else kind(**parameters), options.eps
+    return in_file if options.body else kind(**parameters), options.eps
 
 
 def _check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
@@ -174,15 +186,22 @@ def _check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
         text += f"; the field of this body has {methods}"
         if repr(method) not in methods:
             raise ValueError(text) from None
-        path = str(options.body)
-        source = f"body_from_dict(json.loads(Path({path!r}).read_bytes()))"
-        source = source if options.body else repr(body)
-        field = f"QuadraticField.of({source})"
-        code = f"Path('field.json').write_text(json.dumps({field}.to_dict()))"
-        imports = "import json; from pathlib import Path; from suslov_fast import *"
-        make = f'python -c "{imports}; {code}"'
+        source = _read(options.body) if options.body else repr(body)
+        make = _writing(f"QuadraticField.of({source})", "field.json")
         then = f"suslov-fast run --body field.json --eps {eps} --method {method}"
         raise ValueError(f"{text}: {make}, and then {then}") from None
+
+
+def _read(path: Path) -> str:
+    """Return the expression of Python that reads a body."""
+    return f"body_from_dict(json.loads(Path({str(path)!r}).read_bytes()))"
+
+
+def _writing(source: str, name: str) -> str:
+    """Return the command that writes the value of an expression of Python as a body."""
+    code = f"Path({name!r}).write_text(json.dumps({source}.to_dict()))"
+    imports = "import json; from pathlib import Path; from suslov_fast import *"
+    return f'python -c "{imports}; {code}"'
 
 
 def _body_in(path: Path) -> Any:
@@ -304,6 +323,9 @@ def info(options: argparse.Namespace) -> int:
 
 def plot(options: argparse.Namespace) -> None:
     """Draw a saved run, or saved crossings, as PNG, SVG or PDF."""
+    if options.output.suffix.lower() not in _FIGURES:
+        ends = "must end in .png, .svg or .pdf"
+        options.usage_error(f"argument -o/--output: '{options.output}' {ends}")
     _require_new([options.output], options.force)
     result = result_in(options.file)
     from .runs.plot import plt
@@ -340,6 +362,13 @@ def report(options: argparse.Namespace) -> None:
     limit = _NO_LIMIT if options.time_limit is None else options.time_limit
     try:
         body = _body_in(options.body)
+        if isinstance(body, sf.LiftedField):
+            make = _writing(f"{_read(options.body)}.lifted", "lifted.json")
+            then = "suslov-fast report --body lifted.json"
+            raise ValueError(
+                f"{options.body}: the equations of a LiftedField are not quadratic; for the map of "
+                f"all variables {make}, and then {then}"
+            )
         show(report_of(body, options.eps, options.degree, time_limit=limit, decimals=True))
     except KeyboardInterrupt as error:
         if hasattr(error, "report"):  # results so far
@@ -368,6 +397,8 @@ def explore(options: argparse.Namespace) -> None:
 
     from .plots.explore.server import Page
 
+    if not 0 <= options.port < 2**16:
+        options.usage_error(f"argument --port: {options.port} is not from 0 to 65535")
     page = sf.explore(_body_in(options.body)) if options.body else Page("")
     with _about(f"--port {options.port}"):
         server = page.serve(options.port)

@@ -1,12 +1,15 @@
-"""Answers to unknown keywords: what other packages call an argument, and what it is called here."""
+"""Answers to unknown keywords and names: what other packages call them, and what is here."""
 
 from __future__ import annotations
 
 import inspect
+import opcode
+import sys
 from collections.abc import Callable, Collection
 from difflib import get_close_matches
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from types import ModuleType
+from typing import NoReturn, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -20,10 +23,13 @@ _DIGITS = (
 _CHOSEN = "flow chooses its steps from the tolerance rtol=; iterate has eps= and method="
 _TENSOR = "from_inertia(I, a) makes a body from an inertia tensor and the constrained axis"
 _AXES = "set it on the axes that plots return, such as ax.set_xlim(0, 1)"
-_ON_AXES = "xlim ylim xlabel ylabel cmap alpha s grid legend"
+_ON_AXES = "xlim ylim xlabel ylabel grid legend"
+_DOTS = 'set it on what is drawn, as in ax.collections[0].set(cmap="magma", alpha=0.5, sizes=[1])'
 _ON_LINES = (
     "for other styles draw the states with Matplotlib, as in ax.plot(run.x[..., 0], run.x[..., 1])"
 )
+_ALL = "it returns all exponents: take the first k, [..., :k]"
+_IN_TIME = "pass progress=, a function that returns False when time is over"
 _RELATIVE = "flow has one tolerance, rtol=, relative to the largest value of each component so far"
 
 # Names that SciPy, MATLAB, Julia and pynamicalsys have for an argument; the names that it may have
@@ -57,8 +63,12 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("terminal", ("most",), "use crossings", "steps"),
         ("burn_in transient_time n_transient Ttr discard", ("transient",), "", ""),
         ("every stride thin sample save_at", ("save_every",), "", ""),
-        ("n_jobs workers num_threads cores", ("threads",), "", ""),
-        ("n_workers", ("threads",), "pass client=, a distributed.Client", "client"),
+        (
+            "n_jobs workers num_threads cores n_workers",
+            ("threads",),
+            "pass client=, a distributed.Client",
+            "client",
+        ),
         ("overwrite mode", (), "pass a new name, or delete the folder of the store", "store"),
         (
             "dtype",
@@ -66,12 +76,22 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
             "states are stored as float64; save_every= and functions= store less",
             "store",
         ),
+        ("k n_exponents num_exponents", ("k", "most"), _ALL, "transient"),
+        ("timeout time_limit max_time budget", ("time_limit",), _IN_TIME, "progress"),
+        (
+            "seed rng random_state",
+            ("seed",),
+            "pass RandomStarts(size, seed=...) as states",
+            "steps",
+        ),
+        ("jac jacobian", (), "derivatives are exact, leave it out", "time"),
         ("value", (), "subtract it: surface=lambda x: x[..., 0] - value", "surface"),
         ("verbose callback", ("progress",), "", ""),
         ("filename file", ("store", "path"), "", ""),
         ("c colour colors", ("color",), _AXES, "ax"),
         ("color", ("color",), "plots have it, as in run.plot(color=...)", "steps"),
         (_ON_AXES, (), _AXES, "ax"),
+        ("cmap alpha s size sizes markersize ms", (), _DOTS, "ax"),
         ("lw linewidth ls linestyle label marker", (), _ON_LINES, "ax"),
         ("figsize", (), "pass ax= of plt.subplots(figsize=(6, 4))", "ax"),
         ("axis", ("surface", "components"), "components are always on the last axis of states", ""),
@@ -103,6 +123,18 @@ _REQUIRED = {
     "SuslovND.I": "the products of inertia; from_mass_tensor makes a body from a matrix",
     "quadratic": "an array (D, D, D); from_function makes a field from its right-hand side",
 }
+
+# Attributes of bodies in other packages, or of other objects, and what they are here.
+_NEW_FIELD = "from_function again, with the new parameters; arrays of parameters make a family"
+_IN_BODIES = {
+    "to_latex latex equations to_sympy": "str(field), the equations",
+    "save to_json to_file dump": "json.dump(body.to_dict(), file)",
+    "replace with_parameters set_parameters": _NEW_FIELD,
+    "hamiltonian": "suslov_fast.energy(field, x), for a field of from_hamiltonian",
+    "dim ndim D N": "dimension",
+    "x omega states": "the states of a run, as iterate returns it",
+}
+INSTEAD_IN_BODIES = {name: how for names, how in _IN_BODIES.items() for name in names.split()}
 
 
 def public_class(body: type[T]) -> type[T]:
@@ -176,6 +208,20 @@ def advice(name: str, known: Collection[str], has_states: bool = False) -> str:
     if found or (found := get_close_matches(name, known, 1)):
         return f"pass {found[0]}="
     return f"it has {', '.join(sorted(known))}" if known else "it takes no argument by name"
+
+
+def refuse(module: ModuleType, name: str, how: str) -> NoReturn:
+    """Raise the error of a module, in whose `__getattr__` this is called, that lacks a name.
+
+    `from module import name` drops the text of an AttributeError, so it gets an ImportError.
+    """
+    frame = sys._getframe(2)
+    text = f": use {how}" if how else ""
+    if how and frame.f_code.co_code[frame.f_lasti] == opcode.opmap["IMPORT_FROM"]:
+        raise ImportError(f"cannot import name {name!r} from {module.__name__!r}{text}")
+    # Python adds suggestions.
+    text = f"module {module.__name__!r} has no attribute {name!r}{text}"
+    raise AttributeError(text, name=name, obj=module)
 
 
 def nearest(name: str, known: Collection[str]) -> str:

@@ -27,11 +27,33 @@ PARAMETERS = {
 _JSON = "a body or a field, saved by json.dump(body.to_dict(), file); - is standard input"
 # What Python calls an option of the command, or other packages do.
 _OTHERS = {
-    **dict.fromkeys(("dt", "h"), "eps"),
-    **dict.fromkeys(("x0", "y0", "u0"), "omega0"),
-    **dict.fromkeys(("t", "t_span", "time"), "steps"),
-    **dict.fromkeys(("field", "system"), "body"),
+    "dt h": "eps",
+    "x0 y0 u0": "omega0",
+    "n n-steps num-steps nsteps t t-span time": "steps",
+    "m count size orbits": "trajectories",
+    "c x y columns variables": "components",
+    "d": "degree",
+    "timeout limit": "time-limit",
+    "workers jobs j cores nproc": "threads",
+    "f file out": "output",
+    "field system config model": "body",
     "overwrite": "force",
+    "format": "json",
+    "iterate simulate integrate": "run",
+    "draw figure": "plot",
+    "show summary status": "info",
+    "compile": "warm-up",
+    "gui serve": "explore",
+    "list": "help",
+}
+_OTHERS = {word: name for words, name in _OTHERS.items() for word in words.split()}
+# What no option does.
+_WITHOUT_OPTION = {
+    "set param params parameter parameters p": "parameters are part of the file of --body: write "
+    "it anew, with QuadraticField.from_function(f, names, rho=20) for example",
+    "timeout": "a run into FILE.zarr may be interrupted, and the same command continues it",
+    "v verbose q quiet log-level progress": "progress is shown on a terminal, and once a minute "
+    "in a log",
 }
 _FORCE = "replace an existing file"
 
@@ -41,15 +63,26 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         unknown = re.search(
-            r"unrecognized arguments: -+([^\s=]+)|invalid choice: '([^']*)'", message
+            r"unrecognized arguments: (-*[^\s=]+)|invalid choice: '([^']*)'", message
         )
         names = {}
         for action in self._actions:
             for name in (*action.option_strings, *map(str, action.choices or ())):
                 names[name.strip("-").lower()] = name
-        word = (unknown[1] or unknown[2]).lower() if unknown else ""
+        given = (unknown[1] or unknown[2]).lower() if unknown else ""
+        word = given.strip("-")
+        if given == word and unknown and unknown[1]:  # a word without an option
+            word = "body" if word.endswith(".json") else "components" if "," in word else "file"
         close = get_close_matches(_OTHERS.get(word, word), names, 1) if word else []
-        super().error(f"{message}; did you mean {names[close[0]]}?" if close else message)
+        advice = f"did you mean {names[close[0]]}?" if close else ""
+        for words, how in {} if close else _WITHOUT_OPTION.items():
+            advice = how if word in words.split() else advice
+        if unknown and unknown[1] and given != word and not advice and self.prog.endswith("run"):
+            advice = f"if {word} is a parameter of the field, it is part of the file of --body"
+        if unknown and unknown[2] and not close and get_close_matches(word, dir(sf), 1):
+            [function] = get_close_matches(word, dir(sf), 1)
+            advice = f"call suslov_fast.{function} in Python"
+        super().error(f"{message}; {advice}" if advice else message)
 
 
 def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namespace:

@@ -322,8 +322,26 @@ MISTAKES = """
 1 | run --trajectories 0 | --trajectories must .* 0
 1 | run --trajectories 1e12 --steps 9 | memory
 1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* B are free
-1 | run --threads 100000 | --threads:
-1 | run --method order9 | method must be 'auto', not 'order9' .* field of this body has the methods
+1 | run --threads 0 | --threads must be an integer from 1 to .* (NUMBA_NUM_THREADS), not 0
+1 | run --threads 100000 | --threads must .* not 100000
+1 | run --steps -1 | --steps must be the number of steps, an integer of 0 or more, not -1
+1 | report --body good.json --degree 0 | --degree must be an integer, 1 or more, not 0
+1 | run --body missing.json | missing.json: No such file
+2 | run --body good.json | required: --eps; --eps is the step size, such as --eps 0.01
+2 | run -n 9 | -n 9; did you mean --steps?
+2 | run --workers 2 | --workers 2; did you mean --threads?
+2 | run good.json | good.json; did you mean --body?
+2 | run --rho 28 | if rho is a parameter of the field, it is part of the file of --body
+2 | run --set rho=28 | parameters are part of the file of --body
+2 | run --timeout 3 | --timeout 3; a run into FILE.zarr may be interrupted
+2 | report --body good.json --timeout 3 | --timeout 3; did you mean --time-limit?
+2 | plot good.npz -o o.png -c x,y | -c x,y; did you mean --components?
+2 | plot good.npz -o o.png x,y | x,y; did you mean --components?
+2 | explore --port 65536 | argument --port: 65536 is not from 0 to 65535
+2 | flow | invalid choice: 'flow' .* call suslov_fast.flow in Python
+2 | simulate | invalid choice: 'simulate' .* did you mean run?
+1 | report --body lifted.json | lifted.json: .* of a LiftedField .* report --body lifted.json
+1 | run --method order9 | --method must be 'auto', not 'order9' .* this body has the methods
 1 | run --body missing.json --eps 1 | missing.json: No such file
 1 | info wrong.json | wrong.json: not the name of a saved run, such as run.npz
 1 | run --body cut.json --eps 1 | cut.json: not the JSON text .* line 1 column 10
@@ -341,7 +359,7 @@ MISTAKES = """
 2 | run --low 1 | arguments --low and --high belong together
 2 | run --low 1 --high 2 --extent 3 | belong together, without --extent
 2 | run --omega0 1,2 --low 1 --high 2 | are for random states
-1 | run --low 1 --high 0 | low must be below high, 0.0, not 1.0
+1 | run --low 1 --high 0 | --low must be below high, 0.0, not 1.0
 1 | run --low 1,2,3 --high 4 | low and high must be numbers, or one for each component, not 3 for 2
 2 | run --picture one | --picture: 'one' is not an integer
 2 | plot good.npz | required: -o/--output
@@ -349,11 +367,10 @@ MISTAKES = """
 1 | plot missing.npz -o o.png | missing.npz: No such file
 1 | plot foreign.npz -o o.png | foreign.npz
 1 | plot run.npz -o picture1.png | picture1.png exists: choose a new name, or add --force
-1 | plot run.npz -o o.docx | o.docx: .* docx
+2 | plot run.npz -o o.docx | 'o.docx' must end in .png, .svg or .pdf
 1 | plot folder.zarr -o o.png | path must be a name that ends in .npz
 1 | info folder.zarr | folder.zarr
 1 | pictures | picture1.png exists: choose a new name, or add --force
-1 | explore --port 65536 | --port 65536:
 """
 
 
@@ -370,6 +387,8 @@ def bad_files(tmp_path_factory):
     sf.iterate(BODY, [1.0, 0.5], 0.2, 3).save(folder / "run.npz")
     body = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": 0, "I23": 1}
     texts = {"good.json": json.dumps(body), "wrong.json": json.dumps(body | {"I1": -4})}
+    lifted = sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), "q p")
+    texts["lifted.json"] = json.dumps(lifted.to_dict())
     texts |= {"cut.json": '{"body": ', "good.npz": "precious", "picture1.png": "precious"}
     for name, text in texts.items():
         (folder / name).write_text(text)
@@ -416,6 +435,17 @@ def test_a_method_of_fields_for_a_body():
         assert (facts["method"], facts["eps"], facts["body"]["body"]) == (
             "order6", 0.25, "QuadraticField",
         )  # fmt: skip
+
+
+def test_the_report_of_a_lifted_field():
+    """The message has the line that writes the field of all variables."""
+    pendulum = sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), "q p")
+    Path("pendulum.json").write_text(json.dumps(pendulum.to_dict()))
+    done = run("report --body pendulum.json")
+    code, then = done.err.partition(" python -c ")[2].split(", and then suslov-fast ")
+    exec(code.strip('"'))
+    assert then.strip() == "report --body lifted.json"
+    assert sf.body_from_dict(json.loads(Path("lifted.json").read_text())) == pendulum.lifted
 
 
 @pytest.mark.compiled

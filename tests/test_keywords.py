@@ -10,12 +10,15 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.keywords import advice, public
+from suslov_fast.runs.periodic import PeriodicOrbit
 
 FIELD = sf.QuadraticField.from_function(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
 RUN = sf.iterate(FIELD, [1.0, 0.0], 0.1, 10)
+FAMILY = sf.QuadraticField.from_function(lambda x, rho: (x[1], -rho * x[0]), 2, rho=[1, 2])
 SPACE = sf.QuadraticField.from_function(lambda x: (x[1], -x[0], x[2]), "u v w")
 # Without a crossing: nothing is compiled when tests are collected.
 POINTS = sf.crossings(FIELD, [1.0, 0.0], 0.1, 100, lambda x: x[..., 0] - 9)
+ORBIT = PeriodicOrbit(np.ones(2), 1.0, np.ones(2, complex), 0.0)
 STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
 
 
@@ -39,6 +42,13 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (sf.crossings, STEPPED, "terminal", "pass most="),
         (sf.crossings, STEPPED, "Ttr", "pass transient="),
         (sf.lyapunov_exponents, STEPPED, "n_jobs", "pass threads="),
+        (sf.lyapunov_exponents, STEPPED, "k", r"returns all .* take the first k, \[\.\.\., :k\]"),
+        (sf.crossings, (*STEPPED, sum), "k", "pass most="),
+        (sf.iterate, STEPPED, "timeout", "pass progress=, a function that returns False"),
+        (sf.integrability.report, (FIELD,), "budget", "pass time_limit="),
+        (sf.iterate, STEPPED, "seed", r"pass RandomStarts\(size, seed=\.\.\.\) as states"),
+        (sf.ensemble, STEPPED, "n_jobs", "pass client="),
+        (sf.flow, (FIELD, [1, 0]), "jac", "derivatives are exact, leave it out"),
         (sf.flow, (sf.Suslov3D(4, 2, 0.5, 0.3), [1, 0]), "t_eval", "pass time="),
         (sf.flow, (FIELD, [1, 0]), "method", "from the tolerance rtol=; iterate has eps= "),
         (sf.flow, (FIELD, [1, 0]), "max_step", "flow chooses its steps from the tolerance rtol="),
@@ -54,7 +64,8 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (RUN.plot, (), "colour", "pass color="),
         (RUN.plot, (), "figsize", r"pass ax= of plt\.subplots\(figsize="),
         (RUN.plot, (), "x", r'pass components, as in plot\("x1", "x2"\)'),
-        (POINTS.plot, (), "cmap", "set it on the axes"),
+        (POINTS.plot, (), "cmap", r'as in ax\.collections\[0\]\.set\(cmap="magma"'),
+        (POINTS.plot, (), "s", r"alpha=0\.5, sizes=\[1\]\)"),
         (RUN.extend, (), "n", "pass steps="),
         (RUN.save, (), "filename", "pass path="),
         (sf.periodic_orbit, (FIELD, [1, 0]), "T", "pass period="),
@@ -68,7 +79,7 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (sf.Suslov3D, (), "omega0", "Suslov3D has no argument 'omega0': it has I1"),
         (sf.iterate, STEPPED, "RelTol", 'method="extrapolated"'),
         (sf.iterate, STEPPED, "color", r"run\.plot\(color="),
-        (sf.RandomStarts, (), "rng", "RandomStarts has no argument 'rng': it has extent, high"),
+        (sf.RandomStarts, (), "rng", "RandomStarts has no argument 'rng': pass seed=$"),
         (
             sf.QuadraticField.from_terms,
             ([], [], 1),
@@ -176,6 +187,16 @@ def test_missing_arguments(function, arguments, answer):
             lambda: sf.QuadraticField.from_function(lambda x, v: (-x,), 1),
             "f needs v: pass v=28, .*if v is a variable, count it among the 2 of the dimension",
         ),
+        (
+            lambda: RUN.plot("rho", "u"),
+            r"ax\.plot\(run\.body\.parameters\['rho'\], run\.x\[-1, :, 0\], '\.'\)",
+        ),
+        (
+            lambda: POINTS.plot("rho", "u"),
+            r"parameters\['rho'\]\[points\.trajectory\], points\.states\[:, 0\], '\.'\)",
+        ),
+        (lambda: FAMILY["rho"], r"its parameters are parameters\['rho'\], its members sel\("),
+        (lambda: sf.iterate(FIELD.to_dict(), [1, 0], 0.1, 10), r"pass body_from_dict\("),
         (lambda: RUN.plot(color=[1, 2]), r"shape \(\), one number for each orbit"),
     ],
 )
@@ -232,13 +253,40 @@ def test_known_names_come_before_sentences():
         (RUN, "t_events", "crossings, which finds"),
         (RUN.body, "to_latex", r"str\(field\)"),
         (RUN.body, "states", "the states of a run"),
+        (RUN.body, "with_parameters", "from_function again, with the new parameters"),
+        (RUN.body, "dim", "use dimension"),
+        (RUN.body, "to_json", r"json\.dump\(body\.to_dict\(\), file\)"),
+        (RUN, "errors", "run.status and run.failed_at"),
+        (ORBIT, "plot", r"use iterate\(field, orbit\.state, orbit\.period / steps, steps, "),
+        (ORBIT, "x", r"use orbit\.state"),
+        (ORBIT, "stable", r"abs\(orbit\.multipliers\)"),
+        (ORBIT, "nothing", "a periodic orbit has no attribute 'nothing'$"),
         (sf, "load", "use Trajectories.load, or Crossings.load"),
+        (sf, "report", "use suslov_fast.integrability.report"),
+        (sf, "set_num_threads", "use the argument threads= of each function"),
+        (sf.integrability, "fixed_points", "use suslov_fast.fixed_points"),
+        (sf.integrability, "nothing", "has no attribute 'nothing'$"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_unknown_attributes(thing, name, answer):
     with pytest.raises(AttributeError, match=answer):
         getattr(thing, name)
+
+
+@pytest.mark.parametrize(
+    ("line", "answer"),
+    [
+        ("from suslov_fast.integrability import fixed_points", "use suslov_fast.fixed_points"),
+        ("from suslov_fast import iterate, report", "use suslov_fast.integrability.report"),
+        ("from suslov_fast import lyapunov", "use lyapunov_exponents"),
+        ("from suslov_fast import nothing", "cannot import name 'nothing'"),
+    ],
+)
+def test_imports_of_unknown_names(line, answer):
+    with pytest.raises(ImportError, match=answer):
+        exec(line)
+    assert not hasattr(sf.integrability, "fixed_points")  # the error of an attribute
 
 
 def test_components_of_bodies_are_named_in_any_case():

@@ -186,7 +186,7 @@ def test_families_have_the_colours_of_their_parameter():
 
 def test_crossings_are_drawn():
     points = sf.crossings(FAMILY, [1, 1, 20], 1 / 64, 3000, lambda x: x[..., 2] - 24)
-    axes = points.plot(components=("x1", 2))
+    axes = points.plot("x1", 2)
     (dots,), bar = axes.collections, axes.figure.axes[1]
     np.testing.assert_array_equal(dots.get_offsets(), points.states[:, ::2])
     np.testing.assert_array_equal(dots.get_array(), FAMILY.parameters["rho"][points.trajectory])

@@ -7,14 +7,16 @@ message that ends in what to type, with the user's own names where they show wha
 
 import inspect
 import re
+import traceback
 from collections.abc import Mapping, Sequence
 from keyword import iskeyword
 from typing import Any, NoReturn
 
 from ..checks import page, short, wrong
 from .definitions import Definitions
-from .expressions import state_of
+from .expressions import FUNCTIONS, state_of
 from .names import TIME, clash, free, labels
+from .polynomials import HOW
 
 # Usual names of an array of parameters, of a state or a component, and of a state as a whole in
 # functions for other packages. Parameters of fields rarely have these names.
@@ -35,6 +37,8 @@ TEXTS = {
     "product of a number": "@|matmul",
     "linear algebra of symbols": "ufunc '(solve|inv|lstsq|det|qr|eig|svd)",
     "function of math": "must be real number, not",
+    "function without symbols": "must be real number, not|not '(Expression|Polynomial)'|"
+    "object has no attribute",
     "time is None": "NoneType",
     "number of a symbol": "Polynomial",
     "tuple as an array": "'Variables'|'tuple' and|tuple indices|can't multiply sequence",
@@ -280,6 +284,10 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
     text = " ".join(str(error).split())
     if hasattr(error, "in_words"):  # NoPolynomial or NoPower
         return f"{f_name} {error.in_words(names)}, see {page(CUBIC)}"
+    if function := of_numpy(error):
+        how = f"those that take them, in a LiftedField, are {', '.join(FUNCTIONS)}"
+        how = f"write {HOW[function]}" if function in HOW else how
+        return f"{f_name} calls {function} of NumPy, which takes no symbols: {how}"
     if _is_of_numba(error):
         how = "call its Python function, g.py_func(*x) in place of g(*x)"
         return f"{f_name} calls a function compiled by Numba, which takes no symbols: {how}"
@@ -327,6 +335,16 @@ def raise_explained(argument: str, error: Exception, cause: str) -> NoReturn:
         raise error
     kind = ValueError if is_value else TypeError
     raise kind(prefixed(argument, cause)) from (error if is_usual else None)
+
+
+def of_numpy(error: Exception) -> str:
+    """Return the function of NumPy, written in Python, that failed because it takes no symbols."""
+    if not says(str(error), "function without symbols"):
+        return ""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        if frame.f_globals.get("__name__", "").partition(".")[0] == "numpy":
+            return frame.f_code.co_name
+    return ""
 
 
 def _is_of_numba(error: Exception) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
+from ..keywords import INSTEAD_IN_BODIES
 from .polynomials import from_lists, to_lists
 
 Kind = TypeVar("Kind", bound="Body")
@@ -21,12 +22,6 @@ _ELSEWHERE = {
     "trajectory": "iterate",
     "lyapunov": "lyapunov_exponents",
     "poincare_section": "crossings",
-}
-_INSTEAD = {
-    **dict.fromkeys(("to_latex", "latex", "equations", "to_sympy"), "str(field), the equations"),
-    "save": "json.dump(body.to_dict(), file)",
-    "replace": "from_function again, with the new parameters",
-    **dict.fromkeys(("x", "omega", "states"), "the states of a run, as iterate returns it"),
 }
 # Attributes for other modules of the package; `dir` hides them.
 _FOR_KERNELS = {"batch_of_one", "constants"}
@@ -156,7 +151,7 @@ class Body:
                 instead = f"parameters[{name!r}]"
             elif name in import_module("suslov_fast").__all__ or name in _ELSEWHERE:
                 instead = f"suslov_fast.{_ELSEWHERE.get(name, name)}(body, ...)"
-            instead = instead or _INSTEAD.get(name, "")
+            instead = instead or INSTEAD_IN_BODIES.get(name, "")
             if instead:
                 raise AttributeError(f"{kind!r} object has no attribute {name!r}: use {instead}")
             raise AttributeError(f"{kind!r} object has no attribute {name!r}", name=name, obj=self)
@@ -184,6 +179,8 @@ class Body:
             except (IndexError, TypeError) as error:
                 text = f"index {checks.short(index)} does not fit a batch of shape {self.shape}"
                 how = "pass an integer, a slice or a mask for each of its first axes"
+                if isinstance(entry, str):
+                    how = f"its parameters are parameters[{entry!r}], its members sel(...)"
                 raise type(error)(f"{text}: {how}") from None
             body = body._merged(axis, axes)._part(axis, selection)
             axis += 1 if isinstance(selection, slice) else np.ndim(selection)

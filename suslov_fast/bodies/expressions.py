@@ -113,6 +113,9 @@ class Expression(NDArrayOperatorsMixin):
     def __bool__(self) -> bool:
         raise NotSmooth("if", self)
 
+    def __round__(self, digits: Any = None) -> Any:
+        raise NotSmooth("round", self)
+
     def __repr__(self) -> str:
         return self.text()
 

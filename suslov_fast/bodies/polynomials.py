@@ -125,7 +125,9 @@ HOW = {
     "arctan2": "2*np.arctan(y/(x + np.hypot(x, y))) for np.arctan2(y, x)",
     "expit": "1/(1 + np.exp(-x)) for expit(x)",
     "logistic": "1/(1 + np.exp(-x))",
-    "sinc": "np.sin(np.pi*x)/(np.pi*x)",
+    "sinc": "np.sin(np.pi*x)/(np.pi*x) for np.sinc(x), without a value at x = 0",
+    "deg2rad": "np.pi/180 * x for np.deg2rad(x)",
+    "rad2deg": "180/np.pi * x for np.rad2deg(x)",
     "arcsin": "np.arctan(x/np.sqrt(1 - x**2)) for np.arcsin(x)",
     "arccos": "np.pi/2 - np.arctan(x/np.sqrt(1 - x**2)) for np.arccos(x)",
     "arcsinh": "np.log(x + np.sqrt(x**2 + 1)) for np.arcsinh(x)",
@@ -278,6 +280,9 @@ class Polynomial(NDArrayOperatorsMixin):
 
     def __bool__(self) -> bool:
         raise NoPolynomial("if", self)
+
+    def __round__(self, digits: Any = None) -> Any:
+        raise NoPolynomial("round", self)
 
     def __repr__(self) -> str:
         return self.text(labels(max((i for m in self.terms for i in m), default=0) + 1))

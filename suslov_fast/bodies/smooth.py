@@ -10,7 +10,15 @@ from typing import Any
 import numpy as np
 
 from ..checks import short
-from .advice import check_arguments, check_callable, explained, name_of, prefixed, raise_explained
+from .advice import (
+    check_arguments,
+    check_callable,
+    explained,
+    name_of,
+    of_numpy,
+    prefixed,
+    raise_explained,
+)
 from .columns import Refused
 from .definitions import Definitions
 from .expressions import FUNCTIONS, NotSmooth, as_polynomial, state_of
@@ -41,7 +49,8 @@ def traced(
         text = f"{f_name} {error or 'needs single values'}: {how}"
         raise TypeError(prefixed(argument, text)) from None
     except Exception as error:  # raised by f
-        cause = _of_math(error) or explained(error, f_name, names, is_family)
+        of_math = "" if of_numpy(error) else _of_math(error)
+        cause = of_math or explained(error, f_name, names, is_family)
         raise_explained(argument, error, cause)
     try:
         parts = [result] if argument == "H" else _components(result, len(names))

@@ -309,6 +309,7 @@ class Crossings(Result):
     @public
     def plot(
         self,
+        *names: int | str | Sequence[int | str],
         components: Sequence[int | str] | None = None,
         color: Any = None,
         title: str | bool | None = True,
@@ -318,6 +319,9 @@ class Crossings(Result):
 
         Parameters
         ----------
+        *names : int or str
+            The components to draw, as in ``points.plot("y", "py")``; one tuple, or `components`, is
+            the same.
         components : sequence of int or str, optional
             Two or three indices or labels, such as ``("x2", "x3")``, or "time". By default the
             first two that vary; of a canonical Hamiltonian field a coordinate and its momentum.
@@ -340,7 +344,8 @@ class Crossings(Result):
         """
         from . import plot  # which imports Matplotlib
 
-        return plot.plot_crossings(self, components, color, title, ax)
+        chosen = names[0] if len(names) == 1 else names or components
+        return plot.plot_crossings(self, chosen, color, title, ax)
 
     def __repr__(self) -> str:
         n = self.n
@@ -388,19 +393,7 @@ def searched(
 # Attributes of runs and of SciPy's results, and what to use here.
 _INSTEAD = {
     **dict.fromkeys(
-        (
-            "x",
-            "omega",
-            "y",
-            "u",
-            "sol",
-            "points",
-            "y_events",
-            "values",
-            "data",
-            "shape",
-            "to_numpy",
-        ),
+        "x omega y u sol points y_events values data shape to_numpy".split(),
         "crossings.states, the points, or .before and .after",
     ),
     **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),

@@ -10,7 +10,7 @@ of the Jacobians of the steps; its eigenvalues at the solution are the multiplie
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +32,16 @@ _AT_REST = 1e-6  # part of its size that a state at rest moves in a period
 _DIVISORS = 2, 3, 5, 7, 11, 13
 
 
+_RUN = "iterate(field, orbit.state, orbit.period / steps, steps, method='order8')"
+_INSTEAD = {
+    "plot orbit trajectory states run": f"{_RUN}, whose result has states and plot()",
+    "x start x0": "orbit.state",
+    "T": "orbit.period",
+    "stable is_stable": "abs(orbit.multipliers), at most 1 for a stable orbit",
+    "monodromy eigenvalues": "orbit.multipliers, the eigenvalues of the monodromy matrix",
+}
+
+
 class PeriodicOrbit(NamedTuple):
     """A periodic orbit: the result of :func:`periodic_orbit`."""
 
@@ -43,6 +53,17 @@ class PeriodicOrbit(NamedTuple):
     """Eigenvalues of the derivative of the map of a period, shape (D,), sorted by modulus."""
     residual: float
     """The largest modulus of a component of Phi^N(x) - x over that of x."""
+
+
+def _unknown(orbit: PeriodicOrbit, name: str) -> NoReturn:
+    """Raise an AttributeError that names what to use instead, if there is something."""
+    text = f"a periodic orbit has no attribute {name!r}"
+    how = next((how for names, how in _INSTEAD.items() if name in names.split()), "")
+    raise AttributeError(f"{text}: use {how}" if how else text, name=name, obj=orbit)
+
+
+# Here, because in the class type checkers would accept any name.
+PeriodicOrbit.__getattr__ = _unknown  # type: ignore[attr-defined]
 
 
 @public

@@ -137,7 +137,7 @@ def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any
 _TIME = -1  # in place of the index of a component
 
 
-def _in_place_of(components: Any) -> str:
+def _in_place_of(run: Any, components: Any) -> str:
     """Return advice, for messages, on what is no component."""
     if isinstance(components, str) and re.search(r"\.\w+$", components):
         return f": plots return axes, whose figure.savefig({components!r}) writes a file"
@@ -145,6 +145,12 @@ def _in_place_of(components: Any) -> str:
     if isinstance(components, (tuple, list)):
         if any(isinstance(each, (tuple, list)) for each in components):
             return ": draw one after the other, ax = run.plot(0, 1) and run.plot(0, 2, ax=ax)"
+        for name in filter(run.body.parameters.__contains__, components):
+            values = f"body.parameters[{name!r}]"
+            drawn = f"run.{values}, run.{run.map.variable}[-1, :, 0]"
+            if not hasattr(run, "save_every"):
+                drawn = f"points.{values}[points.trajectory], points.states[:, 0]"
+            return f": draw a parameter by ax.plot({drawn}, '.')"
         for name in quantities:
             if name in components:
                 return f": draw quantities by ax.plot(run.time, run.{name}())"
@@ -164,7 +170,7 @@ def _components(run: Any, components: Any) -> list[int]:
     if len(given) not in (2, 3) or any(
         isinstance(k, (tuple, list)) or (isinstance(k, str) and k not in names) for k in given
     ):
-        raise wrong("components", expected, f"{short(components)}{_in_place_of(components)}")
+        raise wrong("components", expected, f"{short(components)}{_in_place_of(run, components)}")
     indices = []
     for k in given:
         if isinstance(k, str):

@@ -27,7 +27,6 @@ INSTEAD_IN_RUNS = {
         "run.{x}, the states with time on the first axis, so that y of solve_ivp is run.{x}.T",
     ),
     **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
-    "message": "run.status and run.failed_at, with a Status for each trajectory",
     **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
     "shape": "run.{x}.shape",
     "local_error": "iterate(..., method='extrapolated'), whose steps estimate their errors",
@@ -35,7 +34,11 @@ INSTEAD_IN_RUNS = {
     "parameters": "run.body.parameters",
     "savefig": "run.plot().figure.savefig(path)",
     "select": "run.{x}[:, k], the states of trajectory k",
-    "summary": "print(run), or suslov-fast info for a saved run",
+    **dict.fromkeys(("summary", "info"), "print(run), or suslov-fast info for a saved run"),
+    **dict.fromkeys(
+        ("message", "errors", "status_counts"),
+        "run.status and run.failed_at, with a Status for each trajectory",
+    ),
     **dict.fromkeys(
         ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
         "run.to_xarray(), whose Dataset has to_dataframe and to_netcdf",

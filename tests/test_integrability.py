@@ -800,6 +800,7 @@ def test_names_that_sympy_takes_for_its_own():
     [
         (field_of(lambda x, c: (c * x[0] * x[1], x[0]), 2, c=0.1), "0.1"),
         (field_of(lambda x: (0.1 * x[0] * x[1], x[1]), 2), "0.1"),
+        (field_of(lambda x: (0.1 * x[0] * (1 - x[1]), x[1]), 2), "0.1"),
         (from_hamiltonian(lambda x: 0.7 * x[0] ** 2 * x[1] + x[1] ** 2, 2), "0.7"),
         (field_of(lambda x: (x[0] * x[1] / 2, x[1]), 2), None),
         (Suslov3D(4, 1, -0.5, -0.3), "-0.3"),

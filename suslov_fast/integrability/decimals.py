@@ -53,8 +53,9 @@ def in_decimals(body: Any) -> QuadraticField:
 
 def note_on_floats(body: Any, eps: Any) -> list[str]:
     """Return a note on the first number that looks like a decimal rounded to a float."""
-    for number in [*_numbers_in(body), eps or 0]:
-        a = rational("field", number)
+    numbers = [rational("field", number) for number in [*_numbers_in(body), eps or 0]]
+    # Positive ones first, because 0.1 * x * (1 - y) has the coefficient -0.1, which nobody wrote.
+    for a in sorted(numbers, key=lambda number: number < 0):
         simple, q = a.limit_denominator(10**6), a.denominator
         is_binary = q & (q - 1) == 0  # a power of two
         if q > _LONG and is_binary and float(simple) == a:

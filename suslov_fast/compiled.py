@@ -85,15 +85,15 @@ def enter_body(frame, omega1, omega2):
 @formula
 def advance_body(frame, X, Y):
     """X and Y of the next state, for any T."""
-    above, below, less = 1.0 + Y, 1.0 - Y, X * (-2.0 * X)
+    square, above, beyond = X * (2.0 * X), 1.0 + Y, Y - 1.0
     # For Y < 0, where D > 1 + X**2, `least` is not that of `map_3d.turn`, but smaller than D, too.
-    D, least = below - less, map_3d.ZERO_TO_ROUNDING * (above - less)
+    D, least = square - beyond, map_3d.ZERO_TO_ROUNDING * (above + square)
     ratio = above / select(abs(D) > least, D, np.nan)
     X_next = X * ratio
     decayed = abs(X_next) < -map_3d.NEGLIGIBLE * Y
     # Y - 2 X X_next cancels only where T >= 1; then (1 + Y_next) / (1 - Y) = X_next / X.
-    usual = (abs(Y) < 1.0) | (less > -1.0)
-    Y_next = select(usual, Y, -1.0) + select(usual, less, below) * ratio
+    usual = (abs(Y) < 1.0) | (square < 1.0)
+    Y_next = select(usual, Y, -1.0) - select(usual, square, beyond) * ratio
     return select(decayed, 0.0, X_next), Y_next
 
 

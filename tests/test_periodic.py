@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import suslov_fast as sf
+from suslov_fast.runs import periodic
 
 pytestmark = pytest.mark.compiled  # 20,000 steps of order 8 take minutes as Python
 
@@ -153,13 +154,14 @@ def test_a_multiple_of_a_period_is_named():
 
 def test_time_scales_with_its_unit():
     """In another unit of time and of the state the orbit is the same."""
+    unit = 2.0**-14
     fast = sf.QuadraticField.from_function(
-        lambda x: (4 * x[0] * (1 - 8 * x[1]), 4 * x[1] * (8 * x[0] - 1)), 2
+        lambda x: (x[0] * (1 - 8 * x[1]) / unit, x[1] * (8 * x[0] - 1) / unit), 2
     )
     one = sf.periodic_orbit(VOLTERRA, [1.0, 2.0], 6.5, 60)
-    other = sf.periodic_orbit(fast, [0.125, 0.25], 6.5 / 4, 60)
+    other = sf.periodic_orbit(fast, [0.125, 0.25], 6.5 * unit, 60)
     np.testing.assert_allclose(8 * other.state, one.state, rtol=1e-9)
-    assert abs(4 * other.period / one.period - 1) < 1e-9
+    assert abs(other.period / (one.period * unit) - 1) < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -197,6 +199,13 @@ def test_the_period_is_corrected_first():
         orbit = sf.periodic_orbit(field, start, guess, 400)
         assert abs(orbit.period - 2 * np.pi) < 1e-7
         assert abs(orbit.state - start).max() < 1e-7
+
+
+def test_a_period_that_leads_away_is_not_taken():
+    search = periodic._Shooting(VOLTERRA, np.array([1.0, 3.0]), 5.0, 60, "auto")
+    before = search.eps, search.residual
+    search._correct_period()
+    assert (search.eps, search.residual) == before
 
 
 def test_a_start_from_which_whole_steps_lead_away():

@@ -83,6 +83,8 @@ def test_attributes(name):
     assert run.ok == (name != "failed")
     assert (run.method, run.steps, run.save_every) == (options.get("method", "auto"), steps, every)
     assert re.fullmatch(r"Trajectories\((omega|x): .{,98}\)", repr(run))
+    more = f" ... {run.n[-1]}" if len(run) > 2 else ""
+    assert f" n: {', '.join(map(str, run.n[:2]))}{more}, " in repr(run)
     own, other = ("x", "omega") if isinstance(body, sf.QuadraticField) else ("omega", "x")
     assert getattr(run, own) is run.states
     with pytest.raises(AttributeError, match=f"^no attribute '{other}': .* run.{own}$"):

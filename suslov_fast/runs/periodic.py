@@ -227,8 +227,6 @@ class _Shooting:
     def _improve(self) -> bool:
         """Take a step, or a part of it; return whether the residual fell."""
         x, eps, residual = self.x, self.eps, self.residual
-        if not np.isfinite(residual):
-            return False
         with np.errstate(all="ignore"):
             step = self._step()
         if not np.isfinite(step).all():

@@ -132,6 +132,11 @@ def test_time_as_a_variable_never_returns():
     assert abs(orbit.state[:2] - known).max() < 1e-9
 
 
+def test_a_period_that_tends_to_0_is_no_equilibrium():
+    with pytest.raises(RuntimeError, match=r"no orbit: the period tended to 0 at the state \[0\.5"):
+        sf.periodic_orbit(sf.QuadraticField.from_function(lambda x: (1 - x[0],), 1), [0.5], 2.0, 20)
+
+
 def test_a_start_at_rest_is_no_orbit():
     with pytest.raises(RuntimeError, match=r"found the equilibrium .*start or period = 3 is too"):
         sf.periodic_orbit(LORENZ, [0, 0, 0], 3.0, 20)

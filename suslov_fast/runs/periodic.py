@@ -264,9 +264,11 @@ class _Shooting:
             if not self._improve() or (is_found and self.residual > last / 2):
                 break
         period = self.eps * self.steps
-        size = abs(self.x).max()
-        if abs(vector_field(self.field, self.x)).max() * period <= _AT_REST * size:
+        size, rate = abs(self.x).max(), abs(vector_field(self.field, self.x)).max()
+        if rate * max(period, self.given) <= _AT_REST * size:
             found = f"the equilibrium {short(self.x.tolist())}"
+        elif rate * period <= _AT_REST * size:
+            found = f"no orbit: the period tended to 0 at the state {short(self.x.tolist())}"
         elif not self.residual <= tol:
             found = f"no orbit: the residual {self.residual:.1e} exceeds tol = {tol:g}"
         else:

@@ -381,9 +381,14 @@ def test_a_field_without_a_plan(rng, monkeypatch):
         found = flow(LORENZ, start, 0.5)
         with pytest.warns(PoleWarning):
             assert np.isnan(flow(SQUARE, [1.0], 2.0)).all()
+        # Near rest the first step is long, and its stages pass the pole at t = 3.
+        near_rest = flow(QuadraticField([[[1.0]]], None, [-0.99]), [1.0], 2.0)
     finally:
         tolerance._stage_of.cache_clear()
     assert abs(found - wanted).max() < 1e-7
+    a = np.sqrt(0.99)
+    e = (1 - a) / (1 + a) * np.exp(4 * a)
+    assert near_rest[0] == pytest.approx(a * (1 + e) / (1 - e), rel=1e-7)
 
 
 @pytest.mark.compiled

@@ -1,6 +1,7 @@
 """Fields whose right-hand side is smooth and not quadratic."""
 
 import ctypes
+import functools
 import math
 import pickle
 import re
@@ -30,7 +31,7 @@ from suslov_fast import (
     vector_field,
 )
 from suslov_fast.compiled import step_system, system, work
-from suslov_fast.core import machine_code
+from suslov_fast.core import machine_code, steps_field
 from suslov_fast.maps.methods import FRACTIONS
 
 S, C = np.sin, np.cos
@@ -370,7 +371,40 @@ def test_compiled_steps_without_a_plan(monkeypatch):
     for method in ("auto", "extrapolated"):
         x, out = np.array([1.0, 0.5]), np.array([[1.0, 0.5]])
         assert (after(system(field, 0.1, method=method), out, 40) == Status.OK).all()
-        np.testing.assert_array_equal(out[0], iterate(field, x, 0.1, 40, method=method).final)
+        final = iterate(field, x, 0.1, 40, method=method).final
+        np.testing.assert_allclose(out[0], final, rtol=1e-12)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("is_sparse", [False, True])
+def test_fields_that_are_too_large_to_plan(rng, monkeypatch, is_sparse):
+    """Loops over the terms take the stages; a start is NaN, one passes a pole, one has no word."""
+    family = LiftedField.from_function(
+        lambda x, a: (x[1] - x[0] ** 3 / a, -S(5 * x[0]) / (1 + x[1] ** 2) + np.log(a + x[0])),
+        "x y",
+        a=np.linspace(2, 3, 9),
+    )
+    x0 = rng.uniform(0, 1, (9, 2))
+    x0[2], x0[4], x0[5], eps = [np.nan, 0.0], [-9.0, 0.0], [0.6, 0.0], np.full(9, 0.05)
+    eps[5] = 1.5
+
+    def found():
+        for method in ("auto", "order4", "extrapolated"):
+            run = iterate(family, x0, eps, 7, method=method, save_every=3, on_singular="ignore")
+            one = iterate(family[6], x0[6], 0.05, 7, method=method).final
+            np.testing.assert_array_equal(one, run.final[6])
+            yield from (run.x, run.final, run.status, run.failed_at, run.first_pole)
+
+    planned = [*found()]
+    assert (planned[2][[2, 4, 6]] < 0).tolist() == [True, True, False]
+    assert planned[4].tolist() == [1 if k == 5 else -1 for k in range(9)]
+    monkeypatch.setattr("suslov_fast.core.operations.MOST", -1)
+    monkeypatch.setattr("suslov_fast.core.in_calls.is_sparse", lambda *_: is_sparse)
+    again = functools.cache(steps_field._lifted_step_of.__wrapped__)
+    monkeypatch.setattr(steps_field, "_lifted_step_of", again)
+    for one, other in zip(found(), planned, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-10)
+    assert again.cache_info().misses > 0
 
 
 def test_a_system_needs_machine_code(monkeypatch):

@@ -20,12 +20,15 @@ def in_calls(lines, take, arrays, start, steps, saved, until, between, abandoned
     """
     stages, W, own = lines.scheme.stages, lines.W, arguments_of(arrays, start)
     weights, places = weights_of(stages), distinct(stages.fractions)[1]
-    at_once, ended = _stages_at_once(stages, steps), lines.marks[0]
+    is_lifted, ended = lines.given < lines.D, lines.marks[0]
+    at_once = _stages_at_once(stages, 1 if is_lifted else steps)
     for line in range(lines.count):
         n, row, saves_at = 0, 0, until
         lanes = slice(line * W, min((line + 1) * W, lines.B))
         while n < steps and not abandoned:
             stage = n % len(weights)
+            if is_lifted and stage == 0:
+                lines.lift(arrays, start, n, line)
             most = min(at_once[stage], steps - n)
             if saves_at >= 0:
                 most = min(most, saves_at - n + 1)
@@ -47,7 +50,7 @@ def in_calls(lines, take, arrays, start, steps, saved, until, between, abandoned
                     call_procedure(careful.address, own, line, 0, int(told) << CHANGED, n - 1)
                 lines.columns[line, BASE] = lines.x[line]
             if n - 1 == saves_at:
-                saved[row, lanes] = lines.x[line].T[: lanes.stop - lanes.start]
+                saved[row, lanes] = lines.x[line, : lines.given].T[: lanes.stop - lanes.start]
                 row, saves_at = row + 1, saves_at + between + 1
 
 
@@ -71,7 +74,8 @@ def taker_without_plan(lines):
     (step, stages), (ended, passed) = lines.scheme, lines.marks
     W, D = lines.W, lines.D
     fractions, kept = distinct(stages.fractions)[0], {}
-    tells_signs, taken = int(len(stages.fractions) == 1), np.zeros(2, np.int64)
+    tells, taken = lines.given == D, np.zeros(2, np.int64)  # `lift` tells poles of lifted fields
+    tells_signs = int(tells and len(stages.fractions) == 1)
     if is_sparse(step):
         pattern = pattern_of(step.indices.tobytes(), D)
         steps, memory = sparse_steps, np.empty(size_of(pattern))
@@ -92,7 +96,7 @@ def taker_without_plan(lines):
             if lines.for_each:
                 kept.clear()  # coefficients of all members would fill the memory
             kept[of_line, place] = prepared(fractions[place] * lines.halves[of_line])
-        marks = int(ended[line]), int(passed[line]), tells_signs
+        marks = int(ended[line]), int(passed[line]) if tells else 2**W - 1, tells_signs
         taken[:] = most, 0
         steps.serial(*kept[of_line, place], marks, lines.x[line], memory, taken)
         return map(int, taken)

@@ -157,7 +157,7 @@ class Step:
     """The operations of a step of fields with terms at these indices (3, T).
 
     Values 0 to D - 1 are the state x, and the next T are h v of the terms. A large dense field has
-    no plan: then the lists are empty, and `careful` takes all steps.
+    no plan: then the lists are empty, and loops over its terms (`in_calls`) take all steps.
 
     fixed       operations on parameters alone
     table       the values of parameters alone that other operations need

@@ -164,7 +164,7 @@ class _Lines:
         step, stages = self.scheme.step, len(self.scheme.stages.fractions)
         address, until = None, every - start % every if every else 0
         rows = saved, until * stages - 1, every * stages - 1
-        if not MANY >= len(step.usual) > 0 and not isinstance(step, LiftedStep):
+        if not step.usual or (len(step.usual) > MANY and not isinstance(step, LiftedStep)):
             take = self._taker()
             if take is not None:
                 steps = (stop - start) * stages
@@ -248,19 +248,25 @@ class _Lines:
         )
         return np.array(arguments, np.int64), (kept, arrays, own, plan)
 
-    def _lift(self, arrays, start, n):
-        """Compute the words of a lifted field from the states, by NumPy; tell poles."""
-        step, values = self.scheme.step, dict(enumerate(self.x[:, : self.given].swapaxes(0, 1)))
-        table = self.table[distinct(self.scheme.stages.fractions)[1][0]].swapaxes(0, 1)
+    def lift(self, arrays, start, n, line=None):
+        """Compute the words of a lifted field from the states, by NumPy; tell poles.
+
+        This is done for all lines, or for one.
+        """
+        first, of = line or 0, slice(line, None if line is None else line + 1)
+        step, x = self.scheme.step, self.x[of]
+        values = dict(enumerate(x[:, : self.given].swapaxes(0, 1)))
+        table = self.table[distinct(self.scheme.stages.fractions)[1][0]]
+        table = (table[of] if len(table) > 1 else table).swapaxes(0, 1)
         values.update(zip(step.table, table, strict=True))
         evaluate(step.prologue, values)
         for k, number in enumerate(step.lifted, self.given):
-            self.x[:, k] = values[number]
+            x[:, k] = values[number]
         if self.columns is not None:
-            self.columns[:, BASE, self.given :] = self.x[:, self.given :]
-        turned = _packed(np.broadcast_to(values[step.turned], (self.count, self.W)))
-        for line in np.flatnonzero(turned := turned & ~self.marks[PASSED]):
-            step_carefully(arrays, start, line, 0, int(turned[line]), n)
+            self.columns[of, BASE, self.given :] = x[:, self.given :]
+        turned = _packed(np.broadcast_to(values[step.turned], (len(x), self.W)))
+        for k in np.flatnonzero(turned := turned & ~self.marks[PASSED][of]):
+            step_carefully(arrays, start, first + k, 0, int(turned[k]), n)
 
     def _carry_out(self, stage):
         """Carry out the operations of a stage where that is accurate.
@@ -291,7 +297,7 @@ class _Lines:
         for n in range(steps):
             stage = n % len(weights)
             if stage == 0 and self.given < self.D:
-                self._lift(arrays, start, n)
+                self.lift(arrays, start, n)
             if self.scheme.step.usual:
                 before = self.x.copy()
                 accurate, negative, changed, made = self._carry_out(stage)

@@ -28,7 +28,7 @@ def in_calls(lines, take, arrays, start, steps, saved, until, between, abandoned
         while n < steps and not abandoned:
             stage = n % len(weights)
             if is_lifted and stage == 0:
-                lines.lift(arrays, start, n, line)
+                lines.lift(arrays, start, n, slice(line, line + 1))
             most = min(at_once[stage], steps - n)
             if saves_at >= 0:
                 most = min(most, saves_at - n + 1)

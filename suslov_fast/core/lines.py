@@ -43,6 +43,11 @@ def tables_of(scheme, values, eps, W):
     return halves, np.ascontiguousarray(np.moveaxis(table, 0, 2))
 
 
+def packed(truths):
+    """Return truth values (lines, W) as bits, a number for each line."""
+    return np.packbits(truths, axis=1, bitorder="little")[:, 0]
+
+
 def alignment(saved, W, is_large):
     """Return the alignment of the lines of saved states, in bytes; 0 if none are saved."""
     if not saved.size:

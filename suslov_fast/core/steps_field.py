@@ -35,7 +35,7 @@ from .generated import (
 from .generated_stages import BASE, CHANGE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
 from .in_calls import in_calls, taker_without_plan
 from .lift import LiftedStep
-from .lines import alignment, halves_of, in_lines, note_undefined, tables_of
+from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of
 from .listed_code import listed_code, taker_of
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
@@ -77,11 +77,6 @@ def _lifted_step_of(places, D, lift, longest):
 
 
 # ------------------------------------------------------------------------------------------- lines
-def _packed(truths):
-    """Return truth values (lines, W) as bits, a number for each line."""
-    return np.packbits(truths, axis=1, bitorder="little")[:, 0]
-
-
 class _Lines:
     """Trajectories in lines of W lanes, with all that their steps need.
 
@@ -127,8 +122,8 @@ class _Lines:
         if status.any() or self.count * self.W > self.B:
             ended = status < 0
             self.x.swapaxes(1, 2)[self._of_lanes(ended, False)] = np.nan
-            self.marks[ENDED] = _packed(self._of_lanes(ended, True))
-            self.marks[PASSED] = _packed(self._of_lanes(ended | (poles != 0.0), True))
+            self.marks[ENDED] = packed(self._of_lanes(ended, True))
+            self.marks[PASSED] = packed(self._of_lanes(ended | (poles != 0.0), True))
         step, stages = self.scheme
         if stages.columns or (step.of_one_sign and not step.keeps_signs):
             self.columns = np.zeros((self.count, ROWS, self.D, self.W))
@@ -248,12 +243,8 @@ class _Lines:
         )
         return np.array(arguments, np.int64), (kept, arrays, own, plan)
 
-    def lift(self, arrays, start, n, line=None):
-        """Compute the words of a lifted field from the states, by NumPy; tell poles.
-
-        This is done for all lines, or for one.
-        """
-        first, of = line or 0, slice(line, None if line is None else line + 1)
+    def lift(self, arrays, start, n, of=slice(None)):
+        """Compute the words of a lifted field from the states of lines, by NumPy; tell poles."""
         step, x = self.scheme.step, self.x[of]
         values = dict(enumerate(x[:, : self.given].swapaxes(0, 1)))
         table = self.table[distinct(self.scheme.stages.fractions)[1][0]]
@@ -264,9 +255,10 @@ class _Lines:
             x[:, k] = values[number]
         if self.columns is not None:
             self.columns[of, BASE, self.given :] = x[:, self.given :]
-        turned = _packed(np.broadcast_to(values[step.turned], (len(x), self.W)))
-        for k in np.flatnonzero(turned := turned & ~self.marks[PASSED][of]):
-            step_carefully(arrays, start, first + k, 0, int(turned[k]), n)
+        turned = packed(np.broadcast_to(values[step.turned], (len(x), self.W)))
+        turned &= ~self.marks[PASSED][of]
+        for k in np.flatnonzero(turned):
+            step_carefully(arrays, start, range(self.count)[of][k], 0, int(turned[k]), n)
 
     def _carry_out(self, stage):
         """Carry out the operations of a stage where that is accurate.
@@ -287,8 +279,8 @@ class _Lines:
         for k, number in enumerate(step.after_rare):
             self.x[:, k] = np.where(accurate, values[number], self.x[:, k])
         told = (False if each is None else values[each] for each in (step.negative, step.changed))
-        told = (_packed(np.broadcast_to(each, shape)) for each in told)
-        return _packed(accurate), *told, made
+        told = (packed(np.broadcast_to(each, shape)) for each in told)
+        return packed(accurate), *told, made
 
     def _take_in_numpy(self, start, steps, saved, until, between):
         """Carry out the operations by NumPy: the reference, where there is no machine code."""
@@ -332,7 +324,7 @@ class _Lines:
         signs = sorted(self.scheme.step.of_one_sign)
         base, x = self.columns[of, BASE][:, signs], self.x[of][:, signs]
         rises, falls = (base < 0.0) & (x > SIGNIFICANT), (base > 0.0) & (x < -SIGNIFICANT)
-        return _packed((rises | falls).any(axis=1)) & ~self.marks[PASSED][of]
+        return packed((rises | falls).any(axis=1)) & ~self.marks[PASSED][of]
 
     def end_column(self, weights, is_last, of=slice(None)):
         """End a column, as the machine code does; return the bits of lanes with finite states.
@@ -353,7 +345,7 @@ class _Lines:
         errors = np.where(largest > errors, largest, errors)
         largest[:] = np.where(finite[:, np.newaxis], errors, largest)
         columns[:, SUM : SECOND + 1] = 0.0
-        return _packed(finite)
+        return packed(finite)
 
 
 class FieldSteps(Kernel):

@@ -69,6 +69,7 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (RUN.extend, (), "n", "pass steps="),
         (RUN.save, (), "filename", "pass path="),
         (sf.periodic_orbit, (FIELD, [1, 0]), "T", "pass period="),
+        (sf.RandomStarts, (3, 1.0), "seeds", "RandomStarts has no argument 'seeds': pass seed="),
         (sf.Suslov3D, (), "I11", "Suslov3D has no argument 'I11': pass I1="),
         (sf.Suslov3D, (), "I12", r"it is 0 in the adapted basis: from_inertia\(I, a\)"),
         (sf.SuslovGyrostat, (), "inertia", "from_inertia"),

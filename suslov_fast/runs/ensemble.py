@@ -81,9 +81,9 @@ def ensemble(
         Number of trajectories in a tile, or lengths along `dims` and "n". An existing store keeps
         its own.
     functions : mapping of str to callable, optional
-        Functions of the saved states (..., D), whose real values (...) are stored under these
-        names. Their source code is part of the identity of the run; the values of global variables
-        are not. With `client` they must be picklable.
+        Functions of the saved states (..., D), which they cannot change; their real values (...)
+        are stored under these names. Their source code is part of the identity of the run; the
+        values of global variables are not. With `client` they must be picklable.
     client : distributed.Client, optional
         Its Dask workers compute the tiles and write to the store.
     progress : bool or callable, optional

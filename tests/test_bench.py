@@ -86,8 +86,9 @@ def test_benchmarks_are_timed_if_an_option_asks_for_it(tmp_path):
 
 @pytest.mark.compiled
 @pytest.mark.slow
-def test_two_revisions_are_compared(capfd):
-    """The working tree with itself, with a tiny threshold."""
+def test_two_revisions_are_compared(capfd, monkeypatch):
+    """The working tree with itself, with a tiny threshold, in short turns."""
+    monkeypatch.setattr(compare, "TURN", 0.005)
     here, case = str(results.BENCH.parent), ["--quick", "-k", "quantities-energy"]
     assert compare.main([here, *case, "--threshold", "1e-9"]) == 1
     assert "1 slower than allowed\n  quantities-energy" in capfd.readouterr().out

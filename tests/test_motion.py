@@ -279,7 +279,7 @@ def test_one_warning_names_the_first():
     assert np.isnan(found[0, :, 0]).tolist() == [False, True, True, True, False]
     assert np.isnan(found[1, :, 0]).tolist() == [False, False, False, True, False]
     with pytest.warns(PoleWarning, match="1 of 1 solutions end"):
-        assert np.isnan(flow(SQUARE, [1e200], 1.0)).all()  # f overflows at the start
+        assert np.isnan(flow(LORENZ, [1e200, 1e200, 1.0], 1.0)).all()  # f overflows at the start
 
 
 # --------------------------------------------------------------------------------------- contract

@@ -15,7 +15,7 @@ from typing import assert_type
 
 from suslov_fast import Crossings, LiftedField, QuadraticField, SuslovND, Trajectories
 from suslov_fast import SingularStepError, Suslov3D, SuslovGyrostat
-from suslov_fast import body_from_dict, crossings, flow, iterate
+from suslov_fast import body_from_dict, crossings, flow, iterate, periodic_orbit
 
 Floats = NDArray[np.float64]
 run = iterate(QuadraticField([[[1.0]]]), [1.0], 0.1, 5)
@@ -43,6 +43,8 @@ assert_type(run.final, Floats)
 assert_type(run.time, Floats)
 assert_type(run.ok, bool)
 assert_type(flow(QuadraticField([[[1.0]]]), [1.0], 0.5), Floats)
+lifted = LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
+assert_type(periodic_orbit(lifted, [1.0, 0.0], 6.7, 60).period, float)
 body = body_from_dict({})
 assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | QuadraticField | LiftedField)
 run.no_such_name

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.field import QuadraticField
+from ..bodies.lifted import LiftedField
 from ..checks import FloatArray, integer, real_number, short, warn, wrong
 from ..keywords import public
 from ..maps import Method, problem
@@ -68,7 +69,7 @@ PeriodicOrbit.__getattr__ = _unknown  # type: ignore[attr-defined]
 
 @public
 def periodic_orbit(
-    field: QuadraticField,
+    field: QuadraticField | LiftedField,
     /,
     start: ArrayLike,
     period: float,

@@ -49,6 +49,11 @@ def step(
         The next states. NaN for a state that contains NaN; NaN, with one
         :class:`SingularStepWarning`, for a state on a pole of the map.
 
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is out of range, or shapes do not broadcast.
+
     Notes
     -----
     For bodies these are equations (4) and (15) of Dragovic and Gajic, arXiv:0807.2966.
@@ -138,6 +143,15 @@ def iterate(
     Trajectories
         The saved states and the status of each trajectory. After a state on a pole, which has no
         next one, states are NaN; for bodies :func:`exact` continues beyond.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is out of range, or shapes do not broadcast.
+    MemoryError
+        If the saved states exceed the free memory.
+    SingularStepError
+        If a trajectory failed and `on_singular` is "raise".
 
     Examples
     --------

@@ -209,6 +209,8 @@ def test_contents_of_a_dataset():
     for value, name in zip(data.status.attrs["flag_values"], names, strict=True):
         assert sf.Status[name] == value
     assert run_of("four").to_xarray().component.values.tolist() == ["Omega1n", "Omega2n", "Omega3n"]
+    several = sf.iterate(FOUR, np.full((5, 3), 0.3), 0.4, 2, method="gauss").to_xarray()
+    assert (several.J.dims, several.omega.shape) == (("component",), (3, 5, 3))
     assert (sf.first_integral(BODY, data.omega, 0.2) == run.first_integral()).all()
 
 

@@ -154,7 +154,9 @@ class LiftedField(FieldOfFunction):
         return matrix
 
     def lift(self, x: Any) -> FloatArray:
-        """Return all variables (..., M) at states x (..., D).
+        """Return all variables, shape (..., M), at states x, array_like(float, shape=(..., D)).
+
+        NaN, or infinite, where a definition has no value.
 
         Examples
         --------

@@ -75,6 +75,11 @@ def crossings(
         a step of the length fraction * eps from `before`. If eps is too large for the map to follow
         the motion, use `before` or `after` instead.
 
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`iterate`; also if `surface` does not return a real value for each state.
+
     Examples
     --------
     The section of the Lorenz attractor at x3 = 27, and the successive maxima of x3:

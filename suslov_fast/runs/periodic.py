@@ -44,7 +44,17 @@ _INSTEAD = {
 
 
 class PeriodicOrbit(NamedTuple):
-    """A periodic orbit: the result of :func:`periodic_orbit`."""
+    """A periodic orbit: the result of :func:`periodic_orbit`.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField, iterate, periodic_orbit
+    >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> orbit = periodic_orbit(field, [1.0, 2.0], period=6.6, steps=120)
+    >>> run = iterate(field, orbit.state, orbit.period / 120, 120, method="order8")
+    >>> bool(abs(run.final - orbit.state).max() < 1e-11)
+    True
+    """
 
     state: FloatArray
     """A state of the orbit, shape (D,)."""

@@ -40,13 +40,14 @@ from .core.field_system import FieldSystem
 from .core.lifted_system import LiftedSystem
 from .core.llvm import select
 from .core.numba import for_users, formula, of_kind
-from .core.steps_nd import NDSystem
+from .core.steps_nd import GaussSystem, NDSystem
 from .keywords import public
 from .maps import map_of
 
 __all__ = [
     "FieldSystem",
     "Frame",
+    "GaussSystem",
     "GyrostatFrame",
     "LiftedSystem",
     "NDSystem",
@@ -321,10 +322,7 @@ def system(
     map = map_of(body, method)
     make = map.methods[method].system
     if make is None:
-        if others := [repr(name) for name, steps in map.methods.items() if steps.system]:
-            received = f"{method!r}, which has no step for loops of your own"
-            raise wrong("method", " or ".join(others), received)
-        received = f"{type(body).__name__}: {map.title} has none"
+        received = f"{type(body).__name__}: {map.title} has none by {method!r}"
         raise wrong("body", "one whose map has compiled steps", received, TypeError)
     return make(body, step_size)
 

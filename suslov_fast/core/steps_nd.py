@@ -199,23 +199,44 @@ def eliminate_all(c, b, a, lanes):
     return accept(a, c[W], b, lanes)
 
 
-@function
-def nd_step_of_one(system, state, out, memory):
-    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
-    (J, I, eps, near, _), (c, b, for_solve) = system, memory
-    status = OK
-    b[EPS, 0], b[NEAR, 0] = eps, near
+@inlined
+def start_one(system, state, c, b):
+    """Fill a block of one lane."""
+    J, I, b[EPS, 0], b[NEAR, 0], _ = system
     for i in range(c.shape[1]):
         c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = np.inf, 0.0, 0.0
         if i < len(J):
             c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = J[i], I[i], state[i]
+
+
+@inlined
+def end_one(c, b, out, status):
+    """Write the state of a block of one lane to `out`; return the status of its step."""
+    for i in range(len(out)):
+        out[i] = c[W, i, 0]
+    return PASSED_POLE if status == OK and b[DET, 0] < 0.0 else status
+
+
+@function
+def nd_step_of_one(system, state, out, memory):
+    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
+    (c, b, for_solve), status = memory, OK
+    start_one(system, state, c, b)
     compute_sums(c, b, 1)
     if compute_factors(c, b, 1) > 0:
         status = eliminate_one(c, b, 0, for_solve)
     add_increments(c, b, 1)
-    for i in range(len(J)):
-        out[i] = c[W, i, 0]
-    return PASSED_POLE if status == OK and b[DET, 0] < 0.0 else status
+    return end_one(c, b, out, status)
+
+
+@function
+def gauss_step_of_one(system, state, out, memory):
+    """Take the same step by elimination."""
+    ((c, b, for_solve), a), status = memory, OK
+    start_one(system, state, c, b)
+    if eliminate_all(c, b, a, 1) > 0:
+        status = eliminate_one(c, b, 0, for_solve)
+    return end_one(c, b, out, status)
 
 
 @function
@@ -223,6 +244,13 @@ def nd_memory(system):
     """The memory of `nd_step_of_one`."""
     m = system.dimension
     return np.empty((4, m + m % 2, 1)), np.empty((ROWS, 1)), memory_of_one(m)
+
+
+@function
+def gauss_memory(system):
+    """The memory of `gauss_step_of_one`."""
+    m = system.dimension
+    return nd_memory(system), np.empty((m, m + 1, 1))
 
 
 class NDSystem(NamedTuple):
@@ -235,8 +263,15 @@ class NDSystem(NamedTuple):
     dimension: int
 
 
-# What `compiled` calls for a system of this kind.
+class GaussSystem(NDSystem):
+    """A body and a step size, for steps by elimination."""
+
+    __slots__ = ()
+
+
+# What `compiled` calls for a system of these kinds.
 NDSystem.memory, NDSystem.one_step = nd_memory, nd_step_of_one
+GaussSystem.memory, GaussSystem.one_step = gauss_memory, gauss_step_of_one
 
 
 @kernel

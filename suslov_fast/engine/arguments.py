@@ -12,7 +12,7 @@ from ..core.field_system import FieldSystem, system_of
 from ..core.lifted_system import LiftedSystem, lifted_system_of
 from ..core.stages import WHOLE, Stages
 from ..core.steps_field import scheme_of
-from ..core.steps_nd import FAR_FROM_0, NDSystem
+from ..core.steps_nd import FAR_FROM_0, GaussSystem, NDSystem
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
@@ -148,6 +148,11 @@ def nd_system(body: Any, eps: float) -> NDSystem:
     # A step tests its divisors if abs(eps I.x / 2) is larger than this.
     near = (1.0 - FAR_FROM_0) * float(np.min(body.J))
     return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
+
+
+def gauss_system(body: Any, eps: float) -> GaussSystem:
+    """Return the same constants, for steps by elimination."""
+    return GaussSystem(*nd_system(body, eps))
 
 
 def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem | LiftedSystem:

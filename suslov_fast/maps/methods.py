@@ -13,6 +13,7 @@ from ..engine.arguments import (
     by_scheme,
     by_zeros,
     field_system,
+    gauss_system,
     in_stages,
     nd_system,
 )
@@ -39,7 +40,7 @@ FIELD = Steps(
 )  # fmt: skip
 STEPS_ND = Steps(steps_nd.nd_steps, by_constants, 1, _cost_in_nd, 32, nd_system, notes_poles=True)
 GAUSS = STEPS_ND._replace(
-    kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=None
+    kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=gauss_system
 )
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray
 from ..core import tangent
 from ..core.density import densities
+from ..core.products import growth_of_products
 from .arguments import ALL, by_zeros, flat_arrays, in_stages
 from .problem import Problem
 from .stretches import March, Report
@@ -202,18 +203,19 @@ def growth_by_jacobian(
     start[march.status < 0] = np.nan  # where an orbit fails, the formula may overflow or raise
     march = March(problem._replace(omega=start))
     B, D = march.omega0.shape
-    sums, of_det, Q = np.zeros((B, D)), np.zeros(B), np.eye(D)
+    sums, of_det, Q = np.zeros((B, D)), np.zeros(B), np.tile(np.eye(D), (B, 1, 1))
     rows = max(_STRETCH // max(B * D**3, 1) // 16, 1)  # 16: NumPy is slower than a kernel
     n = 0
     for states, _ in march.pieces(transient + steps - 1, 1, rows):
         piece = problem._replace(omega=states, batch=(len(states), *problem.batch))
-        for slopes in compute(piece).reshape(len(states), B, D, D):
-            of_det += np.linalg.slogdet(slopes)[1]
-            Q, R = np.linalg.qr(slopes @ Q)
-            sums += np.log(abs(np.diagonal(R, axis1=1, axis2=2)))
-            n += 1
-            if n == transient:
-                sums, of_det = np.zeros((B, D)), np.zeros(B)
+        slopes = np.ascontiguousarray(compute(piece), float).reshape(len(states), B, D, D)
+        before = min(max(transient - n, 0), len(slopes))
+        for some in (slopes[:before], slopes[before:]):
+            if n == transient:  # sums over the transient do not count
+                sums[:], of_det[:] = 0.0, 0.0
+            work = len(some) * B * D**3
+            call_kernel(growth_of_products, work, problem.threads, some, Q, sums, of_det)
+            n += len(some)
         if report is not None and not report(n):
             break
     done = max(n - transient, 0)

@@ -389,7 +389,7 @@ def test_what_machine_code_is_given_stays_alive():
         places, arrays = places_in(kept, *owners), [a for a in kept if isinstance(a, np.ndarray)]
         plans = [each.view(np.int64)[:, 0] for each in arrays if each.ndim == 2]
         numbers = [arguments, *plans, *(each for each in arrays if each.dtype == np.int64)]
-        numbers = [number for each in numbers for number in each if np.ndim(number) == 0]
+        numbers = [n for each in numbers for n in each if n is not None and np.ndim(n) == 0]
         addresses = [number for number in numbers if number > 2**32]
         assert addresses
         for address in addresses:

@@ -183,7 +183,7 @@ FIELDS = [
     (field(lambda t, y: y), TypeError, r"f.*not f\(t, y\): pass lambda x: f\(None, x\),"),
     (field(lambda y, t: y), TypeError, r"f.*not f\(y, t\): pass lambda x: f\(x, None\),"),
     (field(lambda x, t=0: x), TypeError, r"f.* pass lambda x: f\(x, None\), .* forcing see .*Equations that are not quadratic"),
-    (field(lambda t, y, a: y, a=1), TypeError, r"f.*from_function\(lambda x, a: f\(None, x, a\), 2, a=1\)"),
+    (field(lambda t, y, a: y, a=1), TypeError, r"f.*from_function\(lambda x, a: f\(None, x, a\), 2, a=a\)"),
     (field(lambda t, y: y, y=28), TypeError, r"f.* pass lambda x: f\(None, x\)"),
     (field(lambda u, p, t: u), TypeError, r"f.* pass lambda x: f\(x, p, None\)"),
     (field(lambda x, y, z: (x, y, z), 3), TypeError, r"f.* pass lambda x: f\(\*x\)"),

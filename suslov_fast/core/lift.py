@@ -18,6 +18,7 @@ from .operations import FUNCTIONS, OF_LIBRARY, Step, Values, evaluate
 from .planned_elimination import Matrix
 
 ONE = -1  # the place of a coefficient 1
+MOST_COMPILED = 25_000  # operations of a step, for which LLVM may take minutes
 
 
 class Lifting:
@@ -93,6 +94,10 @@ class LiftedStep(Lifting, Step):
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
+        if len(self.prologue) + len(self.usual) > MOST_COMPILED:
+            vars(self).clear()
+            self.most = -1  # without a plan
+            super().__init__(*arguments)
         self.of_one_sign = {*self.lift[0].signs}
 
     def _add_tests(self, halves):

@@ -249,6 +249,22 @@ def _with_sums(operations, uses, places):
     return [(instruction, number, operands) for number, (instruction, operands) in found.items()]
 
 
+class _Inputs(NamedTuple):
+    """The attributes of a step that `Program` reads: how many inputs it has, and an empty table."""
+
+    D: int
+    places: dict
+    table: list
+
+
+def program_of(inputs, operations, results):
+    """Return the `Program` of operations on the values 0, ..., inputs - 1, and its constants."""
+    of_list = _Inputs(inputs, {}, [])
+    numbers = Numbers(of_list)
+    program = Program(of_list, operations, results, numbers)
+    return program, numbers.of(np.empty((0, 1)))
+
+
 class Programs(NamedTuple):
     """The programs of a step: for all states, and for states where `good` is false."""
 

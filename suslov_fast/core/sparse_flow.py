@@ -5,13 +5,12 @@ is carried out as a long list (`listed`).
 """
 
 import functools
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from .arrays import uncounted
 from .elimination import simd_min
-from .listed import Numbers, Program
+from .listed import program_of
 from .listed_code import carry_out, runs_code
 from .llvm import QUAD
 from .numba import kernel
@@ -57,25 +56,13 @@ def sums_of_terms(part, parts, indices, values, x, sums, of_moduli):
             sums[i, l] += abs(term) if of_moduli else term
 
 
-class _Inputs(NamedTuple):
-    """The attributes of a list that `Program` reads: how many inputs it has, and an empty table."""
-
-    D: int
-    places: Any
-    table: Any
-
-
 @functools.lru_cache(8)
 def _programs_of(step):
     """Return the `Program` and its numbers, for the `Beginning` and the `Choice` of sums."""
-    D, programs = step.D, []
+    D = step.D
     choice = Choice(None, D, D, of_one_sign(step.indices))
-    for inputs, operations in ((2 * D + 2, Beginning(None, D, D)), (6 * D + 9, choice)):
-        of_list = _Inputs(inputs, {}, [])
-        numbers = Numbers(of_list)
-        program = Program(of_list, operations.operations, operations.results, numbers)
-        programs.append((program, numbers.of(np.empty((0, 1)))))
-    return programs
+    lists = (2 * D + 2, Beginning(None, D, D)), (6 * D + 9, choice)
+    return [program_of(inputs, each.operations, each.results) for inputs, each in lists]
 
 
 class Loops:

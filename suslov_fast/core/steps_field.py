@@ -43,6 +43,7 @@ from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
 from .pool import in_parts
 from .single_orbit import PLANS, plan_of, take_one
 from .stages import WHOLE, Scheme, distinct, weights_of
+from .words import words_of
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
@@ -244,19 +245,14 @@ class _Lines:
         return np.array(arguments, np.int64), (kept, arrays, own, plan)
 
     def lift(self, arrays, start, n, of=slice(None)):
-        """Compute the words of a lifted field from the states of lines, by NumPy; tell poles."""
+        """Compute the words of a lifted field from the states of lines, and tell poles."""
         step, x = self.scheme.step, self.x[of]
-        values = dict(enumerate(x[:, : self.given].swapaxes(0, 1)))
         table = self.table[distinct(self.scheme.stages.fractions)[1][0]]
-        table = (table[of] if len(table) > 1 else table).swapaxes(0, 1)
-        values.update(zip(step.table, table, strict=True))
-        evaluate(step.prologue, values)
-        for k, number in enumerate(step.lifted, self.given):
-            x[:, k] = values[number]
+        words, turned = words_of(step, x, table[of] if len(table) > 1 else table)
+        x[:, self.given :] = words
         if self.columns is not None:
             self.columns[of, BASE, self.given :] = x[:, self.given :]
-        turned = packed(np.broadcast_to(values[step.turned], (len(x), self.W)))
-        turned &= ~self.marks[PASSED][of]
+        turned = packed(turned) & ~self.marks[PASSED][of]
         for k in np.flatnonzero(turned):
             step_carefully(arrays, start, range(self.count)[of][k], 0, int(turned[k]), n)
 

@@ -96,7 +96,7 @@ class LiftedStep(Lifting, Step):
         super().__init__(*arguments)
         if len(self.prologue) + len(self.usual) > MOST_COMPILED:
             vars(self).clear()
-            self.most = -1  # without a plan
+            self.is_unplanned = True
             super().__init__(*arguments)
         self.of_one_sign = {*self.lift[0].signs}
 

@@ -180,7 +180,7 @@ class Step:
     """
 
     good = accurate = negative = changed = factors = None  # without a plan
-    lift, most = None, LONGEST
+    lift, is_unplanned = None, False
 
     def __init__(self, indices, D, carried=0, keeps_signs=False):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
@@ -193,8 +193,8 @@ class Step:
         order, right = elimination_order(pattern, D), {}
         work, of_state = work_of(pattern, order, varying)
         of_state += int((indices[2] < D).sum())
-        is_long = work > (self.most if of_state else LONGEST_LINEAR)
-        if is_long or of_state > max(MOST, PART_OF_DENSE * D**3):
+        is_long = work > (LONGEST if of_state else LONGEST_LINEAR)
+        if self.is_unplanned or is_long or of_state > max(MOST, PART_OF_DENSE * D**3):
             return
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         self.factors = Factors(matrix, order, right)

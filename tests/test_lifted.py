@@ -289,7 +289,9 @@ def test_real_powers_near_0(method):
     assert run.status.tolist() == [0, 0, 0, 0, Status.NONFINITE, Status.NONFINITE]
 
 
-@pytest.mark.parametrize("method", ["order4", "order8", "extrapolated"])
+@pytest.mark.parametrize(
+    "method", [pytest.param("order4", marks=pytest.mark.slow), "order8", "extrapolated"]
+)
 def test_rounding_is_no_pole(method):
     """A substrate that decays to 0 keeps its sign, though terms of 0.6 u - 2 cancel."""
     field = LiftedField.from_function(lambda x: (-2 * x[0] / (x[0] + 0.3),), "x")
@@ -376,7 +378,7 @@ def test_compiled_steps_without_a_plan(monkeypatch):
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("is_sparse", [False, True])
+@pytest.mark.parametrize("is_sparse", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_fields_that_are_too_large_to_plan(rng, monkeypatch, is_sparse):
     """Loops over the terms take the stages; a start is NaN, one passes a pole, one has no word."""
     family = LiftedField.from_function(
@@ -411,6 +413,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, is_sparse):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_a_list_that_llvm_would_compile_for_minutes_has_no_plan(monkeypatch):
     field = LiftedField.from_function(lambda x: (x[1], -S(x[0])), "q p")
     planned = iterate(field, [1.0, 0.5], 0.1, 40).final

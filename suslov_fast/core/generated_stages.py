@@ -248,8 +248,10 @@ def tell_changes(text, step, arguments, base, after, places):
         for k in signs
         for first, second, least in (("olt", "ogt", significant), ("ogt", "olt", minus))
     ]
-    passed = text.integer("add", arguments.marks, arguments.lines)
-    alive = others(text, 0, passed)
+    marks = arguments.marks
+    if step.lift is None:  # lanes that have passed a pole have nothing more to tell
+        marks = text.integer("add", marks, arguments.lines)
+    alive = others(text, 0, marks)
     changed = text.integer("and", text.bits(text.joined("or", changes)), alive)
     text.branch(text.compare_integers("eq", changed, 0), "told", "tell")
     text.label("tell")

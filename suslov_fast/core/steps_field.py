@@ -315,12 +315,14 @@ class _Lines:
     def changed(self, of=slice(None)):
         """Return the bits of lanes in which a component changed its sign over a whole step.
 
-        Lanes that have passed a pole or ended are left out. `of` is a slice of lines.
+        Lanes that have ended are left out, and but for lifted fields, whose components get their
+        signs back, those that have passed a pole. `of` is a slice of lines.
         """
-        signs = sorted(self.scheme.step.of_one_sign)
+        step = self.scheme.step
+        signs, marks = sorted(step.of_one_sign), self.marks[PASSED if step.lift is None else ENDED]
         base, x = self.columns[of, BASE][:, signs], self.x[of][:, signs]
         rises, falls = (base < 0.0) & (x > SIGNIFICANT), (base > 0.0) & (x < -SIGNIFICANT)
-        return packed((rises | falls).any(axis=1)) & ~self.marks[PASSED][of]
+        return packed((rises | falls).any(axis=1)) & ~marks[of]
 
     def end_column(self, weights, is_last, of=slice(None)):
         """End a column, as the machine code does; return the bits of lanes with finite states.

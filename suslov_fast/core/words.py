@@ -39,12 +39,12 @@ class _LongList:
         self.step, self.first = step, needed_for(library, operations)
         known = [*range(step.given), *step.table, *(number for _, number, _ in self.first)]
         rest = [operation for operation in operations if operation[1] not in {*known}]
-        used = {a for *_, operands in rest for a in operands}
+        used = {a for *_, operands in rest for a in operands if not isinstance(a, float)}
         self.inputs = [number for number in known if number in used]
         names = {number: k for k, number in enumerate(self.inputs)}
         renamed = []
         for instruction, number, operands in rest:
-            operands = tuple(names.get(a, a) for a in operands)
+            operands = tuple(a if isinstance(a, float) else names[a] for a in operands)
             names[number] = len(names)
             renamed.append((instruction, names[number], operands))
         # As a number, because rows of lanes have no truth values.

@@ -415,7 +415,8 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, is_sparse):
 
 @pytest.mark.slow
 def test_a_list_that_llvm_would_compile_for_minutes_has_no_plan(monkeypatch):
-    field = LiftedField.from_function(lambda x: (x[1], -S(x[0])), "q p")
+    """Its words have the constant 1, which is no number of a value."""
+    field = LiftedField.from_function(lambda x: (x[1], -S(x[0]) / (1 + x[1] ** 2)), "q p")
     planned = iterate(field, [1.0, 0.5], 0.1, 40).final
     again = functools.cache(steps_field._lifted_step_of.__wrapped__)
     monkeypatch.setattr(steps_field, "_lifted_step_of", again)

@@ -81,281 +81,328 @@ def rows_of(step):
 
 def text_of_flow(step, name, W, for_each, _):
     """Return the text of i64 name(arguments), see `FlowArguments`."""
-    text, D, given, size = Text(W), step.D, step.given, 8 * W
-    integer, V, rows = text.integer, text.V, rows_of(step)
-    (*before, usual), _ = step.pieces
-    for k, piece in enumerate(before):
-        piece_function(text, step, f"{name}_{k}", piece, True)
-    text.add(f"define i64 @{name}(i64 %arguments) #0 {{")
-    text.label("entry")
-    of = FlowArguments(*(text.load("i64", text.plus("%arguments", 8 * k)) for k in SLOT))
+    return _Flow(step, name, W, for_each).finished()
 
-    def line_at(number):
+
+class _Flow:
+    """The text of the motion, block by block.
+
+    of      `FlowArguments`, as values
+    rows    `Rows`
+    """
+
+    def __init__(self, step, name, W, for_each):
+        self.text, self.step, self.name, self.for_each = Text(W), step, name, for_each
+        self.rows, self.size = rows_of(step), 8 * W  # bytes of a row
+        (*self.before, self.usual), _ = step.pieces
+
+    def finished(self):
+        """Return the whole text."""
+        text = self.text
+        for k, piece in enumerate(self.before):
+            piece_function(text, self.step, f"{self.name}_{k}", piece, True)
+        text.add(f"define i64 @{self.name}(i64 %arguments) #0 {{")
+        text.label("entry")
+        self.of = FlowArguments(*(text.load("i64", self.slot(k)) for k in SLOT))
+        self.begin()
+        self.begin_step()
+        with text.loop("column", self.of.columns) as c:
+            self.take_column(c)
+        self.save_at_times(*self.choose())
+        self.go_on()
+        return text.finished()
+
+    # ------------------------------------------------------------------------------------ addresses
+    def slot(self, k):
+        return self.text.plus("%arguments", 8 * k)
+
+    def at(self, array, number):
+        """Return the address of a number of 8 bytes."""
+        return self.text.integer("add", array, self.text.integer("mul", number, 8))
+
+    def active(self, k):
+        """Return the number of the k-th line that is being taken."""
+        return self.text.load("i64", self.at(self.of.active, k))
+
+    def line_at(self, number):
         """Return the address of the rows of a line."""
-        return integer("add", of.rows, integer("mul", number, rows.size * size))
+        offset = self.text.integer("mul", number, self.rows.size * self.size)
+        return self.text.integer("add", self.of.rows, offset)
 
-    def numbers(line, row, count=D):
-        return [text.plus(line, size * (row + k)) for k in range(count)]
-
-    def row(line, row):
-        return text.load(V, text.plus(line, size * row))
-
-    def active(k):
-        return text.load("i64", integer("add", of.active, integer("mul", k, 8)))
-
-    def at(array, number):
-        return integer("add", array, integer("mul", number, 8))
-
-    def scalar(address):
-        value = text.load("double", address)
-        return value if W == 1 else text.splat(value, W)
-
-    def value_of(t, of_line):
-        address = text.plus(of_line, (size if for_each else 8) * t)
-        return text.load(V, address) if for_each else scalar(address)
-
-    def values_of(line):
+    def values_of(self, number):
         """Return the address of the values v of the lanes of a line."""
-        if for_each:
-            return integer("add", of.values, integer("mul", line, size * step.parameters))
-        return of.values
+        if not self.for_each:
+            return self.of.values
+        offset = self.text.integer("mul", number, self.size * self.step.parameters)
+        return self.text.integer("add", self.of.values, offset)
 
-    text.branch(text.compare_integers("eq", of.beginning, 0), "under_way", "begins")
-    text.label("begins")
-    with text.loop("first", of.beginning) as k:
-        of_line = values_of(k)
-        begin_line(text, step, line_at(k), lambda t, v=of_line: value_of(t, v), of.rtol)
-    text.store("i64", 0, text.plus("%arguments", 8 * SLOT.beginning))
-    text.jump("under_way")
-    text.label("under_way")
-    text.branch(text.compare_integers("eq", of.taking, 0), "end", "step")
+    # --------------------------------------------------------------------------------------- values
+    def row(self, line, row):
+        return self.text.load(self.text.V, self.text.plus(line, self.size * row))
 
-    text.label("step")
-    text.add(f"  %taking = phi i64 [ {of.taking}, %under_way ], [ %kept1, %stepped ]")
-    budget_at = text.plus("%arguments", 8 * SLOT.budget)
-    left = text.load("i64", budget_at)
-    text.branch(text.compare_integers("sgt", left, 0), "begin", "pause")
-    text.label("pause")
-    text.store("i64", "%taking", text.plus("%arguments", 8 * SLOT.taking))
-    text.add("  ret i64 0")
-    text.label("begin")
-    text.store("i64", integer("sub", left, "%taking"), budget_at)
-    zero, one = text.constant(0.0), text.constant(1.0)
+    def put(self, value, line, row):
+        self.text.store(self.text.V, value, self.text.plus(line, self.size * row))
 
-    with text.loop("column", of.columns) as c:
-        plan = integer("add", of.plan, integer("mul", c, 32))
+    def scalar(self, address):
+        """Return a number that all lanes share."""
+        value = self.text.load("double", address)
+        return value if self.text.W == 1 else self.text.splat(value, self.text.W)
+
+    def value(self, t, of_line):
+        """Return value v number t."""
+        if self.for_each:
+            return self.row(of_line, t)
+        return self.scalar(self.text.plus(of_line, 8 * t))
+
+    def or_else(self, truth, value, other):
+        """Return a value where something is true of all lanes, else another one."""
+        V = self.text.V
+        return self.text.new(f"select i1 {truth}, {V} {value}, {V} {other}")
+
+    # ----------------------------------------------------------------------------------- first call
+    def begin(self):
+        """Begin the trajectories of all lines, in the first call."""
+        text, of = self.text, self.of
+        text.branch(text.compare_integers("eq", of.beginning, 0), "under_way", "begins")
+        text.label("begins")
+        with text.loop("first", of.beginning) as number:
+            self.begin_line(number)
+        text.store("i64", 0, self.slot(SLOT.beginning))
+        text.jump("under_way")
+        text.label("under_way")
+        text.branch(text.compare_integers("eq", of.taking, 0), "end", "step")
+
+    def begin_line(self, number):
+        """Carry out `Stage.beginning` for the trajectories of a line."""
+        text, step, rows, given = self.text, self.step, self.rows, self.step.given
+        line, of_line = self.line_at(number), self.values_of(number)
+        last, rtol = step.D + step.T, step.D + step.T + 1
+
+        def load_state_or_value(n):
+            is_state = n < given
+            return self.row(line, rows.base + n) if is_state else self.value(n - step.D, of_line)
+
+        def load(n):
+            if n == last:
+                return self.row(line, rows.wanted)
+            return self.scalar(self.of.rtol) if n == rtol else load_state_or_value(n)
+
+        values = {}
+        if step.lift is not None:
+            found = {}
+            text.carry_out([*step.fixed, *step.prologue], found, load_state_or_value)
+            for k, n in enumerate(step.lifted, given):
+                values[k] = found[n] if n in found else load_state_or_value(n)
+        text.carry_out(step.beginning.operations, values, load)
+        places = [rows.base + k for k in range(given)] + [rows.largest + k for k in range(given)]
+        places += [rows.wanted, rows.first]
+        for n, row in zip(step.beginning.results, places, strict=True):
+            self.put(values[n], line, row)
+
+    # ------------------------------------------------------------------------------------- one step
+    def begin_step(self):
+        """Pause where the budget is spent; `taking` lines are being taken."""
+        text = self.text
+        text.label("step")
+        text.add(f"  %taking = phi i64 [ {self.of.taking}, %under_way ], [ %kept1, %stepped ]")
+        budget = self.slot(SLOT.budget)
+        left = text.load("i64", budget)
+        text.branch(text.compare_integers("sgt", left, 0), "begin", "pause")
+        text.label("pause")
+        text.store("i64", "%taking", self.slot(SLOT.taking))
+        text.add("  ret i64 0")
+        text.label("begin")
+        text.store("i64", text.integer("sub", left, "%taking"), budget)
+
+    def take_column(self, c):
+        """Take the stages of a column in all lines, and add its end to the sums."""
+        text, of = self.text, self.of
+        plan = text.integer("add", of.plan, text.integer("mul", c, 8 * len(COLUMN)))
         stages = text.load("i64", text.plus(plan, 8 * COLUMN.stages))
         scale, weight, second = (
-            scalar(text.plus(plan, 8 * k)) for k in (COLUMN.scale, COLUMN.weight, COLUMN.second)
+            self.scalar(text.plus(plan, 8 * k))
+            for k in (COLUMN.scale, COLUMN.weight, COLUMN.second)
         )
         is_first = text.compare_integers("eq", c, 0)
-
-        def from_0(value, first, is_first=is_first):
-            return text.new(f"select i1 {is_first}, {V} {first}, {V} {value}")
-
         with text.loop("prepare", "%taking") as k:
-            number = active(k)
-            line, place = line_at(number), text.load("i64", at(of.place, number))
-            end = scalar(at(of.times, place))
-            rest = text.operate("fsub", end, row(line, rows.time))
-            wanted = row(line, rows.wanted)
-            reach = text.operate("fmul", text.constant(REACH), rest)
-            taken = text.select(text.compare("olt", wanted, reach), wanted, rest)
-            text.store(V, taken, text.plus(line, size * rows.taken))
-            text.store(V, from_0(row(line, rows.least), one), text.plus(line, size * rows.least))
-            half = text.operate("fmul", scale, taken)
-            values, of_line = {}, values_of(number)
-
-            def half_of(number, of_line=of_line, half=half):
-                value = value_of(number - D, of_line)
-                return value if number >= D + step.T else text.operate("fmul", half, value)
-
-            text.carry_out(step.fixed, values, half_of)
-            for number, offset in step.places.items():
-                value = values[number] if number in values else half_of(number)
-                text.store(V, value, text.plus(line, size * (rows.table + offset)))
-            if step.lift is not None:
-                begin_step(text, step, is_first, line, dict(values), half_of)
-            for x, base in zip(numbers(line, rows.x), numbers(line, rows.base), strict=True):
-                text.store(V, text.load(V, base), x)
-
-        is_last = text.compare_integers("eq", integer("add", c, 1), of.columns)
-
-        def stage(k):
-            line = line_at(active(k))
-            table = text.plus(line, size * rows.table)
-            for n in range(len(before)):
-                text.add(f"  call void @{name}_{n}(i64 {line}, i64 {table}, i64 {of.kept})")
-            load, values = loader(text, step, True, line, table, of.kept), {}
-            text.carry_out(usual, values, load)
-            after = [values[n] if n in values else load(n) for n in step.after]
-            if step.lift is None:
-                least = values[step.least] if step.least in values else load(step.least)
-                so_far = row(line, rows.least)
-                is_less = text.compare("olt", least, so_far)
-                least = text.select(is_less, least, so_far)
-                text.store(V, least, text.plus(line, size * rows.least))
-            for n, value, x in zip(step.after, after, numbers(line, rows.x), strict=True):
-                if n >= D:
-                    text.store(V, value, x)
-
-        with text.loop("stage", stages) as number_of_stage:
+            self.begin_column(self.active(k), scale, is_first)
+        is_last = text.compare_integers("eq", text.integer("add", c, 1), of.columns)
+        with text.loop("stage", stages) as number:
             with text.loop("each", "%taking") as k:
-                stage(k)
+                self.take_stage(self.line_at(self.active(k)))
             text.branch(is_last, "of_last", "of_all")
             text.label("of_last")
-            factor = scalar(at(of.difference, number_of_stage))
-            begins = text.compare_integers("eq", number_of_stage, 0)
+            factor = self.scalar(self.at(of.difference, number))
+            begins = text.compare_integers("eq", number, 0)
             with text.loop("differ", "%taking") as k:
-                line = line_at(active(k))
-                for n in range(given):
-                    change = text.operate("fsub", row(line, rows.x + n), row(line, rows.base + n))
-                    so_far = from_0(row(line, rows.difference + n), zero, begins)
-                    term = text.operate("fadd", so_far, text.operate("fmul", factor, change))
-                    text.store(V, term, text.plus(line, size * (rows.difference + n)))
+                line = self.line_at(self.active(k))
+                self.add_changes(line, begins, {self.rows.difference: factor})
             text.jump("of_all")
             text.label("of_all")
-
         with text.loop("sum", "%taking") as k:
-            line = line_at(active(k))
-            for n in range(given):
-                change = text.operate("fsub", row(line, rows.x + n), row(line, rows.base + n))
-                for first, factor in ((rows.total, weight), (rows.second, second)):
-                    so_far = from_0(row(line, first + n), zero)
-                    term = text.operate("fmul", factor, change)
-                    term = text.operate("fadd", so_far, term)
-                    text.store(V, term, text.plus(line, size * (first + n)))
+            line = self.line_at(self.active(k))
+            self.add_changes(line, is_first, {self.rows.total: weight, self.rows.second: second})
 
-    before_choice = text.block
-    text.jump("choose")
-    text.label("choose")
-    text.add(f"  %k = phi i64 [ 0, %{before_choice} ], [ %k1, %chosen ]")
-    text.add(f"  %kept = phi i64 [ 0, %{before_choice} ], [ %kept1, %chosen ]")
-    number = active("%k")
-    line, place = line_at(number), text.load("i64", at(of.place, number))
-    first_value = D + 4 * given
-    inputs = [*range(rows.base, rows.base + first_value), *[None] * step.T]
-    inputs += [*range(rows.time, rows.least + 1)]
-    of_line = values_of(number)
+    def begin_column(self, number, scale, is_first):
+        """Write the table of a line for stages of this scale, and its state before the step."""
+        text, step, rows, of = self.text, self.step, self.rows, self.of
+        line, place = self.line_at(number), text.load("i64", self.at(of.place, number))
+        end = self.scalar(self.at(of.times, place))
+        rest = text.operate("fsub", end, self.row(line, rows.time))
+        wanted = self.row(line, rows.wanted)
+        reach = text.operate("fmul", text.constant(REACH), rest)
+        taken = text.select(text.compare("olt", wanted, reach), wanted, rest)
+        self.put(taken, line, rows.taken)
+        self.put(
+            self.or_else(is_first, text.constant(1.0), self.row(line, rows.least)), line, rows.least
+        )
+        half = text.operate("fmul", scale, taken)
+        values, of_line = {}, self.values_of(number)
 
-    def load(n):
-        if n == len(inputs):
-            return scalar(at(of.times, place))
-        if n == len(inputs) + 1:
-            return scalar(of.rtol)
-        if n > len(inputs):  # words of a lifted field, and coefficients of the lift
-            word, words = n - len(inputs) - 2, D - given
-            if word < words:
-                return row(line, rows.x + given + word)
-            return value_of(step.T + word - words, of_line)
-        return value_of(n - first_value, of_line) if inputs[n] is None else row(line, inputs[n])
+        def half_of(n):
+            value = self.value(n - step.D, of_line)
+            return value if n >= step.D + step.T else text.operate("fmul", half, value)
 
-    values, choice = {}, step.choice
-    text.carry_out(choice.operations, values, load)
-    places = numbers(line, rows.base, given) + numbers(line, rows.largest, given)
-    places += numbers(line, rows.time, 4)
-    for n, address in zip(choice.results, places, strict=True):
-        text.store(V, values[n], address)
-    text.jump("check")
+        text.carry_out(step.fixed, values, half_of)
+        for n, offset in step.places.items():
+            self.put(values[n] if n in values else half_of(n), line, rows.table + offset)
+        if step.lift is not None:
+            text.branch(is_first, "lift", "lifted")
+            text.label("lift")
+            self.write_words(line, dict(values), half_of)
+            text.jump("lifted")
+            text.label("lifted")
+        for k in range(step.D):
+            self.put(self.row(line, rows.base + k), line, rows.x + k)
 
-    text.label("check")
-    text.add(f"  %line = phi i64 [ {number}, %choose ], [ %line, %another ], [ %fresh, %fill ]")
-    text.add(f"  %place = phi i64 [ {place}, %choose ], [ %place1, %another ], [ 0, %fill ]")
-    line = line_at("%line")
-    arrived = text.compare("oeq", row(line, rows.time), scalar(at(of.times, "%place")))
-    ended = text.compare("oeq", row(line, rows.wanted), zero)
-    done = text.joined("or", [arrived, ended])
-    text.branch(text.all_true(done), "reached", "goes_on")
-    text.label("reached")
-    row_at = integer("add", of.states, integer("mul", "%place", of.state_bytes))
-    text.add(f"  %row = add i64 {row_at}, 0")
-    states = [text.load(V, address) for address in numbers(line, rows.base, given)]
-    text.jump("save")
-    save(text, states, given, of.trajectories, 8)
-    text.label("next")
-    text.add("  %place1 = add i64 %place, 1")
-    text.branch(text.compare_integers("ult", "%place1", of.count), "another", "finished")
-    text.label("another")
-    text.jump("check")
-    text.label("finished")
-    next_at = text.plus("%arguments", 8 * SLOT.next)
-    fresh = text.load("i64", next_at)
-    text.add(f"  %fresh = add i64 {fresh}, 0")
-    text.branch(text.compare_integers("ult", "%fresh", of.lines), "fill", "drop")
-    text.label("fill")
-    text.store("i64", integer("add", "%fresh", 1), next_at)
-    text.jump("check")
-    text.label("drop")
-    text.jump("chosen")
-    text.label("goes_on")
-    text.store("i64", "%line", at(of.active, "%kept"))
-    text.store("i64", "%place", at(of.place, "%line"))
-    more = integer("add", "%kept", 1)
-    text.jump("chosen")
-    text.label("chosen")
-    text.add(f"  %kept1 = phi i64 [ %kept, %drop ], [ {more}, %goes_on ]")
-    text.add("  %k1 = add i64 %k, 1")
-    text.branch(text.compare_integers("ult", "%k1", "%taking"), "choose", "stepped")
-    text.label("stepped")
-    text.branch(text.compare_integers("eq", "%kept1", 0), "end", "step")
-    text.label("end")
-    text.add("  ret i64 1")
-    return text.finished()
+    def write_words(self, line, values, half_of):
+        """Write the words of the states of a line, and the least pivot, of a lifted field."""
+        step, rows, given = self.step, self.rows, self.step.given
 
+        def load(n):
+            return self.row(line, rows.base + n) if n < given else half_of(n)
 
-def begin_line(text, step, line, value_of, rtol):
-    """Add the beginning of the trajectories of a line; `value_of` loads a value of a term."""
-    rows, D, given = rows_of(step), step.D, step.given
+        self.text.carry_out(step.prologue, values, load)
+        for k, n in enumerate(step.lifted, given):
+            self.put(values[n] if n in values else load(n), line, rows.base + k)
+        self.put(values[step.least], line, rows.least)
 
-    def address(row):
-        return text.plus(line, 8 * text.W * row)
+    def take_stage(self, line):
+        """Take a stage of a line."""
+        text, step, rows = self.text, self.step, self.rows
+        table = text.plus(line, self.size * rows.table)
+        for n in range(len(self.before)):
+            text.add(f"  call void @{self.name}_{n}(i64 {line}, i64 {table}, i64 {self.of.kept})")
+        load, values = loader(text, step, True, line, table, self.of.kept), {}
+        text.carry_out(self.usual, values, load)
+        after = [values[n] if n in values else load(n) for n in step.after]
+        if step.lift is None:
+            least = values[step.least] if step.least in values else load(step.least)
+            so_far = self.row(line, rows.least)
+            is_less = text.compare("olt", least, so_far)
+            self.put(text.select(is_less, least, so_far), line, rows.least)
+        for k, (n, value) in enumerate(zip(step.after, after, strict=True)):
+            if n >= step.D:
+                self.put(value, line, rows.x + k)
 
-    def load(n):
-        """Return a value by its number in the lists of `Step`."""
-        return text.load(text.V, address(rows.base + n)) if n < given else value_of(n - D)
+    def add_changes(self, line, begins, factors):
+        """Add the change of the state since the step began, times a factor, to each of these rows.
 
-    values = {}
-    if step.lift is not None:
-        found = {}
-        text.carry_out([*step.fixed, *step.prologue], found, load)
-        words = enumerate(step.lifted, given)
-        values = {k: found[n] if n in found else load(n) for k, n in words}
+        Where a sum `begins`, it is 0 so far.
+        """
+        text, rows = self.text, self.rows
+        for n in range(self.step.given):
+            x, base = self.row(line, rows.x + n), self.row(line, rows.base + n)
+            change = text.operate("fsub", x, base)
+            for row, factor in factors.items():
+                so_far = self.or_else(begins, text.constant(0.0), self.row(line, row + n))
+                term = text.operate("fmul", factor, change)
+                self.put(text.operate("fadd", so_far, term), line, row + n)
 
-    def load_more(n):
-        if n < D + step.T:
-            return load(n)
-        if n == D + step.T:
-            return text.load(text.V, address(rows.wanted))
-        number = text.load("double", rtol)
-        return number if text.W == 1 else text.splat(number, text.W)
+    # --------------------------------------------------------------------------------- after a step
+    def choose(self):
+        """Carry out `Stage.choice` for each line; `kept` of them have times to reach."""
+        text, step, rows, of, given = self.text, self.step, self.rows, self.of, self.step.given
+        before = text.block
+        text.jump("choose")
+        text.label("choose")
+        text.add(f"  %k = phi i64 [ 0, %{before} ], [ %k1, %chosen ]")
+        text.add(f"  %kept = phi i64 [ 0, %{before} ], [ %kept1, %chosen ]")
+        number = self.active("%k")
+        line, place = self.line_at(number), text.load("i64", self.at(of.place, number))
+        first_value = step.D + 4 * given
+        inputs = [*range(rows.base, rows.base + first_value), *[None] * step.T]
+        inputs += [*range(rows.time, rows.least + 1)]
+        of_line = self.values_of(number)
 
-    beginning = step.beginning
-    text.carry_out(beginning.operations, values, load_more)
-    places = [rows.base + k for k in range(given)] + [rows.largest + k for k in range(given)]
-    for n, row in zip(beginning.results, [*places, rows.wanted, rows.first], strict=True):
-        text.store(text.V, values[n], address(row))
+        def load(n):
+            if n == len(inputs):
+                return self.scalar(self.at(of.times, place))
+            if n == len(inputs) + 1:
+                return self.scalar(of.rtol)
+            if n > len(inputs):  # words of a lifted field, and coefficients of the lift
+                word, words = n - len(inputs) - 2, step.D - given
+                if word < words:
+                    return self.row(line, rows.x + given + word)
+                return self.value(step.T + word - words, of_line)
+            is_value = inputs[n] is None
+            return self.value(n - first_value, of_line) if is_value else self.row(line, inputs[n])
 
+        values, choice = {}, step.choice
+        text.carry_out(choice.operations, values, load)
+        places = [rows.base + k for k in range(given)] + [rows.largest + k for k in range(given)]
+        places += range(rows.time, rows.time + 4)
+        for n, row in zip(choice.results, places, strict=True):
+            self.put(values[n], line, row)
+        text.jump("check")
+        return number, place
 
-def begin_step(text, step, is_first, line, values, half_of):
-    """Add the beginning of a step of a lifted field: words of the state, and the least pivot.
+    def save_at_times(self, number, place):
+        """Save the states of a line whose trajectories have all reached a time, or ended before."""
+        text, rows, of, given = self.text, self.rows, self.of, self.step.given
+        text.label("check")
+        text.add(f"  %line = phi i64 [ {number}, %choose ], [ %line, %another ], [ %fresh, %fill ]")
+        text.add(f"  %place = phi i64 [ {place}, %choose ], [ %place1, %another ], [ 0, %fill ]")
+        line, end = self.line_at("%line"), self.scalar(self.at(of.times, "%place"))
+        arrived = text.compare("oeq", self.row(line, rows.time), end)
+        ended = text.compare("oeq", self.row(line, rows.wanted), text.constant(0.0))
+        done = text.joined("or", [arrived, ended])
+        text.branch(text.all_true(done), "reached", "goes_on")
+        text.label("reached")
+        row = text.integer("add", of.states, text.integer("mul", "%place", of.state_bytes))
+        text.add(f"  %row = add i64 {row}, 0")
+        states = [self.row(line, rows.base + k) for k in range(given)]
+        text.jump("save")
+        save(text, states, given, of.trajectories, 8)
 
-    `values` and `half_of` are those of parameters alone.
-    """
-    rows, given = rows_of(step), step.given
-
-    def address(row):
-        return text.plus(line, 8 * text.W * row)
-
-    def load(number):
-        is_state = number < given
-        return text.load(text.V, address(rows.base + number)) if is_state else half_of(number)
-
-    text.branch(is_first, "lift", "lifted")
-    text.label("lift")
-    text.carry_out(step.prologue, values, load)
-    for k, number in enumerate(step.lifted, given):
-        value = values[number] if number in values else load(number)
-        text.store(text.V, value, address(rows.base + k))
-    text.store(text.V, values[step.least], address(rows.least))
-    text.jump("lifted")
-    text.label("lifted")
+    def go_on(self):
+        """Go on with the next time, with another line in place of one at its end, or with none."""
+        text, of = self.text, self.of
+        text.label("next")
+        text.add("  %place1 = add i64 %place, 1")
+        text.branch(text.compare_integers("ult", "%place1", of.count), "another", "finished")
+        text.label("another")
+        text.jump("check")
+        text.label("finished")
+        next_at = self.slot(SLOT.next)
+        fresh = text.load("i64", next_at)
+        text.add(f"  %fresh = add i64 {fresh}, 0")
+        text.branch(text.compare_integers("ult", "%fresh", of.lines), "fill", "drop")
+        text.label("fill")
+        text.store("i64", text.integer("add", "%fresh", 1), next_at)
+        text.jump("check")
+        text.label("drop")
+        text.jump("chosen")
+        text.label("goes_on")
+        text.store("i64", "%line", self.at(of.active, "%kept"))
+        text.store("i64", "%place", self.at(of.place, "%line"))
+        more = text.integer("add", "%kept", 1)
+        text.jump("chosen")
+        text.label("chosen")
+        text.add(f"  %kept1 = phi i64 [ %kept, %drop ], [ {more}, %goes_on ]")
+        text.add("  %k1 = add i64 %k, 1")
+        text.branch(text.compare_integers("ult", "%k1", "%taking"), "choose", "stepped")
+        text.label("stepped")
+        text.branch(text.compare_integers("eq", "%kept1", 0), "end", "step")
+        text.label("end")
+        text.add("  ret i64 1")

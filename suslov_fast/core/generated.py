@@ -5,6 +5,7 @@ steps. Its values stay in registers, and are those of `operations.evaluate`, to 
 """
 
 from .careful import CHANGED
+from .generated_lines import add_table, loader, piece_function, save
 from .generated_stages import (
     SLOT,
     CodeArguments,
@@ -41,170 +42,244 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     multiples of `align` bytes, and go past the caches if that is more than 8; 0 means that none are
     saved.
     """
-    text, D = Text(W), step.D
-    is_lifted = isinstance(step, LiftedStep)
-    given = step.lift[0].given if is_lifted else D
-    integer, size, all_lanes = text.integer, 8 * W, (1 << W) - 1
-    (*before, usual), _ = step.pieces
-    for k, piece in enumerate(before):
-        piece_function(text, step, f"{name}_{k}", piece, for_each)
-    text.add(f"define i64 @{name}(i64 %arguments) #0 {{")
-    text.label("entry")
-    arguments = CodeArguments(*(text.load("i64", text.plus("%arguments", 8 * k)) for k in SLOT))
-    text.jump("blocks")
+    return _Steps(step, name, W, for_each, align, in_columns, tells_signs).finished()
 
-    text.label("blocks")
-    text.add(f"  %lo = phi i64 [ {arguments.line}, %entry ], [ %hi, %after ]")
-    for register, resumed, at_first in (
-        ("n", arguments.n, "0"),
-        ("stage", arguments.stage, "0"),
-        ("until", arguments.until, arguments.first_until),
-        ("row", arguments.row, arguments.first_row),
-    ):
-        text.add(f"  %{register}0 = phi i64 [ {resumed}, %entry ], [ {at_first}, %after ]")
-    end = integer("add", "%lo", arguments.block)
-    less = text.compare_integers("ult", end, arguments.lines)
-    text.add(f"  %hi = select i1 {less}, i64 {end}, i64 {arguments.lines}")
-    single = [
-        text.load(text.V, text.plus(arguments.x, size * i))
-        for i in range(D if W == 1 and not is_lifted else 0)
-    ]
-    text.jump("steps")
 
-    text.label("steps")
-    for register in ("n", "stage", "until", "row"):
-        text.add(f"  %{register} = phi i64 [ %{register}0, %blocks ], [ %{register}1, %more ]")
-    # The state of a single orbit stays in registers: a load would wait for the store before it.
-    for i, component in enumerate(single):
-        text.add(f"  %x{i} = phi {text.V} [ {component}, %blocks ], [ %state{i}, %more ]")
-    saves = text.compare_integers("eq", "%until", 0)
-    plan = integer("add", arguments.plan, integer("mul", "%stage", 32))
-    common_table = text.load("i64", plan)
-    next_stage = integer("add", "%stage", 1)
-    is_last = text.compare_integers("eq", next_stage, arguments.stages)
-    weights = [text.load("double", text.plus(plan, 8 + 8 * k)) for k in range(2 * in_columns)]
-    text.jump("lines")
+class _Steps:
+    """The text of `text_of_steps`, block by block.
 
-    text.label("lines")
-    text.add("  %line = phi i64 [ %lo, %steps ], [ %line1, %next ]")
-    state = integer("add", arguments.x, integer("mul", "%line", D * size))
-    places = [text.plus(state, size * i) for i in range(D)]
-    table, numbers = common_table, step.T if for_each == OF_HALVES else len(step.table)
-    if for_each:
-        table = integer("add", table, integer("mul", "%line", numbers * size))
-    if is_lifted:
-        in_rows = in_columns or tells_signs
-        load = loader(text, step, for_each, state, table, arguments.kept)
-        add_lift(text, step, arguments, places, load, in_rows)
-    x = [f"%x{i}" if single else text.load(text.V, place) for i, place in enumerate(places)]
+    A block of lines takes all steps before the next block begins; a step takes one line after the
+    other. A line takes the block `rare` where the usual operations do not suffice, and `careful`
+    where those do not.
 
-    for k in range(len(before)):
-        text.add(f"  call void @{name}_{k}(i64 {state}, i64 {table}, i64 {arguments.kept})")
-    fixed, values = {}, dict(enumerate(x))
-    if for_each == OF_HALVES:
-        add_table(text, step, table, text.load("double", text.plus(plan, 24)), fixed)
-    load = loader(text, step, for_each, state, table, arguments.kept, fixed)
-    text.carry_out(usual, values, load)
-    after = [values[k] if k in values else load(k) for k in step.after]
-    increments = step.increments if in_columns else {}
-    added = {k: values[n] if n in values else load(n) for k, n in increments.items()}
-    text.branch(text.all_true(values[step.good]), "finish", "rare", likely=True)
+    of        `CodeArguments`, as values
+    single    names of the state of a single orbit, which stays in registers: a load would wait for
+              the store before it
+    """
 
-    text.label("rare")
-    if not single and not before:
-        # Loaded and computed anew, so that the registers of usual lines need not be stored.
-        values = {k: text.load(text.V, place) for k, place in enumerate(places)}
-        x = [*values.values()]
-        text.carry_out(usual, values, load)
-    text.carry_out(step.rare, values, load)
-    accurate = values[step.accurate]
-    after_rare = [values[k] if k in values else load(k) for k in step.after_rare]
-    advanced = [text.select(accurate, *both) for both in zip(after_rare, x, strict=True)]
-    for k in range(D):
-        text.store(text.V, advanced[k], places[k])
-    passed = marks_of(text, integer("add", arguments.marks, arguments.lines))
-    good, negative = text.bits(accurate), text.bits(values[step.negative])
-    bad = others(text, good, arguments.marks)
-    told = integer("and", good, integer("xor", passed, all_lanes))
-    negative = integer("and", negative, told)
-    if step.changed is not None:
-        changed = integer("and", text.bits(values[step.changed]), told)
-        negative = integer("or", negative, integer("shl", changed, CHANGED))
-    rarely = increments_of(text, step, values, load, x) if in_columns else {}
-    is_any = text.compare_integers("ne", integer("or", bad, negative), 0)
-    text.branch(is_any, "careful", "finish")
+    def __init__(self, step, name, W, for_each, align, in_columns, tells_signs):
+        self.text, self.step, self.name, self.for_each = Text(W), step, name, for_each
+        self.align, self.in_columns, self.tells_signs = align, in_columns, tells_signs
+        self.is_lifted, self.size = isinstance(step, LiftedStep), 8 * W  # bytes of a row
+        self.given = step.lift[0].given if self.is_lifted else step.D
+        (*self.before, self.usual), _ = step.pieces
+        self.single = [f"%x{i}" for i in range(step.D if W == 1 and not self.is_lifted else 0)]
 
-    text.label("careful")
-    text.branch(text.compare_integers("eq", arguments.careful, 0), "unable", "call")
-    text.label("unable")
-    text.add("  ret i64 0")
-    text.label("call")
-    solved = call_careful(text, arguments, bad, negative, places)
-    carefully = {
-        k: text.select(accurate, made, text.operate("fsub", solved[k], x[k]))
-        for k, made in rarely.items()
-    }
-    text.jump("finish")
+    def finished(self):
+        """Return the whole text."""
+        text = self.text
+        for k, piece in enumerate(self.before):
+            piece_function(text, self.step, f"{self.name}_{k}", piece, self.for_each)
+        text.add(f"define i64 @{self.name}(i64 %arguments) #0 {{")
+        text.label("entry")
+        self.of = CodeArguments(*(text.load("i64", self.slot(k)) for k in SLOT))
+        self.begin_step(self.begin_block())
+        places, x, load = self.begin_line()
+        values, usual = self.take_usual_step(x, load)
+        rare, carefully = self.take_rare_step(places, x, values, load)
+        self.end_line(self.joined(places, usual, rare, carefully))
+        self.end_step()
+        self.end_block()
+        return text.finished()
 
-    text.label("finish")
-    final = [f"%final{k}" for k in range(D)] if in_columns else state_of(D)
-    begin = "lifted" if is_lifted else "lines"
-    for k in range(D):
-        ways = f"[ {after[k]}, %{begin} ], [ {advanced[k]}, %rare ], [ {solved[k]}, %call ]"
-        text.add(f"  {final[k]} = phi {text.V} {ways}")
-    for k in increments:
-        ways = f"[ {added[k]}, %{begin} ], [ {rarely[k]}, %rare ], [ {carefully[k]}, %call ]"
-        text.add(f"  %added{k} = phi {text.V} {ways}")
-    if in_columns:
-        added = {k: f"%added{k}" for k in increments}
-        end_column(text, step, arguments, places, final, added, weights, is_last)
-        final = state_of(D)
-    else:
-        for k in range(D):
-            if step.after[k] != k:
-                text.store(text.V, final[k], places[k])
-        if tells_signs:
-            final = end_composition(text, step, arguments, places, final, is_last)
-    if align:
-        text.branch(saves, "save", "next")
-        save(text, final[:given], given, arguments.trajectories, align)
-    else:
-        text.jump("next")
+    def slot(self, k):
+        return self.text.plus("%arguments", 8 * k)
 
-    text.label("next")
-    text.add("  %line1 = add i64 %line, 1")
-    text.branch(text.compare_integers("ult", "%line1", "%hi"), "lines", "done")
+    def state_at(self, places):
+        return [self.text.load(self.text.V, place) for place in places]
 
-    text.label("done")
-    text.add("  %n1 = add i64 %n, 1")
-    text.add(f"  %stage1 = select i1 {is_last}, i64 0, i64 {next_stage}")
-    less = integer("sub", "%until", 1)
-    text.add(f"  %until1 = select i1 {saves}, i64 {arguments.between}, i64 {less}")
-    next_row = integer("add", "%row", arguments.row_bytes)
-    text.add(f"  %row1 = select i1 {saves}, i64 {next_row}, i64 %row")
-    text.branch(text.compare_integers("ult", "%n1", arguments.steps), "more", "after")
+    def begin_block(self):
+        """Begin or go on with a block of lines; return the loads of a single state."""
+        text, of = self.text, self.of
+        text.jump("blocks")
+        text.label("blocks")
+        text.add(f"  %lo = phi i64 [ {of.line}, %entry ], [ %hi, %after ]")
+        for register, resumed, at_first in (
+            ("n", of.n, "0"),
+            ("stage", of.stage, "0"),
+            ("until", of.until, of.first_until),
+            ("row", of.row, of.first_row),
+        ):
+            text.add(f"  %{register}0 = phi i64 [ {resumed}, %entry ], [ {at_first}, %after ]")
+        end = text.integer("add", "%lo", of.block)
+        less = text.compare_integers("ult", end, of.lines)
+        text.add(f"  %hi = select i1 {less}, i64 {end}, i64 {of.lines}")
+        single = self.state_at(text.plus(of.x, self.size * i) for i in range(len(self.single)))
+        text.jump("steps")
+        return single
 
-    text.label("more")
-    left = text.load("i64", text.plus("%arguments", 8 * SLOT.budget))
-    text.branch(text.compare_integers("sgt", left, 0), "steps", "pause")
+    def begin_step(self, single):
+        """Begin a step of all lines of a block."""
+        text, of = self.text, self.of
+        text.label("steps")
+        for register in ("n", "stage", "until", "row"):
+            text.add(f"  %{register} = phi i64 [ %{register}0, %blocks ], [ %{register}1, %more ]")
+        for i, component in enumerate(single):
+            text.add(f"  %x{i} = phi {text.V} [ {component}, %blocks ], [ %state{i}, %more ]")
+        self.saves = text.compare_integers("eq", "%until", 0)
+        self.plan = text.integer("add", of.plan, text.integer("mul", "%stage", 32))
+        self.table = text.load("i64", self.plan)
+        self.next_stage = text.integer("add", "%stage", 1)
+        self.is_last = text.compare_integers("eq", self.next_stage, of.stages)
+        self.weights = [
+            text.load("double", text.plus(self.plan, 8 + 8 * k)) for k in range(2 * self.in_columns)
+        ]
+        text.jump("lines")
 
-    text.label("pause")
-    for slot, register in (
-        (SLOT.line, "%lo"),
-        (SLOT.n, "%n1"),
-        (SLOT.stage, "%stage1"),
-        (SLOT.until, "%until1"),
-        (SLOT.row, "%row1"),
-    ):
-        text.store("i64", register, text.plus("%arguments", 8 * slot))
-    text.add("  ret i64 1")
+    def begin_line(self):
+        """Begin a step of a line.
 
-    text.label("after")
-    text.branch(text.compare_integers("ult", "%hi", arguments.lines), "blocks", "end")
-    text.label("end")
-    text.store("i64", "%hi", text.plus("%arguments", 8 * SLOT.line))
-    text.add("  ret i64 1")
-    return text.finished()
+        Return where its state is, the state, and a function that loads other values.
+        """
+        text, step, of = self.text, self.step, self.of
+        text.label("lines")
+        text.add("  %line = phi i64 [ %lo, %steps ], [ %line1, %next ]")
+        state = text.integer("add", of.x, text.integer("mul", "%line", step.D * self.size))
+        places = [text.plus(state, self.size * i) for i in range(step.D)]
+        table, fixed = self.table, {}
+        if self.for_each:
+            numbers = step.T if self.for_each == OF_HALVES else len(step.table)
+            table = text.integer("add", table, text.integer("mul", "%line", numbers * self.size))
+        if self.is_lifted:
+            load = loader(text, step, self.for_each, state, table, of.kept)
+            add_lift(text, step, of, places, load, self.in_columns or self.tells_signs)
+        x = self.single or self.state_at(places)
+        for k in range(len(self.before)):
+            text.add(f"  call void @{self.name}_{k}(i64 {state}, i64 {table}, i64 {of.kept})")
+        if self.for_each == OF_HALVES:
+            fraction = text.load("double", text.plus(self.plan, 24))
+            add_table(text, step, table, fraction, fixed)
+        return places, x, loader(text, step, self.for_each, state, table, of.kept, fixed)
+
+    def take_usual_step(self, x, load):
+        """Return all values, and the next state with the increments of columns, by component."""
+        text, step = self.text, self.step
+        values = dict(enumerate(x))
+        text.carry_out(self.usual, values, load)
+        after = [values[k] if k in values else load(k) for k in step.after]
+        increments = step.increments if self.in_columns else {}
+        added = {k: values[n] if n in values else load(n) for k, n in increments.items()}
+        text.branch(text.all_true(values[step.good]), "finish", "rare", likely=True)
+        return values, (after, added)
+
+    def take_rare_step(self, places, x, values, load):
+        """Return the next state and increments by other operations, and after a call of `careful`.
+
+        It takes lanes where these do not suffice either, and notes poles.
+        """
+        text, step, of = self.text, self.step, self.of
+        text.label("rare")
+        if not self.single and not self.before:
+            # Loaded and computed anew, so that the registers of usual lines need not be stored.
+            x = self.state_at(places)
+            values = dict(enumerate(x))
+            text.carry_out(self.usual, values, load)
+        text.carry_out(step.rare, values, load)
+        accurate = values[step.accurate]
+        after = [values[k] if k in values else load(k) for k in step.after_rare]
+        after = [text.select(accurate, *both) for both in zip(after, x, strict=True)]
+        for value, place in zip(after, places, strict=True):
+            text.store(text.V, value, place)
+        passed = marks_of(text, text.integer("add", of.marks, of.lines))
+        good, negative = text.bits(accurate), text.bits(values[step.negative])
+        bad = others(text, good, of.marks)
+        told = text.integer("and", good, text.integer("xor", passed, (1 << text.W) - 1))
+        negative = text.integer("and", negative, told)
+        if step.changed is not None:
+            changed = text.integer("and", text.bits(values[step.changed]), told)
+            negative = text.integer("or", negative, text.integer("shl", changed, CHANGED))
+        added = increments_of(text, step, values, load, x) if self.in_columns else {}
+        is_any = text.compare_integers("ne", text.integer("or", bad, negative), 0)
+        text.branch(is_any, "careful", "finish")
+
+        text.label("careful")
+        text.branch(text.compare_integers("eq", of.careful, 0), "unable", "call")
+        text.label("unable")
+        text.add("  ret i64 0")
+        text.label("call")
+        solved = call_careful(text, of, bad, negative, places)
+        carefully = {
+            k: text.select(accurate, made, text.operate("fsub", solved[k], x[k]))
+            for k, made in added.items()
+        }
+        text.jump("finish")
+        return (after, added), (solved, carefully)
+
+    def joined(self, places, usual, rare, carefully):
+        """Join the three ways; store and return the state of a line after a step."""
+        text, step = self.text, self.step
+        text.label("finish")
+        names = [f"%final{k}" for k in range(step.D)] if self.in_columns else state_of(step.D)
+        blocks = ["lifted" if self.is_lifted else "lines", "rare", "call"]
+
+        def join(name, *values):
+            ways = ", ".join(
+                f"[ {value}, %{block} ]" for value, block in zip(values, blocks, strict=True)
+            )
+            text.add(f"  {name} = phi {text.V} {ways}")
+
+        (after, added), (after_rare, rarely), (solved, made) = usual, rare, carefully
+        for name, *ways in zip(names, after, after_rare, solved, strict=True):
+            join(name, *ways)
+        for k in added:
+            join(f"%added{k}", added[k], rarely[k], made[k])
+        if self.in_columns:
+            added = {k: f"%added{k}" for k in added}
+            end_column(text, step, self.of, places, names, added, self.weights, self.is_last)
+            return state_of(step.D)
+        for k, n in enumerate(step.after):
+            if n != k:
+                text.store(text.V, names[k], places[k])
+        if self.tells_signs:
+            return end_composition(text, step, self.of, places, names, self.is_last)
+        return names
+
+    # -------------------------------------------------------------------------------- ends of loops
+    def end_line(self, state):
+        """Save the state of a line where states are saved, and go on with the next line."""
+        text = self.text
+        if self.align:
+            text.branch(self.saves, "save", "next")
+            save(text, state[: self.given], self.given, self.of.trajectories, self.align)
+        else:
+            text.jump("next")
+        text.label("next")
+        text.add("  %line1 = add i64 %line, 1")
+        text.branch(text.compare_integers("ult", "%line1", "%hi"), "lines", "done")
+
+    def end_step(self):
+        """Go on with the next step of the block, or pause where the budget is spent."""
+        text, of = self.text, self.of
+        text.label("done")
+        text.add("  %n1 = add i64 %n, 1")
+        text.add(f"  %stage1 = select i1 {self.is_last}, i64 0, i64 {self.next_stage}")
+        less = text.integer("sub", "%until", 1)
+        text.add(f"  %until1 = select i1 {self.saves}, i64 {of.between}, i64 {less}")
+        next_row = text.integer("add", "%row", of.row_bytes)
+        text.add(f"  %row1 = select i1 {self.saves}, i64 {next_row}, i64 %row")
+        text.branch(text.compare_integers("ult", "%n1", of.steps), "more", "after")
+        text.label("more")
+        left = text.load("i64", self.slot(SLOT.budget))
+        text.branch(text.compare_integers("sgt", left, 0), "steps", "pause")
+        text.label("pause")
+        for slot, register in (
+            (SLOT.line, "%lo"),
+            (SLOT.n, "%n1"),
+            (SLOT.stage, "%stage1"),
+            (SLOT.until, "%until1"),
+            (SLOT.row, "%row1"),
+        ):
+            text.store("i64", register, self.slot(slot))
+        text.add("  ret i64 1")
+
+    def end_block(self):
+        """Go on with the next block, or end."""
+        text = self.text
+        text.label("after")
+        text.branch(text.compare_integers("ult", "%hi", self.of.lines), "blocks", "end")
+        text.label("end")
+        text.store("i64", "%hi", self.slot(SLOT.line))
+        text.add("  ret i64 1")
 
 
 def increments_of(text, step, values, load, x):
@@ -223,101 +298,6 @@ def increments_of(text, step, values, load, x):
             difference = text.operate("fsub", other, x[k])
             found[k] = text.select(text.compare("oeq", other, after), made, difference)
     return found
-
-
-def add_table(text, step, halves, fraction, fixed):
-    """Compute the numbers of `Step.table` into the dict `fixed`.
-
-    `halves` is the address of h v for one line, `fraction` the one of a stage.
-    """
-    fraction = fraction if text.W == 1 else text.splat(fraction, text.W)
-
-    def half_of(number):
-        half = text.load(text.V, text.plus(halves, 8 * text.W * (number - step.D)))
-        return text.operate("fmul", half, fraction)
-
-    text.carry_out(step.fixed, fixed, half_of)
-    for number in step.table:
-        if number not in fixed:
-            fixed[number] = half_of(number)
-
-
-def loader(text, step, for_each, state, table, kept, fixed=()):
-    """Return the function that loads a value: of the state, of an earlier piece, or of the table.
-
-    `state`, `table` and `kept` are the addresses of their rows for one line. Values in the dict
-    `fixed` are there already.
-    """
-    rows, size = step.pieces[1], 8 * text.W
-
-    def load(number):
-        if number in fixed:
-            return fixed[number]
-        if number < step.D:
-            return text.load(text.V, text.plus(state, size * number))
-        if number in rows:
-            return text.load(text.V, text.plus(kept, size * rows[number]))
-        address = text.plus(table, (size if for_each else 8) * step.places[number])
-        if for_each or text.W == 1:
-            return text.load(text.V, address)
-        return text.splat(text.load("double", address), text.W)
-
-    return load
-
-
-def piece_function(text, step, name, operations, for_each):
-    """Add a function that carries out a piece of the usual operations, for one line."""
-    rows, values = step.pieces[1], {}
-    text.add(f"define internal void @{name}(i64 %state, i64 %table, i64 %kept) #0 {{")
-    text.carry_out(operations, values, loader(text, step, for_each, "%state", "%table", "%kept"))
-    for _, number, _ in operations:
-        if number in rows:
-            text.store(text.V, values[number], text.plus("%kept", 8 * text.W * rows[number]))
-    text.add("  ret void")
-    text.add("}")
-
-
-def save(text, states, D, trajectories, align):
-    """Add the block `save`, which writes the states of a line to the row, one after the other."""
-    new, integer, W = text.new, text.integer, text.W
-    text.label("save")
-    place = integer("add", "%row", integer("mul", "%line", 8 * W * D))
-    if W == 1:
-        for k in range(D):
-            text.store("double", states[k], text.plus(place, 8 * k))
-        text.jump("next")
-        return
-    vectors = []
-    for first in range(0, W * D, W):
-        vector, sources = "undef", [divmod(n, D) for n in range(first, first + W)]
-        for k in dict.fromkeys(component for _, component in sources):
-            order = [
-                W + lane if component == k else n for n, (lane, component) in enumerate(sources)
-            ]
-            order = ", ".join(f"i32 {n}" for n in order)
-            vector = new(
-                f"shufflevector {text.V} {vector}, {text.V} {states[k]}, <{W} x i32> <{order}>"
-            )
-        vectors.append(vector)
-    last = integer("mul", integer("add", "%line", 1), W)
-    text.branch(text.compare_integers("ule", last, trajectories), "whole", "part")
-    text.label("whole")
-    mark = ", !nontemporal !1" if align > 8 else ""
-    for k, vector in enumerate(vectors):
-        text.store(text.V, vector, text.plus(place, 8 * W * k), align, mark)
-    text.jump("next")
-    text.label("part")  # the last line has fewer trajectories, and is written number by number
-    left = integer("mul", integer("sub", trajectories, integer("mul", "%line", W)), D)
-    text.jump("number0")
-    for n in range(W * D):
-        text.label(f"number{n}")
-        text.branch(text.compare_integers("ult", n, left), f"put{n}", "next")
-        text.label(f"put{n}")
-        number = new(f"extractelement {text.V} {vectors[n // W]}, i32 {n % W}")
-        text.store("double", number, text.plus(place, 8 * n))
-        text.jump(f"number{n + 1}")
-    text.label(f"number{W * D}")
-    text.jump("next")
 
 
 def text_of_stage(*arguments):

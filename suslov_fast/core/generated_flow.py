@@ -7,7 +7,7 @@ each time, by steps of length 0.
 
 from typing import NamedTuple
 
-from .generated import loader, piece_function, save
+from .generated_lines import loader, piece_function, save
 from .machine_code import Text
 from .tolerance import REACH
 

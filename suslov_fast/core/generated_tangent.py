@@ -3,7 +3,7 @@
 `operations.Tangent` has the operations of a step; `tangent` takes the steps that they cannot take.
 """
 
-from .generated import loader, piece_function
+from .generated_lines import loader, piece_function
 from .machine_code import Text, numbers_in_register
 
 # Rows of a line: the state; the numbers below; the products of the lengths of D columns; columns.

@@ -73,9 +73,11 @@ def table(results, name, across, columns):
     lines = [[named(row, counts), *(cell(results, row) for cell in cells)] for row in rows]
     if across:
         found, places = {}, sorted({row.x for row in rows})
+        if are_errors := 0 < places[-1] < 0.01:
+            places.reverse()
         for row, (label, cell) in zip(rows, lines, strict=True):
             found.setdefault(label, {})[row.x] = cell
-        headers = [f"{x:,}" for x in places]
+        headers = [f"{x:.0e}".replace("e-0", "e-") if are_errors else f"{x:,}" for x in places]
         lines = [[label, *(line.get(x, "") for x in places)] for label, line in found.items()]
     lines = [[across or "", *headers], ["---"] + ["---:"] * len(headers), *lines]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)

@@ -117,6 +117,8 @@ _REQUIRED = {
     "period": "an approximate period",
     "periodic_orbit.steps": "the number of steps in a period",
     "store": "the name of a folder, such as 'runs.zarr'",
+    "parameters": "the dictionary that to_dict returned",
+    "count": "the number of states",
     "a": "the constrained axis, such as [0, 0, 1]",
     "k": "the angular momentum of the rotor",
     "I2": _TENSOR,
@@ -137,10 +139,13 @@ _IN_BODIES = {
 INSTEAD_IN_BODIES = {name: how for names, how in _IN_BODIES.items() for name in names.split()}
 
 
-def public_class(body: type[T]) -> type[T]:
-    """Let the constructor of a dataclass answer as a public function."""
-    body.__init__ = public(body.__init__)  # type: ignore[method-assign]
-    return body
+def public_class(kind: type[T]) -> type[T]:
+    """Let the constructor of a dataclass, or of a named tuple, answer as a public function."""
+    if issubclass(kind, tuple):
+        kind.__new__ = staticmethod(public(kind.__new__))  # type: ignore[method-assign]
+    else:
+        kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
+    return kind
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
@@ -152,7 +157,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     kinds = [each.kind for each in parameters]
     takes_any = inspect.Parameter.VAR_KEYWORD in kinds
     most = len(kinds) - kinds.count(inspect.Parameter.KEYWORD_ONLY) - takes_any
-    is_method = int(parameters[0].name in ("self", "cls")) if kinds else 0
+    is_method = int(parameters[0].name in ("self", "cls", "_cls")) if kinds else 0
     by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
     known = {each.name for each in parameters[is_method:] if each.kind in by_name}
     unnamed = kinds.count(inspect.Parameter.POSITIONAL_ONLY)
@@ -161,14 +166,16 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     others += ["parameters, such as a=1"] * takes_any
     stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
     required = [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
-    called = function.__qualname__.removesuffix(".__init__").rpartition(".")[-1]
+    *_, owner, called = ("", *function.__qualname__.split("."))
+    called = owner if called.startswith("__") else called
 
     @wraps(function)
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
         if len(args) > most and inspect.Parameter.VAR_POSITIONAL not in kinds:
             count, s = most - is_method, "" if most - is_method == 1 else "s"
             first = ", ".join(each.name for each in parameters[is_method:most])
-            received = f"{count} argument{s} by position ({first}), not {len(args) - is_method}"
+            takes = f"{count} argument{s} by position ({first})" if count else "none by position"
+            received = f"{takes}, not {len(args) - is_method}"
             how = f"; by name: {', '.join(others)}" if others else ""
             raise TypeError(f"{called} takes {received}{how}")
         if kwargs and not takes_any and not kwargs.keys() <= known:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast import maps
 from suslov_fast.keywords import advice, public
 from suslov_fast.runs.periodic import PeriodicOrbit
 
@@ -206,16 +207,55 @@ def test_messages_end_with_what_to_type(call, answer):
         call()
 
 
-def test_every_public_function_answers():
-    functions = [getattr(sf, name) for name in sf.__all__]
-    if importlib.util.find_spec("flint"):
-        laboratory = importlib.import_module("suslov_fast.integrability")
-        functions += [getattr(laboratory, name) for name in laboratory.__all__]
-    functions = [each for each in functions if inspect.isfunction(each)]
-    assert len(functions) > 30
-    for function in functions:
-        with pytest.raises(TypeError, match=f"{function.__name__} has no argument 'zzzz': "):
-            function(zzzz=1)
+# Classes that users make by a call; all others are results, errors, or made by functions.
+MADE_FOR_MAPS = maps.Map, maps.Steps, maps.Formula, maps.Plane
+BODIES = sf.QuadraticField, sf.Suslov3D, sf.SuslovGyrostat, sf.SuslovND
+MADE_BY_USERS = *BODIES, sf.RandomStarts, *MADE_FOR_MAPS
+# Methods of the laboratory that pages mention; the others are for searches.
+IN_LABORATORY = "jacobian determinant subs symbols to_dict __call__".split()
+
+
+def callables():
+    """Yield all public functions, constructors and methods, with their names."""
+    modules = [sf, sf.compiled, *([sf.integrability] if importlib.util.find_spec("flint") else [])]
+    things = [getattr(module, name) for module in modules for name in module.__all__]
+    things += [maps.register, maps.steps_of]
+    for thing in {id(each): each for each in [*things, *MADE_BY_USERS]}.values():
+        if inspect.isfunction(thing) and not hasattr(thing, "py_func"):
+            yield thing.__name__, thing
+        if thing in MADE_BY_USERS:
+            yield thing.__name__, thing
+        if not inspect.isclass(thing) or thing in MADE_FOR_MAPS:
+            continue
+        in_laboratory = thing.__module__.startswith("suslov_fast.integrability")
+        for name in IN_LABORATORY if in_laboratory else dir(thing):
+            method = getattr(thing, name, None)
+            ours = (getattr(method, "__module__", "") or "").startswith("suslov_fast")
+            if ours and inspect.isroutine(method) and (in_laboratory or not name.startswith("_")):
+                called = method.__qualname__.split(".")[0] if name == "__call__" else name
+                yield f"{thing.__name__}.{called}", method
+
+
+CALLABLES = [pytest.param(name, each, id=name) for name, each in callables()]
+
+
+@pytest.mark.parametrize(("name", "function"), CALLABLES)
+def test_every_public_callable_answers(name, function):
+    called = name.rpartition(".")[-1]
+    signature = inspect.signature(function)
+    kinds = {parameter.kind for parameter in signature.parameters.values()}
+    if inspect.Parameter.VAR_KEYWORD not in kinds:
+        with pytest.raises(TypeError, match=f"{called} has no argument 'epz': "):
+            function(epz=1)
+    if inspect.Parameter.VAR_POSITIONAL not in kinds:
+        with pytest.raises(TypeError, match=rf"{called} takes .* by position.*, not (19|20)"):
+            function(*[1] * 20)
+
+
+def test_answers_are_tested_for_all_callables():
+    names = {each.id for each in CALLABLES}
+    assert len(names) > 90
+    assert {"iterate", "Map", "Formula", "LiftedField.lift", "Suslov3D.admissible_I3"} <= names
 
 
 def test_functions_stay_what_they_were():

@@ -82,7 +82,7 @@ ARROWS = {
     "keywords": "",
     "bodies": "core checks keywords",
     "engine": "core checks keywords bodies",
-    "maps": "core checks bodies engine",
+    "maps": "core checks keywords bodies engine",
     "quantities": "checks keywords bodies engine maps",
     "space": "core checks keywords bodies engine maps",
     "runs": "core checks keywords bodies engine maps quantities",

@@ -312,6 +312,7 @@ class QuadraticField(_FieldOfTerms):
         short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
         return f"QuadraticField({short})"
 
+    @public
     def to_dict(self) -> dict[str, Any]:
         parts = self._parts
         found = {"indices": parts[INDICES], "values": parts[VALUES]}

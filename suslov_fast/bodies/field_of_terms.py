@@ -42,9 +42,9 @@ class FieldOfFunction(Body):
         """The named parameters of the function: numbers as they were given, and arrays."""
         return {name: self._parts[name] for name in self._coordinates}
 
-    def __call__(self, x: Any, *others: Any) -> Any:
+    def __call__(self, x: Any, *others: Any, **named: Any) -> Any:
         """Return f(x): fractions if all numbers of a quadratic field are exact, else floats."""
-        if others:
+        if others or named:
             how = "for solve_ivp pass lambda t, x: field(x)"
             raise TypeError(f"a field takes the state alone, field(x): {how}")
         return self._value_at(x)

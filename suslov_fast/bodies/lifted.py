@@ -121,6 +121,7 @@ class LiftedField(FieldOfFunction):
         where = f"the start of trajectory {checks.spell(index)}"
         return why and f"{why[0]} has no finite value at {where}{why[1]}"
 
+    @public
     def field(self) -> Any:
         """Refuse, because the equations are not quadratic in the given variables."""
         how = "use report(field.lifted), and scipy.optimize.root on vector_field for fixed points"
@@ -153,6 +154,7 @@ class LiftedField(FieldOfFunction):
             matrix[i, j] = value
         return matrix
 
+    @public
     def lift(self, x: Any) -> FloatArray:
         """Return all variables, shape (..., M), at states x, array_like(float, shape=(..., D)).
 
@@ -322,6 +324,7 @@ class LiftedField(FieldOfFunction):
         short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
         return f"LiftedField({short})"
 
+    @public
     def to_dict(self) -> dict[str, Any]:
         shared = self._structure
         found: dict[str, Any] = {"body": type(self).__name__, "names": [*self.names]}

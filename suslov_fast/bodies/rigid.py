@@ -120,6 +120,7 @@ class Suslov3D(_In3D):
 
     _steady: ClassVar[str] = "c (I23, -I13) for all numbers c"
 
+    @public
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.
 

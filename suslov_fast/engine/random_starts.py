@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import FloatArray, integer, positive, real_array, require, wrong
-from ..keywords import public_class
+from ..keywords import public, public_class
 
 
 @public_class
@@ -91,6 +91,7 @@ class RandomStarts:
         """The batch shape."""
         return (self.size,) if isinstance(self.size, int) else self.size
 
+    @public
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
         """Return `count` states from number `start` on, of shape (count, dimension)."""
         count, start = integer("count", count, 0), integer("start", start, 0)

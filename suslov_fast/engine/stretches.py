@@ -22,6 +22,7 @@ from ..core.lifted_system import LiftedSystem
 from ..core.numba import Kernel
 from ..core.one_step import KernelOfStep
 from ..core.steps_nd import NDSystem
+from ..keywords import public_class
 from .arguments import ALL, Arguments, flat_arrays, flat_parameter
 from .problem import Problem
 from .threads import call_kernel
@@ -85,6 +86,7 @@ def _bar(tqdm: Any, total: int) -> Iterator[Report]:
         yield report
 
 
+@public_class
 class Steps(NamedTuple):
     """The steps of a method: a kernel, and data to call it, see `maps.Map`."""
 

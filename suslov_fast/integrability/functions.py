@@ -19,6 +19,7 @@ import flint
 
 from ..bodies.names import latex
 from ..checks import extra
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS
 from .polynomials import (
@@ -68,6 +69,7 @@ class RationalFunction:
     basis: str = ""
     cofactor: RationalFunction | None = None
 
+    @public
     def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
         """Return the value at a point; a function with a symbolic eps needs its value."""
         if self.is_symbolic and eps is None:
@@ -82,6 +84,7 @@ class RationalFunction:
         """True if eps is symbolic."""
         return any(has_eps(P) for P, _ in self.factors)
 
+    @public
     def subs(self, eps: Any) -> RationalFunction:
         """Return the function of x alone for a value of eps.
 
@@ -102,6 +105,7 @@ class RationalFunction:
         cofactor = self.cofactor and self.cofactor.subs(value)
         return replace(product, basis=self.basis, cofactor=cofactor)
 
+    @public
     def symbols(self) -> dict[str, Any]:
         """Return the symbols of SymPy for the names in the formula.
 

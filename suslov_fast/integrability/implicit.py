@@ -20,6 +20,7 @@ from typing import Any
 import flint
 
 from ..bodies.polynomials import Polynomial
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, EXTRA
 from .functions import MODULAR, RationalFunction, quotient_of
@@ -69,6 +70,7 @@ class ImplicitIntegral:
     degree: int
     basis: str = MODULAR
 
+    @public
     def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
         """Return the value at a point; if eps is symbolic, at a value of eps."""
         map = self.map

@@ -54,6 +54,7 @@ class KahanMap(RationalMap):
         """True: every Kahan map has the inverse with -eps."""
         return True
 
+    @public
     def subs(self, eps: Any) -> KahanMap:
         """Return the map for a value of eps."""
         return kahan(self.field, eps)

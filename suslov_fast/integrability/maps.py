@@ -138,6 +138,7 @@ class RationalMap:
         ]
         return arithmetic.matrix(rows) * (1 / value_at(self.forms[-1], x))
 
+    @public
     def __call__(self, point: Any) -> tuple[Any, ...]:
         """Return the image of a point, exactly; functions of eps if it is symbolic."""
         if not self.is_symbolic:
@@ -148,11 +149,13 @@ class RationalMap:
         *numerators, denominator = map(factored, self.homogeneous_image(constants))
         return tuple(a / denominator for a in numerators)
 
+    @public
     def jacobian(self, point: Any) -> tuple[Point, ...]:
         """Return the matrix of derivatives at a point, exactly, as a tuple of rows."""
         rows = self.derivative(self._numbers(point)).tolist()
         return tuple(tuple(map(arithmetic.fraction, row)) for row in rows)
 
+    @public
     def determinant(self, point: Any) -> Fraction:
         """Return the determinant of the matrix of derivatives at a point, exactly."""
         return arithmetic.fraction(self.derivative(self._numbers(point)).det())

@@ -162,6 +162,7 @@ class Report:
             lines.append(f"Level sets of the integrals have dimension {dimension}{more}.")
         return lines
 
+    @public
     def to_dict(self) -> dict[str, Any]:
         """Return the report as numbers, strings, lists and dictionaries, for JSON."""
         parts = _attributes(self)

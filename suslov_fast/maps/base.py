@@ -17,6 +17,7 @@ from ..engine.derivatives import Growth, growth, growth_by_jacobian
 from ..engine.problem import Problem, check
 from ..engine.stretches import Report, Steps, check_steps
 from ..engine.trial import check_parameters
+from ..keywords import public, public_class
 from .formulas import INSTEAD, KAHAN, PARTS, SERVED, Formula, Plane, check_formulas, eigenvalues
 from .methods import with_notes
 
@@ -27,6 +28,7 @@ Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8", "extrap
 Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
 
 
+@public_class
 @dataclass(frozen=True, eq=False)
 class Map:
     """A map: one discretization of the equations of motion of a class of bodies or fields.
@@ -226,6 +228,7 @@ class Map:
 MAPS: dict[str, Map] = {}  # by name
 
 
+@public
 def register(record: Map) -> None:
     """Make a map available to runs, files and functions of a state.
 

@@ -20,8 +20,10 @@ from ..core.numba import Universal
 from ..engine.derivatives import density, jacobian
 from ..engine.problem import Problem
 from ..engine.stretches import states_after
+from ..keywords import public_class
 
 
+@public_class
 class Formula(NamedTuple):
     """The computation of a public function of a state, for one map."""
 
@@ -30,6 +32,7 @@ class Formula(NamedTuple):
     poles: bool = False  # True if infinite values are results; else they become NaN
 
 
+@public_class
 class Plane(NamedTuple):
     """The reduction of a problem to one in three dimensions, whose solution is known."""
 

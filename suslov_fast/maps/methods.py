@@ -18,6 +18,7 @@ from ..engine.arguments import (
     nd_system,
 )
 from ..engine.stretches import Steps
+from ..keywords import public
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:
@@ -97,6 +98,7 @@ def field_in(stages: Stages) -> Steps:
 
 
 # ---------------------------------------------------------------------- steps of other authors
+@public
 def steps_of(step: Callable[..., int], work: int | Callable[[int], int] = 0) -> Kernel:
     """Make a kernel from a function that steps one state; it fulfils the contract of `Map`.
 

@@ -1,0 +1,201 @@
+"""Members of batches: bodies by index, and families by the value of a parameter."""
+
+import math
+from collections.abc import Iterator
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from .. import checks
+from ..checks import FloatArray, wrong
+from ..keywords import public
+
+Kind = TypeVar("Kind", bound="Members")
+
+
+class Members:
+    """A batch of bodies, whose members an index or the values of parameters select."""
+
+    _axes: ClassVar[dict[str, int]]
+    _parts: Any
+    shape: Any
+    _with: Any
+
+    def __len__(self) -> int:
+        if not self.shape:
+            text = f"this body is a single {type(self).__name__}, without members to count or index"
+            raise TypeError(text)
+        return int(self.shape[0])
+
+    def __iter__(self: Kind) -> Iterator[Kind]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self: Kind, index: Any) -> Kind:
+        """Return one member of a batch, or the members that slices, lists or masks select.
+
+        Each entry of the index is for the next axis of the batch: an integer, a slice, a list of
+        integers, or a mask of booleans. A mask with several axes merges them into one.
+        """
+        len(self)  # raises for a single body
+        body, axis = self, 0
+        for entry in index if isinstance(index, tuple) else (index,):
+            try:
+                selection, axes = place_in(body.shape[axis:], entry)
+            except (IndexError, TypeError) as error:
+                text = f"index {checks.short(index)} does not fit a batch of shape {self.shape}"
+                how = "pass an integer, a slice or a mask for each of its first axes"
+                if isinstance(entry, str):
+                    how = f"its parameters are parameters[{entry!r}], its members sel(...)"
+                raise type(error)(f"{text}: {how}") from None
+            body = body._merged(axis, axes)._part(axis, selection)
+            axis += 1 if isinstance(selection, slice) else np.ndim(selection)
+        return body
+
+    @public
+    def sel(self: Kind, /, *, method: str | None = None, **values: Any) -> Kind:
+        """Return the members of a batch with given values of parameters.
+
+        Parameters
+        ----------
+        method : {None, "nearest"}
+            "nearest" selects the nearest value in the batch; None requires an equal one.
+        **values : float or slice of float
+            A number selects along the one axis on which its parameter varies, and removes that
+            axis. A slice selects all values between its two ends, both included.
+
+        Raises
+        ------
+        ValueError
+            If no member has the value, or the parameter does not vary along exactly one axis.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> bodies = Suslov3D(I1=[2, 3, 4], I2=1, I13=-0.5, I23=-0.3)
+        >>> bodies.sel(I1=3)
+        Suslov3D(I1=3.0, I2=1.0, I13=-0.5, I23=-0.3)
+        >>> bodies.sel(I1=3.8, method="nearest").I1
+        4.0
+        >>> bodies.sel(I1=slice(2.5, None)).I1
+        array([3., 4.])
+        """
+        if method is not None:
+            checks.one_of("method", method, ["nearest"])
+        for name, value in values.items():
+            column = self._column(name)
+            axis = len(self.shape) - column.ndim + int(np.argmax(column.shape))
+            choices = column.ravel()
+            if isinstance(value, slice):
+                if value.step is not None or method is not None:
+                    received = f"{value} and method {method}"
+                    raise wrong(name, "a slice without step and method", received)
+                low = -np.inf if value.start is None else value_to_select(name, value.start)
+                high = np.inf if value.stop is None else value_to_select(name, value.stop)
+                index: Any = np.flatnonzero((low <= choices) & (choices <= high))
+            else:
+                wanted = value_to_select(name, value)
+                index = int(np.argmin(abs(choices - wanted)))
+                nearest = choices[index]
+                if method is None and nearest != wanted:
+                    advice = f'pass one of them, such as {nearest}, or method="nearest"'
+                    raise ValueError(
+                        f"{name}: {wanted} is not one of its {choices.size} values: {advice}"
+                    )
+            self = self._part(axis, index)
+        return self
+
+    @property
+    def _scalars(self) -> dict[str, Any]:
+        """The parameters that are a number, not a vector, for each member."""
+        return {name: each for name, each in self._parts.items() if name not in self._axes}
+
+    def _of_member(self, i: int | tuple[int, ...]) -> str:
+        """Return " of member i (a=1.0)" for messages, "" for a single body."""
+        if not self.shape:
+            return ""
+        values = ", ".join(f"{name}={value}" for name, value in self[i]._scalars.items())
+        return f" of member {i}" + (f" ({values})" if values else "")
+
+    def _column(self, name: str) -> FloatArray:
+        """Return the values of a parameter that varies along exactly one axis, else raise."""
+        values = {n: np.asarray(a, np.float64) for n, a in self._scalars.items()}
+        columns = {n: a for n, a in values.items() if 0 < a.size == max(a.shape, default=0)}
+        if name in columns:
+            return columns[name]
+        if not self.shape:
+            raise ValueError(
+                f"sel: this is a single {type(self).__name__}, and sel is for families"
+            )
+        how = f"choose from: {', '.join(columns)}"
+        if not columns:
+            first = ", ".join("0" * len(self.shape))
+            how = f"no parameter varies along one axis; select members by index, such as [{first}]"
+        if name not in values:
+            raise ValueError(f"sel: there is no parameter {name!r}; {how}")
+        a = values[name]
+        shape = f"has the shape {a.shape}"
+        reason = f"is {a.flat[0]} for all members" if a.size == 1 else shape
+        raise ValueError(f"sel: {name} {reason}; {how}")
+
+    def _merged(self: Kind, axis: int, axes: int) -> Kind:
+        """Return the batch with `axes` of its axes, from `axis` on, merged into one."""
+        if axes == 1:
+            return self
+        parts, end = {}, axis + axes
+        for name, value in self._parts.items():
+            array = np.asarray(value)
+            inner = array.shape[array.ndim - self._axes.get(name, 0) :]
+            batch = array.shape[: array.ndim - len(inner)]
+            if len(batch) > len(self.shape) - end:  # the parameter has some of these axes
+                batch = (1,) * (len(self.shape) - len(batch)) + batch
+                array = array.reshape(batch + inner)
+                if max(batch[axis:end]) > 1:
+                    batch = batch[:axis] + self.shape[axis:end] + batch[end:]
+                    array = np.broadcast_to(array, batch + inner)
+                length = math.prod(batch[axis:end])
+                array = array.reshape((*batch[:axis], length, *batch[end:], *inner))
+            parts[name] = array
+        body: Kind = self._with(parts)
+        return body
+
+    def _part(self: Kind, axis: int, index: Any) -> Kind:
+        """Return the members that an integer, a slice or indices select along one axis."""
+        # The index for parameters that all members share, whose length is 1 on this axis.
+        common = slice(None) if isinstance(index, slice) or np.ndim(index) else 0
+        parts = {}
+        for name, value in self._parts.items():
+            array = np.asarray(value)
+            its_axis = axis - len(self.shape) + array.ndim - self._axes.get(name, 0)
+            if its_axis >= 0:
+                selected = index if array.shape[its_axis] == self.shape[axis] else common
+                array = array[(slice(None),) * its_axis + (selected,)]
+            parts[name] = array
+        body: Kind = self._with(parts)
+        return body
+
+
+def place_in(shape: tuple[int, ...], entry: Any) -> tuple[Any, int]:
+    """Return an entry of an index as an integer, a slice or indices, and its number of axes."""
+    if not shape:
+        raise IndexError
+    if isinstance(entry, slice):
+        return entry, 1
+    array = np.asarray(entry)
+    if array.dtype.kind not in "biu":
+        raise TypeError
+    if array.dtype == bool:
+        if array.ndim == 0 or array.shape != shape[: array.ndim]:
+            raise IndexError
+        return np.flatnonzero(array), array.ndim
+    if array.ndim > 1:
+        raise IndexError
+    return np.arange(shape[0])[array], 1
+
+
+def value_to_select(name: str, value: Any) -> float:
+    """Return a finite number from the arguments of `sel`."""
+    number = checks.real_number(name, value)
+    if type(number) is not float:
+        expected = "a number, or a slice of values, such as slice(1, 2)"
+        raise wrong(name, expected, checks.short(value))
+    return number

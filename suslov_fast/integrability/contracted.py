@@ -33,7 +33,7 @@ from .polynomials import (
 )
 from .reducible import count_factors
 
-_TERMS = 8, 32, 128, 512, 2048, 8192  # of power series in t, until they suffice
+_TERMS = 8, 32, 128, 512, 2048, 8192, 32768  # of power series in t, until they suffice
 _ENOUGH = 128  # for endless passages whose orders show a rule
 _RULE = 20  # steps that show a rule, if there is one
 _LINES = 20  # on which a point of a curve is sought

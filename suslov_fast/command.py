@@ -31,10 +31,12 @@ _IN_A_SHELL = {
     "use fewer initial states, or ensemble": "lower --trajectories, or write a store, -o run.zarr",
     "raise save_every": "raise --save-every",
     " (open_ensemble reads a store)": "",
+    "below high,": "below --high,",
+    " with high = ": " with --high ",
 }
 # How messages for Python begin whose argument is an option of the same name.
 _ARGUMENT = re.compile(
-    "(steps|method|save_every|threads|degree|low|extent|seed) must be (None or )?"
+    "(steps|method|save_every|threads|degree|low( and high)?|extent|seed) must be (None or )?"
 )
 _FIGURES = ".png", ".svg", ".pdf"
 

@@ -359,8 +359,8 @@ MISTAKES = """
 2 | run --low 1 | arguments --low and --high belong together
 2 | run --low 1 --high 2 --extent 3 | belong together, without --extent
 2 | run --omega0 1,2 --low 1 --high 2 | are for random states
-1 | run --low 1 --high 0 | --low must be below high, 0.0, not 1.0
-1 | run --low 1,2,3 --high 4 | low and high must be numbers, or one for each component, not 3 for 2
+1 | run --low 1 --high 0 | --low must be below --high, not 1 with --high 0: exchange them
+1 | run --low 1,2,3 --high 4 | --low and high must be numbers, or one for each component
 2 | run --picture one | --picture: 'one' is not an integer
 2 | plot good.npz | required: -o/--output
 1 | plot run.npz --components Omega1,p -o o.png | must be .* Omega2, time, such as time,Omega1, not

@@ -336,6 +336,10 @@ def test_components_of_bodies_are_named_in_any_case():
         run.omega1  # noqa: B018
     with pytest.raises(TypeError, match=r"run\['u'\]: use run\.x\[\.\.\., 0\]"):
         RUN["u"]
+    with pytest.raises(TypeError, match=r"crossings\['w'\]: use crossings\.states\[:, 1\]"):
+        POINTS["w"]
+    with pytest.raises(TypeError, match=r"crossings\[0\]: use crossings\.states\[k\], or of\(i\)"):
+        POINTS[0]
 
 
 def test_values_at_one_state_are_numbers():

@@ -276,6 +276,19 @@ def test_parameters_of_families_in_arrays():
             assert abs(found[k] - exact).max() < 1e-7
 
 
+@pytest.mark.parametrize(("f", "parameters"), [
+    (lambda x: (-np.cbrt(x[0]),), {}), (lambda x, a: (-np.cbrt(a * x[0]),), {"a": [1.0, 1.0]}),
+])  # fmt: skip
+def test_steps_that_shrink_where_an_equation_is_not_smooth(f, parameters):
+    """x' = -cbrt(x) comes to 0, where its derivative is infinite, at t = 3 / 2 from x = 1."""
+    field = LiftedField.from_function(f, 1, **parameters)
+    told = r"take more than 250,000 steps .*; later states are NaN: .* grows to .* not smooth where"
+    with pytest.warns(RuntimeWarning, match=told):
+        found = flow(field, [1.0], [1.0, 2.0])
+    np.testing.assert_allclose(found[0], (1 / 3) ** 1.5, rtol=1e-7)
+    assert np.isnan(found[1]).all()
+
+
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_numpy_takes_the_same_steps(rng, monkeypatch):
     field = of(lambda x: (E(x[0] - x[1]), -np.sqrt(x[1])), 2)

@@ -1,5 +1,7 @@
 """Periodic orbits against published values, and against integration by SciPy."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -148,6 +150,20 @@ def test_a_start_at_rest_is_no_orbit():
 def test_no_orbit_is_an_error(start, period):
     with pytest.raises(RuntimeError, match=r"residual .* exceeds tol = 1e-12; start or period"):
         sf.periodic_orbit(LORENZ, start, period, 100)
+
+
+def test_steps_that_are_too_few_are_named_with_their_error():
+    """Kepler's ellipse with the semi-axis 1: its period is 2 pi. The advice is followed."""
+    kepler = sf.LiftedField.from_hamiltonian(
+        lambda x: (x[2] ** 2 + x[3] ** 2) / 2 - 1 / np.sqrt(x[0] ** 2 + x[1] ** 2), "x y px py"
+    )
+    told = r"because 100 steps have about this error: pass steps=(\d+), or tol=(\S+) if this is"
+    with pytest.raises(RuntimeError, match=told) as caught:
+        sf.periodic_orbit(kepler, [0.4, 0.0, 0.0, 2.0], 6.28, 100)
+    steps, tol = re.search(told, str(caught.value)).groups()
+    for advised in ({"steps": int(steps)}, {"steps": 100, "tol": float(tol)}):
+        orbit = sf.periodic_orbit(kepler, [0.4, 0.0, 0.0, 2.0], 6.28, **advised)
+        assert abs(orbit.period - 2 * np.pi) < 1e-6
 
 
 def test_a_multiple_of_a_period_is_named():

@@ -380,6 +380,8 @@ def test_unusual_numbers_are_welcome():
     for x in (np.array([0.5, 2], np.longdouble), np.float16([0.5, 2]), np.array([0.5, 2], object)):
         assert (FIELD(x) == expected).all()
     assert FIELD([Fraction(1, 2), 2]) == tuple(expected)
+    for x in (FIELD(np.array([1, 2])), HENON.H(np.array([1, 2]))):
+        assert x.dtype == np.float64  # integers of NumPy are numbers of an array
 
 
 class WithUnit(np.ndarray):
@@ -491,7 +493,8 @@ def test_signatures_are_short(name, function):
 
 def test_boxes_of_random_starts():
     for low, high, message in (
-        (1, 1, "below high"),
+        (1, 1, "low must be below high, not 1 with high = 1$"),
+        ((0, 2), 1, "not 2 with high = 1, in component 1: exchange them"),
         (-1.7e308, 1.7e308, "less than 1.8e308 apart"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -181,6 +181,13 @@ class LiftedField(FieldOfFunction):
         slopes: FloatArray = slopes_at(self._structure.lift, self._numbers, x)
         return slopes
 
+    def _steepest(self, x: FloatArray, place: Any, batch: tuple[int, ...]) -> tuple[str, float]:
+        """Return the definition with the largest modulus at a state of one trajectory."""
+        numbers = np.broadcast_to(self._numbers, (*batch, self._numbers.shape[-1]))
+        sizes = [float(abs(a)) for a in words_at(self._structure.lift, numbers[place], x)]
+        k = int(np.argmax(sizes))
+        return self._structure.added[k][1], sizes[k]
+
     def _energy(self, x: FloatArray) -> Any:
         shared = self._structure
         energy = polynomial_at(shared.lift, shared.H, self._numbers, x) if shared.H else 0.0

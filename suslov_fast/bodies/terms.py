@@ -147,10 +147,12 @@ def table_of(name: str, shape: tuple[int, ...], places: Any, values: Any) -> Any
 def values_at(terms: Terms, x: Any, names: Sequence[str], degree: int) -> Any:
     """Return the values at states of a field, or of a Hamiltonian: of degree 2 or 3.
 
-    They are fractions, a list for a field, if all numbers are exact, else floats.
+    They are fractions, a list for a field, if all numbers are exact, else floats. Numbers of an
+    array of NumPy's integers count as floats.
     """
     D = len(names)
-    is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
+    is_array = isinstance(x, np.ndarray) and x.ndim == 1 and x.dtype == object
+    is_list = isinstance(x, (tuple, list)) or is_array
     is_single = terms.values.ndim == 1
     if is_single and is_list and len(x) == D and all(isinstance(a, Rational) for a in x):
         point = [*numbers("x", x, False), Fraction(1)]

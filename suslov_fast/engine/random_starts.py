@@ -77,7 +77,12 @@ class RandomStarts:
             received = f"shapes {low.shape} and {high.shape}"
             raise wrong("low and high", "numbers, or one for each component", received)
         if not (low < high).all():
-            raise wrong("low", f"below high, {high.tolist()}", low.tolist())
+            ends = np.array(np.broadcast_arrays(low, high))
+            first = int(np.argmin(ends[0] < ends[1]))
+            a, b = ends.reshape(2, -1)[:, first]
+            where = f", in component {first}" if ends.ndim > 1 else ""
+            exchange = ": exchange them" if a > b else ""
+            raise wrong("low", "below high", f"{a:g} with high = {b:g}{where}{exchange}")
         with np.errstate(over="ignore"):
             if not np.isfinite(high - low).all():
                 expected = "less than 1.8e308 apart"

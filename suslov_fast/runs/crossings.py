@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .. import checks
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray, integer, one_of, wrong
+from ..checks import FloatArray, integer, one_of, short, wrong
 from ..engine.problem import Problem
 from ..engine.status import ON_SINGULAR, OnSingular, first_beyond, report_failures
 from ..engine.stretches import Checkpoint, March, Progress, reporter
@@ -153,6 +153,12 @@ class Crossings(Result):
                 raise AttributeError(f"no attribute {name!r}: use {instead}")
             text = f"crossings have no attribute {name!r}"
             raise AttributeError(text, name=name, obj=self)
+
+        def __getitem__(self, index: Any) -> Any:
+            labels = self.body._labels
+            k = labels.index(index) if index in labels else "k" if isinstance(index, str) else ""
+            how = f"crossings.states[:, {k}]" if k != "" else "crossings.states[k], or of(i)"
+            raise TypeError(f"crossings[{short(index)}]: use {how}")
 
     @property
     def ok(self) -> bool:

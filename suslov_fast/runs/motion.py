@@ -15,7 +15,7 @@ from ..core.flow import Motion, flow_kernel
 from ..core.single_motion import motion_of_one
 from ..core.tolerance import MOST_STEPS, stage_of
 from ..engine.arguments import ALL, alike, by_field, flat_arrays, lift_of, words_of
-from ..engine.problem import Problem
+from ..engine.problem import Problem, part_of
 from ..engine.status import PoleWarning
 from ..engine.stretches import Progress, Report, reporter
 from ..engine.threads import available, call_kernel
@@ -23,6 +23,9 @@ from ..engine.threads import available, call_kernel
 DEFAULT, LEAST, MOST = 1e-9, 1e-13, 1e-2
 # Trajectories of a `Motion`, and steps of the map for one, by which threads are chosen.
 _CHUNK, _USUAL = 2**12, 600
+# An added variable above it is worth a word if steps become ever shorter; and the part of the time
+# up to there at which it is computed.
+_STEEP, _SHORTLY_BEFORE = 1e6, 1 - 1e-6
 
 
 def checked_tolerance(rtol: Any) -> float:
@@ -76,7 +79,7 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
             ended |= now_ended
     if ended.any():
         last = float(times[np.argmax(abs(times))])
-        _warn_of_ends(problem, last, ended & ~undefined, ends, are_long)
+        _warn_of_ends(problem, last, rtol, ended & ~undefined, ends, are_long)
     return states.reshape(len(times), *problem.batch, D)
 
 
@@ -93,7 +96,7 @@ def _of_one(problem: Problem, x: list[float], times: list[float], rtol: float) -
         return None
     states, (ended, end, is_long) = found
     if ended:
-        _warn_of_ends(problem, times[-1], *map(np.atleast_1d, (ended, end, is_long)))
+        _warn_of_ends(problem, times[-1], rtol, *map(np.atleast_1d, (ended, end, is_long)))
     return np.frombuffer(states).copy()
 
 
@@ -154,7 +157,7 @@ def _no_ends(count: int) -> tuple[Any, FloatArray, Any]:
 
 
 def _warn_of_ends(
-    problem: Problem, last: float, ended: Any, ends: FloatArray, are_long: Any
+    problem: Problem, last: float, rtol: float, ended: Any, ends: FloatArray, are_long: Any
 ) -> None:
     """Warn of solutions that end, and of those that take too many steps."""
     if (which := ended & ~are_long).any():
@@ -170,7 +173,22 @@ def _warn_of_ends(
         verb = f"take more than {MOST_STEPS:,} steps from one time to the next"
         text = _first_of(which, verb, "at", problem, ends)
         how = f"increase rtol, or pass times between: np.linspace(0, {last:g}, 101)"
-        checks.warn(f"{text}; later states are NaN: {how}", RuntimeWarning)
+        first = int(np.argmax(which))
+        why = _steepness(problem, float(ends[first]), first, rtol)
+        checks.warn(f"{text}; later states are NaN: {why or how}", RuntimeWarning)
+
+
+def _steepness(problem: Problem, end: float, b: int, rtol: float) -> str:
+    """Return which definition of a lifted field is very large where a solution ends, or ""."""
+    if lift_of(problem.body) is None:
+        return ""
+    place = np.unravel_index(b, problem.batch)
+    one = part_of(problem, tuple(slice(int(k), int(k) + 1) for k in place))
+    x0, before = flat_arrays(one.omega, one.batch), np.array([abs(end) * _SHORTLY_BEFORE])
+    states, *_ = _in_direction(one, x0, before, int(np.sign(end)), rtol, [], lambda _: True)
+    definition, size = problem.body._steepest(states[0, 0], place, problem.batch)
+    how = "the equations are not smooth where it is infinite; pass times before that"
+    return f"{definition} grows to {size:.2g}: {how}" if size > _STEEP else ""
 
 
 def _first_of(which: Any, verb: str, where: str, problem: Problem, ends: FloatArray) -> str:

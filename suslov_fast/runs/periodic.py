@@ -19,7 +19,7 @@ from ..bodies.field import QuadraticField
 from ..bodies.lifted import LiftedField
 from ..checks import FloatArray, integer, real_number, short, warn, wrong
 from ..keywords import public
-from ..maps import Method, problem
+from ..maps import Method, map_of, problem
 from ..quantities.derivatives import jacobian, vector_field
 from .iterate import iterate
 
@@ -31,6 +31,7 @@ _LEAST = 1e-8
 _CORRECTIONS, _LEAST_CHANGE = 5, 1e-6  # of the period before Newton's steps, relative to it
 _AT_REST = 1e-6  # part of its size that a state at rest moves in a period
 _DIVISORS = 2, 3, 5, 7, 11, 13
+_NEAR = 1e-4  # below this residual, errors are looked for if it does not fall further
 
 
 _RUN = "iterate(field, orbit.state, orbit.period / steps, steps, method='order8')"
@@ -282,6 +283,8 @@ class _Shooting:
             found = f"no orbit: the period tended to 0 at the state {short(self.x.tolist())}"
         elif not self.residual <= tol:
             found = f"no orbit: the residual {self.residual:.1e} exceeds tol = {tol:g}"
+            if how := self._how_to_return(tol):
+                raise RuntimeError(f"periodic_orbit found {found}{how}")
         else:
             with np.errstate(all="ignore"):
                 derivative = self._derivative()
@@ -296,6 +299,32 @@ class _Shooting:
             return PeriodicOrbit(self.x, float(period), values[order], self.residual)
         given = f"start or period = {self.given:g} is too far from a periodic orbit"
         raise RuntimeError(f"periodic_orbit found {found}; {given}, or steps is too small")
+
+    def _how_to_return(self, tol: float) -> str:
+        """Return what limits a small residual, and what to pass; nothing for a large one.
+
+        It is the error of the method, which half of the step size shows, or rounding errors times
+        the norm of the derivative.
+        """
+        if not self.residual < _NEAR:
+            return ""
+        with np.errstate(all="ignore"):
+            fine = iterate(
+                self.field, self.x, self.eps / 2, 2 * self.steps, save_every=None,
+                method=self.method, on_singular="ignore",
+            ).final  # fmt: skip
+            error = abs(fine - self.states[-1]).max() / abs(self.x).max()
+            amplified = np.linalg.norm(self._derivative(), 2) * 2.0**-52 * self.steps
+        enough = f"tol={2 * self.residual:.0e}"
+        if error > self.residual / 16:
+            order = map_of(self.field, self.method).order
+            steps = self.steps * max((self.residual / tol) ** (1 / order), 1.0) * 1.25
+            steps = int(float(f"{steps:.2g}"))
+            cause = f", because {self.steps} steps have about this error"
+            return f"{cause}: pass steps={steps}, or {enough} if this is enough"
+        if self.residual < 4 * amplified:
+            return f", because rounding errors grow along the orbit: pass {enough}"
+        return ""
 
     def _warn_of_divisors(self, period: float) -> None:
         """Warn if the orbit returns after a fraction of the period."""

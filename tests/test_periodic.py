@@ -240,3 +240,12 @@ def test_multipliers_that_exceed_the_range_of_numbers():
     field = sf.QuadraticField.from_function(lambda x: (x[1], -x[0], 400 * x[2]), 3)
     with pytest.raises(RuntimeError, match=r"period 6\.28319 whose multipliers .*call iterate"):
         sf.periodic_orbit(field, [1.0, 0.0, 0.0], 2 * np.pi, 2000)
+
+
+def test_a_step_all_of_whose_parts_lead_away_is_taken_back(monkeypatch):
+    orbit = sf.periodic_orbit(VOLTERRA, [1.0, 2.0], 6.6, 60, method="auto")
+    search = periodic._Shooting(VOLTERRA, orbit.state, orbit.period, 60, "auto")
+    monkeypatch.setattr(search, "_step", lambda: np.array([1.0, 1.0, 0.0]))
+    before = search.x.tolist(), search.eps, search.residual
+    assert not search._improve()
+    assert (search.x.tolist(), search.eps, search.residual) == before

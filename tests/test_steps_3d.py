@@ -292,11 +292,35 @@ def test_a_decayed_X_is_0_from_the_same_step_on_wherever_a_run_ends():
 @pytest.mark.parametrize(
     "omega", [[1e3, 1e10], [1e10, 1e25], [1e16, -1e35], [1e61, 0.1], [1e90, -1e91]]
 )
-def test_huge_states_are_right_or_missing(omega):
+def test_huge_states_without_a_rotor_are_right(omega):
     with naive.mp.workdps(400):
         exact = naive.orbit(*UNIT, 1, omega, 9)[-1]
     end = run(sf.Suslov3D(*UNIT), omega, 1.0, 9, None)
-    assert end.status < 0 or naive.relative_error(end.final, exact) < 1e-13
+    assert end.status >= 0
+    assert naive.relative_error(end.final, exact) < 1e-13
+
+
+def test_states_at_rest_keep_their_bits(rng):
+    """For I13 = 0 the line of steady states is Omega2 = 0, on both sides of the pole |Y| = 1."""
+    I1, I2, I23 = rng.uniform(0.3, 3, (3, 64))
+    omega = np.stack([rng.normal(size=64) * 4, np.zeros(64)], axis=1)
+    body = sf.Suslov3D(I1, I2, 0.0, I23)
+    same([run(body, omega, 0.4, 9).final, sf.step(body, omega, 0.4)], [omega, omega])
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-3, 1.0, 1e170])
+@pytest.mark.parametrize("k", [0.0, 0.7])
+def test_states_are_brought_back_to_their_level(rng, k, size):
+    """R**2 = (u**2 + v**2) / (1 + X**2), and X follows from u and v where no digits are lost."""
+    for _ in range(9):
+        I1, I2, I13, I23 = rng.uniform(0.5, 2, 4)
+        frame, _ = map_3d.frame_of.py_func(I1, I2, I13, I23, k * size, 0.3 / size)
+        u, v = size * rng.uniform(0.5, 2, 2)
+        X = frame.a1 * u + frame.a2 * v + frame.K
+        R, drift = np.hypot(u, v) / np.sqrt(1 + X * X), 1 + rng.uniform(-1e-9, 1e-9)
+        back, u, v = map_3d.project_on_level.py_func(frame, R, 1.01 * X, u * drift, v)
+        assert np.hypot(u, v) / np.sqrt(1 + back * back) == pytest.approx(R, rel=1e-15)
+        assert back == pytest.approx(frame.a1 * u + frame.a2 * v + frame.K, rel=2e-9)
 
 
 @pytest.mark.parametrize("size", [1e-100, 1e-155, 1e-200, 1e-290])

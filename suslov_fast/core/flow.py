@@ -15,6 +15,7 @@ from .careful import solve_lane
 from .codes import OK
 from .generated import WIDTH
 from .generated_flow import SLOT, FlowArguments, rows_of, text_of_flow
+from .lines import in_lines, zeros
 from .listed_code import runs_code
 from .machine_code import call, code_of
 from .numba import Kernel, function
@@ -22,7 +23,6 @@ from .operations import evaluate
 from .pool import in_parts
 from .sparse_flow import Loops
 from .stages import extrapolation, weights_of
-from .steps_field import in_lines
 from .tolerance import AT_FIRST, MOST_STEPS, REACH
 
 COLUMNS = 2, 4, 6, 8, 10
@@ -87,7 +87,7 @@ class Motion:
             self.loops = Loops(step, W)
         x = in_lines(x0, W)
         self.values = in_lines(values, W) if self.for_each else values.reshape(1, -1, 1)
-        self.rows = rows = np.zeros((len(x), self.places.size, W))
+        self.rows = rows = zeros(len(x), self.places.size, W)
         rows[:, self.places.base : self.places.base + self.given] = x
         rows[:, self.places.wanted], rows[:, self.places.longer] = last, AT_FIRST
         self.beginning = len(rows)

@@ -58,7 +58,8 @@ class Rows(NamedTuple):
 
     x: int  # of a stage (D)
     base: int  # the state before the step (D)
-    total: int  # sum of weights times ends of columns (n, the `given` components)
+    # Before a step the sums are 0, and the least pivot is 1.
+    total: int  # of weights times ends of columns (n, the `given` components)
     second: int  # the same without the shortest column (n)
     difference: int  # of the states of the last column (n)
     largest: int  # moduli so far (n)
@@ -143,6 +144,10 @@ class _Flow:
     def put(self, value, line, row):
         self.text.store(self.text.V, value, self.text.plus(line, self.size * row))
 
+    def put_chosen(self, value, line, row):
+        """See `Text.store_chosen`."""
+        self.text.store_chosen(value, self.text.plus(line, self.size * row))
+
     def scalar(self, address):
         """Return a number that all lanes share."""
         value = self.text.load("double", address)
@@ -153,11 +158,6 @@ class _Flow:
         if self.for_each:
             return self.row(of_line, t)
         return self.scalar(self.text.plus(of_line, 8 * t))
-
-    def or_else(self, truth, value, other):
-        """Return a value where something is true of all lanes, else another one."""
-        V = self.text.V
-        return self.text.new(f"select i1 {truth}, {V} {value}, {V} {other}")
 
     # ----------------------------------------------------------------------------------- first call
     def begin(self):
@@ -197,7 +197,8 @@ class _Flow:
         places = [rows.base + k for k in range(given)] + [rows.largest + k for k in range(given)]
         places += [rows.wanted, rows.first]
         for n, row in zip(step.beginning.results, places, strict=True):
-            self.put(values[n], line, row)
+            self.put_chosen(values[n], line, row)
+        self.put(text.constant(1.0), line, rows.least)
 
     # ------------------------------------------------------------------------------------- one step
     def begin_step(self):
@@ -233,15 +234,14 @@ class _Flow:
             text.branch(is_last, "of_last", "of_all")
             text.label("of_last")
             factor = self.scalar(self.at(of.difference, number))
-            begins = text.compare_integers("eq", number, 0)
             with text.loop("differ", "%taking") as k:
                 line = self.line_at(self.active(k))
-                self.add_changes(line, begins, {self.rows.difference: factor})
+                self.add_changes(line, {self.rows.difference: factor})
             text.jump("of_all")
             text.label("of_all")
         with text.loop("sum", "%taking") as k:
             line = self.line_at(self.active(k))
-            self.add_changes(line, is_first, {self.rows.total: weight, self.rows.second: second})
+            self.add_changes(line, {self.rows.total: weight, self.rows.second: second})
 
     def begin_column(self, number, scale, is_first):
         """Write the table of a line for stages of this scale, and its state before the step."""
@@ -253,9 +253,6 @@ class _Flow:
         reach = text.operate("fmul", text.constant(REACH), rest)
         taken = text.select(text.compare("olt", wanted, reach), wanted, rest)
         self.put(taken, line, rows.taken)
-        self.put(
-            self.or_else(is_first, text.constant(1.0), self.row(line, rows.least)), line, rows.least
-        )
         half = text.operate("fmul", scale, taken)
         values, of_line = {}, self.values_of(number)
 
@@ -300,24 +297,20 @@ class _Flow:
             least = values[step.least] if step.least in values else load(step.least)
             so_far = self.row(line, rows.least)
             is_less = text.compare("olt", least, so_far)
-            self.put(text.select(is_less, least, so_far), line, rows.least)
+            self.put_chosen(text.select(is_less, least, so_far), line, rows.least)
         for k, (n, value) in enumerate(zip(step.after, after, strict=True)):
             if n >= step.D:
                 self.put(value, line, rows.x + k)
 
-    def add_changes(self, line, begins, factors):
-        """Add the change of the state since the step began, times a factor, to each of these rows.
-
-        Where a sum `begins`, it is 0 so far.
-        """
+    def add_changes(self, line, factors):
+        """Add the change of the state in this step, times a factor, to each of these rows."""
         text, rows = self.text, self.rows
         for n in range(self.step.given):
             x, base = self.row(line, rows.x + n), self.row(line, rows.base + n)
             change = text.operate("fsub", x, base)
             for row, factor in factors.items():
-                so_far = self.or_else(begins, text.constant(0.0), self.row(line, row + n))
                 term = text.operate("fmul", factor, change)
-                self.put(text.operate("fadd", so_far, term), line, row + n)
+                self.put(text.operate("fadd", self.row(line, row + n), term), line, row + n)
 
     # --------------------------------------------------------------------------------- after a step
     def choose(self):
@@ -353,7 +346,10 @@ class _Flow:
         places = [rows.base + k for k in range(given)] + [rows.largest + k for k in range(given)]
         places += range(rows.time, rows.time + 4)
         for n, row in zip(choice.results, places, strict=True):
-            self.put(values[n], line, row)
+            self.put_chosen(values[n], line, row)
+        for row in range(rows.total, rows.total + 3 * given):
+            self.put(text.constant(0.0), line, row)
+        self.put(text.constant(1.0), line, rows.least)
         text.jump("check")
         return number, place
 

@@ -179,7 +179,7 @@ def end_column(text, step, arguments, places, final, increments, weights, is_las
         largest = text.load(V, rows[LARGEST][k])
         is_larger = text.compare("ogt", largest, errors[k])
         error = text.select(is_larger, largest, errors[k])
-        text.store(V, text.select(finite, error, largest), rows[LARGEST][k])
+        text.store_chosen(text.select(finite, error, largest), rows[LARGEST][k])
         text.store(V, "zeroinitializer" if text.W > 1 else "0.0", rows[SUM][k])
         text.store(V, "zeroinitializer" if text.W > 1 else "0.0", rows[SECOND][k])
     taken = [f"%taken{k}" for k in range(D)]

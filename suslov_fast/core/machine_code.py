@@ -67,9 +67,16 @@ class Text:
         pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
         return self.new(f"load {kind}, {pointer(kind)} {pointed}, align {align}")
 
-    def store(self, kind, value, address, align=8, mark=""):
+    def store(self, kind, value, address, align=8, mark="", how=""):
         pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
-        self.add(f"  store {kind} {value}, {pointer(kind)} {pointed}, align {align}{mark}")
+        self.add(f"  store {how}{kind} {value}, {pointer(kind)} {pointed}, align {align}{mark}")
+
+    def store_chosen(self, value, address):
+        """Store W numbers that are a choice between those at the address and others.
+
+        LLVM would make a masked store of it, which takes up to 40 cycles on processors of AMD.
+        """
+        self.store(self.V, value, address, how="volatile ")
 
     @contextmanager
     def loop(self, name, count):

@@ -35,7 +35,7 @@ from .generated import (
 from .generated_stages import BASE, CHANGE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
 from .in_calls import in_calls, taker_without_plan
 from .lift import LiftedStep
-from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of
+from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
 from .listed_code import listed_code, taker_of
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
@@ -127,7 +127,7 @@ class _Lines:
             self.marks[PASSED] = packed(self._of_lanes(ended | (poles != 0.0), True))
         step, stages = self.scheme
         if stages.columns or (step.of_one_sign and not step.keeps_signs):
-            self.columns = np.zeros((self.count, ROWS, self.D, self.W))
+            self.columns = zeros(self.count, ROWS, self.D, self.W)
             self.columns[:, BASE] = self.x
         if stages.columns:
             self.columns[:, LARGEST] = in_lines(self._padded(errors.T), self.W)

@@ -44,7 +44,9 @@ _PACKAGES = {"flint": "python-flint"}  # packages whose modules have another nam
 # Requests for up to this many bytes are not checked, for speed; this many bytes are kept free.
 _SMALL = 2**26
 # What to say of arrays, by the kind of their dtype.
-_NOT_REAL = dict.fromkeys("US", ", which is text: pass numbers") | {"O": ""}
+_PARTS = ", which is complex: pass real and imaginary parts as components, or one of them"
+_SECONDS = ", a time with a unit: divide it by np.timedelta64(1, 's')"
+_NOT_REAL = dict.fromkeys("US", ", which is text: pass numbers") | {"c": _PARTS, "m": _SECONDS}
 _HERE = os.path.dirname(__file__) + os.sep
 
 
@@ -150,8 +152,12 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
 def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
     """Return advice, for messages, on states of a wrong shape."""
     advice = []
-    if len(shape) > 1 and shape[0] == len(labels):
+    if shape == (len(labels), 1):
+        advice.append("pass np.ravel of it, for one state")
+    elif len(shape) > 1 and shape[0] == len(labels) and shape[1]:
         advice.append("pass the transpose, because the last axis holds the components")
+    elif shape in ((), (0,), (1,)):
+        advice.append(f"pass one number for each, such as {[1.0] * min(len(labels), 3)}")
     if shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
         rotated = "(omega @ rotation.T)[..., :2]" if len(shape) > 1 else "(rotation @ omega)[:2]"
         how = f"pass {rotated}, with the rotation that from_inertia returns"
@@ -173,10 +179,23 @@ def _floats(name: str, value: Any) -> FloatArray:
     except (ValueError, OverflowError) as error:
         expected = "numbers in the range of float64, with rows of equal length"
         raise wrong(name, expected, short(value)) from error
+    except Exception as error:  # of the class of the value, such as a tensor with a gradient
+        received = f"{kind_of(value)}, which is no array: {error}"
+        raise wrong(name, "hold real numbers", received, TypeError) from error
     if array.dtype.kind not in "iuf":
         what = _NOT_REAL.get(array.dtype.kind, f" of dtype {array.dtype}")
+        what = _no_number_in(array) if array.dtype.kind == "O" else what
         raise wrong(name, "hold real numbers", f"{short(value)}{what}", TypeError)
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
+
+
+def _no_number_in(array: NDArray[Any]) -> str:
+    """Return which object of an array is no real number, and what to pass, for messages."""
+    item = next(each for each in array.flat if not isinstance(each, numbers.Real))
+    if array.ndim == 0:
+        return ": pass a list" if hasattr(item, "__iter__") else ""
+    how = ": pass float(...) of it" if hasattr(item, "__float__") else ""
+    return f", in which {short(item)} is a {kind_of(item)}{how}" if item is not None else ""
 
 
 def _of_rows(value: Any) -> FloatArray | None:
@@ -241,31 +260,12 @@ def refuse_unit(name: str, value: Any) -> None:
         raise wrong(name, "numbers without a unit", f"a {kind} in {unit}: {how}", TypeError)
 
 
-def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
-    """Return matrices (..., n, n) of finite real numbers."""
-    matrices = real_array(name, value, allow_nan)
-    if matrices.shape[-2:] != (n, n):
-        how = f": pass np.diag({name})" if matrices.shape == (n,) else ""
-        raise wrong(name, f"have the shape (..., {n}, {n})", f"{matrices.shape}{how}")
-    return matrices
-
-
-def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
-    matrices = square_matrices(name, value, n)
-    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
-    least = np.linalg.det(matrices).min(initial=1.0)
-    if error > 1e-10 or least < 0:
-        deviation = f"|R R.T - 1| = {error:.2g} and the determinant {least:.2g}"
-        raise wrong(name, f"a rotation matrix: it has {deviation}")
-    return matrices
-
-
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
     """Return the array to which the user wants states to be written, checked."""
     if not isinstance(out, np.ndarray) or np.ma.isMA(out) or out.dtype != np.float64:
         received = f"{kind_of(out)} of dtype {getattr(out, 'dtype', None)}"
-        raise wrong("out", "a NumPy array of dtype float64", received, TypeError)
+        how = f": pass np.empty({shape})"
+        raise wrong("out", "a NumPy array of dtype float64", received + how, TypeError)
     if out.shape != shape or not out.flags.carray:
         expected = f"a C-contiguous, writeable, aligned array of shape {shape}"
         received = f"shape {out.shape}, strides {out.strides}"
@@ -300,7 +300,8 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
         number = operator.index(value)
     except TypeError as error:
         how = f": pass {value:.0f}" if isinstance(value, float) and value.is_integer() else ""
-        received = f"the {type(value).__name__} {short(value)}{how}"
+        how = f": pass {value}" if isinstance(value, str) and value.isdecimal() else how
+        received = "None" if value is None else f"the {type(value).__name__} {short(value)}{how}"
         raise wrong(name, expected, received, TypeError) from error
     if not minimum <= number <= maximum:
         raise wrong(name, expected, short(number))
@@ -330,6 +331,8 @@ def instance(name: str, value: Any, expected: Any) -> None:
         if expected is Mapping:
             called = "a dictionary"
             instead = ": pass json.loads(text)" if isinstance(value, (str, bytes)) else ""
+            is_path = isinstance(value, os.PathLike)
+            instead = ": pass json.loads(path.read_text())" if is_path else instead
         elif all(hasattr(kind, "_instead") for kind in classes):
             instead = in_place_of(value)
         raise wrong(name, called, kind_of(value) + instead, TypeError)
@@ -344,6 +347,12 @@ def in_place_of(value: Any) -> str:
         return ": pass the body alone, because from_inertia returns a body and a rotation"
     if isinstance(value, dict):
         return ": pass body_from_dict(parameters)"
+    if isinstance(value, (list, np.ndarray)):
+        return ": the body or field comes first; for a family of them pass arrays of parameters"
+    if value is None or isinstance(value, str):
+        return ": pass an object, such as QuadraticField.from_function(f, names)"
+    if type(value).__module__.startswith((f"{__package__}.core.", f"{__package__}.compiled")):
+        return ": pass the body or field itself; frames and systems are for loops of your own"
     if callable(value) and not instead:
         return ": pass LiftedField.from_function(f, names), or QuadraticField if f is quadratic"
     return instead
@@ -357,7 +366,8 @@ def either(names: Sequence[str]) -> str:
 
 def kind_of(value: Any) -> str:
     """Return the class of a value, for messages."""
-    return f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
+    kind = "None" if value is None else type(value).__name__
+    return f"the class {value.__name__}" if isinstance(value, type) else kind
 
 
 def spelled(number: Fraction) -> str:
@@ -368,16 +378,6 @@ def spelled(number: Fraction) -> str:
         return f"{float(number):.6g}"
     except OverflowError:
         return f"{Decimal(number.numerator) / number.denominator:.6g}"
-
-
-def brief(expression: str) -> str:
-    """Return an expression for readers, whose numbers are those of `spelled`."""
-
-    def shown(found: re.Match[str]) -> str:
-        text = found[0]
-        return spelled(Fraction(text if "/" in text else float(text)))
-
-    return re.sub(r"(?<![\w.])\d+(/\d+|(\.\d+)?(e[-+]?\d+)?)", shown, expression)
 
 
 def short(value: Any) -> str:

@@ -172,9 +172,9 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     @wraps(function)
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
         if len(args) > most and inspect.Parameter.VAR_POSITIONAL not in kinds:
-            count, s = most - is_method, "" if most - is_method == 1 else "s"
+            count, s = most - is_method, "" if most - is_method < 2 else "s"
             first = ", ".join(each.name for each in parameters[is_method:most])
-            takes = f"{count} argument{s} by position ({first})" if count else "none by position"
+            takes = f"{count or 'no'} argument{s} by position" + f" ({first})" * bool(count)
             received = f"{takes}, not {len(args) - is_method}"
             how = f"; by name: {', '.join(others)}" if others else ""
             raise TypeError(f"{called} takes {received}{how}")

@@ -293,6 +293,60 @@ STATES = [
     (lambda: sf.open_ensemble(3), TypeError, "store"),
 ]  # fmt: skip
 
+
+class Tensor:
+    """An array of another package, which converts itself, or refuses to."""
+
+    def __init__(self, values):
+        self.values = values
+
+    def __array__(self, dtype=None, copy=None):
+        if self.values is None:
+            raise RuntimeError("call detach() first")
+        return np.asarray(self.values, dtype)
+
+
+RUN = sf.iterate(FIELD, [0.1, 0.2], 0.1, 1)
+# What users type by mistake: arrays of other packages, arguments in the wrong order, other objects.
+MISTAKES = [
+    (run(omega0=[1j, 1]), TypeError, "omega0 .*, which is complex: pass real and imaginary parts"),
+    (run(omega0=1.0), ValueError, r"omega0 .*, not \(\): pass one number for each, such as \[1\.0, 1\.0\]"),
+    (run(omega0=[[1.0], [2.0]]), ValueError, "omega0.* pass np.ravel of it, for one state"),
+    (run(omega0=np.zeros((2, 0))), ValueError, r"omega0 .*, not \(2, 0\)"),
+    (run(omega0=[Decimal(1), Decimal(2)]), TypeError, r"omega0.* Decimal\('1'\) is a Decimal: pass float"),
+    (run(omega0={1.0, 2.0}), TypeError, "omega0.*: pass a list"),
+    (run(omega0=(x for x in (1.0, 2.0))), TypeError, "omega0.*: pass a list"),
+    (run(omega0=Tensor(None)), TypeError, r"omega0 .* not Tensor, which is no array: call detach\(\) first"),
+    (run(eps=np.timedelta64(1, "s")), TypeError, "eps.* divide it by np.timedelta64"),
+    (run(steps="100"), TypeError, "steps.* not the str '100': pass 100"),
+    (run(steps=None), TypeError, "steps .* not None"),
+    (run(method=["auto"]), ValueError, "method"),
+    (run(out=[]), TypeError, r"out.* pass np.empty\(\(4, 2, 2\)\)"),
+    (run(body="lorenz"), TypeError, r"body.* pass an object, such as QuadraticField.from_function"),
+    (run(body=None), TypeError, "body .*, not None: pass an object"),
+    (run(body=OMEGA, omega0=BODY), TypeError, "body.* the body or field comes first"),
+    (run(body=[BODY, BODY]), TypeError, "body.* for a family of them pass arrays of parameters"),
+    (run(body=sf.compiled.frame(BODY, 0.1)), TypeError, "body.* pass the body or field itself"),
+    (run(body=HENON.H), TypeError, "body.* pass the field, whose Hamiltonian this is"),
+    (lambda: sf.lyapunov_exponents(RUN, [0.1, 0.2], 0.1, 3), TypeError, "body.* pass its body, run.body"),
+    (lambda: Suslov3D(ID, 1, 0, 0), ValueError, "I1 .*: a body is made from a tensor by from_inertia"),
+    (lambda: SuslovND(1, 2), ValueError, r"J and I .* pass n - 1 numbers for each, such as J=\[1"),
+    (lambda: sf.body_from_dict(Path("body.json")), TypeError, r"parameters.* json.loads\(path.read_text\(\)\)"),
+    (lambda: sf.body_from_dict({"body": "Lorenz"}), ValueError, "body: there is no class 'Lorenz', only .*, LiftedField: import"),
+    (lambda: FAMILY.parameters.__setitem__("rho", 3), TypeError, "parameters .* cannot be changed: make it again with rho=3"),
+    (field(lambda x: (x[1], -x[0]), "2"), ValueError, "dimension.* pass the integer 2"),
+    (field(lambda x, a: (a * x[1], -x[0]), a=None), TypeError, "a must be integers, fractions or floats, not None"),
+    (lambda: RUN.save("run"), ValueError, "path .* pass 'run.npz'"),
+    (lambda: RUN.save("run.npz", "yes"), TypeError, "overwrite must be True or False, not 'yes'"),
+    (lambda: RUN.save(None), TypeError, "path must be a string or a path, not None"),
+    (lambda: RUN.to_xarray(3), TypeError, "dims must be a name, or one for each axis of the batch, not 3"),
+    (lambda: sf.criticality(FIELD, [1, 2], 0.1), TypeError, "body.* run.status and run.first_pole"),
+    (lambda: sf.integrability.hk_bases(sf.integrability.kahan(FIELD), "2"), TypeError, "monomials .*, not '2'"),
+    (crossings(27.0), TypeError, r"surface.* pass lambda x: x\[..., k\] - 27.0"),
+    (crossings(lambda x: x.z), AttributeError, r"surface .* last axis, as x\[..., 0\]:"),
+    (crossings(lambda x: x["z"]), IndexError, r"surface .* last axis, as x\[..., 0\]:"),
+]  # fmt: skip
+
 PLOTS = [
     (lambda: sf.iterate(FIELD, [0.1, 0.2], 0.1, 1).plot(components=(0, 2)), ValueError, "components"),
     (lambda: sf.plot_phase(BODY, 10, 4), ValueError, "extent"),
@@ -310,7 +364,7 @@ PLOTS = [
     (lambda: sf.explore(BODY, [1, 2], 0.1, 6000), ValueError, "steps"),
 ]  # fmt: skip
 
-TABLE = [*BODIES, *FIELDS, *RUNS, *STATES, *PLOTS]
+TABLE = [*BODIES, *FIELDS, *RUNS, *STATES, *MISTAKES, *PLOTS]
 
 
 @pytest.mark.parametrize(("call", "exception", "name"), TABLE)
@@ -347,6 +401,16 @@ def test_compiled_functions_take_no_symbols():
 
 def test_a_compiled_function_is_traced():
     assert field(njit(lambda x: (x[1], x[0] * x[0])))() == field(lambda x: (x[1], x[0] ** 2))()
+
+
+def test_arrays_of_other_packages_are_welcome():
+    assert (sf.step(BODY, Tensor(OMEGA), 0.1) == sf.step(BODY, OMEGA, 0.1)).all()
+    assert field(lambda x, a: (a * x[0], 1), a=Tensor(2.0))() == field(lambda x: (2 * x[0], 1))()
+
+
+def test_parameters_are_a_dictionary_that_cannot_be_set():
+    assert pickle.loads(pickle.dumps(FAMILY.parameters)).keys() == {"rho"}
+    assert type(FAMILY.parameters | {"a": 1}) is dict
 
 
 def test_a_bad_call_changes_nothing():

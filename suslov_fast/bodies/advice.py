@@ -39,7 +39,7 @@ TEXTS = {
     "function of math": "must be real number, not",
     "function without symbols": "must be real number, not|not '(Expression|Polynomial)'|"
     "object has no attribute",
-    "time is None": "NoneType",
+    "time is None": "NoneType|fractions or floats, not None",
     "number of a symbol": "Polynomial",
     "tuple as an array": "'Variables'|'tuple' and|tuple indices|can't multiply sequence",
     "unpacking": "to unpack",

@@ -27,6 +27,17 @@ _ELSEWHERE = {
 _FOR_KERNELS = {"batch_of_one", "constants"}
 
 
+class Parameters(dict[str, Any]):
+    """Parameters by name: a copy, in which a new value would not reach the body."""
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        how = f"make it again with {name}={checks.short(value)}"
+        raise TypeError(f"parameters of a body or field cannot be changed: {how}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self),)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Body(Members):
     """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters."""
@@ -60,7 +71,9 @@ class Body(Members):
             array = checks.real_array(name, value)
             checks.within(name, array, self._positive.get(name, checks.OTHERS))
             if name in self._positive and not (array > 0).all():
-                raise wrong(name, "positive", array.min())
+                is_tensor = array.ndim > 1 and array.shape[-1] == array.shape[-2]
+                how = ": a body is made from a tensor by from_inertia, or from_mass_tensor"
+                raise wrong(name, "positive", f"{array.min()}{how * is_tensor}")
             vars(self)[name] = frozen(array)
         _ = self.shape  # raises if the parameters do not broadcast
 
@@ -121,7 +134,7 @@ class Body(Members):
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters by name; for a field, the named parameters of its function."""
-        return dict(self._parts)
+        return Parameters(self._parts)
 
     @property
     def constants(self) -> tuple[Any, ...]:

@@ -7,6 +7,7 @@ from ..checks import instance, wrong
 from ..keywords import public
 from .base import Body
 from .field import QuadraticField
+from .field_of_terms import FieldOfFunction
 from .lifted import LiftedField
 from .nd import SuslovND
 from .rigid import Suslov3D, SuslovGyrostat
@@ -23,7 +24,7 @@ def class_named(name: Any) -> type[Any]:
         classes.extend(class_.__subclasses__())
     kinds: dict[Any, type[Any]] = {}
     for class_ in classes:
-        if class_ is not Body and not class_.__name__.startswith("_"):
+        if class_ not in (Body, FieldOfFunction) and not class_.__name__.startswith("_"):
             kinds.setdefault(class_.__name__, class_)
     if name not in kinds:
         how = "import the module that defines it"

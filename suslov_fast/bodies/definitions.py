@@ -7,12 +7,14 @@ symbols with negative indices, as in `columns`.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..checks import spelled
 from .columns import Symbol
 from .polynomials import Polynomial, plain
 
@@ -22,6 +24,16 @@ ONE = Polynomial([((), Fraction(1))])
 HALF = Fraction(1, 2)
 # g(-p) = -g(p) or g(p), without rounding; sin(b - a) needs no variable beside sin(a - b).
 _ODD, _EVEN = {"sin", "tan", "sinh", "tanh", "arctan", "cbrt"}, {"cos", "cosh"}
+
+
+def brief(expression: str) -> str:
+    """Return an expression for readers, whose numbers are those of `spelled`."""
+
+    def shown(found: re.Match[str]) -> str:
+        text = found[0]
+        return spelled(Fraction(text if "/" in text else float(text)))
+
+    return re.sub(r"(?<![\w.])\d+(/\d+|(\.\d+)?(e[-+]?\d+)?)", shown, expression)
 
 
 def variable(i: int) -> Polynomial:

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from ..checks import brief
 from .columns import Column
-from .definitions import HALF, ONE, Definitions, number, product, variable
+from .definitions import HALF, ONE, Definitions, brief, number, product, variable
 from .polynomials import COMPARISONS, HOW, Polynomial, exact
 
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..checks import FloatArray
-from .base import Body, frozen
+from .base import Body, Parameters, frozen
 from .names import labels
 from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
 
@@ -40,7 +40,7 @@ class FieldOfFunction(Body):
     @property
     def parameters(self) -> dict[str, Any]:
         """The named parameters of the function: numbers as they were given, and arrays."""
-        return {name: self._parts[name] for name in self._coordinates}
+        return Parameters({name: self._parts[name] for name in self._coordinates})
 
     def __call__(self, x: Any, *others: Any, **named: Any) -> Any:
         """Return f(x): fractions if all numbers of a quadratic field are exact, else floats."""

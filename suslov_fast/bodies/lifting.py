@@ -24,8 +24,7 @@ from itertools import combinations_with_replacement
 from textwrap import shorten
 from typing import NamedTuple
 
-from ..checks import brief
-from .definitions import HALF, ONE, Definitions, number, variable
+from .definitions import HALF, ONE, Definitions, brief, number, variable
 from .polynomials import Polynomial
 
 MOST = 200  # variables added for products

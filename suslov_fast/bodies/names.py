@@ -90,7 +90,9 @@ def _refused(name: str, i: int, names: list[str]) -> str:
     if iskeyword(name):
         return f"has a name that is a keyword of Python: call it {name}_, for example"
     if not name.isidentifier():
-        return "is not a valid name in Python: use letters, digits and _, and begin with a letter"
+        how = "use letters, digits and _, and begin with a letter"
+        how = f"for a number of variables pass the integer {name}" if name.isdecimal() else how
+        return f"is not a valid name in Python: {how}"
     if name in names[:i]:
         return "appears twice: give each variable its own name"
     if name == "eps":

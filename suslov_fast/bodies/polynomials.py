@@ -15,7 +15,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from ..checks import OTHERS, common_shape, real_array, refuse, short, spelled, within, wrong
+from ..checks import (
+    OTHERS,
+    common_shape,
+    kind_of,
+    real_array,
+    refuse,
+    short,
+    spelled,
+    within,
+    wrong,
+)
 from .columns import Column
 from .names import check_parameter, labels
 
@@ -29,7 +39,7 @@ def exact(name: str, value: Any) -> Fraction:
         how = "split complex variables into real and imaginary parts"
         raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
-        received = f"the {type(value).__name__} {short(value)}"
+        received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
         if isinstance(value, dict) and value:
             key = next(iter(value))
             received += f": pass each number by its own name, such as {key}={value[key]!r}"

@@ -310,12 +310,32 @@ def _of_batch(name: str, where: tuple[int, ...], bad: Any) -> str:
     return f"{name}: member {checks.spell(where)} {others}"
 
 
+def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
+    """Return matrices (..., n, n) of finite real numbers."""
+    matrices = checks.real_array(name, value, allow_nan)
+    if matrices.shape[-2:] != (n, n):
+        how = f": pass np.diag({name})" if matrices.shape == (n,) else ""
+        raise wrong(name, f"have the shape (..., {n}, {n})", f"{matrices.shape}{how}")
+    return matrices
+
+
+def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
+    matrices = square_matrices(name, value, n)
+    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
+    least = np.linalg.det(matrices).min(initial=1.0)
+    if error > 1e-10 or least < 0:
+        deviation = f"|R R.T - 1| = {error:.2g} and the determinant {least:.2g}"
+        raise wrong(name, f"a rotation matrix: it has {deviation}")
+    return matrices
+
+
 def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
     """Return inertia matrices (..., n, n) in adapted bases, and rotations to these bases.
 
     The axis a becomes e_n; the other axes diagonalize their block and rotate as little as possible.
     """
-    matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
+    matrix, axis = square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
     if (bad := ~(asymmetry <= 1e-12 * size)).any():

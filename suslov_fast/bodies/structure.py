@@ -13,7 +13,7 @@ from .. import checks
 from ..checks import FloatArray
 from ..core.lift import ONE
 from .columns import rounded
-from .definitions import Definitions
+from .definitions import Definitions, brief
 from .lifting import Lifted, TooMany, gradient, lifted
 from .polynomials import Polynomial
 
@@ -70,6 +70,8 @@ class Structure(NamedTuple):
 
 class SmoothHamiltonian:
     """The Hamiltonian of a lifted field, or of a family; H(x) is its value (...) at a state x."""
+
+    _instead = ": pass the field, whose Hamiltonian this is"
 
     def __init__(self, field: Any) -> None:
         self._of = field
@@ -159,7 +161,7 @@ def _added_words(
             named_variables[word[0] - D] = name
         else:
             text = definitions.text(Polynomial([(word, Fraction(1))]), named_variables)
-        found_words.append((name, checks.brief(text)))
+        found_words.append((name, brief(text)))
     return tuple(found_words)
 
 
@@ -216,8 +218,8 @@ def structure_of(
         equations=()
         if energy is not None
         else tuple(definitions.text(row, used, exact=True) for row in rows),
-        shown=tuple(checks.brief(definitions.text(row)) for row in rows),
+        shown=tuple(brief(definitions.text(row)) for row in rows),
         energy="" if energy is None else definitions.text(energy, used, exact=True),
-        shown_energy="" if energy is None else checks.brief(definitions.text(energy)),
+        shown_energy="" if energy is None else brief(definitions.text(energy)),
     )
     return shared, numbers.stacked(numbers.list, True), coefficients

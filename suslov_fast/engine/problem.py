@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
+from ..bodies.rigid import rotations
 from ..checks import FloatArray, common_shape, real_number, wrong
 from .random_starts import RandomStarts
 from .threads import thread_count
@@ -90,7 +91,7 @@ def check(
         if map.attitude == "axial" and n != 3:
             expected = "'in_rows', because states do not have two components"
             raise wrong(f"attitude of the map {map.name!r}", expected, "'axial'")
-        turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
+        turns = np.eye(n) if attitude is True else rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]
     batch, threads = common_shape(shapes), thread_count(threads)
     return Problem(map, body, omega, eps, batch, threads, name, method, turns)

@@ -29,7 +29,9 @@ def exponents_of(monomials: Any, n: int) -> Exponents:
     try:
         exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
     except TypeError:
-        raise wrong("monomials", "a degree or a list of exponents", monomials, TypeError) from None
+        how = ", such as 2 or [(1, 0), (0, 1)]"
+        expected = f"a degree or a list of exponents{how}"
+        raise wrong("monomials", expected, short(monomials), TypeError) from None
     are_different = len({*exponents}) == len(exponents)
     if {*map(len, exponents)} != {n} or not are_different or len(exponents) > _MOST:
         expected = f"at most {_MOST} different tuples of {n} exponents"

@@ -320,7 +320,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
         raise checks.wrong("body", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
     of_fields = ", ".join(repr(name) for name in methods_of(QuadraticField) if name != "auto")
     instead = f": QuadraticField.of(body) has the methods {of_fields}"
-    is_of_fields = method in methods_of(QuadraticField) or str(method).startswith("order")
+    is_of_fields = str(method) in methods_of(QuadraticField) or str(method).startswith("order")
     instead *= is_of_fields and "order8" not in by_method
     return by_method[checks.one_of("method", method, by_method, instead)]
 

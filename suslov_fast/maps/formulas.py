@@ -352,9 +352,8 @@ INSTEAD = {
     "closed_form": ": use exact, or iterate where there is no closed form",
     "matrix": ", whose step is not the solution of one linear system: use jacobian",
     "frame": ": call system(body, eps)",
-    **dict.fromkeys(
-        ("first_integral", "criticality"), ": suslov_fast.integrability.report looks for integrals"
-    ),
+    "first_integral": ": suslov_fast.integrability.report looks for integrals",
+    "criticality": ": run.status and run.first_pole tell of steps that are too long",
     **dict.fromkeys(
         ("attitude", "momentum", "reaction", "to_matrix"), ", whose states rotate no body"
     ),

@@ -1,11 +1,11 @@
 """Runs and crossings as an `xarray.Dataset`: dimensions, coordinates, coefficients of fields."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from ..checks import extra, instance, wrong
+from ..checks import extra, instance, short, wrong
 from ..engine.status import Status
 from .columns import ARGUMENTS, CROSSINGS, RUN, dims_of
 
@@ -149,6 +149,8 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
         for name in reversed([name for name in run.body._coordinates if name in axis_of]):
             names[axis_of[name]] = name
         return tuple(names)
+    if not isinstance(dims, str | Iterable):
+        raise wrong("dims", "a name, or one for each axis of the batch", short(dims), TypeError)
     names = [dims] if isinstance(dims, str) else list(dims)
     if len(names) != count or len({*names}) != count or not all(isinstance(n, str) for n in names):
         if count == 0:

@@ -10,7 +10,7 @@ import numpy as np
 from ..checks import FloatArray, wrong
 
 # Errors of a function that was written for a single state, and what to advise.
-_OF_ONE_STATE = "out of bounds|too many indices|values to unpack"
+_OF_ONE_STATE = "out of bounds|too many indices|values to unpack|only integers, slices|ndarray' obj"
 _LAST = "components on the last axis, as x[..., 0]"
 
 
@@ -22,10 +22,10 @@ def returned_at(name: str, function: Any, states: FloatArray) -> Any:
         # No warnings, because states after the end of a trajectory are NaN or may overflow here.
         with np.errstate(over="ignore", invalid="ignore"):
             return function(states)
-    except (IndexError, ValueError) as error:
+    except (IndexError, ValueError, AttributeError) as error:
         if not re.search(_OF_ONE_STATE, str(error)):
             raise
-        kind = IndexError if isinstance(error, IndexError) else ValueError
+        kind = ValueError if isinstance(error, ValueError) else type(error)
         raise kind(f"{name} must take {_LAST}: {error}") from error
 
 

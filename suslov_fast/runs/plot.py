@@ -56,9 +56,8 @@ def axes_for(ax: Any, size: tuple[float, float], count: int = 2) -> Any:
         return plt.figure(figsize=size, layout="constrained").add_subplot(**projection)
     if not isinstance(ax, Axes) or (ax.name == "3d") != (count == 3):
         how = 'such as those of plt.figure().add_subplot(projection="3d")'
-        expected = (
-            f"axes of Matplotlib in space, {how}" if count == 3 else "plane axes of Matplotlib"
-        )
+        plane = "plane axes of Matplotlib, such as those of plt.subplots()"
+        expected = f"axes of Matplotlib in space, {how}" if count == 3 else plane
         raise wrong("ax", expected, repr(ax), TypeError)
     return ax
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, fields
-from typing import Any, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,8 @@ INSTEAD_IN_RUNS = {
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """The base of `Trajectories` and `Crossings`, frozen dataclasses whose arrays are read-only."""
+
+    _instead: ClassVar[str] = ": pass its body, run.body"
 
     def __post_init__(self) -> None:
         """Make arrays read-only: views of them, because a caller may go on writing to their own."""

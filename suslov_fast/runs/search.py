@@ -39,7 +39,9 @@ def check_surface(surface: Any) -> None:
     """Raise an error unless this is a function of one argument, without attributes of SciPy."""
     expected = "a function of the states alone, such as lambda x: x[..., 0] - 1"
     if not callable(surface):
-        raise wrong("surface", expected, checks.kind_of(surface), TypeError)
+        is_number = isinstance(surface, (int, float))
+        how = f": pass lambda x: x[..., k] - {surface}, for component k" if is_number else ""
+        raise wrong("surface", expected, f"{checks.kind_of(surface)}{how}", TypeError)
     if len(needed := arguments_of(surface)) > 1:
         raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
     names = [name for name in ("terminal", "direction") if hasattr(surface, name)]

@@ -19,7 +19,18 @@ import numpy as np
 
 from .. import checks
 from ..bodies.classes import body_from_dict, class_named
-from ..checks import MOMENTS, common_shape, in_units, integer, real_array, require, within, wrong
+from ..checks import (
+    MOMENTS,
+    common_shape,
+    in_units,
+    integer,
+    kind_of,
+    real_array,
+    require,
+    short,
+    within,
+    wrong,
+)
 from ..engine.status import Status
 from ..maps import map_of, named
 from .columns import (
@@ -53,6 +64,8 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     target = Path(
         os.path.realpath(_checked(path, others))
     )  # a link stays, and its target is written
+    if not isinstance(overwrite, bool):
+        raise wrong("overwrite", "True or False", short(overwrite), TypeError)
     if target.exists() and not overwrite:
         raise _exists(path)
     kind, described = type(result).__name__, result.body.to_dict()
@@ -343,7 +356,8 @@ def _entry(entries: zipfile.ZipFile, name: str) -> Any:
 def _checked(path: PathLike, others: str) -> Path:
     """Return the path of a .npz file, checked; `others` is advice on other formats."""
     if not isinstance(path, (str, os.PathLike)):
-        raise wrong("path", "a string or a path", type(path).__name__, TypeError)
+        raise wrong("path", "a string or a path", kind_of(path), TypeError)
     if Path(path).suffix.lower() != ".npz":
-        raise wrong("path", f"a name that ends in .npz ({others})", repr(os.fspath(path)))
+        how = "" if Path(path).suffix or Path(path).is_dir() else f": pass '{path}.npz'"
+        raise wrong("path", f"a name that ends in .npz ({others})", f"'{os.fspath(path)}'{how}")
     return Path(path)

@@ -147,6 +147,32 @@ def _flat(context, builder, signature, arguments):
 
 
 @intrinsic
+def array_at(typing, address, shape, dtype):
+    """Return the array of order C at an address, without reference counts.
+
+    Numba would compile `carray` for each shape.
+    """
+    result = Uncounted(types.Array(dtype.dtype, len(shape), "C"))
+
+    def emit(context, builder, signature, values):
+        word, item = context.get_value_type(types.intp), context.get_data_type(result.dtype)
+        lengths = zip(cgutils.unpack_tuple(builder, values[1]), shape, strict=True)
+        lengths = [context.cast(builder, *pair, types.intp) for pair in lengths]
+        size, strides = ir.Constant(word, context.get_abi_sizeof(item)), []
+        stride, count = size, ir.Constant(word, 1)
+        for length in reversed(lengths):
+            strides.insert(0, stride)
+            stride, count = builder.mul(stride, length), builder.mul(count, length)
+        array = context.make_array(result)(context, builder)
+        array.data, array.itemsize = builder.inttoptr(values[0], item.as_pointer()), size
+        array.nitems, array.shape = count, cgutils.pack_array(builder, lengths)
+        array.strides = cgutils.pack_array(builder, strides)
+        return array._getvalue()
+
+    return result(address, shape, dtype), emit
+
+
+@intrinsic
 def pack(typing, arguments):
     """Return the addresses of a function and of data, which are valid while the caller runs.
 

@@ -8,12 +8,12 @@ from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import carray, types
+from numba import types
 
+from .arrays import array_at
 from .codes import OK, PASSED_POLE
 from .elimination import solve
-from .llvm import address_as_pointer
-from .numba import c_function, function, inlined
+from .numba import c_function, function
 from .operations import SIGNIFICANT
 
 # A component may change its sign by this part of the sum of moduli of its terms, times eps / 2.
@@ -190,29 +190,24 @@ def arguments_of(arrays, first):
     return np.array(arguments, np.int64)
 
 
-@inlined
-def _array(address, shape, kind):
-    return carray(address_as_pointer(address), shape, kind)
-
-
 @c_function(types.void(*[types.int64] * 5))
 def careful(address, line, bad, negative, n):
     """Call `step_carefully` for machine code, with the address of its `Arguments`."""
-    a = _array(address, (_COUNT,), np.int64)
+    a = array_at(address, (_COUNT,), np.int64)
     count, D, W, T, B = a[PLACE.lines], a[PLACE.D], a[PLACE.W], a[PLACE.T], a[PLACE.B]
     shape = (count, T, W) if a[PLACE.for_each] else (1, T, 1)
     lines = LineArrays(
-        _array(a[PLACE.x], (count, D, W), np.float64),
-        _array(a[PLACE.halves], shape, np.float64),
-        _array(a[PLACE.fractions], (a[PLACE.stages],), np.float64),
-        _array(a[PLACE.indices], (3, T), np.int64),
-        _array(a[PLACE.status], (B,), np.int8),
-        _array(a[PLACE.failed_at], (B,), np.int64),
-        _array(a[PLACE.poles], (B,), np.float64),
-        _array(a[PLACE.marks], (2, count), np.uint8),
-        _array(a[PLACE.memory], (D * (D + 4) + T,), np.float64),
-        _array(a[PLACE.tells], (1,), np.int64),
-        _array(a[PLACE.signs], (a[PLACE.signs_count],), np.int64),
-        _array(a[PLACE.columns], (count, a[PLACE.rows], D, W), np.float64),
+        array_at(a[PLACE.x], (count, D, W), np.float64),
+        array_at(a[PLACE.halves], shape, np.float64),
+        array_at(a[PLACE.fractions], (a[PLACE.stages],), np.float64),
+        array_at(a[PLACE.indices], (3, T), np.int64),
+        array_at(a[PLACE.status], (B,), np.int8),
+        array_at(a[PLACE.failed_at], (B,), np.int64),
+        array_at(a[PLACE.poles], (B,), np.float64),
+        array_at(a[PLACE.marks], (2, count), np.uint8),
+        array_at(a[PLACE.memory], (D * (D + 4) + T,), np.float64),
+        array_at(a[PLACE.tells], (1,), np.int64),
+        array_at(a[PLACE.signs], (a[PLACE.signs_count],), np.int64),
+        array_at(a[PLACE.columns], (count, a[PLACE.rows], D, W), np.float64),
     )
     step_carefully(lines, a[PLACE.first], line, bad, negative, n)

@@ -80,16 +80,6 @@ def _constant_with_address(context, builder, kind, value):
     return context.make_tuple(builder, kind, [address, *others])
 
 
-@intrinsic
-def address_as_pointer(typing, address):
-    """Return an address as a pointer, for `numba.carray`."""
-
-    def emit(context, builder, signature, arguments):
-        return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
-
-    return types.voidptr(types.int64), emit
-
-
 # ------------------------------------------------------------------------------------------ stores
 def stream_pairs(target, i, b, row, l):
     """Interleave LINE numbers from b[row, l] and b[row + 1, l] on into target, from index i on.

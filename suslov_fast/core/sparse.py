@@ -229,7 +229,7 @@ def sparse_steps(part, parts, pattern, half, marks, x, memory, taken):
 
     `half` (1 or W, T) is eps / 2 times the values of the terms; `memory` has `size_of` numbers.
     """
-    pattern, half, memory = uncounted(pattern), uncounted(half), uncounted(memory)
+    pattern, half, x, memory = uncounted((pattern, half, x, memory))
     (D, W), G, E = x.shape, len(pattern.given), len(pattern.columns)
     room, after = room_of(memory[D * QUAD :], D, G, E), memory[: D * QUAD]
     for n in range(taken[0]):

@@ -26,7 +26,7 @@ def sparse_stages(part, parts, pattern, halves, rows, least, memory):
     The lines are rows[line, row, lane], whose first D rows are the states; the row `least` has the
     least pivot so far.
     """
-    pattern, halves, rows = uncounted(pattern), uncounted(halves), uncounted(rows)
+    pattern, halves, rows, memory = uncounted((pattern, halves, rows, memory))
     D, G, E = len(pattern.order), len(pattern.given), len(pattern.columns)
     room, after = room_of(memory[D * QUAD :], D, G, E), memory[: D * QUAD]
     for line in range(len(rows)):

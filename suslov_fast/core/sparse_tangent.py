@@ -6,8 +6,9 @@ Columns q of a trajectory become -DPhi q, DPhi = (1 - N(x))**-1 (1 - M(x_next)),
 from collections import namedtuple
 
 import numpy as np
-from numba import carray, types
+from numba import types
 
+from .arrays import array_at
 from .careful import crosses_0
 from .elimination import simd_max
 from .generated_tangent import (
@@ -22,8 +23,8 @@ from .generated_tangent import (
     STEP,
     VOLUME,
 )
-from .llvm import QUAD, address_as_pointer, lesser
-from .numba import c_function, function
+from .llvm import QUAD, lesser
+from .numba import c_function, function, inlined
 from .sparse import Pattern, eliminate, numbers_of, pattern_of, room_of, size_of, step_once
 
 BLOCK = 64  # columns that are multiplied at once, because their rows stay in the caches
@@ -152,14 +153,14 @@ def operations_of(step):
     return step.D * (len(pattern.columns) + len(pattern.given))
 
 
-@function
+@inlined
 def _numbers(address, shape):
-    return carray(address_as_pointer(address), shape, np.float64)
+    return array_at(address, shape, np.float64)
 
 
-@function
+@inlined
 def _integers(address, shape):
-    return carray(address_as_pointer(address), shape, np.int64)
+    return array_at(address, shape, np.int64)
 
 
 @c_function(types.int64(*[types.int64] * 6))
@@ -182,21 +183,22 @@ def take_steps(line, table, kept, plan, ignored, steps):
         _integers(a[PLACE.given_starts], (D + 1,)),
         _integers(a[PLACE.given], (G,)),
         _integers(a[PLACE.right], (a[PLACE.L], 3)),
-        carray(address_as_pointer(a[PLACE.of_one_sign]), (D,), np.bool_),
+        array_at(a[PLACE.of_one_sign], (D,), np.bool_),
     )
     size, width = numbers_of(D, G, E), a[PLACE.room]
     memory = _numbers(kept, (2 * size + D * width,))
     room = room_of(memory, D, G, E)
     back = room_of(memory[size:], D, G, E)
-    new = memory[2 * size :].reshape((D, width))
+    new = _numbers(kept + 8 * 2 * size, (D, width))
     half, x = _numbers(table, (1, T)), _numbers(line, (D, 1))
     products = _numbers(line + 8 * D, (LENGTHS + D,))
     columns = _numbers(line + 8 * (2 * D + LENGTHS), (D, width))
+    first = np.int64(0)  # a literal would have a type, and functions, of its own
     for n in range(steps):
         back.right[:] = 0.0
-        good, negative = step_once(pattern, half, x, 0, room, back.y)
+        good, negative = step_once(pattern, half, x, first, room, back.y)
         back.y[D * QUAD :] = 1.0
-        good &= eliminate(pattern, half, 0, -1.0, 1.0, back)[0]
+        good &= eliminate(pattern, half, first, -1.0, 1.0, back)[0]
         if good & 1 == 0:
             return n | 1 << STEP
         multiply(pattern, room, back, columns, new)

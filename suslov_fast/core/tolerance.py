@@ -41,6 +41,7 @@ length 0 a step changes nothing.
 """
 
 import functools
+from typing import NamedTuple
 
 import numpy as np
 
@@ -193,111 +194,168 @@ class Beginning:
         self.operations = values.operations
 
 
+class _OfTime(NamedTuple):
+    """Values of `Choice` after those of the terms."""
+
+    t: int
+    wanted: int  # length
+    longer: int  # its largest factor
+    steps: int  # since the last time that was asked for
+    taken: int  # length
+    first: int  # length
+    least: int  # pivot
+    end: int  # the next time
+    rtol: int
+
+
 class Choice:
     """The operations at the end of a step: the next state, time and length.
 
     Values are given in this order: the state x, of n components, with the words after it (D);
     x_next - x before d is subtracted, the same without the shortest column, d, and the largest
-    moduli so far (n each); the values v of the terms (T); t, the length wanted, its largest factor,
-    the steps since the last time that was asked for, the length taken, the first length, the least
-    pivot, the next time, and rtol; with a `lift`, the words after x at the end of the last column
-    (D - n) and the coefficients of the lift. `signs` has the components that keep their signs.
-    Without `indices` the sums |terms of f_i| (n) take the place of v.
+    moduli so far (n each); the values v of the terms (T); those of `_OfTime`; with a `lift`, the
+    words after x at the end of the last column (D - n) and the coefficients of the lift. `signs`
+    has the components that keep their signs. Without `indices` the sums |terms of f_i| (n) take the
+    place of v.
 
     results   numbers of the next state and the largest moduli (n each), t, the length, its factor,
               and the steps
     """
 
     def __init__(self, indices, D, n, signs, lift=None):
-        first_value = D + 4 * n
         T = n if indices is None else indices.shape[1]
-        first_word = first_value + T + 9
-        values = Values(first_word + (D - n + lift.coefficients if lift else 0), ())
-        emit, joined = values.emit, values.joined
-        is_lifted = n < D
-        x, rows = range(D), [range(k, k + n) for k in range(D, first_value, n)]
-        total, second, difference, largest = rows
-        t, wanted, longer, steps, taken, first, least, end, rtol = range(
-            first_value + T, first_word
-        )
-        sums = range(first_value, first_value + n)
-        if indices is not None:
-            moduli = [emit("fabs", k) for k in x], [emit("fabs", first_value + k) for k in range(T)]
-            sums = _sums_over_terms(indices, D, n, values, *moduli)
-        after, of_fast, errors = [emit("fadd", x[k], total[k]) for k in range(n)], [], []
-        changes = {k: emit("fmul", taken, sums[k]) for k in range(n) if sums[k] is not None}
+        first_value, first_word = D + 4 * n, D + 4 * n + T + len(_OfTime._fields)
+        self.values = Values(first_word + (D - n + lift.coefficients if lift else 0), ())
+        self.emit, self.joined = self.values.emit, self.values.joined
+        self.indices, self.D, self.n, self.lift = indices, D, n, lift
+        self.x, rows = range(D), [range(k, k + n) for k in range(D, first_value, n)]
+        self.total, self.second, self.difference, self.largest = rows
+        self.terms = range(first_value, first_value + T)
+        self.of = _OfTime(*range(first_value + T, first_word))
+        self.words = range(first_word, first_word + D - n)
+
+        changes = self._changes()
+        after = self._next_state(changes)
+        after, is_resolved = self._with_signs(after, changes, signs)
+        sizes, allowed = self._allowed(after, changes)
+        if lift is not None:
+            is_resolved += self._agreement(after, changes, allowed)
+        is_resolved = self.joined("and", is_resolved)
+        good, factor = self._judged(after, allowed, is_resolved)
+        self._go_on(after, sizes, good, factor)
+        self.operations = self.values.operations
+        if lift is not None:  # derivatives of words have no use here
+            self.operations = needed_for(self.results, self.operations)
+
+    def _changes(self):
+        """Return h sum |terms of f_i(x)|, by component."""
+        emit, sums = self.emit, self.terms
+        if self.indices is not None:
+            x, v = [emit("fabs", k) for k in self.x], [emit("fabs", k) for k in self.terms]
+            sums = _sums_over_terms(self.indices, self.D, self.n, self.values, x, v)
+        return {
+            k: emit("fmul", self.of.taken, sums[k]) for k in range(self.n) if sums[k] is not None
+        }
+
+    def _next_state(self, changes):
+        """Return the next state, with d subtracted where a mode decays fast."""
+        emit, n, of_fast = self.emit, range(self.n), []
+        after = [emit("fadd", self.x[k], self.total[k]) for k in n]
         for k, change in changes.items():
-            size = emit("max", emit("fabs", x[k]), emit("fabs", after[k]))
+            size = emit("max", emit("fabs", self.x[k]), emit("fabs", after[k]))
             of_fast.append(emit("ogt", change, emit("fmul", FAST, size)))
-        if of_fast and not is_lifted:
-            is_fast = joined("or", of_fast)
-            slow = [emit("fsub", after[k], difference[k]) for k in range(n)]
-            after = [emit("select", is_fast, slow[k], after[k]) for k in range(n)]
-        is_resolved = [emit("ogt", least, LEAST_PIVOT)]
+        if not of_fast or self.lift is not None:
+            return after
+        is_fast = self.joined("or", of_fast)
+        slow = [emit("fsub", after[k], self.difference[k]) for k in n]
+        return [emit("select", is_fast, slow[k], after[k]) for k in n]
+
+    def _with_signs(self, after, changes, signs):
+        """Return the next state with the signs that rounding changed, and what has to be true."""
+        emit, after = self.emit, [*after]
+        is_resolved = [emit("ogt", self.of.least, LEAST_PIVOT)]
         for k in sorted(signs):
             other = emit("fsub", 0.0, after[k])
-            is_kept = emit("oge", x[k], 0.0)
+            is_kept = emit("oge", self.x[k], 0.0)
             is_kept = emit("oge", emit("select", is_kept, after[k], other), 0.0)
             after[k] = emit("select", is_kept, after[k], other)
             if k in changes:
                 rounding = emit("fmul", OF_ROUNDING, changes[k])
                 is_kept = emit("or", is_kept, emit("oge", rounding, emit("fabs", after[k])))
             is_resolved.append(is_kept)
-        sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(n)]
-        floor = emit("fmul", SMALLEST, joined("max", sizes))
+        return after, is_resolved
+
+    def _allowed(self, after, changes):
+        """Return s_i, and how large errors may be."""
+        emit = self.emit
+        sizes = [
+            emit("max", emit("fabs", now), so_far)
+            for now, so_far in zip(after, self.largest, strict=True)
+        ]
+        floor = emit("fmul", SMALLEST, self.joined("max", sizes))
         sizes = [emit("max", size, floor) for size in sizes]
-        allowed = [emit("max", emit("fmul", rtol, size), OF_SUBNORMAL) for size in sizes]
+        allowed = [emit("max", emit("fmul", self.of.rtol, size), OF_SUBNORMAL) for size in sizes]
         for k, change in changes.items():
             allowed[k] = emit("max", emit("fmul", OF_ROUNDING, change), allowed[k])
-        if lift is not None:
-            words = range(first_word, first_word + D - n)
-            own, near = _compared(values, lift, first_word + D - n, after, words)
-            if near:
-                of_terms = range(first_value, first_value + T)
-                f, of_words = (
-                    _sums_over_terms(indices, D, n, values, [*after, *each], of_terms)
-                    for each in (own, words)
-                )
-                apart = {k: emit("fabs", emit("fsub", f[k], of_words[k])) for k in changes}
-                small = [emit("oge", allowed[k], emit("fmul", taken, apart[k])) for k in changes]
-                is_resolved.append(emit("or", joined("and", near), joined("and", small)))
-        is_resolved = joined("and", is_resolved)
-        ratios, part = [], 1.0 if is_lifted else OF_FAST
-        for k in range(n):
-            fast = emit("fmul", part, emit("fabs", difference[k]))
-            errors.append(emit("fadd", emit("fabs", emit("fsub", total[k], second[k])), fast))
+        return sizes, allowed
+
+    def _agreement(self, after, changes, allowed):
+        """Return that the words at the end of the last column are those of the next state."""
+        emit, joined = self.emit, self.joined
+        first = self.words.stop
+        own, near = _compared(self.values, self.lift, first, after, self.words)
+        if not near:
+            return []
+        f, of_words = (
+            _sums_over_terms(self.indices, self.D, self.n, self.values, [*after, *each], self.terms)
+            for each in (own, self.words)
+        )
+        apart = {k: emit("fabs", emit("fsub", f[k], of_words[k])) for k in changes}
+        small = [emit("oge", allowed[k], emit("fmul", self.of.taken, apart[k])) for k in changes]
+        return [emit("or", joined("and", near), joined("and", small))]
+
+    def _judged(self, after, allowed, is_resolved):
+        """Return whether the step is taken, and the factor of the next length."""
+        emit, joined, ratios, errors = self.emit, self.joined, [], []
+        part = OF_FAST if self.lift is None else 1.0
+        for k in range(self.n):
+            fast = emit("fmul", part, emit("fabs", self.difference[k]))
+            distance = emit("fabs", emit("fsub", self.total[k], self.second[k]))
+            errors.append(emit("fadd", distance, fast))
             ratio = emit("fdiv", errors[k], allowed[k])
             ratios.append(emit("select", emit("oeq", errors[k], 0.0), 0.0, ratio))
         rho = joined("max", ratios)
-        numbers = [emit("fabs", after[k]) for k in range(n)] + errors
+        numbers = [emit("fabs", now) for now in after] + errors
         finite = joined("and", [emit("olt", number, np.inf) for number in numbers])
         good = joined("and", [finite, emit("oge", 1.0, rho), is_resolved])
         root = emit("select", finite, rho, 1e30)
         for _ in range(3):
             root = emit("sqrt", root)
         factor = emit("max", emit("fdiv", SAFETY, root), SHORTER)
-        factor = emit("min", factor, longer)
-        factor = emit("select", is_resolved, factor, emit("min", factor, REFUSED))
-        length = emit("fmul", taken, factor)
+        factor = emit("min", factor, self.of.longer)
+        return good, emit("select", is_resolved, factor, emit("min", factor, REFUSED))
+
+    def _go_on(self, after, sizes, good, factor):
+        """Choose the next length, and whether the trajectory ends; make `results`."""
+        emit, of = self.emit, self.of
+        length = emit("fmul", of.taken, factor)
         # A step that was cut at the end of time says nothing against the length wanted, and one of
         # length 0 nothing at all, even if f has no value at x.
-        is_nothing = emit("oeq", taken, 0.0)
+        is_nothing = emit("oeq", of.taken, 0.0)
         is_cut = emit("or", good, is_nothing)
-        is_cut = emit("and", is_cut, emit("olt", taken, wanted))
-        length = emit("select", is_cut, wanted, length)
-        arrives = emit("oeq", taken, emit("fsub", end, t))
-        later = emit("select", arrives, end, emit("fadd", t, taken))
-        later = emit("select", good, later, t)
-        limit = emit("fmul", SHORTEST, emit("max", later, first))
-        steps = emit("select", is_nothing, steps, emit("fadd", steps, 1.0))
+        is_cut = emit("and", is_cut, emit("olt", of.taken, of.wanted))
+        length = emit("select", is_cut, of.wanted, length)
+        arrives = emit("oeq", of.taken, emit("fsub", of.end, of.t))
+        later = emit("select", arrives, of.end, emit("fadd", of.t, of.taken))
+        later = emit("select", good, later, of.t)
+        limit = emit("fmul", SHORTEST, emit("max", later, of.first))
+        steps = emit("select", is_nothing, of.steps, emit("fadd", of.steps, 1.0))
         steps = emit("select", emit("and", good, arrives), 0.0, steps)
         ended = emit("or", emit("olt", length, limit), emit("oge", steps, float(MOST_STEPS)))
-        states = [emit("select", good, after[k], x[k]) for k in range(n)]
+        states = [emit("select", good, after[k], self.x[k]) for k in range(self.n)]
         states = [emit("select", ended, np.nan, state) for state in states]
-        moduli = [emit("select", good, sizes[k], largest[k]) for k in range(n)]
-        longer = emit("select", is_nothing, longer, emit("select", good, LONGER, AFTER_REFUSED))
+        moduli = [emit("select", good, sizes[k], self.largest[k]) for k in range(self.n)]
+        longer = emit("select", good, LONGER, AFTER_REFUSED)
+        longer = emit("select", is_nothing, of.longer, longer)
         length = emit("select", ended, 0.0, length)
         self.results = [*states, *moduli, later, length, longer, steps]
-        self.operations = values.operations
-        if lift is not None:  # derivatives of words have no use here
-            self.operations = needed_for(self.results, self.operations)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast import maps
 from suslov_fast.core import lengths, tangent
 from suslov_fast.engine import derivatives
 
@@ -373,12 +374,36 @@ def test_determinants_of_many_variables(monkeypatch, most):
     np.testing.assert_allclose(exponents, np.log(0.6), rtol=1e-12)
 
 
+def test_exponents_by_products_of_jacobians(monkeypatch):
+    """Of three variables: of two, the first column and the determinant give both exponents."""
+    monkeypatch.setitem(vars(maps.MAPS["Kahan"]), "growth", derivatives.growth_by_jacobian)
+    starts, eps, steps = [[1.0, 2.0, 20.0], [-3.0, 1.0, 15.0]], 0.05, 60
+    rates, states = (
+        sf.lyapunov_exponents(LORENZ, starts, eps, steps),
+        sf.iterate(LORENZ, starts, eps, steps).states,
+    )
+    for found, slopes in zip(
+        rates, sf.jacobian(LORENZ, states[:-1].swapaxes(0, 1), eps), strict=True
+    ):
+        Q, total = np.eye(3), np.zeros(3)
+        for slope in slopes:
+            Q, R = np.linalg.qr(slope @ Q)
+            total += np.log(abs(np.diag(R)))
+        np.testing.assert_allclose(found, -np.sort(-total / steps), rtol=1e-12)
+    # A turn by a right angle, whose first pivot is 0, beside a decay to 1 / 3, or to 0.
+    for rate, last in ((0.5, -np.log(3)), (1.0, -np.inf)):
+        field = sf.QuadraticField.from_function(lambda x, r=rate: (x[1], -x[0], -r * x[2]), 3)
+        assert sf.jacobian(field, [1.0, 0.5, 2.0], 2.0)[0, 0] == 0.0
+        found = sf.lyapunov_exponents(field, [1.0, 0.5, 2.0], 2.0, 5)
+        np.testing.assert_allclose(found, [0.0, 0.0, last], atol=1e-14)
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize("by_jacobian", [False, True])
 def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian):
     """All stand at the same step; False ends the run, with means over the steps done."""
     if by_jacobian:
-        record = vars(sf.maps.MAPS["Kahan"])
+        record = vars(maps.MAPS["Kahan"])
         monkeypatch.setitem(record, "growth", derivatives.growth_by_jacobian)
     monkeypatch.setattr(derivatives, "_STRETCH", 2**12)
     family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[1, 0, 2] * 30)

@@ -81,6 +81,19 @@ def test_statuses_of_fields_are_signs_of_determinants(rng, D):
     assert len({*run.status[good]}) == 2
 
 
+@pytest.mark.parametrize("c", [1, -1])
+def test_rows_that_are_exchanged_change_no_sign(c):
+    """At eps = 2 the first pivot of A = [[0, -1], [-c, 1]] is 0, and the determinant -c."""
+    field = QuadraticField.from_function(lambda x: (x[0] + x[1], c * x[0]), 2)
+    back = np.array([[2.0, 1.0], [c, 1.0]])  # A for -eps
+    run, texts = told(iterate, field, [1.0, 0.5], 2.0, 3)
+    np.testing.assert_allclose(run.x[1], np.linalg.solve([[0, -1], [-c, 1]], back @ run.x[0]))
+    assert (len(texts), run.first_pole) == ((1, 1) if c > 0 else (0, -1))
+    exponents, texts = told(sf.lyapunov_exponents, field, [1.0, 0.5], 2.0, 3)
+    assert len(texts) == (c > 0)
+    assert exponents.sum() == pytest.approx(np.log(abs(np.linalg.det(back))), abs=1e-14)
+
+
 @pytest.mark.sampled(1)
 @quiet
 @pytest.mark.parametrize("order", FRACTIONS)

@@ -329,6 +329,17 @@ def test_other_kinds_of_stores():
             assert_same(call(ensemble, **ASKED, store=place), orbits)
 
 
+def test_a_store_that_is_read_only(store):
+    """It opens, and a finished run is found in it; what is missing is not written."""
+    call(ensemble, **ASKED, store=store)
+    closed = zarr.storage.LocalStore(store, read_only=True)
+    assert_same(call(ensemble, **ASKED, store=closed), call(iterate, **ASKED))
+    (store / "final/c/0/0").unlink()
+    with pytest.raises(ValueError, match="store must be a store that can be written, not file://"):
+        call(ensemble, **ASKED, store=closed)
+    assert not (store / "final/c/0/0").exists()
+
+
 def test_an_interrupted_run_goes_on(store, rng):
     """Tiles that are stored are not computed again."""
     run = {"body": BODY, "omega0": rng.uniform(-2.0, 2.0, (50, 2)), "eps": 0.2, "steps": 30}

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Collection, Coroutine
+from collections.abc import Collection, Coroutine, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
+from uuid import uuid4
+
+from ..checks import wrong
 
 T = TypeVar("T")
 
@@ -55,15 +58,48 @@ def opened(store: Any) -> Any:
     return run(StorePath.open(store, path="")).store
 
 
-async def put(target: Any, key: str, text: str) -> None:
-    """Write a text under a key."""
+async def put(target: Any, values: Mapping[str, Sequence[Any]]) -> None:
+    """Write values, each in parts that are bytes or arrays of bytes, several keys at a time."""
     from zarr.buffer import default_buffer_prototype
+    from zarr.storage import LocalStore
 
-    await target.set(key, default_buffer_prototype().buffer.from_bytes(text.encode()))
+    if values and target.read_only:
+        raise wrong("store", "a store that can be written", f"{target}, which is read-only")
+    buffer, turn = default_buffer_prototype().buffer, asyncio.Semaphore(_AT_A_TIME)
+
+    async def put_one(key: str, parts: Sequence[Any]) -> None:
+        async with turn:
+            if type(target) is LocalStore:
+                await asyncio.to_thread(_write, target.root / key, parts)
+            else:
+                await target.set(key, buffer.from_bytes(b"".join(parts)))
+
+    await asyncio.gather(*(put_one(key, parts) for key, parts in values.items()))
 
 
-async def get(source: Any, key: str) -> str | None:
-    """Return the text under a key, or None; OSError if the store cannot be read."""
+def _write(path: Path, parts: Sequence[Any]) -> None:
+    """Write the parts of a file, which appears when it is complete; `LocalStore` needs a copy."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(f".{uuid4().hex}.partial")
+    try:
+        with open(partial, "wb") as file:
+            for part in parts:
+                file.write(part)
+        os.replace(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+async def put_where_different(target: Any, values: Mapping[str, bytes]) -> None:
+    """Write bytes under those keys that have others, or none."""
+    found = await asyncio.gather(*(get(target, key) for key in values))
+    pairs = zip(values.items(), found, strict=True)
+    await put(target, {key: [value] for (key, value), there in pairs if value != there})
+
+
+async def get(source: Any, key: str) -> bytes | None:
+    """Return the bytes under a key, or None; OSError if the store cannot be read."""
     from zarr.buffer import default_buffer_prototype
 
     try:
@@ -75,7 +111,18 @@ async def get(source: Any, key: str) -> str | None:
     except Exception as error:  # of a library for servers, such as aiohttp
         how = "check its address, and that you may read it"
         raise OSError(f"store: {key} cannot be read: {how} ({error})") from error
-    return None if value is None else value.to_bytes().decode("utf-8", "replace")
+    return None if value is None else bytes(value.to_bytes())
+
+
+async def texts(source: Any, keys: list[str]) -> list[str | None]:
+    """Return the text under each key, or None."""
+    return await asyncio.gather(*(text(source, key) for key in keys))
+
+
+async def text(source: Any, key: str) -> str | None:
+    """Return the text under a key, or None."""
+    value = await get(source, key)
+    return None if value is None else value.decode("utf-8", "replace")
 
 
 async def keys_of(source: Any, prefix: str = "") -> set[str]:

@@ -91,7 +91,8 @@ def _arguments_of(result: Any) -> dict[str, Any]:
 
 def with_time(data: Any) -> Any:
     """Return a dataset with the coordinate `time`, n eps."""
-    time = (data["n"] * data["eps"]).assign_attrs(long_name="time")
+    time = data.variables["n"] * data.variables["eps"]
+    time.attrs = {"long_name": "time"}
     return data.assign_coords(time=time)
 
 

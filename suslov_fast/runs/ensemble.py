@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     import distributed
     import xarray
 
+# Modules of the extra `large`.
+_NEEDED = "zarr", "xarray", "dask", "google_crc32c"
 # Bytes of states in a chunk.
 _CHUNK = 2**24
 # Steps of all trajectories of a tile, which take a few seconds; and the least number of
@@ -114,7 +116,7 @@ def ensemble(
     ...     print(dict(runs.final.sizes), float((runs.status == Status.SUPERCRITICAL).mean()))
     {'trajectory': 1000, 'component': 2} 0.199
     """
-    for module in ("zarr", "xarray", "dask"):
+    for module in _NEEDED:
         checks.extra(module, "large")  # if one is missing, an error before any work
     if client is not None and not hasattr(client, "nthreads"):
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
@@ -139,7 +141,8 @@ def ensemble(
     data = _template(whole, options, dims, coords)
     reports = reporter(progress, math.prod(batch) * steps)
     with stores.naming_full_disks(store):
-        missing, arrays, status = stores.prepare(store, data, _sizes(data, chunk))
+        missing, contents = stores.prepare(store, data, _sizes(data, chunk))
+    arrays, status = contents.arrays, contents.arrays["status"]
     tiles = {tile: place_of(tile, status.shape, status.chunks) for tile in missing}
     done = math.prod(batch) - sum(count_in(where) for where in tiles.values())
     finished = finish(tiles, whole, options, arrays, client, store)
@@ -152,7 +155,7 @@ def ensemble(
             goes_on = report is None or report(done * steps)
     data = _dataset(store, is_finished=done == math.prod(batch), is_known=not tiles)
     if tiles and map.methods[method].notes_poles:
-        count, first = stores.passed_poles(arrays, status)
+        count, first = stores.passed_poles(store, contents)
         if first is not None:
             warn_of_poles(whole, map.methods[method], count, first, by_sign)
     return data
@@ -195,7 +198,7 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     ...     int((open_ensemble(store).status == -128).sum())
     6
     """
-    for module in ("zarr", "xarray", "dask"):
+    for module in _NEEDED:
         checks.extra(module, "large")
     return _dataset(stores.resolved(store))
 
@@ -225,10 +228,12 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     source = metadata.overlaid(store, contents)
     data = xarray.open_zarr(source, consolidated=True, zarr_format=3, chunks=None)
     data = data.assign_attrs(contents.added)
-    for name, array in contents.arrays.items():
-        if array.shape and name not in data.indexes:
-            data[name] = data[name].chunk(_parts(array), token=uuid4().hex)
-    return with_time(as_columns(data))
+    lazy = {
+        name: data.variables[name].chunk(_parts(array), name=f"{name}-{uuid4().hex}")
+        for name, array in contents.arrays.items()
+        if array.shape and name not in data.indexes
+    }
+    return with_time(as_columns(data.assign(lazy)))
 
 
 def _parts(array: metadata.Stored) -> dict[Any, int]:

@@ -49,6 +49,10 @@ class Stored(NamedTuple):
         width = _BYTES.get(self.dtype)
         return None if width is None else width * math.prod(self.chunks) + _CHECKSUM
 
+    def key(self, name: str, position: Mapping[str, int]) -> str:
+        """Return the key of the chunk at a position along each axis, 0 where it has none."""
+        return "/".join([name, "c", *(str(position.get(dim, 0)) for dim in self.dims)])
+
     def keys(self, name: str) -> Iterator[tuple[tuple[int, ...], str]]:
         """Yield the index and the key of each chunk."""
         counts = (math.ceil(n / m) for n, m in zip(self.shape, self.chunks, strict=True))
@@ -86,12 +90,12 @@ def read_contents(store: Any) -> Contents | None:
     They are checked before Zarr reads them: only format 3 and our own codecs are accepted.
     """
     source = access.reader(store)
-    text = access.run(access.get(source, "zarr.json"))
+    text = access.run(access.text(source, "zarr.json"))
     document: Any = {"attributes": {}} if text is None else _document(store, text)
     copy, rewritten = None, {}
     is_ours = "sha256" in (document.get("consolidated_metadata") or {})
     if not is_ours:
-        copy = access.run(access.get(source, COPY))
+        copy = access.run(access.text(source, COPY))
     if copy is not None:  # others rewrote the metadata; without a copy, they are not complete yet
         rewritten, document = document, _document(store, copy)
     elif text is None:
@@ -109,7 +113,7 @@ def read_contents(store: Any) -> Contents | None:
         # Zarr drops the digest when it rewrites the metadata, for a new array, say.
         if consolidated.get("sha256", digest) != digest:
             raise wrong("sha256", "the digest of what was written", "another")
-        contents = Contents(attributes, {k: _stored(k, array) for k, array in metadata.items()})
+        contents = Contents(attributes, {k: stored_in(k, array) for k, array in metadata.items()})
         if metadata:
             _check_arrays(contents)
         return contents if copy is None else _with_additions(contents, copy, rewritten)
@@ -137,7 +141,7 @@ def _with_additions(contents: Contents, copy: str, rewritten: dict[str, Any]) ->
     consolidated = rewritten.get("consolidated_metadata") or {}
     metadata = consolidated.get("metadata", {})
     for name in contents.arrays.keys() & metadata.keys():
-        now = _stored(name, metadata[name])
+        now = stored_in(name, metadata[name])
         if now._replace(shape=contents.arrays[name].shape) != contents.arrays[name]:
             raise wrong(name, "the array that ensemble made", "another")
     attributes = rewritten["attributes"].items()
@@ -155,7 +159,7 @@ def _foreign(store: Any, data: str) -> Any:
     return wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {data}")
 
 
-def _stored(name: str, metadata: dict[str, Any]) -> Stored:
+def stored_in(name: str, metadata: dict[str, Any]) -> Stored:
     """Return the metadata of an array, or raise an error if Zarr must not open it."""
     if (metadata["zarr_format"], metadata.get("node_type")) != (3, "array"):
         raise wrong(name, "an array of Zarr format 3", metadata["zarr_format"])

@@ -2,8 +2,9 @@
 
 from typing import Any
 
-import google_crc32c  # which Zarr requires
 from zarr.storage import WrapperStore
+
+from .chunks import is_damaged
 
 
 class Overlay(WrapperStore[Any]):  # type: ignore[misc]
@@ -20,12 +21,10 @@ class Overlay(WrapperStore[Any]):  # type: ignore[misc]
         if key == "zarr.json" and self.text is not None:
             return prototype.buffer.from_bytes(self.text.encode())
         value = await super().get(key, prototype, byte_range)
-        if value is not None and byte_range is None and not key.endswith("zarr.json"):
-            data = value.as_numpy_array()
-            checksum = int.from_bytes(data[-4:].tobytes(), "little")
-            if len(data) < 4 or google_crc32c.value(data[:-4]) != checksum:
-                how = "delete it, and ensemble, called again, computes its tile anew"
-                raise ValueError(f"store: the chunk {key} of {self.name} is damaged: {how}")
+        is_chunk = value is not None and byte_range is None and not key.endswith("zarr.json")
+        if is_chunk and is_damaged(value.as_numpy_array()):
+            how = "delete it, and ensemble, called again, computes its tile anew"
+            raise ValueError(f"store: the chunk {key} of {self.name} is damaged: {how}")
         return value
 
     def with_read_only(self, read_only: bool = False) -> "Overlay":

@@ -8,7 +8,6 @@ at the same time.
 
 from __future__ import annotations
 
-import asyncio
 import errno
 import hashlib
 import json
@@ -16,11 +15,10 @@ import math
 import os
 import shutil
 import stat
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
-from threading import Lock
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
@@ -33,7 +31,16 @@ from ..engine.random_starts import RandomStarts
 from ..engine.status import Status
 from . import access
 from .columns import RUN
-from .metadata import COPY, Contents, Stored, Tile, digest_of, overlaid, read_contents
+from .metadata import (
+    COPY,
+    Contents,
+    Stored,
+    Tile,
+    digest_of,
+    overlaid,
+    read_contents,
+    stored_in,
+)
 
 # Values that unwritten chunks show, by the name of a column; others are NaN, or Zarr's default.
 _FILLS = {column.name: column.fill for column in RUN}
@@ -44,8 +51,6 @@ _OF_FILES = {
     **dict.fromkeys((".nc", ".h5", ".hdf5"), _LABELLED),
     ".csv": "the result of ensemble has to_dataframe(), whose to_csv(path) writes one file",
 }
-# Held while settings of Zarr are changed, because they apply to all threads.
-_SETTINGS = Lock()
 
 
 class Lost(NamedTuple):
@@ -147,12 +152,10 @@ def has_tile(store: Any, tile: Tile) -> bool:
     return bool(access.run(access.existing(access.reader(store), [key])))
 
 
-def prepare(
-    store: Any, data: Any, sizes: dict[str, int]
-) -> tuple[list[Tile], dict[str, Any], Stored]:
+def prepare(store: Any, data: Any, sizes: dict[str, int]) -> tuple[list[Tile], Contents]:
     """Create the store of a run, or check that it holds this run.
 
-    Return the tiles to compute, the arrays to write to, and the metadata of `status`.
+    Return the tiles to compute, and the metadata.
     """
     if not getattr(store, "supports_deletes", True):  # in a ZIP file no entry can be rewritten
         received = f"{type(store).__name__}: write into a folder, and open_ensemble reads a copy"
@@ -171,23 +174,22 @@ def prepare(
         raise ValueError(f"store: {what}; pass a new name, or the arguments of that run")
     if contents is None:
         _check_new(store, data)
-    if contents is None or not contents.arrays:
-        create(store, data, sizes)
+    if contents is not None and contents.arrays and contents.is_consolidated:
+        _restore_shared(store, data, contents)
+    else:
+        create(store, data, sizes, contents and contents.copy)
         contents = read_contents(store)
         assert contents is not None
-    if not contents.is_consolidated:
-        create(store, data, sizes, contents.copy)
-    lacks, arrays = lost(store, contents), opened(store, contents)
-    for name in contents.shared:
-        values = data.variables[name].values
-        if name in lacks.chunks or not _holds(arrays[name], values):
-            arrays[name][...] = values
-    return sorted(lacks.tiles | lacks.pending), arrays, contents.arrays["status"]
+    lacks = lost(store, contents)
+    return sorted(lacks.tiles | lacks.pending), contents
 
 
-def passed_poles(arrays: Any, status: Stored) -> tuple[int, tuple[tuple[int, ...], int] | None]:
+def passed_poles(store: Any, contents: Contents) -> tuple[int, tuple[tuple[int, ...], int] | None]:
     """Return how many trajectories passed a pole, and the index and `failed_at` of the first."""
-    count, first = 0, None
+    import zarr
+
+    arrays = zarr.open_group(overlaid(store, contents), mode="r", zarr_format=3)
+    count, first, status = 0, None, contents.arrays["status"]
     begins = [range(0, n, m) for n, m in zip(status.shape, status.chunks, strict=True)]
     for begin in product(*begins):
         where = tuple(slice(k, k + m) for k, m in zip(begin, status.chunks, strict=True))
@@ -199,15 +201,6 @@ def passed_poles(arrays: Any, status: Stored) -> tuple[int, tuple[tuple[int, ...
             here = tuple(k + m for k, m in zip(begin, index, strict=True)), step
             first = here if first is None else min(first, here)
     return count, first
-
-
-def _holds(array: Any, values: Any) -> bool:
-    """Return whether an array has these values; False if it is damaged."""
-    try:
-        stored = np.asarray(array[...], values.dtype)
-    except ValueError:  # from Zarr, if a checksum is wrong
-        return False
-    return np.array_equal(stored, values, equal_nan=values.dtype.kind == "f")
 
 
 def _check_new(store: Any, data: Any) -> None:
@@ -275,69 +268,72 @@ def create(store: Any, data: Any, sizes: dict[str, int], copy: str | None = None
 
     With `copy`, the metadata are restored from it.
     """
+    target = access.reader(store, read_only=False)
+    tiled = json.loads(data.attrs["tiled"])
+    for text in access.run(access.texts(target, [f"{name}/zarr.json" for name in tiled])):
+        if text is not None:  # all arrays need the same tiles
+            array = stored_in("store", json.loads(text))
+            sizes = sizes | dict(zip(array.dims, array.chunks, strict=True))
+    made = _made(data, sizes)
+    chunks = {key: made.pop(key) for key in list(made) if not key.endswith("zarr.json")}
+    there = access.run(access.existing(target, list(made)))
+    access.run(access.put(target, {key: [made[key]] for key in made if key not in there}))
+    access.run(access.put_where_different(target, chunks))
+    if copy is not None:
+        access.run(access.put(target, {"zarr.json": [copy.encode()]}))
+        return
+    attributes = json.loads(made.pop("zarr.json"))["attributes"]
+    access.run(_consolidate(target, attributes, sorted(made)))
+
+
+def _made(data: Any, sizes: dict[str, int]) -> dict[str, bytes]:
+    """Return the keys and values of a new store: all metadata, and the chunks of shared arrays.
+
+    Zarr makes them in memory, because it takes many requests one after the other.
+    """
     import zarr
 
+    made: dict[str, Any] = {}
     labels = " ".join(str(name) for name in data.coords if name not in data.dims)
     attributes = {**data.attrs, "coordinates": labels}  # by which xarray knows coordinates
-    with suppress(zarr.errors.ContainsGroupError):
-        zarr.create_group(store, zarr_format=3, attributes=attributes)
-    root = zarr.open_group(store, mode="r+", zarr_format=3, use_consolidated=False)
-    tiled, shared = (json.loads(data.attrs[name]) for name in ("tiled", "shared"))
-    sizes = dict(sizes)
-    for name in tiled:
-        if (existing := root.get(name)) is not None:  # all arrays need the same tiles
-            sizes |= zip(data[name].dims, existing.chunks, strict=True)
+    memory, shared = zarr.storage.MemoryStore(made), json.loads(data.attrs["shared"])
+    root = zarr.create_group(memory, zarr_format=3, attributes=attributes)
     for name, variable in data.variables.items():
-        lengths = {**data.sizes, **sizes} if name in tiled else data.sizes
+        lengths = data.sizes if name in shared else {**data.sizes, **sizes}
         kind = variable.dtype.kind
-        with suppress(zarr.errors.ContainsArrayError):
-            root.create_array(
-                name,
-                shape=variable.shape,
-                dtype=str if kind in "OU" else variable.dtype,
-                chunks=tuple(max(1, lengths[dim]) for dim in variable.dims),
-                fill_value=_FILLS.get(str(name), math.nan if kind == "f" else None),
-                compressors=zarr.codecs.Crc32cCodec(),
-                dimension_names=variable.dims,
-                attributes=variable.attrs,
-            )
-    if copy is not None:
-        access.run(access.put(root.store, "zarr.json", copy))
-        return
-    write(_writable(root, shared), data, shared)
-    access.run(_consolidate(root.store, attributes, sorted(map(str, data.variables))))
+        array = root.create_array(
+            name,
+            shape=variable.shape,
+            dtype=str if kind in "OU" else variable.dtype,
+            chunks=tuple(max(1, lengths[dim]) for dim in variable.dims),
+            fill_value=_FILLS.get(str(name), math.nan if kind == "f" else None),
+            compressors=zarr.codecs.Crc32cCodec(),
+            dimension_names=variable.dims,
+            attributes=variable.attrs,
+            config={"write_empty_chunks": True},
+        )
+        if name in shared:
+            array[...] = variable.values
+    return {key: value.to_bytes() for key, value in made.items()}
 
 
-async def _consolidate(target: Any, attributes: Any, names: list[str]) -> None:
+async def _consolidate(target: Any, attributes: Any, keys: list[str]) -> None:
     """Write consolidated metadata as Zarr does, with a digest, and their copy."""
-    keys = ["zarr.json", *(f"{name}/zarr.json" for name in names)]
-    texts = await asyncio.gather(*(access.get(target, key) for key in keys))
+    texts = await access.texts(target, ["zarr.json", *keys])
     group, *documents = (json.loads(text or "") for text in texts)
-    group, arrays = group | {"attributes": attributes}, dict(zip(names, documents, strict=True))
+    group |= {"attributes": attributes}
+    names = (key.partition("/")[0] for key in keys)
+    arrays = dict(zip(names, documents, strict=True))
     digest = digest_of(attributes, arrays)
     metadata = {"kind": "inline", "must_understand": False, "sha256": digest, "metadata": arrays}
     text = json.dumps(group | {"consolidated_metadata": metadata}, indent=2)
     for key in (COPY, "zarr.json"):
-        await access.put(target, key, text)
+        await access.put(target, {key: [text.encode()]})
 
 
-def opened(store: Any, contents: Contents) -> dict[str, Any]:
-    """Return the arrays of a store, writable."""
-    import zarr
-
-    root = zarr.open_group(overlaid(store, contents, False), mode="r+", zarr_format=3)
-    return _writable(root, contents.arrays)
-
-
-def _writable(root: Any, names: Iterable[str]) -> dict[str, Any]:
-    """Return arrays of a group that write every chunk, even one of fill values only."""
-    import zarr
-
-    with _SETTINGS, zarr.config.set({"array.write_empty_chunks": True}):
-        return {name: root[name] for name in names}
-
-
-def write(arrays: Any, data: Any, names: Any) -> None:
-    """Write the arrays that all tiles share: parameters, step sizes, labels."""
-    for name in names:
-        arrays[name][...] = data.variables[name].values
+def _restore_shared(store: Any, data: Any, contents: Contents) -> None:
+    """Write the arrays that all tiles share anew where they are not those of the run."""
+    made = _made(data, {})
+    keys = [key for name in contents.shared for _, key in contents.arrays[name].keys(name)]
+    target = access.reader(store, read_only=False)
+    access.run(access.put_where_different(target, {key: made[key] for key in keys}))

@@ -15,10 +15,10 @@ from ..checks import FloatArray, wrong
 from ..engine.problem import Problem, Where, along, part_of
 from ..engine.random_starts import RandomStarts
 from ..engine.stretches import March
-from . import stores
+from . import access, stores
 from .columns import of_runs
 from .functions import returned_at, values_at
-from .metadata import Tile
+from .metadata import Stored, Tile
 
 # Tiles that are queued per thread of a Dask worker.
 _QUEUED = 4
@@ -30,23 +30,26 @@ _WRITING_COST = 8.0
 
 Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
 Options = tuple[str, int, int | None, Functions]  # method, steps, save_every, functions
+Arrays = Mapping[str, Stored]  # of a store, by their names
 
 
 def finish(
     tiles: dict[Tile, Where],
     whole: Problem,
     options: Options,
-    arrays: Any,
+    arrays: Arrays,
     client: Any,
     store: Any,
 ) -> Generator[tuple[Where, bool], None, None]:
-    """Compute tiles of a batch, here or by a Dask client.
+    """Compute tiles of a batch, here or by a Dask client, and write them to the arrays of a store.
 
     Yield the place of each when done, and whether a change of sign told a pole.
     """
+    target = access.reader(store, read_only=False)
     if client is None:
-        for where in tiles.values():
-            yield where, _compute(_problem_of(whole, where), options, where, arrays)
+        for tile, where in tiles.items():
+            part = _problem_of(whole, where)
+            yield where, _compute(part, options, tile, where, arrays, target)
         return
     from dask import config
     from distributed import as_completed
@@ -60,7 +63,7 @@ def finish(
         """Queue tiles for all workers, of which there may be more by now."""
         most = _QUEUED * max(1, sum(client.nthreads().values()))
         for tile, where in islice(waiting, max(0, most - len(under_way))):
-            arguments = _problem_of(whole, where), options, where, arrays
+            arguments = _problem_of(whole, where), options, tile, where, arrays, target
             with config.set(settings):
                 job = client.submit(_compute_on_worker, *arguments, pure=False)
             under_way[job] = tile, where
@@ -89,29 +92,41 @@ def _compute_on_worker(*arguments: Any) -> tuple[str, bool]:
     return str(get_worker().address), by_sign
 
 
-def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> bool:
+def _compute(
+    part: Problem, options: Options, tile: Tile, where: Where, arrays: Arrays, target: Any
+) -> bool:
     """Compute a tile in pieces that fill a chunk, and write them; `status`, last, marks it done.
 
     Return whether a change of sign told that one of its trajectories passed a pole.
     """
-    (method, steps, every, functions), map, row = options, tile.map, 0
-    if isinstance(tile.omega, RandomStarts):  # drawn here, so that no process holds all states
-        part = tile.omega._part(along(tile.omega.shape, where), tile.body.dimension)
-        tile = tile._replace(omega=part)
-    march, rows = March(tile, method), arrays[map.variable].chunks[0]
-    cost = march.steps.cost(tile.body.dimension, march.arguments)
+    from .chunks import encoded
+
+    (method, steps, every, functions), map = options, part.map
+    if isinstance(part.omega, RandomStarts):  # drawn here, so that no process holds all states
+        drawn = part.omega._part(along(part.omega.shape, where), part.body.dimension)
+        part = part._replace(omega=drawn)
+    march, rows = March(part, method), arrays[map.variable].chunks[0]
+    cost = march.steps.cost(part.body.dimension, march.arguments)
     if every and every * cost < _WRITING_COST:
-        march.problem = tile._replace(threads=1)
-    for states, turns in march.pieces(steps, every or 0, rows):
+        march.problem = part._replace(threads=1)
+    position = dict(zip(arrays["status"].dims, tile, strict=True))
+
+    def write(columns: Mapping[str, Any]) -> None:
+        """Write the values of columns to their chunks at `position`."""
+        made = {}
+        for name, values in columns.items():
+            array = arrays[name]
+            made[array.key(name, position)] = encoded(values, array.chunks, array.dtype)
+        access.run(access.put(target, made))
+
+    for position["n"], (states, turns) in enumerate(march.pieces(steps, every or 0, rows)):
         piece = {map.variable: states}
         piece |= {} if turns is None else {"attitude": turns}
-        piece |= {name: checked_values(name, f, states) for name, f in functions.items()}
-        for name, values in piece.items():
-            arrays[name][(slice(row, row + len(states)), *where)] = values
-        row += len(states)
-    for column in sorted(of_runs(march.steps, False), key=lambda column: column.is_last):
-        if not column.is_saved:
-            arrays[column.name][where] = getattr(march, column.name)
+        write(piece | {name: checked_values(name, f, states) for name, f in functions.items()})
+    kept = [column for column in of_runs(march.steps, False) if not column.is_saved]
+    for is_last in (False, True):
+        names = [column.name for column in kept if column.is_last == is_last]
+        write({name: getattr(march, name) for name in names})
     return bool(np.any(march.told_by_signs))
 
 

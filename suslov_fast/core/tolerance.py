@@ -264,7 +264,7 @@ class Choice:
         for k, change in changes.items():
             size = emit("max", emit("fabs", self.x[k]), emit("fabs", after[k]))
             of_fast.append(emit("ogt", change, emit("fmul", FAST, size)))
-        if not of_fast or self.lift is not None:
+        if not of_fast or self.n < self.D:
             return after
         is_fast = self.joined("or", of_fast)
         slow = [emit("fsub", after[k], self.difference[k]) for k in n]
@@ -317,7 +317,7 @@ class Choice:
     def _judged(self, after, allowed, is_resolved):
         """Return whether the step is taken, and the factor of the next length."""
         emit, joined, ratios, errors = self.emit, self.joined, [], []
-        part = OF_FAST if self.lift is None else 1.0
+        part = 1.0 if self.n < self.D else OF_FAST
         for k in range(self.n):
             fast = emit("fmul", part, emit("fabs", self.difference[k]))
             distance = emit("fabs", emit("fsub", self.total[k], self.second[k]))

@@ -1,6 +1,7 @@
 """Configuration of Sphinx; `tox -e docs` builds the pages."""
 
 import re
+from xml.etree import ElementTree
 
 from docutils import nodes
 from latex2mathml.converter import convert
@@ -55,8 +56,8 @@ html_sidebars = {page: [] for page in wide.split()}
 copybutton_exclude = ".linenos, .gp, .go"
 
 
-# A prime that is an identifier stands apart from its letter.
-PRIME = re.compile(r"<mi>(&#x02032;)</mi>")
+MATHML = "http://www.w3.org/1998/Math/MathML"
+ElementTree.register_namespace("", MATHML)
 FIGURE = re.compile(r'class="reference download internal" download="" (?=href="[^"]*\.png")')
 
 
@@ -66,13 +67,40 @@ def open_figures(app, page, template, context, doctree):
         context["body"] = FIGURE.sub("", context["body"])
 
 
+def is_function(node):
+    """Say whether a node of MathML is the name of a function, such as sin, or a power of it."""
+    while len(node) and re.search("msu[bp]$", node.tag):
+        node = node[0]
+    return node.tag.endswith("}mi") and re.fullmatch("[A-Za-z]{2,}", node.text or "")
+
+
+def spaced(formula):
+    """Space a formula of latex2mathml as TeX does."""
+    root = ElementTree.fromstring(formula)
+    for node in root.iter():
+        if node.text == "\N{PRIME}":  # as an identifier it stands apart from its letter
+            node.tag = f"{{{MATHML}}}mo"
+        elif node.text in ("/", "|"):
+            node.attrib |= {"lspace": "0", "rspace": "0"}
+        elif re.fullmatch("[A-Za-z]{2,}", node.text or "") and node.tag.endswith("}mo"):
+            node.tag, node.attrib = f"{{{MATHML}}}mi", {}
+    rows = [node for node in root.iter() if re.search("}m(row|style|td|sqrt)$", node.tag)]
+    for row in rows:
+        for k in reversed(range(len(row) - 1)):
+            pair = row[k], row[k + 1]
+            beside = any(map(is_function, pair))
+            if beside and not any(re.search("}(mo|mspace)$", node.tag) for node in pair):
+                row.insert(k + 1, ElementTree.Element(f"{{{MATHML}}}mspace", width="0.167em"))
+    return ElementTree.tostring(root, encoding="unicode")
+    return ElementTree.tostring(root, encoding="unicode")
+
+
 def mathml(display):
     """Write formulas as MathML: browsers need no script and fetch nothing."""
 
     def write(self, node):
         tag = "div" if display == "block" else "span"
-        formula = convert(node.astext(), display=display)
-        formula = PRIME.sub(r"<mo>\1</mo>", formula)
+        formula = spaced(convert(node.astext(), display=display))
         self.body.append(f'<{tag} class="formula">{formula}</{tag}>')
         raise nodes.SkipNode
 

@@ -158,7 +158,7 @@ for panel, batch in zip(panels, (1, BATCH), strict=True):
         times, results = zip(*[cost(run, x) for run in runs], strict=True)
         times = [1e6 * each / batch for each in times]
         errors = [abs(each - reference[:batch]).max() for each in results]
-        style = {"marker": "osD^*XvPhp"[k], "color": f"C{k}", "fillstyle": "none"}
+        style = {"marker": "osD^*XvP<>"[k], "color": f"C{k}", "fillstyle": "none"}
         panel.loglog(times, errors, label=name, **style)
         order = np.argsort(errors)
         found = np.exp(

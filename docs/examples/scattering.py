@@ -25,7 +25,6 @@ for panel, ratio in zip(axes, (1, 4), strict=True):
     degrees[np.isnan(body.admissible_I3()[0])] = np.nan
     shades = panel.contourf(I13, I23, degrees, bounds, **style)
     lines = panel.contour(I13, I23, degrees, [1, 10, 30], colors="black", linewidths=0.7)
-    panel.set_facecolor("0.9")
     panel.text(0.04, 0.04, "no body", color="0.35", transform=panel.transAxes)
     panel.set(title=rf"$I_1 / I_2 = {ratio:g}$", xlabel=r"$I_{13} / \sqrt{I_1 I_2}$")
     panel.set(xticks=[-0.5, 0, 0.5], aspect="equal")

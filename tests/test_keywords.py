@@ -31,6 +31,7 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (sf.iterate, (FIELD,), "x0", "the states are the second argument, without a name"),
         (sf.iterate, (FIELD,), "omega0", "the states are the second argument"),
         (sf.iterate, (FIELD, [1, 0]), "t_span", r"a run ends at the time eps \* steps"),
+        (sf.crossings, (*STEPPED, sum), "t_max", r"a run ends at the time eps \* steps"),
         (sf.iterate, (FIELD, [1, 0]), "t_eval", "pass eps= and steps="),
         (sf.iterate, STEPPED, "rtol", 'method="extrapolated"'),
         (sf.iterate, STEPPED, "order", "pass method="),

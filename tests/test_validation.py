@@ -210,6 +210,7 @@ FIELDS = [
     (field(lambda x, rho: (rho, x[0])), TypeError, "f.*rho"),
     (field(lambda x, rho=1: (x[0], x[1]), roh=1), TypeError, "f.*roh; choose from: rho"),
     (field(lambda x, mu: (x[0], x[1]), nu=1), TypeError, "f needs mu, not nu: pass mu=28, for example"),
+    (field(lambda x, r, K: (x[0], x[1]), args=(1, 3)), TypeError, "f needs r, not args: .* by its name, r=…, K=…"),
     (field(lambda x, y: (x, y, 1), 3), TypeError, "f.* one tuple of 3"),
     (hamiltonian(lambda p, q: q * p), TypeError, r"pass lambda x: H\(x\[1\], x\[0\]\), as in"),
     (hamiltonian(lambda p, q: q[0] * p[1], 4), TypeError, r"lambda x: H\(x\[2:4\], x\[:2\]\)"),

@@ -47,4 +47,4 @@ for k in range(len(starts)):
 axes[1].set(xlabel="$q_2$", ylabel="$p_2$")
 names = "regular orbits", "chaotic orbits"
 axes[1].legend([*regular, *chaos], names, loc="lower right", markerscale=3, fontsize="x-small")
-axes[1].set_title("Hénon–Heiles system, section at $q_1 = 0$", fontsize="small")
+axes[1].set_title("Hénon\N{EN DASH}Heiles system, section at $q_1 = 0$", fontsize="small")

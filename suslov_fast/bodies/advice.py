@@ -136,6 +136,8 @@ def check_arguments(
     unknown = _unknown(f, given)
     if missing:
         how = f"pass {missing[0]}=28, for example"
+        if not _ARRAY.isdisjoint(unknown):
+            how = "pass each parameter by its name, " + ", ".join(f"{name}=…" for name in missing)
         if is_state(missing[0]):
             how += f"; if {missing[0]} is a variable, count it among the {D + 1} of the dimension"
         if what := clash(missing[0], names, maker):

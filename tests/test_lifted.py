@@ -416,7 +416,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, is_sparse):
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.slow
+@pytest.mark.slow_to_compile
 def test_a_list_that_llvm_would_compile_for_minutes_has_no_plan(monkeypatch):
     """Its words have the constant 1, which is no number of a value."""
     field = LiftedField.from_function(lambda x: (x[1], -S(x[0]) / (1 + x[1] ** 2)), "q p")

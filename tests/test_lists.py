@@ -47,9 +47,10 @@ class RandomStep(operations.Step):
                     truths.append(emit(str(kind), *map(int, rng.choice(truths, 2))))
                 elif kind == "select":
                     numbers.append(emit("select", int(rng.choice(truths)), operand(), operand()))
+                elif kind == "fabs":
+                    numbers.append(emit("fabs", int(rng.choice(numbers))))
                 else:
-                    operands = [operand() for _ in range(1 if kind == "fabs" else 2)]
-                    numbers.append(emit(str(kind), *operands))
+                    numbers.append(emit(str(kind), operand(), operand()))
 
         extend(length, ARITHMETIC)
         extend(4, COMPARISONS)
@@ -148,6 +149,48 @@ def test_the_loop_over_regular_runs_does_what_numpy_does(rng, monkeypatch, W, co
     states = reference(step, x, 0.5 * eps[:, None] * values, fractions, steps)
     assert same_bits(saved, states[1:])
     assert same_bits(lines.states(), states[-1])
+
+
+@pytest.mark.parametrize("W", [1, 8])
+def test_long_lists_do_what_numpy_does(W):
+    """Random ones, whose products have constants or numbers of a table as factors, or neither."""
+    code = listed_code.runs_code(W)
+
+    def found(program, inputs, numbers):
+        rows = np.empty((program.rows, W))
+        rows[: len(inputs)] = inputs
+        listed_code.carry_out(code, program.runs, rows, numbers)
+        return rows[program.results]
+
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        step, x, given = (
+            RandomStep(rng, 4, 3, 200),
+            rng.normal(size=(4, W)),
+            rng.normal(size=(3, 1)),
+        )
+        values = dict(enumerate([*x, *given]))
+        with np.errstate(all="ignore"):
+            operations.evaluate([*step.fixed, *step.usual, *step.rare], values)
+        expected = np.array([np.broadcast_to(values[number], W) for number in step.after_rare])
+        numbers = listed.Numbers(step)
+        program = listed.Program(step, [*step.usual, *step.rare], step.after_rare, numbers)
+        assert same_bits(found(program, x, numbers.of(step.table_of(given))), expected)
+        # The same list without a table, and sums of numbers alone, which have no regular runs.
+        names = {number: k for k, number in enumerate([*range(4), *step.table])}
+        inputs, renamed = [np.broadcast_to(values[number], W) for number in names], []
+        for instruction, number, operands in [*step.usual, *step.rare]:
+            operands = tuple(a if isinstance(a, float) else names[a] for a in operands)
+            names[number] = len(names)
+            renamed.append((instruction, names[number], operands))
+        one, two, mixed, *sums = range(len(names), len(names) + listed.LEAST + 4)
+        renamed += [("fmul", one, (0.5, 0)), ("fmul", two, (1, 2)), ("fadd", mixed, (one, two))]
+        renamed += [("fadd", number, (float(number), 0.5)) for number in sums]
+        results = [*(names[number] for number in step.after_rare), mixed, *sums]
+        program, numbers = listed.program_of(len(inputs), renamed, results)
+        last = [0.5 * x[0] + x[1] * x[2], *(np.full(W, number + 0.5) for number in sums)]
+        expected = np.concatenate([expected, last])
+        assert same_bits(found(program, inputs, numbers), expected)
 
 
 def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():

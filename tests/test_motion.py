@@ -264,6 +264,12 @@ def test_solutions_that_end(field, start, end):
     assert np.isnan(found[2:]).all()
 
 
+def test_of_two_ends_the_one_after_the_start_is_told():
+    with pytest.warns(PoleWarning, match=r"near t = 1\.5707"):
+        found = flow(of(lambda x: (1 + x[0] ** 2,), 1), [0.0], [-2.0, -1.0, 1.0, 2.0])
+    assert np.isnan(found[:, 0]).tolist() == [True, False, False, True]
+
+
 def test_a_solution_that_passes_a_pole_by_does_not_end():
     z = 1 + 0.1j
     found = flow(SQUARES, [z.real, z.imag], [1.0, 2.0])

@@ -6,24 +6,26 @@ import pytest
 from numba import njit
 
 from suslov_fast.core import elimination
+from suslov_fast.core.arrays import uncounted
 from suslov_fast.core.codes import NONFINITE, OK, SINGULAR
 from suslov_fast.core.elimination import LARGEST, LEAST, TO_SOLVE, balance, determinant_of
 
 
-# Calls from compiled code run the code of the kernels; those from Python would compile another.
+# Calls from compiled code, with arrays of kernels, run the code of the kernels; those from Python
+# would compile another.
 @njit
 def solve(system, units):
-    return elimination.solve(system, units)
+    return elimination.solve(uncounted(system), uncounted(units))
 
 
 @njit
 def eliminate(system, b, lanes):
-    elimination.eliminate(system, b, lanes)
+    elimination.eliminate(uncounted(system), uncounted(b), lanes)
 
 
 @njit
 def accept(a, x, b, lanes):
-    return elimination.accept(a, x, b, lanes)
+    return elimination.accept(uncounted(a), uncounted(x), uncounted(b), lanes)
 
 
 FAR = 2.0**60

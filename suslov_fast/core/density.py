@@ -6,21 +6,24 @@ where that loses digits it is found by elimination with pivoting.
 
 import numpy as np
 
+from .arrays import keep, uncounted
 from .careful import fill_system
 from .elimination import determinant_of, solve
-from .numba import function
+from .numba import kernel, share
 from .operations import evaluate
 
 
-@function
-def determinants(indices, halves, x, out):
+@kernel
+def determinants(part, parts, indices, halves, x, out):
     """Fill out (B,) with det A at states x (B, D), by `solve`; 0 where it is 0 to rounding."""
-    D = x.shape[1]
-    system, units = np.empty((D, D, 1)), np.empty((2, D))
-    for k in range(len(x)):
+    indices, halves, x, D = uncounted(indices), uncounted(halves), uncounted(x), x.shape[1]
+    counted = np.empty((D, D, 1)), np.empty((2, D))
+    system, units = uncounted(counted)
+    for k in range(*share(len(x), part, parts)):
         fill_system(indices, halves[k % len(halves)], 1.0, x[k], system)
         solve(system, units)
         out[k] = determinant_of(system, units)
+    keep(counted)
 
 
 def densities(scheme, values, eps, x):
@@ -38,6 +41,6 @@ def densities(scheme, values, eps, x):
             inaccurate = ~np.broadcast_to(found[step.accurate], len(x))
         solved = np.empty(np.count_nonzero(inaccurate))
         own = halves[inaccurate] if len(halves) > 1 else halves
-        determinants(step.indices, own, x[inaccurate], solved)
+        determinants.serial(step.indices, own, x[inaccurate], solved)
         density[inaccurate] = 1.0 / solved
         return density + 0.0 * x.sum(axis=1)

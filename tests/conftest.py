@@ -17,20 +17,30 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
-    """Pause the garbage collector, which would take a third of the time; it skips what is there."""
+    """Pause the garbage collector, which would take a third of the time; it skips what is there.
+
+    Later it rarely looks at what has lived for long.
+    """
     gc.disable()
     try:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(*gc.get_threshold()[:2], 100)
         gc.enable()
+
+
+# Of two processes one compiles what most files call, while the other takes files that compile
+# little; else both would compile the same kernels at the same time.
+FIRST = "promises", "integrability", "planar", "structure", "validation", "ensemble"
+FIRST = [f"test_{name}" for name in FIRST]
 
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` selects
 def pytest_collection_modifyitems(config, items):
     """Mark slow tests: those in tests/slow, and all but some cases of tests marked `sampled`.
 
-    Who tests maps of their own wants all cases.
+    Who tests maps of their own wants all cases. Files of FIRST come first.
     """
     from numba import config as settings  # not in the process that waits for those of `-n`
 
@@ -52,6 +62,7 @@ def pytest_collection_modifyitems(config, items):
         for i, item in enumerate(some):
             if i not in kept:
                 item.add_marker("slow")
+    items.sort(key=lambda item: [*FIRST, item.path.stem].index(item.path.stem))
 
 
 def pytest_addoption(parser):
@@ -62,6 +73,7 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
+    config.option.loadscopereorder = False  # xdist would sort files by the number of their tests
     for name in config.getoption("--maps"):
         try:
             importlib.import_module(name)

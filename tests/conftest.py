@@ -32,8 +32,8 @@ def pytest_collection():
 
 # Of two processes one compiles what most files call, while the other takes files that compile
 # little; else both would compile the same kernels at the same time.
-FIRST = "promises", "integrability", "planar", "structure", "validation", "ensemble"
-FIRST = [f"test_{name}" for name in FIRST]
+FIRST = "promises integrability planar locus implicit validation ensemble command files plots"
+FIRST = [f"test_{name}" for name in FIRST.split()]
 
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` selects

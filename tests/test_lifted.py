@@ -310,7 +310,7 @@ def test_rounding_is_no_pole(method):
     negative = iterate(field, -starts[:2] / 10, eps, steps, method=method)
     assert (negative.status == Status.OK).all()
     assert (negative.x < 0).all()
-    fast = LiftedField.from_function(lambda x: (-2 * x[0] * x[1] / (x[0] + 0.3), 0), "x y")
+    fast = LiftedField.from_function(lambda x: (-2 * x[0] * x[1] / (x[0] + 0.3), -x[1]), "x y")
     faster = iterate(fast, np.insert(starts[::8], 1, 1e6, axis=1), eps / 1e6, steps, method=method)
     assert (faster.status == Status.OK).all()
     if not config.DISABLE_JIT:

@@ -1,6 +1,7 @@
 """The options of the command `suslov-fast`: a parser for each subcommand, and suggestions."""
 
 import argparse
+import os
 import re
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
@@ -136,6 +137,11 @@ def integer(text: str) -> int:
     raise argparse.ArgumentTypeError(f"{text!r} is not an integer, such as 1000 or 1e6")
 
 
+def path(text: str) -> Path:
+    """Return the name of a file or folder; a shell leaves the ~ in --output=~/run.npz as it is."""
+    return Path(os.path.expanduser(text))
+
+
 def names_or_indices(text: str) -> list[str | int]:
     """Return the components in a text such as x,z or 0,2."""
     return [int(part) if part.isdecimal() else part.strip() for part in text.split(",")]
@@ -162,7 +168,7 @@ def _run(parser: Any) -> None:
         choices=(1, 2, 3, 4),
         help="body of a figure of the paper (default 2)",
     )
-    add("--body", type=Path, metavar="FILE.json", help=_JSON)
+    add("--body", type=path, metavar="FILE.json", help=_JSON)
     for name, text in PARAMETERS.items():
         kind, form = (numbers, "X,...") if name in "JI" else (float, "X")
         keywords = {"metavar": form, "default": argparse.SUPPRESS, "help": text}
@@ -172,7 +178,7 @@ def _run(parser: Any) -> None:
     many = "number of random states (default 65536)"
     add("--trajectories", type=integer, metavar="N", default=65_536, help=many)
     add("--omega0", type=numbers, action="append", metavar="X,...", help="a state; repeat for more")
-    add("--initial", type=Path, metavar="FILE.npy", help="array with a state in each row")
+    add("--initial", type=path, metavar="FILE.npy", help="array with a state in each row")
     add = group.add_argument
     add("--extent", type=float, metavar="X", help="random states lie in [-X, X) (default 2)")
     of_each = "a number, or one for each component"
@@ -191,29 +197,29 @@ def _run(parser: Any) -> None:
     every = "save every K-th state (default: the last one only)"
     add("--save-every", type=integer, metavar="K", help=every)
     add("--attitude", action="store_true", help="compute the orientation as well")
-    add("-o", "--output", type=Path, metavar="FILE", help="write the run to a .npz or .zarr file")
+    add("-o", "--output", type=path, metavar="FILE", help="write the run to a .npz or .zarr file")
     add("--force", action="store_true", help=_FORCE)
     add("--json", action="store_true", help="print one JSON object")
 
 
 def _info(parser: Any) -> None:
     add = parser.add_argument
-    add("file", type=Path, nargs="+", metavar="FILE", help="a .npz file or a .zarr store of a run")
+    add("file", type=path, nargs="+", metavar="FILE", help="a .npz file or a .zarr store of a run")
     add("--json", action="store_true", help="print a JSON object for each file, in one line")
 
 
 def _plot(parser: Any) -> None:
     add = parser.add_argument
-    add("file", type=Path, metavar="FILE.npz", help="a file of a run or of crossings")
+    add("file", type=path, metavar="FILE.npz", help="a file of a run or of crossings")
     which = "two or three components, such as x,z or time,x (default: the first two)"
     add("--components", type=names_or_indices, metavar="X,Y", help=which)
-    add("-o", "--output", type=Path, metavar="FILE.png", required=True, help="the figure")
+    add("-o", "--output", type=path, metavar="FILE.png", required=True, help="the figure")
     add("--force", action="store_true", help=_FORCE)
 
 
 def _report(parser: Any) -> None:
     add = parser.add_argument
-    add("--body", type=Path, metavar="FILE.json", required=True, help=_JSON)
+    add("--body", type=path, metavar="FILE.json", required=True, help=_JSON)
     add(
         "--eps",
         type=fraction,
@@ -236,7 +242,7 @@ def _pictures(parser: Any) -> None:
     add(
         "-o",
         "--output",
-        type=Path,
+        type=path,
         default=Path(),
         metavar="DIR",
         help="folder (default: this one)",
@@ -246,7 +252,7 @@ def _pictures(parser: Any) -> None:
 
 def _explore(parser: Any) -> None:
     add = parser.add_argument
-    add("--body", type=Path, metavar="FILE.json", help=_JSON)
+    add("--body", type=path, metavar="FILE.json", help=_JSON)
     add(
         "--port",
         type=integer,

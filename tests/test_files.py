@@ -9,6 +9,7 @@ import sys
 import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,6 +18,7 @@ import xarray
 from test_trajectories import BODY, RUNS, run_of
 
 import suslov_fast as sf
+from suslov_fast import command
 from suslov_fast.runs import storage
 from suslov_fast.runs.columns import FORMAT
 
@@ -167,8 +169,28 @@ def test_files_of_other_formats_say_what_to_do(path, change, advice):
     about = str(found["about"]).replace(f'"format": {FORMAT}', f'"format": {FORMAT + change}')
     about = about.replace(sf.__version__, "7.8.9")
     np.savez(path, **found | {"about": about})
-    with pytest.raises(ValueError, match=rf"run\.npz .*suslov_fast 7\.8\.9: {advice}"):
+    age = "a later" if change > 0 else "an earlier"
+    with pytest.raises(
+        ValueError, match=rf"run\.npz is of {age} format .* suslov_fast 7\.8\.9: {advice}"
+    ):
         sf.Trajectories.load(path)
+
+
+def test_a_tilde_is_the_home_folder(path, monkeypatch):
+    """In names of files, of stores, and where a shell leaves it to the command."""
+    monkeypatch.setenv("HOME", str(path.parent))
+    monkeypatch.setenv("USERPROFILE", str(path.parent))
+    monkeypatch.chdir(path.parent)
+    run = run_of("one")
+    run.save("~/run.npz")
+    assert sf.Trajectories.load(Path("~/run.npz")) == run
+    made = sf.ensemble(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5], 0.1, 5, store="~/runs.zarr")
+    assert sf.open_ensemble(path.parent / "runs.zarr").identical(made)
+    Path("body.json").write_text(json.dumps(run.body.to_dict()))
+    words = "run --body=~/body.json --eps .1 --steps 5 --trajectories 3 --output=~/some.npz"
+    assert command.main(words.split()) == 0
+    assert command.main(["info", "~/some.npz", "~/runs.zarr"]) == 0
+    assert sorted(os.listdir()) == ["body.json", "run.npz", "runs.zarr", "some.npz"]
 
 
 def test_damaged_files(path):

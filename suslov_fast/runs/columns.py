@@ -139,10 +139,13 @@ def check_arrays(arrays: Mapping[str, Any], expected: Mapping[str, Any]) -> None
             raise wrong(name, f"{kind} of shape {shape}", "{} of shape {}".format(*arrays[name]))
 
 
-def of_other_format(number: Any, version: Any) -> str:
-    """Return in words what a file or store of another format is, and what to do."""
-    is_newer = isinstance(number, int) and number > FORMAT
-    how = "compute it anew"
-    if is_newer:
-        how = "a newer suslov_fast reads it: pip install -U suslov_fast"
-    return f"a run of suslov_fast {version}: {how}"
+class OtherFormat(ValueError):
+    """A file or store of another format: the message says what it is "of", and what to do."""
+
+    def __init__(self, number: Any, version: Any) -> None:
+        age, how = "an earlier", "compute it anew"
+        if isinstance(number, int) and number > FORMAT:
+            age, how = "a later", "a newer suslov_fast reads it: pip install -U suslov_fast"
+        numbers = f"this version reads {FORMAT}" if number is None else f"{number}, not {FORMAT}"
+        writer = str(version).removeprefix("suslov_fast ")
+        super().__init__(f"of {age} format ({numbers}), written by suslov_fast {writer}: {how}")

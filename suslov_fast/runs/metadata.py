@@ -18,9 +18,9 @@ from ..maps import named
 from . import access
 from .columns import (
     FORMAT,
+    OtherFormat,
     arrays_of,
     check_arrays,
-    of_other_format,
     of_runs,
     sizes_of,
 )
@@ -105,7 +105,9 @@ def read_contents(store: Any) -> Contents | None:
     attributes = dict(document["attributes"])
     if (number := attributes.get("format")) != FORMAT:
         version = attributes.get("version") or attributes.get("source")
-        raise _foreign(store, of_other_format(number, version) if version else "other data")
+        if version:
+            raise ValueError(f"store: {store} is {OtherFormat(number, version)}")
+        raise _foreign(store, "other data")
     try:
         consolidated = document.get("consolidated_metadata") or {"metadata": {}}
         metadata = consolidated["metadata"]

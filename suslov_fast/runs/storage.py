@@ -37,10 +37,10 @@ from .columns import (
     ARGUMENTS,
     FORMAT,
     OF_KIND,
+    OtherFormat,
     arrays_of,
     check_arrays,
     conditions_of,
-    of_other_format,
     present,
     sizes_of,
 )
@@ -189,6 +189,8 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
                 )
     except (OSError, MemoryError):
         raise
+    except OtherFormat as error:
+        raise ValueError(f"{name} is {error}") from None
     except Exception as error:  # from NumPy, zipfile or json
         text = f"it has no entry {error}" if isinstance(error, KeyError) else str(error)
         raise ValueError(f"{name} is not a complete file of {writers}: {text}") from error
@@ -200,8 +202,7 @@ def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
     texts = {name: _text(entries, name) for name in _TEXTS if _header(entries, name) is not None}
     about = json.loads(texts.get("about", "{}"))
     if (number := about.get("format", FORMAT)) != FORMAT:
-        other = of_other_format(number, about.get("version"))
-        raise wrong("format", f"{FORMAT}, that of this version", other)
+        raise OtherFormat(number, about.get("version"))
     return about, texts
 
 
@@ -360,4 +361,4 @@ def _checked(path: PathLike, others: str) -> Path:
     if Path(path).suffix.lower() != ".npz":
         how = "" if Path(path).suffix or Path(path).is_dir() else f": pass '{path}.npz'"
         raise wrong("path", f"a name that ends in .npz ({others})", f"'{os.fspath(path)}'{how}")
-    return Path(path)
+    return Path(path).expanduser()

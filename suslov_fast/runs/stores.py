@@ -73,15 +73,15 @@ def resolved(store: Any) -> Any:
     folder = "the name of a folder, such as 'runs.zarr'"
     if not isinstance(store, (str, os.PathLike)):
         raise wrong("store", folder, short(store), TypeError)
+    store = os.path.expanduser(store)
     if how := _OF_FILES.get(Path(store).suffix.lower()):
-        raise wrong("store", folder, f"{os.fspath(store)!r}: {how}")
+        raise wrong("store", folder, f"{store!r}: {how}")
     if Path(store).suffix.lower() == ".zip" and Path(store).is_file():
-        received = f"the name of a file: pass zarr.storage.ZipStore({os.fspath(store)!r}, mode='r')"
+        received = f"the name of a file: pass zarr.storage.ZipStore({store!r}, mode='r')"
         raise wrong("store", "the name of a folder, or a Zarr store", received)
-    name = os.fspath(store)
-    if name.startswith("file://"):  # fsspec makes no folders
-        return Path(url2pathname(urlsplit(name).path)).absolute()
-    return name if "://" in name else Path(store).absolute()
+    if store.startswith("file://"):  # fsspec makes no folders
+        return Path(url2pathname(urlsplit(store).path)).absolute()
+    return store if "://" in store else Path(store).absolute()
 
 
 def lost(store: Any, contents: Contents) -> Lost:

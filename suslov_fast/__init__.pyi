@@ -27,12 +27,12 @@ from .quantities.conserved import modified_energy as modified_energy
 from .quantities.conserved import rotation_number as rotation_number
 from .quantities.conserved import to_xy as to_xy
 from .quantities.derivatives import jacobian as jacobian
-from .quantities.derivatives import lyapunov_exponents as lyapunov_exponents
 from .quantities.derivatives import matrix as matrix
 from .quantities.derivatives import multipliers as multipliers
 from .quantities.derivatives import reaction as reaction
 from .quantities.derivatives import vector_field as vector_field
 from .quantities.fixed_points import fixed_points as fixed_points
+from .quantities.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .runs.crossings import Crossings as Crossings
 from .runs.ensemble import ensemble as ensemble
 from .runs.ensemble import open_ensemble as open_ensemble

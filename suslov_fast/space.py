@@ -187,13 +187,17 @@ def attitude(
 
     Parameters
     ----------
-    body, eps, threads
+    body
         As in :func:`iterate`, without fields.
     omega : array_like(float, shape=(N + 1, ..., D))
         All consecutive states of trajectories, as :func:`iterate` returns them, with NaN after a
         failure.
+    eps
+        As in :func:`iterate`.
     R0 : array_like(float, shape=(..., n, n)), optional
         Rotation matrix: the orientation at the first state; by default the identity.
+    threads
+        As in :func:`iterate`.
 
     Returns
     -------

@@ -331,7 +331,7 @@ MISTAKES = [
     (run(body=HENON.H), TypeError, "body.* pass the field, whose Hamiltonian this is"),
     (lambda: sf.lyapunov_exponents(RUN, [0.1, 0.2], 0.1, 3), TypeError, "body.* pass its body, run.body"),
     (lambda: Suslov3D(ID, 1, 0, 0), ValueError, "I1 .*: a body is made from a tensor by from_inertia"),
-    (lambda: SuslovND(1, 2), ValueError, r"J and I .* pass n - 1 numbers for each, such as J=\[1"),
+    (lambda: SuslovND(1, 2), ValueError, r"J and I .* pass n - 1 numbers for each, such as 1.3, 2"),
     (lambda: sf.body_from_dict(Path("body.json")), TypeError, r"parameters.* json.loads\(path.read_text\(\)\)"),
     (lambda: sf.body_from_dict({"body": "Lorenz"}), ValueError, "body: there is no class 'Lorenz', only .*, LiftedField: import"),
     (lambda: FAMILY.parameters.__setitem__("rho", 3), TypeError, "parameters .* cannot be changed: make it again with rho=3"),

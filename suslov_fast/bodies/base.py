@@ -116,7 +116,24 @@ class Body(Members):
 
     @public
     def field(self) -> Any:
-        """Return the equations of motion as a `QuadraticField`, exact for a single body."""
+        """Return the equations of motion as a field, as :meth:`QuadraticField.of` does.
+
+        Returns
+        -------
+        QuadraticField
+            A field of the batch shape of the body, with exact coefficients for a single body.
+
+        Raises
+        ------
+        TypeError
+            If the body is a `LiftedField`, whose equations are not quadratic.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).field()
+        QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
+        """
         return self._field
 
     @property
@@ -200,7 +217,14 @@ class Body(Members):
         """Return the class and the exact parameters as a dictionary for JSON.
 
         A coefficient that no float equals becomes a string "p/q". A field has its terms, or with a
-        Hamiltonian those of H and the entries of K, as lists of indices and of values.
+        Hamiltonian those of H and the entries of K, as lists of indices and of values. A lifted
+        field has its equations as texts.
+
+        Returns
+        -------
+        dict
+            The class under "body", and numbers, strings, lists and dictionaries, from which
+            :meth:`from_dict` and :func:`body_from_dict` make an equal body.
 
         Examples
         --------
@@ -215,8 +239,20 @@ class Body(Members):
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
         """Return the body that a dictionary from :meth:`to_dict` of this class describes.
 
+        Parameters
+        ----------
+        parameters : mapping
+            The dictionary, also if it was saved as JSON and read again.
+
+        Returns
+        -------
+        body
+            An instance of this class.
+
         Raises
         ------
+        TypeError
+            If `parameters` is not a dictionary.
         ValueError
             If the dictionary is that of another class, or its parameters are not those of this one.
 

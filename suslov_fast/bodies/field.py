@@ -133,6 +133,11 @@ class QuadraticField(_FieldOfTerms):
         constant : array_like(shape=(..., D)), optional
             Constants, which are added.
 
+        Returns
+        -------
+        QuadraticField
+            Its coefficients are the sums of the terms, rounded once in a batch.
+
         Raises
         ------
         TypeError, ValueError
@@ -180,6 +185,11 @@ class QuadraticField(_FieldOfTerms):
             Named parameters of f. Numbers remain exact; arrays broadcast, and make a batch of
             fields. Names of variables, eps, t and those of datasets are refused.
 
+        Returns
+        -------
+        QuadraticField
+            A single field, or a batch of the shape of the parameters.
+
         Raises
         ------
         TypeError, ValueError
@@ -222,11 +232,18 @@ class QuadraticField(_FieldOfTerms):
         H : callable
             Takes the state as a tuple x of D variables, and returns a polynomial of degree 3 or
             less.
+        dimension : int, str or sequence of str
+            As in :meth:`from_function`.
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default D is even, and K is the
             canonical matrix of coordinates and momenta, x = (q1, ..., qm, p1, ..., pm).
-        dimension, **parameters
+        **parameters : float or array_like(float, shape=(...))
             As in :meth:`from_function`.
+
+        Returns
+        -------
+        QuadraticField
+            It has the attributes `H` and `K`.
 
         Raises
         ------
@@ -259,6 +276,21 @@ class QuadraticField(_FieldOfTerms):
         """Return the equations of motion of a body, or of a batch, as a field.
 
         Coefficients of a single body are exact functions of its parameters, which are doubles.
+
+        Parameters
+        ----------
+        body : Suslov3D, SuslovGyrostat, SuslovND or QuadraticField
+            The body, or a batch; a field is returned as it is.
+
+        Returns
+        -------
+        QuadraticField
+            In the variables x1, ..., xD, the components of the angular velocity.
+
+        Raises
+        ------
+        TypeError
+            If `body` is no body, or a `LiftedField`, whose equations are not quadratic.
 
         Examples
         --------

@@ -123,7 +123,13 @@ class LiftedField(FieldOfFunction):
 
     @public
     def field(self) -> Any:
-        """Refuse, because the equations are not quadratic in the given variables."""
+        """Refuse, because the equations are not quadratic in the given variables.
+
+        Raises
+        ------
+        TypeError
+            Always; the attribute `lifted` is a quadratic field in more variables.
+        """
         how = "use report(field.lifted), and scipy.optimize.root on vector_field for fixed points"
         raise TypeError(f"body: the equations of a LiftedField are not quadratic: {how}")
 
@@ -156,9 +162,22 @@ class LiftedField(FieldOfFunction):
 
     @public
     def lift(self, x: Any) -> FloatArray:
-        """Return all variables, shape (..., M), at states x, array_like(float, shape=(..., D)).
+        """Return all variables, the given and the added ones, at states.
 
-        NaN, or infinite, where a definition has no value.
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., M))
+            x, and the added variables; NaN or infinite where a definition has no value.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If x has another shape, or numbers that are infinite or not real.
 
         Examples
         --------
@@ -220,6 +239,11 @@ class LiftedField(FieldOfFunction):
         **parameters : float or array_like(float, shape=(...))
             Named parameters of f; arrays broadcast, and make a batch of fields.
 
+        Returns
+        -------
+        LiftedField
+            A single field, or a batch of the shape of the parameters.
+
         Raises
         ------
         TypeError, ValueError
@@ -264,10 +288,17 @@ class LiftedField(FieldOfFunction):
         ----------
         H : callable
             Maps a tuple x of D variables to a smooth expression, see :meth:`from_function`.
+        dimension : int, str or sequence of str
+            As in :meth:`from_function`.
         K : array_like(shape=(D, D)), optional
             As in :meth:`QuadraticField.from_hamiltonian`.
-        dimension, **parameters
+        **parameters : float or array_like(float, shape=(...))
             As in :meth:`from_function`.
+
+        Returns
+        -------
+        LiftedField
+            It has the attributes `H` and `K`.
 
         Raises
         ------

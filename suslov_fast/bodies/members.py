@@ -63,9 +63,14 @@ class Members:
             A number selects along the one axis on which its parameter varies, and removes that
             axis. A slice selects all values between its two ends, both included.
 
+        Returns
+        -------
+        body
+            The selected members, of the same class.
+
         Raises
         ------
-        ValueError
+        TypeError, ValueError
             If no member has the value, or the parameter does not vary along exactly one axis.
 
         Examples

@@ -74,7 +74,7 @@ class SuslovND(Body):
         super().__post_init__()
         J, I = np.shape(self.J), np.shape(self.I)
         if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
-            how = ": pass n - 1 numbers for each, such as J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]"
+            how = ": pass n - 1 numbers for each, such as 1.3, 2.1, 3.7 and 0.4, -0.7, 0.5"
             raise wrong("J and I", "have the shape (..., n - 1), both", f"{J} and {I}{how}")
 
     @cached_property

@@ -127,7 +127,12 @@ class Suslov3D(_In3D):
         Returns
         -------
         low, high : ndarray(float, shape=(...))
-            The ends of the open interval; NaN if no body has these parameters.
+            The ends of the open interval, unit: that of I1; NaN if no body has these parameters.
+
+        Notes
+        -----
+        The inertia tensor has to be positive definite, and its principal moments have to obey the
+        triangle inequality.
 
         Examples
         --------

@@ -98,7 +98,34 @@ class RandomStarts:
 
     @public
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
-        """Return `count` states from number `start` on, of shape (count, dimension)."""
+        """Return consecutive states.
+
+        Parameters
+        ----------
+        count : int
+            The number of states.
+        start : int
+            The number of the first one; any, also beyond the size.
+        dimension : int
+            The number of components of a state.
+
+        Returns
+        -------
+        ndarray(float, shape=(count, dimension))
+
+        Raises
+        ------
+        TypeError, ValueError
+            If an argument is not an integer from 0 (`dimension` from 1), or `low` and `high` have
+            another number of components.
+
+        Examples
+        --------
+        >>> from suslov_fast import RandomStarts
+        >>> starts = RandomStarts(10, extent=1.0)
+        >>> bool((starts.states(4)[2:] == starts.states(2, start=2)).all())
+        True
+        """
         count, start = integer("count", count, 0), integer("start", start, 0)
         dimension = integer("dimension", dimension, 1)
         require(32 * count * dimension, "use fewer initial states, or ensemble")

@@ -83,13 +83,15 @@ def hk_bases(
 
     Parameters
     ----------
-    map, seed
+    map
         As in :func:`darboux_polynomials`.
     monomials : int or sequence of exponents
         The exponents (e1, ..., eD) of each monomial, or a largest degree: then the basis is that of
         the lowest degree that shows as many independent integrals.
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default random integers below 100.
+    seed
+        As in :func:`darboux_polynomials`.
 
     Returns
     -------

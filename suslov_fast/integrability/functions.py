@@ -17,8 +17,9 @@ from typing import Any, Protocol, TypeVar
 
 import flint
 
-from ..bodies.names import latex
-from ..checks import extra
+from ..bodies.advice import check_arguments
+from ..bodies.names import labels, latex
+from ..checks import extra, wrong
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS
@@ -88,6 +89,22 @@ class RationalFunction:
     def subs(self, eps: Any) -> RationalFunction:
         """Return the function of x alone for a value of eps.
 
+        Parameters
+        ----------
+        eps : int, Fraction, float or str
+            Step size; a float is taken exactly, a string may be "1/3" or "0.1".
+
+        Returns
+        -------
+        RationalFunction
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `eps` is no number.
+        ZeroDivisionError
+            If the function has no value at this eps.
+
         Examples
         --------
         >>> from suslov_fast import QuadraticField
@@ -110,6 +127,11 @@ class RationalFunction:
         """Return the symbols of SymPy for the names in the formula.
 
         Without them SymPy takes names such as S, I, E, N and beta for objects of its own.
+
+        Returns
+        -------
+        dict
+            `sympy.Symbol` by name.
 
         Examples
         --------
@@ -282,6 +304,26 @@ def as_function(value: Any) -> RationalFunction:
     if isinstance(value, RationalFunction):
         return value
     return RationalFunction((), arithmetic.rational("number", value))
+
+
+def traced(name: str, f: Any, n: int) -> list[Any]:
+    """Return the polynomials F_1, ..., F_D, F_0 of a function, by a call with symbols."""
+    if not callable(f):
+        expected = "a function of x, the tuple of variables"
+        raise wrong(name, expected, type(f).__name__, TypeError)
+    check_arguments(name, f, labels(n), {}, "rational_map" if name == "f" else "")
+    ring = polynomial_ring(n, False)
+    must = f"must return {n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, /, **"
+    try:
+        returned = f(tuple(map(factored, ring.gens())))
+        components = [*map(as_function, returned)]
+    except (TypeError, AttributeError) as error:
+        raise TypeError(f"{name} {must}: {error}") from error
+    except (ValueError, IndexError, ArithmeticError) as error:
+        raise ValueError(f"{name} {must}: {error}") from error
+    if len(components) != n:
+        raise ValueError(f"{name} {must}, not {len(components)} of them: {returned!r:.60}")
+    return over_common_denominator(components, ring)
 
 
 def factored(P: Any) -> RationalFunction:

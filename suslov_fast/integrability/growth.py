@@ -35,10 +35,12 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
 
     Parameters
     ----------
-    map, seed
+    map
         As in :func:`darboux_polynomials`.
     n : int
         Number of iterates.
+    seed
+        As in :func:`darboux_polynomials`.
 
     Returns
     -------
@@ -150,6 +152,7 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     must be simple, gives the entropy, and the multiplicity of the roots of modulus 1 the kind. A
     recurrence may still be accidental: a singularity that is confined late leaves no other trace at
     first.
+
     Without a recurrence, a line, parabola, cubic or exponential function is fitted, unless the
     second differences are bounded, which means that too few degrees are known. In the plane, linear
     growth shows an invariant fibration, whose fibres the map may move.
@@ -169,6 +172,11 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
         A named tuple `kind, entropy, entropy_error, based_on`. kind may also be "polynomial of
         degree 4" and so on. If nothing fits, kind is "unclear" and the entropy NaN; `based_on` then
         names the order of growth that bounded second differences suggest.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `degrees` is not a list of integers from 0.
 
     Examples
     --------

@@ -56,7 +56,29 @@ class KahanMap(RationalMap):
 
     @public
     def subs(self, eps: Any) -> KahanMap:
-        """Return the map for a value of eps."""
+        """Return the map for a value of eps.
+
+        Parameters
+        ----------
+        eps : int, Fraction, float or str
+            Step size; a float is taken exactly, a string may be "1/3" or "0.1".
+
+        Returns
+        -------
+        KahanMap
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `eps` is no number.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> from suslov_fast.integrability import kahan
+        >>> kahan(QuadraticField([[[1]]])).subs(eps=1)([2])
+        (Fraction(-2, 1),)
+        """
         return kahan(self.field, eps)
 
     def at_eps(self, eps: int) -> KahanMap:

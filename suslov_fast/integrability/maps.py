@@ -16,13 +16,11 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.advice import check_arguments
-from ..bodies.names import labels
-from ..checks import integer, wrong
+from ..checks import integer
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, Point
-from .functions import RationalFunction, as_function, factored, over_common_denominator
+from .functions import RationalFunction, factored, traced
 from .polynomials import (
     coprime,
     degree_of,
@@ -151,13 +149,59 @@ class RationalMap:
 
     @public
     def jacobian(self, point: Any) -> tuple[Point, ...]:
-        """Return the matrix of derivatives at a point, exactly, as a tuple of rows."""
+        """Return the matrix of derivatives at a point, exactly, as a tuple of rows.
+
+        Parameters
+        ----------
+        point : sequence
+            D integers, fractions or floats, which are taken exactly.
+
+        Returns
+        -------
+        tuple of tuple of Fraction
+
+        Raises
+        ------
+        TypeError, ValueError
+            If eps is symbolic, or the point does not have D numbers.
+        ZeroDivisionError
+            If the point is a pole of the map.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> from suslov_fast.integrability import kahan
+        >>> kahan(QuadraticField([[[1]]]), eps=1).jacobian([2])
+        ((Fraction(1, 1),),)
+        """
         rows = self.derivative(self._numbers(point)).tolist()
         return tuple(tuple(map(arithmetic.fraction, row)) for row in rows)
 
     @public
     def determinant(self, point: Any) -> Fraction:
-        """Return the determinant of the matrix of derivatives at a point, exactly."""
+        """Return the determinant of the matrix of derivatives at a point, exactly.
+
+        Parameters
+        ----------
+        point : sequence
+            D integers, fractions or floats, which are taken exactly.
+
+        Returns
+        -------
+        Fraction
+
+        Raises
+        ------
+        TypeError, ValueError, ZeroDivisionError
+            As :meth:`jacobian`.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> from suslov_fast.integrability import kahan
+        >>> kahan(QuadraticField([[[1]]]), eps=1).determinant([2])
+        Fraction(1, 1)
+        """
         return arithmetic.fraction(self.derivative(self._numbers(point)).det())
 
     def _numbers(self, point: Any) -> list[Any]:
@@ -347,36 +391,16 @@ def rational_map(
     ((x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2),)
     """
     n = integer("dimension", dimension, 1)
-    forms = _traced("f", f, n)
+    forms = traced("f", f, n)
     if inverse is None:
         return RationalMap(forms)
-    backward = _traced("inverse", inverse, n)
+    backward = traced("inverse", inverse, n)
     map = RationalMap(forms, RationalMap(backward, RationalMap(forms)))
     # The inverse takes images back, as an identity.
     *numerators, denominator = map.inverse.homogeneous_image(forms)
     if denominator == 0 or numerators != [x * denominator for x in map.variables[:-1]]:
         raise ValueError("inverse is not the inverse of f: inverse(f(x)) differs from x")
     return map
-
-
-def _traced(name: str, f: Any, n: int) -> list[Any]:
-    """Return the polynomials F_1, ..., F_D, F_0 of a function, by a call with symbols."""
-    if not callable(f):
-        expected = "a function of x, the tuple of variables"
-        raise wrong(name, expected, type(f).__name__, TypeError)
-    check_arguments(name, f, labels(n), {}, "rational_map" if name == "f" else "")
-    ring = polynomial_ring(n, False)
-    must = f"must return {n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, /, **"
-    try:
-        returned = f(tuple(map(factored, ring.gens())))
-        components = [*map(as_function, returned)]
-    except (TypeError, AttributeError) as error:
-        raise TypeError(f"{name} {must}: {error}") from error
-    except (ValueError, IndexError, ArithmeticError) as error:
-        raise ValueError(f"{name} {must}: {error}") from error
-    if len(components) != n:
-        raise ValueError(f"{name} {must}, not {len(components)} of them: {returned!r:.60}")
-    return over_common_denominator(components, ring)
 
 
 def check_map(map: Any) -> None:

@@ -87,6 +87,11 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     The first fifteen have integrable maps. The last three are maps (map, None) of second-order
     recurrences, no Kahan maps, and integrable.
 
+    Returns
+    -------
+    dict
+        Pairs of a field or map and a step size, None for a map.
+
     Examples
     --------
     >>> from suslov_fast import iterate

@@ -21,7 +21,7 @@ from ..engine.threads import thread_count
 from ..keywords import nearest, public
 from ..maps import Map
 from .columns import ARGUMENTS, CROSSINGS
-from .results import Result, in_short, read_only
+from .results import INSTEAD_IN_CROSSINGS, Result, in_short, read_only
 from .search import Search, Surface, check_surface
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class Crossings(Result):
 
         def __getattr__(self, name: str) -> Any:
             """Raise an AttributeError that names the attribute to use instead, if there is one."""
-            instead = _INSTEAD.get(name, "")
+            instead = INSTEAD_IN_CROSSINGS.get(name, "")
             if "body" in vars(self):
                 if name in self.body._labels:
                     instead = f"crossings.states[:, {self.body._labels.index(name)}]"
@@ -303,6 +303,11 @@ class Crossings(Result):
             the points as "omega", or "x" for a field. Coordinates along "crossing": `trajectory`,
             `n`, `time`, `eps`, and each parameter of the body that varies.
 
+        Raises
+        ------
+        ImportError
+            If xarray is not installed.
+
         Examples
         --------
         >>> data = points.to_xarray()  # doctest: +SKIP
@@ -343,6 +348,11 @@ class Crossings(Result):
         Returns
         -------
         matplotlib.axes.Axes
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no such component or colour, or `ax` has the wrong kind.
 
         Examples
         --------
@@ -396,21 +406,6 @@ def searched(
     return points
 
 
-# Attributes of runs and of SciPy's results, and what to use here.
-_INSTEAD = {
-    **dict.fromkeys(
-        "x omega y u sol points y_events values data shape to_numpy".split(),
-        "crossings.states, the points, or .before and .after",
-    ),
-    **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),
-    **dict.fromkeys(("success", "retcode"), "crossings.ok, or crossings.status"),
-    "message": "crossings.status and crossings.failed_at, with a Status for each trajectory",
-    **dict.fromkeys(
-        ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
-        "crossings.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
-    ),
-    "parameters": "crossings.body.parameters, or the coordinates of crossings.to_xarray()",
-}
 # Attributes with a row for each crossing, and with one for each trajectory.
 _BY_CROSSING = [column.name for column in CROSSINGS if column.axes.startswith("crossing")]
 _BY_TRAJECTORY = [column.name for column in CROSSINGS if column.axes.startswith("batch")]

@@ -71,12 +71,16 @@ def ensemble(
 
     Parameters
     ----------
-    body, eps, steps, save_every, method, attitude
+    body
         As in :func:`iterate`.
     omega0 : array_like(float, shape=(..., D)) or RandomStarts
         Initial states. Memory maps and Dask arrays are read in parts.
+    eps, steps
+        As in :func:`iterate`.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a Zarr store object.
+    save_every, method, attitude
+        As in :func:`iterate`.
     dims, coords : optional
         As in :meth:`Trajectories.to_xarray`.
     chunk : int or mapping, optional

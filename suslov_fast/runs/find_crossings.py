@@ -42,7 +42,7 @@ def crossings(
 
     Parameters
     ----------
-    body, omega0, eps, method, threads
+    body, omega0, eps
         As in :func:`iterate`.
     steps : int
         Number of steps after the transient, 0 or more.
@@ -61,6 +61,8 @@ def crossings(
     most : int, optional
         The number of crossings, 1 or more, at which a trajectory ends; the run ends when all
         trajectories have ended or failed.
+    method, threads
+        As in :func:`iterate`.
     on_singular : {"warn", "raise", "ignore"}
         As in :func:`iterate`; the error holds the result as `crossings`.
     progress : bool or callable, optional

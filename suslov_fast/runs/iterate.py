@@ -38,10 +38,12 @@ def step(
 
     Parameters
     ----------
-    body, eps, method, threads
-        As in :func:`iterate`; a step of a body in three dimensions always runs on one thread.
+    body
+        As in :func:`iterate`.
     omega : array_like(float, shape=(..., D))
         States x of a field, or angular velocities of a body.
+    eps, method, threads
+        As in :func:`iterate`; a step of a body in three dimensions always runs on one thread.
 
     Returns
     -------
@@ -194,10 +196,12 @@ def step_full(
 
     Parameters
     ----------
-    body, eps
-        As in :func:`iterate`; the body is a `Suslov3D`.
+    body : Suslov3D
+        The body, or a batch.
     omega : array_like(float, shape=(..., 3))
         Angular velocities (Omega1, Omega2, Omega3).
+    eps
+        As in :func:`iterate`.
     I3 : array_like(float, shape=(...)), optional
         Third moment of inertia, positive; by default that of the body.
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import FloatArray
 from ..engine.status import count_in_words
 from ..keywords import public
 
@@ -44,6 +46,53 @@ INSTEAD_IN_RUNS = {
         "run.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
     ),
 }
+# Attributes of runs and of SciPy's results, and what crossings have.
+INSTEAD_IN_CROSSINGS = {
+    **dict.fromkeys(
+        "x omega y u sol points y_events values data shape to_numpy".split(),
+        "crossings.states, the points, or .before and .after",
+    ),
+    **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),
+    **dict.fromkeys(("success", "retcode"), "crossings.ok, or crossings.status"),
+    "message": "crossings.status and crossings.failed_at, with a Status for each trajectory",
+    **dict.fromkeys(
+        ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
+        "crossings.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
+    ),
+    "parameters": "crossings.body.parameters, or the coordinates of crossings.to_xarray()",
+}
+
+# Names of the methods of `quantity`; `dir(run)` hides those that its map does not have.
+QUANTITIES: set[str] = set()
+_DOCUMENTED = """Return :func:`suslov_fast.{name}` of the saved states.
+
+Returns
+-------
+ndarray(float)
+    The values, in the units of the function; time is the first axis, (n_saved, ...).
+
+Raises
+------
+TypeError, ValueError
+    If the map of the run does not have this quantity.
+
+Examples
+--------
+>>> run.{name}()  # doctest: +SKIP
+"""
+
+
+def quantity(name: str) -> Callable[[Any], FloatArray]:
+    """Return a method of `Trajectories` that evaluates a public function for the saved states."""
+
+    def method(self: Any) -> FloatArray:
+        values: FloatArray = self._value(name, self.states)
+        return values
+
+    method.__name__, method.__qualname__ = name, f"Trajectories.{name}"
+    method.__doc__ = _DOCUMENTED.format(name=name)
+    QUANTITIES.add(name)
+    return public(method)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

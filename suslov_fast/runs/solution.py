@@ -47,11 +47,13 @@ def exact(
     ----------
     body : Suslov3D, SuslovND or SuslovGyrostat
         Any body in three dimensions; in n dimensions an integrable one.
-    omega0, eps, threads
+    omega0, eps
         As in :func:`iterate`.
     n : array_like(float, shape=() or (N,))
         Numbers of the states, positive or negative. If t < 1, or if the orbit of a gyrostat is
         periodic, n may be any real number, which gives a curve through the orbit.
+    threads
+        As in :func:`iterate`.
 
     Returns
     -------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -20,26 +20,10 @@ from ..engine.threads import thread_count
 from ..keywords import nearest, public
 from ..maps import Map
 from .columns import names_kept
-from .results import INSTEAD_IN_RUNS, Result, in_short, read_only
+from .results import INSTEAD_IN_RUNS, QUANTITIES, Result, in_short, quantity, read_only
 
 if TYPE_CHECKING:
     import xarray
-
-
-def _quantity(name: str) -> Callable[[Trajectories], FloatArray]:
-    """Return a method of `Trajectories` that evaluates a public function for the saved states."""
-
-    def method(self: Trajectories) -> FloatArray:
-        return self._value(name, self.states)
-
-    method.__name__, method.__qualname__ = name, f"Trajectories.{name}"
-    method.__doc__ = f"Return :func:`suslov_fast.{name}` of the saved states, shape (n_saved, ...)."
-    _QUANTITIES.add(name)
-    return public(method)
-
-
-# Names of these methods; `dir(run)` hides those that its map does not have.
-_QUANTITIES: set[str] = set()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,7 +189,7 @@ class Trajectories(Result):
 
     def __dir__(self) -> list[str]:
         other = "x" if self.map.variable == "omega" else "omega"
-        hidden = {other, *_QUANTITIES} - {*self.map.functions(self.body)}
+        hidden = {other, *QUANTITIES} - {*self.map.functions(self.body)}
         if not self.map.methods[self.method].estimates:
             hidden.add("local_error")
         return [name for name in super().__dir__() if name not in hidden]
@@ -271,12 +255,12 @@ class Trajectories(Result):
         n = self.n.reshape(-1, *(1,) * self.status.ndim)
         return read_only(n < first_beyond(self.failed_at, self.first_pole))
 
-    first_integral = _quantity("first_integral")
-    energy = _quantity("energy")
-    modified_energy = _quantity("modified_energy")
-    criticality = _quantity("criticality")
-    to_xy = _quantity("to_xy")
-    reaction = _quantity("reaction")
+    first_integral = quantity("first_integral")
+    energy = quantity("energy")
+    modified_energy = quantity("modified_energy")
+    criticality = quantity("criticality")
+    to_xy = quantity("to_xy")
+    reaction = quantity("reaction")
 
     @public
     def plot(
@@ -312,6 +296,11 @@ class Trajectories(Result):
         Returns
         -------
         matplotlib.axes.Axes
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no such component or colour, or `ax` has the wrong kind.
 
         Examples
         --------

@@ -10,19 +10,25 @@ from .single_orbit import common_table
 from .stages import distinct
 
 
-def zeros(*shape):
-    """Return zeros that begin where a line of the cache begins.
+def aligned(*shape, make=np.empty):
+    """Return memory that begins where a line of the cache begins.
 
-    NumPy's begin 16 bytes later in some processes: then lines of lanes lie across lines of the
+    NumPy's begins 16 bytes later in some processes: then lines of lanes lie across lines of the
     cache, which costs up to a seventh of the time.
     """
-    memory = np.zeros(math.prod(shape) + 7)
+    count = math.prod(shape)
+    memory = make(count + 7)
     first = -memory.ctypes.data // 8 % 8
-    return memory[first : first + math.prod(shape)].reshape(shape)
+    return memory[first : first + count].reshape(shape)
+
+
+def zeros(*shape):
+    """Return zeros in such memory."""
+    return aligned(*shape, make=np.zeros)
 
 
 def _copy(array):
-    copy = zeros(*array.shape)
+    copy = aligned(*array.shape)
     copy[:] = array
     return copy
 

@@ -172,6 +172,18 @@ def test_components_without_a_rate_stay():
     np.testing.assert_allclose(found[:, :, 1].T, [exact, exact], rtol=1e-8)
 
 
+@pytest.mark.parametrize(("start", "time"), [(0.0, 1e4), (1e7, 10.0)])
+def test_time_may_be_large_where_all_else_is_small(start, time):
+    """x'' = -x - x' / 10 + 1e-7 cos(3 t) from rest, whose solution is a sum of exponentials."""
+    rates = np.array([3j, *np.roots([1, 0.1, 1])])
+    of_force = 1e-7 / (rates[0] ** 2 + 0.1 * rates[0] + 1) * np.exp(rates[0] * start)
+    others = np.linalg.solve([[1, 1], rates[1:]], [-of_force.real, -(3j * of_force).real])
+    exact = (np.array([of_force, *others]) * np.exp(rates * time)).sum().real
+    field = of(lambda x: (x[1], 1e-7 * np.cos(3 * x[2]) - x[0] - 0.1 * x[1], 1), 3)
+    found = flow(field, [0.0, 0.0, start], time)
+    assert abs(found[0] - exact) < 1e-5 * abs(of_force)
+
+
 def solution_of_logarithms(times):
     def f(z):
         x, y = np.exp(z)
@@ -201,6 +213,26 @@ def test_solutions_that_end(f, start, end):
     assert abs(float(told) - end) < 1e-6
     np.testing.assert_allclose(found[:2], solution(f, start, times[:2]), rtol=1e-7)
     assert np.isnan(found[2:]).all()
+
+
+@pytest.mark.parametrize(
+    ("g", "start", "exact", "pole"),
+    [
+        (lambda t: 1 / (t - 1), 0.0, lambda t: 1 - t, 1.0),
+        (lambda t: np.cos(t) / np.sin(t), 1.0, lambda t: np.sin(t), np.pi),
+        (lambda t: -np.tan(t), 0.0, lambda t: np.cos(t), np.pi / 2),
+    ],
+    ids=["1/(t - 1)", "cot", "tan"],
+)
+def test_no_step_passes_over_a_pole_of_the_rate(g, start, exact, pole):
+    """Of x' = g(t) x, though x tends to 0 there."""
+    field, times = of(lambda x: (x[0] * g(x[1]), 1), 2), (pole - start) * np.array([0.5, 0.9, 2])
+    with pytest.warns(PoleWarning, match="1 of 1 solutions end") as record:
+        found = flow(field, [exact(start), start], times)[:, 0]
+    [told] = re.findall(r"near t = (\S+)$", str(record[0].message))
+    assert abs(float(told) - (pole - start)) < 1e-6
+    np.testing.assert_allclose(found[:2], exact(start + times[:2]), rtol=1e-7)
+    assert np.isnan(found[2])
 
 
 def test_only_solutions_that_end_are_nan():

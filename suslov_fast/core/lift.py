@@ -117,12 +117,15 @@ class LiftedStep(Lifting, Step):
 
 
 class Variables:
-    """Values of variables, and their derivatives by the components of the state, as operations."""
+    """Values of variables, and their derivatives by the components of the state, as operations.
+
+    arguments    values of the polynomials p of the added variables g(p)
+    """
 
     def __init__(self, values, lift, first, state=None):
         self.values, self.emit, self.first = values, values.emit, first
         self.numbers = [*(state or range(lift.given))]
-        self.slopes = [{i: 1.0} for i in range(lift.given)]
+        self.slopes, self.arguments = [{i: 1.0} for i in range(lift.given)], []
         for definition in lift.definitions:
             number, slope = self._variable(*definition)
             self.numbers.append(number)
@@ -170,6 +173,7 @@ class Variables:
     def _variable(self, function, terms, exponent):
         """Return the value g(p), and its derivative g'(p) p'."""
         p, of_p = self.polynomial(terms)
+        self.arguments.append(p)
         u, factor = self._function(function, p, exponent)
         slope = {}
         self.add_multiple(slope, factor, of_p)

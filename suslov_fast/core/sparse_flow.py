@@ -16,7 +16,7 @@ from .llvm import QUAD
 from .numba import kernel
 from .operations import of_one_sign
 from .sparse import pattern_of, room_of, size_of, step_once
-from .tolerance import Beginning, Choice
+from .tolerance import Beginning, Choice, with_constant_rates
 
 
 @kernel
@@ -60,7 +60,8 @@ def sums_of_terms(part, parts, indices, values, x, sums, of_moduli):
 def _programs_of(step):
     """Return the `Program` and its numbers, for the `Beginning` and the `Choice` of sums."""
     D = step.D
-    choice = Choice(None, D, D, of_one_sign(step.indices))
+    even = with_constant_rates(step.indices, D)
+    choice = Choice(None, D, D, of_one_sign(step.indices), even)
     lists = (2 * D + 2, Beginning(None, D, D)), (6 * D + 9, choice)
     return [program_of(inputs, each.operations, each.results) for inputs, each in lists]
 

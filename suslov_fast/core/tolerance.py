@@ -14,14 +14,16 @@ equation with mu = 1000 has a hundred times the error. The next length follows f
 rho = max_i e_i / max(rtol s_i, 2**-46 h sum |terms of f_i(x)|),    h_next = 0.8 rho**(-1/8) h.
 
 s_i is the largest |x_i| so far, but at least 2**-20 max_j s_j, because a component that is reached
-through m others begins as t**m, and no step has relative digits of it for m > 10. The second bound
-is what rounding leaves of components that cancel. Powers are square roots, which have the same bits
-on every processor. A step is taken if rho <= 1 and the pivots of all its stages are above
-LEAST_PIVOT: Kahan's map is exact for x' = x**2, so beyond a pole all columns agree. Pivots tend to
-1 with h, so this only shortens steps, and stages need no other test: what rounding does to a stage
-the estimate sees. A step that is refused for its estimate is taken again with h_next, one that is
-refused for a pivot with half of its length at most, because such an estimate means nothing. After a
-refused step the next one is not longer, because it would often be refused as well.
+through m others begins as t**m, and no step has relative digits of it for m > 10. A component with
+a constant rate, such as time, counts there with its change in the step, because time may be large
+where all others are small. The second bound is what rounding leaves of components that cancel.
+Powers are square roots, which have the same bits on every processor. A step is taken if rho <= 1
+and the pivots of all its stages are above LEAST_PIVOT: Kahan's map is exact for x' = x**2, so
+beyond a pole all columns agree. Pivots tend to 1 with h, so this only shortens steps, and stages
+need no other test: what rounding does to a stage the estimate sees. A step that is refused for its
+estimate is taken again with h_next, one that is refused for a pivot with half of its length at
+most, because such an estimate means nothing. After a refused step the next one is not longer,
+because it would often be refused as well.
 
 A lifted field begins each step with the words of its state, and ends it with the state alone. Its
 pivots are those of 1 - (h/4) f' of the equations as given, at the beginning. A step that changes a
@@ -30,7 +32,9 @@ what rounding leaves of a component that has decayed gets its sign back. Nor is 
 whose end words have left the state: all columns may agree on words that no state has. The word
 tanh(100 x) is -1 for negative x, where its derivative is 0, so it stays -1; and next to 0 stages
 take x for sqrt(x**2 + 1e-6). A word g(p) has left the state if it differs by an eighth of itself
-(tanh: of 1), and if this changes h f by more than the tolerance allows.
+(tanh: of 1), and if this changes h f by more than the tolerance allows. Nor is a step taken over a
+pole of a variable, such as 1 / (t - 1), or one in which the angle of a sine turns by more than 16:
+with very long steps all columns leave an oscillation where it was.
 
 The first length is that in which |x| changes by the part min(5 rtol**(1/8), 1), which is too short
 for most motions: few first steps are refused, and the next one may be ten times as long.
@@ -53,6 +57,7 @@ from .planned_elimination import Matrix
 SMALLEST, OF_ROUNDING, SHORTEST = 2.0**-20, 2.0**-46, 2.0**-42
 OF_SUBNORMAL = 2.0**-1067  # what rounding leaves of numbers below the normal ones, in a step
 FAST = 2.0**10
+LARGEST_ANGLE = 16.0  # of a sine in a step: the least with which columns can be far apart
 LEFT = 0.125  # how far words may be from those of the state, in units of themselves or of 1
 OF_ONE_SIGN = {"inverse", "root", "power", "exp", "cosh"}
 # With 1, stiff problems take twice as many steps; with 1/32 some lose digits.
@@ -84,9 +89,9 @@ class Stage(Step):
     @functools.cached_property
     def choice(self):
         """The `Choice` of the next length."""
-        if self.lift is None:
-            return Choice(self.indices, self.D, self.D, of_one_sign(self.indices))
-        return Choice(self.indices, self.D, self.given, self.lift[0].signs, self.lift[0])
+        lift, even = self.lift and self.lift[0], with_constant_rates(self.indices, self.D)
+        signs = lift.signs if lift else of_one_sign(self.indices)
+        return Choice(self.indices, self.D, self.given, signs, even, lift)
 
     def _add_tests(self, halves):
         self._test_pivots([self.factors.pivot[k] for k in sorted(self.factors.pivot)])
@@ -131,6 +136,11 @@ def stage_of(indices, D, lift=None):
     return _stage_of(places, D) if lift is None else _stage_of(places, D, lift)
 
 
+def with_constant_rates(indices, D):
+    """Return the components whose rate does not depend on the state, such as time."""
+    return {*range(D)} - {*indices[0, indices[1] < D].tolist()}
+
+
 def _sums_over_terms(indices, D, n, values, x, v):
     """Return sums over the terms of n components of a field; None where there are none."""
     [of_state] = np.nonzero(indices[0] < n)
@@ -138,12 +148,12 @@ def _sums_over_terms(indices, D, n, values, x, v):
     return [terms.right_side(k) for k in range(n)]
 
 
-def _compared(values, lift, first, state, words):
+def _compared(values, variables, lift, words):
     """Return the words of a state, and truth values of other `words`: whether they are near.
 
-    Coefficients of the lift begin with value `first`.
+    `variables` are those of the state.
     """
-    variables, n, near = Variables(values, lift, first, state), lift.given, []
+    n, near = lift.given, []
     own = [variables.product(word)[0] for word in lift.words]
     for number, other, (variable, *others) in zip(own, words, lift.words, strict=True):
         function = None if others or variable < n else lift.definitions[variable - n][0]
@@ -156,6 +166,37 @@ def _compared(values, lift, first, state, words):
         distance = values.emit("fabs", values.emit("fsub", number, other))
         near.append(values.emit("oge", limit, distance))
     return own, near
+
+
+def _follows(indices, values, lift, before, after):
+    """Return truth values: whether stages can follow the variables of the equations over a step.
+
+    They cannot follow an angle that turns too far. And they step over a pole, as that of
+    1 / (t - 1), beyond which x' = x / (t - 1) has no solution. There p of 1 / p changes its sign,
+    and tan(p) falls while p rises.
+    """
+    emit, n, found = values.emit, lift.given, []
+    of_equations = indices[1:, indices[0] < n]
+    words = {k - n for k in of_equations.ravel().tolist() if n <= k < n + len(lift.words)}
+    used = {variable for k in words for variable in lift.words[k]}
+    for variable, (function, *_) in enumerate(lift.definitions, n):
+        p, p_after = (each.arguments[variable - n] for each in (before, after))
+        change = emit("fsub", p_after, p)
+        if function in ("sin", "cos"):
+            found.append(emit("oge", LARGEST_ANGLE, emit("fabs", change)))
+        elif function == "inverse" and variable in used:
+            found.append(_are_alike(values, p, p_after))
+        elif function == "tan" and variable in used:
+            rise = emit("fsub", after.numbers[variable], before.numbers[variable])
+            found.append(_are_alike(values, change, rise))
+    return found
+
+
+def _are_alike(values, a, b):
+    """Return whether two numbers have the same sign, as far as they have one."""
+    signs = (values.emit("olt", each, 0.0) for each in (a, b))
+    differ = values.emit("xor", *signs)
+    return values.emit("oeq", values.emit("select", differ, 1.0, 0.0), 0.0)
 
 
 class Beginning:
@@ -215,14 +256,14 @@ class Choice:
     x_next - x before d is subtracted, the same without the shortest column, d, and the largest
     moduli so far (n each); the values v of the terms (T); those of `_OfTime`; with a `lift`, the
     words after x at the end of the last column (D - n) and the coefficients of the lift. `signs`
-    has the components that keep their signs. Without `indices` the sums |terms of f_i| (n) take the
-    place of v.
+    has the components that keep their signs, `even` those with constant rates. Without `indices`
+    the sums |terms of f_i| (n) take the place of v.
 
     results   numbers of the next state and the largest moduli (n each), t, the length, its factor,
               and the steps
     """
 
-    def __init__(self, indices, D, n, signs, lift=None):
+    def __init__(self, indices, D, n, signs, even=(), lift=None):
         T = n if indices is None else indices.shape[1]
         first_value, first_word = D + 4 * n, D + 4 * n + T + len(_OfTime._fields)
         self.values = Values(first_word + (D - n + lift.coefficients if lift else 0), ())
@@ -237,7 +278,7 @@ class Choice:
         changes = self._changes()
         after = self._next_state(changes)
         after, is_resolved = self._with_signs(after, changes, signs)
-        sizes, allowed = self._allowed(after, changes)
+        sizes, allowed = self._allowed(after, changes, even)
         if lift is not None:
             is_resolved += self._agreement(after, changes, allowed)
         is_resolved = self.joined("and", is_resolved)
@@ -285,34 +326,39 @@ class Choice:
             is_resolved.append(is_kept)
         return after, is_resolved
 
-    def _allowed(self, after, changes):
-        """Return s_i, and how large errors may be."""
+    def _allowed(self, after, changes, even):
+        """Return the largest |x_i| so far, and how large errors may be."""
         emit = self.emit
         sizes = [
             emit("max", emit("fabs", now), so_far)
             for now, so_far in zip(after, self.largest, strict=True)
         ]
-        floor = emit("fmul", SMALLEST, self.joined("max", sizes))
-        sizes = [emit("max", size, floor) for size in sizes]
-        allowed = [emit("max", emit("fmul", self.of.rtol, size), OF_SUBNORMAL) for size in sizes]
+        others = [changes.get(k, 0.0) if k in even else sizes[k] for k in range(self.n)]
+        floor = emit("fmul", SMALLEST, self.joined("max", others))
+        allowed = [emit("fmul", self.of.rtol, emit("max", size, floor)) for size in sizes]
+        allowed = [emit("max", each, OF_SUBNORMAL) for each in allowed]
         for k, change in changes.items():
             allowed[k] = emit("max", emit("fmul", OF_ROUNDING, change), allowed[k])
         return sizes, allowed
 
     def _agreement(self, after, changes, allowed):
-        """Return that the words at the end of the last column are those of the next state."""
-        emit, joined = self.emit, self.joined
-        first = self.words.stop
-        own, near = _compared(self.values, self.lift, first, after, self.words)
+        """Return truth values: whether words at the end of the step are those of its state."""
+        emit, joined, lift = self.emit, self.joined, self.lift
+        before, at_end = (
+            Variables(self.values, lift, self.words.stop, state)
+            for state in (self.x[: self.n], after)
+        )
+        is_kept = _follows(self.indices, self.values, lift, before, at_end)
+        own, near = _compared(self.values, at_end, lift, self.words)
         if not near:
-            return []
+            return is_kept
         f, of_words = (
             _sums_over_terms(self.indices, self.D, self.n, self.values, [*after, *each], self.terms)
             for each in (own, self.words)
         )
         apart = {k: emit("fabs", emit("fsub", f[k], of_words[k])) for k in changes}
         small = [emit("oge", allowed[k], emit("fmul", self.of.taken, apart[k])) for k in changes]
-        return [emit("or", joined("and", near), joined("and", small))]
+        return [*is_kept, emit("or", joined("and", near), joined("and", small))]
 
     def _judged(self, after, allowed, is_resolved):
         """Return whether the step is taken, and the factor of the next length."""

@@ -79,9 +79,7 @@ class _Parser(argparse.ArgumentParser):
         advice = f"did you mean {names[close[0]]}?" if close else ""
         for words, how in {} if close else _WITHOUT_OPTION.items():
             advice = how if word in words.split() else advice
-        advice = (
-            "write lists with commas, such as --omega0 1,0.5" if is_number and given else advice
-        )
+        advice = "write lists with commas, such as --omega0 1,0.5" if is_number else advice
         if unknown and unknown[1] and given != word and not advice and self.prog.endswith("run"):
             advice = f"if {word} is a parameter of the field, it is part of the file of --body"
         if unknown and unknown[2] and not close and get_close_matches(word, dir(sf), 1):

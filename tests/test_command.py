@@ -360,7 +360,6 @@ MISTAKES = """
 2 | run --low 1 --high 2 --extent 3 | belong together, without --extent
 2 | run --omega0 1,2 --low 1 --high 2 | are for random states
 2 | run --omega0 1 2 | write lists with commas, such as --omega0 1,0.5
-2 | run --omega0 1 -0.5e1 | write lists with commas
 1 | run --low 1 --high 0 | --low must be below --high, not 1 with --high 0: exchange them
 1 | run --low 1,2,3 --high 4 | --low and high must be numbers, or one for each component
 2 | run --picture one | --picture: 'one' is not an integer

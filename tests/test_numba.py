@@ -369,6 +369,18 @@ def test_indices_of_uncounted_arrays_from_the_end():
         assert of(each) == of.py_func(each) == (4.0, 5.0, 5.0, 2.0)
 
 
+def test_arrays_at_an_address():
+    @numba.njit
+    def of(address, rows):
+        b = arrays.array_at(address, (rows, 2, 4), np.float64)
+        b[0, 0, 1] = -1.0
+        return b[1, -1, 3], b[2, 1][1], b.shape, b.strides, b.size, b.itemsize
+
+    x = np.arange(24.0)
+    assert of(x.ctypes.data, 3) == (15.0, 21.0, (3, 2, 4), (64, 32, 8), 24, 8)
+    assert x[1] == -1.0
+
+
 @pytest.mark.slow
 def test_every_kind_can_be_called_at_a_prompt(rng):
     """Formulas, functions, kernels and universal functions: compiled, and as Python functions.

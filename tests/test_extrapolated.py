@@ -11,7 +11,7 @@ from test_orders import FLOWS, LORENZ, SQUARE, motion
 import suslov_fast as sf
 from suslov_fast import Status, compiled
 from suslov_fast.command import main
-from suslov_fast.core import stages, steps_field
+from suslov_fast.core import operations, steps_field
 from suslov_fast.core.stages import extrapolation, weights_of
 from suslov_fast.engine import threads
 from suslov_fast.maps import map_of
@@ -252,8 +252,7 @@ def test_bits_of_a_family(rng):
 def test_numpy_carries_out_the_same_steps(rng, monkeypatch, is_long):
     """With the same bits, in states next to poles, beyond them, and out of range."""
     if is_long:  # columns are then combined from states
-        monkeypatch.setattr(steps_field, "MANY", 0)
-        monkeypatch.setattr(stages, "MANY", 0)
+        monkeypatch.setattr(operations, "MANY", 0)
     x = np.concatenate([rng.normal(size=(20, 1)), [[2.0], [1e308], [np.nan], [3.7], [1e200]]])
     cases = (SQUARE, x, 1.0), (LORENZ, rng.normal(size=(11, 3)) * 8 + [0, 0, 25], 0.3)
     compiled_runs = [sf.iterate(*case, 7, method=METHOD, on_singular="ignore") for case in cases]

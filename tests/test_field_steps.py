@@ -17,7 +17,6 @@ from suslov_fast.compiled import system
 from suslov_fast.core import careful
 from suslov_fast.core import numba as core_numba
 from suslov_fast.core import operations as plans
-from suslov_fast.core.flow import solve_stages
 from suslov_fast.core.planned_elimination import elimination_order
 
 # Long steps on purpose, from states with det A < 0.
@@ -457,7 +456,7 @@ def test_interpreted_fields_without_a_plan(monkeypatch):
 
     planned = [*found()]
     with monkeypatch.context() as patch:
-        patch.setattr("suslov_fast.core.steps_field.MANY", 0)
+        patch.setattr("suslov_fast.core.operations.MANY", 0)
         np.testing.assert_array_equal(next(found()), planned[0])
     monkeypatch.setattr(plans, "MOST", -1)
     for module, name in (
@@ -471,13 +470,3 @@ def test_interpreted_fields_without_a_plan(monkeypatch):
         monkeypatch.setattr(place, name, cache(getattr(place, name).__wrapped__))
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-11)
-
-
-@pytest.mark.skipif(not config.DISABLE_JIT, reason="compiled: test_motion")
-def test_interpreted_stages_beyond_a_pole():
-    """Of x' = x**2: 1 - 2 h is positive, 0 or negative, which tells a pole of given equations."""
-    for tells in (True, False):
-        rows, halves = np.ones((1, 2, 3)), np.array([[[0.25, 0.5, 2.0]]])
-        solve_stages(np.zeros((3, 1), np.int64), halves, rows, 1, 1, tells)
-        np.testing.assert_allclose(rows[0, 0, [0, 2]], [2.0, -1 / 3])
-        assert rows[0, 1].tolist() == [1.0, -1.0, -1.0 if tells else 1.0]

@@ -31,7 +31,7 @@ from suslov_fast import (
     vector_field,
 )
 from suslov_fast.compiled import step_system, system, work
-from suslov_fast.core import machine_code, steps_field
+from suslov_fast.core import listed_code, machine_code, steps_field
 from suslov_fast.maps.methods import FRACTIONS
 
 S, C = np.sin, np.cos
@@ -417,15 +417,44 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, is_sparse):
 
 
 @pytest.mark.slow_to_compile
-def test_a_list_that_llvm_would_compile_for_minutes_has_no_plan(monkeypatch):
-    """Its words have the constant 1, which is no number of a value."""
-    field = LiftedField.from_function(lambda x: (x[1], -S(x[0]) / (1 + x[1] ** 2)), "q p")
-    planned = iterate(field, [1.0, 0.5], 0.1, 40).final
-    again = functools.cache(steps_field._lifted_step_of.__wrapped__)
-    monkeypatch.setattr(steps_field, "_lifted_step_of", again)
-    monkeypatch.setattr("suslov_fast.core.lift.MOST_COMPILED", 0)
-    np.testing.assert_allclose(iterate(field, [1.0, 0.5], 0.1, 40).final, planned, rtol=1e-13)
-    assert again.cache_info().misses == 1
+@pytest.mark.compiled
+def test_long_lists_are_carried_out_by_a_loop(rng, monkeypatch):
+    """With the bits of compiled lists: all functions, words of parameters alone, the constant 1."""
+    family = LiftedField.from_function(
+        lambda x, a: (
+            x[1] * np.exp(-(x[0] ** 2)) + np.cbrt(1 + a) + S(a),
+            -S(x[0]) / (1 + x[1] ** 2) - np.tan(x[0] / 8) ** 2 - np.arctan(x[1]) * np.sinh(x[0] / 4)
+            + np.log(a + x[0]) - (2 + x[0]) ** a + np.tanh(x[1]) * np.cbrt(2 + x[0]),
+        ),
+        "q p",
+        a=np.linspace(2, 3, 9),
+    )  # fmt: skip
+    x0, eps = rng.uniform(0, 0.5, (9, 2)), np.full(9, 0.02)
+    x0[2], x0[4], x0[5], eps[5] = [np.nan, 0.0], [-9.0, 0.0], [1.0, 0.0], 3.0
+
+    def found():
+        for method in ("auto", "order4", "extrapolated"):
+            run = iterate(family, x0, eps, 7, method=method, save_every=3, on_singular="ignore")
+            one = iterate(family[6], x0[6], 0.02, 7, method=method).final
+            np.testing.assert_array_equal(one, run.final[6])
+            of_system, out = system(family[6], 0.02, method=method), x0[6].copy()
+            memory = work(of_system)
+            for _ in range(7):
+                step_system(of_system, out, out, memory)
+            np.testing.assert_array_equal(one, out)
+            yield from (run.x, run.final, run.status, run.failed_at, run.first_pole)
+
+    usual = [*found()]
+    assert usual[4].max() > 0
+    monkeypatch.setattr("suslov_fast.core.operations.MANY", 0)
+    calls, own = [], listed_code.carry_out
+    monkeypatch.setattr("suslov_fast.core.words.carry_out", lambda *a: calls.append(own(*a)))
+    for k, (one, other) in enumerate(zip(found(), usual, strict=True)):
+        if k < 10:
+            np.testing.assert_array_equal(one, other)
+        else:  # columns are combined from states
+            np.testing.assert_allclose(one, other, rtol=1e-13)
+    assert calls
 
 
 def test_a_system_needs_machine_code(monkeypatch):

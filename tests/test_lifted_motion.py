@@ -333,14 +333,26 @@ def test_numpy_takes_the_same_steps(rng, monkeypatch):
 
 
 @pytest.mark.slow_to_compile
-def test_a_field_without_a_plan(monkeypatch):
-    """By elimination with pivoting, to rounding."""
-    field, start = of(predator_prey, 2), [1.0, 1.0]
-    wanted = flow(field, start, 5.0)
-    monkeypatch.setattr("suslov_fast.core.operations.MOST", 0)
+@pytest.mark.parametrize("has_plan", [True, False])
+def test_many_variables(rng, monkeypatch, has_plan):
+    """Loops in place of code: the same to rounding; bits over batches and fields."""
+    family = of(predator_prey, 2, K=[2.0, 3.0, 4.0])
+    starts = rng.uniform(0.5, 1.5, (11, 1, 2)) * np.ones((3, 1))
+    falling, times = of(lambda x: (-1 / x[0], x[0]), 2), [0.5, -1.0, 2.0]
+    wanted = flow(family, starts, times)
+    monkeypatch.setattr(core_flow, "MOST", 0)
+    monkeypatch.setattr(core_flow, "code_of", lambda *_: pytest.fail("compiled"))
+    if not has_plan:
+        monkeypatch.setattr("suslov_fast.core.operations.MOST", 0)
     tolerance._stage_of.cache_clear()
     try:
-        found = flow(field, start, 5.0)
+        found = flow(family, starts, times)
+        assert abs(found - wanted).max() < 1e-8
+        assert (flow(family, starts[3], times) == found[:, 3]).all()
+        assert (flow(family[1], starts[:, 1], times) == found[:, :, 1]).all()
+        with pytest.warns(PoleWarning, match=r"near t = 0\.5;"):  # x**2 = 1 - 2 t
+            ended = flow(falling, [[1.0, 0.0], [3.0, 0.0]], [0.4, 2.0])
+        assert np.isnan(ended).all(axis=2).tolist() == [[False, False], [True, False]]
+        assert ended[:, 1, 0] == pytest.approx([8.2**0.5, 5**0.5], rel=1e-8)
     finally:
         tolerance._stage_of.cache_clear()
-    assert abs(found - wanted).max() < 1e-7

@@ -14,7 +14,6 @@ from llvmlite import binding
 import suslov_fast as sf
 from suslov_fast.core import (
     careful,
-    field_system,
     flow,
     generated,
     machine_code,
@@ -201,8 +200,7 @@ def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
         return met
 
     usual = found()
-    monkeypatch.setattr(steps_field, "MANY", 0)
-    monkeypatch.setattr(field_system, "MANY", 0)
+    monkeypatch.setattr("suslov_fast.core.operations.MANY", 0)
     for one, other in zip(usual, found(), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -444,7 +442,7 @@ def test_frames(text_of, D, W):
     binding.initialize_all_targets()
     binding.initialize_all_asmprinters()
     target = binding.Target.from_triple("x86_64-unknown-linux-gnu")
-    level = 2 if len(step.usual) < machine_code.MANY else 0
+    level = 0 if step.is_long else 2
     machine = target.create_target_machine(cpu="x86-64", features="", opt=level)
     code = machine.emit_assembly(binding.parse_assembly(text_of(step, "f", W, False, 64)))
     # The last function calls the others, one after the other.

@@ -11,7 +11,7 @@ from .generated import text_of_stage, text_of_step
 from .listed import programs_of
 from .listed_code import text_of_listed_step
 from .llvm import call_code, with_address
-from .machine_code import MANY, code_of
+from .machine_code import code_of
 from .numba import function
 from .stages import weights_of
 from .steps_field import scheme_of
@@ -44,7 +44,7 @@ def with_weights(indices, half, weights, D):
     if weights[-1] != 0.0:  # the last column of an extrapolated step
         step, text_of = column_stage_of(step.indices.tobytes(), D), text_of_stage
     table = np.ascontiguousarray(step.table_of(half.T).T)
-    if len(step.usual) > MANY:
+    if step.is_long:
         text_of, table = text_of_listed_step, programs_of(step).numbers.of(table.T).T.copy()
     # The code lasts, because users may store the system anywhere.
     address = code_of(text_of, step, lasts=True) if step.usual else None

@@ -2,8 +2,7 @@
 
 Trajectories are in lines of W lanes, whose rows hold all that their steps need
 (`generated_flow.Rows`). Machine code takes the steps; where it is impossible, NumPy does, with the
-same bits. Fields of many variables have loops (`sparse_flow`); a lifted field without a plan of
-elimination takes its stages by `careful.solve_lane`.
+same bits. Fields of many variables have loops (`sparse_flow`).
 """
 
 import functools
@@ -11,14 +10,12 @@ from math import comb
 
 import numpy as np
 
-from .careful import solve_lane
-from .codes import OK
 from .generated import WIDTH
 from .generated_flow import SLOT, FlowArguments, rows_of, text_of_flow
 from .lines import in_lines, zeros
 from .listed_code import runs_code
 from .machine_code import call, code_of
-from .numba import Kernel, function
+from .numba import Kernel
 from .operations import evaluate
 from .pool import in_parts
 from .sparse_flow import Loops
@@ -45,29 +42,6 @@ def plan_of(direction):
     return plan
 
 
-@function
-def solve_stages(indices, halves, rows, D, least, tells):
-    """Take a stage of all lanes by elimination with pivoting.
-
-    The lines are rows[line, row, lane], whose first D rows are the states; halves (lines, T, W).
-    The row `least` becomes -1 where there is no next state, or the step was from det A < 0 and that
-    `tells` of a pole.
-    """
-    system, units, x = np.empty((D, D + 1, 1)), np.empty((2, D)), np.empty(D)
-    half = np.empty(halves.shape[1])
-    for line in range(len(rows)):
-        for l in range(rows.shape[2]):
-            for t in range(len(half)):
-                half[t] = halves[line, t, l]
-            for i in range(D):
-                x[i] = rows[line, i, l]
-            status, negative = solve_lane(indices, half, x, system, units)
-            for i in range(D):
-                rows[line, i, l] = x[i]
-            if status != OK or (negative and tells):
-                rows[line, least, l] = -1.0
-
-
 class Motion:
     """Trajectories x0 (B, n) of fields with one `tolerance.Stage`, in lines of lanes.
 
@@ -82,11 +56,11 @@ class Motion:
         self.step, self.W = step, W
         self.places, self.rtol = rows_of(self.step), np.array([rtol])
         self.plan, self.for_each, self.loops = plan_of(direction), len(values) > 1, None
-        is_long = not (0 < len(step.usual) <= MOST or step.lift)
-        if is_long and runs_code(W) is not None:
-            self.loops = Loops(step, W)
         x = in_lines(x0, W)
         self.values = in_lines(values, W) if self.for_each else values.reshape(1, -1, 1)
+        if not step.usual or (_is_long(step) and runs_code(W) is not None):
+            self.loops = Loops(step, W, self.places, self.values)
+        self.has_lists = self.loops is not None and self.loops.code is not None
         self.rows = rows = zeros(len(x), self.places.size, W)
         rows[:, self.places.base : self.places.base + self.given] = x
         rows[:, self.places.wanted], rows[:, self.places.longer] = last, AT_FIRST
@@ -163,8 +137,8 @@ class Motion:
     def _begin(self):
         """Find the first lengths of all lanes."""
         self.beginning, places = 0, self.places
-        if self.loops:
-            self.loops.begin(self.rows, places, self.values, self.rtol[0])
+        if self.has_lists:
+            self.loops.begin(self.rows, self.rtol[0])
             return
         step, n, rows, values = self.step, self.given, self.rows.swapaxes(0, 1), self.values
         x, values = rows[places.base : places.base + n], values.swapaxes(0, 1)
@@ -188,19 +162,28 @@ class Motion:
         total[:], second[:], difference[:], rows[places.least] = 0.0, 0.0, 0.0, 1.0
         values = self.values.swapaxes(0, 1)
         for (_, scale, weight, without), stages in zip(self.plan, COLUMNS, strict=True):
-            halves = self._scaled(scale * taken, values)
+            half = scale * taken
+            halves = None if self.has_lists else self._scaled(half, values)
             if stages == COLUMNS[0] and self.step.lift is not None:
-                all_base[n:], rows[places.least] = self.step.words(base, halves)
+                if self.has_lists:
+                    self.loops.lift(self.rows, half)
+                else:
+                    all_base[n:], rows[places.least] = self.step.words(base, halves)
             words[:] = all_base
+            if self.loops:
+                self.loops.prepare(half)
             for k in range(stages):
-                self._take_stage(rows, halves)
+                if self.loops:
+                    self.loops.take_stage(self.rows)
+                else:
+                    self._take_stage(rows, halves)
                 if stages == LONGEST:
                     difference += DIFFERENCE[k] * (x - base)
             change = x - base
             total += weight * change
             second += without * change
-        if self.loops:
-            self.loops.choose(self.rows, places, self.values, end, self.rtol[0])
+        if self.has_lists:
+            self.loops.choose(self.rows, end, self.rtol[0])
             return
         choice = self.step.choice
         inputs = [*all_base, *total, *second, *difference, *largest, *values[: self.step.T]]
@@ -216,23 +199,11 @@ class Motion:
     def _scaled(self, half, values):
         """Return h v of the terms, and the coefficients of the lift."""
         T = self.step.T
-        if self.loops:
-            return self.loops.halves(half, self.values)
         return [*half * values[:T], *values[T:]]
 
     def _take_stage(self, rows, halves):
-        """Take a stage of all lanes; halves are those of `_scaled`."""
+        """Take a stage of all lanes by NumPy; halves are those of `_scaled`."""
         step, least = self.step, rows[self.places.least]
-        if self.loops:
-            self.loops.take_stage(self.rows, halves, self.places)
-            return
-        if not step.usual:
-            own = np.empty((len(self.rows), step.T, self.W))
-            for t in range(step.T):
-                own[:, t] = halves[t]
-            is_told = self.places.least, step.lift is None
-            solve_stages(step.indices, own, self.rows, step.D, *is_told)
-            return
         found = dict(enumerate([*rows[: step.D], *halves]))
         evaluate(step.fixed, found)
         evaluate(step.usual, found)
@@ -240,6 +211,13 @@ class Motion:
             lower = found[step.least]
             least[:] = np.where(lower < least, lower, least)
         rows[: step.D] = [found[number] for number in step.after]
+
+
+def _is_long(step):
+    """Return whether the code of the lists of a step would take long to compile."""
+    if step.lift is None:
+        return len(step.usual) > MOST
+    return len(step.usual) + len(step.prologue) + len(step.choice.operations) > MOST
 
 
 class FlowKernel(Kernel):

@@ -15,10 +15,9 @@ import functools
 import numpy as np
 
 from .operations import FUNCTIONS, OF_LIBRARY, Step, Values, evaluate
-from .planned_elimination import Matrix
+from .planned_elimination import Factors, Matrix, elimination_order
 
 ONE = -1  # the place of a coefficient 1
-MOST_COMPILED = 25_000  # operations of a step, for which LLVM may take minutes
 
 
 class Lifting:
@@ -28,12 +27,11 @@ class Lifting:
     coefficients of the lift.
 
     lift        a `bodies.structure.Lift`, and the longest stage over the first
-    prologue    operations at the first stage of a whole step
     lifted      values of the prologue: the words after the state
     """
 
     def __init__(self, indices, D, lift, longest=1.0):
-        self.lift, self.prologue, self.lifted = (lift, longest), [], []
+        self.lift, self.lifted = (lift, longest), []
         super().__init__(indices, D, lift.coefficients)
         if self.factors is None:
             self._separate_fixed()
@@ -62,26 +60,23 @@ class Lifting:
         for i, j in sorted(place for place in matrix.pattern if place[0] < lift.given):
             entry, _ = matrix.entry(i, j)
             variables.add_multiple(rows[i], entry, slopes[j])
-        for row in rows:
-            for j in row:
-                if longest != 1.0:
-                    row[j] = emit("fmul", longest, row[j])
-        pivots = []
-        for k, row in enumerate(rows):  # elimination in h f', as in `planned_elimination`
-            if k not in row:
-                pivots.append(1.0)
-            else:
-                pivots.append(emit("fsub", 1.0, row[k]))
-            for below in rows[k + 1 :]:
-                if k in below:
-                    factor = below[k]
-                    if pivots[k] != 1.0:
-                        factor = emit("fdiv", factor, pivots[k])
-                    for j in row:
-                        if j > k:
-                            product = emit("fmul", factor, row[j])
-                            below[j] = emit("fadd", below[j], product) if j in below else product
-        self._test_pivots(pivots)
+        if longest != 1.0:
+            rows = [{j: emit("fmul", longest, value) for j, value in row.items()} for row in rows]
+        entries = _Entries(rows, self.values)
+        factors = Factors(entries, elimination_order(entries.pattern, lift.given))
+        self._test_pivots([*factors.pivot.values()])
+
+
+class _Entries:
+    """The entries of h f' of the equations as given, as `Factors` takes them."""
+
+    def __init__(self, rows, values):
+        self.rows, self.values = rows, values
+        self.pattern = {(i, j) for i, row in enumerate(rows) for j in row}
+
+    def entry(self, i, j):
+        """Return the entry of row i and column j; None stands for 0."""
+        return self.rows[i].get(j), None
 
 
 class LiftedStep(Lifting, Step):
@@ -94,10 +89,6 @@ class LiftedStep(Lifting, Step):
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
-        if len(self.prologue) + len(self.usual) > MOST_COMPILED:
-            vars(self).clear()
-            self.is_unplanned = True
-            super().__init__(*arguments)
         self.of_one_sign = {*self.lift[0].signs}
 
     def _add_tests(self, halves):
@@ -107,7 +98,7 @@ class LiftedStep(Lifting, Step):
 
     def _test_pivots(self, pivots):
         emit, joined = self.values.emit, self.values.joined
-        self.turned = joined("xor", [emit("olt", pivot, 0.0) for pivot in pivots])
+        self.turned = joined("xor", [emit("olt", pivot, 0.0) for pivot in pivots or [1.0]])
         # 0 times a word that is not finite, such as log 0, is NaN.
         nothing = joined("fadd", [emit("fmul", 0.0, word) for word in self.lifted])
         self.turned = emit("and", self.turned, emit("oeq", nothing, 0.0))

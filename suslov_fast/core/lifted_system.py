@@ -8,6 +8,8 @@ from .careful import crosses_0, of_rounding
 from .codes import OK, PASSED_POLE
 from .field_system import take_stages
 from .generated import text_of_stage, text_of_step
+from .listed import programs_of, words_program
+from .listed_code import text_of_listed_lift, text_of_listed_step
 from .llvm import call_code, with_address
 from .machine_code import Text, code_of
 from .numba import function
@@ -24,6 +26,7 @@ class LiftedSystem(NamedTuple):
     half: Any  # (stages, T), half of the step size of a stage times the values of the terms
     whole: Any  # (T,), the same of the whole step
     table: Any  # (stages, n), see `Step.table`
+    lift_table: Any  # (m,), numbers for the code at `lift`
     weights: Any  # (stages,), at the ends of columns, else 0
     sums: bool  # see `Scheme.sums_increments`
     indices: Any  # (3, T)
@@ -63,16 +66,20 @@ def lifted_system_of(indices, values, half_eps, stages, D, lift):
     whole = half_eps * values[: step.T]
     half = np.outer(stages.fractions, whole)
     others = np.broadcast_to(values[step.T :], (len(half), len(values) - step.T))
-    table = step.table_of(np.hstack([half, others]).T).T
+    table = np.ascontiguousarray(step.table_of(np.hstack([half, others]).T).T)
     # The code lasts, because users may store the system anywhere.
-    text_of = text_of_stage if stages.columns else text_of_step
+    text_of, of_lift, first = text_of_stage if stages.columns else text_of_step, text_of_lift, table
+    if step.is_long:
+        text_of, of_lift = text_of_listed_step, text_of_listed_lift
+        first = words_program(step)[1].of(table[:1].T).T
+        table = programs_of(step).numbers.of(table.T).T if step.usual else table
     codes = [code_of(text_of, step, lasts=True) if step.usual else 0]
-    codes.append(code_of(text_of_lift, step, lasts=True))
+    codes.append(code_of(of_lift, step, lasts=True))
     if None in codes:
         return None
     signs, weights = np.array(lift.signs, np.int64), np.ascontiguousarray(weights_of(stages)[:, 0])
-    sums = bool(stages.columns and step.usual)
-    of_stages = half, whole, np.ascontiguousarray(table), weights, sums
+    sums = text_of is text_of_stage and bool(step.usual)
+    of_stages = half, whole, np.ascontiguousarray(table), first[0].copy(), weights, sums
     return LiftedSystem(*map(int, codes), *of_stages, step.indices, signs, D, lift.given)
 
 
@@ -92,7 +99,7 @@ def lifted_step_of_one(system, state, out, memory):
     D, M = len(state), system.words
     for i in range(D):
         base[i] = state[i]
-    passed = call_code(system.lift, (base.ctypes.data, system.table[0].ctypes.data)) == 2
+    passed = call_code(system.lift, (base.ctypes.data, system.lift_table.ctypes.data)) == 2
     for i in range(M):
         x[i] = base[i]
     status, _ = take_stages(system, base, of_column, total, matrix, units)

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .lift import needed_for
 from .operations import OF_LIBRARY, OF_NUMBERS, OF_TRUTH_VALUES
 
 # An operation is (instruction, kinds of its operands): "r" is a row, "t" a number of the table.
@@ -33,6 +34,7 @@ KINDS = [
       for a, b in product("rt", "rt")),
     *((instruction, "rr") for instruction in JOINING),
     *(("select", "r" + a + b) for a, b in product("rt", "rt")),
+    *((function, "rt" if function == "pow" else "r") for function in OF_LIBRARY),
     ("fabs", "r"),
     ("sqrt", "r"),
     ("copy", "r"),
@@ -40,7 +42,11 @@ KINDS = [
 _NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
 LEAST = 8  # operations of a regular run
 # Kinds that have regular runs. Others are rare, and LLVM would compile a loop for each.
-REGULAR = [number for number, (_, kinds) in enumerate(KINDS) if kinds.count("t") < 2]
+REGULAR = [
+    number
+    for number, (instruction, kinds) in enumerate(KINDS)
+    if kinds.count("t") < 2 and instruction not in OF_LIBRARY
+]
 
 
 def operand_kinds(kind, n=2):
@@ -250,26 +256,44 @@ def _with_sums(operations, uses, places):
 
 
 class _Inputs(NamedTuple):
-    """The attributes of a step that `Program` reads: how many inputs it has, and an empty table."""
+    """The attributes of a step that `Program` reads."""
 
     D: int
     places: dict
     table: list
 
 
-def program_of(inputs, operations, results):
-    """Return the `Program` of operations on the values 0, ..., inputs - 1, and its constants."""
-    of_list = _Inputs(inputs, {}, [])
+def program_of(rows, table, operations, results):
+    """Return the `Program` of the operations that the values `results` need, and its `Numbers`.
+
+    Values are given as `rows` of lanes, and as numbers of a `table`. A truth value among the
+    results is true where its row has the sign bit.
+    """
+    first = len(rows) + len(table)
+    names = dict(zip([*rows, *table], range(first), strict=True))
+    places = {names[number]: k for k, number in enumerate(table)}
+    renamed = []
+
+    def add(instruction, *operands):
+        renamed.append((instruction, first + len(renamed), operands))
+        return renamed[-1][1]
+
+    for instruction, number, operands in needed_for(results, operations):
+        operands = (a if isinstance(a, float) else names[a] for a in operands)
+        names[number] = add(instruction, *operands)
+    results = [names[number] for number in results]
+    copies = {name: add("fadd", name, -0.0) for name in results if name in places}
+    of_list = _Inputs(len(rows), places, table)
     numbers = Numbers(of_list)
-    program = Program(of_list, operations, results, numbers)
-    return program, numbers.of(np.empty((0, 1)))
+    results = [copies.get(name, name) for name in results]
+    return Program(of_list, renamed, results, numbers), numbers
 
 
 class Programs(NamedTuple):
     """The programs of a step: for all states, and for states where `good` is false."""
 
     usual: Program  # its results are `Step.after` and `good`
-    rare: Program  # `after_rare`, `accurate`, `negative`, and `changed` if it is not None
+    rare: Program  # `after_rare`, `good`, `accurate`, `negative`; `changed` if it is not None
     numbers: Numbers  # that both read
     rows: int
 
@@ -279,7 +303,17 @@ def programs_of(step):
     """Return the `Programs` of a step."""
     numbers = Numbers(step)
     usual = Program(step, step.usual, [*step.after, step.good], numbers)
-    results = [*step.after_rare, step.accurate, step.negative]
+    results = [*step.after_rare, step.good, step.accurate, step.negative]
     results += [] if step.changed is None else [step.changed]
     rare = Program(step, [*step.usual, *step.rare], results, numbers)
     return Programs(usual, rare, numbers, max(usual.rows, rare.rows))
+
+
+@functools.lru_cache(8)
+def words_program(step):
+    """Return the `Program` of the words of a `lift.LiftedStep`, and its `Numbers`.
+
+    Its results are the words, and `turned`.
+    """
+    results = [*step.lifted, step.turned]
+    return program_of(range(step.given), step.table, step.prologue, results)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .careful import CHANGED
-from .listed import JOINING, KINDS, REGULAR, operand_kinds, programs_of
+from .lines import zeros
+from .listed import JOINING, KINDS, REGULAR, operand_kinds, programs_of, words_program
 from .machine_code import Text, call, code_of, pointer
 from .operations import OF_NUMBERS, Step
 
@@ -23,13 +24,14 @@ class ListArguments(NamedTuple):
     rare_heads: int
     rare_places: int
     rare_runs: int
-    rare_results: int  # of `after_rare`, `accurate`, `negative` and `changed`
+    rare_results: int  # of `after_rare`, `good`, `accurate`, `negative` and `changed`
     changed: int  # place of `changed` among the results, that of `negative` if there is none
     D: int
     ended: int  # bits of lanes, which are those of `generated.CodeArguments.marks`
     passed: int
     steps: int
     n: int  # steps taken
+    is_rare: int  # 1 if the last step was; a step after it begins with the rare runs
 
 
 SLOT = ListArguments(*range(len(ListArguments._fields)))
@@ -73,6 +75,9 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
 
     text.label("step")
     text.add("  %n = phi i64 [ 0, %entry ], [ %n1, %taken ]")
+    text.add(f"  %was_rare = phi i64 [ {a.is_rare}, %entry ], [ %is_rare, %taken ]")
+    text.branch(text.compare_integers("eq", "%was_rare", 0), "try_usual", "rare_from")
+    text.label("try_usual")
     run(a.heads, a.places, a.runs)
     text.branch(text.all_true(truth(a.results, 0)), "usual_from", "rare_from", likely=True)
     text.label("usual_from")
@@ -80,8 +85,9 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
 
     text.label("rare_from")
     run(a.rare_heads, a.rare_places, a.rare_runs)
-    accurate = truth(a.rare_results, 0)
-    good, negative = text.bits(accurate), text.bits(truth(a.rare_results, 1))
+    not_usual = text.new(f"xor i1 {text.all_true(truth(a.rare_results, 0))}, true")
+    remains_rare, accurate = text.new(f"zext i1 {not_usual} to i64"), truth(a.rare_results, 1)
+    good, negative = text.bits(accurate), text.bits(truth(a.rare_results, 2))
     bad = integer("and", integer("xor", good, all_lanes), integer("xor", a.ended, all_lanes))
     told = integer("and", good, integer("xor", a.passed, all_lanes))
     changed = text.bits(truth(a.rare_results, a.changed))
@@ -93,12 +99,14 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
 
     text.label("taken")
     text.add(f"  %bits = phi i64 [ 0, %usual ], [ {rare}, %rare ]")
+    text.add(f"  %is_rare = phi i64 [ 0, %usual ], [ {remains_rare}, %rare ]")
     text.add("  %n1 = add i64 %n, 1")
     is_clear = text.compare_integers("eq", "%bits", 0)
     goes_on = text.new(f"and i1 {is_clear}, {text.compare_integers('ult', '%n1', a.steps)}")
     text.branch(goes_on, "step", "end")
     text.label("end")
     text.store("i64", "%n1", text.plus("%arguments", 8 * SLOT.n))
+    text.store("i64", "%is_rare", text.plus("%arguments", 8 * SLOT.is_rare))
     text.add("  ret i64 %bits")
     return text.finished()
 
@@ -252,18 +260,12 @@ def text_of_listed_step(step, name, *_):
     programs, text, constants = programs_of(step), Text(1), []
 
     def constant(key, array):
-        kind = f"[{array.size} x i{8 * array.itemsize}]"
-        values = ", ".join(f"i{8 * array.itemsize} {value}" for value in array.ravel().tolist())
-        constants.append(f"@{name}_{key} = internal constant {kind} [{values}]")
-        return text.new(f"ptrtoint {pointer(kind)} @{name}_{key} to i64")
+        return _constant(text, f"{name}_{key}", array, constants)
 
     text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
     text.label("entry")
-    rows, own = (
-        text.new(f"ptrtoint {pointer('double')} {text.new(f'alloca double, i64 {size}')} to i64")
-        for size in (programs.rows, len(SLOT))
-    )
-    numbers = {"rows": rows, "table": "%table", "changed": 1, "D": step.D, "steps": 1}
+    rows, own = (_memory(text, size) for size in (programs.rows, len(SLOT)))
+    numbers = {"rows": rows, "table": "%table", "changed": 2, "D": step.D, "steps": 1}
     for prefix, program in (("", programs.usual), ("rare_", programs.rare)):
         numbers[f"{prefix}heads"] = constant(f"{prefix}heads", program.runs.heads)
         numbers[f"{prefix}places"] = constant(f"{prefix}places", program.runs.places)
@@ -282,6 +284,46 @@ def text_of_listed_step(step, name, *_):
     text.add(f"  ret i64 {text.integer('and', text.integer('lshr', bits, 7), 2)}")
     steps = text_of_listed_steps(None, f"{name}_steps", 1, False)
     return "\n".join([*constants, *text.lines, "}", steps])
+
+
+def text_of_listed_lift(step, name, *_):
+    """Return the text of `lifted_system.text_of_lift` for a long list, on its own table."""
+    (program, _), text, constants = words_program(step), Text(1), []
+    _add_runs(text, f"{name}_runs", False)
+    text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
+    text.label("entry")
+    rows = _memory(text, program.rows)
+    arrays = (*program.runs, program.results)
+    heads, places, results = (
+        _constant(text, f"{name}_{k}", array, constants) for k, array in enumerate(arrays)
+    )
+    _copy(text, "before", "%x", rows, step.given)
+    numbers = ", ".join(f"i64 {value}" for value in (rows, "%table", heads, places))
+    text.add(f"  call void @{name}_runs({numbers}, i64 {len(program.runs.heads)})")
+
+    def result(k):
+        row = text.load("i64", text.integer("add", results, text.integer("mul", k, 8)))
+        return text.load("double", text.integer("add", rows, text.integer("mul", row, 8)))
+
+    words = text.plus("%x", 8 * step.given)
+    with text.loop("word", len(step.lifted)) as k:
+        text.store("double", result(k), text.integer("add", words, text.integer("mul", k, 8)))
+    turned = text.bits(_truth(text, result(len(step.lifted))))
+    text.add(f"  ret i64 {text.integer('mul', 2, turned)}")
+    return "\n".join([*constants, text.finished()])
+
+
+def _constant(text, name, array, constants):
+    """Return the address of an array of integers, whose text is added to `constants`."""
+    kind = f"[{array.size} x i{8 * array.itemsize}]"
+    values = ", ".join(f"i{8 * array.itemsize} {value}" for value in array.ravel().tolist())
+    constants.append(f"@{name} = internal constant {kind} [{values}]")
+    return text.new(f"ptrtoint {pointer(kind)} @{name} to i64")
+
+
+def _memory(text, size):
+    """Return the address of memory for numbers, on the stack."""
+    return text.new(f"ptrtoint {pointer('double')} {text.new(f'alloca double, i64 {size}')} to i64")
 
 
 def _copy(text, label, source, target, count):
@@ -325,11 +367,11 @@ def text_of_runs(_, name, W, for_each, *_others):
 
 def runs_code(W):
     """Return the address of the code of `text_of_runs`, None where LLVM refuses it."""
-    return code_of(text_of_runs, _ANY, W)
+    return code_of(text_of_runs, _ANY, W, W > 1)
 
 
 def carry_out(address, runs, rows, table):
-    """Carry out `listed.Runs` on rows of lanes, with numbers of a table."""
+    """Carry out `listed.Runs` on rows of lanes, with numbers (-, W) of a table."""
     of_runs = runs.heads.ctypes.data, runs.places.ctypes.data, len(runs.heads)
     call(address, np.array([rows.ctypes.data, table.ctypes.data, *of_runs], np.int64))
 
@@ -338,12 +380,12 @@ def taker_of(lines, address):
     """Return the function that takes steps of a line with `listed_code`, see `in_calls`."""
     step, W, D = lines.scheme.step, lines.W, lines.D
     programs, (ended, passed), table = programs_of(step), lines.marks, lines.table
-    rows, addresses = _aligned(programs.rows, W), []
+    rows, addresses = zeros(programs.rows, W), []
     for program in (programs.usual, programs.rare):
         heads, of_runs = program.runs
         addresses += heads.ctypes.data, of_runs.ctypes.data, len(heads), program.results.ctypes.data
-    changed = 1 if step.changed is None else 2
-    arguments = ListArguments(rows.ctypes.data, 0, *addresses, changed, D, 0, 0, 0, 0)
+    changed = 2 if step.changed is None else 3
+    arguments = ListArguments(rows.ctypes.data, 0, *addresses, changed, D, 0, 0, 0, 0, 0)
     arguments = np.array(arguments, np.int64)
 
     @functools.lru_cache(32)  # stages, and not all lines, which may fill the memory
@@ -361,10 +403,3 @@ def taker_of(lines, address):
         return int(arguments[SLOT.n]), bits
 
     return take
-
-
-def _aligned(rows, W):
-    """Return memory for rows, each of which is in as few cache lines as possible."""
-    memory = np.empty(rows * W + 8)
-    first = -memory.ctypes.data // 8 % 8
-    return memory[first : first + rows * W].reshape(rows, W)

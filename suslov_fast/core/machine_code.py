@@ -18,7 +18,6 @@ from numba import config
 from .numba import advice_on_numba
 from .operations import OF_LIBRARY, OF_TRUTH_VALUES
 
-MANY = 4000  # operations, above which compiling takes longer than it saves: see `listed`
 # Codes that are kept, beside those that last. Each takes two memory mappings; Linux grants 65,530
 # to a process, and LLVM ends the process where it gets none.
 MOST_CODES = 4096
@@ -236,7 +235,7 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
         if key not in _codes:
             _free_old()
             name = f"code_{next(_numbers)}"
-            level = 2 if len(step.usual) < MANY else 0
+            level = 0 if step.is_long else 2
             text = text_of(step, name, W, for_each, align)  # an error here is the package's own
             try:
                 _codes[key] = _compile(text, name, level, lasts)

@@ -33,6 +33,8 @@ from .planned_elimination import Factors, Matrix, elimination_order, places_of, 
 # components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
+# Above MANY operations compiling a list takes longer than it saves: see `listed`.
+MANY = 4000
 # A list of more than WHOLE operations is divided into functions of PIECE operations. Where LLVM
 # does not optimise, each value for eight lanes takes 64 bytes of a stack.
 WHOLE, PIECE = 4000, 1000
@@ -172,7 +174,8 @@ class Step:
     changed     true if a component that keeps its sign along the motion does not; a value of
                 `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
-    lift        None; of lifted fields see `lift.Lifting`, as for the next two
+    lift        None; of lifted fields see `lift.Lifting`, as for the next three
+    prologue    operations before the first stage of a whole step
     given       the number of components of the state
     parameters  the number of values of a field
     of_one_sign   components that keep their signs along the motion
@@ -180,7 +183,7 @@ class Step:
     """
 
     good = accurate = negative = changed = factors = None  # without a plan
-    lift, is_unplanned = None, False
+    lift, prologue = None, ()
 
     def __init__(self, indices, D, carried=0, keeps_signs=False):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
@@ -194,7 +197,7 @@ class Step:
         work, of_state = work_of(pattern, order, varying)
         of_state += int((indices[2] < D).sum())
         is_long = work > (LONGEST if of_state else LONGEST_LINEAR)
-        if self.is_unplanned or is_long or of_state > max(MOST, PART_OF_DENSE * D**3):
+        if is_long or of_state > max(MOST, PART_OF_DENSE * D**3):
             return
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         self.factors = Factors(matrix, order, right)
@@ -209,6 +212,11 @@ class Step:
 
     given = property(lambda self: self.D)
     parameters = property(lambda self: self.T)
+
+    @property
+    def is_long(self):
+        """True if the list is too long for code of its own."""
+        return len(self.prologue) + len(self.usual) > MANY
 
     def _add_tests(self, halves):
         """Add the tests that increments do not cancel the state, and that pivots are not small.

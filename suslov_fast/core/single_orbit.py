@@ -11,7 +11,7 @@ import numpy as np
 from .generated import text_of_compositions, text_of_extrapolated_steps, text_of_steps
 from .generated_stages import BASE, LARGEST, ROWS, SLOT, CodeArguments
 from .lift import LiftedStep
-from .machine_code import MANY, code_of
+from .machine_code import code_of
 from .stages import distinct, weights_of
 
 PLANS = 32  # of fields, whose tables are kept
@@ -50,8 +50,7 @@ def _has_columns(step, stages):
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values, saves):
     """Return code and arguments for one orbit, and what has to stay alive; None if it has none."""
-    is_long = not 0 < len(step.usual) <= MANY or step.pieces[1]
-    if is_long or isinstance(step, LiftedStep):
+    if not step.usual or step.is_long or step.pieces[1] or isinstance(step, LiftedStep):
         return None
     text_of = text_of_compositions if _has_columns(step, stages) else text_of_steps
     text_of = text_of_extrapolated_steps if stages.columns else text_of

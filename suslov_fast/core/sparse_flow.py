@@ -1,15 +1,17 @@
 """Steps of `flow` for fields of many variables, by loops in place of code for each field.
 
-Stages are those of `sparse`, and the list of operations that chooses the next length (`tolerance`)
-is carried out as a long list (`listed`).
+Stages are those of `sparse`, or long lists (`listed`) if there is a plan. So are the lists that
+choose lengths (`tolerance`), and those of the words of lifted fields.
 """
 
 import functools
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .arrays import uncounted
 from .elimination import simd_min
+from .lines import zeros
 from .listed import program_of
 from .listed_code import carry_out, runs_code
 from .llvm import QUAD
@@ -24,7 +26,7 @@ def sparse_stages(part, parts, pattern, halves, rows, least, memory):
     """Take a stage of all lanes; halves are (lines, W, T).
 
     The lines are rows[line, row, lane], whose first D rows are the states; the row `least` has the
-    least pivot so far.
+    least pivot so far, which stages of lifted fields, with `least` below 0, do not tell.
     """
     pattern, halves, rows, memory = uncounted((pattern, halves, rows, memory))
     D, G, E = len(pattern.order), len(pattern.given), len(pattern.columns)
@@ -35,16 +37,17 @@ def sparse_stages(part, parts, pattern, halves, rows, least, memory):
             l = lane % QUAD
             if l == 0:
                 step_once(pattern, halves[line], x, lane, room, after)
-            pivot = rows[line, least, lane]
+            pivot = 1.0
             for i in range(D):
                 x[i, lane] = after[i * QUAD + l]
                 pivot = simd_min(1.0 + room.pivots[i * QUAD + l], pivot)
-            rows[line, least, lane] = pivot
+            if least >= 0:
+                rows[line, least, lane] = simd_min(pivot, rows[line, least, lane])
 
 
 @kernel
 def sums_of_terms(part, parts, indices, values, x, sums, of_moduli):
-    """Set the sums (D, W) of terms, or of moduli, of values (T, 1 or W) and states (D, W)."""
+    """Set the sums (n, W) of terms, or of moduli, of values (T, 1 or W) and states (D, W)."""
     (D, W), own = x.shape, int(values.shape[1] > 1)
     sums[:] = 0.0
     for t in range(len(values)):
@@ -56,63 +59,151 @@ def sums_of_terms(part, parts, indices, values, x, sums, of_moduli):
             sums[i, l] += abs(term) if of_moduli else term
 
 
+class _Programs(NamedTuple):
+    """The programs of a `tolerance.Stage`, each with its numbers; None where there is no list."""
+
+    beginning: Any
+    choice: Any
+    words: Any  # of a lifted field, and the least pivot
+    fixed: Any  # `Step.table`
+    stage: Any
+
+
 @functools.lru_cache(8)
 def _programs_of(step):
-    """Return the `Program` and its numbers, for the `Beginning` and the `Choice` of sums."""
-    D = step.D
-    even = with_constant_rates(step.indices, D)
-    choice = Choice(None, D, D, of_one_sign(step.indices), even)
-    lists = (2 * D + 2, Beginning(None, D, D)), (6 * D + 9, choice)
-    return [program_of(inputs, each.operations, each.results) for inputs, each in lists]
+    D, n, parameters = step.D, step.given, range(step.D, step.D + step.parameters)
+    choice, count = step.choice, D + 4 * n + step.parameters + 9 + D - n
+    if step.lift is None:
+        signs, even = of_one_sign(step.indices), with_constant_rates(step.indices, D)
+        choice, count = Choice(None, D, D, signs, even), 6 * D + 9
+    beginning, words, fixed, stage = Beginning(None, D, n), None, None, None
+    if step.lift is not None:
+        operations, results = [*step.fixed, *step.prologue], [*step.lifted, step.least]
+        words = program_of([*range(n), *parameters], (), operations, results)
+    if step.usual:
+        results = [*step.after] if step.lift is not None else [*step.after, step.least]
+        fixed = program_of(parameters, (), step.fixed, step.table)
+        stage = program_of(range(D), step.table, step.usual, results)
+    return _Programs(
+        program_of(range(D + n + 2), (), beginning.operations, beginning.results),
+        program_of(range(count), (), choice.operations, choice.results),
+        words, fixed, stage,
+    )  # fmt: skip
 
 
 class Loops:
-    """The loops for motions with one `tolerance.Stage`, in lines of W lanes."""
+    """The loops for motions with one `tolerance.Stage`, in lines of W lanes.
 
-    def __init__(self, step, W):
-        self.pattern, self.D = pattern_of(step.indices.tobytes(), step.D), step.D
-        self.indices = step.indices
-        self.memory = np.empty(size_of(self.pattern))
-        self.beginning, self.choice = _programs_of(step)
+    Lines are rows[line, row, lane]; `places` are their `generated_flow.Rows`, and `values` (1 or
+    lines, parameters, 1 or W) those of the terms and of the lift. Without machine code, where
+    `code` is None, there are stages of fields without a plan alone.
+    """
+
+    def __init__(self, step, W, places, values):
+        self.step, self.W, self.places, self.values = step, W, places, values
         self.code = runs_code(W)
-        rows = max(program.rows for program, _ in (self.beginning, self.choice))
-        self.numbers = np.empty((rows, W))
+        if not step.usual:
+            self.pattern = pattern_of(step.indices.tobytes(), step.D)
+            self.memory = np.empty(size_of(self.pattern))
+        [self.of_state] = np.nonzero(step.indices[0] < step.given)
+        self.indices = np.ascontiguousarray(step.indices[:, self.of_state])
+        self.sums = np.empty((step.given, W))
+        if self.code is not None:
+            self.programs = _programs_of(step)
+            rows = max(program.rows for program, _ in filter(None, self.programs))
+            self.numbers = zeros(rows, W)
 
-    @staticmethod
-    def halves(half, values):
-        """Return h v of the terms (lines, W, T), from h (lines, W) and v (1 or lines, T, -)."""
-        return np.ascontiguousarray(half[:, :, np.newaxis] * values.swapaxes(1, 2))
+    def prepare(self, half):
+        """Prepare stages of all lanes, with h / 2 (lines, W)."""
+        if self.step.usual:
+            (_, numbers), lines = self.programs.stage, enumerate(half)
+            self.tables = [numbers.of(self._table(line, of_line)) for line, of_line in lines]
+            return
+        values = self.values[:, : self.step.T].swapaxes(1, 2)
+        self.halves = np.ascontiguousarray(half[:, :, np.newaxis] * values)
 
-    def take_stage(self, rows, halves, places):
+    def _table(self, line, half):
+        return self._carry_out(self.programs.fixed, [self._scaled(line, half)])
+
+    def take_stage(self, rows):
         """Take a stage of all lanes."""
-        sparse_stages.serial(self.pattern, halves, rows, places.least, self.memory)
+        places, D, is_told = self.places, self.step.D, self.step.lift is None
+        if not self.step.usual:
+            least = places.least if is_told else -1
+            sparse_stages.serial(self.pattern, self.halves, rows, least, self.memory)
+            return
+        program, _ = self.programs.stage
+        for of_line, table in zip(rows, self.tables, strict=True):
+            self.numbers[:D] = of_line[:D]
+            carry_out(self.code, program.runs, self.numbers, table)
+            found = self.numbers[program.results]
+            of_line[:D] = found[:D]
+            if is_told:
+                least, lower = of_line[places.least], found[D]
+                of_line[places.least] = np.where(lower < least, lower, least)
 
-    def begin(self, rows, places, values, rtol):
+    def begin(self, rows, rtol):
         """Write the largest moduli and first lengths of all lanes."""
-        after = [places.wanted, places.first]
-        self._carry_out(self.beginning, rows, places, values, 1, [places.wanted], [rtol], after)
-
-    def choose(self, rows, places, values, end, rtol):
-        """Write the next state, largest moduli, time and length of all lanes."""
-        first, after = range(places.time, places.least + 1), range(places.time, places.taken)
-        self._carry_out(self.choice, rows, places, values, 5, first, [end, rtol], after)
-
-    def _carry_out(self, of_list, rows, places, values, count, first, others, after):
-        """Carry out a list for all lanes.
-
-        Its values are `count` numbers of each component from the state on, sums of terms, those of
-        the rows `first`, and `others`; it writes the state, largest moduli, and rows `after`.
-        """
-        (program, constants), D, numbers = of_list, self.D, self.numbers
-        sums, scalars = numbers[count * D : (count + 1) * D], numbers[(count + 1) * D :]
+        places, D = self.places, self.step.D
+        if self.step.lift is not None:
+            self.lift(rows, np.ones((len(rows), self.W)))
         for line, of_line in enumerate(rows):
-            numbers[: count * D] = of_line[places.base : places.base + count * D]
-            own = values[line % len(values)]
-            sums_of_terms.serial(self.indices, own, numbers[:D], sums, of_list is self.choice)
-            scalars[: len(first)] = of_line[first]
-            scalars[len(first) : len(first) + len(others)] = np.reshape(others, (-1, 1))
-            carry_out(self.code, program.runs, numbers, constants)
-            found = numbers[program.results]
-            of_line[places.base : places.base + D] = found[:D]
-            of_line[places.largest : places.largest + D] = found[D : 2 * D]
-            of_line[after] = found[2 * D :]
+            x = of_line[places.base : places.base + D]
+            inputs = x, self._sums(line, x, False), of_line[[places.wanted]], self._row(rtol)
+            found = self._carry_out(self.programs.beginning, inputs)
+            self._write(of_line, found, [places.wanted, places.first])
+
+    def lift(self, rows, half):
+        """Write the words of all lanes, and the least pivots of a step, with h / 2 (lines, W)."""
+        D, n, places = self.step.D, self.step.given, self.places
+        for line, of_line in enumerate(rows):
+            inputs = of_line[places.base : places.base + n], self._scaled(line, half[line])
+            *words, least = self._carry_out(self.programs.words, inputs)
+            of_line[places.base + n : places.base + D], of_line[places.least] = words, least
+
+    def choose(self, rows, end, rtol):
+        """Write the next state, largest moduli, time and length of all lanes."""
+        places, (D, n, T) = self.places, (self.step.D, self.step.given, self.step.T)
+        for line, of_line in enumerate(rows):
+            base = of_line[places.base : places.base + D + 4 * n]
+            scalars = of_line[places.time : places.least + 1], self._row(end), self._row(rtol)
+            if self.step.lift is None:
+                inputs = base, self._sums(line, base[:D], True), *scalars
+            else:
+                values, words = self._values(line), of_line[places.x + n : places.x + D]
+                inputs = base, values[:T], *scalars, words, values[T:]
+            found = self._carry_out(self.programs.choice, inputs)
+            self._write(of_line, found, [*range(places.time, places.taken)])
+
+    def _row(self, number):
+        return np.full((1, self.W), number)
+
+    def _values(self, line):
+        own = self.values[line % len(self.values)]
+        return np.broadcast_to(own, (len(own), self.W))
+
+    def _scaled(self, line, half):
+        """Return h v of the terms, and the coefficients of the lift."""
+        values = self._values(line).copy()
+        values[: self.step.T] *= half
+        return values
+
+    def _sums(self, line, x, of_moduli):
+        """Return sums of the terms of each component of the state, or of their moduli."""
+        own = np.ascontiguousarray(self.values[line % len(self.values)][self.of_state])
+        sums_of_terms.serial(self.indices, own, np.ascontiguousarray(x), self.sums, of_moduli)
+        return self.sums
+
+    def _carry_out(self, of_list, inputs):
+        """Return the results of a list on rows of numbers."""
+        program, numbers = of_list
+        np.concatenate(inputs, out=self.numbers[: sum(map(len, inputs))])
+        carry_out(self.code, program.runs, self.numbers, numbers.of(np.empty((0, self.W))))
+        return self.numbers[program.results]
+
+    def _write(self, of_line, found, after):
+        """Write the state and largest moduli of a line, and the rows `after`."""
+        n, places = self.step.given, self.places
+        of_line[places.base : places.base + n] = found[:n]
+        of_line[places.largest : places.largest + n] = found[n : 2 * n]
+        of_line[after] = found[2 * n :]

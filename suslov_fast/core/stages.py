@@ -19,8 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .machine_code import MANY
-
 
 class Stages(NamedTuple):
     """The stages of a step."""
@@ -77,8 +75,7 @@ class Scheme(NamedTuple):
         Differences of states would contain the rounding errors of all stages. But the code of long
         lists, and that of fields without a plan, returns states alone.
         """
-        is_short = len(self.step.usual) <= MANY or self.step.lift is not None
-        return bool(self.stages.columns and self.step.usual and is_short)
+        return bool(self.stages.columns and self.step.usual and not self.step.is_long)
 
 
 @lru_cache

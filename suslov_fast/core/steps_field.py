@@ -37,13 +37,13 @@ from .in_calls import in_calls, taker_without_plan
 from .lift import LiftedStep
 from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
 from .listed_code import listed_code, taker_of
-from .machine_code import MANY, call, code_of
+from .machine_code import call, code_of
 from .numba import STREAM_FROM, Kernel
 from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
 from .pool import in_parts
 from .single_orbit import PLANS, plan_of, take_one
 from .stages import WHOLE, Scheme, distinct, weights_of
-from .words import words_of
+from .words import Words
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
@@ -106,8 +106,8 @@ class _Lines:
     def _computes_tables(self):
         """Return whether machine code computes the tables of stages, which takes less memory."""
         step, stages = self.scheme
-        is_long = not 0 < len(step.usual) <= MANY or isinstance(step, LiftedStep)
-        if len(stages.fractions) == 1 or is_long or config.DISABLE_JIT:
+        has_tables = not step.usual or step.is_long or isinstance(step, LiftedStep)
+        if len(stages.fractions) == 1 or has_tables or config.DISABLE_JIT:
             return False
         return len(step.pieces[0]) == 1  # others would need the tables, too
 
@@ -115,6 +115,12 @@ class _Lines:
     def table(self):
         """The values of `Step.table` (fractions, lines, n, W), where they are not given."""
         return tables_of(self.scheme, *self.parameters, self.W)[1]
+
+    @functools.cached_property
+    def _words(self):
+        """The words of a lifted field, by the table of the first stage."""
+        table = self.table[distinct(self.scheme.stages.fractions)[1][0]]
+        return Words(self.scheme.step, self.W, table)
 
     def start_from(self, states, errors):
         """Set the states, to NaN where trajectories have ended, and the largest errors (D, B)."""
@@ -160,7 +166,7 @@ class _Lines:
         step, stages = self.scheme.step, len(self.scheme.stages.fractions)
         address, until = None, every - start % every if every else 0
         rows = saved, until * stages - 1, every * stages - 1
-        if not step.usual or (len(step.usual) > MANY and not isinstance(step, LiftedStep)):
+        if not step.usual or step.is_long:
             take = self._taker()
             if take is not None:
                 steps = (stop - start) * stages
@@ -246,15 +252,13 @@ class _Lines:
 
     def lift(self, arrays, start, n, of=slice(None)):
         """Compute the words of a lifted field from the states of lines, and tell poles."""
-        step, x = self.scheme.step, self.x[of]
-        table = self.table[distinct(self.scheme.stages.fractions)[1][0]]
-        words, turned = words_of(step, x, table[of] if len(table) > 1 else table)
-        x[:, self.given :] = words
+        x, lines = self.x[of], range(self.count)[of]
+        x[:, self.given :], turned = self._words.at(x, lines)
         if self.columns is not None:
             self.columns[of, BASE, self.given :] = x[:, self.given :]
         turned = packed(turned) & ~self.marks[PASSED][of]
         for k in np.flatnonzero(turned):
-            step_carefully(arrays, start, range(self.count)[of][k], 0, int(turned[k]), n)
+            step_carefully(arrays, start, lines[k], 0, int(turned[k]), n)
 
     def _carry_out(self, stage):
         """Carry out the operations of a stage where that is accurate.

@@ -27,6 +27,7 @@ class Lifting:
     coefficients of the lift.
 
     lift        a `bodies.structure.Lift`, and the longest stage over the first
+    prologue    operations before the first stage of a whole step
     lifted      values of the prologue: the words after the state
     """
 

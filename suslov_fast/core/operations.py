@@ -33,8 +33,7 @@ from .planned_elimination import Factors, Matrix, elimination_order, places_of, 
 # components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
-# Above MANY operations compiling a list takes longer than it saves: see `listed`.
-MANY = 4000
+MANY = 4000  # operations of a list, above which compiling takes longer than it saves: see `listed`
 # A list of more than WHOLE operations is divided into functions of PIECE operations. Where LLVM
 # does not optimise, each value for eight lanes takes 64 bytes of a stack.
 WHOLE, PIECE = 4000, 1000
@@ -66,10 +65,8 @@ def _of_library(function):
 
 
 # Functions of the C library, by their names there, which a lane calls alone.
-OF_LIBRARY = {
-    name: _of_library(getattr(math, name))
-    for name in "exp log sin cos tan sinh cosh tanh atan pow cbrt".split()
-}
+_NAMES = "exp log sin cos tan sinh cosh tanh atan pow cbrt".split()
+OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
 # Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
 # second operand where one of them is NaN.
 OF_NUMBERS = {
@@ -174,8 +171,7 @@ class Step:
     changed     true if a component that keeps its sign along the motion does not; a value of
                 `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
-    lift        None; of lifted fields see `lift.Lifting`, as for the next three
-    prologue    operations before the first stage of a whole step
+    lift, prologue  None, (); of lifted fields see `lift.Lifting`, as for the next two
     given       the number of components of the state
     parameters  the number of values of a field
     of_one_sign   components that keep their signs along the motion
@@ -212,11 +208,7 @@ class Step:
 
     given = property(lambda self: self.D)
     parameters = property(lambda self: self.T)
-
-    @property
-    def is_long(self):
-        """True if the list is too long for code of its own."""
-        return len(self.prologue) + len(self.usual) > MANY
+    is_long = property(lambda self: len(self.prologue) + len(self.usual) > MANY)
 
     def _add_tests(self, halves):
         """Add the tests that increments do not cancel the state, and that pivots are not small.

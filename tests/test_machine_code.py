@@ -16,6 +16,7 @@ from suslov_fast.core import (
     careful,
     flow,
     generated,
+    lines,
     machine_code,
     operations,
     single_motion,
@@ -392,6 +393,16 @@ def test_what_machine_code_is_given_stays_alive():
         assert addresses
         for address in addresses:
             assert any(begin <= address <= end for begin, end in places)
+
+
+def test_lines_of_lanes_begin_where_lines_of_the_cache_do():
+    rows = np.arange(60.0).reshape(20, 3)
+    for first in range(10):
+        found = lines.in_lines(rows[first:], 8)
+        assert found.ctypes.data % 64 == 0
+        assert (found.swapaxes(1, 2).reshape(-1, 3)[: 20 - first] == rows[first:]).all()
+    others = [lines.zeros(1, count, 8) for count in range(1, 9)]
+    assert all(array.ctypes.data % 64 == 0 and not array.any() for array in others)
 
 
 @pytest.mark.slow

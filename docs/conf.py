@@ -1,6 +1,7 @@
 """Configuration of Sphinx; `tox -e docs` builds the pages."""
 
 import re
+import unicodedata
 from xml.etree import ElementTree
 
 from docutils import nodes
@@ -59,12 +60,16 @@ copybutton_exclude = ".linenos, .gp, .go"
 MATHML = "http://www.w3.org/1998/Math/MathML"
 ElementTree.register_namespace("", MATHML)
 FIGURE = re.compile(r'class="reference download internal" download="" (?=href="[^"]*\.png")')
+END_OF_FORMULA = re.compile(r"(</math>)(</span>)([.,;:)]+)")
 
 
-def open_figures(app, page, template, context, doctree):
-    """Let a click on a figure open it, where MyST makes a download of each link to a file."""
+def finish(app, page, template, context, doctree):
+    """Let a click on a figure open it, and keep punctuation on the line of its formula.
+
+    MyST makes a download of each link to a file.
+    """
     if "body" in context:
-        context["body"] = FIGURE.sub("", context["body"])
+        context["body"] = END_OF_FORMULA.sub(r"\1\3\2", FIGURE.sub("", context["body"]))
 
 
 def is_function(node):
@@ -80,6 +85,9 @@ def spaced(formula):
     for node in root.iter():
         if node.text == "\N{PRIME}":  # as an identifier it stands apart from its letter
             node.tag = f"{{{MATHML}}}mo"
+        elif node.get("mathvariant") == "double-struck":  # a variant that browsers ignore
+            letter = f"MATHEMATICAL DOUBLE-STRUCK CAPITAL {node.text}"
+            node.text = unicodedata.lookup(letter)
         elif node.text in ("/", "|"):
             node.attrib |= {"lspace": "0", "rspace": "0"}
         elif re.fullmatch("[A-Za-z]{2,}", node.text or "") and node.tag.endswith("}mo"):
@@ -87,9 +95,10 @@ def spaced(formula):
     rows = [node for node in root.iter() if re.search("}m(row|style|td|sqrt)$", node.tag)]
     for row in rows:
         for k in reversed(range(len(row) - 1)):
-            pair = row[k], row[k + 1]
-            beside = any(map(is_function, pair))
-            if beside and not any(re.search("}(mo|mspace)$", node.tag) for node in pair):
+            left, right = row[k], row[k + 1]
+            apart = [right] if left.text == ")" else [left, right]
+            beside = is_function(left) or is_function(right)
+            if beside and not any(re.search("}(mo|mspace)$", node.tag) for node in apart):
                 row.insert(k + 1, ElementTree.Element(f"{{{MATHML}}}mspace", width="0.167em"))
     return ElementTree.tostring(root, encoding="unicode")
     return ElementTree.tostring(root, encoding="unicode")
@@ -115,7 +124,7 @@ def signature(app, what, name, *_):
 def setup(app):
     """Register MathML as the format of formulas, and links to figures and signatures."""
     app.add_html_math_renderer("mathml", mathml("inline"), mathml("block"))
-    app.connect("html-page-context", open_figures)
+    app.connect("html-page-context", finish)
     app.connect("autodoc-process-signature", signature)
 
 

@@ -51,7 +51,8 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("atol abstol", (), _RELATIVE, ""),
         ("tol rtol reltol", ("rtol", "tol"), _DIGITS, "method"),
         ("method order integrator solver alg algorithm scheme", ("method",), _CHOSEN, "rtol"),
-        ("n n_steps num_steps nsteps N iterations max_steps maxiter", ("steps", "n"), "", ""),
+        ("n N", ("steps", "n"), "J and I have n - 1 entries each", "J"),
+        ("n_steps num_steps nsteps iterations max_steps maxiter", ("steps", "n"), "", ""),
         ("x0 y0 u0 z0 X0 omega0 omega x state states initial_state ic", (), _STATES, ""),
         (
             "body field f fun rhs system model",

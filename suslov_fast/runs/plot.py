@@ -223,6 +223,8 @@ def _colours(
                 return _Colours(single=color)
             names = [repr(name) for name in (*parameters, *of_crossings)]
             known = " or ".join([*names, "a colour of Matplotlib such as 'red'"])
+            known += ", or an array with a number for each "
+            known += "crossing or trajectory" if of_crossings else "trajectory"
             raise wrong("color", known, short(color))
         if color in of_crossings:
             return _Colours(np.asarray(of_crossings[color], float), color)

@@ -24,6 +24,7 @@ INSTEAD_IN_RUNS = {
         "run.{x}[:, k], the states of trajectory k",
     ),
     "t": "run.time, the times of the saved states; t of the paper is run.criticality()",
+    "F": "run.first_integral()",
     **dict.fromkeys(
         ("y", "u", "X", "values", "data", "trajectory", "trajectories", "solution", "sol"),
         "run.{x}, the states with time on the first axis, so that y of solve_ivp is run.{x}.T",

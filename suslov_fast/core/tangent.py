@@ -201,13 +201,13 @@ def take_steps(arguments, memory, place, stage, ignored, steps, solves):
 
 # ------------------------------------------------------------------------------------------ kernels
 @function
-def fill_line(arguments, memory, x, carry, place, start):
-    """Fill the lanes of line `place` with trajectories and their columns.
+def fill_line(W, room, memory, x, carry, place, start):
+    """Fill the W lanes of line `place` with trajectories and their columns.
 
     Lanes beyond the last trajectory repeat it; return their bits.
     """
     for_size()
-    line, (B, D), W, ignored = memory.line, x.shape, arguments.W, 0
+    line, (B, D), ignored = memory.line, x.shape, 0
     first = 2 * D + LENGTHS
     line[:] = 0.0
     for l in range(W):
@@ -218,7 +218,7 @@ def fill_line(arguments, memory, x, carry, place, start):
             for r in range(D):
                 unit = 1.0 if i == r else 0.0
                 value = unit if start == 0 else carry[k, D + D * i + r]
-                line[first + i * arguments.room + r, l] = value
+                line[first + i * room + r, l] = value
         for j in range(LENGTHS + D):
             value = 0.0 if j == NEAR_1 else 1.0
             line[D + j, l] = value if start == 0 else carry[k, D + D * D + j]
@@ -230,10 +230,11 @@ def jacobians(part, parts, arguments, x, out):
     """Fill out (B, D, D) with DPhi at the states x (B, D), NaN where it does not exist."""
     (B, D), W, arguments = x.shape, arguments.W, uncounted(arguments)
     counted, first = memory_of(arguments, D), 2 * D + LENGTHS
-    memory = uncounted(counted)
+    memory, room = uncounted(counted), arguments.room
     stages, (begin, end) = len(arguments.fractions), share((B + W - 1) // W, part, parts)
+    start = np.int64(0)  # a literal would have a type, and functions, of its own
     for place in range(begin, end):
-        ignored = fill_line(arguments, memory, x, x, place, 0)
+        ignored = fill_line(W, room, memory, x, x, place, start)
         # Columns become -DPhi q at each stage, and the number of stages is odd, except those of a
         # column of an extrapolated step, whose derivative is 1 + sum_n w_n (DPhi_n - 1).
         is_first = True
@@ -255,7 +256,7 @@ def jacobians(part, parts, arguments, x, out):
                         out[place * W + l, i, r] = 0.0 * memory.line[i, l] + value
             is_first = False
             if not is_last:
-                fill_line(arguments, memory, x, x, place, 0)
+                fill_line(W, room, memory, x, x, place, start)
     keep(counted)
 
 
@@ -285,7 +286,8 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     base = np.empty((D, W))  # the states before the first of several stages
     begin, end = share((B + W - 1) // W, part, parts)
     for place in range(begin, end):
-        ignored, n = fill_line(arguments, memory, x0, carry, place, start), start
+        ignored = fill_line(W, arguments.room, memory, x0, carry, place, start)
+        n = start
         stage = np.int64(0)  # a literal would have a type, and functions, of its own
         for l in range(lesser(W, B - place * W)):
             k, undefined = place * W + l, 0.0

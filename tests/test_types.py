@@ -11,7 +11,7 @@ import pytest
 SEEN = """
 import numpy as np
 from numpy.typing import NDArray
-from typing import assert_type
+from typing import Any, assert_type
 
 from suslov_fast import Crossings, LiftedField, QuadraticField, SuslovND, Trajectories
 from suslov_fast import SingularStepError, Suslov3D, SuslovGyrostat
@@ -44,6 +44,10 @@ assert_type(run.time, Floats)
 assert_type(run.ok, bool)
 assert_type(flow(QuadraticField([[[1.0]]]), [1.0], 0.5), Floats)
 lifted = LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
+assert_type(lifted.dimension, int)
+assert_type(SuslovND([1.0, 2.0], [0.1, 0.2]).dimension, int)
+assert_type(Suslov3D(4.0, 1.0, 0.1, 0.1).field(), QuadraticField)
+assert_type(QuadraticField([[[1.0]]]).quadratic, NDArray[Any])
 assert_type(periodic_orbit(lifted, [1.0, 0.0], 6.7, 60).period, float)
 body = body_from_dict({})
 assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | QuadraticField | LiftedField)

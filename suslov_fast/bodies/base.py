@@ -15,6 +15,9 @@ from ..keywords import INSTEAD_IN_BODIES, public
 from .members import Members
 from .polynomials import from_lists, to_lists
 
+if TYPE_CHECKING:
+    from .field import QuadraticField
+
 Kind = TypeVar("Kind", bound="Body")
 
 # Names of other packages for functions of this one.
@@ -48,7 +51,8 @@ class Body(Members):
     # What messages advise where a function does not accept this class.
     _instead: ClassVar[str] = ""
     _steady: ClassVar[str] = ""  # formula of the steady states, for messages
-    dimension: ClassVar[Any] = 2  # number of components of a state
+    if not TYPE_CHECKING:  # type checkers know the property below
+        dimension: ClassVar[Any] = 2  # number of components of a state
     _labels: ClassVar[Any] = "Omega1", "Omega2"  # their names
     # Named parameters: coordinates of datasets, which == does not compare.
     _coordinates: ClassVar[Any] = ()
@@ -114,8 +118,13 @@ class Body(Members):
         """Return why the equations have no value at the first of some states (...), or nothing."""
         return ""
 
+    if TYPE_CHECKING:
+
+        @property
+        def dimension(self) -> int: ...
+
     @public
-    def field(self) -> Any:
+    def field(self) -> "QuadraticField":
         """Return the equations of motion as a field, as :meth:`QuadraticField.of` does.
 
         Returns
@@ -134,7 +143,8 @@ class Body(Members):
         >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).field()
         QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
         """
-        return self._field
+        equations: QuadraticField = self._field
+        return equations
 
     @property
     def _terms(self) -> Any:

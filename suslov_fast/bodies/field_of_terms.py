@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from .base import Body, Parameters, frozen
@@ -155,19 +156,22 @@ class _FieldOfTerms(FieldOfFunction):
         return table_of(name, shape, places, values)
 
     @cached_property
-    def quadratic(self) -> Any:
+    def quadratic(self) -> NDArray[Any]:
         """q (..., D, D, D), symmetric in j and k; MemoryError where that is too large."""
-        return self._table("quadratic", 3)
+        table: NDArray[Any] = self._table("quadratic", 3)
+        return table
 
     @cached_property
-    def linear(self) -> Any:
+    def linear(self) -> NDArray[Any]:
         """l (..., D, D)."""
-        return self._table("linear", 2)
+        table: NDArray[Any] = self._table("linear", 2)
+        return table
 
     @cached_property
-    def constant(self) -> Any:
+    def constant(self) -> NDArray[Any]:
         """c (..., D)."""
-        return self._table("constant", 1)
+        table: NDArray[Any] = self._table("constant", 1)
+        return table
 
 
 def parts_of(terms: Terms | None, names: Sequence[str]) -> dict[str, Any]:

@@ -457,6 +457,15 @@ def test_long_lists_are_carried_out_by_a_loop(rng, monkeypatch):
     assert calls
 
 
+def test_oscillators_that_are_all_coupled_are_refused_beyond_a_number(monkeypatch):
+    """N phases have N (N - 1) sines and cosines, each with 2 (N - 1) terms in its derivative."""
+    N = 6
+    monkeypatch.setattr("suslov_fast.bodies.lifting.MOST_TERMS", N * (N - 1) * 2 * (N - 1) - 1)
+    match = r"^f: the derivatives .* some 300 terms, and at most 299 .*: use SciPy's solve_ivp$"
+    with pytest.raises(ValueError, match=match):
+        LiftedField.from_function(lambda x: [sum(S(other - each) for other in x) for each in x], N)
+
+
 def test_a_system_needs_machine_code(monkeypatch):
     monkeypatch.setattr("suslov_fast.core.lifted_system.code_of", lambda *_, **__: None)
     with pytest.raises(RuntimeError, match=r"^body: steps of a LiftedField need machine code here"):

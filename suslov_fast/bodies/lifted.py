@@ -248,7 +248,8 @@ class LiftedField(FieldOfFunction):
         ------
         TypeError, ValueError
             As :meth:`QuadraticField.from_function`; also if f calls a function that is not smooth
-            or has no rule, or more than 200 variables would be added for products.
+            or has no rule, or more than 200 variables would be added for products, or the
+            derivatives of added variables would have more than 200,000 terms.
 
         Examples
         --------

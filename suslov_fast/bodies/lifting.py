@@ -28,6 +28,7 @@ from .definitions import HALF, ONE, Definitions, brief, number, variable
 from .polynomials import Polynomial
 
 MOST = 200  # variables added for products
+MOST_TERMS = 200_000  # of all derivatives; half as many take 20 s, and the plan of a step a minute
 LENGTH = 2**18  # of all products that divide one that is looked for, a second
 WORK = 400_000  # products looked at, a few seconds
 
@@ -36,7 +37,7 @@ Terms = dict[Monomial, Fraction]
 
 
 class TooMany(ValueError):
-    """More than MOST further variables would be needed."""
+    """More than MOST further variables, or MOST_TERMS terms, would be needed."""
 
 
 class Lifted(NamedTuple):
@@ -53,6 +54,7 @@ class Lifted(NamedTuple):
 
 def lifted(definitions: Definitions, equations: Sequence[Polynomial]) -> Lifted:
     """Return the words that make the equations quadratic."""
+    _count_terms(definitions, equations)
     rates = _rates(definitions, equations)
     algebra = _Algebra(definitions, rates)
     needed = [*range(definitions.D)]
@@ -60,6 +62,20 @@ def lifted(definitions: Definitions, equations: Sequence[Polynomial]) -> Lifted:
         needed += sorted({j for m in algebra.rates[i] for j in m if j >= 0} - {*needed})
     words: list[Monomial] = [(i,) for i in sorted(needed)]
     return _quadratic(definitions, algebra, words)
+
+
+def _count_terms(definitions: Definitions, equations: Sequence[Polynomial]) -> None:
+    """Refuse equations whose added variables have derivatives of too many terms."""
+    count, D = 0, definitions.D
+    for _, p, _ in definitions.list:
+        of_state = {i for m in p.terms for i in m if 0 <= i < D}
+        count += sum(len(equations[i].terms) for i in of_state)
+    if count > MOST_TERMS:
+        raise TooMany(
+            f"the derivatives of the added variables would have some {count:,} terms, and at most "
+            f"{MOST_TERMS:,} are possible, because each variable has a term for each term of the "
+            "equations of the variables that it depends on: use SciPy's solve_ivp"
+        )
 
 
 def rate(definitions: Definitions, i: int, of: dict[int, Polynomial]) -> Polynomial:

@@ -28,6 +28,9 @@ LONGEST = COLUMNS[-1]
 DIFFERENCE = np.array([(-1) ** k * comb(LONGEST, k) / 2**LONGEST for k in range(1, LONGEST + 1)])
 ACTIVE = 2**15  # bytes of the rows of lines that are taken side by side
 MOST = 10_000  # operations of a stage, above which compiling takes longer than most runs
+MOST_OF_ONE = (
+    25_000  # of a lifted field, for one trajectory: 3 s, and steps take a fifth of the time
+)
 BUDGET = 2**21  # steps of lines times operations of a stage, after which Python handles Ctrl-C
 
 
@@ -58,7 +61,7 @@ class Motion:
         self.plan, self.for_each, self.loops = plan_of(direction), len(values) > 1, None
         x = in_lines(x0, W)
         self.values = in_lines(values, W) if self.for_each else values.reshape(1, -1, 1)
-        if not step.usual or (_is_long(step) and runs_code(W) is not None):
+        if not step.usual or (_is_long(step, W) and runs_code(W) is not None):
             self.loops = Loops(step, W, self.places, self.values)
         self.has_lists = self.loops is not None and self.loops.code is not None
         self.rows = rows = zeros(len(x), self.places.size, W)
@@ -213,11 +216,15 @@ class Motion:
         rows[: step.D] = [found[number] for number in step.after]
 
 
-def _is_long(step):
-    """Return whether the code of the lists of a step would take long to compile."""
+def _is_long(step, W):
+    """Return whether the code of the lists of a step would take long to compile.
+
+    Of lifted fields loops carry out the same lists, with the same bits.
+    """
     if step.lift is None:
         return len(step.usual) > MOST
-    return len(step.usual) + len(step.prologue) + len(step.choice.operations) > MOST
+    count = len(step.usual) + len(step.prologue) + len(step.choice.operations)
+    return count > (MOST if W > 1 else MOST_OF_ONE)
 
 
 class FlowKernel(Kernel):

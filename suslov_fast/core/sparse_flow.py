@@ -47,7 +47,7 @@ def sparse_stages(part, parts, pattern, halves, rows, least, memory):
 
 @kernel
 def sums_of_terms(part, parts, indices, values, x, sums, of_moduli):
-    """Set the sums (n, W) of terms, or of moduli, of values (T, 1 or W) and states (D, W)."""
+    """Set the sums (D, W) of terms, or of moduli, of values (T, 1 or W) and states (D, W)."""
     (D, W), own = x.shape, int(values.shape[1] > 1)
     sums[:] = 0.0
     for t in range(len(values)):
@@ -72,12 +72,14 @@ class _Programs(NamedTuple):
 @functools.lru_cache(8)
 def _programs_of(step):
     D, n, parameters = step.D, step.given, range(step.D, step.D + step.parameters)
-    choice, count = step.choice, D + 4 * n + step.parameters + 9 + D - n
+    words, fixed, stage = None, None, None
     if step.lift is None:
         signs, even = of_one_sign(step.indices), with_constant_rates(step.indices, D)
+        beginning, first = Beginning(None, D, D), 2 * D + 2
         choice, count = Choice(None, D, D, signs, even), 6 * D + 9
-    beginning, words, fixed, stage = Beginning(None, D, n), None, None, None
-    if step.lift is not None:
+    else:
+        beginning, first = step.beginning, D + step.T + 2
+        choice, count = step.choice, D + 4 * n + step.parameters + 9 + D - n
         operations, results = [*step.fixed, *step.prologue], [*step.lifted, step.least]
         words = program_of([*range(n), *parameters], (), operations, results)
     if step.usual:
@@ -85,7 +87,7 @@ def _programs_of(step):
         fixed = program_of(parameters, (), step.fixed, step.table)
         stage = program_of(range(D), step.table, step.usual, results)
     return _Programs(
-        program_of(range(D + n + 2), (), beginning.operations, beginning.results),
+        program_of(range(first), (), beginning.operations, beginning.results),
         program_of(range(count), (), choice.operations, choice.results),
         words, fixed, stage,
     )  # fmt: skip
@@ -105,8 +107,6 @@ class Loops:
         if not step.usual:
             self.pattern = pattern_of(step.indices.tobytes(), step.D)
             self.memory = np.empty(size_of(self.pattern))
-        [self.of_state] = np.nonzero(step.indices[0] < step.given)
-        self.indices = np.ascontiguousarray(step.indices[:, self.of_state])
         self.sums = np.empty((step.given, W))
         if self.code is not None:
             self.programs = _programs_of(step)
@@ -144,12 +144,14 @@ class Loops:
 
     def begin(self, rows, rtol):
         """Write the largest moduli and first lengths of all lanes."""
-        places, D = self.places, self.step.D
+        places, D, T = self.places, self.step.D, self.step.T
         if self.step.lift is not None:
             self.lift(rows, np.ones((len(rows), self.W)))
         for line, of_line in enumerate(rows):
             x = of_line[places.base : places.base + D]
-            inputs = x, self._sums(line, x, False), of_line[[places.wanted]], self._row(rtol)
+            is_given = self.step.lift is None
+            of_terms = self._sums(line, x, False) if is_given else self._values(line)[:T]
+            inputs = x, of_terms, of_line[[places.wanted]], self._row(rtol)
             found = self._carry_out(self.programs.beginning, inputs)
             self._write(of_line, found, [places.wanted, places.first])
 
@@ -190,8 +192,8 @@ class Loops:
 
     def _sums(self, line, x, of_moduli):
         """Return sums of the terms of each component of the state, or of their moduli."""
-        own = np.ascontiguousarray(self.values[line % len(self.values)][self.of_state])
-        sums_of_terms.serial(self.indices, own, np.ascontiguousarray(x), self.sums, of_moduli)
+        own, indices = self.values[line % len(self.values)], self.step.indices
+        sums_of_terms.serial(indices, own, np.ascontiguousarray(x), self.sums, of_moduli)
         return self.sums
 
     def _carry_out(self, of_list, inputs):

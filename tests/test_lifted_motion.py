@@ -172,6 +172,23 @@ def test_components_without_a_rate_stay():
     np.testing.assert_allclose(found[:, :, 1].T, [exact, exact], rtol=1e-8)
 
 
+@pytest.mark.parametrize(
+    ("g", "integral"),
+    [
+        (lambda t: np.exp(-((t - 4.4) ** 2) / 1e-4), np.sqrt(np.pi * 1e-4)),
+        (lambda t: 1 / np.cosh((t - 4.4) / 0.02) ** 2, 0.04),
+        (lambda t: sum(np.exp(-((t - k) ** 2) / 1e-5) for k in (2, 3)), 2 * np.sqrt(np.pi * 1e-5)),
+    ],
+    ids=["exp", "cosh", "two"],
+)
+@pytest.mark.parametrize("direction", [1, -1])
+def test_no_step_passes_over_a_pulse(g, integral, direction):
+    """Of x' = g(t) from rest, where g is 0 in floating point but for the pulse."""
+    field = of(lambda x: (g(direction * x[1]), 1), 2)
+    found = flow(field, [0.0, 0.0], direction * 10.0, rtol=1e-6)
+    assert abs(found[0] - direction * integral) < 1e-5 * integral
+
+
 @pytest.mark.parametrize(("start", "time"), [(0.0, 1e4), (1e7, 10.0)])
 def test_time_may_be_large_where_all_else_is_small(start, time):
     """x'' = -x - x' / 10 + 1e-7 cos(3 t) from rest, whose solution is a sum of exponentials."""

@@ -111,11 +111,11 @@ class LiftedStep(Lifting, Step):
 class Variables:
     """Values of variables, and their derivatives by the components of the state, as operations.
 
-    arguments    values of the polynomials p of the added variables g(p)
+    arguments    of the added variables g(p): values of the polynomials p, and their derivatives
     """
 
     def __init__(self, values, lift, first, state=None):
-        self.values, self.emit, self.first = values, values.emit, first
+        self.values, self.emit, self.first, self.lift = values, values.emit, first, lift
         self.numbers = [*(state or range(lift.given))]
         self.slopes, self.arguments = [{i: 1.0} for i in range(lift.given)], []
         for definition in lift.definitions:
@@ -165,7 +165,7 @@ class Variables:
     def _variable(self, function, terms, exponent):
         """Return the value g(p), and its derivative g'(p) p'."""
         p, of_p = self.polynomial(terms)
-        self.arguments.append(p)
+        self.arguments.append((p, of_p))
         u, factor = self._function(function, p, exponent)
         slope = {}
         self.add_multiple(slope, factor, of_p)

@@ -34,7 +34,8 @@ tanh(100 x) is -1 for negative x, where its derivative is 0, so it stays -1; and
 take x for sqrt(x**2 + 1e-6). A word g(p) has left the state if it differs by an eighth of itself
 (tanh: of 1), and if this changes h f by more than the tolerance allows. Nor is a step taken over a
 pole of a variable, such as 1 / (t - 1), or one in which the angle of a sine turns by more than 16:
-with very long steps all columns leave an oscillation where it was.
+with very long steps all columns leave an oscillation where it was. Nor is one taken over a pulse
+exp(p(t)).
 
 The first length is that in which |x| changes by the part min(5 rtol**(1/8), 1), which is too short
 for most motions: few first steps are refused, and the next one may be ten times as long.
@@ -49,6 +50,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .agreement import compared, follows
 from .elimination import LEAST_PIVOT
 from .lift import Lifting, Variables, needed_for
 from .operations import Step, Values, evaluate, of_one_sign
@@ -57,9 +59,6 @@ from .planned_elimination import Matrix
 SMALLEST, OF_ROUNDING, SHORTEST = 2.0**-20, 2.0**-46, 2.0**-42
 OF_SUBNORMAL = 2.0**-1067  # what rounding leaves of numbers below the normal ones, in a step
 FAST = 2.0**10
-LARGEST_ANGLE = 16.0  # of a sine in a step: the least with which columns can be far apart
-LEFT = 0.125  # how far words may be from those of the state, in units of themselves or of 1
-OF_ONE_SIGN = {"inverse", "root", "power", "exp", "cosh"}
 # With 1, stiff problems take twice as many steps; with 1/32 some lose digits.
 OF_FAST = 0.125
 # With lengths that grow up to tenfold, van der Pol's equation with mu = 1000 has half as much error
@@ -148,57 +147,6 @@ def _sums_over_terms(indices, D, n, values, x, v):
     return [terms.right_side(k) for k in range(n)]
 
 
-def _compared(values, variables, lift, words):
-    """Return the words of a state, and truth values of other `words`: whether they are near.
-
-    `variables` are those of the state.
-    """
-    n, near = lift.given, []
-    own = [variables.product(word)[0] for word in lift.words]
-    for number, other, (variable, *others) in zip(own, words, lift.words, strict=True):
-        function = None if others or variable < n else lift.definitions[variable - n][0]
-        if function != "tanh" and function not in OF_ONE_SIGN:
-            continue
-        limit = LEFT
-        if function in OF_ONE_SIGN:
-            size = values.emit("max", values.emit("fabs", number), values.emit("fabs", other))
-            limit = values.emit("fmul", LEFT, size)
-        distance = values.emit("fabs", values.emit("fsub", number, other))
-        near.append(values.emit("oge", limit, distance))
-    return own, near
-
-
-def _follows(indices, values, lift, before, after):
-    """Return truth values: whether stages can follow the variables of the equations over a step.
-
-    They cannot follow an angle that turns too far. And they step over a pole, as that of
-    1 / (t - 1), beyond which x' = x / (t - 1) has no solution. There p of 1 / p changes its sign,
-    and tan(p) falls while p rises.
-    """
-    emit, n, found = values.emit, lift.given, []
-    of_equations = indices[1:, indices[0] < n]
-    words = {k - n for k in of_equations.ravel().tolist() if n <= k < n + len(lift.words)}
-    used = {variable for k in words for variable in lift.words[k]}
-    for variable, (function, *_) in enumerate(lift.definitions, n):
-        p, p_after = (each.arguments[variable - n] for each in (before, after))
-        change = emit("fsub", p_after, p)
-        if function in ("sin", "cos"):
-            found.append(emit("oge", LARGEST_ANGLE, emit("fabs", change)))
-        elif function == "inverse" and variable in used:
-            found.append(_are_alike(values, p, p_after))
-        elif function == "tan" and variable in used:
-            rise = emit("fsub", after.numbers[variable], before.numbers[variable])
-            found.append(_are_alike(values, change, rise))
-    return found
-
-
-def _are_alike(values, a, b):
-    """Return whether two numbers have the same sign, as far as they have one."""
-    signs = (values.emit("olt", each, 0.0) for each in (a, b))
-    differ = values.emit("xor", *signs)
-    return values.emit("oeq", values.emit("select", differ, 1.0, 0.0), 0.0)
-
-
 class Beginning:
     """The operations before the first step: its length.
 
@@ -280,7 +228,7 @@ class Choice:
         after, is_resolved = self._with_signs(after, changes, signs)
         sizes, allowed = self._allowed(after, changes, even)
         if lift is not None:
-            is_resolved += self._agreement(after, changes, allowed)
+            is_resolved += self._agreement(after, changes, allowed, even)
         is_resolved = self.joined("and", is_resolved)
         good, factor = self._judged(after, allowed, is_resolved)
         self._go_on(after, sizes, good, factor)
@@ -341,15 +289,15 @@ class Choice:
             allowed[k] = emit("max", emit("fmul", OF_ROUNDING, change), allowed[k])
         return sizes, allowed
 
-    def _agreement(self, after, changes, allowed):
+    def _agreement(self, after, changes, allowed, even):
         """Return truth values: whether words at the end of the step are those of its state."""
         emit, joined, lift = self.emit, self.joined, self.lift
         before, at_end = (
             Variables(self.values, lift, self.words.stop, state)
             for state in (self.x[: self.n], after)
         )
-        is_kept = _follows(self.indices, self.values, lift, before, at_end)
-        own, near = _compared(self.values, at_end, lift, self.words)
+        is_kept = follows(self.indices, self.values, even, before, at_end)
+        own, near = compared(self.values, at_end, lift, self.words)
         if not near:
             return is_kept
         f, of_words = (

@@ -96,11 +96,13 @@ def spaced(formula):
     for row in rows:
         for k in reversed(range(len(row) - 1)):
             left, right = row[k], row[k + 1]
+            signed = left.tag.endswith("}mo") and left.text not in [*")]|"]
+            if signed and right.text in ("+", "\N{MINUS SIGN}"):
+                right.set("form", "prefix")
             apart = [right] if left.text == ")" else [left, right]
             beside = is_function(left) or is_function(right)
             if beside and not any(re.search("}(mo|mspace)$", node.tag) for node in apart):
                 row.insert(k + 1, ElementTree.Element(f"{{{MATHML}}}mspace", width="0.167em"))
-    return ElementTree.tostring(root, encoding="unicode")
     return ElementTree.tostring(root, encoding="unicode")
 
 

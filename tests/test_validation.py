@@ -333,7 +333,7 @@ MISTAKES = [
     (lambda: Suslov3D(ID, 1, 0, 0), ValueError, "I1 .*: a body is made from a tensor by from_inertia"),
     (lambda: SuslovND(1, 2), ValueError, r"J and I .* pass n - 1 numbers for each, such as 1.3, 2"),
     (lambda: sf.body_from_dict(Path("body.json")), TypeError, r"parameters.* json.loads\(path.read_text\(\)\)"),
-    (lambda: sf.body_from_dict({"body": "Lorenz"}), ValueError, "body: there is no class 'Lorenz', only .*, LiftedField: import"),
+    (lambda: sf.body_from_dict({"body": "Lorenz"}), ValueError, "body: there is no class 'Lorenz', only .*, LiftedField.*: import"),
     (lambda: FAMILY.parameters.__setitem__("rho", 3), TypeError, "parameters .* cannot be changed: make it again with rho=3"),
     (field(lambda x: (x[1], -x[0]), "2"), ValueError, "dimension.* pass the integer 2"),
     (field(lambda x, a: (a * x[1], -x[0]), a=None), TypeError, "a must be integers, fractions or floats, not None"),

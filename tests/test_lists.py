@@ -174,7 +174,8 @@ def test_long_lists_do_what_numpy_does(W):
         expected = np.array([np.broadcast_to(values[number], W) for number in step.after_rare])
         numbers = listed.Numbers(step)
         program = listed.Program(step, [*step.usual, *step.rare], step.after_rare, numbers)
-        assert same_bits(found(program, x, numbers.of(step.table_of(given))), expected)
+        table = np.broadcast_to(step.table_of(given), (len(step.table), W))
+        assert same_bits(found(program, x, numbers.of(table)), expected)
         # The same list without a table, and sums of numbers alone, which have no regular runs.
         names = {number: k for k, number in enumerate([*range(4), *step.table])}
         inputs, renamed = [np.broadcast_to(values[number], W) for number in names], []
@@ -186,10 +187,11 @@ def test_long_lists_do_what_numpy_does(W):
         renamed += [("fmul", one, (0.5, 0)), ("fmul", two, (1, 2)), ("fadd", mixed, (one, two))]
         renamed += [("fadd", number, (float(number), 0.5)) for number in sums]
         results = [*(names[number] for number in step.after_rare), mixed, *sums]
-        program, numbers = listed.program_of(len(inputs), renamed, results)
+        program, numbers = listed.program_of(range(len(inputs)), (), renamed, results)
         last = [0.5 * x[0] + x[1] * x[2], *(np.full(W, number + 0.5) for number in sums)]
         expected = np.concatenate([expected, last])
-        assert same_bits(found(program, inputs, numbers), expected)
+        found_again = found(program, inputs, numbers.of(np.empty((0, W))))
+        assert same_bits(found_again, expected)
 
 
 def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():

@@ -189,7 +189,11 @@ def test_no_step_passes_over_a_pulse(g, integral, direction):
     assert abs(found[0] - direction * integral) < 1e-5 * integral
 
 
-@pytest.mark.parametrize(("start", "time"), [(0.0, 1e4), (1e7, 10.0)])
+# Interpreted, the long one takes minutes.
+LONG = pytest.param(0.0, 1e4, marks=pytest.mark.compiled)
+
+
+@pytest.mark.parametrize(("start", "time"), [LONG, (1e7, 10.0)])
 def test_time_may_be_large_where_all_else_is_small(start, time):
     """x'' = -x - x' / 10 + 1e-7 cos(3 t) from rest, whose solution is a sum of exponentials."""
     rates = np.array([3j, *np.roots([1, 0.1, 1])])

@@ -329,6 +329,33 @@ def test_other_kinds_of_stores():
             assert_same(call(ensemble, **ASKED, store=place), orbits)
 
 
+def test_two_that_begin_a_store_at_once(store, monkeypatch):
+    """With other chunks both have those of the first; another run is told what differs."""
+    run, begun = ASKED | {"omega0": np.linspace(0.0, 1.0, 20).reshape(10, 2)}, threading.Barrier(2)
+    given, errors = stores.create, []
+
+    def create(*arguments):
+        begun.wait(60)  # both have found that there is no store
+        given(*arguments)
+
+    def begin(name, **changes):
+        try:
+            call(ensemble, **run | changes, store=store.with_name(name))
+        except ValueError as error:
+            errors.append(str(error))
+
+    monkeypatch.setattr(stores, "create", create)
+    for name, change in (("a.zarr", {"chunk": 3}), ("b.zarr", {"eps": 0.3})):
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(lambda change, name=name: begin(name, **change), ({}, change)))
+        monkeypatch.setattr(stores, "create", given)
+        found = open_ensemble(store.with_name(name))
+        assert_same(found, call(iterate, **run | {"eps": found.eps.item()}))
+        monkeypatch.setattr(stores, "create", create)
+    assert len(errors) == 1
+    assert "b.zarr holds another run: eps: 0." in errors[0]
+
+
 def test_a_store_that_is_read_only(store):
     """It opens, and a finished run is found in it; what is missing is not written."""
     call(ensemble, **ASKED, store=store)

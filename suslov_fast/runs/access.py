@@ -77,6 +77,22 @@ async def put(target: Any, values: Mapping[str, Sequence[Any]]) -> None:
     await asyncio.gather(*(put_one(key, parts) for key, parts in values.items()))
 
 
+async def put_new(target: Any, key: str, value: bytes) -> bytes:
+    """Write bytes under a key that has none; return those that it has then.
+
+    Of several processes at once one succeeds, if the file system has hard links.
+    """
+    from zarr.buffer import default_buffer_prototype
+
+    if await get(target, key) is None:
+        try:
+            made = default_buffer_prototype().buffer.from_bytes(value)
+            await target.set_if_not_exists(key, made)
+        except OSError:
+            await put(target, {key: [value]})
+    return await get(target, key) or b""
+
+
 def _write(path: Path, parts: Sequence[Any]) -> None:
     """Write the parts of a file, which appears when it is complete; `LocalStore` needs a copy."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -161,8 +161,23 @@ def prepare(store: Any, data: Any, sizes: dict[str, int]) -> tuple[list[Tile], C
         received = f"{type(store).__name__}: write into a folder, and open_ensemble reads a copy"
         raise wrong("store", "a store that is written in parts, in any order", received)
     contents = read_contents(store)
-    ours, theirs = data.attrs, {} if contents is None else contents.attributes
-    differences = []
+    if contents is None:
+        _check_new(store, data)
+    else:
+        _require_same(store, data, contents.attributes)
+    if contents is not None and contents.arrays and contents.is_consolidated:
+        _restore_shared(store, data, contents)
+    else:
+        create(store, data, sizes, contents and contents.copy)
+        contents = read_contents(store)
+        assert contents is not None
+    lacks = lost(store, contents)
+    return sorted(lacks.tiles | lacks.pending), contents
+
+
+def _require_same(store: Any, data: Any, theirs: dict[str, Any]) -> None:
+    """Raise an error that names what differs if the attributes in a store are of another run."""
+    ours, differences = data.attrs, []
     for name in {**ours, **theirs} if theirs else ():
         if name not in ("version", "coordinates") and ours.get(name) != theirs.get(name):
             here, there = _in_words(ours.get(name)), _in_words(theirs.get(name))
@@ -172,16 +187,6 @@ def prepare(store: Any, data: Any, sizes: dict[str, int]) -> tuple[list[Tile], C
     if differences:
         what = f"{store} holds another run: {'; '.join(differences)}"
         raise ValueError(f"store: {what}; pass a new name, or the arguments of that run")
-    if contents is None:
-        _check_new(store, data)
-    if contents is not None and contents.arrays and contents.is_consolidated:
-        _restore_shared(store, data, contents)
-    else:
-        create(store, data, sizes, contents and contents.copy)
-        contents = read_contents(store)
-        assert contents is not None
-    lacks = lost(store, contents)
-    return sorted(lacks.tiles | lacks.pending), contents
 
 
 def passed_poles(store: Any, contents: Contents) -> tuple[int, tuple[tuple[int, ...], int] | None]:
@@ -268,13 +273,17 @@ def create(store: Any, data: Any, sizes: dict[str, int], copy: str | None = None
 
     With `copy`, the metadata are restored from it.
     """
-    target = access.reader(store, read_only=False)
-    tiled = json.loads(data.attrs["tiled"])
-    for text in access.run(access.texts(target, [f"{name}/zarr.json" for name in tiled])):
-        if text is not None:  # all arrays need the same tiles
-            array = stored_in("store", json.loads(text))
-            sizes = sizes | dict(zip(array.dims, array.chunks, strict=True))
-    made = _made(data, sizes)
+    target, made = access.reader(store, read_only=False), _made(data, sizes)
+    group = access.run(access.put_new(target, "zarr.json", made["zarr.json"]))
+    if copy is None:  # another process may have begun another run meanwhile
+        _require_same(store, data, json.loads(group)["attributes"])
+    # The array of states is made first: its chunks tell the tiles, which all arrays share.
+    batch = data["status"].dims
+    states = next(name for name in data if data[name].dims == ("n", *batch, "component"))
+    key = f"{states}/zarr.json"
+    if (found := access.run(access.put_new(target, key, made[key]))) != made[key]:
+        array = stored_in(states, json.loads(found))
+        made = _made(data, dict(zip(array.dims, array.chunks, strict=True)))
     chunks = {key: made.pop(key) for key in list(made) if not key.endswith("zarr.json")}
     there = access.run(access.existing(target, list(made)))
     access.run(access.put(target, {key: [made[key]] for key in made if key not in there}))

@@ -172,7 +172,7 @@ class _Lines:
                 steps = (stop - start) * stages
                 in_calls(self, take, self._line_arrays(), start, steps, *rows, abandoned)
                 return True
-        elif step.usual:
+        else:
             text_of = text_of_steps
             if self.columns is not None:
                 in_columns = self.scheme.stages.columns

@@ -379,3 +379,15 @@ def test_many_variables(rng, monkeypatch, has_plan):
         assert ended[:, 1, 0] == pytest.approx([8.2**0.5, 5**0.5], rel=1e-8)
     finally:
         tolerance._stage_of.cache_clear()
+
+
+def test_loops_raise_to_powers(monkeypatch):
+    """Exponents, which are rows of loops, of a single field and of a family."""
+    monkeypatch.setattr(core_flow, "MOST", 0)
+    monkeypatch.setattr(core_flow, "MOST_OF_ONE", 0)
+    family = of(lambda x, a: (x[1] - (1 + x[0] ** 2) ** a, -x[0]), 2, a=[0.4, 1.37])
+    found = flow(family, [0.3, 0.5], 1.0)
+    assert (flow(family[1], [0.3, 0.5], 1.0) == found[1]).all()
+    for a, state in zip([0.4, 1.37], found, strict=True):
+        [exact] = solution(lambda x, a=a: (x[1] - (1 + x[0] ** 2) ** a, -x[0]), [0.3, 0.5], [1.0])
+        assert abs(state - exact).max() < 1e-8

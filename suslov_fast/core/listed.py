@@ -34,7 +34,9 @@ KINDS = [
       for a, b in product("rt", "rt")),
     *((instruction, "rr") for instruction in JOINING),
     *(("select", "r" + a + b) for a, b in product("rt", "rt")),
-    *((function, "rt" if function == "pow" else "r") for function in OF_LIBRARY),
+    *((function, "r") for function in OF_LIBRARY if function != "pow"),
+    ("pow", "rr"),  # where parameters are rows, as in programs of `flow`
+    ("pow", "rt"),
     ("fabs", "r"),
     ("sqrt", "r"),
     ("copy", "r"),

@@ -4,8 +4,13 @@ All columns of a step may agree on words that no state has, or on a state that h
 Operations of `values` make the tests from `lift.Variables` of the states at both ends.
 """
 
-LARGEST_ANGLE = 16.0  # of a sine in a step: the least with which columns can be far apart
-LARGEST_RISE = 8.0  # of an exponent in a step, before its maximum
+LARGEST_ANGLE = (
+    16.0  # of a sine in a step; beyond it columns may agree on less turns than there are
+)
+LARGEST_OF_TAN = 3.0  # less than pi, so that no more than one pole is in a step
+# Rise of an exponent in a step to a maximum, and fall from it, or modulus of the argument of a cosh
+# at both ends: exp, or 1 / cosh, is below 1/1000 of its maximum there.
+LARGEST_RISE = 8.0
 LEFT = 0.125  # how far words may be from those of the state, in units of themselves or of 1
 OF_ONE_SIGN = {"inverse", "root", "power", "exp", "cosh"}
 
@@ -54,7 +59,8 @@ def follows(indices, values, even, before, after):
             found.append(_are_alike(values, p, p_after))
         elif function == "tan" and variable in used:
             rise = emit("fsub", after.numbers[variable], before.numbers[variable])
-            found.append(_are_alike(values, change, rise))
+            found.append(emit("oge", LARGEST_OF_TAN, emit("fabs", change)))
+            found.append(emit("oge", emit("fmul", change, rise), 0.0))
         elif function == "exp" and slope and {*slope} <= even:
             first, last = (
                 values.joined("fadd", [emit("fmul", each[j], of_state[j]) for j in each])
@@ -70,7 +76,7 @@ def follows(indices, values, even, before, after):
 
 
 def _are_alike(values, a, b):
-    """Return whether two numbers have the same sign, as far as they have one."""
+    """Return whether both of two numbers are below 0, or none is."""
     signs = (values.emit("olt", each, 0.0) for each in (a, b))
     differ = values.emit("xor", *signs)
     return values.emit("oeq", values.emit("select", differ, 1.0, 0.0), 0.0)

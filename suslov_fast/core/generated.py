@@ -50,7 +50,7 @@ class _Steps:
 
     A block of lines takes all steps before the next block begins; a step takes one line after the
     other. A line takes the block `rare` where the usual operations do not suffice, and `careful`
-    where those do not.
+    where those of `rare` do not either.
 
     of        `CodeArguments`, as values
     single    names of the state of a single orbit, which stays in registers: a load would wait for

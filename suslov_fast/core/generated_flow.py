@@ -154,7 +154,7 @@ class _Flow:
         return value if self.text.W == 1 else self.text.splat(value, self.text.W)
 
     def value(self, t, of_line):
-        """Return value v number t."""
+        """Return the value of a term, or a coefficient of the lift, by its number."""
         if self.for_each:
             return self.row(of_line, t)
         return self.scalar(self.text.plus(of_line, 8 * t))

@@ -172,8 +172,8 @@ class Step:
                 `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
     lift, prologue  None, (); of lifted fields see `lift.Lifting`, as for the next two
-    given       the number of components of the state
-    parameters  the number of values of a field
+    given, parameters   the numbers of components of the state, and of values of a field
+    is_long     true if loops carry out the operations, because there are more than MANY
     of_one_sign   components that keep their signs along the motion
     keeps_signs   true if the operations are a whole step, so that they test these signs
     """

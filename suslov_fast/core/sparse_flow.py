@@ -48,8 +48,11 @@ def sparse_stages(part, parts, pattern, halves, rows, least, memory):
 @kernel
 def sums_of_terms(part, parts, indices, values, x, sums, of_moduli):
     """Set the sums (D, W) of terms, or of moduli, of values (T, 1 or W) and states (D, W)."""
+    indices, values, x, sums = uncounted((indices, values, x, sums))
     (D, W), own = x.shape, int(values.shape[1] > 1)
-    sums[:] = 0.0
+    for i in range(D):
+        for l in range(W):
+            sums[i, l] = 0.0
     for t in range(len(values)):
         i, j, k = indices[0, t], indices[1, t], indices[2, t]
         for l in range(W):
@@ -75,22 +78,20 @@ def _programs_of(step):
     words, fixed, stage = None, None, None
     if step.lift is None:
         signs, even = of_one_sign(step.indices), with_constant_rates(step.indices, D)
-        beginning, first = Beginning(None, D, D), 2 * D + 2
-        choice, count = Choice(None, D, D, signs, even), 6 * D + 9
+        beginning, choice = Beginning(None, D, D), Choice(None, D, D, signs, even)
     else:
-        beginning, first = step.beginning, D + step.T + 2
-        choice, count = step.choice, D + 4 * n + step.parameters + 9 + D - n
+        beginning, choice = step.beginning, step.choice
         operations, results = [*step.fixed, *step.prologue], [*step.lifted, step.least]
         words = program_of([*range(n), *parameters], (), operations, results)
     if step.usual:
         results = [*step.after] if step.lift is not None else [*step.after, step.least]
         fixed = program_of(parameters, (), step.fixed, step.table)
         stage = program_of(range(D), step.table, step.usual, results)
-    return _Programs(
-        program_of(range(first), (), beginning.operations, beginning.results),
-        program_of(range(count), (), choice.operations, choice.results),
-        words, fixed, stage,
-    )  # fmt: skip
+    beginning, choice = (
+        program_of(range(each.inputs), (), each.operations, each.results)
+        for each in (beginning, choice)
+    )
+    return _Programs(beginning, choice, words, fixed, stage)
 
 
 class Loops:

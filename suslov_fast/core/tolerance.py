@@ -35,7 +35,7 @@ take x for sqrt(x**2 + 1e-6). A word g(p) has left the state if it differs by an
 (tanh: of 1), and if this changes h f by more than the tolerance allows. Nor is a step taken over a
 pole of a variable, such as 1 / (t - 1), or one in which the angle of a sine turns by more than 16:
 with very long steps all columns leave an oscillation where it was. Nor is one taken over a pulse
-exp(p(t)).
+exp(p(t)) or 1 / cosh(p); `agreement` has these tests.
 
 The first length is that in which |x| changes by the part min(5 rtol**(1/8), 1), which is too short
 for most motions: few first steps are refused, and the next one may be ten times as long.
@@ -154,6 +154,7 @@ class Beginning:
     values v of the terms (T); the last time, and rtol. Without `indices` the components of f(x) (n)
     take the place of v.
 
+    inputs    how many values are given
     results   numbers of x (NaN where f(x) has no value), the largest moduli (n each), the length,
               and the first length of `Choice`
     """
@@ -180,7 +181,7 @@ class Beginning:
         length = emit("select", finite, emit("select", moves, length, last), 0.0)
         states = [emit("select", finite, k, np.nan) for k in range(n)]
         self.results = [*states, *moduli, length, emit("fmul", SMALLEST_FIRST, length)]
-        self.operations = values.operations
+        self.inputs, self.operations = D + T + 2, values.operations
 
 
 class _OfTime(NamedTuple):
@@ -207,6 +208,7 @@ class Choice:
     has the components that keep their signs, `even` those with constant rates. Without `indices`
     the sums |terms of f_i| (n) take the place of v.
 
+    inputs    how many values are given
     results   numbers of the next state and the largest moduli (n each), t, the length, its factor,
               and the steps
     """
@@ -214,7 +216,8 @@ class Choice:
     def __init__(self, indices, D, n, signs, even=(), lift=None):
         T = n if indices is None else indices.shape[1]
         first_value, first_word = D + 4 * n, D + 4 * n + T + len(_OfTime._fields)
-        self.values = Values(first_word + (D - n + lift.coefficients if lift else 0), ())
+        more = D - n + lift.coefficients if lift else 0
+        self.values = Values(first_word + more, ())
         self.emit, self.joined = self.values.emit, self.values.joined
         self.indices, self.D, self.n, self.lift = indices, D, n, lift
         self.x, rows = range(D), [range(k, k + n) for k in range(D, first_value, n)]
@@ -232,7 +235,7 @@ class Choice:
         is_resolved = self.joined("and", is_resolved)
         good, factor = self._judged(after, allowed, is_resolved)
         self._go_on(after, sizes, good, factor)
-        self.operations = self.values.operations
+        self.inputs, self.operations = first_word + more, self.values.operations
         if lift is not None:  # derivatives of words have no use here
             self.operations = needed_for(self.results, self.operations)
 

@@ -1,7 +1,5 @@
 """Words of states of lifted fields, and whether a step from there passes a pole."""
 
-import functools
-
 import numpy as np
 
 from .lines import zeros
@@ -21,11 +19,13 @@ class Words:
         if self.code is not None:
             self.program, self.numbers = words_program(step)
             self.rows = zeros(self.program.rows, W)
-            self._numbers_of = functools.lru_cache(1)(self._numbers_of_line)
+            self.last = None, None  # a line, and its numbers
 
-    def _numbers_of_line(self, line):
-        table = self.table[line]
-        return self.numbers.of(np.broadcast_to(table, (len(table), self.W)))
+    def _numbers_of(self, line):
+        if self.last[0] != line:
+            table = self.table[line]
+            self.last = line, self.numbers.of(np.broadcast_to(table, (len(table), self.W)))
+        return self.last[1]
 
     def at(self, x, lines):
         """Return the words (n, D - given, W) of states x (n, D, W), and truth values (n, W).

@@ -1,4 +1,4 @@
-"""Requests to a Zarr store: which keys it has, and the values of small ones."""
+"""Requests to a Zarr store: which keys it has, and their values, read and written."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..checks import wrong
 
 T = TypeVar("T")
 
-# Simultaneous requests for keys that a listing does not have.
+# Simultaneous requests, for keys that a listing does not have and of writing.
 _AT_A_TIME = 64
 
 
@@ -58,13 +58,18 @@ def opened(store: Any) -> Any:
     return run(StorePath.open(store, path="")).store
 
 
+def check_writable(target: Any) -> None:
+    if target.read_only:
+        raise wrong("store", "a store that can be written", f"{target}, which is read-only")
+
+
 async def put(target: Any, values: Mapping[str, Sequence[Any]]) -> None:
     """Write values, each in parts that are bytes or arrays of bytes, several keys at a time."""
     from zarr.buffer import default_buffer_prototype
     from zarr.storage import LocalStore
 
-    if values and target.read_only:
-        raise wrong("store", "a store that can be written", f"{target}, which is read-only")
+    if values:
+        check_writable(target)
     buffer, turn = default_buffer_prototype().buffer, asyncio.Semaphore(_AT_A_TIME)
 
     async def put_one(key: str, parts: Sequence[Any]) -> None:
@@ -84,6 +89,7 @@ async def put_new(target: Any, key: str, value: bytes) -> bytes:
     """
     from zarr.buffer import default_buffer_prototype
 
+    check_writable(target)
     if await get(target, key) is None:
         try:
             made = default_buffer_prototype().buffer.from_bytes(value)

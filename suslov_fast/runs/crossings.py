@@ -156,8 +156,9 @@ class Crossings(Result):
 
         def __getitem__(self, index: Any) -> Any:
             labels = self.body._labels
-            k = labels.index(index) if index in labels else "k" if isinstance(index, str) else ""
-            how = f"crossings.states[:, {k}]" if k != "" else "crossings.states[k], or of(i)"
+            how = "crossings.states[k], or of(i)"
+            if isinstance(index, str):
+                how = f"crossings.states[:, {labels.index(index) if index in labels else 'k'}]"
             raise TypeError(f"crossings[{short(index)}]: use {how}")
 
     @property

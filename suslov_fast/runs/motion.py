@@ -23,9 +23,9 @@ from ..engine.threads import available, call_kernel
 DEFAULT, LEAST, MOST = 1e-9, 1e-13, 1e-2
 # Trajectories of a `Motion`, and steps of the map for one, by which threads are chosen.
 _CHUNK, _USUAL = 2**12, 600
-# An added variable above it is worth a word if steps become ever shorter; and the part of the time
-# up to there at which it is computed.
-_STEEP, _SHORTLY_BEFORE = 1e6, 1 - 1e-6
+# An added variable above it is worth a word if steps become ever shorter; the part of the time up
+# to there at which it is computed; and the most words of a field for which it is.
+_STEEP, _SHORTLY_BEFORE, _FEW_WORDS = 1e6, 1 - 1e-6, 50
 
 
 def checked_tolerance(rtol: Any) -> float:
@@ -179,8 +179,11 @@ def _warn_of_ends(
 
 
 def _steepness(problem: Problem, end: float, b: int, rtol: float) -> str:
-    """Return which definition of a lifted field is very large where a solution ends, or ""."""
-    if lift_of(problem.body) is None:
+    """Return which definition of a lifted field is very large where a solution ends, or "".
+
+    It takes the motion again, which would take minutes for many words.
+    """
+    if lift_of(problem.body) is None or words_of(problem.body) > _FEW_WORDS:
         return ""
     place = np.unravel_index(b, problem.batch)
     one = part_of(problem, tuple(slice(int(k), int(k) + 1) for k in place))

@@ -342,6 +342,8 @@ def test_components_of_bodies_are_named_in_any_case():
         POINTS["w"]
     with pytest.raises(TypeError, match=r"crossings\[0\]: use crossings\.states\[k\], or of\(i\)"):
         POINTS[0]
+    with pytest.raises(TypeError, match=r"crossings\[.*\]: use crossings\.states\[k\], or of\(i\)"):
+        POINTS[POINTS.valid]
 
 
 def test_values_at_one_state_are_numbers():

@@ -4,9 +4,7 @@ All columns of a step may agree on words that no state has, or on a state that h
 Operations of `values` make the tests from `lift.Variables` of the states at both ends.
 """
 
-LARGEST_ANGLE = (
-    16.0  # of a sine in a step; beyond it columns may agree on less turns than there are
-)
+LARGEST_ANGLE = 16.0  # of a sine in a step; beyond it columns may agree without its turns
 LARGEST_OF_TAN = 3.0  # less than pi, so that no more than one pole is in a step
 # Rise of an exponent in a step to a maximum, and fall from it, or modulus of the argument of a cosh
 # at both ends: exp, or 1 / cosh, is below 1/1000 of its maximum there.

@@ -28,7 +28,7 @@ LONGEST = COLUMNS[-1]
 DIFFERENCE = np.array([(-1) ** k * comb(LONGEST, k) / 2**LONGEST for k in range(1, LONGEST + 1)])
 ACTIVE = 2**15  # bytes of the rows of lines that are taken side by side
 # Operations of a stage (of a lifted field: of all lists), above which compiling takes longer than
-# most runs; and for one trajectory of a lifted field: that takes 3 s, and steps a fifth of the time.
+# most runs. One trajectory of a lifted field has more: compiled in 3 s, five times as fast.
 MOST, MOST_OF_ONE = 10_000, 25_000
 BUDGET = 2**21  # steps of lines times operations of a stage, after which Python handles Ctrl-C
 

@@ -365,7 +365,9 @@ def test_a_store_that_is_read_only(store):
     with pytest.raises(ValueError, match="store must be a store that can be written, not file://"):
         call(ensemble, **ASKED, store=closed)
     assert not (store / "final/c/0/0").exists()
-    new = zarr.storage.LocalStore(store.with_name("new"), read_only=True)
+    empty = store.with_name("empty")
+    empty.mkdir()
+    new = zarr.storage.LocalStore(empty, read_only=True)
     with pytest.raises(ValueError, match="store must be a store that can be written, not file://"):
         call(ensemble, **ASKED, store=new)
 

@@ -37,11 +37,6 @@ class Parameters(dict[str, Any]):
         how = f"make it again with {name}={checks.short(value)}"
         raise TypeError(f"parameters of a body or field cannot be changed: {how}")
 
-    def _refuse(self, *_: Any, **more: Any) -> Any:
-        raise TypeError("parameters of a body or field cannot be changed: make it again")
-
-    __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
-
     def __reduce__(self) -> tuple[Any, ...]:
         return dict, (dict(self),)
 

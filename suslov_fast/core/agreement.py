@@ -5,7 +5,6 @@ Operations of `values` make the tests from `lift.Variables` of the states at bot
 """
 
 LARGEST_ANGLE = 16.0  # of a sine in a step; beyond it columns may agree without its turns
-LARGEST_OF_TAN = 3.0  # less than pi, so that no more than one pole is in a step
 # Rise of an exponent in a step to a maximum, and fall from it, or modulus of the argument of a cosh
 # at both ends: exp, or 1 / cosh, is below 1/1000 of its maximum there.
 LARGEST_RISE = 8.0
@@ -57,7 +56,6 @@ def follows(indices, values, even, before, after):
             found.append(_are_alike(values, p, p_after))
         elif function == "tan" and variable in used:
             rise = emit("fsub", after.numbers[variable], before.numbers[variable])
-            found.append(emit("oge", LARGEST_OF_TAN, emit("fabs", change)))
             found.append(emit("oge", emit("fmul", change, rise), 0.0))
         elif function == "exp" and slope and {*slope} <= even:
             first, last = (

@@ -10,7 +10,6 @@ from .bodies.rigid import Suslov3D as Suslov3D
 from .bodies.rigid import SuslovGyrostat as SuslovGyrostat
 from .engine.random_starts import RandomStarts as RandomStarts
 from .engine.status import PoleWarning as PoleWarning
-from .engine.status import SingularStepError as SingularStepError
 from .engine.status import SingularStepWarning as SingularStepWarning
 from .engine.status import Status as Status
 from .plots.animation import animate_body as animate_body
@@ -36,6 +35,7 @@ from .quantities.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .runs.crossings import Crossings as Crossings
 from .runs.ensemble import ensemble as ensemble
 from .runs.ensemble import open_ensemble as open_ensemble
+from .runs.failures import SingularStepError as SingularStepError
 from .runs.find_crossings import crossings as crossings
 from .runs.iterate import iterate as iterate
 from .runs.iterate import step as step

@@ -1,23 +1,16 @@
-"""Statuses of trajectories, and one warning or error for all trajectories that failed."""
+"""Statuses of trajectories, and one warning for all trajectories that passed a pole."""
 
 from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import first_index, spell, warn
 from ..core import codes
-
-if TYPE_CHECKING:  # of users, in whose hands an error is
-    from ..runs.crossings import Crossings
-    from ..runs.trajectories import Trajectories
-
-OnSingular = Literal["warn", "raise", "ignore"]
-ON_SINGULAR = "warn", "raise", "ignore"
 
 
 class Status(IntEnum):
@@ -119,41 +112,6 @@ class PoleWarning(RuntimeWarning):
     """
 
 
-class SingularStepError(ArithmeticError):
-    """Some trajectories of a batch failed before their last step, and ``on_singular="raise"``.
-
-    Attributes
-    ----------
-    trajectories : Trajectories
-        The whole batch of :func:`iterate`, with the trajectories that did not fail.
-    crossings : Crossings
-        The result of :func:`crossings`, in place of `trajectories`.
-
-    Examples
-    --------
-    >>> from suslov_fast import QuadraticField, SingularStepError, iterate
-    >>> try:
-    ...     run = iterate(QuadraticField([[[1]]]), [[-0.5], [1.0]], 1.0, 3, on_singular="raise")
-    ... except SingularStepError as error:
-    ...     print(error)
-    ...     run = error.trajectories
-    1 of 2 trajectories: singular step, first: 1 at step 1
-    >>> run.status.tolist()
-    [0, -1]
-    """
-
-    trajectories: Trajectories = None  # type: ignore[assignment]
-    crossings: Crossings = None  # type: ignore[assignment]
-
-    def __init__(self, message: str, result: Any, name: str = "trajectories") -> None:
-        super().__init__(message)
-        self.result, self.name = result, name
-        setattr(self, name, result)
-
-    def __reduce__(self) -> tuple[type, tuple[str, Any, str]]:
-        return type(self), (str(self), self.result, self.name)
-
-
 def first_beyond(failed_at: NDArray[np.int64], first_pole: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the number of the first state beyond the motion, or the largest integer if none.
 
@@ -168,45 +126,6 @@ def count_in_words(status: NDArray[np.int8], first_pole: NDArray[np.int64]) -> s
     passed = np.count_nonzero(first_pole >= 0)
     text = f"failed: {np.count_nonzero(status < 0)} of {status.size}"
     return f"{text}, passed a pole: {passed}" if passed else text
-
-
-def report_failures(
-    run: Any, march: Any, on_singular: OnSingular, since: int = 0, name: str = "trajectories"
-) -> None:
-    """Warn that trajectories of a run failed at step `since` or later, or raise an error.
-
-    The run has the statuses, and the march made it. The error has the run as its attribute `name`.
-    Passed poles are never more than a warning.
-    """
-    status, failed_at = run.status, run.failed_at
-    if not (status.item() if status.size == 1 else status.any()):
-        return
-    if on_singular != "ignore":
-        report_poles(march.problem, march.steps, status, failed_at, since, march.told_by_signs)
-    if status.min() >= 0:
-        return
-    texts = []
-    for code, cause in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
-        failed = (failed_at >= since) & (status == code)
-        if failed.any():
-            index = first_index(failed)
-            texts.append(
-                f"{np.count_nonzero(failed)} of {failed.size} trajectories: {cause}, "
-                f"first: {spell(index)} at step {failed_at[index]}"
-            )
-    passed = (status < 0) & (failed_at >= since) & (run.first_pole >= 0)
-    if texts and passed.any():
-        why = "eps is too long"
-        why += ", or the motion escapes" if march.problem.body._may_escape else ""
-        texts.append(f"{np.count_nonzero(passed)} of them had passed a pole before: {why}")
-    at_once = (status == Status.NONFINITE) & (failed_at == 1)
-    if texts and since <= 1 and at_once.any():
-        texts.append(march.problem.body._without_value(march.problem.omega, at_once))
-    message = "; ".join(filter(None, texts))
-    if message and on_singular == "raise":
-        raise SingularStepError(message, run, name)
-    if message and on_singular == "warn":
-        warn(message, SingularStepWarning)
 
 
 def report_poles(

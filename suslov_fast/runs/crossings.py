@@ -15,12 +15,13 @@ from .. import checks
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, integer, one_of, short, wrong
 from ..engine.problem import Problem
-from ..engine.status import ON_SINGULAR, OnSingular, first_beyond, report_failures
+from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import nearest, public
 from ..maps import Map
 from .columns import ARGUMENTS, CROSSINGS
+from .failures import ON_SINGULAR, OnSingular, report_failures
 from .results import INSTEAD_IN_CROSSINGS, Result, in_short, read_only
 from .search import Search, Surface, check_surface
 

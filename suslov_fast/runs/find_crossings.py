@@ -9,11 +9,11 @@ from ..bodies.classes import BodyOrField
 from ..checks import integer, one_of
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
-from ..engine.status import ON_SINGULAR, OnSingular
 from ..engine.stretches import March, Progress, reporter
 from ..keywords import public
 from ..maps import map_of
 from .crossings import Crossings, searched
+from .failures import ON_SINGULAR, OnSingular
 from .search import Search, Surface, check_surface
 
 

@@ -12,11 +12,11 @@ from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, integer
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
-from ..engine.status import OnSingular, report_failures
 from ..engine.stretches import March, Progress
 from ..keywords import public
 from ..maps import Method, map_of
 from ..quantities.evaluation import mask_and_warn
+from .failures import OnSingular, report_failures
 from .trajectories import Trajectories, run_to_end
 
 

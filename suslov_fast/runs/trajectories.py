@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, checked_out, integer, one_of
 from ..engine.problem import Problem
-from ..engine.status import ON_SINGULAR, OnSingular, first_beyond, report_failures
+from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, largest_errors, reporter
 from ..engine.threads import thread_count
 from ..keywords import nearest, public
 from ..maps import Map
 from .columns import names_kept
+from .failures import ON_SINGULAR, OnSingular, report_failures
 from .results import INSTEAD_IN_RUNS, QUANTITIES, Result, in_short, quantity, read_only
 
 if TYPE_CHECKING:

@@ -223,7 +223,8 @@ def callables():
     things = [getattr(module, name) for module in modules for name in module.__all__]
     things += [maps.register, maps.steps_of]
     for thing in {id(each): each for each in [*things, *MADE_BY_USERS]}.values():
-        if inspect.isfunction(thing) and not hasattr(thing, "py_func"):
+        # Functions of users' loops, which are such in interpreted runs, have other qualified names.
+        if inspect.isfunction(thing) and thing.__qualname__ == thing.__name__:
             yield thing.__name__, thing
         if thing in MADE_BY_USERS:
             yield thing.__name__, thing

@@ -329,6 +329,7 @@ def test_parameters_of_families_in_arrays():
             assert abs(found[k] - exact).max() < 1e-7
 
 
+@pytest.mark.compiled  # interpreted, 250,000 steps take minutes
 @pytest.mark.parametrize(("f", "parameters"), [
     (lambda x: (-np.cbrt(x[0]),), {}), (lambda x, a: (-np.cbrt(a * x[0]),), {"a": [1.0, 1.0]}),
 ])  # fmt: skip
@@ -354,7 +355,7 @@ def test_numpy_takes_the_same_steps(rng, monkeypatch):
 
 
 @pytest.mark.slow_to_compile
-@pytest.mark.parametrize("has_plan", [True, False])
+@pytest.mark.parametrize("has_plan", [pytest.param(True, marks=pytest.mark.compiled), False])
 def test_many_variables(rng, monkeypatch, has_plan):
     """Loops in place of code: the same to rounding; bits over batches and fields."""
     family = of(predator_prey, 2, K=[2.0, 3.0, 4.0])
@@ -365,7 +366,8 @@ def test_many_variables(rng, monkeypatch, has_plan):
     monkeypatch.setattr(core_flow, "MOST_OF_ONE", 0)
     monkeypatch.setattr(core_flow, "code_of", lambda *_: pytest.fail("compiled"))
     if not has_plan:
-        monkeypatch.setattr("suslov_fast.core.operations.MOST", 0)
+        monkeypatch.setattr("suslov_fast.core.operations.MOST", -1)
+        monkeypatch.setattr("suslov_fast.core.operations.PART_OF_DENSE", 0)
     tolerance._stage_of.cache_clear()
     try:
         found = flow(family, starts, times)

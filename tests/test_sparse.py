@@ -9,7 +9,7 @@ from suslov_fast.core import generated_tangent, sparse_tangent
 from suslov_fast.core.careful import CHANGED
 from suslov_fast.core.dense import dense_steps, spans_of
 from suslov_fast.core.elimination import LEAST_PIVOT
-from suslov_fast.core.sparse import pattern_of, size_of, sparse_steps
+from suslov_fast.core.sparse import is_sparse, pattern_of, size_of, sparse_steps
 from suslov_fast.core.steps_field import scheme_of
 
 D = 11
@@ -49,7 +49,7 @@ def pivots_of(A, order):
 
 @pytest.mark.parametrize("for_each", [False, True])
 @pytest.mark.parametrize("W", [1, 8])
-@pytest.mark.parametrize("is_dense", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("is_dense", [False, pytest.param(True, marks=pytest.mark.slow_to_compile)])
 def test_steps_solve_the_implicit_equations(rng, is_dense, W, for_each):
     """Where pivots are large enough; other lanes wait, and those with det A < 0 are told."""
     indices = terms(rng)
@@ -88,6 +88,14 @@ def test_steps_solve_the_implicit_equations(rng, is_dense, W, for_each):
     taken = np.array([3, 0])
     steps.serial(field, given, (255, 255, 1), x, memory, taken)
     assert taken.tolist() == [3, 0]
+
+
+@pytest.mark.parametrize(("entries", "expected"), [(2, True), (4, False)])
+def test_fields_are_sparse_if_rows_have_few_entries(entries, expected):
+    """Fewer than an eighth of 32 in a row of f'."""
+    i, j = np.divmod(np.arange(32 * entries), entries)
+    indices = np.stack([i, (i + j) % 32, np.full(len(i), 32)])
+    assert is_sparse(scheme_of(indices, 32).step) == expected
 
 
 class Columns:

@@ -32,14 +32,18 @@ class Words:
 
         `lines` is the range of the numbers of these lines. Without machine code NumPy does it.
         """
+        if self.code is not None:
+            return self._by_code(x, lines)
         step = self.step
-        if self.code is None:
-            table = self.table[lines.start : lines.stop] if len(self.table) > 1 else self.table
-            values = dict(enumerate(x[:, : step.given].swapaxes(0, 1)))
-            values.update(zip(step.table, table.swapaxes(0, 1), strict=True))
-            evaluate(step.prologue, values)
-            words = [np.broadcast_to(values[number], x[:, 0].shape) for number in step.lifted]
-            return np.stack(words, axis=1), np.broadcast_to(values[step.turned], x[:, 0].shape)
+        table = self.table[lines.start : lines.stop] if len(self.table) > 1 else self.table
+        values = dict(enumerate(x[:, : step.given].swapaxes(0, 1)))
+        values.update(zip(step.table, table.swapaxes(0, 1), strict=True))
+        evaluate(step.prologue, values)
+        words = [np.broadcast_to(values[number], x[:, 0].shape) for number in step.lifted]
+        return np.stack(words, axis=1), np.broadcast_to(values[step.turned], x[:, 0].shape)
+
+    def _by_code(self, x, lines):
+        step = self.step
         words, turned = np.empty((len(x), len(step.lifted), self.W)), np.empty(x[:, 0].shape, bool)
         for k, line in enumerate(lines):
             self.rows[: step.given] = x[k, : step.given]

@@ -7,6 +7,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.core import (
+    in_calls,
     listed,
     listed_code,
     machine_code,
@@ -204,7 +205,7 @@ def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
     notes = np.zeros(8, np.int8), np.zeros(8, np.int64), np.zeros(8)
     given = scheme, np.atleast_2d(values), np.array([0.1])
     lines = steps_field._Lines(given, x, notes, np.zeros((3, 8)), 8)
-    take = listed_code.taker_of(lines, listed_code.listed_code(8, False))
+    take = in_calls.taker_of(lines, listed_code.listed_code(8, False))
     heads = weakref.ref(listed.programs_of(scheme.step).usual.runs.heads)
     listed.programs_of.cache_clear()
     assert heads() is not None

@@ -1,11 +1,16 @@
 """Steps of fields of many variables: Python calls for a line of lanes, many stages at a time."""
 
+import functools
+
 import numpy as np
 
 from .careful import CHANGED, arguments_of, careful
 from .dense import dense_steps, spans_of
 from .generated_stages import BASE
-from .machine_code import call_procedure
+from .lines import zeros
+from .listed import programs_of
+from .listed_code import SLOT, ListArguments
+from .machine_code import call, call_procedure
 from .sparse import is_sparse, pattern_of, size_of, sparse_steps
 from .stages import distinct, weights_of
 
@@ -13,30 +18,31 @@ from .stages import distinct, weights_of
 def in_calls(lines, take, arrays, start, steps, saved, until, between, abandoned):
     """Take so many stages of all lines; save states.
 
-    take(line, place, most) takes up to `most` stages of a line with the fraction of eps at `place`
-    of `distinct`, and returns how many it took, with bits of lanes: bad + 256 negative, as of
-    `step_carefully`, in the last. Other arguments are those of `_Lines.take` and `CodeArguments`;
-    `arrays` are those of `careful`.
+    take(line, stage, most) takes up to `most` stages of a line from this one on, and returns how
+    many it took, with bits of lanes: bad + 256 negative, as of `step_carefully`, in the last. Other
+    arguments are those of `_Lines.take` and `CodeArguments`; `arrays` are those of `careful`.
     """
     stages, W, own = lines.scheme.stages, lines.W, arguments_of(arrays, start)
-    weights, places = weights_of(stages), distinct(stages.fractions)[1]
-    is_lifted, ended = lines.given < lines.D, lines.marks[0]
-    at_once = _stages_at_once(stages, 1 if is_lifted else steps)
+    weights, ended = weights_of(stages), lines.marks[0]
+    lifts = lines.given < lines.D and _words_in_code(lines) is None
+    at_once = _stages_at_once(lines, 1 if lifts else steps)
     for line in range(lines.count):
         n, row, saves_at = 0, 0, until
         lanes = slice(line * W, min((line + 1) * W, lines.B))
         while n < steps and not abandoned:
             stage = n % len(weights)
-            if is_lifted and stage == 0:
+            if lifts and stage == 0:
                 lines.lift(arrays, start, n, slice(line, line + 1))
             most = min(at_once[stage], steps - n)
             if saves_at >= 0:
                 most = min(most, saves_at - n + 1)
-            taken, bits = take(line, places[stage], most)
+            taken, bits = take(line, stage, most)
             n += taken
             stage = (n - 1) % len(weights)
-            if bits:
-                call_procedure(careful.address, own, line, bits & 255, bits >> 8, n - 1)
+            if bits >> 8:  # first, because a lane may also be one of those that took no step
+                call_procedure(careful.address, own, line, 0, bits >> 8, n - 1)
+            if bits & 255:
+                call_procedure(careful.address, own, line, bits & 255, 0, n - 1)
             is_whole = lines.columns is not None and stage == len(weights) - 1
             if weights[stage, 0]:
                 of = slice(line, line + 1)
@@ -54,14 +60,25 @@ def in_calls(lines, take, arrays, start, steps, saved, until, between, abandoned
                 row, saves_at = row + 1, saves_at + between + 1
 
 
-def _stages_at_once(stages, steps):
-    """Return, for each stage, how many have its fraction from there on; a column has its own."""
-    fractions = stages.fractions
-    if len(fractions) == 1:
-        return [steps]
-    counts = [1] * len(fractions)
-    for k in range(len(fractions) - 2, -1, -1):
-        if fractions[k] == fractions[k + 1]:
+def _words_in_code(lines):
+    """Return `Words` if the code of a long list computes them in its steps, else None."""
+    is_simple = lines.scheme.step.usual and lines.columns is None
+    return lines.words if lines.given < lines.D and is_simple else None
+
+
+def _stages_at_once(lines, steps):
+    """Return, for each stage, how many may be taken at once from there on.
+
+    They have the same fraction if loops over terms take them, and end with the whole step if lines
+    have columns.
+    """
+    fractions, columns = lines.scheme.stages
+    count, has_lists = len(fractions), bool(lines.scheme.step.usual)
+    if count == 1 or (has_lists and lines.columns is None):
+        return [steps] * count
+    counts = [1] * count
+    for k in range(count - 2, -1, -1):
+        if fractions[k] == fractions[k + 1] or (has_lists and not columns):
             counts[k] += counts[k + 1]
     return counts
 
@@ -73,7 +90,7 @@ def taker_without_plan(lines):
     """
     (step, stages), (ended, passed) = lines.scheme, lines.marks
     W, D = lines.W, lines.D
-    fractions, kept = distinct(stages.fractions)[0], {}
+    (fractions, places), kept = distinct(stages.fractions), {}
     tells, taken = lines.given == D, np.zeros(2, np.int64)  # `lift` tells poles of lifted fields
     tells_signs = int(tells and len(stages.fractions) == 1)
     if is_sparse(step):
@@ -90,8 +107,8 @@ def taker_without_plan(lines):
         def prepared(half):
             return field, np.ascontiguousarray(half[field.terms].T)
 
-    def take(line, place, most):
-        of_line = line % len(lines.halves)
+    def take(line, stage, most):
+        of_line, place = line % len(lines.halves), places[stage]
         if (of_line, place) not in kept:
             if lines.for_each:
                 kept.clear()  # coefficients of all members would fill the memory
@@ -100,5 +117,52 @@ def taker_without_plan(lines):
         taken[:] = most, 0
         steps.serial(*kept[of_line, place], marks, lines.x[line], memory, taken)
         return map(int, taken)
+
+    return take
+
+
+def taker_of(lines, address):
+    """Return the function that takes steps of a line with `listed_code`, see `in_calls`."""
+    (step, stages), W, D = lines.scheme, lines.W, lines.D
+    programs, (ended, passed) = programs_of(step), lines.marks
+    rows, addresses = zeros(programs.rows, W), []
+    for program in (programs.usual, programs.rare):
+        heads, of_runs = program.runs
+        addresses += heads.ctypes.data, of_runs.ctypes.data, len(heads), program.results.ctypes.data
+    places = distinct(stages.fractions)[1]
+    arguments = dict.fromkeys(ListArguments._fields, 0)
+    arguments |= zip(ListArguments._fields[2:10], addresses, strict=True)
+    arguments |= {
+        "rows": rows.ctypes.data, "changed": 2 if step.changed is None else 3, "D": D,
+        "stages": len(places), "given": lines.given,
+    }  # fmt: skip
+    words = _words_in_code(lines)
+    if words is not None:
+        (heads, of_runs), results = words.program.runs, words.program.results
+        arguments |= {
+            "lift_runs": len(heads), "lift_heads": heads.ctypes.data,
+            "lift_places": of_runs.ctypes.data, "lift_rows": words.rows.ctypes.data,
+            "lift_results": results.ctypes.data,
+        }  # fmt: skip
+    arguments = np.array(ListArguments(**arguments), np.int64)
+
+    @functools.lru_cache(1)  # of one line, because those of all may fill the memory
+    def numbers(line):
+        tables = [programs.numbers.of(table[line]) for table in lines.table]
+        of_stages = np.array([tables[place].ctypes.data for place in places], np.int64)
+        return of_stages, tables, words and words.numbers.of(words.table[line])
+
+    # `programs_of` may forget them, and does not keep those of all threads that begin at once.
+    def take(line, stage, most, _kept_alive=programs):
+        rows[:D] = lines.x[line]
+        of_stages, _, of_words = numbers(line % lines.table.shape[1])
+        arguments[SLOT.tables], arguments[SLOT.stage] = of_stages.ctypes.data, stage
+        if of_words is not None:
+            arguments[SLOT.lift_table] = of_words.ctypes.data
+        arguments[SLOT.ended], arguments[SLOT.passed] = ended[line], passed[line]
+        arguments[SLOT.steps] = most
+        bits = call(address, arguments)
+        lines.x[line] = rows[:D]
+        return int(arguments[SLOT.n]), bits
 
     return take

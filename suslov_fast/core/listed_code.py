@@ -1,12 +1,10 @@
 """Machine code that carries out any `listed.Program`, for lines of W lanes."""
 
-import functools
 from typing import NamedTuple
 
 import numpy as np
 
 from .careful import CHANGED
-from .lines import zeros
 from .listed import JOINING, KINDS, REGULAR, operand_kinds, programs_of, words_program
 from .machine_code import Text, call, code_of, pointer
 from .operations import OF_NUMBERS, Step
@@ -16,7 +14,7 @@ class ListArguments(NamedTuple):
     """The integers of an array that the code of `text_of_listed_steps` takes."""
 
     rows: int  # address of the rows (-, W), of which the first D have the state
-    table: int  # address of the table (n,) or (n, W)
+    tables: int  # address of the address of a table (n,) or (n, W) for each stage
     heads: int  # addresses of the usual `Runs`, and their number
     places: int
     runs: int
@@ -29,8 +27,18 @@ class ListArguments(NamedTuple):
     D: int
     ended: int  # bits of lanes, which are those of `generated.CodeArguments.marks`
     passed: int
-    steps: int
-    n: int  # steps taken
+    steps: int  # stages to take
+    stages: int  # of a whole step
+    stage: int  # the next one
+    # Runs of the words of a lifted field, for its first stages; 0 of them where others write words.
+    lift_runs: int
+    lift_rows: int  # addresses as above
+    lift_table: int
+    lift_heads: int
+    lift_places: int
+    lift_results: int  # of the words, and `turned`
+    given: int
+    n: int  # stages taken
     is_rare: int  # 1 if the last step was; a step after it begins with the rare runs
 
 
@@ -40,8 +48,9 @@ SLOT = ListArguments(*range(len(ListArguments._fields)))
 def text_of_listed_steps(_, name, W, for_each, *_others):
     """Return the text of i64 name(arguments), see `ListArguments`: steps of one line of W lanes.
 
-    It ends after a step that is not accurate in some lane, or from det A < 0, and returns bits of
-    these lanes: bad + 256 negative, as of `step_carefully`. Lanes in `bad` did not take the step.
+    A step is one stage. It ends after a step that is not accurate in some lane, or from det A < 0,
+    and returns bits of these lanes: bad + 256 negative, as of `step_carefully`. Lanes in `bad` did
+    not take the step.
     """
     text, size, all_lanes = Text(W), 8 * W, (1 << W) - 1
     integer, V = text.integer, text.V
@@ -69,22 +78,47 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
         text.add(f"  %{label}_k1 = add i64 %{label}_k, 1")
         text.branch(text.compare_integers("ult", f"%{label}_k1", a.D), label, following)
 
-    def run(heads, places, count):
-        numbers = ", ".join(f"i64 {value}" for value in (a.rows, a.table, heads, places, count))
+    def run(rows, table, heads, places, count):
+        numbers = ", ".join(f"i64 {value}" for value in (rows, table, heads, places, count))
         text.add(f"  call void @{name}_runs({numbers})")
 
     text.label("step")
     text.add("  %n = phi i64 [ 0, %entry ], [ %n1, %taken ]")
+    text.add(f"  %stage = phi i64 [ {a.stage}, %entry ], [ %stage1, %taken ]")
     text.add(f"  %was_rare = phi i64 [ {a.is_rare}, %entry ], [ %is_rare, %taken ]")
+    is_first = text.compare_integers("eq", "%stage", 0)
+    has_words = text.compare_integers("ne", a.lift_runs, 0)
+    text.branch(text.new(f"and i1 {is_first}, {has_words}"), "lift", "lifted")
+    text.label("lift")
+    moved = integer("mul", a.given, size)
+    _copy(text, "state", a.rows, a.lift_rows, integer("mul", a.given, W))
+    run(a.lift_rows, a.lift_table, a.lift_heads, a.lift_places, a.lift_runs)
+    words = integer("sub", a.D, a.given)
+
+    def found(k):
+        row = text.load("i64", integer("add", a.lift_results, integer("mul", k, 8)))
+        return text.load(V, integer("add", a.lift_rows, integer("mul", row, size)))
+
+    with text.loop("word", words) as k:
+        at = integer("add", integer("add", a.rows, moved), integer("mul", k, size))
+        text.store(V, found(k), at)
+    of_words = integer("and", text.bits(_truth(text, found(words))),
+                       integer("xor", a.passed, all_lanes))  # fmt: skip
+    of_words = integer("shl", of_words, 8)
+    from_lift = text.block
+    text.jump("lifted")
+    text.label("lifted")
+    text.add(f"  %turned = phi i64 [ 0, %step ], [ {of_words}, %{from_lift} ]")
+    table = text.load("i64", integer("add", a.tables, integer("mul", "%stage", 8)))
     text.branch(text.compare_integers("eq", "%was_rare", 0), "try_usual", "rare_from")
     text.label("try_usual")
-    run(a.heads, a.places, a.runs)
+    run(a.rows, table, a.heads, a.places, a.runs)
     text.branch(text.all_true(truth(a.results, 0)), "usual_from", "rare_from", likely=True)
     text.label("usual_from")
     copy("usual", a.results, "taken", lambda value, at: value)
 
     text.label("rare_from")
-    run(a.rare_heads, a.rare_places, a.rare_runs)
+    run(a.rows, table, a.rare_heads, a.rare_places, a.rare_runs)
     not_usual = text.new(f"xor i1 {text.all_true(truth(a.rare_results, 0))}, true")
     remains_rare, accurate = text.new(f"zext i1 {not_usual} to i64"), truth(a.rare_results, 1)
     good, negative = text.bits(accurate), text.bits(truth(a.rare_results, 2))
@@ -98,9 +132,13 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
          lambda value, at: text.select(accurate, value, text.load(V, at)))  # fmt: skip
 
     text.label("taken")
-    text.add(f"  %bits = phi i64 [ 0, %usual ], [ {rare}, %rare ]")
+    text.add(f"  %own = phi i64 [ 0, %usual ], [ {rare}, %rare ]")
     text.add(f"  %is_rare = phi i64 [ 0, %usual ], [ {remains_rare}, %rare ]")
+    text.add("  %bits = or i64 %own, %turned")
     text.add("  %n1 = add i64 %n, 1")
+    following = integer("add", "%stage", 1)
+    is_last = text.compare_integers("eq", following, a.stages)
+    text.add(f"  %stage1 = select i1 {is_last}, i64 0, i64 {following}")
     is_clear = text.compare_integers("eq", "%bits", 0)
     goes_on = text.new(f"and i1 {is_clear}, {text.compare_integers('ult', '%n1', a.steps)}")
     text.branch(goes_on, "step", "end")
@@ -265,7 +303,9 @@ def text_of_listed_step(step, name, *_):
     text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
     text.label("entry")
     rows, own = (_memory(text, size) for size in (programs.rows, len(SLOT)))
-    numbers = {"rows": rows, "table": "%table", "changed": 2, "D": step.D, "steps": 1}
+    tables = _memory(text, 1)
+    text.store("i64", "%table", tables)
+    numbers = {"rows": rows, "tables": tables, "changed": 2, "D": step.D, "steps": 1, "stages": 1}
     for prefix, program in (("", programs.usual), ("rare_", programs.rare)):
         numbers[f"{prefix}heads"] = constant(f"{prefix}heads", program.runs.heads)
         numbers[f"{prefix}places"] = constant(f"{prefix}places", program.runs.places)
@@ -374,32 +414,3 @@ def carry_out(address, runs, rows, table):
     """Carry out `listed.Runs` on rows of lanes, with numbers (-, W) of a table."""
     of_runs = runs.heads.ctypes.data, runs.places.ctypes.data, len(runs.heads)
     call(address, np.array([rows.ctypes.data, table.ctypes.data, *of_runs], np.int64))
-
-
-def taker_of(lines, address):
-    """Return the function that takes steps of a line with `listed_code`, see `in_calls`."""
-    step, W, D = lines.scheme.step, lines.W, lines.D
-    programs, (ended, passed), table = programs_of(step), lines.marks, lines.table
-    rows, addresses = zeros(programs.rows, W), []
-    for program in (programs.usual, programs.rare):
-        heads, of_runs = program.runs
-        addresses += heads.ctypes.data, of_runs.ctypes.data, len(heads), program.results.ctypes.data
-    changed = 2 if step.changed is None else 3
-    arguments = ListArguments(rows.ctypes.data, 0, *addresses, changed, D, 0, 0, 0, 0, 0)
-    arguments = np.array(arguments, np.int64)
-
-    @functools.lru_cache(32)  # stages, and not all lines, which may fill the memory
-    def numbers(place, line):
-        return programs.numbers.of(table[place, line])
-
-    # `programs_of` may forget them, and does not keep those of all threads that begin at once.
-    def take(line, place, most, _kept_alive=programs):
-        rows[:D] = lines.x[line]
-        arguments[SLOT.table] = numbers(place, line % table.shape[1]).ctypes.data
-        arguments[SLOT.ended], arguments[SLOT.passed] = ended[line], passed[line]
-        arguments[SLOT.steps] = most
-        bits = call(address, arguments)
-        lines.x[line] = rows[:D]
-        return int(arguments[SLOT.n]), bits
-
-    return take

@@ -33,10 +33,10 @@ from .generated import (
     text_of_steps,
 )
 from .generated_stages import BASE, CHANGE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
-from .in_calls import in_calls, taker_without_plan
+from .in_calls import in_calls, taker_of, taker_without_plan
 from .lift import LiftedStep
 from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
-from .listed_code import listed_code, taker_of
+from .listed_code import listed_code
 from .machine_code import call, code_of
 from .numba import STREAM_FROM, Kernel
 from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
@@ -117,7 +117,7 @@ class _Lines:
         return tables_of(self.scheme, *self.parameters, self.W)[1]
 
     @functools.cached_property
-    def _words(self):
+    def words(self):
         """The words of a lifted field, by the table of the first stage."""
         table = self.table[distinct(self.scheme.stages.fractions)[1][0]]
         return Words(self.scheme.step, self.W, table)
@@ -253,7 +253,7 @@ class _Lines:
     def lift(self, arrays, start, n, of=slice(None)):
         """Compute the words of a lifted field from the states of lines, and tell poles."""
         x, lines = self.x[of], range(self.count)[of]
-        x[:, self.given :], turned = self._words.at(x, lines)
+        x[:, self.given :], turned = self.words.at(x, lines)
         if self.columns is not None:
             self.columns[of, BASE, self.given :] = x[:, self.given :]
         turned = packed(turned) & ~self.marks[PASSED][of]

@@ -83,13 +83,18 @@ def spaced(formula):
     """Space a formula of latex2mathml as TeX does."""
     root = ElementTree.fromstring(formula)
     for node in root.iter():
-        if node.text == "\N{PRIME}":  # as an identifier it stands apart from its letter
-            node.tag = f"{{{MATHML}}}mo"
+        if len(node) and node[-1].text == "\N{PRIME}":  # raised already: no superscript
+            node[-1].tag, node[-1].attrib = f"{{{MATHML}}}mo", {"lspace": "0", "rspace": "0"}
+            if node.tag.endswith("}msubsup"):
+                base = ElementTree.Element(f"{{{MATHML}}}msub")
+                base.extend(node[:2])
+                node[:2] = [base]
+            node.tag = f"{{{MATHML}}}mrow"
         elif node.get("mathvariant") == "double-struck":  # a variant that browsers ignore
             letter = f"MATHEMATICAL DOUBLE-STRUCK CAPITAL {node.text}"
             node.text = unicodedata.lookup(letter)
-        elif node.text in ("/", "|"):
-            node.attrib |= {"lspace": "0", "rspace": "0"}
+        elif node.text in ("/", "|", "\N{DOUBLE VERTICAL LINE}"):
+            node.attrib |= {"lspace": "0", "rspace": "0", "stretchy": "false"}
         elif re.fullmatch("[A-Za-z]{2,}", node.text or "") and node.tag.endswith("}mo"):
             node.tag, node.attrib = f"{{{MATHML}}}mi", {}
     rows = [node for node in root.iter() if re.search("}m(row|style|td|sqrt)$", node.tag)]
@@ -107,12 +112,17 @@ def spaced(formula):
 
 
 def mathml(display):
-    """Write formulas as MathML: browsers need no script and fetch nothing."""
+    """Write formulas as MathML: browsers need no script and fetch nothing.
+
+    Displayed formulas side by side stand below each other on a phone.
+    """
 
     def write(self, node):
         tag = "div" if display == "block" else "span"
-        formula = spaced(convert(node.astext(), display=display))
-        self.body.append(f'<{tag} class="formula">{formula}</{tag}>')
+        text = node.astext()
+        parts = text.split(r"\qquad") if display == "block" else [text]
+        formulas = "".join(spaced(convert(part, display=display)) for part in parts)
+        self.body.append(f'<{tag} class="formula">{formulas}</{tag}>')
         raise nodes.SkipNode
 
     return write, None

@@ -123,6 +123,12 @@ def test_a_pivot_just_above_rounding_is_none_of_0():
             assert found[:, 0].tolist() == [1.0, 0.0]
 
 
+def test_the_size_of_a_row_goes_with_it():
+    """Beside 2**60 a pivot of 2**-60 is none of 0, wherever an exchange of rows puts it."""
+    found, determinant, status = solved([[0.0, 1.0], [1.0, 2.0**60]], [1.0, 0.0])
+    assert (status, determinant, found[:, 0].tolist()) == (OK, -1.0, [-(2.0**60), 1.0])
+
+
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("m", [1, 2, 3, 6, 7])
 def test_elimination_of_lanes_without_exchanges(rng, m):

@@ -315,6 +315,12 @@ def test_a_disk_that_fills_up_on_the_way(store, monkeypatch, code):
     assert_same(call(ensemble, **asked, store=store, chunk=2), call(iterate, **asked))
 
 
+@pytest.mark.parametrize("steps", [0, 1])
+def test_runs_of_no_step_and_of_one(store, steps):
+    run = BODY, [[1.0, 0.5], [0.3, 0.4]], 0.2, steps
+    assert_same(ensemble(*run, store=store), iterate(*run, save_every=None))
+
+
 def test_the_url_of_a_folder(tmp_path):
     folder = tmp_path / "a folder"
     data = call(ensemble, **ASKED, store=folder.as_uri())
@@ -817,6 +823,7 @@ def test_a_store_in_a_zip_file(store):
 def test_a_callable_ends_a_run(store):
     """After a tile; the same call goes on."""
     run, ours = (BODY, RandomStarts(50, 1.0), 0.2, 30), {"store": store, "chunk": 10}
+    finished = 0
     for first, tiles in ((0, 0), (300, 1), (900, 2), (1500, 5)):
         seen = []
 
@@ -825,7 +832,9 @@ def test_a_callable_ends_a_run(store):
             return np.False_ if done >= first else None
 
         data = ensemble(*run, **ours, progress=progress)
-        assert (data.status.values != PENDING).sum() == max(10 * tiles, seen[-1][0] // 30)
+        assert seen[0] == (30 * finished, 1500)
+        finished = (data.status.values != PENDING).sum()
+        assert finished == max(10 * tiles, seen[-1][0] // 30)
         assert seen[-1][1] == 1500
     assert_same(data, iterate(*run, save_every=None))
     meanings = data.status.attrs["flag_meanings"].split()

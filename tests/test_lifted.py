@@ -320,6 +320,12 @@ def test_rounding_is_no_pole(method):
         np.testing.assert_array_equal(x, run.final[:1])
     long = iterate(field, starts, 2.0, 9, method="order8", on_singular="ignore")
     assert (long.status[1:] == Status.PASSED_POLE).all()
+    if not config.DISABLE_JIT and method == "order8":
+        first = iterate(field, starts, 2.0, 1, method=method, on_singular="ignore")
+        assert Status.PASSED_POLE in first.status
+        np.testing.assert_array_equal(
+            after(system(field, 2.0, method=method), starts, 1), first.status
+        )
 
 
 def test_a_parameter_as_exponent_is_a_real_power():

@@ -11,8 +11,12 @@ from scipy.special import expi, lambertw
 from test_lifted import FIELDS
 
 from suslov_fast import LiftedField, PoleWarning, flow
+from suslov_fast.bodies.structure import Lift
 from suslov_fast.core import flow as core_flow
 from suslov_fast.core import tolerance
+from suslov_fast.core.agreement import compared
+from suslov_fast.core.lift import ONE, Variables
+from suslov_fast.core.operations import Values, evaluate
 from suslov_fast.engine import threads
 
 S, E = np.sin, np.exp
@@ -254,6 +258,26 @@ def test_no_step_passes_over_a_pole_of_the_rate(g, start, exact, pole):
     assert abs(float(told) - (pole - start)) < 1e-6
     np.testing.assert_allclose(found[:2], exact(start + times[:2]), rtol=1e-7)
     assert np.isnan(found[2])
+
+
+def test_which_words_are_compared_with_those_of_the_state():
+    """To an eighth of the larger one, tanh to an eighth of 1; no sine, and no product."""
+    names = "sin", "exp", "inverse", "tanh"
+    definitions = tuple((name, ((ONE, (0,)),), None) for name in names)
+    lift = Lift(1, 0, definitions, ((1,), (2,), (0, 2), (3,), (4,), (2, 2)), ())
+    values, words = Values(7, ()), range(1, 7)
+    own, near = compared(values, Variables(values, lift, 7), lift, words)
+    x, of_state = 2.0, [S(2.0), E(2.0), 2 * E(2.0), 0.5, np.tanh(2.0), E(4.0)]
+    for moved, expected in (
+        ([9.0, 1.14, 9.0, 0.88, 1.0, 9.0], [True, True, True]),
+        ([1.0, 1.15, 1.0, 0.87, 1.0, 1.0], [False, False, True]),
+        ([1.0, 1.0, 1.0, 1.0, 0.88, 1.0], [True, True, True]),
+        ([1.0, 1.0, 1.0, 1.0, 0.86, 1.0], [True, True, False]),
+    ):
+        found = dict(enumerate([x, *np.multiply(of_state, moved)]))
+        evaluate(values.operations, found)
+        np.testing.assert_allclose([found[number] for number in own], of_state, rtol=1e-15)
+        assert [bool(found[number]) for number in near] == expected
 
 
 def test_only_solutions_that_end_are_nan():

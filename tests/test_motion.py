@@ -15,6 +15,7 @@ import suslov_fast as sf
 from suslov_fast import PoleWarning, QuadraticField, flow
 from suslov_fast.core import flow as core_flow
 from suslov_fast.core import operations, single_motion, tolerance
+from suslov_fast.core.sparse_flow import sums_of_terms
 from suslov_fast.engine import threads
 
 
@@ -434,6 +435,28 @@ def test_many_variables(rng, monkeypatch, has_plan):
     assert (flow(family[1], pair[:, 1], times) == found[1][:, :, 1]).all()
     with pytest.warns(PoleWarning):
         assert np.isnan(flow(SQUARE, [[1.0], [0.1]], 2.0)).ravel().tolist() == [True, False]
+    # Near rest the first step is long, and its stages pass the pole at t = 3.
+    a = np.sqrt(0.99)
+    e = (1 - a) / (1 + a) * np.exp(4 * a)
+    near_rest = flow(QuadraticField([[[1.0]]], None, [-0.99]), [[1.0], [0.5]], 2.0)[0, 0]
+    assert near_rest == pytest.approx(a * (1 + e) / (1 - e), rel=1e-7)
+
+
+def test_sums_of_terms(rng):
+    """Of each component, in lanes with terms of their own or common ones; of the moduli, too."""
+    D, W, T = 3, 4, 9
+    indices = rng.integers(0, D + 1, (3, T)).astype(np.int64)
+    indices[0] %= D
+    for lanes in (1, W):
+        values, x, sums = rng.normal(size=(T, lanes)), rng.normal(size=(D, W)), np.empty((D, W))
+        one = np.append(x, np.ones((1, W)), axis=0)
+        terms = values * one[indices[1]] * one[indices[2]]
+        for of_moduli in (False, True):
+            sums_of_terms.serial(indices, values, x, sums, of_moduli)
+            for i in range(D):
+                own = terms[indices[0] == i]
+                expected = (abs(own) if of_moduli else own).sum(axis=0)
+                np.testing.assert_allclose(sums[i], expected, rtol=1e-14, atol=1e-15)
 
 
 def test_progress():

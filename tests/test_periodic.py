@@ -164,6 +164,8 @@ def test_steps_that_are_too_few_are_named_with_their_error():
     for advised in ({"steps": int(steps)}, {"steps": 100, "tol": float(tol)}):
         orbit = sf.periodic_orbit(kepler, [0.4, 0.0, 0.0, 2.0], 6.28, **advised)
         assert abs(orbit.period - 2 * np.pi) < 1e-6
+    with pytest.raises(RuntimeError, match="have about this error"):  # not many more than needed
+        sf.periodic_orbit(kepler, [0.4, 0.0, 0.0, 2.0], 6.28, int(steps) // 2)
 
 
 def test_a_multiple_of_a_period_is_named():

@@ -16,6 +16,7 @@ from suslov_fast import QuadraticField
 pytest.importorskip("flint")
 
 from suslov_fast.integrability import (
+    Contraction,
     PlanarEntropy,
     confinement,
     contracted,
@@ -368,6 +369,7 @@ def check_entropy(map):
 def test_products_have_the_entropy_of_the_golden_ratio(map):
     assert check_entropy(map) == pytest.approx(GOLDEN, abs=1e-12)
     found = planar_entropy(map)
+    assert str(found.polynomial) == "x^2 - x - 1"  # no factor that the degrees do not need
     assert "again and again" in found.based_on
     assert not found.proved
 
@@ -483,3 +485,9 @@ def test_contractions_keep_their_orbits():
     # A point that is fixed is there once.
     generic = planar_entropy(kahan(*ZOO["Lotka-Volterra"]))
     assert all(len({*each.orbit}) == len(each.orbit) > 0 for each in generic.contractions)
+
+
+def test_conjugate_curves_are_counted():
+    texts = [str(Contraction("x1 = 0", count, 3, True, "proved")) for count in (1, 2)]
+    assert texts[0] == "x1 = 0: confined after 3 points, proved"
+    assert texts[1] == "x1 = 0 (2 conjugate curves): confined after 3 points, proved"

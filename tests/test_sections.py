@@ -197,6 +197,21 @@ def test_a_smooth_crossing_takes_few_rounds():
     assert sum(asked) <= 18
 
 
+def test_a_flat_crossing_takes_few_rounds():
+    """Interpolation between points where a cubic is flat would lead away: the bracket is halved."""
+    for root in (0.56, 0.84):
+        asked = []
+
+        def values_at(which, x, root=root, asked=asked):
+            asked.append(len(which))
+            return (x - root) ** 3 + 1e-3 * (x - root)
+
+        a, b = values_at([], np.array([0.0])), values_at([], np.array([1.0]))
+        found = crossing_fractions(values_at, a / (a - b), a, b)
+        assert abs(found - root) < 1e-15
+        assert sum(asked) <= 11
+
+
 @pytest.mark.parametrize("beyond", [1.0, 1e6])
 @pytest.mark.parametrize("root", [0.3, 0.71])
 def test_a_surface_with_a_jump_is_bisected(root, beyond):
@@ -207,3 +222,16 @@ def test_a_surface_with_a_jump_is_bisected(root, beyond):
 
     found = crossing_fractions(values_at, np.array([0.5]), np.array([-1.0]), np.array([beyond]))
     assert abs(found - root) < 1e-5
+
+
+def test_a_value_of_0_is_the_crossing():
+    """Exactly, and at once."""
+    asked = []
+
+    def values_at(which, x):
+        asked.append(len(which))
+        return x - 0.25
+
+    found = crossing_fractions(values_at, np.array([0.25]), np.array([-0.25]), np.array([0.75]))
+    assert found.tolist() == [0.25]
+    assert asked == [1]

@@ -58,14 +58,18 @@ def _imported(name: str) -> ModuleType:
         return import_module(name, __name__)
 
 
+def _here(name: str) -> str:
+    """Return what this package has for a name of other packages, or nothing."""
+    plain = name.lower().replace("_", "")
+    return next((here for here, names in _ELSEWHERE.items() if plain in names.split()), "")
+
+
 def __getattr__(name: str) -> object:
     """Import the module of a public name when the name is first used."""
     if name in _MODULES:
         return _imported(f".{name}")
     if name not in _MODULE_OF:
-        plain = name.lower().replace("_", "")
-        how = next((here for here, names in _ELSEWHERE.items() if plain in names.split()), "")
-        import_module(".keywords", __name__).refuse(sys.modules[__name__], name, how)
+        import_module(".keywords", __name__).refuse(sys.modules[__name__], name, _here(name))
     value: object = getattr(_imported(_MODULE_OF[name]), name)
     globals()[name] = value
     return value

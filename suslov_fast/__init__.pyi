@@ -55,3 +55,5 @@ from .space import to_vector as to_vector
 __version__: str
 
 _threads_are_gone: bool
+
+def _here(name: str) -> str: ...

@@ -344,7 +344,7 @@ def in_place_of(value: Any) -> str:
         return ": pass an object of the class"
     instead: str = getattr(value, "_instead", "")
     if isinstance(value, tuple) and value and hasattr(value[0], "_instead"):
-        return ": pass the body alone, because from_inertia returns a body and a rotation"
+        return ": pass the body alone, the first item of the tuple"
     if isinstance(value, dict):
         return ": pass body_from_dict(parameters)"
     if isinstance(value, (list, np.ndarray)):

@@ -18,7 +18,8 @@ from typing import Any
 
 import suslov_fast as sf
 
-from .options import PARAMETERS, parsed
+from .keywords import missing_file
+from .options import PARAMETERS, parsed, reading, writing
 from .summary import facts_in, facts_of, lines_of, result_in
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
@@ -92,6 +93,7 @@ def _text_of(error: Exception, subject: object = "") -> str:
     text = str(error) or type(error).__name__
     if isinstance(error, OSError) and error.strerror:
         subject, text = error.filename or subject, error.strerror
+        text = missing_file(str(subject)) if isinstance(error, FileNotFoundError) else text
     for words, here in _IN_A_SHELL.items():
         text = text.replace(words, here)
     if argument := _ARGUMENT.match(text):
@@ -117,7 +119,8 @@ def run(options: argparse.Namespace) -> None:
     """
     path = options.output
     if path is not None and path.suffix not in (".npz", ".zarr"):
-        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr")
+        how = "; in Python run.to_xarray().to_dataframe() makes a table" * (path.suffix == ".csv")
+        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr{how}")
     if path is None and (options.attitude or options.save_every is not None):
         options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
     import numpy as np
@@ -188,22 +191,10 @@ def _check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
         text += f"; the field of this body has {methods}"
         if repr(method) not in methods:
             raise ValueError(text) from None
-        source = _read(options.body) if options.body else repr(body)
-        make = _writing(f"QuadraticField.of({source})", "field.json")
+        source = reading(options.body) if options.body else repr(body)
+        make = writing(f"QuadraticField.of({source})", "field.json")
         then = f"suslov-fast run --body field.json --eps {eps} --method {method}"
         raise ValueError(f"{text}: {make}, and then {then}") from None
-
-
-def _read(path: Path) -> str:
-    """Return the expression of Python that reads a body."""
-    return f"body_from_dict(json.loads(Path({str(path)!r}).read_bytes()))"
-
-
-def _writing(source: str, name: str) -> str:
-    """Return the command that writes the value of an expression of Python as a body."""
-    code = f"Path({name!r}).write_text(json.dumps({source}.to_dict()))"
-    imports = "import json; from pathlib import Path; from suslov_fast import *"
-    return f'python -c "{imports}; {code}"'
 
 
 def _body_in(path: Path) -> Any:
@@ -365,7 +356,7 @@ def report(options: argparse.Namespace) -> None:
     try:
         body = _body_in(options.body)
         if isinstance(body, sf.LiftedField):
-            make = _writing(f"{_read(options.body)}.lifted", "lifted.json")
+            make = writing(f"{reading(options.body)}.lifted", "lifted.json")
             then = "suslov-fast report --body lifted.json"
             raise ValueError(
                 f"{options.body}: the equations of a LiftedField are not quadratic; for the map of "

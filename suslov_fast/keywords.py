@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import inspect
 import opcode
+import os
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import FrozenInstanceError
 from difflib import get_close_matches
 from functools import wraps
 from types import ModuleType
-from typing import NoReturn, ParamSpec, TypeVar
+from typing import Any, NoReturn, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
 T = TypeVar("T")
 
+# Objects with fewer public names than this list them in their errors.
+_FEW = 20
 _STATES = "the states are the second argument, without a name"
 _SPAN = "pass eps= and steps=; a run ends at the time eps * steps"
 _DIGITS = (
@@ -137,6 +141,10 @@ _IN_BODIES = {
     "hamiltonian": "suslov_fast.energy(field, x), for a field of from_hamiltonian",
     "dim ndim D N": "dimension",
     "x omega states": "the states of a run, as iterate returns it",
+    "rhs f func fun": "field(x), the right-hand side at states x",
+    "quadratic linear constant terms": "QuadraticField.of(body), or field.lifted, which has it",
+    "lifted": "the field itself, because it is quadratic",
+    "dt h t": "eps, an argument of iterate",
 }
 INSTEAD_IN_BODIES = {name: how for names, how in _IN_BODIES.items() for name in names.split()}
 
@@ -147,6 +155,20 @@ def public_class(kind: type[T]) -> type[T]:
         kind.__new__ = staticmethod(public(kind.__new__))  # type: ignore[method-assign]
     else:
         kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
+    return unchanging(kind) if hasattr(kind, "_remade") else kind
+
+
+def unchanging(kind: type[T]) -> type[T]:
+    """Let objects of a frozen dataclass answer an assignment with what to do instead.
+
+    Their `_remade(name, value)` is that advice.
+    """
+
+    def answering(thing: Any, name: str, value: object) -> NoReturn:
+        text = f"{type(thing).__name__} cannot be changed"
+        raise FrozenInstanceError(f"{text}: {thing._remade(name, value)}")
+
+    kind.__setattr__ = answering  # type: ignore[method-assign]
     return kind
 
 
@@ -168,6 +190,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     others += ["parameters, such as a=1"] * takes_any
     stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
     required = [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
+    whole = f"({', '.join(required[is_method:])})" if len(required) > 1 + is_method else ""
     *_, owner, called = ("", *function.__qualname__.split("."))
     called = owner if called.startswith("__") else called
 
@@ -194,7 +217,8 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
             for name in required[len(args) :]:
                 if name not in kwargs:
                     what = _REQUIRED.get(f"{called}.{name}") or _REQUIRED.get(name)
-                    raise TypeError(f"{called} needs {name}{f', {what}' if what else ''}")
+                    text = f"{called} needs {name}{f', {what}' if what else ''}"
+                    raise TypeError(f"{text}; the call is {called}{whole}" if whole else text)
         return function(*args, **kwargs)
 
     return answering
@@ -216,7 +240,8 @@ def advice(name: str, known: Collection[str], has_states: bool = False) -> str:
         return sentence
     if found or (found := get_close_matches(name, known, 1)):
         return f"pass {found[0]}="
-    return f"it has {', '.join(sorted(known))}" if known else "it takes no argument by name"
+    how = f"it has {', '.join(sorted(known))}" if known else "it takes no argument by name"
+    return f"{how}; parameters of equations belong to the field or body" if has_states else how
 
 
 def refuse(module: ModuleType, name: str, how: str) -> NoReturn:
@@ -231,6 +256,42 @@ def refuse(module: ModuleType, name: str, how: str) -> NoReturn:
     # Python adds suggestions.
     text = f"module {module.__name__!r} has no attribute {name!r}{text}"
     raise AttributeError(text, name=name, obj=module)
+
+
+def answers(called: str, instead: Mapping[str, str] | None = None) -> Callable[[type[T]], type[T]]:
+    """Let objects of a class answer for an attribute that they lack with the one to use.
+
+    `called` is what messages call such an object, and `instead` has names that other packages use,
+    with blanks between them, and what there is here. Type checkers would take a method
+    `__getattr__` in the class for leave to use any name.
+    """
+    table = {name: how for names, how in (instead or {}).items() for name in names.split()}
+
+    def unknown(thing: Any, name: str) -> NoReturn:
+        text, known = f"{called} has no attribute {name!r}", []
+        if not name.startswith("_"):  # `dir` asks for __dict__
+            known = [k for k in dir(thing) if not k.startswith("_") and not hasattr(tuple, k)]
+        if how := table.get(name) or nearest(name, known):
+            raise AttributeError(f"{text}: use {how}")
+        text += f": it has {', '.join(known)}" if 0 < len(known) < _FEW else ""
+        raise AttributeError(text, name=name, obj=thing)
+
+    def answering(kind: type[T]) -> type[T]:
+        kind.__getattr__ = unknown  # type: ignore[attr-defined]
+        return kind
+
+    return answering
+
+
+def missing_file(path: str) -> str:
+    """Return in words that there is no such file, and where it was looked for, or a similar one."""
+    folder, name = os.path.split(os.path.abspath(path))
+    if not os.path.isdir(folder):
+        return f"there is no folder {folder}"
+    text = f"there is no such file in {folder}"
+    if near := nearest(name, os.listdir(folder)):
+        return f"{text}: did you mean {near}?"
+    return text + ": write it by json.dump(body.to_dict(), file)" * name.endswith(".json")
 
 
 def nearest(name: str, known: Collection[str]) -> str:

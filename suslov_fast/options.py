@@ -30,7 +30,9 @@ _JSON = "a body or a field, saved by json.dump(body.to_dict(), file); - is stand
 _OTHERS = {
     "dt h": "eps",
     "x0 y0 u0": "omega0",
-    "n n-steps num-steps nsteps t t-span time": "steps",
+    "n n-steps num-steps nsteps t t-span t-end t-max tmax tend tf time duration": "steps",
+    "order integrator solver": "method",
+    "max-step step stepsize step-size delta-t": "eps",
     "m count size orbits": "trajectories",
     "c x y columns variables": "components",
     "d": "degree",
@@ -48,8 +50,21 @@ _OTHERS = {
     "list": "help",
 }
 _OTHERS = {word: name for words, name in _OTHERS.items() for word in words.split()}
+# What --steps has in place of times.
+_SPAN = "a run ends at the time eps * steps"
+_TOLERANCE = "there is no tolerance: pass --method extrapolated, or call suslov_fast.flow in Python"
+_SPANS = {"t", "t-span", "t-end", "t-max", "tmax", "tend", "tf", "time", "duration"}
+# What to do with a file that stands where a command belongs.
+_FOR_FILE = {
+    ".json": "write suslov-fast run --body {} --eps 0.01",
+    ".npz": "write suslov-fast info {}",
+    ".zarr": "write suslov-fast info {}",
+}
 # What no option does.
 _WITHOUT_OPTION = {
+    "tol rtol atol reltol abstol tolerance": _TOLERANCE,
+    "section surface event events": "call suslov_fast.crossings in Python",
+    "plot": "write the run, -o run.npz, and then suslov-fast plot run.npz -o run.png",
     "set param params parameter parameters p": "parameters are part of the file of --body: write "
     "it anew, with QuadraticField.from_function(f, names, rho=20) for example",
     "timeout": "a run into FILE.zarr may be interrupted, and the same command continues it",
@@ -77,6 +92,7 @@ class _Parser(argparse.ArgumentParser):
         is_number = unknown and unknown[1] and re.match(r"-?\.?\d", given)
         close = [] if is_number else get_close_matches(_OTHERS.get(word, word), names, 1)
         advice = f"did you mean {names[close[0]]}?" if close else ""
+        advice += f" {_SPAN}" if close and word in _SPANS else ""
         for words, how in {} if close else _WITHOUT_OPTION.items():
             advice = how if word in words.split() else advice
         advice = "write lists with commas, such as --omega0 1,0.5" if is_number else advice
@@ -85,6 +101,10 @@ class _Parser(argparse.ArgumentParser):
         if unknown and unknown[2] and not close and get_close_matches(word, dir(sf), 1):
             [function] = get_close_matches(word, dir(sf), 1)
             advice = f"call suslov_fast.{function} in Python"
+        if unknown and unknown[2] and (ending := os.path.splitext(unknown[2])[1]) in _FOR_FILE:
+            advice = _FOR_FILE[ending].format(unknown[2])
+        if message.endswith(" are required: -o/--output"):
+            advice = "it is the figure, such as -o run.png"
         super().error(f"{message}; {advice}" if advice else message)
 
 
@@ -142,6 +162,18 @@ def integer(text: str) -> int:
 def path(text: str) -> Path:
     """Return the name of a file or folder; a shell leaves the ~ in --output=~/run.npz as it is."""
     return Path(os.path.expanduser(text))
+
+
+def reading(path: Path) -> str:
+    """Return the expression of Python that reads a body."""
+    return f"body_from_dict(json.loads(Path({str(path)!r}).read_bytes()))"
+
+
+def writing(source: str, name: str) -> str:
+    """Return the command that writes the value of an expression of Python as a body."""
+    code = f"Path({name!r}).write_text(json.dumps({source}.to_dict()))"
+    imports = "import json; from pathlib import Path; from suslov_fast import *"
+    return f'python -c "{imports}; {code}"'
 
 
 def names_or_indices(text: str) -> list[str | int]:

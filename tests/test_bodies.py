@@ -173,7 +173,11 @@ def test_selection_by_value():
         (bodies, "rho", "no parameter 'rho'; choose from: I1, I2"),
         (bodies, "I13", "I13 is -0.5 for all members; choose from: I1, I2"),
         (table, "I1", r"I1 has the shape \(2, 2\); .* select members by index, such as \[0, 0\]"),
-        (bodies[0, 0], "I1", "this is a single Suslov3D, and sel is for families"),
+        (
+            bodies[0, 0],
+            "I1",
+            "this is a single Suslov3D, and sel is for families: for a family pass an array .*",
+        ),
     ):
         with pytest.raises(ValueError, match=f"^sel: .*{words}$"):
             family.sel(**{name: 1.0})

@@ -313,7 +313,7 @@ MISTAKES = """
 2 | run --I1 4 --picture 1 | --I1: not allowed with --picture
 2 | run --omega0 1,2 --seed 0 | --seed are for random
 2 | run --save-every 3 | --save-every .* add -o FILE
-2 | run -o o.csv | -o/--output: 'o.csv' must end in .npz or .zarr
+2 | run -o o.csv | 'o.csv' must end in .npz or .zarr; in Python run.to_xarray().to_dataframe()
 2 | report --body good.json --eps 1/0 | --eps: '1/0' is not a number, such as 0.1 or 1/3
 2 | report --body good.json --eps 1e99999999 | --eps: '1e99999999' is not a number
 2 | run --steps 1e-99999999 | --steps: '1e-99999999' is not an integer
@@ -326,7 +326,7 @@ MISTAKES = """
 1 | run --threads 100000 | --threads must .* not 100000
 1 | run --steps -1 | --steps must be the number of steps, an integer of 0 or more, not -1
 1 | report --body good.json --degree 0 | --degree must be an integer, 1 or more, not 0
-1 | run --body missing.json | missing.json: No such file
+1 | run --body missing.json | missing.json: there is no such file in .* write it by json.dump
 2 | run --body good.json | required: --eps; --eps is the step size, such as --eps 0.01
 2 | run -n 9 | -n 9; did you mean --steps?
 2 | run --workers 2 | --workers 2; did you mean --threads?
@@ -341,8 +341,18 @@ MISTAKES = """
 2 | flow | invalid choice: 'flow' .* call suslov_fast.flow in Python
 2 | simulate | invalid choice: 'simulate' .* did you mean run?
 1 | report --body lifted.json | lifted.json: .* of a LiftedField .* report --body lifted.json
+2 | run --rtol 1e-6 | there is no tolerance: pass --method extrapolated, or call suslov_fast.flow
+2 | run --t-end 10 | did you mean --steps? a run ends at the time eps * steps
+2 | run --integrator rk4 | did you mean --method?
+2 | run --section x=1 | call suslov_fast.crossings in Python
+2 | run --plot | and then suslov-fast plot run.npz -o run.png
+2 | good.json | write suslov-fast run --body good.json --eps 0.01
+2 | run.npz | write suslov-fast info run.npz
+2 | plot run.npz | it is the figure, such as -o run.png
+1 | run --body nowhere/good.json --eps 1 | nowhere/good.json: there is no folder
+1 | run --body godo.json --eps 1 | godo.json: there is no such file in .* did you mean good.json?
 1 | run --method order9 | --method must be 'auto', not 'order9' .* this body has the methods
-1 | run --body missing.json --eps 1 | missing.json: No such file
+1 | run --body missing.json --eps 1 | missing.json: there is no such file in .* write it by json
 1 | info wrong.json | wrong.json: not the name of a saved run, such as run.npz
 1 | run --body cut.json --eps 1 | cut.json: not the JSON text .* line 1 column 10
 1 | run --body good.npz --eps 1 | good.npz: not the JSON text of body.to_dict
@@ -365,7 +375,7 @@ MISTAKES = """
 2 | run --picture one | --picture: 'one' is not an integer
 2 | plot good.npz | required: -o/--output
 1 | plot run.npz --components Omega1,p -o o.png | must be .* Omega2, time, such as time,Omega1, not
-1 | plot missing.npz -o o.png | missing.npz: No such file
+1 | plot missing.npz -o o.png | missing.npz: there is no such file in
 1 | plot foreign.npz -o o.png | foreign.npz
 1 | plot run.npz -o picture1.png | picture1.png exists: choose a new name, or add --force
 2 | plot run.npz -o o.docx | 'o.docx' must end in .png, .svg or .pdf

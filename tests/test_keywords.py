@@ -1,9 +1,11 @@
 """Unknown keywords and attributes are answered with what to use."""
 
 import copy
+import dataclasses
 import importlib.util
 import inspect
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -20,6 +22,8 @@ SPACE = sf.QuadraticField.from_function(lambda x: (x[1], -x[0], x[2]), "u v w")
 # Without a crossing: nothing is compiled when tests are collected.
 POINTS = sf.crossings(FIELD, [1.0, 0.0], 0.1, 100, lambda x: x[..., 0] - 9)
 ORBIT = PeriodicOrbit(np.ones(2), 1.0, np.ones(2, complex), 0.0)
+CLOSED = sf.ClosedForm(0.1, -0.4, -0.7, 0.04)
+SMOOTH = sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), "q p")
 STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
 
 
@@ -149,10 +153,11 @@ def test_arguments_by_position_and_by_name():
     ("function", "arguments", "answer"),
     [
         (sf.iterate, STEPPED[:3], "^iterate needs steps, the number of steps"),
-        (sf.periodic_orbit, (FIELD, [1, 0], 1.0), "needs steps, the number of steps in a period$"),
+        (sf.periodic_orbit, (FIELD, [1, 0], 1.0), "needs steps, the number of steps in a period; "),
         (sf.jacobian, STEPPED[:2], "^jacobian needs eps, the step size"),
         (sf.ensemble, STEPPED, "^ensemble needs store, the name of a folder"),
-        (sf.flow, (), "^flow needs body$"),
+        (sf.flow, (), r"^flow needs body; the call is flow\(body, omega0, time\)$"),
+        (sf.Suslov3D, (4, 1), r"needs I13; the call is Suslov3D\(I1, I2, I13, I23\)$"),
         (sf.Suslov3D, (np.eye(3),), "^Suslov3D needs I2, from_inertia"),
         (sf.Suslov3D.from_inertia, (np.eye(3),), "^from_inertia needs a, the constrained axis"),
         (sf.SuslovND, ([1.0, 2.0],), "^SuslovND needs I, .*from_mass_tensor"),
@@ -201,6 +206,17 @@ def test_missing_arguments(function, arguments, answer):
         ),
         (lambda: FAMILY["rho"], r"its parameters are parameters\['rho'\], its members sel\("),
         (lambda: sf.iterate(FIELD.to_dict(), [1, 0], 0.1, 10), r"pass body_from_dict\("),
+        (lambda: sf.iterate(FIELD, [1, 0], 100, 0.1), "not 0.1: the step size eps comes before"),
+        (lambda: sf.iterate(FIELD, [1, 0], 0.1, 10, a=2), "belong to the field or body$"),
+        (
+            lambda: sf.iterate(*STEPPED, method="RK45"),
+            r"'auto'; flow\(field, x0, time\) integrates",
+        ),
+        (lambda: sf.iterate((FIELD, 0.1), [1, 0], 0.1, 10), "body alone, the first item of the"),
+        (lambda: sf.crossings(*STEPPED, "u"), r"for component k pass lambda x: x\[\.\.\., k\]$"),
+        (lambda: FIELD.sel(rho=2), "for a family pass an array as a parameter$"),
+        (lambda: len(FIELD), "for a family pass an array as a parameter$"),
+        (lambda: sf.fixed_points(SMOOTH), "for fixed points use scipy.optimize.root"),
         (lambda: RUN.plot(color=[1, 2]), r"shape \(\), one number for each orbit"),
     ],
 )
@@ -304,7 +320,25 @@ def test_known_names_come_before_sentences():
         (ORBIT, "plot", r"use iterate\(field, orbit\.state, orbit\.period / steps, steps, "),
         (ORBIT, "x", r"use orbit\.state"),
         (ORBIT, "stable", r"abs\(orbit\.multipliers\)"),
-        (ORBIT, "nothing", "a periodic orbit has no attribute 'nothing'$"),
+        (
+            ORBIT,
+            "nothing",
+            "has no attribute 'nothing': it has multipliers, period, residual, state$",
+        ),
+        (RUN, "dt", r"run\.eps"),
+        (RUN, "T", r"run\.x\.T"),
+        (RUN, "df", r"to_dataframe"),
+        (POINTS, "energy", r"suslov_fast\.energy\(crossings\.body, crossings\.states\)"),
+        (RUN.body, "rhs", r"use field\(x\)"),
+        (RUN.body, "integrate", "use flow, which returns the states at given times"),
+        (RUN.body, "plot", r"use iterate\(\.\.\.\)\.plot\(\)"),
+        (RUN.body, "params", "use parameters$"),
+        (RUN.body, "sigma", r"use from_function\(f, names, sigma=\.\.\.\), for a parameter"),
+        (RUN.body, "lifted", "the field itself"),
+        (SMOOTH, "terms", r"field\.lifted, which has it"),
+        (sf.RandomStarts(3, 1.0), "sample", r"random starts has no .* states\(count"),
+        (CLOSED, "rate", "it has h, k1, k2, t$"),
+        (CLOSED, "x", "use exact, which returns states"),
         (sf, "load", "use Trajectories.load, or Crossings.load"),
         (sf, "report", "use suslov_fast.integrability.report"),
         (sf, "set_num_threads", "use the argument threads= of each function"),
@@ -345,6 +379,38 @@ def test_components_of_bodies_are_named_in_any_case():
         POINTS[0]
     with pytest.raises(TypeError, match=r"crossings\[.*\]: use crossings\.states\[k\], or of\(i\)"):
         POINTS[POINTS.valid]
+
+
+@pytest.mark.parametrize(
+    ("thing", "name", "answer"),
+    [
+        (FIELD, "rho", "QuadraticField cannot be changed: make it again with rho=3$"),
+        (SMOOTH, "q", "LiftedField cannot be changed: make it again with q=3$"),
+        (sf.Suslov3D(4, 2, -0.5, -0.3), "I1", "make it again with I1=3$"),
+        (RUN, "eps", r"Trajectories cannot be changed: .* such as run\.final\.copy\(\)$"),
+        (POINTS, "steps", "Crossings cannot be changed"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_assignments(thing, name, answer):
+    with pytest.raises(dataclasses.FrozenInstanceError, match=answer):
+        setattr(thing, name, 3)
+
+
+def test_missing_files(tmp_path):
+    with pytest.raises(FileNotFoundError, match=rf"no such file in {re.escape(str(tmp_path))}"):
+        sf.Trajectories.load(tmp_path / "run.npz")
+    RUN.save(tmp_path / "run1.npz")
+    with pytest.raises(FileNotFoundError, match=r"did you mean run1\.npz\?"):
+        sf.Trajectories.load(tmp_path / "run.npz")
+    with pytest.raises(FileNotFoundError, match=r"there is no folder .*nowhere"):
+        sf.Trajectories.load(tmp_path / "nowhere" / "run.npz")
+
+
+def test_constants_of_one_orbit_are_floats():
+    constants = sf.closed_form(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5], 0.2)
+    assert "np." not in repr(constants)
+    assert {*map(type, constants)} == {float}
 
 
 def test_values_at_one_state_are_numbers():

@@ -439,6 +439,17 @@ class Named(sf.QuadraticField):
 
 
 @pytest.mark.slow
+def test_words_for_own_bodies():
+    with pytest.raises(TypeError, match=r"^Sleigh has no argument 'mas': pass mass="):
+        own.Sleigh(mas=2.0, J=1.5, b=0.4)
+    with pytest.raises(TypeError, match=r"^Sleigh needs b; the call is Sleigh\(mass, J, b\)"):
+        own.Sleigh(2.0, 1.5)
+    with pytest.raises(AttributeError, match="cannot be changed: make it again with J=2"):
+        SLEIGHS.J = 2
+    with pytest.raises(AttributeError, match="has no attribute 'masss': use mass"):
+        SLEIGHS.masss  # noqa: B018
+
+
 def test_a_subclass_comes_back_as_itself(tmp_path):
     field = Named([[[1]]], [[-1]])
     run = iterate(field, [0.5], 0.1, 5)

@@ -92,7 +92,8 @@ ARROWS = {
     "warm_up": "core engine maps compiled",
     "summary": "bodies engine maps runs",
     "options": "bodies",
-    "command": "checks bodies engine maps runs plots integrability warm_up summary options",
+    "command": "checks keywords bodies engine maps runs plots integrability warm_up summary "
+    "options",
     "__main__": "command",
 }
 

@@ -16,9 +16,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy
 import xarray
 from numba import njit
 from pandas import DataFrame, Series
+from scipy.interpolate import interp1d
 
 import suslov_fast as sf
 from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, checks
@@ -31,6 +33,7 @@ BATCH = Suslov3D([[4.0], [2.0]], [1, 2, 3], -0.5, -0.3)
 FIELD = QuadraticField([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
 FAMILY = QuadraticField.from_function(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
 HENON = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
+LIFTED = sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
 LISTS = {"indices": [[0], [0], [2]], "values": [1.0]}
 
 
@@ -44,6 +47,10 @@ def rotor(**given):
 
 def field(f, dimension=2, **parameters):
     return lambda: QuadraticField.from_function(f, dimension, **parameters)
+
+
+def interpolated(x):
+    return interp1d([0, 1], [0, 1])(x[0]), x[1]
 
 
 def hamiltonian(H, dimension=2, *K, **parameters):
@@ -179,6 +186,23 @@ FIELDS = [
     (lambda: sf.iterate(abs, [1.0, 0.5], 0.1, 1), TypeError, r"pass LiftedField\.from_function\(f, names\), or QuadraticField"),
     (field(lambda x: x**2), TypeError, r"f.* x is a tuple; .* np.array\(x\)"),
     (field(lambda x: None), ValueError, "f.*not None: return a tuple of 2"),
+    (field(lambda *x: x), TypeError, r"f must take the state, as one tuple, not f\(\*x\): pass lambda x: f\(\*x\)$"),
+    (field(lambda: 3), TypeError, r"f must take the state, as one tuple, not f\(\): write lambda x"),
+    (field(lambda x: (x.u, x.v)), TypeError, r"x is a tuple, its components are x\[0\], x\[1\]$"),
+    (field(lambda x: (x["u"], 1)), TypeError, r"x is a tuple, its components are x\[0\], x\[1\]$"),
+    (field(lambda x: (x[0].real, 1)), TypeError, r"x holds symbols, for \+ - \* / and \*\* alone"),
+    (field(interpolated), ValueError, r"f.*calls scipy, which takes no symbols \(.*: write formulas"),
+    (field(sympy.lambdify(sympy.symbols("u v"), [1, 2])), TypeError, r"pass lambda x: f\(\*x\), as"),
+    (field([1, 2], [*sympy.symbols("u v")]), TypeError, "names of variables, such as 'u v', not"),
+    (field(2, lambda x: x), TypeError, "dimension must be a number or names, not a function, which"),
+    (field(lambda x: (x[1], 1), r"\theta w"), ValueError, "not a valid name in Python: call it theta"),
+    (field(lambda x: (x[1], 1), ["my angle", "w"]), ValueError, "call it my_angle, for example"),
+    (lambda: QuadraticField(["y", "-x"]), TypeError, r"quadratic.*use from_function\(f, dimension\)"),
+    (lambda: QuadraticField(np.zeros((2, 2, 2)), np.eye(3)), ValueError, r"linear .* \(\.\.\., 2, 2\), not"),
+    (inertia(ID, "z"), TypeError, r"a must be 3 numbers, such as \[0, 0, 1\], not 'z'"),
+    (lambda: sf.integrability.zoo()["lorenz"], KeyError, "no field 'lorenz': did you mean 'Lorenz'"),
+    (lambda: sf.integrability.zoo()[3], KeyError, "choose from Suslov body, Suslov gyrostat"),
+    (lambda: sf.integrability.kahan(LIFTED), TypeError, "not LiftedField: pass field.lifted"),
     # As written for other packages.
     (field(lambda t, y: y), TypeError, r"f.*not f\(t, y\): pass lambda x: f\(None, x\),"),
     (field(lambda y, t: y), TypeError, r"f.*not f\(y, t\): pass lambda x: f\(x, None\),"),

@@ -30,6 +30,8 @@ _NUMBERED = re.compile(r"[A-Za-z]+_?\d+")
 _WITH_RATES = re.compile(r"([pvd]_?)?[xyz](_?dot)?")
 _RUNS = "xyzw", "xyzuvw", "xyuv", "xv", "uvw", "qp", "pq", "XYZW", "UVW"
 CUBIC = "howto/smooth"
+_OURS = {"suslov_fast", "numpy", "numba"}  # packages whose errors are told otherwise
+_LAMBDIFIED = "_lambdifygenerated"  # the name of functions of SymPy, which users do not see
 # What errors of Python, NumPy and Numba say; a test raises each.
 TEXTS = {
     "array of a number": "'(float|int)' object is not|non-iterable (float|int)|"
@@ -40,7 +42,7 @@ TEXTS = {
     "function without symbols": "must be real number, not|not '(Expression|Polynomial)'|"
     "object has no attribute",
     "time is None": "NoneType|fractions or floats, not None",
-    "number of a symbol": "Polynomial",
+    "number of a symbol": "Polynomial|Expression",
     "tuple as an array": "'Variables'|'tuple' and|tuple indices|can't multiply sequence",
     "unpacking": "to unpack",
     "argument of Numba": "compute fingerprint",
@@ -82,7 +84,8 @@ def arguments_of(f: Any) -> list[str]:
 def name_of(f: Any, argument: str) -> str:
     """Return the name of a function, or `argument` if it has none, as a lambda."""
     name = getattr(f, "__name__", "")
-    return name if name.isidentifier() and not iskeyword(name) else argument
+    is_name = name.isidentifier() and not iskeyword(name) and name != _LAMBDIFIED
+    return name if is_name else argument
 
 
 def check_callable(argument: str, f: Any) -> None:
@@ -107,6 +110,9 @@ def check_arguments(
     that holds f, and advise a call of `maker`, the public function that takes f.
     """
     arguments, f_name, D = arguments_of(f), name_of(f, argument), len(names)
+    if taken := _signature(f):
+        how = "write lambda x: ..." if taken == "()" else f"pass lambda x: {f_name}(*x)"
+        raise TypeError(f"{argument} must take the state, as one tuple, not {f_name}{taken}: {how}")
     missing = [name for name in arguments[1:] if name not in given]
     is_timed = not TIME.isdisjoint(arguments)
     first = _first_scalar(arguments, names, given)
@@ -187,6 +193,16 @@ def _check_time(
         f"{argument} must take the state alone, as one tuple, not {received}: "
         f"make time a variable with the derivative 1, {call}"
     )
+
+
+def _signature(f: Any) -> str:
+    """Return the signature of a function that takes no state as a whole, such as "(*args)"."""
+    try:
+        signature = inspect.signature(f)
+    except (TypeError, ValueError):
+        return ""
+    kinds = [each.kind for each in signature.parameters.values()]
+    return str(signature) if kinds[:1] in ([], [inspect.Parameter.VAR_POSITIONAL]) else ""
 
 
 def prefixed(argument: str, text: str) -> str:
@@ -290,6 +306,9 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         how = f"those that take them, in a LiftedField, are {', '.join(FUNCTIONS)}"
         how = f"write {HOW[function]}" if function in HOW else how
         return f"{f_name} calls {function} of NumPy, which takes no symbols: {how}"
+    if package := _other_package(error):
+        how = "write formulas of + - * / ** and functions of NumPy"
+        return f"{f_name} calls {package}, which takes no symbols ({text}): {how}"
     if _is_of_numba(error):
         how = "call its Python function, g.py_func(*x) in place of g(*x)"
         return f"{f_name} calls a function compiled by Numba, which takes no symbols: {how}"
@@ -309,12 +328,18 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         how = "x holds symbols, and functions of math take none: write those of NumPy"
         return f"{how}, such as np.sin, and make a LiftedField, see {page(CUBIC)}"
     if says(text, "number of a symbol"):
+        if isinstance(error, AttributeError):
+            return f"{text}: x holds symbols, for + - * / and ** alone; see {page(CUBIC)}"
         why = "x holds symbols, so f cannot use if or float of them, or store them in an array"
-        return f"{text}: {why} of floats: return a tuple of expressions; see {page(CUBIC)}"
+        how = "return a tuple of expressions, or fill np.zeros(n, dtype=object)"
+        return f"{text}: {why} of floats: {how}; see {page(CUBIC)}"
     if len(names) == 1 and len(names[0]) > 1 and re.search("to unpack|but the dimension", text):
         return f"{text}: {names[0]!r} is one name, write {' '.join(names[0])!r} for {len(names[0])}"
     if says(text, "tuple as an array"):
         text = text.replace("'Variables'", "'tuple'")
+        if isinstance(error, AttributeError) or "indices must be" in text:
+            parts = ", ".join(f"x[{i}]" for i in range(min(3, len(names))))
+            return f"{text}: x is a tuple, its components are {parts}"
         return f"{text}: x is a tuple; for arithmetic of arrays use np.array(x)"
     if says(text, "unpacking"):
         wanted = re.search(r"expected (\d+)", text)
@@ -347,6 +372,14 @@ def of_numpy(error: Exception) -> str:
         if frame.f_globals.get("__name__", "").partition(".")[0] == "numpy":
             return frame.f_code.co_name
     return ""
+
+
+def _other_package(error: Exception) -> str:
+    """Return the installed package in whose Python code an error was raised, as "scipy"."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    package: str = frame.f_globals.get("__name__", "").partition(".")[0]
+    is_installed = re.search(r"(site|dist)-packages", frame.f_code.co_filename)
+    return package if is_installed and package not in _OURS else ""
 
 
 def _is_of_numba(error: Exception) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..keywords import INSTEAD_IN_BODIES, public
+from ..keywords import INSTEAD_IN_BODIES, nearest, public
 from .members import Members
 from .polynomials import from_lists, to_lists
 
@@ -34,7 +34,7 @@ class Parameters(dict[str, Any]):
     """Parameters by name: a copy, in which a new value would not reach the body."""
 
     def __setitem__(self, name: str, value: Any) -> None:
-        how = f"make it again with {name}={checks.short(value)}"
+        how = Body._remade(name, value)
         raise TypeError(f"parameters of a body or field cannot be changed: {how}")
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -61,6 +61,10 @@ class Body(Members):
     _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary that hold no numbers
     _lists_terms: ClassVar[bool] = False  # whether datasets hold the terms, and not the parameters
     _remake: ClassVar[Any] = None  # makes the field with other named parameters, if its f is there
+
+    @staticmethod
+    def _remade(name: str, value: Any) -> str:
+        return f"make it again with {name}={checks.short(value)}"
 
     def _made_by(self: Kind, maker: Any, *arguments: Any) -> Kind:
         """Keep what made this field from a function; copies, members and files do without it."""
@@ -192,10 +196,19 @@ class Body(Members):
                 instead = f"parameters[{name!r}]"
             elif name in import_module("suslov_fast").__all__ or name in _ELSEWHERE:
                 instead = f"suslov_fast.{_ELSEWHERE.get(name, name)}(body, ...)"
-            instead = instead or INSTEAD_IN_BODIES.get(name, "")
+            instead = instead or INSTEAD_IN_BODIES.get(name) or self._near(name)
+            text = f"{kind!r} object has no attribute {name!r}"
             if instead:
-                raise AttributeError(f"{kind!r} object has no attribute {name!r}: use {instead}")
-            raise AttributeError(f"{kind!r} object has no attribute {name!r}", name=name, obj=self)
+                raise AttributeError(f"{text}: use {instead}")
+            raise AttributeError(text, name=name, obj=self)
+
+        def _near(self, name: str) -> str:
+            """Return the name of this package for an attribute, or one that is spelt alike."""
+            if name.startswith("_"):
+                return ""
+            here = import_module("suslov_fast")._here(name) or nearest(name, dir(self))
+            is_field = hasattr(type(self), "from_function")
+            return here or f"from_function(f, names, {name}=...), for a parameter" * is_field
 
     @property
     def _key(self) -> tuple[Any, ...]:

@@ -49,7 +49,8 @@ def of_array(name: str, value: Any, axes: int, D: int) -> Entries:
         return of_sparse(name, value, D)
     array = as_given(name, value)
     if D == 0 or array.shape[-axes:] != (D,) * axes:
-        raise wrong(name, f"have the shape (..., {', '.join('D' * axes)})", array.shape)
+        size = D if name != "quadratic" else "D"
+        raise wrong(name, f"have the shape (..., {', '.join([str(size)] * axes)})", array.shape)
     if array.ndim == axes:
         return entries(name, array)
     array = within(name, checks.real_array(name, array), OTHERS)

@@ -15,8 +15,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .. import checks
-from ..checks import wrong
-from ..keywords import public
+from ..checks import short, wrong
+from ..keywords import public, unchanging
 from .base import Body, summary
 from .coefficients import of_array, of_hamiltonian, of_terms, structure_matrix, with_arrays
 from .field_of_terms import (
@@ -40,6 +40,7 @@ from .terms import (
 from .tracing import traced
 
 
+@unchanging
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class QuadraticField(_FieldOfTerms):
     """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
@@ -97,6 +98,9 @@ class QuadraticField(_FieldOfTerms):
             raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
         array = as_given("quadratic", quadratic)
         D = (0, *array.shape)[-1]
+        if any(isinstance(each, str) for each in array.flat):
+            received = f"{short(quadratic)}: use from_function(f, dimension) for equations"
+            raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
         if array.ndim == 2:
             how = f"for x' = A x pass QuadraticField.from_function(lambda x: A @ x, {D})"
             raise wrong("quadratic", "have the shape (..., D, D, D)", f"{array.shape}: {how}")

@@ -13,7 +13,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray
 from ..core.lift import polynomial_at, slopes_at, words_at
-from ..keywords import public
+from ..keywords import public, unchanging
 from .base import frozen, summary
 from .coefficients import structure_matrix
 from .definitions import Definitions
@@ -32,6 +32,7 @@ NUMBERS, VALUES = "coefficients of definitions", "values of the lifted field"
 STRUCTURE, NAMES = "structure", "names of variables"
 
 
+@unchanging
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class LiftedField(FieldOfFunction):
     """A field with a smooth right-hand side, ``x' = f(x)``, that need not be quadratic.
@@ -130,7 +131,7 @@ class LiftedField(FieldOfFunction):
         TypeError
             Always; the attribute `lifted` is a quadratic field in more variables.
         """
-        how = "use report(field.lifted), and scipy.optimize.root on vector_field for fixed points"
+        how = "pass field.lifted, whose equations are; for fixed points use scipy.optimize.root"
         raise TypeError(f"body: the equations of a LiftedField are not quadratic: {how}")
 
     @property

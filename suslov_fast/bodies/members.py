@@ -11,6 +11,7 @@ from ..checks import FloatArray, wrong
 from ..keywords import public
 
 Kind = TypeVar("Kind", bound="Members")
+_FAMILY = "for a family pass an array as a parameter"
 
 
 class Members:
@@ -24,7 +25,7 @@ class Members:
     def __len__(self) -> int:
         if not self.shape:
             text = f"this body is a single {type(self).__name__}, without members to count or index"
-            raise TypeError(text)
+            raise TypeError(f"{text}: {_FAMILY}")
         return int(self.shape[0])
 
     def __iter__(self: Kind) -> Iterator[Kind]:
@@ -129,7 +130,7 @@ class Members:
             return columns[name]
         if not self.shape:
             raise ValueError(
-                f"sel: this is a single {type(self).__name__}, and sel is for families"
+                f"sel: this is a single {type(self).__name__}, and sel is for families: {_FAMILY}"
             )
         how = f"choose from: {', '.join(columns)}"
         if not columns:

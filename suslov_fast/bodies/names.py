@@ -61,6 +61,8 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
     """
     if given is None and D:
         return labels(D)
+    if hasattr(given, "__code__"):
+        raise wrong(argument, "a number or names", "a function, which comes first", TypeError)
     if isinstance(given, str):
         names = re.split(r"[\s,]+", given.strip(" ,\t\n"))
     elif isinstance(given, (list, tuple)) or np.ndim(given) == 1:
@@ -71,7 +73,10 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
         raise wrong(argument, 'names, such as "u v w"', short(given), TypeError)
     if not all(isinstance(name, str) for name in names):
         kind = "an integer, or names of variables" if D is None else "names of variables"
-        raise wrong(argument, f"{kind}, such as 'u v w'", short(given), TypeError)
+        symbols = " ".join(str(name) for name in names)
+        is_symbolic = all(hasattr(name, "free_symbols") for name in names)
+        example = repr(symbols if is_symbolic else "u v w")
+        raise wrong(argument, f"{kind}, such as {example}", short(given), TypeError)
     names = [str(name) for name in names if name]
     if not names:
         raise wrong(argument, "the name of at least one variable", short(given))
@@ -91,6 +96,8 @@ def _refused(name: str, i: int, names: list[str]) -> str:
         return f"has a name that is a keyword of Python: call it {name}_, for example"
     if not name.isidentifier():
         how = "use letters, digits and _, and begin with a letter"
+        if (plain := re.sub(r"\W+", "_", name).strip("_")).isidentifier() and not iskeyword(plain):
+            how = f"call it {plain}, for example"
         how = f"for a number of variables pass the integer {name}" if name.isdecimal() else how
         return f"is not a valid name in Python: {how}"
     if name in names[:i]:

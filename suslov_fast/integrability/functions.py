@@ -20,7 +20,7 @@ import flint
 from ..bodies.advice import check_arguments
 from ..bodies.names import labels, latex
 from ..checks import extra, wrong
-from ..keywords import public
+from ..keywords import answers, public
 from . import arithmetic
 from .arithmetic import EPS
 from .polynomials import (
@@ -53,6 +53,10 @@ class Differentiable(Protocol):
 F = TypeVar("F", bound=Differentiable)
 
 
+@answers(
+    "a rational function",
+    {"simplify factor expand latex to_latex to_sympy expr": "sympy.sympify(str(f), f.symbols())"},
+)
 @dataclass(frozen=True, repr=False)
 class RationalFunction:
     """A product of powers of polynomials and a constant, exact.

@@ -193,7 +193,7 @@ class RationalMap:
         Raises
         ------
         TypeError, ValueError, ZeroDivisionError
-            As :meth:`jacobian`.
+            If eps is symbolic, the point does not have D numbers, or it is a pole of the map.
 
         Examples
         --------

@@ -15,7 +15,7 @@ from typing import Any
 import flint
 
 from ..checks import integer, wrong
-from ..keywords import public
+from ..keywords import answers, public
 from .confinement import is_proved
 from .contracted import Passage, Plane, passages_across
 from .growth import agreed_degrees, check_degrees, rational_series
@@ -33,6 +33,7 @@ _COST = 0.2  # seconds, roughly
 _ROUNDING = 1e-9  # of the modulus of a root
 
 
+@answers("a contraction")
 @dataclass(frozen=True)
 class Contraction:
     """A curve that a map contracts to a point, and what becomes of it.
@@ -58,6 +59,7 @@ class Contraction:
         return f"{self.curve}{curves}: {confined}{self.how}"
 
 
+@answers("a planar entropy", {"value": "entropy"})
 @dataclass(frozen=True, repr=False)
 class PlanarEntropy:
     """The algebraic entropy of a birational map of the plane, as `planar_entropy` returns it.

@@ -299,6 +299,8 @@ def register(record: Map) -> None:
         expected = f"a {record.body.__name__} and a state, or None"
         raise checks.wrong("pole", expected, repr(record.pole), TypeError)
     check_parameters(record.body, record.random)
+    if "__init__" in vars(record.body) and not hasattr(record.body.__init__, "__wrapped__"):
+        public_class(record.body)
     MAPS[record.name] = record
 
 
@@ -322,6 +324,8 @@ def map_of(body: Any, method: str = "auto") -> Map:
     instead = f": QuadraticField.of(body) has the methods {of_fields}"
     is_of_fields = str(method) in methods_of(QuadraticField) or str(method).startswith("order")
     instead *= is_of_fields and "order8" not in by_method
+    if "order8" in by_method and not is_of_fields:
+        instead = ": Kahan's map is 'auto'; flow(field, x0, time) integrates to a tolerance"
     return by_method[checks.one_of("method", method, by_method, instead)]
 
 

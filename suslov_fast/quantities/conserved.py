@@ -11,7 +11,7 @@ from ..bodies.classes import AnyBody, BodyIn3D, BodyOrField
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray
 from ..engine.problem import check
-from ..keywords import public
+from ..keywords import answers, public
 from ..maps import map_of, problem
 from .evaluation import evaluate, mask_and_warn
 
@@ -308,6 +308,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
     return mask_and_warn(checked, map.formulas["from_xy"].compute(checked))
 
 
+@answers("a closed form", {"x y states omega": "exact, which returns states"})
 class ClosedForm(NamedTuple):
     """Constants of a solution, as :func:`closed_form` returns them; each has the shape (...)."""
 
@@ -327,15 +328,19 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
 
     Parameters
     ----------
-    body, omega0, eps
-        As in :func:`jacobian`, for a `Suslov3D` and its state 0; eps = 0 is the continuous motion.
+    body : Suslov3D
+        A single body, or a batch.
+    omega0 : array_like(float, shape=(..., 2))
+        State 0 of each orbit.
+    eps : array_like(float, shape=(...))
+        Step sizes; 0 is the continuous motion.
 
     Returns
     -------
     ClosedForm
         Named tuple of arrays (...): h, unit (inertia * omega)**2; k1, unit 1 / eps;
         k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
-        -1 and 1. k2 is infinite on the line x = 0, and 0 at rest.
+        -1 and 1. k2 is infinite on the line x = 0, and 0 at rest. Floats where the shape is ().
 
     Raises
     ------
@@ -352,9 +357,11 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
     --------
     >>> from suslov_fast import Suslov3D, closed_form
     >>> constants = closed_form(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2)
-    >>> float(constants.k1.round(6)), float(constants.t.round(6))
+    >>> round(constants.k1, 6), round(constants.t, 6)
     (-0.402536, 0.040232)
     """
     checked = problem("closed_form", body, omega0, eps, name="omega0")
     values: FloatArray = checked.map.formulas["closed_form"].compute(checked)
+    if values.ndim == 1:  # numbers, which print as such
+        return ClosedForm(*values.tolist())
     return ClosedForm(*np.moveaxis(values, -1, 0))

@@ -18,7 +18,7 @@ from ..engine.problem import Problem
 from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
-from ..keywords import nearest, public
+from ..keywords import nearest, public, unchanging
 from ..maps import Map
 from .columns import ARGUMENTS, CROSSINGS
 from .failures import ON_SINGULAR, OnSingular, report_failures
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import xarray
 
 
+@unchanging
 @dataclass(frozen=True, eq=False, repr=False)
 class Crossings(Result):
     """Points where orbits of a batch cross a surface: the result of :func:`crossings`.

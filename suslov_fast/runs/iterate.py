@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyOrField
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer
+from ..checks import FloatArray, integer, wrong
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.stretches import March, Progress
@@ -182,7 +182,11 @@ def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]
     """Return `steps` and `save_every`, checked."""
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    return integer("steps", steps, 0, "the number of steps, an integer of 0 or more"), save_every
+    expected = "the number of steps, an integer of 0 or more"
+    if isinstance(steps, float) and steps % 1 != 0:
+        how = "the step size eps comes before steps, and a run ends at the time eps * steps"
+        raise wrong("steps", expected, f"{steps}: {how}", TypeError)
+    return integer("steps", steps, 0, expected), save_every
 
 
 @public

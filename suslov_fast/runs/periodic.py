@@ -10,7 +10,7 @@ of the Jacobians of the steps; its eigenvalues at the solution are the multiplie
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.field import QuadraticField
 from ..bodies.lifted import LiftedField
 from ..checks import FloatArray, integer, real_number, short, warn, wrong
-from ..keywords import public
+from ..keywords import answers, public
 from ..maps import Method, map_of, problem
 from ..quantities.derivatives import jacobian, vector_field
 from .iterate import iterate
@@ -44,6 +44,7 @@ _INSTEAD = {
 }
 
 
+@answers("a periodic orbit", _INSTEAD)
 class PeriodicOrbit(NamedTuple):
     """A periodic orbit: the result of :func:`periodic_orbit`.
 
@@ -65,17 +66,6 @@ class PeriodicOrbit(NamedTuple):
     """Eigenvalues of the derivative of the map of a period, shape (D,), sorted by modulus."""
     residual: float
     """The largest modulus of a component of Phi^N(x) - x over that of x."""
-
-
-def _unknown(orbit: PeriodicOrbit, name: str) -> NoReturn:
-    """Raise an AttributeError that names what to use instead, if there is something."""
-    text = f"a periodic orbit has no attribute {name!r}"
-    how = next((how for names, how in _INSTEAD.items() if name in names.split()), "")
-    raise AttributeError(f"{text}: use {how}" if how else text, name=name, obj=orbit)
-
-
-# Here, because in the class type checkers would accept any name.
-PeriodicOrbit.__getattr__ = _unknown  # type: ignore[attr-defined]
 
 
 @public

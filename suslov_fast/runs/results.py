@@ -30,6 +30,8 @@ INSTEAD_IN_RUNS = {
         "run.{x}, the states with time on the first axis, so that y of solve_ivp is run.{x}.T",
     ),
     **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
+    **dict.fromkeys(("dt", "h", "step_size"), "run.eps, the step size"),
+    "T": "run.{x}.T, or run.time",
     **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
     "shape": "run.{x}.shape",
     "local_error": "iterate(..., method='extrapolated'), whose steps estimate their errors",
@@ -39,11 +41,11 @@ INSTEAD_IN_RUNS = {
     "select": "run.{x}[:, k], the states of trajectory k",
     **dict.fromkeys(("summary", "info"), "print(run), or suslov-fast info for a saved run"),
     **dict.fromkeys(
-        ("message", "errors", "status_counts"),
+        ("message", "error", "errors", "status_counts", "status_text"),
         "run.status and run.failed_at, with a Status for each trajectory",
     ),
     **dict.fromkeys(
-        ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
+        ("df", "to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
         "run.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
     ),
 }
@@ -55,9 +57,11 @@ INSTEAD_IN_CROSSINGS = {
     ),
     **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),
     **dict.fromkeys(("success", "retcode"), "crossings.ok, or crossings.status"),
+    **dict.fromkeys(("dt", "h", "step_size"), "crossings.eps, the step size"),
+    "energy": "suslov_fast.energy(crossings.body, crossings.states)",
     "message": "crossings.status and crossings.failed_at, with a Status for each trajectory",
     **dict.fromkeys(
-        ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
+        ("df", "to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
         "crossings.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
     ),
     "parameters": "crossings.body.parameters, or the coordinates of crossings.to_xarray()",
@@ -101,6 +105,10 @@ class Result:
     """The base of `Trajectories` and `Crossings`, frozen dataclasses whose arrays are read-only."""
 
     _instead: ClassVar[str] = ": pass its body, run.body"
+
+    @staticmethod
+    def _remade(name: str, value: object) -> str:
+        return "change a copy of an array, such as run.final.copy()"
 
     def __post_init__(self) -> None:
         """Make arrays read-only: views of them, because a caller may go on writing to their own."""

@@ -41,6 +41,7 @@ def check_surface(surface: Any) -> None:
     if not callable(surface):
         is_number = isinstance(surface, (int, float))
         how = f": pass lambda x: x[..., k] - {surface}, for component k" if is_number else ""
+        how = ": for component k pass lambda x: x[..., k]" if isinstance(surface, str) else how
         raise wrong("surface", expected, f"{checks.kind_of(surface)}{how}", TypeError)
     if len(needed := arguments_of(surface)) > 1:
         raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)

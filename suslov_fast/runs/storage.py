@@ -32,6 +32,7 @@ from ..checks import (
     wrong,
 )
 from ..engine.status import Status
+from ..keywords import missing_file
 from ..maps import map_of, named
 from .columns import (
     ARGUMENTS,
@@ -187,6 +188,8 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
                 return _read(entries, kind, about, texts["body"]) | (
                     {} if kinds else {"kind": kind}
                 )
+    except FileNotFoundError as error:
+        raise FileNotFoundError(error.errno, missing_file(name), name) from None
     except (OSError, MemoryError):
         raise
     except OtherFormat as error:

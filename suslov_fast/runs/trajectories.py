@@ -17,7 +17,7 @@ from ..engine.problem import Problem
 from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, largest_errors, reporter
 from ..engine.threads import thread_count
-from ..keywords import nearest, public
+from ..keywords import nearest, public, unchanging
 from ..maps import Map
 from .columns import names_kept
 from .failures import ON_SINGULAR, OnSingular, report_failures
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import xarray
 
 
+@unchanging
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectories(Result):
     """Orbits of a batch, with the status of each: the result of :func:`iterate`.

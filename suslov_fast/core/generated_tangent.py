@@ -19,11 +19,12 @@ NEAR_1_LEAST, NEAR_1_LARGEST, LEAST_LENGTH, LARGEST_LENGTH = -0.999, 1e3, 1e-100
 LIMIT, LEAST_SIZE, LARGEST_SIZE = 64.0, 1e-100, 1e100
 # The code returns how many steps it took, and from these places on the bits of lanes: whose step or
 # whose derivative is not accurate, so that no lane took the step; from det A < 0; with columns to
-# be orthonormalised; with logarithms to be taken; in which a component changed its sign.
-STEP, DERIVATIVE, NEGATIVE, DUE, OUTSIDE, CHANGED = range(16, 64, 8)
+# be orthonormalised; with logarithms to be taken; in which a component changed its sign; whose
+# columns lose digits soon. The last do not stop the steps.
+STEP, DERIVATIVE, NEGATIVE, DUE, OUTSIDE, CHANGED, SOON = range(8, 64, 8)
 # Instructions of the loop over columns, besides loads and stores. Several columns are multiplied at
 # once while there are no more, because a longer loop exceeds the processor's instruction cache.
-MOST_IN_LOOP = 1800
+MOST_IN_LOOP = 1700
 
 
 def room_of(D, W):
@@ -148,6 +149,9 @@ def text_of_tangent(tangent, name, W, for_each, _):
     text.label("next")
     text.jump("step")
     text.label("end")
+    less = text.operate("fmul", most, scaled[VOLUME])  # the square root of LIMIT for LIMIT
+    soon = integer("xor", text.bits(text.compare("olt", power, less)), all_lanes)
+    flags = integer("or", flags, integer("shl", soon, SOON))
     text.add(f"  ret i64 {integer('or', '%n1', flags)}")
     return text.finished()
 

@@ -360,6 +360,9 @@ class Tangent(Step):
         matrix = Matrix(self.indices, self.D, values, self.after, minus)
         self.back = Factors(matrix, self.factors.order)
         entries = {place: matrix.entry(*place)[0] for place in sorted(matrix.pattern)}
+        for k in range(self.D):  # of M(x_next) - 1
+            is_there = (k, k) in entries
+            entries[k, k] = values.emit("fadd", -1.0, entries[k, k]) if is_there else -1.0
         self._scale()
         super()._add_tests(halves)
         self._add_columns(entries)
@@ -396,16 +399,13 @@ class Tangent(Step):
         self.scaled = volume, near_1, far
 
     def _add_columns(self, entries):
-        """Add the operations for -DPhi q, with the entries of M(x_next)."""
+        """Add the operations for -DPhi q, with the entries of M(x_next) - 1."""
         values, step, first = self.values, self.factors, len(self.values.operations)
-        self.column = [*range(values.count, values.count + self.D)]
+        self.column, v = [*range(values.count, values.count + self.D)], {}
         values.count += self.D
-        products = [[(-1.0, number)] for number in self.column]
-        for (i, j), number in entries.items():
-            products[i].append((number, self.column[j]))
-        v = {}
         for k in step.order:
-            v[k] = values.total(None, products[k])
+            products = [(number, self.column[j]) for (i, j), number in entries.items() if i == k]
+            v[k] = values.total(None, products)
             v[k] = values.total(v[k], [(step.lower[k, i], v[i]) for i in step.before[k]])
         for k in reversed(step.order):
             v[k] = values.total(v[k], [(step.upper[k, j], v[j]) for j in step.after[k]])

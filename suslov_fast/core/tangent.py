@@ -37,6 +37,7 @@ from .generated_tangent import (
     NEAR_1,
     NEGATIVE,
     OUTSIDE,
+    SOON,
     STEP,
     room_of,
     text_of_orthonormalise,
@@ -54,7 +55,9 @@ from .steps_field import Scheme, scheme_of, tables_of
 # Operations of a step, and of one with columns if the field is dense, above which the loops of
 # `sparse_tangent` are faster, or compiling takes longer than most runs.
 MOST, MOST_OF_DENSE = 4000, 40_000
-INTERVAL = 16  # steps, after which columns are orthonormalised at the latest
+# Steps, after which columns that lose digits soon are orthonormalised, too: those of several lanes
+# at once, which takes no longer than those of one.
+INTERVAL = 8
 _NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` needs D alone
 
 
@@ -165,9 +168,9 @@ def take_steps(arguments, memory, place, stage, ignored, steps, solves):
     """Take up to so many steps of line `place`, and none after a step that leaves bits of lanes.
 
     Return how many were taken, and bits of lanes: from det A < 0, in which a component changed its
-    sign, with columns to be orthonormalised, with logarithms to be taken, and that took the last
-    step by `solve`. If `solves` is None, Numba compiles no `solve`; a step that needs it is not
-    taken, and sets `unable`.
+    sign, with columns to be orthonormalised, with such that need it soon, with logarithms to be
+    taken, and that took the last step by `solve`. If `solves` is None, Numba compiles no `solve`; a
+    step that needs it is not taken, and sets `unable`.
     """
     line, all_lanes, address = memory.line, (1 << arguments.W) - 1, arguments.step
     table = arguments.table[arguments.tables[stage], place % arguments.table.shape[1]].ctypes.data
@@ -195,34 +198,50 @@ def take_steps(arguments, memory, place, stage, ignored, steps, solves):
             beyond, over_0 = solve_lanes(arguments, memory, place, stage, step, solved)
             negative, changed = negative | beyond, changed | over_0
         taken += 1
-    due, outside = (code >> DUE) & all_lanes | solved, (code >> OUTSIDE) & all_lanes | solved
-    return taken, negative, changed, due, outside, solved
+    due, soon = (code >> DUE) & all_lanes | solved, (code >> SOON) & all_lanes | solved
+    return taken, negative, changed, due, soon, (code >> OUTSIDE) & all_lanes | solved, solved
 
 
 # ------------------------------------------------------------------------------------------ kernels
 @function
-def fill_line(W, room, memory, x, carry, place, start):
+def fill_line(W, room, line, x, place):
     """Fill the W lanes of line `place` with trajectories and their columns.
 
-    Lanes beyond the last trajectory repeat it; return their bits.
+    Lanes beyond the last trajectory repeat it.
     """
     for_size()
-    line, (B, D), ignored = memory.line, x.shape, 0
+    B, D = x.shape
     first = 2 * D + LENGTHS
     line[:] = 0.0
     for l in range(W):
         k = lesser(place * W + l, B - 1)
-        ignored |= (1 << l) if place * W + l >= B else 0
         for i in range(D):
-            line[i, l] = x[k, i] if start == 0 else carry[k, i]
+            line[i, l] = x[k, i]
             for r in range(D):
-                unit = 1.0 if i == r else 0.0
-                value = unit if start == 0 else carry[k, D + D * i + r]
-                line[first + i * room + r, l] = value
+                line[first + i * room + r, l] = 1.0 if i == r else 0.0
         for j in range(LENGTHS + D):
-            value = 0.0 if j == NEAR_1 else 1.0
-            line[D + j, l] = value if start == 0 else carry[k, D + D * D + j]
-    return np.int64(ignored)
+            line[D + j, l] = 0.0 if j == NEAR_1 else 1.0
+
+
+@function
+def copy(target, source):
+    """Copy an array of two dimensions."""
+    for i in range(len(source)):
+        for l in range(source.shape[1]):
+            target[i, l] = source[i, l]
+
+
+@inlined
+def lanes_beyond(W, B, place):
+    """Return the bits of the lanes of line `place` beyond the last of B trajectories."""
+    used = lesser(W, B - place * W)
+    return np.int64((1 << W) - (1 << used))
+
+
+def carry_of(arguments, B, D):
+    """Return the memory in which `growth` keeps the lines of B trajectories between calls."""
+    W = arguments.W
+    return np.empty((-(-B // W), 2 * D + LENGTHS + D * arguments.room, W))
 
 
 @kernel
@@ -232,9 +251,9 @@ def jacobians(part, parts, arguments, x, out):
     counted, first = memory_of(arguments, D), 2 * D + LENGTHS
     memory, room = uncounted(counted), arguments.room
     stages, (begin, end) = len(arguments.fractions), share((B + W - 1) // W, part, parts)
-    start = np.int64(0)  # a literal would have a type, and functions, of its own
     for place in range(begin, end):
-        ignored = fill_line(W, room, memory, x, x, place, start)
+        fill_line(W, room, memory.line, x, place)
+        ignored = lanes_beyond(W, B, place)
         # Columns become -DPhi q at each stage, and the number of stages is odd, except those of a
         # column of an extrapolated step, whose derivative is 1 + sum_n w_n (DPhi_n - 1).
         is_first = True
@@ -256,7 +275,7 @@ def jacobians(part, parts, arguments, x, out):
                         out[place * W + l, i, r] = 0.0 * memory.line[i, l] + value
             is_first = False
             if not is_last:
-                fill_line(W, room, memory, x, x, place, start)
+                fill_line(W, room, memory.line, x, place)
     keep(counted)
 
 
@@ -270,7 +289,7 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     trajectories, nor on where a run is divided. (Columns become -DPhi q; signs do not matter.)
 
     arguments    `Arguments`
-    x0, carry    (B, D), read if start = 0; (B, 2 D + D D + 3), read otherwise, and written
+    x0, carry    (B, D), read if start = 0; `carry_of`, read otherwise, and written
     span         (start, stop, last): steps from state `start` to state `stop`, and the state at
                  which all logarithms are taken
     sums, of_det   (B, D) and (B,), to which logarithms are added; NaN after a failure
@@ -286,8 +305,11 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     base = np.empty((D, W))  # the states before the first of several stages
     begin, end = share((B + W - 1) // W, part, parts)
     for place in range(begin, end):
-        ignored = fill_line(W, arguments.room, memory, x0, carry, place, start)
-        n = start
+        if start == 0:
+            fill_line(W, arguments.room, line, x0, place)
+        else:
+            copy(line, carry[place])
+        ignored, n = lanes_beyond(W, B, place), start
         stage = np.int64(0)  # a literal would have a type, and functions, of its own
         for l in range(lesser(W, B - place * W)):
             k, undefined = place * W + l, 0.0
@@ -306,7 +328,7 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                 for i in range(D):
                     for l in range(W):
                         base[i, l] = line[i, l]
-            taken, negative, changed, due, outside, solved = take_steps(
+            taken, negative, changed, due, soon, outside, solved = take_steps(
                 arguments, memory, place, stage, ignored, steps, arguments.solves
             )
             if solved != 0 and arguments.solves is None:  # the caller begins anew
@@ -329,8 +351,10 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                     status[k], failed_at[k] = PASSED_POLE, state
                     by_signs[k] = not (negative >> l) & 1
             is_last = stage == 0 and n == last
-            if stage == 0 and (is_last or n % INTERVAL == 0):
+            if is_last:
                 due = all_lanes
+            elif stage == 0 and n % INTERVAL == 0:
+                due |= soon
             due &= ~ignored
             if due:
                 if arguments.orthonormalise != 0:
@@ -347,9 +371,5 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
             of_det[k] += 0.0 * line[0, l]
             for i in range(D):
                 sums[k, i] += 0.0 * line[i, l]
-                carry[k, i] = line[i, l]
-                for r in range(D):
-                    carry[k, D + D * i + r] = line[first + i * arguments.room + r, l]
-            for j in range(LENGTHS + D):
-                carry[k, D + D * D + j] = line[D + j, l]
+        copy(carry[place], line)
     keep(counted)

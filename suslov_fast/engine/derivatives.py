@@ -18,8 +18,8 @@ from .problem import Problem
 from .stretches import March, Report
 from .threads import available, call_kernel
 
-# Operations of one call of a kernel, about 0.1 s; Python handles Ctrl-C between calls.
-_STRETCH = 2**26
+# Operations of one call of a kernel, at most some 0.1 s; Python handles Ctrl-C between calls.
+_STRETCH = 2**28
 
 
 def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
@@ -132,7 +132,6 @@ def _parts(problem: Problem, start: FloatArray) -> Iterator[_Part]:
     A call takes few trajectories through about 64 steps, not many through few, because it reads and
     writes D**2 numbers for each trajectory.
     """
-    D = start.shape[1]
     for where, (scheme, *parameters) in groups_of_alike(problem):
         states, cost = start[where], tangent.operations_of(scheme)
         block = 64 * (problem.threads or available())
@@ -143,7 +142,7 @@ def _parts(problem: Problem, start: FloatArray) -> Iterator[_Part]:
             x = states[part]
             values, eps = _of_part(part, *parameters)
             arguments = tangent.arguments_of(scheme, values, eps, len(x))
-            carry, sums = np.empty((len(x), 2 * D + D * D + 3)), _no_sums(*x.shape)
+            carry, sums = tangent.carry_of(arguments[0], *x.shape), _no_sums(*x.shape)
             yield _Part(part if where is ALL else where[part], arguments, x, carry, sums, cost)
 
 

@@ -28,6 +28,7 @@ import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
 from suslov_fast.runs import access, stores
 from suslov_fast.runs import tiles as computed
+from suslov_fast.runs.ensemble import _sizes
 from suslov_fast.runs.stores import described
 
 BODY = Suslov3D(4, 1, -0.5, -0.3)
@@ -973,6 +974,19 @@ def test_a_finished_store_takes_few_requests():
     assert Counting.count < 20
     assert dataset.status.data.npartitions == 1
     assert_same(dataset, iterate(*run, save_every=None))
+
+
+@pytest.mark.parametrize("steps", [10, 10**6, 10**9])
+def test_tiles_take_neither_long_nor_much_memory(steps):
+    """Of 2**24 states of 3 numbers, 5 of them saved; of a long run 2**12 trajectories at least."""
+    sizes = {"n": 5, "component": 3}
+    status = SimpleNamespace(sizes={"a": 2**12, "b": 2**12})
+    data = SimpleNamespace(sizes=sizes, status=status, attrs={"steps": steps})
+    found = _sizes(data, None)
+    count = found["a"] * found["b"]
+    assert 24 * count * found["n"] <= 2**24
+    assert count * steps <= max(2**31, 2**12 * steps)
+    assert count >= 2**12
 
 
 def test_tasks_read_as_many_chunks_as_fill_one(store, monkeypatch):

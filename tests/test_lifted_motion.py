@@ -14,8 +14,8 @@ from suslov_fast import LiftedField, PoleWarning, flow
 from suslov_fast.bodies.structure import Lift
 from suslov_fast.core import flow as core_flow
 from suslov_fast.core import tolerance
-from suslov_fast.core.agreement import compared
-from suslov_fast.core.lift import ONE, Variables
+from suslov_fast.core.agreement import compared, follows
+from suslov_fast.core.lift import _IN_NUMPY, ONE, Variables
 from suslov_fast.core.operations import Values, evaluate
 from suslov_fast.engine import threads
 
@@ -278,6 +278,46 @@ def test_which_words_are_compared_with_those_of_the_state():
         evaluate(values.operations, found)
         np.testing.assert_allclose([found[number] for number in own], of_state, rtol=1e-15)
         assert [bool(found[number]) for number in near] == expected
+
+
+@pytest.mark.parametrize(
+    ("function", "used", "before", "after", "expected"),
+    [
+        ("sin", False, -7.0, 8.5, True),
+        ("cos", False, -7.0, 9.5, False),
+        ("inverse", True, -1.0, 1.0, False),  # a word that is a term of its own
+        ("inverse", True, 1.0, 2.0, True),
+        ("inverse", False, -1.0, 1.0, True),
+        ("tan", True, 1.0, 2.0, False),
+        ("tan", True, 1.0, 1.5, True),
+        ("tan", False, 1.0, 2.0, True),
+        ("cosh", False, -9.0, 9.0, False),
+        ("cosh", False, -9.0, 7.0, True),
+        ("cosh", False, 9.0, 90.0, True),
+    ],
+)
+def test_which_steps_variables_follow(function, used, before, after, expected):
+    assert followed(function, (0,), used, before, after) == expected
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [(-2.0, 2.0, False), (-2.0, 0.5, True), (-0.5, 2.0, True), (2.0, 9.0, True)],
+)
+def test_which_pulses_steps_follow(before, after, expected):
+    """exp(-t**2), whose exponent rises by up to 8 at first, or falls by up to 8 at last."""
+    assert followed("exp", (0, 0), True, before, after) == expected
+
+
+def followed(function, variables, used, *ends):
+    """Return whether a step between these times follows g(p), p = t, or exp(-t**2)."""
+    lift = Lift(1, 1, ((function, ((0, variables),), None),), ((1,),), ())
+    indices, values = np.array([[0], [1], [2]])[:, : int(used)], Values(3, ())
+    found = follows(indices, values, {0}, *(Variables(values, lift, 2, [k]) for k in range(2)))
+    numbers = dict(enumerate([*ends, -1.0 if function == "exp" else 1.0]))
+    with np.errstate(all="ignore"):
+        evaluate(values.operations, numbers, _IN_NUMPY)
+    return all(bool(numbers[number]) for number in found)
 
 
 def test_only_solutions_that_end_are_nan():

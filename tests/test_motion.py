@@ -459,6 +459,11 @@ def test_sums_of_terms(rng):
                 np.testing.assert_allclose(sums[i], expected, rtol=1e-14, atol=1e-15)
 
 
+def test_states_that_no_memory_holds_are_told_at_once():
+    with pytest.raises(MemoryError, match="compute fewer states at a time"):
+        flow(LORENZ, np.ones((10**6, 3)), np.arange(1e6))
+
+
 def test_progress():
     seen = []
 

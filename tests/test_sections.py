@@ -226,12 +226,13 @@ def test_a_surface_with_a_jump_is_bisected(root, beyond):
 
 def test_a_value_of_0_is_the_crossing():
     """Exactly, and at once."""
-    asked = []
+    for first, rounds in ((0.25, 1), (0.3125, 2)):
+        asked = []
 
-    def values_at(which, x):
-        asked.append(len(which))
-        return x - 0.25
+        def values_at(which, x, asked=asked):
+            asked.append(len(which))
+            return x - 0.25
 
-    found = crossing_fractions(values_at, np.array([0.25]), np.array([-0.25]), np.array([0.75]))
-    assert found.tolist() == [0.25]
-    assert asked == [1]
+        found = crossing_fractions(values_at, np.array([first]), *np.array([[-0.25], [0.75]]))
+        assert found.tolist() == [0.25]
+        assert asked == [1] * rounds

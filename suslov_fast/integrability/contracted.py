@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import flint
 
 from . import arithmetic
-from .growth import rational_series
+from .growth import common_series, rational_series
 from .maps import RationalMap
 from .polynomials import (
     decoded,
@@ -62,12 +62,21 @@ class Passage(NamedTuple):
 
         None if the passage is endless and its orders show no such quotient.
         """
-        of_curves = zip(*self.curve_orders, strict=True)
-        sequences = [(0, *orders) for orders in (self.common_orders, *of_curves)]
         if not self.endless:
-            return [(orders, (1,)) for orders in sequences]
-        quotients = [rational_series(orders) for orders in sequences]
+            return [(orders, (1,)) for orders in self._sequences]
+        # Orders that grow fast are known for a few steps only, which suffice for all together.
+        return self.own_series or common_series(self._sequences)  # type: ignore[return-value]
+
+    @property
+    def own_series(self) -> list[tuple[Sequence[int], Sequence[int]]] | None:
+        """P and Q of an endless passage if the orders show them, each sequence by itself."""
+        quotients = [rational_series(orders) for orders in self._sequences]
         return None if None in quotients else quotients  # type: ignore[return-value]
+
+    @property
+    def _sequences(self) -> list[tuple[int, ...]]:
+        of_curves = zip(*self.curve_orders, strict=True)
+        return [(0, *orders) for orders in (self.common_orders, *of_curves)]
 
 
 class Plane:
@@ -171,7 +180,7 @@ class PlaneModulo:
             passage = self._follow(germs, terms, most)
             if passage is None or not passage.endless:
                 return passage
-            shows_all = len(passage.common_orders) >= _RULE or passage.series is not None
+            shows_all = len(passage.common_orders) >= _RULE or passage.own_series is not None
             if terms >= _ENOUGH and shows_all:
                 return passage
         return passage

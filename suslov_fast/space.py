@@ -34,7 +34,7 @@ def to_matrix(
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
 ) -> FloatArray:
-    """Angular velocity as an antisymmetric matrix Omega, with R' = R Omega.
+    """Angular velocity as an antisymmetric matrix Omega, with ``R' = R Omega``.
 
     Parameters
     ----------

@@ -38,8 +38,9 @@ class LiftedField(FieldOfFunction):
     """A field with a smooth right-hand side, ``x' = f(x)``, that need not be quadratic.
 
     Variables are added until all derivatives are quadratic: u = 1 / (1 + x) has the derivative
-    -u**2 x'. A step computes them from the state, takes one step of the method for all variables,
-    and keeps the state: it has the order of the method, but no exact inverse and no invariants.
+    ``-u**2 x'``. A step computes them from the state, takes one step of the method for all
+    variables, and keeps the state: it has the order of the method, but no exact inverse and no
+    invariants.
 
     Attributes
     ----------

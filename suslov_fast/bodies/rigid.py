@@ -89,8 +89,8 @@ class Suslov3D(_In3D):
 
     In that basis the constraint is Omega3 = 0 and the inertia tensor is
     ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``. With x = I13 Omega1 + I23 Omega2 the equations
-    of motion are I1 Omega1' = -x Omega2 and I2 Omega2' = x Omega1: equation (2) of Dragovic and
-    Gajic, arXiv:0807.2966.
+    of motion are ``I1 Omega1' = -x Omega2`` and ``I2 Omega2' = x Omega1``: equation (2) of
+    Dragovic and Gajic, arXiv:0807.2966.
 
     Parameters
     ----------
@@ -199,9 +199,9 @@ class Suslov3D(_In3D):
 class SuslovGyrostat(_In3D):
     """A rigid body, or a batch of them, with a rotor along the constrained axis.
 
-    With l = I13 Omega1 + I23 Omega2 + k the equations of motion are I1 Omega1' = -l Omega2 and
-    I2 Omega2' = l Omega1: equation (2) of Dragovic and Gajic, arXiv:0807.2966, with the momentum k
-    of the rotor. Omega rotates even if I13 = I23 = 0.
+    With l = I13 Omega1 + I23 Omega2 + k the equations of motion are ``I1 Omega1' = -l Omega2`` and
+    ``I2 Omega2' = l Omega1``: equation (2) of Dragovic and Gajic, arXiv:0807.2966, with the
+    momentum k of the rotor. Omega rotates even if I13 = I23 = 0.
 
     Parameters
     ----------

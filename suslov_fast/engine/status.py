@@ -100,7 +100,7 @@ class PoleWarning(RuntimeWarning):
 
     Examples
     --------
-    The solution x = 1 / (1 - t) of x' = x**2 escapes to infinity at t = 1:
+    The solution x = 1 / (1 - t) of ``x' = x**2`` escapes to infinity at t = 1:
 
     >>> import warnings
     >>> from suslov_fast import PoleWarning, QuadraticField, Status, iterate

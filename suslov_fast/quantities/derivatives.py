@@ -29,7 +29,7 @@ _FIXED = 1e-8
 
 @public
 def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
-    """Right-hand side f(x) of the equations of motion x' = f(x).
+    """Right-hand side f(x) of the equations of motion ``x' = f(x)``.
 
     For a body, the time derivative of its angular velocity.
 
@@ -68,7 +68,7 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -
     """Torque of the constraint of a body: the Lagrange multiplier lambda that keeps Omega3 at 0.
 
     With x = I13 Omega1 + I23 Omega2, the third equation of motion is
-    x' = lambda + (I1 - I2) Omega1 Omega2, and its discretization is
+    ``x' = lambda + (I1 - I2) Omega1 Omega2``, and its discretization is
     (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
 
     Parameters

@@ -54,10 +54,10 @@ def lyapunov_exponents(
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Exponents per step, the largest first; divide by eps for exponents per unit time. -inf if a
-        step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails. If an
-        orbit passed a pole (one :class:`PoleWarning`), they are those of the map, not of the
-        motion.
+        Exponents per step, the largest first; divide by eps for exponents per unit time.
+        ``-inf`` if a step is not invertible; NaN, with one :class:`SingularStepWarning`, if an
+        orbit fails. If an orbit passed a pole (one :class:`PoleWarning`), they are those of the
+        map, not of the motion.
 
     Raises
     ------

@@ -32,7 +32,7 @@ def step(
 ) -> FloatArray:
     """Return the next state: one step of the map of a field or a body.
 
-    Kahan's method makes x' = f(x) linear in the next state: squares x_i**2 become x_i next_i,
+    Kahan's method makes ``x' = f(x)`` linear in the next state: squares x_i**2 become x_i next_i,
     products x_i x_j become (x_i next_j + next_i x_j) / 2, and x_i becomes (x_i + next_i) / 2. The
     method is time-reversible: a step with -eps undoes one with eps.
 

@@ -102,7 +102,7 @@ def flow(
 ) -> FloatArray:
     """Return the solution of the equations of motion at given times, starting at time 0.
 
-    For a field x' = f(x) it is computed to a tolerance, by extrapolated steps of order 10. Each
+    For a field ``x' = f(x)`` it is computed to a tolerance, by extrapolated steps of order 10. Each
     trajectory chooses the lengths of its steps by its own estimate of the error. Stiff fields are
     solved by the same steps. For a body the solution is exact.
 

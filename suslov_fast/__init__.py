@@ -45,6 +45,7 @@ _ELSEWHERE = {
     "QuadraticField.from_function, or LiftedField.from_function": "fromfunction field system",
     "QuadraticField.from_hamiltonian": "fromhamiltonian hamiltonianfield hamiltonian",
     "suslov_fast.integrability.report": "report conservedquantities integrals firstintegrals",
+    "suslov_fast.integrability.zoo": "zoo examples lorenz lotkavolterra henonheiles",
     "the argument threads= of each function": "setnumthreads threads numthreads",
     "the command suslov-fast warm-up": "warmup compile",
     "Trajectories.load, or Crossings.load": "load",

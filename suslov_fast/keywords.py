@@ -117,6 +117,8 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
 _REQUIRED = {
     "steps": "the number of steps; a run ends at the time eps * steps",
     "eps": "the step size",
+    "f": "a function of the state, without a name",
+    "H": "a function of the state, without a name",
     "time": "the times of the solution",
     "surface": "a function of states, such as lambda x: x[..., 0] - 1",
     "dimension": 'the number of variables or their names, such as "x v"',
@@ -137,7 +139,8 @@ _NEW_FIELD = "from_function again, with the new parameters; arrays of parameters
 _IN_BODIES = {
     "to_latex latex equations to_sympy": "str(field), the equations",
     "save to_json to_file dump": "json.dump(body.to_dict(), file)",
-    "replace with_parameters set_parameters": _NEW_FIELD,
+    "replace subs with_parameters set_parameters": _NEW_FIELD,
+    "lambdify": "field(x), or compiled.system(field, eps) in loops of your own",
     "hamiltonian": "suslov_fast.energy(field, x), for a field of from_hamiltonian",
     "dim ndim D N": "dimension",
     "x omega states": "the states of a run, as iterate returns it",
@@ -214,8 +217,8 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
                 raise ValueError(f"parameters: {twice[0]!r} clashes with an argument: {how}")
             raise TypeError(f"{called} got {twice[0]} twice, by position and by name")
         if len(args) < len(required):
-            for name in required[len(args) :]:
-                if name not in kwargs:
+            for i, name in enumerate(required[len(args) :], len(args)):
+                if name not in kwargs or i < unnamed:  # a parameter of equations may be called so
                     what = _REQUIRED.get(f"{called}.{name}") or _REQUIRED.get(name)
                     text = f"{called} needs {name}{f', {what}' if what else ''}"
                     raise TypeError(f"{text}; the call is {called}{whole}" if whole else text)

@@ -38,8 +38,10 @@ def to_matrix(
 
     Parameters
     ----------
-    body, omega
-        As in :func:`jacobian`, without fields.
+    body : Suslov3D, SuslovGyrostat or SuslovND
+        A single body, or a batch.
+    omega : array_like(float, shape=(..., D))
+        Angular velocities of the body.
     rotation : array_like(float, shape=(..., n, n)), optional
         The rotation that `from_inertia` or `from_mass_tensor` returned. With it, the result is in
         the basis of the tensor given there, not in the adapted basis.
@@ -81,8 +83,14 @@ def to_vector(
 
     Parameters
     ----------
-    body, omega, rotation, attitude
-        As in :func:`to_matrix`; the body is one in three dimensions.
+    body : Suslov3D or SuslovGyrostat
+        A single body in three dimensions, or a batch.
+    omega : array_like(float, shape=(..., 2))
+        Angular velocities (Omega1, Omega2).
+    rotation : array_like(float, shape=(..., 3, 3)), optional
+        The rotation that `from_inertia` returned: the result is in the basis of the tensor.
+    attitude : array_like(float, shape=(..., 3, 3)), optional
+        Orientations of the body from :func:`attitude`: the result is in space.
 
     Returns
     -------
@@ -92,7 +100,8 @@ def to_vector(
     Raises
     ------
     TypeError, ValueError
-        As :func:`to_matrix`; for a body in n dimensions use that.
+        For a field, for a body in n dimensions (use :func:`to_matrix`), or if both `rotation` and
+        `attitude` are passed.
 
     Examples
     --------
@@ -122,8 +131,15 @@ def momentum(
 
     Parameters
     ----------
-    body, omega, rotation, attitude
-        As in :func:`to_matrix`.
+    body : Suslov3D, SuslovGyrostat or SuslovND
+        A single body, or a batch.
+    omega : array_like(float, shape=(..., D))
+        Angular velocities of the body.
+    rotation : array_like(float, shape=(..., n, n)), optional
+        The rotation that `from_inertia` or `from_mass_tensor` returned: the result is in the basis
+        of the tensor.
+    attitude : array_like(float, shape=(..., n, n)), optional
+        Orientations of the body from :func:`attitude`: the result is in space.
 
     Returns
     -------
@@ -133,7 +149,7 @@ def momentum(
     Raises
     ------
     TypeError, ValueError
-        As :func:`to_matrix`.
+        For a field, or if both `rotation` and `attitude` are passed.
 
     Examples
     --------

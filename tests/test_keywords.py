@@ -163,6 +163,11 @@ def test_arguments_by_position_and_by_name():
         (sf.SuslovND, ([1.0, 2.0],), "^SuslovND needs I, .*from_mass_tensor"),
         (sf.QuadraticField, (), "^QuadraticField needs quadratic, an array"),
         (sf.QuadraticField.from_function, (len,), "needs dimension, the number of variables"),
+        (
+            lambda: sf.LiftedField.from_function(f=len, dimension=1),
+            (),
+            "needs f, .* without a name",
+        ),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )
@@ -328,6 +333,11 @@ def test_known_names_come_before_sentences():
         (RUN, "dt", r"run\.eps"),
         (RUN, "T", r"run\.x\.T"),
         (RUN, "df", r"to_dataframe"),
+        (RUN, "last", r"use run\.final"),
+        (RUN, "lyapunov", "use lyapunov_exponents"),
+        (sf, "zoo", r"use suslov_fast\.integrability\.zoo"),
+        (sf.integrability.kahan(FIELD, 1), "iterate", r"a map has no .* use map\(x\)"),
+        (RUN.body, "subs", "from_function again, with the new parameters"),
         (POINTS, "energy", r"suslov_fast\.energy\(crossings\.body, crossings\.states\)"),
         (RUN.body, "rhs", r"use field\(x\)"),
         (RUN.body, "integrate", "use flow, which returns the states at given times"),
@@ -373,6 +383,8 @@ def test_components_of_bodies_are_named_in_any_case():
         run.omega1  # noqa: B018
     with pytest.raises(TypeError, match=r"run\['u'\]: use run\.x\[\.\.\., 0\]"):
         RUN["u"]
+    with pytest.raises(TypeError, match=r"run\['time'\]: use run\.time$"):
+        RUN["time"]
     with pytest.raises(TypeError, match=r"crossings\['w'\]: use crossings\.states\[:, 1\]"):
         POINTS["w"]
     with pytest.raises(TypeError, match=r"crossings\[0\]: use crossings\.states\[k\], or of\(i\)"):
@@ -407,10 +419,11 @@ def test_missing_files(tmp_path):
         sf.Trajectories.load(tmp_path / "nowhere" / "run.npz")
 
 
-def test_constants_of_one_orbit_are_floats():
+def test_numbers_of_numpy_print_as_numbers():
     constants = sf.closed_form(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5], 0.2)
-    assert "np." not in repr(constants)
-    assert {*map(type, constants)} == {float}
+    assert repr(constants).startswith(f"ClosedForm(h={float(constants.h)}, k1=-0.40")
+    with pytest.raises(TypeError, match=r"not the float64 2\.0: pass 2$"):
+        sf.iterate(FIELD, [1, 0], 0.1, np.float64(2))
 
 
 def test_values_at_one_state_are_numbers():

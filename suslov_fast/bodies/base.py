@@ -288,7 +288,8 @@ class Body(Members):
         """
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
-        checks.one_of("body", given.pop("body", None), [cls.__name__])
+        how = ": body_from_dict makes a body of any class"
+        checks.one_of("body", given.pop("body", None), [cls.__name__], how)
         read = cls._read or cls
         try:
             inspect.signature(read).bind(**given)

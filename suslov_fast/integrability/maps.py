@@ -17,7 +17,7 @@ import flint
 import numpy as np
 
 from ..checks import integer
-from ..keywords import public
+from ..keywords import answers, public
 from . import arithmetic
 from .arithmetic import EPS, Point
 from .functions import RationalFunction, factored, traced
@@ -38,6 +38,7 @@ LONGEST = 6.0  # seconds that a pullback may take, as estimated
 _SHAPES = {0: "a point", 1: "a curve", 2: "a surface"}  # by dimension
 
 
+@answers("a map", {"iterate step": "map(x), the next point", "to_latex latex": "str(map)"})
 class RationalMap:
     """A birational map, exact, with components F_i / F_0; made by `rational_map`.
 
@@ -82,8 +83,7 @@ class RationalMap:
     def generator(self, seed: int) -> random.Random:
         """Return a generator of random numbers for computations with the map.
 
-        It depends on the coefficients, too, so that its primes divide none of them: a coefficient
-        may be a multiple of the primes that belong to a seed alone.
+        It depends on the coefficients, too: one may be a multiple of the primes of a seed alone.
         """
         return random.Random(f"{seed} {self.prime}")
 

@@ -143,8 +143,12 @@ def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArra
 
     Parameters
     ----------
-    body, omega, eps
-        As in :func:`first_integral`.
+    body : Suslov3D, SuslovGyrostat or SuslovND
+        A single body, or a batch, which in n dimensions has a :func:`first_integral`.
+    omega : array_like(float, shape=(..., D))
+        Angular velocities. NaN gives NaN.
+    eps : array_like(float, shape=(...))
+        Step size in time.
 
     Returns
     -------
@@ -154,7 +158,7 @@ def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArra
     Raises
     ------
     NotIntegrableError, TypeError
-        As :func:`first_integral`.
+        If the body has no :func:`first_integral`, or is a field.
 
     Examples
     --------
@@ -317,6 +321,11 @@ class ClosedForm(NamedTuple):
     k2: FloatArray  # phase of Theorem 1, dimensionless
     t: FloatArray  # criticality, dimensionless
 
+    def __repr__(self) -> str:
+        """Return the constants as text; those of one orbit as numbers, not as np.float64(...)."""
+        parts = [value if np.ndim(value) else float(value) for value in self]
+        return f"ClosedForm(h={parts[0]}, k1={parts[1]}, k2={parts[2]}, t={parts[3]})"
+
 
 @public
 def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedForm:
@@ -340,7 +349,7 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
     ClosedForm
         Named tuple of arrays (...): h, unit (inertia * omega)**2; k1, unit 1 / eps;
         k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
-        -1 and 1. k2 is infinite on the line x = 0, and 0 at rest. Floats where the shape is ().
+        -1 and 1. k2 is infinite on the line x = 0, and 0 at rest.
 
     Raises
     ------
@@ -357,11 +366,9 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
     --------
     >>> from suslov_fast import Suslov3D, closed_form
     >>> constants = closed_form(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2)
-    >>> round(constants.k1, 6), round(constants.t, 6)
+    >>> float(constants.k1.round(6)), float(constants.t.round(6))
     (-0.402536, 0.040232)
     """
     checked = problem("closed_form", body, omega0, eps, name="omega0")
     values: FloatArray = checked.map.formulas["closed_form"].compute(checked)
-    if values.ndim == 1:  # numbers, which print as such
-        return ClosedForm(*values.tolist())
     return ClosedForm(*np.moveaxis(values, -1, 0))

@@ -32,6 +32,7 @@ INSTEAD_IN_RUNS = {
     **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
     **dict.fromkeys(("dt", "h", "step_size"), "run.eps, the step size"),
     "T": "run.{x}.T, or run.time",
+    **dict.fromkeys(("last", "end"), "run.final"),
     **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
     "shape": "run.{x}.shape",
     "local_error": "iterate(..., method='extrapolated'), whose steps estimate their errors",

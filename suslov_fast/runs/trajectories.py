@@ -185,7 +185,8 @@ class Trajectories(Result):
                     instead = f"suslov_fast.{name}(run.body, run.{x}, ...)"
                 elif name in self.body.parameters:
                     instead = f"run.body.parameters[{name!r}]"
-                if instead or (instead := nearest(name, dir(self))):
+                here = "" if name.startswith("_") else import_module("suslov_fast")._here(name)
+                if instead := instead or here or nearest(name, dir(self)):
                     raise AttributeError(f"no attribute {name!r}: use {instead}")
             raise AttributeError(f"a run has no attribute {name!r}", name=name, obj=self)
 
@@ -203,7 +204,8 @@ class Trajectories(Result):
         if isinstance(index, str):
             labels = self.body._labels
             k = labels.index(index) if index in labels else "k"
-            raise TypeError(f"run[{index!r}]: use run.{self.map.variable}[..., {k}]")
+            part = f"{self.map.variable}[..., {k}]"
+            raise TypeError(f"run[{index!r}]: use run.{index if index in dir(self) else part}")
         states: FloatArray = self.states[index]
         return states
 

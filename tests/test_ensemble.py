@@ -316,6 +316,17 @@ def test_a_disk_that_fills_up_on_the_way(store, monkeypatch, code):
     assert_same(call(ensemble, **asked, store=store, chunk=2), call(iterate, **asked))
 
 
+def test_a_file_that_cannot_be_made_says_why(tmp_path, monkeypatch):
+    """Not that there is no file to remove."""
+
+    def refuse(*_):
+        raise PermissionError(errno.EACCES, "refused")
+
+    monkeypatch.setattr(access, "open", refuse, raising=False)
+    with pytest.raises(PermissionError, match="refused"):
+        access._write(tmp_path / "zarr.json", [b"{}"])
+
+
 @pytest.mark.parametrize("steps", [0, 1])
 def test_runs_of_no_step_and_of_one(store, steps):
     run = BODY, [[1.0, 0.5], [0.3, 0.4]], 0.2, steps

@@ -294,6 +294,25 @@ def test_columns_are_orthonormalised_in_time(rng, linear, eps, tolerance):
         np.testing.assert_allclose(found[k], exponents_by_qr(field, x[k], eps, 40), atol=tolerance)
 
 
+def test_lanes_that_are_due_are_orthonormalised(rng):
+    """As by QR, with products of lengths; others are left as they are. A column of 0 is told."""
+    D, room = 3, 4
+    columns, g = rng.normal(size=(3, D, D)), np.full((lengths.LENGTHS + D, 3), 0.5)
+    columns[1, :, 2] = 0.0
+    q = np.zeros((D, room, 3))
+    q[:, :D] = columns.transpose(1, 2, 0)
+    q = q.reshape(D * room, 3)
+    lengths.orthonormalise.py_func(q, g, room, 0b110)
+    found = q.reshape(D, room, 3)[:, :D].transpose(2, 0, 1)
+    np.testing.assert_array_equal(found[0], columns[0])
+    assert (g[:, 0] == 0.5).all()
+    Q, R = np.linalg.qr(columns[2])
+    np.testing.assert_allclose(abs(found[2]), abs(Q), rtol=1e-12)
+    np.testing.assert_allclose(g[lengths.LENGTHS :, 2], 0.5 * abs(np.diag(R)), rtol=1e-13)
+    assert g[lengths.VOLUME].tolist() == [0.5, 0.0, 1.0]
+    assert (found[1, :, 2] == 0.0).all()
+
+
 @pytest.mark.parametrize("is_sum", [False, True])
 def test_logarithms_are_taken_of_products_that_leave_their_range(is_sum):
     """And of all at the end. Row 1 has 1 less than a product, or a sum of logarithms already."""

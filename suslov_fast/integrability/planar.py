@@ -374,10 +374,8 @@ def _polynomial(plane: Plane, passages: list[Passage]) -> Any:
 
 def _confined_next(passage: Passage, curves: int) -> Passage:
     """Return a passage that is confined at the first step that was not computed."""
-    common, of_curves = passage.common_orders, passage.curve_orders
-    none = (0,) * curves
-    common = (*common, *(0,) * (_STEPS - len(common)), 1)
-    of_curves = (*of_curves, *(none,) * (_STEPS + 1 - len(of_curves)))
+    common = (*passage.common_orders, *(0,) * (_STEPS - len(passage.common_orders)), 1)
+    of_curves = passage.curve_orders or ((0,) * curves,)
     return Passage(common, of_curves, _STEPS + 2)
 
 

@@ -172,9 +172,13 @@ class Motion:
                 else:
                     all_base[n:], rows[places.least] = self.step.words(base, halves)
             words[:] = all_base
-            if self.loops:
+            is_listed = self.has_lists and self.step.usual
+            if is_listed:
+                factors = DIFFERENCE if stages == LONGEST else np.zeros(LONGEST)
+                self.loops.take_column(self.rows, half, stages, factors[:, np.newaxis])
+            elif self.loops:
                 self.loops.prepare(half)
-            for k in range(stages):
+            for k in range(0 if is_listed else stages):
                 if self.loops:
                     self.loops.take_stage(self.rows)
                 else:

@@ -13,12 +13,15 @@ from .arrays import uncounted
 from .elimination import simd_min
 from .lines import zeros
 from .listed import program_of
-from .listed_code import carry_out, runs_code
+from .listed_code import SLOT, ListArguments, carry_out, listed_code, runs_code
 from .llvm import QUAD
+from .machine_code import call
 from .numba import kernel
-from .operations import of_one_sign
+from .operations import Values, of_one_sign
 from .sparse import pattern_of, room_of, size_of, step_once
 from .tolerance import Beginning, Choice, with_constant_rates
+
+FACTORS = 10  # of states of the longest column
 
 
 @kernel
@@ -69,13 +72,13 @@ class _Programs(NamedTuple):
     choice: Any
     words: Any  # of a lifted field, and the least pivot
     fixed: Any  # `Step.table`
-    stage: Any
+    column: Any  # a stage, see `_column_of`
 
 
 @functools.lru_cache(8)
 def _programs_of(step):
     D, n, parameters = step.D, step.given, range(step.D, step.D + step.parameters)
-    words, fixed, stage = None, None, None
+    words, fixed, column = None, None, None
     if step.lift is None:
         signs, even = of_one_sign(step.indices), with_constant_rates(step.indices, D)
         beginning, choice = Beginning(None, D, D), Choice(None, D, D, signs, even)
@@ -84,14 +87,38 @@ def _programs_of(step):
         operations, results = [*step.fixed, *step.prologue], [*step.lifted, step.least]
         words = program_of([*range(n), *parameters], (), operations, results)
     if step.usual:
-        results = [*step.after] if step.lift is not None else [*step.after, step.least]
         fixed = program_of(parameters, (), step.fixed, step.table)
-        stage = program_of(range(D), step.table, step.usual, results)
+        column = _column_of(step)
     beginning, choice = (
         program_of(range(each.inputs), (), each.operations, each.results)
         for each in (beginning, choice)
     )
-    return _Programs(beginning, choice, words, fixed, stage)
+    return _Programs(beginning, choice, words, fixed, column)
+
+
+def _column_of(step):
+    """Return the program of a stage of a column, on rows that `listed_code` steps as a state.
+
+    They have the state x, the least pivot, the state before the step, the sum of factors times
+    x_next - x, and the factors, which move on by one place.
+    """
+    D, n, values = step.D, step.given, Values(step.values.count + 1, ())
+    least, *before = range(values.count - 1, values.count + n)
+    values.count += n
+    sums, factors = (
+        range(values.count + k, values.count + k + m) for k, m in ((0, n), (n, FACTORS))
+    )
+    values.count += n + FACTORS
+    lower = least if step.lift is not None else step.least
+    is_less = values.emit("olt", lower, least)
+    results = [*step.after, values.emit("select", is_less, lower, least), *before]
+    for k, total in enumerate(sums):
+        change = values.emit("fsub", step.after[k], before[k])
+        term = values.emit("fmul", factors[0], change)
+        results.append(values.emit("fadd", total, term))
+    results += [*factors[1:], factors[0], values.emit("olt", 0.0, 1.0)]
+    rows, operations = [*range(D), least, *before, *sums, *factors], values.operations
+    return program_of(rows, step.table, [*step.usual, *operations], results)
 
 
 class Loops:
@@ -113,13 +140,22 @@ class Loops:
             self.programs = _programs_of(step)
             rows = max(program.rows for program, _ in filter(None, self.programs))
             self.numbers = zeros(rows, W)
+        if self.code is not None and step.usual:
+            self.steps_code = listed_code(W, W > 1)
+            self.arguments = self._arguments()
+
+    def _arguments(self):
+        """Return the arguments of `listed_code` for stages of a column, without table and steps."""
+        (heads, places), results = self.programs.column[0].runs, self.programs.column[0].results
+        arguments = dict.fromkeys(ListArguments._fields, 0) | {
+            "rows": self.numbers.ctypes.data, "stages": 1, "D": len(results) - 1,
+            "heads": heads.ctypes.data, "places": places.ctypes.data, "runs": len(heads),
+            "results": results.ctypes.data,
+        }  # fmt: skip
+        return np.array(ListArguments(**arguments), np.int64)
 
     def prepare(self, half):
-        """Prepare stages of all lanes, with h / 2 (lines, W)."""
-        if self.step.usual:
-            (_, numbers), lines = self.programs.stage, enumerate(half)
-            self.tables = [numbers.of(self._table(line, of_line)) for line, of_line in lines]
-            return
+        """Prepare stages of all lanes without a plan, with h / 2 (lines, W)."""
         values = self.values[:, : self.step.T].swapaxes(1, 2)
         self.halves = np.ascontiguousarray(half[:, :, np.newaxis] * values)
 
@@ -127,21 +163,28 @@ class Loops:
         return self._carry_out(self.programs.fixed, [self._scaled(line, half)])
 
     def take_stage(self, rows):
-        """Take a stage of all lanes."""
-        places, D, is_told = self.places, self.step.D, self.step.lift is None
-        if not self.step.usual:
-            least = places.least if is_told else -1
-            sparse_stages.serial(self.pattern, self.halves, rows, least, self.memory)
-            return
-        program, _ = self.programs.stage
-        for of_line, table in zip(rows, self.tables, strict=True):
-            self.numbers[:D] = of_line[:D]
-            carry_out(self.code, program.runs, self.numbers, table)
-            found = self.numbers[program.results]
-            of_line[:D] = found[:D]
-            if is_told:
-                least, lower = of_line[places.least], found[D]
-                of_line[places.least] = np.where(lower < least, lower, least)
+        """Take a stage of all lanes without a plan."""
+        least = self.places.least if self.step.lift is None else -1
+        sparse_stages.serial(self.pattern, self.halves, rows, least, self.memory)
+
+    def take_column(self, rows, half, stages, factors):
+        """Take the stages of a column of all lanes, with h / 2 (lines, W).
+
+        The factors (FACTORS, 1) are those of the states in `generated_flow.Rows.difference`.
+        """
+        places, (D, n), of = self.places, (self.step.D, self.step.given), self.numbers
+        least, base, sums = D, slice(D + 1, D + 1 + n), slice(D + 1 + n, D + 1 + 2 * n)
+        self.arguments[SLOT.steps], (_, numbers) = stages, self.programs.column
+        for line, of_line in enumerate(rows):
+            table = numbers.of(self._table(line, half[line]))
+            address = np.array([table.ctypes.data], np.int64)
+            of[:D], of[least] = of_line[:D], of_line[places.least]
+            of[base], of[sums] = of_line[places.base : places.base + n], 0.0
+            of[sums.stop : sums.stop + FACTORS] = factors
+            self.arguments[SLOT.tables] = address.ctypes.data
+            call(self.steps_code, self.arguments)
+            of_line[:D], of_line[places.least] = of[:D], of[least]
+            of_line[places.difference : places.difference + n] = of[sums]
 
     def begin(self, rows, rtol):
         """Write the largest moduli and first lengths of all lanes."""

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
+from functools import cache
 from itertools import combinations_with_replacement
 from textwrap import shorten
 from typing import NamedTuple
@@ -233,8 +234,10 @@ class _Algebra:
         """Return a polynomial reduced by the relations."""
         result: Terms = {}
         for m, c in terms.items():
-            for n, d in self._normal_form(m).items():
-                result[n] = result.get(n, 0) + c * d
+            form = self._normal_form(m)
+            for n, d in form.items():
+                product = c if n == m else c * d  # of most monomials the form is 1 times themselves
+                result[n] = result[n] + product if n in result else product
         return {m: c for m, c in result.items() if c}
 
     def _normal_form(self, m: Monomial) -> Terms:
@@ -259,7 +262,7 @@ class _Algebra:
                 rest = word[:k] + word[k + 1 :]
                 for m, c in self.rates[i].items():
                     n = _merged(rest, m)
-                    terms[n] = terms.get(n, 0) + c
+                    terms[n] = terms[n] + c if n in terms else c
             self._derivatives[word] = self.reduced(terms)
         return self._derivatives[word]
 
@@ -296,9 +299,11 @@ def _closed(
 
     `measure` says how far from that a set of missing products is.
     """
-    words = [*words]
+    words = [*words]  # variables alone: a product of two of them is never missing
+    missing = {m for word in words for m in algebra.products(word) if len(m) > 2}
+    if not missing:
+        return words
     pairs = {_merged(a, b) for a, b in combinations_with_replacement([(), *words], 2)}
-    missing = {m for word in words for m in algebra.products(word)} - pairs
     work = 0
     while missing:
         target = min(missing, key=_order)
@@ -306,17 +311,18 @@ def _closed(
             return None
         best = None
         for fresh in _ways(target, words):
-            more = pairs.union(*({_merged(a, b) for a in ((), *words, *fresh)} for b in fresh))
+            more = {_merged(a, b) for b in fresh for a in ((), *words, *fresh)}
             left = missing - more
             for word in fresh:
-                left |= algebra.products(word) - more
+                left |= algebra.products(word) - pairs - more
             work += len(left) + len(fresh) * len(words)
             size = measure(left) + 2 * len(fresh), max(map(len, fresh)), sum(map(len, fresh))
             if best is None or (*size, fresh) < best[0]:
                 best = (*size, fresh), fresh, more, left
         assert best is not None
         words += best[1]
-        pairs, missing = best[2:]
+        pairs |= best[2]
+        missing = best[3]
     return words
 
 
@@ -346,19 +352,23 @@ def _parts(m: Monomial) -> set[Monomial]:
 def _with_places(algebra: _Algebra, words: Sequence[Monomial]) -> Lifted:
     """Return the words with their derivatives as sums of products of two words."""
     M = len(words)
-    places: dict[Monomial, tuple[int, int]] = {}
-    for k in range(M + 1):
-        for j in range(k + 1):
-            places.setdefault(_merged(words[j], words[k] if k < M else ()) if j < M else (), (j, k))
-    for j, word in enumerate(words):  # a word itself, rather than a product
-        places[word] = j, M
+    number = {word: k for k, word in enumerate([*words, ()])}
+
+    @cache
+    def place_of(m: Monomial) -> tuple[int, int]:
+        if m in number:  # a word itself, rather than a product
+            return number[m], M
+        rests = ((part, _without(m, part)) for part in _parts(m))
+        found = [(number[a], number[b]) for a, b in rests if a in number and b in number]
+        k, j = min((k, j) for j, k in found if j <= k)
+        return j, k
+
     terms = []
     for word in words:
         sums: dict[tuple[int, int], Terms] = {}
         for m, c in algebra.derivative(word).items():
             symbols = tuple(i for i in m if i < 0)
-            place = places[_without_symbols(m)]
-            of_place = sums.setdefault(place, {})
+            of_place = sums.setdefault(place_of(_without_symbols(m)), {})
             of_place[symbols] = of_place.get(symbols, 0) + c
         terms.append(tuple((j, k, sums[j, k]) for j, k in sorted(sums)))
     return Lifted(tuple(words), tuple(terms))

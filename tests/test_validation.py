@@ -368,6 +368,7 @@ MISTAKES = [
     (lambda: sf.criticality(FIELD, [1, 2], 0.1), TypeError, "body.* run.status and run.first_pole"),
     (lambda: sf.integrability.hk_bases(sf.integrability.kahan(FIELD), "2"), TypeError, "monomials .*, not '2'"),
     (crossings(27.0), TypeError, r"surface.* pass lambda x: x\[..., k\] - 27.0"),
+    (crossings(lambda x: math.sin(x[..., 0])), TypeError, r"surface must take arrays of states: write NumPy's"),
     (crossings(lambda x: x.z), AttributeError, r"surface .* last axis, as x\[..., 0\]:"),
     (crossings(lambda x: x["z"]), IndexError, r"surface .* last axis, as x\[..., 0\]:"),
 ]  # fmt: skip

@@ -22,6 +22,11 @@ def returned_at(name: str, function: Any, states: FloatArray) -> Any:
         # No warnings, because states after the end of a trajectory are NaN or may overflow here.
         with np.errstate(over="ignore", invalid="ignore"):
             return function(states)
+    except TypeError as error:
+        if not re.search("arrays can be converted to Python scalars", str(error)):
+            raise
+        how = "write NumPy's in place of functions of math or float"
+        raise TypeError(f"{name} must take arrays of states: {how} ({error})") from error
     except (IndexError, ValueError, AttributeError) as error:
         if not re.search(_OF_ONE_STATE, str(error)):
             raise

@@ -197,32 +197,41 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     *_, owner, called = ("", *function.__qualname__.split("."))
     called = owner if called.startswith("__") else called
 
-    @wraps(function)
-    def answering(*args: P.args, **kwargs: P.kwargs) -> R:
+    def mistake(args: tuple[object, ...], kwargs: dict[str, object]) -> Exception | None:
+        """Return the error of a call whose arguments are not those of the function."""
         if len(args) > most and inspect.Parameter.VAR_POSITIONAL not in kinds:
             count, s = most - is_method, "" if most - is_method < 2 else "s"
             first = ", ".join(each.name for each in parameters[is_method:most])
             takes = f"{count or 'no'} argument{s} by position" + f" ({first})" * bool(count)
             received = f"{takes}, not {len(args) - is_method}"
             how = f"; by name: {', '.join(others)}" if others else ""
-            raise TypeError(f"{called} takes {received}{how}")
+            return TypeError(f"{called} takes {received}{how}")
         if kwargs and not takes_any and not kwargs.keys() <= known:
             name = next(name for name in kwargs if name not in known)
             how = advice(name, known, has_states=unnamed == 2)
-            raise TypeError(f"{called} has no argument {name!r}: {how}")
+            return TypeError(f"{called} has no argument {name!r}: {how}")
         if len(args) > unnamed and not kwargs.keys().isdisjoint(positional[: len(args) - unnamed]):
             twice = [name for name in positional if name in kwargs]
             if takes_any:  # what is passed by name is a parameter of the equations
                 how = f"rename it, to {twice[0]}_ for example"
-                raise ValueError(f"parameters: {twice[0]!r} clashes with an argument: {how}")
-            raise TypeError(f"{called} got {twice[0]} twice, by position and by name")
+                return ValueError(f"parameters: {twice[0]!r} clashes with an argument: {how}")
+            return TypeError(f"{called} got {twice[0]} twice, by position and by name")
         if len(args) < len(required):
             for i, name in enumerate(required[len(args) :], len(args)):
                 if name not in kwargs or i < unnamed:  # a parameter of equations may be called so
                     what = _REQUIRED.get(f"{called}.{name}") or _REQUIRED.get(name)
                     text = f"{called} needs {name}{f', {what}' if what else ''}"
-                    raise TypeError(f"{text}; the call is {called}{whole}" if whole else text)
-        return function(*args, **kwargs)
+                    return TypeError(f"{text}; the call is {called}{whole}" if whole else text)
+        return None
+
+    @wraps(function)
+    def answering(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except TypeError:  # of Python if the call is wrong: looked at only now, for speed
+            if (error := mistake(args, kwargs)) is not None:
+                raise error from None
+            raise
 
     return answering
 

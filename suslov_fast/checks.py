@@ -169,7 +169,7 @@ def _floats(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, including infinite ones and NaN."""
     if type(value) is np.ndarray and value.dtype is _FLOAT64:
         return value
-    if (array := _of_rows(value)) is not None:
+    if (array := _of_list(value)) is not None:
         return array
     refuse(name, value)
     try:
@@ -198,13 +198,15 @@ def _no_number_in(array: NDArray[Any]) -> str:
     return f", in which {short(item)} is a {kind_of(item)}{how}" if item is not None else ""
 
 
-def _of_rows(value: Any) -> FloatArray | None:
-    """Return a long list of rows of floats as an array, else None.
+def _of_list(value: Any) -> FloatArray | None:
+    """Return a list of floats, or a long one of rows of floats, as an array, else None.
 
     It takes about as long as `np.array`, and says of what types the numbers are, too.
     """
-    is_list = type(value) is list and len(value) > _FEW
-    if not is_list or not {list, tuple}.issuperset(map(type, value)):
+    kinds = {*map(type, value)} if type(value) is list else set()
+    if kinds == {float}:
+        return np.array(value)
+    if not kinds or len(value) <= _FEW or not kinds <= {list, tuple}:
         return None
     numbers, lengths = [*chain.from_iterable(value)], {*map(len, value)}
     if len(lengths) > 1 or {*map(type, numbers)} != {float}:
@@ -277,7 +279,7 @@ def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
 
 def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the shape that the named batch shapes broadcast to."""
-    others = {shape for shape in shapes.values() if shape}
+    others = {*shapes.values()} - {()}
     if len(others) < 2:  # for speed in small calls
         return others.pop() if others else ()
     try:

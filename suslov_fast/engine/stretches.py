@@ -159,7 +159,8 @@ class March:
     ) -> None:
         methods = problem.map.methods
         self.method = method = method or problem.method
-        self.problem, self.steps = problem, methods.get(method, next(iter(methods.values())))
+        self.steps = methods[method] if method in methods else next(iter(methods.values()))
+        self.problem = problem
         self.omega0 = flat_arrays(problem.omega, problem.batch)
         if arguments is None:
             arguments = arguments_for(problem, self.steps, len(self.omega0))
@@ -323,8 +324,8 @@ class March:
         cost is that of the slowest steps, and usual ones may take a thousandth of it. A batch of
         one block is serial: a block of lanes takes as long however many of them are in use.
         """
-        kernel, lanes = self.steps.kernel, self.steps.lanes
-        (size, D), n, threads = arrays[0].shape, self.n, self.problem.threads
+        kernel, lanes, (omega0, carry, *others) = self.steps.kernel, self.steps.lanes, arrays
+        (size, D), n, threads = omega0.shape, self.n, self.problem.threads
         step = self.steps.cost(D, arguments)
         cost = step + (_SAVING / every if every else 0.0)
         width, length = max(-(-size // lanes), 1) * lanes, max(stop - n, 1)
@@ -343,15 +344,14 @@ class March:
                 span = begin, end, start, until, every, row
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
                 called_at = perf_counter()
-                call_kernel(kernel, work, threads, arguments, *arrays[:2], span, *arrays[2:])
-                seconds = perf_counter() - called_at
+                call_kernel(kernel, work, threads, arguments, omega0, carry, span, *others)
+                if until == stop:
+                    break
+                seconds, start = perf_counter() - called_at, until
                 if seconds < _SHORT:
                     length *= 2
                 elif seconds > _LONG:
                     length = max(length // 2, 1)
-                if until == stop:
-                    break
-                start = until
 
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None

@@ -32,18 +32,25 @@ _TRIED: set[tuple[Any, int]] = set()  # steps and dimensions that passed the tri
 def arguments_for(problem: Problem, steps: Any, size: int) -> Arguments:
     """Return the arguments of a run of `size` trajectories, after a trial of a new step."""
     is_foreign = isinstance(steps.kernel, KernelOfStep)
-    key = steps, problem.body.dimension
-    if is_foreign and key not in _TRIED and 0 not in problem.body.shape:
-        try:
-            _try_step(problem, steps)
-        except numba.TypingError as error:
-            expected = "have code that Numba compiles, and return a Status as an int: see above"
-            raise wrong("step", expected, error=TypeError) from error
-        _TRIED.add(key)
+    if is_foreign:
+        _try_once(problem, steps)
     arguments: Arguments = steps.arguments(problem.body, problem.eps, problem.batch)
     if is_foreign:
         check_arguments(arguments, size)
     return arguments
+
+
+def _try_once(problem: Problem, steps: Any) -> None:
+    """Try a step before its first run with a body of this dimension."""
+    key = steps, problem.body.dimension
+    if key in _TRIED or 0 in problem.body.shape:
+        return
+    try:
+        _try_step(problem, steps)
+    except numba.TypingError as error:
+        expected = "have code that Numba compiles, and return a Status as an int: see above"
+        raise wrong("step", expected, error=TypeError) from error
+    _TRIED.add(key)
 
 
 def check_arguments(arguments: Any, size: int) -> None:

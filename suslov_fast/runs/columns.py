@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping
-from functools import cache
 from typing import Any, NamedTuple
 
 from ..checks import wrong
@@ -100,13 +99,6 @@ def present(table: Iterable[Column], conditions: Collection[str]) -> list[Column
 def of_runs(steps: Any, turns: bool) -> list[Column]:
     """Return the columns that datasets and stores of runs by these `Steps` have."""
     return [column for column in present(RUN, conditions_of(steps, turns)) if column.is_public]
-
-
-@cache
-def names_kept(steps: Any, turns: bool) -> list[str]:
-    """Return the names of columns of a run by these `Steps` with one row for all steps."""
-    kept = [column for column in of_runs(steps, turns) if column.in_files and not column.is_saved]
-    return [column.name for column in kept]
 
 
 def sizes_of(batch: tuple[int, ...], D: int, **others: int) -> Sizes:

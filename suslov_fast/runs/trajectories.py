@@ -19,7 +19,6 @@ from ..engine.stretches import Checkpoint, March, Progress, largest_errors, repo
 from ..engine.threads import thread_count
 from ..keywords import nearest, public, unchanging
 from ..maps import Map
-from .columns import names_kept
 from .failures import ON_SINGULAR, OnSingular, report_failures
 from .results import INSTEAD_IN_RUNS, QUANTITIES, Result, in_short, quantity, read_only
 
@@ -393,20 +392,22 @@ def run_to_end(
     if every and earlier is not None and start > 0:
         saved = np.concatenate([earlier.states, saved])
         turns = None if turns is None else np.concatenate([earlier.attitude, turns])
-    attributes = {
+    problem = march.problem
+    run = Trajectories._of({
         "states": saved,
-        "eps": march.problem.eps,
-        "body": march.problem.body,
-        "map": march.problem.map,
+        "eps": problem.eps,
+        "body": problem.body,
+        "map": problem.map,
+        "status": march.status,
+        "failed_at": march.failed_at,
+        "first_pole": march.first_pole,
+        "final": march.final,
         "method": method,
         "steps": steps,
         "save_every": save_every,
         "attitude": turns,
         "_carry": march.carry,
         "_turned": march.turned,
-    }
-    kept = names_kept(march.steps, turns is not None)
-    attributes |= {name: getattr(march, name) for name in kept}
-    run = Trajectories._of(attributes)
+    })
     report_failures(run, march, on_singular, start + 1 if earlier else 0)
     return run

@@ -41,6 +41,7 @@ _BETWEEN = 256
 
 Progress = bool | None | Callable[[int, int], object]  # the argument of long computations
 Report = Callable[[int], bool]  # takes the number of steps done so far; False ends the run
+_SILENT = nullcontext()  # made once, for speed in small calls
 
 
 def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
@@ -49,7 +50,7 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
     The context opens and closes a bar; it gives None without progress.
     """
     if progress is None or progress is False:
-        return nullcontext()
+        return _SILENT
     if progress is True:
         return _bar(extra("tqdm.auto", "progress").tqdm, total)  # a notebook bar in a notebook
     if not callable(progress) or isinstance(progress, type) or not _takes_two(progress):

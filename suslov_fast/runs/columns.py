@@ -1,7 +1,8 @@
 """Columns of the results of runs: one table, from which datasets, files and stores are made.
 
-A column of runs is a line of `RUN`, a field of `Trajectories` and an attribute of `March`, all of
-the same name. `FORMAT` changes whenever files or stores of the last release lack a column.
+A column of runs is a line of `RUN`, a field of `Trajectories`, which `run_to_end` sets, and an
+attribute of `March`, all of the same name. `FORMAT` changes whenever files or stores of the last
+release lack a column.
 """
 
 from __future__ import annotations

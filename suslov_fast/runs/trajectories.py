@@ -393,21 +393,23 @@ def run_to_end(
         saved = np.concatenate([earlier.states, saved])
         turns = None if turns is None else np.concatenate([earlier.attitude, turns])
     problem = march.problem
-    run = Trajectories._of({
-        "states": saved,
-        "eps": problem.eps,
-        "body": problem.body,
-        "map": problem.map,
-        "status": march.status,
-        "failed_at": march.failed_at,
-        "first_pole": march.first_pole,
-        "final": march.final,
-        "method": method,
-        "steps": steps,
-        "save_every": save_every,
-        "attitude": turns,
-        "_carry": march.carry,
-        "_turned": march.turned,
-    })
+    run = Trajectories._of(
+        {
+            "states": saved,
+            "eps": problem.eps,
+            "body": problem.body,
+            "map": problem.map,
+            "status": march.status,
+            "failed_at": march.failed_at,
+            "first_pole": march.first_pole,
+            "final": march.final,
+            "method": method,
+            "steps": steps,
+            "save_every": save_every,
+            "attitude": turns,
+            "_carry": march.carry,
+            "_turned": march.turned,
+        }
+    )
     report_failures(run, march, on_singular, start + 1 if earlier else 0)
     return run

@@ -199,10 +199,8 @@ def _no_number_in(array: NDArray[Any]) -> str:
 
 
 def _of_list(value: Any) -> FloatArray | None:
-    """Return a list of floats, or a long one of rows of floats, as an array, else None.
-
-    It takes about as long as `np.array`, and says of what types the numbers are, too.
-    """
+    """Return a list of floats, or a long one of rows of floats, as an array, else None."""
+    # This takes about as long as `np.array`, and says of what types the numbers are, too.
     kinds = {*map(type, value)} if type(value) is list else set()
     if kinds == {float}:
         return np.array(value)

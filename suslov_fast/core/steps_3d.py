@@ -72,12 +72,13 @@ def state_at(b, l):
 def fill_frames(b, lanes, first, width, parameters):
     """Fill the frames of lanes; lanes beyond `width` repeat the first trajectory."""
     I1, I2, I13, I23, k, eps = parameters
+    full = LANES if lanes > 1 else ONE  # constants, for SIMD
     for l in range(lanes):
         i = first + (l if l < width else 0)
         b[I1_, l], b[I2_, l] = pick(I1, i), pick(I2, i)
         b[I13_, l], b[I23_, l] = pick(I13, i), pick(I23, i)
         b[K_, l], b[EPS_, l] = pick(k, i), pick(eps, i)
-    for l in range(LANES):
+    for l in range(full):
         frame, e = frame_of(b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l], b[EPS_, l])
         b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l] = frame.K, frame.a1, frame.a2
         b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l] = frame.back, frame.m1, frame.m2
@@ -90,11 +91,11 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
 
     All are plain if a single trajectory is. Lanes beyond `width` repeat the first trajectory.
     """
-    plains, flagged = FIRST, FIRST
+    full, plains, flagged = LANES if lanes > 1 else ONE, FIRST, FIRST
     for l in range(lanes):
         i = first + (l if l < width else 0)
         b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
-    for l in range(LANES):
+    for l in range(full):
         frame, w1, w2 = frame_at(b, l), b[W1, l], b[W2, l]
         X, Y = XY_in_frame(frame, b[E_, l], b[I13_, l], b[I23_, l], b[K_, l], w1, w2)
         plain, v = is_plain(frame, X, Y), w2 / frame.back
@@ -106,10 +107,8 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
         b[TOO_LONG, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)
         flagged += (b[TOO_LONG, l] > 0.0) | ~(abs(w1) + abs(v) < np.inf)
         plains += plain
-    if lanes == 1:  # the other lanes have no trajectory
-        plains, flagged = LANES if b[KIND, 0] == PLAIN else 0, 1
-    if plains < LANES:
-        for l in range(LANES):
+    if plains < full:
+        for l in range(full):
             X = b[XG, l]
             b[R, l] = length(b[U, l], b[V, l]) / np.sqrt(1.0 + X * X)
     for l in range(width if flagged > 0 else 0):
@@ -117,7 +116,7 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
             status[first + l] = SUPERCRITICAL
         if not abs(b[U, l]) + abs(b[V, l]) < np.inf:
             status[first + l], failed_at[first + l] = NONFINITE, 0
-    return plains
+    return plains * (LANES // lanes)
 
 
 @formula

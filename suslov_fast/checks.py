@@ -277,7 +277,7 @@ def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
 
 def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the shape that the named batch shapes broadcast to."""
-    others = {*shapes.values()} - {()}
+    others = {*filter(None, shapes.values())}
     if len(others) < 2:  # for speed in small calls
         return others.pop() if others else ()
     try:

@@ -128,9 +128,20 @@ def mathml(display):
     return write, None
 
 
+RESULTS = set(
+    "Trajectories Crossings Contraction HKBasis ImplicitIntegral KahanMap Locus PlanarEntropy "
+    "RationalFunction RationalMap Report SingularStepError LiftedField".split()
+)
+
+
 def signature(app, what, name, *_):
-    """Leave out the arguments of a class that only its class methods make."""
-    return ("", None) if name.endswith(".LiftedField") else None
+    """Leave out the arguments of classes of which functions make the objects."""
+    return ("", None) if name.rpartition(".")[2] in RESULTS else None
+
+
+def straight_quotes(app, docname, _):
+    """Leave quotes in docstrings as they are: most belong to code, or are primes."""
+    app.config.smartquotes = not docname.startswith("reference/")
 
 
 def setup(app):
@@ -138,6 +149,7 @@ def setup(app):
     app.add_html_math_renderer("mathml", mathml("inline"), mathml("block"))
     app.connect("html-page-context", finish)
     app.connect("autodoc-process-signature", signature)
+    app.connect("source-read", straight_quotes)
 
 
 html_math_renderer = "mathml"

@@ -43,7 +43,7 @@ def body_from_dict(parameters: Mapping[str, Any]) -> BodyOrField:
 
     Returns
     -------
-    Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+    QuadraticField, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
         The class that the entry ``"body"`` names.
 
     Raises

@@ -57,8 +57,10 @@ class QuadraticField(_FieldOfTerms):
         and 1e60 in modulus, in any units. A single field keeps integers, fractions and floats
         exactly: 0.1 is the double nearest to 1/10, which is ``Fraction(1, 10)``. A batch of fields
         has floats.
-    linear, constant : array_like(shape=(..., D, D)), array_like(shape=(..., D)), optional
-        l and c, by default 0.
+    linear : array_like(shape=(..., D, D)), optional
+        l, by default 0.
+    constant : array_like(shape=(..., D)), optional
+        c, by default 0.
     names : str or sequence of str, optional
         Names of the D variables, by default x1, ..., xD: ``"u v w"``, ``"u, v, w"`` or a list.
 

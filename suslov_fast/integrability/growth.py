@@ -129,12 +129,18 @@ def check_degrees(search: Any) -> None:
 
 @answers("a growth", {"rate": "entropy", "degrees": "degrees(map, n)"})
 class Growth(NamedTuple):
-    """Growth of a sequence of degrees, as `growth` returns it: evidence, never a proof."""
+    """Growth of a sequence of degrees, as `growth` returns it: evidence, never a proof.
 
-    kind: str  # "bounded", "linear", "quadratic", "cubic", "exponential" or "unclear"
-    entropy: float  # the log of the limit of d_(k+1) / d_k
-    entropy_error: float  # 0 if a recurrence holds, else the spread of the fit
-    based_on: str  # the recurrence or fit from which kind and entropy follow
+    `kind` is "bounded", "linear", "quadratic", "cubic", "polynomial of degree 4" and so on,
+    "exponential" or "unclear". `entropy` is the logarithm of the limit of d_(k+1) / d_k, and
+    `entropy_error` is 0 if a recurrence holds, else the spread of the fit. `based_on` is the
+    recurrence or the fit.
+    """
+
+    kind: str
+    entropy: float
+    entropy_error: float
+    based_on: str
 
 
 _SPARE = 3  # more degrees, at least, than those that determine a recurrence and its transient
@@ -170,8 +176,7 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     Returns
     -------
     Growth
-        A named tuple `kind, entropy, entropy_error, based_on`. kind may also be "polynomial of
-        degree 4" and so on. If nothing fits, kind is "unclear" and the entropy NaN; `based_on` then
+        A named tuple `kind, entropy, entropy_error, based_on`. If nothing fits, kind is "unclear" and the entropy NaN; `based_on` then
         names the order of growth that bounded second differences suggest.
 
     Raises

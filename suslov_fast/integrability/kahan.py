@@ -273,7 +273,7 @@ def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
     Raises
     ------
     TypeError, ValueError
-        If the field is none, or a batch.
+        If `field` is not a `QuadraticField`, or is a batch.
 
     Examples
     --------

@@ -29,11 +29,14 @@ _STARTS = 3  # orbits at each of these
 
 @answers("a special value")
 class Special(NamedTuple):
-    """A value of a parameter with more relations than a general one."""
+    """A value of a parameter with more relations than a general one.
+
+    `relations` is their number; `degenerate` is "", or why the field is no longer of the same kind.
+    """
 
     value: Fraction
     relations: int
-    degenerate: str  # "" or why the field is no longer of the same kind
+    degenerate: str
 
 
 class Locus(list[Special]):

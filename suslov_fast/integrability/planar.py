@@ -38,7 +38,7 @@ _ROUNDING = 1e-9  # of the modulus of a root
 class Contraction:
     """A curve that a map contracts to a point, and what becomes of it.
 
-    Conjugate curves are one, and `count` is their number. If the singularity is confined,
+    Conjugate curves are listed as one, and `count` is their number. If the singularity is confined,
     `length` is the number of points from the image of the curve to the last one without an image;
     else None. `how` says how this was decided, and `proved` whether it is a proof. `orbit` are the
     points, in homogeneous coordinates (x1, x2, 1) times an integer: up to one without an image, or

@@ -95,8 +95,8 @@ class _Zoo(dict[str, tuple[Any, Any]]):
 def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     """Return the fields of the page "A zoo of Kahan maps", by name, each with a step size.
 
-    The first fifteen have integrable maps. The last three are maps (map, None) of second-order
-    recurrences, no Kahan maps, and integrable.
+    The first fifteen have integrable maps. The last three are recurrences of second order, not
+    Kahan maps, and integrable too.
 
     Returns
     -------

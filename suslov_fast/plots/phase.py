@@ -107,7 +107,7 @@ def plot_phase(
 ) -> Any:
     """Draw the phase plane of a body: orbits of the map, and levels of its first integral F.
 
-    The four figures at the end of Section 4 of the paper are of this kind.
+    The figures in section 4 of Dragovic and Gajic, arXiv:0807.2966, are of this kind.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     Parameters
     ----------
     body, omega
-        As in :func:`jacobian`; a field must come from :meth:`QuadraticField.from_hamiltonian`.
+        As in :func:`jacobian`; a field must come from `from_hamiltonian` of its class.
 
     Returns
     -------
@@ -314,12 +314,16 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
 
 @answers("a closed form", {"x y states omega": "exact, which returns states"})
 class ClosedForm(NamedTuple):
-    """Constants of a solution, as :func:`closed_form` returns them; each has the shape (...)."""
+    """Constants of a solution, as :func:`closed_form` returns them; each has the shape (...).
 
-    h: FloatArray  # integral of equation (9), unit (I13 omega)**2
-    k1: FloatArray  # rate of equation (12), unit 1 / eps
-    k2: FloatArray  # phase of Theorem 1, dimensionless
-    t: FloatArray  # criticality, dimensionless
+    The integral h has the unit (inertia * omega)**2 and the rate k1 the unit 1 / eps; the phase k2
+    and the criticality t are dimensionless.
+    """
+
+    h: FloatArray  # equation (9)
+    k1: FloatArray  # equation (12)
+    k2: FloatArray  # Theorem 1
+    t: FloatArray
 
     def __repr__(self) -> str:
         """Return the constants as text; those of one orbit as numbers, not as np.float64(...)."""

@@ -63,8 +63,6 @@ class Crossings(Result):
         the map, not necessarily of the motion.
     body, eps, steps, transient, direction, most, method
         The arguments of :func:`crossings`; `steps` includes those of :meth:`extend`.
-    map : Map
-        The record of the map.
 
     Notes
     -----

@@ -50,15 +50,15 @@ def exact(
     omega0, eps
         As in :func:`iterate`.
     n : array_like(float, shape=() or (N,))
-        Numbers of the states, positive or negative. If t < 1, or if the orbit of a gyrostat is
-        periodic, n may be any real number, which gives a curve through the orbit.
+        Numbers of the states, positive or negative. If ``|t| < 1``, or if the orbit of a
+        gyrostat is periodic, n may be any real number, which gives a curve through the orbit.
     threads
         As in :func:`iterate`.
 
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states. If t >= 1, they are NaN, with a `RuntimeWarning`, for ``|n| > 2**53`` and for n
+        The states. If ``|t| >= 1``, they are NaN, with a `RuntimeWarning`, for ``|n| > 2**53`` and for n
         that is not an integer; and for any t where the dimensionless X, Y or K exceeds 1e8 (then
         use :func:`iterate`). Beyond a pole of the map, where :func:`iterate` stops, the formula
         continues; only the state directly after the pole is NaN, with a

@@ -40,8 +40,6 @@ class Trajectories(Result):
         Step numbers (n_saved,) and times of the saved states.
     body, eps, method, steps, save_every
         The arguments of :func:`iterate`; `steps` includes those of :meth:`extend`.
-    map : Map
-        The record of the map. It decides which quantities the run has: see ``dir(run)``.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
@@ -59,7 +57,7 @@ class Trajectories(Result):
 
     Notes
     -----
-    ``len(run)``, ``run[k]`` and iteration are those of `states`. Two runs are equal if all
+    ``len(run)``, ``run[k]`` and iteration are those of `states`. ``dir(run)`` lists its quantities. Two runs are equal if all
     attributes are equal; NaN equals NaN. Arrays are read-only: change a copy, such as
     ``run.states.copy()``.
 

@@ -93,7 +93,7 @@ def spaced(formula):
         elif node.get("mathvariant") == "double-struck":  # a variant that browsers ignore
             letter = f"MATHEMATICAL DOUBLE-STRUCK CAPITAL {node.text}"
             node.text = unicodedata.lookup(letter)
-        elif node.text in ("/", "|", "\N{DOUBLE VERTICAL LINE}"):
+        elif node.text in ("/", "|", "\N{DOUBLE VERTICAL LINE}", "\N{INFINITY}"):
             node.attrib |= {"lspace": "0", "rspace": "0", "stretchy": "false"}
         elif re.fullmatch("[A-Za-z]{2,}", node.text or "") and node.tag.endswith("}mo"):
             node.tag, node.attrib = f"{{{MATHML}}}mi", {}

@@ -176,8 +176,9 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     Returns
     -------
     Growth
-        A named tuple `kind, entropy, entropy_error, based_on`. If nothing fits, kind is "unclear" and the entropy NaN; `based_on` then
-        names the order of growth that bounded second differences suggest.
+        A named tuple `kind, entropy, entropy_error, based_on`. If nothing fits, kind is "unclear"
+        and the entropy NaN; `based_on` then names the order of growth that bounded second
+        differences suggest.
 
     Raises
     ------

@@ -57,9 +57,9 @@ class Trajectories(Result):
 
     Notes
     -----
-    ``len(run)``, ``run[k]`` and iteration are those of `states`. ``dir(run)`` lists its quantities. Two runs are equal if all
-    attributes are equal; NaN equals NaN. Arrays are read-only: change a copy, such as
-    ``run.states.copy()``.
+    ``len(run)``, ``run[k]`` and iteration are those of `states`; ``dir(run)`` lists the quantities
+    that the run has. Two runs are equal if all attributes are equal; NaN equals NaN. Arrays are
+    read-only: change a copy, such as ``run.states.copy()``.
 
     Examples
     --------

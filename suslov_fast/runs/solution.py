@@ -60,8 +60,8 @@ def exact(
     ndarray(float, shape=(..., D) or (N, ..., D))
         The states. If ``|t| >= 1``, they are NaN, with a `RuntimeWarning`, for ``|n| > 2**53`` and
         for n that is not an integer; and for any t where the dimensionless X, Y or K exceeds 1e8
-        (then use :func:`iterate`). Beyond a pole of the map, where :func:`iterate` stops, the formula
-        continues; only the state directly after the pole is NaN, with a
+        (then use :func:`iterate`). Beyond a pole of the map, where :func:`iterate` stops, the
+        formula continues; only the state directly after the pole is NaN, with a
         :class:`SingularStepWarning`.
 
     Raises

@@ -22,12 +22,12 @@ from ..engine.stretches import March, Report
 from .functions import returned_at, values_at
 from .refine import crossing_fractions
 
-# Numbers in a piece, which fits into the caches. Pieces are _LONGER if crossings are refined,
-# because each round of a refinement costs as much as many steps.
-_PIECE, _LONGER = 2**17, 8
-# Least number of states of each trajectory in a piece, unless these are more than _LARGE numbers,
-# because a call of a kernel costs as much as a few steps.
-_STATES, _LARGE = 48, 2**22
+# Numbers in a piece: long, because each piece costs as much as some steps, and each round of a
+# refinement as much as many; but shorter than outputs that kernels write past the caches
+# (`STREAM_FROM`), because the surface reads them again.
+_PIECE = 3 * 2**18
+# Least number of states of each trajectory in a piece, unless these are more than _LARGE numbers.
+_STATES, _LARGE = 8, 2**22
 # Steps of the first piece of a run that may end early; the length doubles from piece to piece.
 _FIRST = 64
 _WITHOUT_END = 2**62
@@ -120,8 +120,7 @@ class Search:
             if n < transient:
                 self.last, n = None, march.n
         width = max(B * D, 1)
-        numbers = _PIECE * (_LONGER if self.is_refined else 1)
-        most = min(max(numbers // width, min(_STATES, _LARGE // width), 1), end - transient)
+        most = min(max(_PIECE // width, min(_STATES, _LARGE // width), 1), end - transient)
         require(8 * (most + 1) * B * (D + 1), "divide the batch")
         states = np.empty((most + 1, *self.batch, D))  # of a piece, and the last one before it
         states[0] = march.final

@@ -24,7 +24,7 @@ def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> Flo
     inner = array.shape[split:]
     if array.shape[:split] != batch:
         array = np.broadcast_to(array, (*batch, *inner))
-    flat = array.reshape((math.prod(batch), *inner) if batch else (1, *inner))
+    flat = array.reshape(math.prod(batch), *inner)
     # Kernels are compiled for this memory layout alone.
     return flat if flat.flags.carray else np.require(flat, np.float64, ["C", "A", "W"])
 

@@ -161,11 +161,11 @@ class March:
         methods = problem.map.methods
         self.method = method = method or problem.method
         self.steps = methods[method] if method in methods else next(iter(methods.values()))
-        self.problem = problem
-        self.omega0 = flat_arrays(problem.omega, problem.batch)
-        if arguments is None:
-            arguments = arguments_for(problem, self.steps, len(self.omega0))
+        self.problem, batch = problem, problem.batch
+        self.omega0 = flat_arrays(problem.omega, batch)
         size, D = self.omega0.shape
+        if arguments is None:
+            arguments = arguments_for(problem, self.steps, size)
         divide, self.arguments = self.steps.divide, arguments
         self.groups: list[Any] = [(ALL, arguments)] if divide is None else [*divide(D, arguments)]
         self.turned: FloatArray | None = None
@@ -178,17 +178,16 @@ class March:
         self.n = 0
         self.carry = np.zeros((self.steps.rows_carried(D), size))
         if problem.orientation is not None:
-            self.turned = flat_arrays(problem.orientation, problem.batch, 2).copy()
+            self.turned = flat_arrays(problem.orientation, batch, 2).copy()
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
         # States after n steps, statuses and numbers of the first missing states.
-        self.final = np.empty((*problem.batch, D))
-        self.status = np.zeros(problem.batch, np.int8)
-        self.failed_at = _no_states(problem.batch)
+        self.final, self.status = np.empty((*batch, D)), np.zeros(batch, np.int8)
+        self.failed_at = _no_states(batch)
 
     @property
     def first_pole(self) -> NDArray[np.int64]:
         """The first state beyond a pole of each trajectory, -1 without one."""
-        if not (self.steps.notes_poles and self.carry[0].any()):  # of most runs, and soon known
+        if not (self.steps.notes_poles and np.count_nonzero(self.carry[0])):  # of most runs
             return _no_states(self.problem.batch)
         first, status = self.noted()
         passed = (first > 0) & (status == codes.PASSED_POLE)
@@ -329,14 +328,14 @@ class March:
         (size, D), n, threads = omega0.shape, self.n, self.problem.threads
         step = self.steps.cost(D, arguments)
         cost = step + (_SAVING / every if every else 0.0)
-        width, length = max(-(-size // lanes), 1) * lanes, max(stop - n, 1)
+        width, length = -(-size // lanes) * lanes or lanes, stop - n or 1
         if width * length * cost > _STRETCH:
             most = threads or numba.config.NUMBA_NUM_THREADS
             budget = min(width // lanes, most) * _STRETCH / cost  # steps of single trajectories
             unit = lanes * most  # multiples of it give all threads as many blocks
             width = min(max(int(budget / length) // unit, 1) * unit, width)
             length = max(int(budget / width), 1)
-        for begin in range(0, max(size, 1), width):
+        for begin in range(0, size or 1, width):
             end = min(begin + width, size)
             start = n
             while True:  # once even if stop = n

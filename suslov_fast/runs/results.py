@@ -124,7 +124,8 @@ class Result:
         """Set the attributes of a new or unpickled result, whose arrays are in no other hands."""
         for value in attributes.values():
             if type(value) is np.ndarray:
-                value.setflags(False)  # without the keyword, `write`, twice as fast
+                # `write`, by position twice as fast
+                value.setflags(False)  # type: ignore[call-arg]
         object.__setattr__(self, "__dict__", attributes)
 
     @classmethod

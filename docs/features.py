@@ -91,11 +91,11 @@ def answer(name, body):
     if first is None or name not in CONSERVED:
         return "no" if first is None else "yes"
     last = call(name, body, sf.iterate(body, state, GIVEN["eps"], 20).final)
-    return "conserved" if abs(last / first - 1) < 1e-13 else "varies"
+    return "yes" if abs(last / first - 1) < 1e-13 else "varies"
 
 
 def table():
-    """The table of all bodies, in Markdown."""
+    """The table of all bodies, and the methods of each, in Markdown."""
     lines = [["", *BODIES], ["---"] * (1 + len(BODIES))]
     for title, names in ROWS:
         cells = []
@@ -110,17 +110,14 @@ def table():
     lines.append(
         ["`attitude=True`", *("yes" if each.has("attitude") else "no" for each in records)]
     )
-    methods = [
-        ", ".join(
-            f'`"{method}"`'
-            for map in MAPS.values()
-            if map.body is record.body
-            for method in map.methods
-        )
-        for record in records
-    ]
-    lines.append(["methods of `iterate`", *methods])
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    methods = {}
+    for name in dict.fromkeys(record.body.__name__ for record in records):
+        maps = [map for map in MAPS.values() if map.body.__name__ == name]
+        own = ", ".join(f'`"{method}"`' for map in maps for method in map.methods)
+        methods.setdefault(own, []).append(f"`{name}`")
+    rows = [f"| {' | '.join(line)} |" for line in lines]
+    rows += ["", "Methods of `iterate`:", ""]
+    return "\n".join(rows + [f"- {', '.join(names)}: {own}" for own, names in methods.items()])
 
 
 if __name__ == "__main__":

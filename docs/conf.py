@@ -61,15 +61,31 @@ MATHML = "http://www.w3.org/1998/Math/MathML"
 ElementTree.register_namespace("", MATHML)
 FIGURE = re.compile(r'class="reference download internal" download="" (?=href="[^"]*\.png")')
 END_OF_FORMULA = re.compile(r"(</math>)(</span>)([.,;:)]+)")
+NUMBER_OR_OPTION = re.compile(r"(?<![\w.-])(\d[\d.]*e-\d+|--[a-z][\w-]*)(?!\w)(?=[^<>]*<)")
+CODE = re.compile(r'<span class="pre">([^<]+)')
+PARTS = re.compile(r"(?<=\w[_.(/=])(?=[\w&])(?!\w{1,3}\b)")
+LETTERS = re.compile("[A-Za-z]{2,}|\N{INFINITY}")
+SIGNATURE = re.compile(r"(?<=</code></a>)[^<]+")
 
 
 def finish(app, page, template, context, doctree):
-    """Let a click on a figure open it, and keep punctuation on the line of its formula.
+    """Let a click on a figure open it, and lines break where readers expect it.
 
     MyST makes a download of each link to a file.
     """
     if "body" in context:
-        context["body"] = END_OF_FORMULA.sub(r"\1\3\2", FIGURE.sub("", context["body"]))
+        body = END_OF_FORMULA.sub(r"\1\3\2", FIGURE.sub("", context["body"]))
+        body = NUMBER_OR_OPTION.sub(r'<span class="whole">\1</span>', body)
+        body = CODE.sub(word_of_code, body)
+        context["body"] = SIGNATURE.sub(lambda found: found[0].replace("\xa0", " "), body)
+
+
+def word_of_code(found):
+    """Break a long word of code between its parts, and never within an option or '.[extra]'."""
+    word = found[1]
+    if re.search(r"-|\.\[", word) and len(word) < 36:
+        return f'<span class="pre whole">{word}'
+    return f'<span class="pre">{PARTS.sub("<wbr>", word) if len(word) > 15 else word}'
 
 
 def is_function(node):
@@ -95,7 +111,7 @@ def spaced(formula):
             node.text = unicodedata.lookup(letter)
         elif node.text in ("/", "|", "\N{DOUBLE VERTICAL LINE}", "\N{INFINITY}"):
             node.attrib |= {"lspace": "0", "rspace": "0", "stretchy": "false"}
-        elif re.fullmatch("[A-Za-z]{2,}", node.text or "") and node.tag.endswith("}mo"):
+        elif node.tag.endswith("}mo") and re.fullmatch(LETTERS, node.text or ""):
             node.tag, node.attrib = f"{{{MATHML}}}mi", {}
     rows = [node for node in root.iter() if re.search("}m(row|style|td|sqrt)$", node.tag)]
     for row in rows:

@@ -309,6 +309,11 @@ def numbers_in_register():
 _CALL = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
 
 
+def address_of(array):
+    """Return the address of a writeable array without gaps, in a third of the time of NumPy."""
+    return ctypes.addressof(ctypes.c_char.from_buffer(array))
+
+
 def call(address, array):
     """Call the code at an address with the address of an array; return its integer."""
     return address.call(array.ctypes.data)

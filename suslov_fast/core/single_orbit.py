@@ -11,7 +11,7 @@ import numpy as np
 from .generated import text_of_compositions, text_of_extrapolated_steps, text_of_steps
 from .generated_stages import BASE, LARGEST, ROWS, SLOT, CodeArguments
 from .lift import LiftedStep
-from .machine_code import code_of
+from .machine_code import address_of, code_of
 from .stages import distinct, weights_of
 
 PLANS = 32  # of fields, whose tables are kept
@@ -79,14 +79,14 @@ def take_one(arguments, state, status, errors, final, steps, saved):
     if found is None:
         return False
     (address, template, _), count = found, len(stages.fractions)
-    x, numbers, columns = array("d", state[0].tolist()), template[:], None
+    x, numbers, columns = array("d", state.tobytes()), template[:], None
     at, _ = numbers.buffer_info()
     numbers[SLOT.x], _ = x.buffer_info()
     if _has_columns(step, stages):
         columns, D = array("d", bytes(8 * ROWS * len(x))), len(x)
         columns[BASE * D : BASE * D + D] = x
         if len(errors):
-            columns[LARGEST * D : LARGEST * D + D] = array("d", errors[:, 0].tolist())
+            columns[LARGEST * D : LARGEST * D + D] = array("d", errors.tobytes())
         numbers[SLOT.columns], _ = columns.buffer_info()
     numbers[SLOT.marks], numbers[SLOT.steps] = at + 8 * len(SLOT), (stop - start) * count
     numbers[SLOT.first_until] = numbers[SLOT.until] = -1
@@ -97,7 +97,7 @@ def take_one(arguments, state, status, errors, final, steps, saved):
         numbers[SLOT.first_until] = numbers[SLOT.until] = (every - start % every) * count - 1
         numbers[SLOT.between] = every * count - 1
         if row < len(saved):
-            numbers[SLOT.first_row] = numbers[SLOT.row] = saved.ctypes.data + row * saved.strides[0]
+            numbers[SLOT.first_row] = numbers[SLOT.row] = address_of(saved[row])
             numbers[SLOT.row_bytes] = saved.strides[0]
     if not address.call(at):  # a step needs `careful`
         return False

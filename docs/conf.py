@@ -74,7 +74,8 @@ def finish(app, page, template, context, doctree):
     MyST makes a download of each link to a file.
     """
     if "body" in context:
-        body = END_OF_FORMULA.sub(r"\1\3\2", FIGURE.sub("", context["body"]))
+        body = context["body"].replace("</a>()</p></td>", "</a></p></td>")  # of classes
+        body = END_OF_FORMULA.sub(r"\1\3\2", FIGURE.sub("", body))
         body = NUMBER_OR_OPTION.sub(r'<span class="whole">\1</span>', body)
         body = CODE.sub(word_of_code, body)
         context["body"] = SIGNATURE.sub(lambda found: found[0].replace("\xa0", " "), body)
@@ -109,7 +110,9 @@ def spaced(formula):
         elif node.get("mathvariant") == "double-struck":  # a variant that browsers ignore
             letter = f"MATHEMATICAL DOUBLE-STRUCK CAPITAL {node.text}"
             node.text = unicodedata.lookup(letter)
-        elif node.text in ("/", "|", "\N{DOUBLE VERTICAL LINE}", "\N{INFINITY}"):
+        elif node.text == ";":
+            node.tag, node.attrib = f"{{{MATHML}}}mo", {"lspace": "0", "rspace": "0.167em"}
+        elif node.text in [*"/|\N{DOUBLE VERTICAL LINE}\N{INFINITY}\N{HORIZONTAL ELLIPSIS}"]:
             node.attrib |= {"lspace": "0", "rspace": "0", "stretchy": "false"}
         elif node.tag.endswith("}mo") and re.fullmatch(LETTERS, node.text or ""):
             node.tag, node.attrib = f"{{{MATHML}}}mi", {}
@@ -117,7 +120,7 @@ def spaced(formula):
     for row in rows:
         for k in reversed(range(len(row) - 1)):
             left, right = row[k], row[k + 1]
-            signed = left.tag.endswith("}mo") and left.text not in [*")]|"]
+            signed = left.tag.endswith("}mo") and left.text not in [*")]|\N{HORIZONTAL ELLIPSIS}"]
             if signed and right.text in ("+", "\N{MINUS SIGN}"):
                 right.set("form", "prefix")
             apart = [right] if left.text == ")" else [left, right]

@@ -28,6 +28,5 @@ for k, (marker, name) in enumerate((("o", "larger exponent"), ("s", "smaller exp
             label = f"{name}, {side} its limit {limit}"
             axes.loglog(steps[chosen], abs(distance[chosen]), label=label, **look)
 axes.loglog(steps, 2 / steps, "--", color="crimson", label=r"$\propto 1/n$")
-axes.set(xlabel="steps $n$", ylabel=r"distance from the limit, $\epsilon = 0.2$")
-axes.set_title("Lyapunov exponents per step, after $n$ steps")
+axes.set(xlabel="steps $n$", ylabel=r"distance from the limit, per step, $\epsilon = 0.2$")
 axes.legend(frameon=False, loc="upper right", fontsize="small")

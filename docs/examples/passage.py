@@ -29,6 +29,6 @@ for sign, style, name in ((40, "--", "repelling"), (-40, "-", "attracting")):
     axes.plot(*ends.T, style, color="crimson", linewidth=1.5, label=f"{name} steady states")
 axes.set(xlim=(-16, 16), ylim=(-16, 16), aspect="equal")
 axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
-figure.suptitle(r"time of passage, $\epsilon = 1.5$")
+figure.suptitle(r"$\epsilon = 1.5$")
 axes.legend(frameon=False, ncols=3, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1))
 figure.colorbar(image, label="steps to the middle of the passage", extend="both")

@@ -32,4 +32,3 @@ axes[0].set_ylabel(r"$I_{23} / \sqrt{I_1 I_2}$")
 bar = figure.colorbar(shades, ax=axes, ticks=bounds, format="%g")
 bar.add_lines(lines)  # at 1, 10 and 30 degrees
 bar.set_label("scattering angle (degrees)")
-figure.suptitle("angle between the first and the last axis of rotation")

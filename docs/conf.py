@@ -112,7 +112,7 @@ def spaced(formula):
             node.text = unicodedata.lookup(letter)
         elif node.text == ";":
             node.tag, node.attrib = f"{{{MATHML}}}mo", {"lspace": "0", "rspace": "0.167em"}
-        elif node.text in [*"/|\N{DOUBLE VERTICAL LINE}\N{INFINITY}\N{HORIZONTAL ELLIPSIS}"]:
+        elif node.text in [*"/|\N{DOUBLE VERTICAL LINE}\N{HORIZONTAL ELLIPSIS}"]:
             node.attrib |= {"lspace": "0", "rspace": "0", "stretchy": "false"}
         elif node.tag.endswith("}mo") and re.fullmatch(LETTERS, node.text or ""):
             node.tag, node.attrib = f"{{{MATHML}}}mi", {}

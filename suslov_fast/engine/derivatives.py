@@ -18,7 +18,7 @@ from .problem import Problem
 from .stretches import March, Report
 from .threads import available, call_kernel
 
-# Operations of one call of a kernel, at most some 0.1 s; Python handles Ctrl-C between calls.
+# Operations of one call of a kernel, some tenths of a second; Python handles Ctrl-C in between.
 _STRETCH = 2**28
 
 

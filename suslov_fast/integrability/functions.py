@@ -124,7 +124,8 @@ class RationalFunction:
         except ZeroDivisionError:
             raise ZeroDivisionError(f"{self} has no value at eps = {value}") from None
         cofactor = self.cofactor and self.cofactor.subs(value)
-        return replace(product, basis=self.basis, cofactor=cofactor)
+        names = self.factors and self._ring.names()[has_eps(self.factors[0][0]) :]
+        return replace(product.renamed(names or None), basis=self.basis, cofactor=cofactor)
 
     @public
     def symbols(self) -> dict[str, Any]:

@@ -30,6 +30,7 @@ def lyapunov_exponents(
 ) -> FloatArray:
     """Lyapunov exponents of orbits over a finite number of steps; chaos shows as positive ones.
 
+    They are per step; divide by eps for exponents per unit of time.
     The derivatives of the map along the orbit are multiplied, and decomposed as Q R before columns
     lose digits (Benettin's method). The exponents are the mean logarithms of the diagonals of R.
     Their sum equals the mean of ``log |det DPhi|`` (relative error 1e-10). The exponents of an
@@ -54,10 +55,9 @@ def lyapunov_exponents(
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Exponents per step, the largest first; divide by eps for exponents per unit time.
-        ``-inf`` if a step is not invertible; NaN, with one :class:`SingularStepWarning`, if an
-        orbit fails. If an orbit passed a pole (one :class:`PoleWarning`), they are those of the
-        map, not of the motion.
+        Exponents per step, the largest first. ``-inf`` if a step is not invertible; NaN, with one
+        :class:`SingularStepWarning`, if an orbit fails. If an orbit passed a pole (one
+        :class:`PoleWarning`), they are those of the map, not of the motion.
 
     Raises
     ------

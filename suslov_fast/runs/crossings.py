@@ -330,6 +330,8 @@ class Crossings(Result):
     ) -> Any:
         """Draw the crossings over two components, over time, or in space (extra `plots`).
 
+        Of more than 1,000,000 crossings it draws as many, chosen at random.
+
         Parameters
         ----------
         *names : int or str

@@ -32,8 +32,8 @@ __all__ = ["COLOURS", "axes_for", "plot_crossings", "plot_run", "plt"]
 # Viridis without its lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
 
-# Most dots in a figure, because more make it large and no clearer.
-_MOST_DOTS = 20_000
+# Most dots in a figure, because drawing these takes up to 10 s.
+_MOST_DOTS = 1_000_000
 # Most dots that vector formats hold one by one; more are an image there.
 _MOST_VECTORS = 10_000
 # Most dots on lines, because more hide the lines.
@@ -326,7 +326,8 @@ def _dots(
         style: dict[str, Any] = {"color": colours.single}
     else:
         style = {"c": colours.of(owners[shown]), "cmap": COLOURS, "norm": colours.norm}
-    size = size or min(max(8000.0 / max(len(shown), 1), 2.0), 14.0)
+    count = max(len(shown), 1)  # the more dots, the smaller, so that islands stay visible
+    size = size or min(max(8000.0 / count, min(2.0, 40_000.0 / count), 0.4), 14.0)
     style["rasterized"] = len(shown) > _MOST_VECTORS
     drawn = axes.scatter(*points[shown].T, s=size, linewidths=0, **style)
     axes.autoscale_view()
@@ -351,7 +352,7 @@ def _entitle(axes: Any, title: Any, text: str) -> None:
         title = text
     if title is not None:
         instance("title", title, str)
-        axes.set_title(title, fontsize="small")
+        axes.set_title(title, fontsize="small", wrap=True)
 
 
 def _symbol(label: str) -> str:

@@ -275,6 +275,10 @@ class Trajectories(Result):
     ) -> Any:
         """Draw the saved states over two components, over time, or in space (extra `plots`).
 
+        Of more than 100,000 states, joined by lines, it draws pieces of orbits; of more than
+        1,000,000 dots as many, chosen at random. A space-time picture of a chain of many variables
+        is ``ax.imshow(run.x, aspect="auto")``.
+
         Parameters
         ----------
         *names : int or str
@@ -289,8 +293,8 @@ class Trajectories(Result):
             A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
             default the parameter of a family, else the level of the conserved quantity.
         title : str, optional
-            By default the map, the number of orbits and how many states are drawn (very long runs
-            are thinned). None leaves it out.
+            By default the map, the number of orbits and how many states are drawn; None leaves it
+            out.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on, 3-D axes for three components; by default those of a new figure.
 

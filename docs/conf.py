@@ -63,7 +63,7 @@ FIGURE = re.compile(r'class="reference download internal" download="" (?=href="[
 END_OF_FORMULA = re.compile(r"(</math>)(</span>)([.,;:)]+)")
 NUMBER_OR_OPTION = re.compile(r"(?<![\w.-])(\d[\d.]*e-\d+|--[a-z][\w-]*)(?!\w)(?=[^<>]*<)")
 CODE = re.compile(r'<span class="pre">([^<]+)')
-PARTS = re.compile(r"(?<=\w[_.(/=])(?=[\w&])(?!\w{1,3}\b)")
+PARTS = re.compile(r"(?<=\w[_.(/=])(?=[\w&.])(?!\w{1,3}\b)")
 LETTERS = re.compile("[A-Za-z]{2,}|\N{INFINITY}")
 SIGNATURE = re.compile(r"(?<=</code></a>)[^<]+")
 

@@ -79,7 +79,9 @@ def ensemble(
         As in :func:`iterate`.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a Zarr store object.
-    save_every, method, attitude
+    save_every : int, optional
+        Store states 0, `save_every`, 2 `save_every`, ...; by default only the last states.
+    method, attitude
         As in :func:`iterate`.
     dims, coords : optional
         As in :meth:`Trajectories.to_xarray`.
@@ -93,7 +95,8 @@ def ensemble(
     client : distributed.Client, optional
         Its Dask workers compute the tiles and write to the store.
     progress : bool or callable, optional
-        As in :func:`iterate`; `done` counts the steps of all trajectories, after each tile.
+        As in :func:`iterate`; `done` counts the steps of all trajectories. A function is called
+        before the first tile, with the steps that the store already has, and after each tile.
 
     Returns
     -------
@@ -225,10 +228,7 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     if is_finished and lost.pending:
         received = f"{store} without {len(lost.pending)} of the tiles that were computed"
         raise wrong("client", "have workers that write to the store", received)
-    if foreign := access.run(access.members(access.reader(store), contents.arrays)):
-        names = ", ".join(sorted(foreign))
-        how = "keep derived variables in a store of their own"
-        checks.warn(f"store: {store} also has {names}, which ensemble did not write: {how}")
+    foreign = access.run(access.members(access.reader(store), contents.arrays))
     source = metadata.overlaid(store, contents)
     data = xarray.open_zarr(source, consolidated=True, zarr_format=3, chunks=None)
     data = data.assign_attrs(contents.added)
@@ -237,7 +237,12 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
         for name, array in contents.arrays.items()
         if array.shape and name not in data.indexes
     }
-    return with_time(as_columns(data.assign(lazy)))
+    data = with_time(as_columns(data.assign(lazy)))
+    if others := foreign - {*data.variables}:  # xarray writes coordinates made here with a variable
+        names = ", ".join(sorted(others))
+        how = "keep derived variables in a store of their own"
+        checks.warn(f"store: {store} also has {names}, which ensemble did not write: {how}")
+    return data
 
 
 def _parts(array: metadata.Stored) -> dict[Any, int]:

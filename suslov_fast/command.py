@@ -2,6 +2,7 @@
 
 import argparse
 import inspect
+import io
 import json
 import os
 import re
@@ -123,6 +124,8 @@ def run(options: argparse.Namespace) -> None:
         options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr{how}")
     if path is None and (options.attitude or options.save_every is not None):
         options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
+    if str(options.body) == str(options.initial) == "-":
+        options.usage_error("arguments --body and --initial: only one can be standard input")
     import numpy as np
 
     body, eps = _body_and_step(options)
@@ -229,11 +232,15 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
             "arguments --extent, --low, --high and --seed are for random states: leave out "
             "--initial and --omega0"
         )
-    name = str(path or "--omega0")
+    is_input = str(path) == "-"
+    name = "standard input" if is_input else str(path or "--omega0")
     with _about(name):
         if path:
             try:
-                states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
+                if is_input:
+                    states = np.lib.format.read_array(io.BytesIO(sys.stdin.buffer.read()))
+                else:
+                    states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
             except (ValueError, EOFError) as error:
                 text = "not a complete file of numpy.save"
                 how = f"save an array of numbers of shape (count, {body.dimension})"

@@ -26,6 +26,7 @@ PARAMETERS = {
     "I": "n - 1 products of inertia I_in of a body in n dimensions",
 }
 _JSON = "a body or a field, saved by json.dump(body.to_dict(), file); - is standard input"
+_STATES = "array of numpy.save with a state in each row; - is standard input"
 # What Python calls an option of the command, or other packages do.
 _OTHERS = {
     "dt h": "eps",
@@ -212,7 +213,7 @@ def _run(parser: Any) -> None:
     many = "number of random states (default 65536)"
     add("--trajectories", type=integer, metavar="N", default=65_536, help=many)
     add("--omega0", type=numbers, action="append", metavar="X,...", help="a state; repeat for more")
-    add("--initial", type=path, metavar="FILE.npy", help="array with a state in each row")
+    add("--initial", type=path, metavar="FILE.npy", help=_STATES)
     add = group.add_argument
     add("--extent", type=float, metavar="X", help="random states lie in [-X, X) (default 2)")
     of_each = "a number, or one for each component"

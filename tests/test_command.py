@@ -269,6 +269,18 @@ def test_a_family_and_a_box_of_starts(tmp_path, monkeypatch):
             np.testing.assert_array_equal(family.final[k], one.final)
 
 
+def test_states_from_standard_input(monkeypatch):
+    np.save("s.npy", [[1.0, 0.5], [0.2, -0.7]])
+    for name in ("s.npy", os.devnull):
+        with open(name, "rb") as file:
+            monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(file))
+            done = run("run --initial - --steps 9 -o piped.npz --force")
+    assert (done.code, done.err.count("\n")) == (1, 1)
+    assert done.err.startswith("suslov-fast: standard input: not a complete file of numpy.save")
+    succeed("run --initial s.npy --steps 9 -o read.npz")
+    assert sf.Trajectories.load("piped.npz") == sf.Trajectories.load("read.npz")
+
+
 def test_a_log_shows_signs_of_life(monkeypatch):
     seen = threading.Event()
     monkeypatch.setattr(command, "_BEAT", 0.01)
@@ -329,6 +341,7 @@ MISTAKES = """
 1 | run --body missing.json | missing.json: there is no such file in .* write it by json.dump
 2 | run --body good.json | required: --eps; --eps is the step size, such as --eps 0.01
 2 | run -n 9 | -n 9; did you mean --steps?
+2 | run --body - --initial - --eps 1 | only one can be standard input
 2 | run --workers 2 | --workers 2; did you mean --threads?
 2 | run good.json | good.json; did you mean --body?
 2 | run --rho 28 | if rho is a parameter of the field, it is part of the file of --body

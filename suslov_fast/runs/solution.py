@@ -117,14 +117,15 @@ def flow(
     rtol : float, optional
         Tolerance for fields, from 1e-13 to 1e-2, by default 1e-9. In each component the estimated
         error of a step stays below `rtol` times the largest absolute value of this component on the
-        trajectory so far, or below what rounding allows. A component smaller than 1e-6 of the
-        largest one counts as that large. So there is no absolute tolerance: scale components that
-        differ by more than a factor of 1e6.
+        trajectory so far, or below what rounding allows. This value counts as at least 1e-6 of that
+        of the largest component. So there is no absolute tolerance: scale components that differ by
+        more than a factor of 1e6.
     threads : int, optional
         As in :func:`iterate`; a solution is bit-identical on any number of threads, in any batch.
     progress : bool or callable, optional
-        For fields: called as ``progress(done, total)`` with numbers of times. If it returns False,
-        the states at later times are NaN.
+        For fields: called as ``progress(done, total)`` with numbers of times, at each time and not
+        between two. If it returns False, the states at later times are NaN. To end a long solution
+        early, pass times before its last one, such as ``np.linspace(0, 300, 301)``.
 
     Returns
     -------

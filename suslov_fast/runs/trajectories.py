@@ -330,9 +330,10 @@ class Trajectories(Result):
         Parameters
         ----------
         dims : str or sequence of str, optional
-            Names of the batch axes. If exactly one parameter varies along an axis, its name is the
-            default; otherwise "trajectory", or "batch_0", "batch_1", ... An axis with the name of a
-            parameter, or "eps", has its values as the coordinate: ``data.sel(eps=0.2)``.
+            Names of the batch axes. By default that of the first named parameter of a field that
+            varies along the axis alone; without one "trajectory", or "batch_0", "batch_1", ... An
+            axis with the name of a parameter, or "eps", has its values as the coordinate:
+            ``data.sel(eps=0.2)``.
         coords : mapping, optional
             Coordinates along these axes, as for `xarray.Dataset.assign_coords`.
 

@@ -43,6 +43,8 @@ _ELSEWHERE = {
     "lyapunov_exponents": "lyapunov lyapunovs lyapunovspectrum maxlyapunov lyapunovexponent",
     "fixed_points": "fixedpoints equilibria equilibrium",
     "QuadraticField.from_function, or LiftedField.from_function": "fromfunction field system",
+    "QuadraticField.from_function(sympy.lambdify([symbols], expressions), [*map(str, symbols)])": ""
+    "fromsympy fromexpressions fromequations",
     "QuadraticField.from_hamiltonian": "fromhamiltonian hamiltonianfield hamiltonian",
     "suslov_fast.integrability.report": "report conservedquantities integrals firstintegrals",
     "suslov_fast.integrability.zoo": "zoo examples lorenz lotkavolterra henonheiles",

@@ -26,6 +26,12 @@ _DIGITS = (
 )
 _CHOSEN = "flow chooses its steps from the tolerance rtol=; iterate has eps= and method="
 _TENSOR = "from_inertia(I, a) makes a body from an inertia tensor and the constrained axis"
+_MATRIX = "from_mass_tensor makes a body from a matrix"
+_AT_TIMES = "flow(body, x, time) returns the motion at times; exact, the map after n steps"
+_OF_EPS = "it replaces eps alone; then call the result at a state, as in f.subs(eps=0.1)([1, 2])"
+_FEWER = (
+    "for fewer or more points draw the states yourself, as in ax.plot(x[..., 0], x[..., 1], '.')"
+)
 _AXES = "set it on the axes that plots return, such as ax.set_xlim(0, 1)"
 _ON_AXES = "xlim ylim xlabel ylabel grid legend"
 _DOTS = 'set it on what is drawn, as in ax.collections[0].set(cmap="magma", alpha=0.5, sizes=[1])'
@@ -42,7 +48,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
     name: (arguments, sentence, other)
     for names, arguments, sentence, other in (
         (
-            "dt h step_size stepsize delta_t first_step max_step maxstep initialstep dtmax",
+            "dt h epsilon step_size stepsize delta_t first_step max_step maxstep initialstep dtmax",
             ("eps",),
             _CHOSEN,
             "rtol",
@@ -52,6 +58,11 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("T", ("time", "period"), _SPAN, "steps"),
         ("t_span t_end t_max tend tf t_final t_stop tmax t0", ("time",), _SPAN, "steps"),
         ("total_time duration", ("time",), _SPAN, "steps"),
+        ("dense_output", (), "pass an array of times as time=", "time"),
+        ("exact.t exact.time exact.times exact.t_eval", (), _AT_TIMES, ""),
+        ("subs.", (), _OF_EPS, ""),
+        ("SuslovND.inertia SuslovND.tensor", (), _MATRIX, ""),
+        ("max_points max_lines downsample thin", (), _FEWER, "ax"),
         ("atol abstol", (), _RELATIVE, ""),
         ("tol rtol reltol", ("rtol", "tol"), _DIGITS, "method"),
         ("method order integrator solver alg algorithm scheme", ("method",), _CHOSEN, "rtol"),
@@ -130,7 +141,7 @@ _REQUIRED = {
     "a": "the constrained axis, such as [0, 0, 1]",
     "k": "the angular momentum of the rotor",
     "I2": _TENSOR,
-    "SuslovND.I": "the products of inertia; from_mass_tensor makes a body from a matrix",
+    "SuslovND.I": f"the products of inertia; {_MATRIX}",
     "quadratic": "an array (D, D, D); from_function makes a field from its right-hand side",
 }
 
@@ -147,6 +158,9 @@ _IN_BODIES = {
     "rhs f func fun": "field(x), the right-hand side at states x",
     "quadratic linear constant terms": "QuadraticField.of(body), or field.lifted, which has it",
     "lifted": "the field itself, because it is quadratic",
+    "jac jacobian Df df Dx eigenvalues eigvals derivative": "(vector_field(body, x + h) - "
+    "vector_field(body, x - h)).T / 2e-6 with h = 1e-6 * np.eye(len(x)), the derivative of the "
+    "right-hand side, and np.linalg.eigvals of it; suslov_fast.jacobian is that of a step",
     "dt h t": "eps, an argument of iterate",
 }
 INSTEAD_IN_BODIES = {name: how for names, how in _IN_BODIES.items() for name in names.split()}
@@ -207,9 +221,13 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
             how = f"; by name: {', '.join(others)}" if others else ""
             return TypeError(f"{called} takes {received}{how}")
         if kwargs and not takes_any and not kwargs.keys() <= known:
-            name = next(name for name in kwargs if name not in known)
-            how = advice(name, known, has_states=unnamed == 2)
-            return TypeError(f"{called} has no argument {name!r}: {how}")
+            names: dict[str, list[str]] = {}  # by the advice
+            for name in kwargs:
+                if name not in known:
+                    how = advice(name, known, unnamed, called)
+                    names.setdefault(how, []).append(repr(name))
+            each = [f"no argument {', '.join(given)}: {how}" for how, given in names.items()]
+            return TypeError(f"{called} has {'; '.join(each)}")
         if len(args) > unnamed and not kwargs.keys().isdisjoint(positional[: len(args) - unnamed]):
             twice = [name for name in positional if name in kwargs]
             if takes_any:  # what is passed by name is a parameter of the equations
@@ -236,24 +254,25 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     return answering
 
 
-def advice(name: str, known: Collection[str], has_states: bool = False) -> str:
+def advice(name: str, known: Collection[str], unnamed: int = 0, called: str = "") -> str:
     """Return what to pass in place of a keyword to a function with the `known` keywords.
 
-    With `has_states` its second argument, without a name, is the states.
+    Of its `unnamed` arguments the first is a body or a field, and the second the states.
     """
     if name in ("x", "y", "z") and "components" in known:
         return 'pass components, as in plot("x1", "x2")'
     nothing: tuple[tuple[str, ...], str, str] = ((), "", "")
-    arguments, sentence, other = _ADVICE.get(name) or _ADVICE.get(name.lower(), nothing)
-    if sentence == _STATES and not has_states:
+    keys = f"{called}.{name}", f"{called}.", name, name.lower()
+    arguments, sentence, other = next((_ADVICE[key] for key in keys if key in _ADVICE), nothing)
+    if sentence == _STATES and unnamed != 2:
         sentence = ""
     found = [argument for argument in arguments if argument in known]
     if not found and sentence and (not other or other in known):
         return sentence
-    if found or (found := get_close_matches(name, known, 1)):
+    if found or (found := get_close_matches(name, known, 1, 0.7)):
         return f"pass {found[0]}="
     how = f"it has {', '.join(sorted(known))}" if known else "it takes no argument by name"
-    return f"{how}; parameters of equations belong to the field or body" if has_states else how
+    return f"{how}; parameters of equations belong to the field or body" if unnamed else how
 
 
 def refuse(module: ModuleType, name: str, how: str) -> NoReturn:

@@ -24,6 +24,9 @@ POINTS = sf.crossings(FIELD, [1.0, 0.0], 0.1, 100, lambda x: x[..., 0] - 9)
 ORBIT = PeriodicOrbit(np.ones(2), 1.0, np.ones(2, complex), 0.0)
 CLOSED = sf.ClosedForm(0.1, -0.4, -0.7, 0.04)
 SMOOTH = sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), "q p")
+XY = sf.QuadraticField.from_function(lambda x: (x[1], -x[0] + x[0] * x[1]), "x y")
+ALONG_X = sf.crossings(XY, [1.0, 0.0], 0.1, 100, lambda x: x[..., 0] - 9)
+COFACTOR = sf.integrability.cofactors(sf.integrability.kahan(XY), 1)[-1]
 STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
 
 
@@ -64,6 +67,12 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (RUN.plot, (), "xlim", r"set it on the axes that plots return, such as ax\.set_xlim"),
         (RUN.plot, (), "linewidth", r"as in ax\.plot\(run\.x\[\.\.\., 0\], "),
         (sf.flow, (FIELD, [1, 0]), "atol", "one tolerance, rtol=, relative to the largest"),
+        (sf.flow, (FIELD, [1, 0]), "dense_output", "pass an array of times as time=$"),
+        (sf.exact, (sf.Suslov3D(4, 2, 0.5, 0.3), [1, 0]), "time", r"flow\(body, x, time\)"),
+        (POINTS.plot, (), "max_points", r"draw the states yourself, as in ax\.plot\(x\["),
+        (COFACTOR.subs, (), "x", r"eps alone; .* as in f\.subs\(eps=0\.1\)\(\[1, 2\]\)$"),
+        (sf.SuslovND, (), "tensor", "from_mass_tensor makes"),
+        (sf.integrability.report, (FIELD,), "a", "parameters of equations belong to the field"),
         (sf.crossings, STEPPED, "value", "subtract it: surface=lambda x"),
         (sf.ensemble, STEPPED, "overwrite", "delete the folder of the store"),
         (sf.ensemble, STEPPED, "n_workers", "pass client="),
@@ -106,6 +115,12 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
 def test_unknown_keywords(function, arguments, keyword, answer):
     with pytest.raises(TypeError, match=answer):
         function(*arguments, **{keyword: 3})
+
+
+def test_all_unknown_keywords_are_named_at_once():
+    answer = r"iterate has no argument 'dt': pass eps=; no argument 'a', 'b': it has .* or body$"
+    with pytest.raises(TypeError, match=answer):
+        sf.iterate(FIELD, [1, 0], dt=0.1, a=1, steps=10, b=2)
 
 
 @pytest.mark.parametrize(
@@ -176,6 +191,11 @@ def test_missing_arguments(function, arguments, answer):
         function(*arguments)
 
 
+def with_symbol():
+    sympy = pytest.importorskip("sympy")
+    sf.QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=sympy.Symbol("a"))
+
+
 @pytest.mark.parametrize(
     ("call", "answer"),
     [
@@ -218,6 +238,17 @@ def test_missing_arguments(function, arguments, answer):
             r"'auto'; flow\(field, x0, time\) integrates",
         ),
         (lambda: sf.iterate((FIELD, 0.1), [1, 0], 0.1, 10), "body alone, the first item of the"),
+        (
+            lambda: sf.integrability.report(len),
+            r"from_function\(f, names\), .* see integrability\.loc",
+        ),
+        (with_symbol, "not the Symbol a: pass a number; suslov_fast.integrability.locus"),
+        (lambda: COFACTOR([[1, 2]] * 3, 1), r"not \(3, 2\): pass one state at a time, as in \[f"),
+        (lambda: COFACTOR([1, 2, 3], 1), r"have the shape \(2,\), not \(3,\)$"),
+        (lambda: COFACTOR.subs({"x": 1}), "not the dict .*: pass the number alone, eps=0.1$"),
+        (lambda: sf.iterate(*STEPPED, method=8), "not 8: pass 'order8'$"),
+        (lambda: sf.SuslovND(np.diag([1.0, 2]), 1), "a tensor by from_mass_tensor$"),
+        (lambda: sf.Suslov3D(np.diag([1.0, 2]), 1, 1, 1), "a tensor by from_inertia$"),
         (lambda: sf.crossings(*STEPPED, "u"), r"for component k pass lambda x: x\[\.\.\., k\]$"),
         (lambda: FIELD.sel(rho=2), "for a family pass an array as a parameter$"),
         (lambda: len(FIELD), "for a family pass an array as a parameter$"),
@@ -308,6 +339,18 @@ def test_known_names_come_before_sentences():
         (RUN, "parameters", r"run\.body\.parameters"),
         (RUN, "u", r"run\.x\[\.\.\., 0\]"),
         (RUN, "finl", "use final"),
+        (RUN, "resume", r"use run\.extend\(steps\)"),
+        (POINTS, "index", r"use crossings\.trajectory"),
+        (ALONG_X, "x", r"crossings\.states, or crossings\.states\[:, 0\] for the variable x$"),
+        (ALONG_X, "y", r"use crossings\.states\[:, 1\]$"),
+        (
+            SMOOTH,
+            "jac",
+            r"h = 1e-6 \* np\.eye\(len\(x\)\).* suslov_fast\.jacobian is that of a step$",
+        ),
+        (SMOOTH, "jacobian", r"vector_field\(body, x \+ h\)"),
+        (FIELD, "from_sympy", r"from_function\(sympy\.lambdify\(\[symbols\]"),
+        (sf, "from_expressions", r"QuadraticField\.from_function\(sympy\.lambdify\("),
         (POINTS, "rho", r"crossings\.body\.parameters\['rho'\]"),
         (POINTS, "w", r"crossings\.states\[:, 1\]"),
         (POINTS, "to_dataframe", r"crossings\.to_xarray\(\)"),
@@ -385,6 +428,8 @@ def test_components_of_bodies_are_named_in_any_case():
         RUN["u"]
     with pytest.raises(TypeError, match=r"run\['time'\]: use run\.time$"):
         RUN["time"]
+    with pytest.raises(TypeError, match=r"run\['x'\]: use run\.x\[\.\.\., 0\]$"):
+        sf.iterate(XY, [1.0, 0.0], 0.1, 2)["x"]
     with pytest.raises(TypeError, match=r"crossings\['w'\]: use crossings\.states\[:, 1\]"):
         POINTS["w"]
     with pytest.raises(TypeError, match=r"crossings\[0\]: use crossings\.states\[k\], or of\(i\)"):

@@ -80,8 +80,9 @@ class Body(Members):
             checks.within(name, array, self._positive.get(name, checks.OTHERS))
             if name in self._positive and not (array > 0).all():
                 is_tensor = array.ndim > 1 and array.shape[-1] == array.shape[-2]
-                how = ": a body is made from a tensor by from_inertia, or from_mass_tensor"
-                raise wrong(name, "positive", f"{array.min()}{how * is_tensor}")
+                makers = [m for m in ("from_inertia", "from_mass_tensor") if m in dir(type(self))]
+                how = f": a body is made from a tensor by {' or '.join(makers)}"
+                raise wrong(name, "positive", f"{array.min()}{how * (is_tensor and bool(makers))}")
             vars(self)[name] = frozen(array)
         _ = self.shape  # raises if the parameters do not broadcast
 
@@ -194,9 +195,11 @@ class Body(Members):
             kind, instead = type(self).__name__, ""
             if name in vars(self).get("_coordinates", ()):
                 instead = f"parameters[{name!r}]"
+            elif name in INSTEAD_IN_BODIES:
+                instead = INSTEAD_IN_BODIES[name]
             elif name in import_module("suslov_fast").__all__ or name in _ELSEWHERE:
                 instead = f"suslov_fast.{_ELSEWHERE.get(name, name)}(body, ...)"
-            instead = instead or INSTEAD_IN_BODIES.get(name) or self._near(name)
+            instead = instead or self._near(name)
             text = f"{kind!r} object has no attribute {name!r}"
             if instead:
                 raise AttributeError(f"{text}: use {instead}")

@@ -284,7 +284,9 @@ def _quadratic(definitions: Definitions, algebra: _Algebra, words: list[Monomial
         products = ", ".join(shorten(text, 100, placeholder=" ...") for text in texts)
         raise TooMany(
             f"more than {MOST} variables would be added, for products such as {products}: use "
-            "SciPy's solve_ivp, or make differences variables if f has powers of them"
+            "SciPy's solve_ivp, or make differences variables if f has powers of them, or write "
+            "products of sums of sines and cosines as sums of functions of differences, such as "
+            "sin(x2 - x1)"
         )
     return _with_places(algebra, closed)
 

@@ -40,9 +40,13 @@ def exact(name: str, value: Any) -> Fraction:
         raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
+        if hasattr(value, "free_symbols"):
+            how = "the values of a parameter with more integrals"
+            received += f": pass a number; suslov_fast.integrability.locus finds {how}"
         if isinstance(value, dict) and value:
             key = next(iter(value))
-            received += f": pass each number by its own name, such as {key}={value[key]!r}"
+            how = f"pass each number by its own name, such as {key}={value[key]!r}"
+            received += ": pass the number alone, eps=0.1" if name == "eps" else f": {how}"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     try:
         if not is_ratio and value and float(value) in (0.0, math.inf, -math.inf):
@@ -132,7 +136,8 @@ _AS_VARIABLES = set("exp exp2 expm1 sinh cosh tanh tan".split())
 _WITH_QUOTIENTS = set("log log2 log10 log1p sqrt cbrt hypot arctan logaddexp2 float_power".split())
 # How to write functions without a rule by functions that have one.
 HOW = {
-    "arctan2": "2*np.arctan(y/(x + np.hypot(x, y))) for np.arctan2(y, x)",
+    "arctan2": "np.arctan(y/x) for np.arctan2(y, x) where x > 0; or make the angle a variable, "
+    "with the derivative (x*y' - y*x')/(x**2 + y**2) and the first value np.arctan2(y, x)",
     "expit": "1/(1 + np.exp(-x)) for expit(x)",
     "logistic": "1/(1 + np.exp(-x))",
     "sinc": "np.sin(np.pi*x)/(np.pi*x) for np.sinc(x), without a value at x = 0",
@@ -177,7 +182,7 @@ class NoPolynomial(TypeError):
             why = "together with the quotient in its derivative"
             return f"calls {f} of {of}: it becomes quadratic as a new variable, {why}"
         if f in HOW:
-            return f"calls {f} of {of}: write {HOW[f]}, which new variables make quadratic"
+            return f"calls {f} of {of}: in a LiftedField write {HOW[f]}"
         f = {"absolute": "abs", "fabs": "abs"}.get(f, f)
         what = f"compares {of}, as in if: a branch" if f in COMPARISONS else f"calls {f}({of}): {f}"
         how = "is not a polynomial, and no new variable makes it one"

@@ -36,7 +36,8 @@ def rationals(name: str, value: Any, count: int) -> Point:
     """Return a point with `count` coordinates, as fractions."""
     given = np.asarray(value, object)
     if given.shape != (count,):
-        raise wrong(name, f"have the shape ({count},)", given.shape)
+        how = ": pass one state at a time, as in [f(x) for x in states]" * (given.ndim > 1)
+        raise wrong(name, f"have the shape ({count},)", f"{given.shape}{how}")
     return tuple(rational(name, a) for a in given)
 
 

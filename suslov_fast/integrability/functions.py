@@ -80,7 +80,8 @@ class RationalFunction:
         if self.is_symbolic and eps is None:
             raise TypeError("eps is symbolic here: pass a number, as in f(x, eps=Fraction(1, 3))")
         point = [arithmetic.step_size(eps)] if self.is_symbolic else []
-        point += [arithmetic.rational("x", a) for a in x]
+        if self.factors:
+            point += arithmetic.rationals("x", x, variables_of(self.factors[0][0]))
         values = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
         return math.prod(values, start=self.constant)
 

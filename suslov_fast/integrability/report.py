@@ -13,8 +13,9 @@ from contextlib import closing
 from fractions import Fraction
 from typing import Any
 
+from ..bodies.base import Body
 from ..bodies.field import QuadraticField
-from ..checks import integer, is_false, real_number, wrong
+from ..checks import integer, is_false, kind_of, real_number, wrong
 from ..keywords import answers, public
 from .arguments import check_unknowns, progress_function
 from .decimals import as_decimal, in_decimals, note_on_floats
@@ -327,6 +328,10 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
             raise wrong("eps", "left out, because a map has its own", eps)
         note = "No inverse was given: it is not checked that the map is birational."
         return field, [] if field.has_inverse else [note]
+    if callable(field) and not isinstance(field, Body):
+        how = "QuadraticField.from_function(f, names), with numbers as parameters; for symbols "
+        how += "see integrability.locus, which finds the values of one with more integrals"
+        raise wrong("field", "a field, a body or a map", f"{kind_of(field)}: pass {how}", TypeError)
     exact = QuadraticField.of(field)
     if decimals and not exact.shape:
         exact = in_decimals(field)

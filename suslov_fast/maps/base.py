@@ -320,6 +320,8 @@ def map_of(body: Any, method: str = "auto") -> Map:
         if isinstance(body, Body):
             received += ", a class without a record of its own: see maps.register"
         raise checks.wrong("body", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
+    if f"order{method}" in by_method:
+        checks.one_of("method", method, by_method, f": pass 'order{method}'")
     of_fields = ", ".join(repr(name) for name in methods_of(QuadraticField) if name != "auto")
     instead = f": QuadraticField.of(body) has the methods {of_fields}"
     is_of_fields = str(method) in methods_of(QuadraticField) or str(method).startswith("order")

@@ -147,7 +147,9 @@ class Crossings(Result):
             instead = INSTEAD_IN_CROSSINGS.get(name, "")
             if "body" in vars(self):
                 if name in self.body._labels:
-                    instead = f"crossings.states[:, {self.body._labels.index(name)}]"
+                    column = f"crossings.states[:, {self.body._labels.index(name)}]"
+                    both = f"crossings.states, or {column} for the variable {name}"
+                    instead = both if name == self.map.variable else column
                 elif name in self.body.parameters:
                     instead = f"crossings.body.parameters[{name!r}]"
             if instead or (instead := nearest(name, dir(self))):

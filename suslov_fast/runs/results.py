@@ -39,6 +39,10 @@ INSTEAD_IN_RUNS = {
     "to_numpy": "run.{x}, or np.asarray(run)",
     "parameters": "run.body.parameters",
     "savefig": "run.plot().figure.savefig(path)",
+    **dict.fromkeys(
+        ("resume", "continue_", "continue_run", "restart", "run_more"),
+        "run.extend(steps), which continues the run",
+    ),
     "select": "run.{x}[:, k], the states of trajectory k",
     **dict.fromkeys(("summary", "info"), "print(run), or suslov-fast info for a saved run"),
     **dict.fromkeys(
@@ -55,6 +59,10 @@ INSTEAD_IN_CROSSINGS = {
     **dict.fromkeys(
         "x omega y u sol points y_events values data shape to_numpy".split(),
         "crossings.states, the points, or .before and .after",
+    ),
+    **dict.fromkeys(
+        "index idx indices i orbit orbits which member".split(),
+        "crossings.trajectory, the index of the trajectory of each crossing; n is the step",
     ),
     **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),
     **dict.fromkeys(("success", "retcode"), "crossings.ok, or crossings.status"),

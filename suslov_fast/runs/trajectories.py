@@ -200,9 +200,9 @@ class Trajectories(Result):
     def __getitem__(self, index: Any) -> FloatArray:
         if isinstance(index, str):
             labels = self.body._labels
-            k = labels.index(index) if index in labels else "k"
-            part = f"{self.map.variable}[..., {k}]"
-            raise TypeError(f"run[{index!r}]: use run.{index if index in dir(self) else part}")
+            part = f"{self.map.variable}[..., {labels.index(index) if index in labels else 'k'}]"
+            is_attribute = index in dir(self) and index not in labels
+            raise TypeError(f"run[{index!r}]: use run.{index if is_attribute else part}")
         states: FloatArray = self.states[index]
         return states
 

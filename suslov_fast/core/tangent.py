@@ -96,8 +96,11 @@ def _is_long(step):
     return len(tangent.usual + tangent.columns) > MOST_OF_DENSE
 
 
-def arguments_of(scheme, values, eps, count):
-    """Return the arguments of the kernels for `count` trajectories, and what has to stay alive."""
+def arguments_of(scheme, values, eps, count, in_lines=False):
+    """Return the arguments of the kernels for `count` trajectories, and what has to stay alive.
+
+    With `in_lines` each row of the values is for a whole line of trajectories, and the rows repeat.
+    """
     (step, stages), fractions = scheme, scheme.stages.fractions
     of_stages = np.array(fractions), distinct(fractions)[1], weights_of(stages)[:, 0].copy()
     of_stages = *of_stages, int(bool(step.of_one_sign)), np.zeros(1, np.int64), None
@@ -106,7 +109,7 @@ def arguments_of(scheme, values, eps, count):
         return Arguments(*fixed, *of_stages), kept
     tangent = _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
     W = WIDTH if count > 1 else 1
-    halves, table = tables_of(Scheme(tangent, stages), values, eps, W)
+    halves, table = tables_of(Scheme(tangent, stages), values, eps, 1 if in_lines else W)
     room, is_each, address = room_of(tangent.D, W), halves.shape[2] > 1, None
     if tangent.usual:
         address = code_of(text_of_tangent, tangent, W, is_each)

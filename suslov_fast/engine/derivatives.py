@@ -3,15 +3,17 @@
 These are the calls of `core.tangent`, and `growth_by_jacobian` for other maps.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray
+from ..checks import FloatArray, common_shape
 from ..core import tangent
 from ..core.density import densities
+from ..core.generated import WIDTH
 from ..core.products import growth_of_products
 from .arguments import ALL, by_zeros, flat_arrays, in_stages
 from .problem import Problem
@@ -22,10 +24,10 @@ from .threads import available, call_kernel
 _STRETCH = 2**28
 
 
-def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
-    """Yield groups of trajectories, as indices, and the scheme, values and step sizes of each."""
+def groups_of_alike(problem: Problem, batch: tuple[int, ...]) -> Iterator[tuple[Any, Any]]:
+    """Yield groups of a batch, as indices, and the scheme, values and step sizes of each."""
     make = in_stages(problem.map.stages)
-    arguments = make(problem.body, problem.eps, problem.batch)
+    arguments = make(problem.body, problem.eps, batch)
     yield from by_zeros(problem.body.dimension, arguments)
 
 
@@ -35,45 +37,71 @@ def _of_part(part: slice, *parameters: FloatArray) -> list[FloatArray]:
 
 
 def _at_states(
-    compute: Callable[..., None], problem: Problem, shape: tuple[int, ...]
+    compute: Callable[..., None], problem: Problem, own: tuple[int, ...], shape: tuple[int, ...]
 ) -> FloatArray:
     """Return the values (..., *shape) that compute(scheme, values, eps, states, out) writes.
 
-    Each call is for a part of the batch, so that Python handles Ctrl-C in between.
+    Parameters have the last axes of the batch, `own`; along those before them are more states of
+    the same fields. Each call is for states (rows, fields, D) of a part of the batch, so that
+    Python handles Ctrl-C in between.
     """
-    x, D = flat_arrays(problem.omega, problem.batch), problem.body.dimension
-    cost, out = 4 * len(problem.map.stages.fractions) * D**3, np.empty((len(x), *shape))
-    width = max(_STRETCH // cost, 1)
-    for where, (scheme, *parameters) in groups_of_alike(problem):
-        states, values = x[where], out[where]  # views if where is ALL, else copies
-        for begin in range(0, len(states), width):
-            part = slice(begin, begin + width)
-            compute(scheme, *_of_part(part, *parameters), states[part], values[part])
+    D, batch = problem.body.dimension, problem.batch
+    rows, fields = math.prod(batch[: len(batch) - len(own)]), math.prod(own)
+    x = flat_arrays(problem.omega, batch).reshape(rows, fields, D)
+    cost, out = len(problem.map.stages.fractions) * D**3, np.empty((rows, fields, *shape))
+    width = max(_STRETCH // (16 * cost), 1)  # few enough for tables in the caches
+    for where, (scheme, *parameters) in groups_of_alike(problem, own):
+        states, values = x[:, where], out[:, where]  # views if where is ALL, else copies
+        count = states.shape[1]
+        across = max(width // min(rows or 1, WIDTH), 1)
+        down = max(width // min(count or 1, across), 1)
+        for begin in range(0, count, across):
+            part = slice(begin, begin + across)
+            of_part = _of_part(part, *parameters)
+            for first in range(0, rows, down):
+                some = slice(first, first + down), part
+                compute(scheme, *of_part, states[some], values[some])
         if where is not ALL:
-            out[where] = values
-    return out.reshape((*problem.batch, *shape))
+            out[:, where] = values
+    return out.reshape((*batch, *shape))
 
 
 def _fill_jacobians(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
-    arguments, _kept_alive = tangent.arguments_of(scheme, values, eps, len(x))
-    tangent.jacobians.serial(able := tangent.able(arguments), x, out)
+    rows, fields, D = x.shape
+    in_lines = rows > 1 and fields > 1  # of states of one field
+    arguments, _alive = tangent.arguments_of(scheme, values, eps, rows * fields, in_lines)
+    if in_lines:  # lanes without a row repeat the last one
+        x = np.concatenate([x, x[-1:].repeat(-rows % arguments.W, axis=0)])
+        x = x.reshape(-1, arguments.W, fields, D).swapaxes(1, 2)
+    states = x.reshape(-1, D)
+    found = np.empty((len(states), D, D))
+    tangent.jacobians.serial(able := tangent.able(arguments), states, found)
     if arguments.unable[0] and not able.solves:
-        tangent.jacobians.serial(tangent.able(arguments), x, out)
+        tangent.jacobians.serial(tangent.able(arguments), states, found)
+    if in_lines:
+        found = found.reshape(-1, fields, arguments.W, D, D).swapaxes(1, 2)
+    out[:] = found.reshape(-1, fields, D, D)[:rows]
 
 
 def _fill_densities(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
-    out[:] = densities(scheme, values, eps, x)
+    out[0] = densities(scheme, values, eps, x[0])
 
 
 def jacobian(problem: Problem) -> FloatArray:
     """Return the derivatives (..., D, D) of a step."""
-    D = problem.body.dimension
-    return _at_states(_fill_jacobians, problem, (D, D))
+    D, batch, eps = problem.body.dimension, problem.batch, problem.eps
+    of_eps = () if type(eps) is float else np.shape(eps)
+    own = common_shape({"body": problem.body.shape, "eps": of_eps})
+    if own:
+        axes = len(batch) - len(own)
+        few = math.prod(batch[:axes]) < WIDTH  # states of a field, which do not fill a line
+        own = batch if few else batch[axes:]
+    return _at_states(_fill_jacobians, problem, own, (D, D))
 
 
 def density(problem: Problem) -> FloatArray:
     """Return 1 / det A (...), the invariant density of a Hamiltonian field."""
-    return _at_states(_fill_densities, problem, ())
+    return _at_states(_fill_densities, problem, problem.batch, ())
 
 
 class Growth(NamedTuple):
@@ -132,7 +160,7 @@ def _parts(problem: Problem, start: FloatArray) -> Iterator[_Part]:
     A call takes few trajectories through about 64 steps, not many through few, because it reads and
     writes D**2 numbers for each trajectory.
     """
-    for where, (scheme, *parameters) in groups_of_alike(problem):
+    for where, (scheme, *parameters) in groups_of_alike(problem, problem.batch):
         states, cost = start[where], tangent.operations_of(scheme)
         block = 64 * (problem.threads or available())
         width = max(block, _STRETCH // (64 * cost) // block * block)
@@ -203,7 +231,7 @@ def growth_by_jacobian(
     march = March(problem._replace(omega=start))
     B, D = march.omega0.shape
     sums, of_det, Q = np.zeros((B, D)), np.zeros(B), np.tile(np.eye(D), (B, 1, 1))
-    rows = max(_STRETCH // max(B * D**3, 1) // 16, 1)  # 16: NumPy is slower than a kernel
+    rows = max(_STRETCH // max(B * D**3, 1) // 64, 1)  # 64: NumPy is slower than a kernel
     n = 0
     for states, _ in march.pieces(transient + steps - 1, 1, rows):
         piece = problem._replace(omega=states, batch=(len(states), *problem.batch))

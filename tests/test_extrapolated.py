@@ -11,7 +11,7 @@ from test_orders import FLOWS, LORENZ, SQUARE, motion
 import suslov_fast as sf
 from suslov_fast import Status, compiled
 from suslov_fast.command import main
-from suslov_fast.core import operations, steps_field
+from suslov_fast.core import operations, steps_field, tangent
 from suslov_fast.core.stages import extrapolation, weights_of
 from suslov_fast.engine import threads
 from suslov_fast.maps import map_of
@@ -233,18 +233,32 @@ def test_bits_do_not_depend_on_batch_cuts_and_threads(rng, monkeypatch, tmp_path
     assert (several.local_error == error).all()
 
 
-def test_bits_of_a_family(rng):
-    """Each member with its own step size, and with others whose coefficients are 0."""
+def test_bits_of_a_family(rng, monkeypatch):
+    """Each member with its own step size, and with others whose coefficients are 0.
+
+    Derivatives at many states of each member take its table of numbers, not one for each state.
+    """
+    tables, tables_of = [], tangent.tables_of
+
+    def noted(scheme, values, eps, W):
+        tables.append(len(values))
+        return tables_of(scheme, values, eps, W)
+
+    monkeypatch.setattr(tangent, "tables_of", noted)
     a = np.array([0.0, 1.0, 0.3, -0.2] * 5)
     family = sf.QuadraticField.from_function(
         lambda x, a: (x[1] - a * x[0] ** 2, -x[0] + x[0] * x[1], a - x[2]), 3, a=a
     )
     x, eps = rng.normal(size=(20, 3)) / 4, np.linspace(-0.5, 0.5, 20)
-    run = sf.iterate(family, x, eps, 6, method=METHOD)
+    run = sf.iterate(family, x, eps, 9, method=METHOD)
+    slopes = sf.jacobian(family, run.x, eps, method=METHOD)
+    assert tables == [5, 15]  # members with a = 0, and others
     for k in range(20):
-        alone = sf.iterate(family[k], x[k], eps[k], 6, method=METHOD)
+        alone = sf.iterate(family[k], x[k], eps[k], 9, method=METHOD)
         assert (alone.x == run.x[:, k]).all()
         assert (alone.local_error == run.local_error[k]).all()
+        own = sf.jacobian(family[k], run.x[:, k], eps[k], method=METHOD)
+        np.testing.assert_array_equal(own, slopes[:, k])
 
 
 @pytest.mark.slow

@@ -45,8 +45,10 @@ _PACKAGES = {"flint": "python-flint"}  # packages whose modules have another nam
 _SMALL = 2**26
 # What to say of arrays, by the kind of their dtype.
 _PARTS = ", which is complex: pass real and imaginary parts as components, or one of them"
+_TEXT = ", which is text: pass numbers"
 _SECONDS = ", a time with a unit: divide it by np.timedelta64(1, 's')"
-_NOT_REAL = dict.fromkeys("US", ", which is text: pass numbers") | {"c": _PARTS, "m": _SECONDS}
+_FIELDS = ", a structured array: pass np.array(a.tolist()) in place of a"
+_NOT_REAL = {"U": _TEXT, "S": _TEXT, "c": _PARTS, "m": _SECONDS, "V": _FIELDS}
 _HERE = os.path.dirname(__file__) + os.sep
 
 
@@ -192,9 +194,12 @@ def _floats(name: str, value: Any) -> FloatArray:
 def _no_number_in(array: NDArray[Any]) -> str:
     """Return which object of an array is no real number, and what to pass, for messages."""
     item = next(each for each in array.flat if not isinstance(each, numbers.Real))
-    if array.ndim == 0:
-        return ": pass a list" if hasattr(item, "__iter__") else ""
     how = ": pass float(...) of it" if hasattr(item, "__float__") else ""
+    if type(item).__name__ == "NAType":
+        how = ": pass .to_numpy(float, na_value=np.nan) of the labelled data"
+    if array.ndim == 0:
+        how = ": pass a list" if hasattr(item, "__iter__") else how
+        return ": pass its .toarray()" if hasattr(item, "toarray") else how  # of scipy.sparse
     return f", in which {short(item)} is a {kind_of(item)}{how}" if item is not None else ""
 
 
@@ -260,21 +265,6 @@ def refuse_unit(name: str, value: Any) -> None:
         raise wrong(name, "numbers without a unit", f"a {kind} in {unit}: {how}", TypeError)
 
 
-def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return the array to which the user wants states to be written, checked."""
-    if not isinstance(out, np.ndarray) or np.ma.isMA(out) or out.dtype != np.float64:
-        received = f"{kind_of(out)} of dtype {getattr(out, 'dtype', None)}"
-        how = f": pass np.empty({shape})"
-        raise wrong("out", "a NumPy array of dtype float64", received + how, TypeError)
-    if out.shape != shape or not out.flags.carray:
-        expected = f"a C-contiguous, writeable, aligned array of shape {shape}"
-        received = f"shape {out.shape}, strides {out.strides}"
-        if not out.flags.writeable:
-            received += ", read-only, as the states of runs are: pass an array of your own"
-        raise wrong("out", expected, received)
-    return out
-
-
 def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the shape that the named batch shapes broadcast to."""
     others = {*filter(None, shapes.values())}
@@ -304,7 +294,8 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
         received = "None" if value is None else f"the {type(value).__name__} {short(value)}{how}"
         raise wrong(name, expected, received, TypeError) from error
     if not minimum <= number <= maximum:
-        raise wrong(name, expected, short(number))
+        limit = ", at most 2**62" if number > maximum == 2**62 else ""
+        raise wrong(name, expected + limit, short(number))
     return number
 
 

@@ -20,8 +20,8 @@ from typing import Any
 import suslov_fast as sf
 
 from .keywords import missing_file
-from .options import PARAMETERS, parsed, reading, writing
-from .summary import facts_in, facts_of, lines_of, result_in
+from .options import PARAMETERS, check_method, parsed, reading, writing
+from .summary import facts_in, facts_of, is_complete, lines_of, result_in
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
 
@@ -129,7 +129,7 @@ def run(options: argparse.Namespace) -> None:
     import numpy as np
 
     body, eps = _body_and_step(options)
-    _check_method(options, body, eps)
+    check_method(options, body, eps)
     starts = _starts(options, body)
     if body.shape and isinstance(starts, sf.RandomStarts):  # each member with all states
         body = body._part(len(body.shape) - 1, np.arange(body.shape[-1])[:, np.newaxis])
@@ -148,7 +148,7 @@ def run(options: argparse.Namespace) -> None:
     except KeyboardInterrupt:
         kept = "keeps its tiles; the same command goes on" if is_stored else "was not written"
         raise KeyboardInterrupt(f": {path} {kept}" if path else "") from None
-    facts |= {"threads": numba.get_num_threads()} | ({"written": str(path)} if path else {})
+    facts["threads"] = numba.get_num_threads()
     print(lines_of(facts, options.json), flush=True)
     if facts["trajectories"] and not any(sf.Status[name] >= 0 for name in facts["status"]):
         raise ArithmeticError("run: all trajectories failed")
@@ -178,26 +178,6 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
     if foreign := parameters.keys() - signature.keys():
         options.usage_error(f"argument --{min(foreign)}: not allowed with --J and --I")
     return in_file if options.body else kind(**parameters), options.eps
-
-
-def _check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
-    """Raise an error if a body lacks the method; for one of fields, say how to make its field."""
-    from .maps import map_of
-
-    method = options.method
-    try:
-        map_of(body, method)
-    except ValueError as error:
-        text, advice, methods = str(error).partition(": QuadraticField.of(body) has ")
-        if not advice:
-            raise
-        text += f"; the field of this body has {methods}"
-        if repr(method) not in methods:
-            raise ValueError(text) from None
-        source = reading(options.body) if options.body else repr(body)
-        make = writing(f"QuadraticField.of({source})", "field.json")
-        then = f"suslov-fast run --body field.json --eps {eps} --method {method}"
-        raise ValueError(f"{text}: {make}, and then {then}") from None
 
 
 def _body_in(path: Path) -> Any:
@@ -279,6 +259,7 @@ def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict
     facts = facts_of(result, starts) | rate
     if path is not None:
         result.save(path, overwrite=force)
+        facts["written"] = str(path)
     return facts
 
 
@@ -286,8 +267,11 @@ def _in_store(path: Path, force: bool, work: Any, settings: Any) -> dict[str, An
     """Compute the missing tiles of a run in a store, and return its summary."""
     if force and path.exists():
         sf.open_ensemble(path)  # raises an error unless it is the store of a run
-        shutil.rmtree(path)
-    begin = time.perf_counter()
+        try:
+            shutil.rmtree(path)
+        except OSError as error:  # whose name is that of an entry in the store
+            raise OSError(error.errno, f"not replaced: {error.strerror}", str(path)) from error
+    was_complete, begin = is_complete(path), time.perf_counter()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", sf.PoleWarning)  # the summary counts passed poles
@@ -298,7 +282,10 @@ def _in_store(path: Path, force: bool, work: Any, settings: Any) -> dict[str, An
 
             access.run(access.settle(1.0))
         raise
-    return facts_in(path) | {"seconds": time.perf_counter() - begin}
+    facts = facts_in(path)
+    if was_complete:
+        return facts | {"complete_already": str(path)}
+    return facts | {"seconds": time.perf_counter() - begin, "written": str(path)}
 
 
 def _require_new(paths: Sequence[Path], force: bool) -> None:

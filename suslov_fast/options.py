@@ -31,7 +31,7 @@ _STATES = "array of numpy.save with a state in each row; - is standard input"
 _OTHERS = {
     "dt h": "eps",
     "x0 y0 u0": "omega0",
-    "n n-steps num-steps nsteps t t-span t-end t-max tmax tend tf time duration": "steps",
+    "n-steps num-steps nsteps t t-span t-end t-max tmax tend tf time duration": "steps",
     "order integrator solver": "method",
     "max-step step stepsize step-size delta-t": "eps",
     "m count size orbits": "trajectories",
@@ -65,6 +65,7 @@ _FOR_FILE = {
 _WITHOUT_OPTION = {
     "tol rtol atol reltol abstol tolerance": _TOLERANCE,
     "section surface event events": "call suslov_fast.crossings in Python",
+    "n": "did you mean --steps, or --trajectories?",
     "plot": "write the run, -o run.npz, and then suslov-fast plot run.npz -o run.png",
     "set param params parameter parameters p": "parameters are part of the file of --body: write "
     "it anew, with QuadraticField.from_function(f, names, rho=20) for example",
@@ -175,6 +176,26 @@ def writing(source: str, name: str) -> str:
     code = f"Path({name!r}).write_text(json.dumps({source}.to_dict()))"
     imports = "import json; from pathlib import Path; from suslov_fast import *"
     return f'python -c "{imports}; {code}"'
+
+
+def check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
+    """Raise an error if a body lacks the method; for one of fields, say how to make its field."""
+    from .maps import map_of
+
+    method = options.method
+    try:
+        map_of(body, method)
+    except ValueError as error:
+        text, advice, methods = str(error).partition(": QuadraticField.of(body) has ")
+        if not advice:
+            raise
+        text += f"; the field of this body has {methods}"
+        if repr(method) not in methods:
+            raise ValueError(text) from None
+        source = reading(options.body) if options.body else repr(body)
+        make = writing(f"QuadraticField.of({source})", "field.json")
+        then = f"suslov-fast run --body field.json --eps {eps} --method {method}"
+        raise ValueError(f"{text}: {make}, and then {then}") from None
 
 
 def names_or_indices(text: str) -> list[str | int]:

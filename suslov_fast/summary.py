@@ -1,6 +1,8 @@
 """Summaries of runs, crossings and stores, as the command prints them: as lines, or as JSON."""
 
 import json
+import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +37,23 @@ def facts_in(path: Path) -> dict[str, Any]:
     return facts_of(result, result.states[0] if result.n[0] == 0 else None)
 
 
+def is_complete(path: Path) -> bool:
+    """Return whether there is a store all of whose trajectories are computed."""
+    if not path.exists():
+        return False
+    with warnings.catch_warnings(), suppress(Exception):  # `ensemble` tells them
+        warnings.simplefilter("ignore")
+        return "PENDING" not in facts_in(path)["status"]
+    return False
+
+
 def result_in(path: Path) -> Any:
     """Return the run, or the crossings, in a file."""
     from .runs.storage import load
 
+    if path.suffix == ".zarr":
+        how = f"or in Python plot a variable of open_ensemble({str(path)!r})"
+        raise ValueError(f"{path} is a store, and plot takes a file of run -o FILE.npz; {how}")
     attributes = load(path)
     return getattr(sf, attributes.pop("kind"))._of(attributes)
 
@@ -79,7 +94,9 @@ def _common_facts(result: Any) -> dict[str, Any]:
 
 def _counts(status: Any, first_pole: Any) -> dict[str, Any]:
     """Return the number of trajectories, with each status, and failed after a pole, if any."""
-    codes = {code.name: int(code) for code in sf.Status} | {"PENDING": -128}
+    from .engine.status import PENDING  # here, because it imports Numba
+
+    codes = {code.name: int(code) for code in sf.Status} | {"PENDING": PENDING}
     counts = {name: int((status == code).sum()) for name, code in codes.items()}
     facts = {"trajectories": status.size, "status": {k: n for k, n in counts.items() if n}}
     hidden = int(((status < 0) & (first_pole >= 0)).sum())
@@ -117,7 +134,8 @@ def lines_of(facts: dict[str, Any], as_json: bool) -> str:
     for name, count in facts["status"].items():
         meaning = sf.Status[name].message if name in sf.Status.__members__ else "not computed yet"
         rows.append(("status", f"{count:,} {name}: {meaning}"))
-    return "\n".join(f"{name:<17}{text}" for name, text in rows if text)
+    width = max(17, *(len(name) + 1 for name, _ in rows))
+    return "\n".join(f"{name:<{width}}{text}" for name, text in rows if text)
 
 
 def _for_people(facts: dict[str, Any]) -> dict[str, Any]:

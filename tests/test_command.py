@@ -1,6 +1,7 @@
 """The command `suslov-fast`."""
 
 import contextlib
+import errno
 import io
 import json
 import os
@@ -18,7 +19,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast import command, warm_up
+from suslov_fast import command, summary, warm_up
 from suslov_fast.command import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
@@ -297,16 +298,32 @@ def test_a_store_is_finished_or_refused():
     Path("run.zarr/status/c/0").unlink()
     assert "100 PENDING: not computed yet" in succeed("info run.zarr")
     assert facts_of(line)["status"] == {"OK": 100}
+    again = facts_of(line)
+    assert again["complete_already"] == "run.zarr"
+    assert not {"seconds", "written"} & again.keys()
     refused = run(f"{line} --eps 0.3")
     assert (refused.code, refused.err.count("\n")) == (1, 1)
     assert "eps: 0.3, the store has 0.2" in refused.err
 
 
-def test_force_replaces_a_run():
+def test_force_replaces_a_run(monkeypatch):
     for name in ("run.npz", "run.zarr"):
         for eps in (0.2, 0.3):
             line = f"run --omega0 1,2 --steps 3 --eps {eps} -o {name} --force"
             assert facts_of(line)["eps"] == eps == facts_of(f"info {name}")["eps"]
+
+    def refuse(path):
+        raise PermissionError(errno.EACCES, "Permission denied", "0")  # an entry in the store
+
+    monkeypatch.setattr("shutil.rmtree", refuse)
+    refused = run(line)
+    assert refused.err == "suslov-fast: run.zarr: not replaced: Permission denied\n"
+
+
+def test_long_names_in_a_summary_end_with_a_blank():
+    facts = summary.facts_of(sf.iterate(BODY, [1.0, 0.5], 0.2, 3), None)
+    text = summary.lines_of(facts | {"failed_after_a_pole": 42}, False)
+    assert "failed after a pole 42" in text
 
 
 # Exit status, command line, and parts of the message on stderr.
@@ -333,14 +350,14 @@ MISTAKES = """
 1 | run --J 1,-2 --I 1,1 --eps 1 | J must be positive, not -2
 1 | run --trajectories 0 | --trajectories must .* 0
 1 | run --trajectories 1e12 --steps 9 | memory
-1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* B are free
+1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* B are free .* : choose another disk
 1 | run --threads 0 | --threads must be an integer from 1 to .* (NUMBA_NUM_THREADS), not 0
 1 | run --threads 100000 | --threads must .* not 100000
 1 | run --steps -1 | --steps must be the number of steps, an integer of 0 or more, not -1
 1 | report --body good.json --degree 0 | --degree must be an integer, 1 or more, not 0
 1 | run --body missing.json | missing.json: there is no such file in .* write it by json.dump
 2 | run --body good.json | required: --eps; --eps is the step size, such as --eps 0.01
-2 | run -n 9 | -n 9; did you mean --steps?
+2 | run -n 9 | -n 9; did you mean --steps, or --trajectories?
 2 | run --body - --initial - --eps 1 | only one can be standard input
 2 | run --workers 2 | --workers 2; did you mean --threads?
 2 | run good.json | good.json; did you mean --body?
@@ -392,7 +409,7 @@ MISTAKES = """
 1 | plot foreign.npz -o o.png | foreign.npz
 1 | plot run.npz -o picture1.png | picture1.png exists: choose a new name, or add --force
 2 | plot run.npz -o o.docx | 'o.docx' must end in .png, .svg or .pdf
-1 | plot folder.zarr -o o.png | path must be a name that ends in .npz
+1 | plot folder.zarr -o o.png | folder.zarr is a store, and plot takes a file of run -o FILE.npz; or
 1 | info folder.zarr | folder.zarr
 1 | pictures | picture1.png exists: choose a new name, or add --force
 """

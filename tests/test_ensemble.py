@@ -280,12 +280,16 @@ def test_places_that_cannot_hold_a_store(store):
         call(ensemble, **ASKED, store=store.parent / "link")
     (store.parent / "thesis").mkdir()
     (store.parent / "thesis" / "thesis.tex").touch()
-    with pytest.raises(ValueError, match=r"store.*thesis\.tex"):
+    with pytest.raises(ValueError, match=r"store.*thesis\.tex in it: pass a new name"):
         call(ensemble, **ASKED, store=store.parent / "thesis")
     zarr.open_group(store, mode="w").attrs.update({"source": "suslov_fast 0.5.0", "steps": 3})
     for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
         with pytest.raises(ValueError, match=r"store.*0\.5\.0"):
             opens(store)
+    by_xarray = store.with_name("own.zarr")
+    call(iterate, **ASKED).to_xarray().to_zarr(by_xarray, zarr_format=3, consolidated=False)
+    with pytest.raises(ValueError, match=r"of to_xarray\(\): open it by xarray\.open_zarr"):
+        open_ensemble(by_xarray)
     with pytest.raises(FileNotFoundError, match="store"):
         open_ensemble(store.with_name("missing.zarr"))
 

@@ -91,9 +91,8 @@ ARROWS = {
     "compiled": "core checks keywords bodies maps",
     "warm_up": "core engine maps compiled",
     "summary": "bodies engine maps runs",
-    "options": "bodies",
-    "command": "checks keywords bodies engine maps runs plots integrability warm_up summary "
-    "options",
+    "options": "bodies maps",
+    "command": "checks keywords bodies engine runs plots integrability warm_up summary options",
     "__main__": "command",
 }
 

@@ -16,10 +16,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse
 import sympy
 import xarray
 from numba import njit
-from pandas import DataFrame, Series
+from pandas import NA, DataFrame, Series
 from scipy.interpolate import interp1d
 
 import suslov_fast as sf
@@ -340,6 +341,14 @@ MISTAKES = [
     (run(omega0=np.zeros((2, 0))), ValueError, r"omega0 .*, not \(2, 0\)"),
     (run(omega0=[Decimal(1), Decimal(2)]), TypeError, r"omega0.* Decimal\('1'\) is a Decimal: pass float"),
     (run(omega0={1.0, 2.0}), TypeError, "omega0.*: pass a list"),
+    (run(omega0=scipy.sparse.csr_matrix(np.eye(2))), TypeError, r"omega0.*: pass its \.toarray\(\)"),
+    (run(omega0=np.zeros(3, "f8, f8")), TypeError, r"omega0.* np\.array\(a\.tolist\(\)\)"),
+    (run(omega0=np.array([1.0, NA])), TypeError, r"omega0.* \.to_numpy\(float, na_value=np\.nan"),
+    (run(eps=Decimal("0.01")), TypeError, r"eps.* pass float\(\.\.\.\) of it"),
+    (run(steps=10**20), ValueError, r"steps.* of 0 or more, at most 2\*\*62, not 10+"),
+    (lambda: np.asarray(sf.RandomStarts((3, 2), 5.0)), TypeError, r"\.states\(6, dimension=D\)"),
+    (lambda: sf.RandomStarts(3, 5.0)[:], TypeError, r"\.states\(3, dimension=D\)"),
+    (lambda: sf.Status(-128), ValueError, r"not computed yet: .* status\[status != -128\]"),
     (run(omega0=(x for x in (1.0, 2.0))), TypeError, "omega0.*: pass a list"),
     (run(omega0=Tensor(None)), TypeError, r"omega0 .* not Tensor, which is no array: call detach\(\) first"),
     (run(eps=np.timedelta64(1, "s")), TypeError, "eps.* divide it by np.timedelta64"),

@@ -71,7 +71,8 @@ class QuadraticField(_FieldOfTerms):
     terms : tuple of ndarray(int, shape=(3, T)) and ndarray(float, shape=(..., T))
         i, j, k and v of the terms v x_j x_k of x_i', with D for a factor 1; see :meth:`from_terms`.
     quadratic, linear, constant : ndarray
-        q, l and c, made when they are first used. MemoryError if D is too large for q.
+        q, l and c, made when they are first used. MemoryError if D is too large for q. Exact
+        fractions, if given so: ``field.linear.astype(float)`` is an array for NumPy.
     H, K : Hamiltonian and ndarray(shape=(D, D)), or None
         Of :meth:`from_hamiltonian`: the Hamiltonian, a function of a state, and the matrix K.
     parameters : dict

@@ -1,8 +1,9 @@
 """Random initial states, each computed from a seed and its index."""
 
+import math
 from dataclasses import KW_ONLY, dataclass
 from itertools import product
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -146,6 +147,12 @@ class RandomStarts:
         # Rounding may reach the upper end.
         states = np.minimum(low + (high - low) * unit, np.nextafter(high, low))
         return states
+
+    def __array__(self, *_: object, **__: object) -> NoReturn:
+        how = f"call .states({math.prod(self.shape)}, dimension=D), which returns them as an array"
+        raise TypeError(f"RandomStarts has no states yet: {how}")
+
+    __getitem__ = __array__
 
     def _part(self, where: tuple[slice, ...], dimension: int) -> FloatArray:
         """Return the states (..., D) of a part of the batch: a slice for each of its axes."""

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from ..checks import first_index, spell, warn
 from ..core import codes
 
+# Status in a store of trajectories that are not computed yet; `Status` has only those of runs.
+PENDING = -128
+
 
 class Status(IntEnum):
     """Final status of a trajectory: negative if it failed, positive if it finished with a caveat.
@@ -43,6 +46,12 @@ class Status(IntEnum):
     def message(self) -> str:
         """The meaning of the status, as a sentence."""
         return _MESSAGES[self]
+
+    @classmethod
+    def _missing_(cls, value: object) -> None:
+        if value == PENDING:
+            how = "leave such trajectories out: status[status != -128]"
+            raise ValueError(f"-128, PENDING in stores, is not computed yet: {how}")
 
 
 _MESSAGES = {

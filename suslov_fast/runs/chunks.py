@@ -9,7 +9,7 @@ from typing import Any
 import google_crc32c
 import numpy as np
 
-from .columns import PENDING
+from ..engine.status import PENDING
 
 
 def encoded(values: Any, shape: tuple[int, ...], dtype: str) -> tuple[Any, bytes]:

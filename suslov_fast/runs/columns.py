@@ -12,11 +12,10 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
 from ..checks import wrong
+from ..engine.status import PENDING
 
 # Version of files and stores.
 FORMAT = 11
-# Fill value of integers in a store, where a tile is not computed yet.
-PENDING = -128
 # Names that begin with _ are what a run continues from: files have them, datasets do not.
 _PRIVATE = "_"
 

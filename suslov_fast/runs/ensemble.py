@@ -21,12 +21,12 @@ from .. import checks
 from ..checks import require, wrong
 from ..engine.problem import Problem, check, warn_of_times
 from ..engine.random_starts import RandomStarts
-from ..engine.status import warn_of_poles
+from ..engine.status import PENDING, warn_of_poles
 from ..engine.stretches import Progress, reporter
 from ..keywords import public
 from ..maps import map_of
 from . import access, metadata, stores
-from .columns import FORMAT, PENDING, of_runs, shape_of, sizes_of
+from .columns import FORMAT, of_runs, shape_of, sizes_of
 from .datasets import as_columns, columns_of, to_xarray, with_time
 from .iterate import checked_counts
 from .tiles import Functions, Options, checked_values, count_in, finish, place_of

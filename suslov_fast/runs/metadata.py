@@ -31,6 +31,9 @@ COPY = "status/run.json"
 _CODECS = {"bytes", "vlen-utf8", "crc32c"}
 # Bytes of a number, and of the checksum that follows the numbers in the file of a chunk.
 _BYTES, _CHECKSUM = {"float64": 8, "int64": 8, "int8": 1}, 4
+# What to do with data of others.
+_ELSEWHERE = "pass a new name; xarray.open_zarr reads them"
+_OTHERS = f"other data: {_ELSEWHERE}"
 
 Tile = tuple[int, ...]  # position of a tile along each axis of the batch
 
@@ -89,6 +92,8 @@ def read_contents(store: Any) -> Contents | None:
 
     They are checked before Zarr reads them: only format 3 and our own codecs are accepted.
     """
+    from .. import __version__
+
     source = access.reader(store)
     text = access.run(access.text(source, "zarr.json"))
     document: Any = {"attributes": {}} if text is None else _document(store, text)
@@ -100,14 +105,16 @@ def read_contents(store: Any) -> Contents | None:
         rewritten, document = document, _document(store, copy)
     elif text is None:
         if access.run(access.existing(source, [".zgroup", ".zarray"])):
-            raise _foreign(store, "data of Zarr format 2")
+            raise _foreign(store, f"data of Zarr format 2: {_ELSEWHERE}")
         return None
     attributes = dict(document["attributes"])
     if (number := attributes.get("format")) != FORMAT:
         version = attributes.get("version") or attributes.get("source")
+        if number is None and version == __version__:
+            raise _foreign(store, "a dataset of to_xarray(): open it by xarray.open_zarr")
         if version:
             raise ValueError(f"store: {store} is {OtherFormat(number, version)}")
-        raise _foreign(store, "other data")
+        raise _foreign(store, _OTHERS)
     try:
         consolidated = document.get("consolidated_metadata") or {"metadata": {}}
         metadata = consolidated["metadata"]
@@ -132,7 +139,7 @@ def _document(store: Any, text: str) -> dict[str, Any]:
         if document["zarr_format"] != 3 or document["node_type"] != "group":
             raise KeyError("zarr_format")
     except (KeyError, TypeError):
-        raise _foreign(store, "other data") from None
+        raise _foreign(store, _OTHERS) from None
     except (ValueError, RecursionError) as error:
         raise _foreign(store, f"damaged metadata: {error}") from error
     return document

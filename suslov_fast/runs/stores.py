@@ -45,6 +45,8 @@ from .metadata import (
 # Values that unwritten chunks show, by the name of a column; others are NaN, or Zarr's default.
 _FILLS = {column.name: column.fill for column in RUN}
 # What to use for files with a suffix that no folder has.
+# What to do with a folder of others.
+_NEW = "pass a new name"
 _LABELLED = "the result of ensemble has to_netcdf(path), which writes one file"
 _OF_FILES = {
     ".npz": "Trajectories.load reads .npz files",
@@ -214,7 +216,8 @@ def _check_new(store: Any, data: Any) -> None:
         access.run(access.keys_of(access.reader(store), "status/c/"))
         and read_contents(store) is None
     ):
-        raise wrong("store", "a new name or a store", f"{store} with tiles, but without zarr.json")
+        received = f"{store} with tiles, but without zarr.json: {_NEW}"
+        raise wrong("store", "a new name or a store", received)
     if not isinstance(store, Path):
         return
     if os.path.lexists(store) and not store.is_dir():
@@ -223,11 +226,12 @@ def _check_new(store: Any, data: Any) -> None:
     names = {path.name for path in store.glob("*") if path.suffix != ".partial"}
     ours = {"zarr.json", *map(str, data.variables)}  # another process may have begun this run
     if others := names - ours:
-        raise wrong("store", "a new name or a store", f"{store} with {min(others)} in it")
+        raise wrong("store", "a new name or a store", f"{store} with {min(others)} in it: {_NEW}")
     free = shutil.disk_usage(next(parent for parent in store.parents if parent.exists())).free
     if data.nbytes > free:
         sizes = in_units(free), in_units(data.nbytes)
-        message = f"{sizes[0]} are free, the run takes {sizes[1]}: raise save_every"
+        how = "choose another disk" + ", or raise save_every" * (len(data.n) > 1)
+        message = f"{sizes[0]} are free, the run takes {sizes[1]}: {how}"
         raise OSError(errno.ENOSPC, message, str(store))
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray, checked_out, integer, one_of
-from ..engine.problem import Problem
+from ..checks import FloatArray, integer, one_of
+from ..engine.problem import Problem, checked_out
 from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, largest_errors, reporter
 from ..engine.threads import thread_count

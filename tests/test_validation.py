@@ -263,6 +263,8 @@ FIELDS = [
     (hamiltonian(lambda x, K: x[0]), TypeError, "H needs K: this name is in use, for the matrix .* K_"),
     (hamiltonian(lambda q, p, t, K: q), TypeError, r"lambda x, K_: H\(\*x, None, K_\), 2, K_=…"),
     (hamiltonian(lambda x: x[0], 3), ValueError, "dimension"),
+    (hamiltonian(lambda x: x[0], "x px y py"), ValueError, "dimension: all coordinates.*'x y px py'"),
+    (hamiltonian(lambda x: x[0], "q1 p1 q2 p2"), ValueError, "'q1 q2 p1 p2', not .* pass K"),
     (hamiltonian(lambda x: x[0], 2, np.eye(2)), ValueError, "K"),
 ]  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import OTHERS, within, wrong
+from .names import check_order
 from .polynomials import as_given, coefficients, exact, numbers
 from .terms import Terms, collected, fractions, joined, table_of
 
@@ -128,7 +129,7 @@ def _check_entry(name: str, given: Any) -> None:
         raise wrong(name, "have the entries indices and values", ", ".join(map(str, given)))
 
 
-def structure_matrix(K: Any, D: int) -> Any:
+def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
     """Return the antisymmetric matrix of a Hamiltonian field as (3, n): i, j and exact values.
 
     K is an array, a sparse matrix or the entry of a dictionary; by default it is canonical.
@@ -136,6 +137,7 @@ def structure_matrix(K: Any, D: int) -> Any:
     if K is None:
         if D % 2:
             raise wrong("dimension", "even where K is left out, the matrix of x' = K grad H", D)
+        check_order(names)
         q, p, one = np.arange(D // 2), np.arange(D // 2, D), np.full(D // 2, Fraction(1))
         places, values = np.array([[*q, *p], [*p, *q]]), np.concatenate([one, -one])
     elif isinstance(K, Mapping):

@@ -243,7 +243,8 @@ class QuadraticField(_FieldOfTerms):
             As in :meth:`from_function`.
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default D is even, and K is the
-            canonical matrix of coordinates and momenta, x = (q1, ..., qm, p1, ..., pm).
+            canonical matrix of x = (q1, ..., qm, p1, ..., pm): first all coordinates, then all
+            momenta.
         **parameters : float or array_like(float, shape=(...))
             As in :meth:`from_function`.
 
@@ -265,7 +266,7 @@ class QuadraticField(_FieldOfTerms):
         """
         names = variables("dimension", dimension)
         values = named(parameters, names)
-        matrix = structure_matrix(K, len(names))
+        matrix = structure_matrix(K, len(names), names)
         energy, terms = traced("H", H, names, values, matrix)
         field = cls._of_hamiltonian(energy, matrix, {**parts_of(terms, names), **values})
         return field._made_by(cls.from_hamiltonian, H, names, K)

@@ -294,7 +294,7 @@ class LiftedField(FieldOfFunction):
         dimension : int, str or sequence of str
             As in :meth:`from_function`.
         K : array_like(shape=(D, D)), optional
-            As in :meth:`QuadraticField.from_hamiltonian`.
+            As in :meth:`QuadraticField.from_hamiltonian`: x = (q1, ..., qm, p1, ..., pm) without K.
         **parameters : float or array_like(float, shape=(...))
             As in :meth:`from_function`.
 
@@ -320,7 +320,7 @@ class LiftedField(FieldOfFunction):
         """
         names = variables("dimension", dimension)
         values = named(parameters, names)
-        matrix = structure_matrix(K, len(names))
+        matrix = structure_matrix(K, len(names), names)
         definitions, columns = cls._start(names, values)
         [energy] = traced("H", H, definitions, columns, f"{cls.__name__}.from_hamiltonian")
         field = cls._made(definitions, values, None, energy, matrix)

@@ -1,7 +1,7 @@
 """Names of the variables and of the parameters of fields."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from keyword import iskeyword
 from typing import Any
 
@@ -107,6 +107,20 @@ def _refused(name: str, i: int, names: list[str]) -> str:
     if _NUMBERED.fullmatch(name) and name != f"x{i + 1}":
         return f"is variable {i + 1}, but {name} is the name of variable {name[1:]}"
     return ""
+
+
+def check_order(names: Sequence[str]) -> None:
+    """Raise ValueError if each momentum follows its coordinate, as in "x px y py"."""
+    q, p = names[::2], names[1::2]
+    if len(q) > 1 and all(
+        b in (f"p{a}", f"p_{a}") or (a[0] == "q" and b == f"p{a[1:]}")
+        for a, b in zip(q, p, strict=True)
+    ):
+        right, given = " ".join([*q, *p]), " ".join(names)
+        raise ValueError(
+            "dimension: all coordinates come first, then all momenta, here and in the state of H: "
+            f"{right!r}, not {given!r}; for another order pass K"
+        )
 
 
 def clash(name: str, names: Collection[str] = (), maker: str = "") -> str:

@@ -83,8 +83,7 @@ def periodic_orbit(
 
     Newton's method solves Phi^N(x) = x for the state and the step size together, on the plane
     through `start` that is normal to f(start). A system with an integral has families of periodic
-    orbits; because the steps of Newton's method have the least norm, a member near `start` is
-    found.
+    orbits, of which it finds a member near `start`.
 
     Parameters
     ----------

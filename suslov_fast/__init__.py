@@ -32,6 +32,9 @@ _MODULE_OF = {
 }
 __all__ = sorted(_MODULE_OF)
 _MODULES = ("compiled", "integrability")
+_OF_SYMPY = (
+    "QuadraticField.from_function(sympy.lambdify([symbols], expressions), [*map(str, symbols)])"
+)
 # Names in other packages for functions of this one, in lower case without underscores.
 _ELSEWHERE = {
     "crossings": "poincare poincaremap poincaresection poincaresos events basins "
@@ -43,8 +46,7 @@ _ELSEWHERE = {
     "lyapunov_exponents": "lyapunov lyapunovs lyapunovspectrum maxlyapunov lyapunovexponent",
     "fixed_points": "fixedpoints equilibria equilibrium",
     "QuadraticField.from_function, or LiftedField.from_function": "fromfunction field system",
-    "QuadraticField.from_function(sympy.lambdify([symbols], expressions), [*map(str, symbols)])": ""
-    "fromsympy fromexpressions fromequations",
+    _OF_SYMPY: "fromsympy fromexpressions fromequations",
     "QuadraticField.from_hamiltonian": "fromhamiltonian hamiltonianfield hamiltonian",
     "suslov_fast.integrability.report": "report conservedquantities integrals firstintegrals",
     "suslov_fast.integrability.zoo": "zoo examples lorenz lotkavolterra henonheiles",

@@ -61,6 +61,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("dense_output", (), "pass an array of times as time=", "time"),
         ("exact.t exact.time exact.times exact.t_eval", (), _AT_TIMES, ""),
         ("subs.", (), _OF_EPS, ""),
+        ("RationalFunction.", (), "pass the state as one list, as in f([1, 2], eps=0.1)", ""),
         ("SuslovND.inertia SuslovND.tensor", (), _MATRIX, ""),
         ("max_points max_lines downsample thin", (), _FEWER, "ax"),
         ("atol abstol", (), _RELATIVE, ""),

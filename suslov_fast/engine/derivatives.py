@@ -231,7 +231,8 @@ def growth_by_jacobian(
     march = March(problem._replace(omega=start))
     B, D = march.omega0.shape
     sums, of_det, Q = np.zeros((B, D)), np.zeros(B), np.tile(np.eye(D), (B, 1, 1))
-    rows = max(_STRETCH // max(B * D**3, 1) // 64, 1)  # 64: NumPy is slower than a kernel
+    # 64: NumPy is slower than a kernel, most of all where arrays do not fit into the caches.
+    rows = max(_STRETCH // max(B * D**3, 1) // 64, 1)
     n = 0
     for states, _ in march.pieces(transient + steps - 1, 1, rows):
         piece = problem._replace(omega=states, batch=(len(states), *problem.batch))

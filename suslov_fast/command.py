@@ -30,6 +30,7 @@ _NO_LIMIT, _BEAT = 1e9, 60.0
 # Words of messages for Python, and what they are in a shell.
 _IN_A_SHELL = {
     "raise save_every or divide the batch": "raise --save-every, or lower --trajectories",
+    "divide the batch": "lower --trajectories",
     "use fewer initial states, or ensemble": "lower --trajectories, or write a store, -o run.zarr",
     "raise save_every": "raise --save-every",
     " (open_ensemble reads a store)": "",

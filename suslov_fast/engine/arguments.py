@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray
+from ..checks import FloatArray, require
 from ..core.field_system import FieldSystem, system_of
 from ..core.lifted_system import LiftedSystem, lifted_system_of
 from ..core.stages import WHOLE, Stages
 from ..core.steps_field import scheme_of
 from ..core.steps_nd import FAR_FROM_0, GaussSystem, NDSystem
+from .problem import MANY
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
@@ -24,8 +25,11 @@ def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> Flo
     inner = array.shape[split:]
     if array.shape[:split] != batch:
         array = np.broadcast_to(array, (*batch, *inner))
+    elif array.flags.carray:  # kernels are compiled for this memory layout alone
+        return array.reshape(math.prod(batch), *inner)
+    if array.size > MANY:
+        require(array.nbytes, "divide the batch")
     flat = array.reshape(math.prod(batch), *inner)
-    # Kernels are compiled for this memory layout alone.
     return flat if flat.flags.carray else np.require(flat, np.float64, ["C", "A", "W"])
 
 

@@ -24,7 +24,7 @@ from ..core.one_step import KernelOfStep
 from ..core.steps_nd import NDSystem
 from ..keywords import public_class
 from .arguments import ALL, Arguments, flat_arrays, flat_parameter
-from .problem import Problem
+from .problem import MANY, Problem
 from .threads import call_kernel
 from .trial import arguments_for
 
@@ -230,8 +230,11 @@ class March:
         (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
         rows, begin = _rows(self.n, stop, every), self.n
         n, turns = 0 if turned is None else D + 1, None
-        numbers = rows * size * (D * (out is None) + n * n)
-        require(8 * numbers, "raise save_every or divide the batch")
+        # Beside saved states the last ones, two integers and a status, and what steps carry.
+        numbers = rows * (D * (out is None) + n * n) + D + 3 + len(self.carry)
+        if (numbers := numbers * size) > MANY:  # for speed in small calls
+            how = "raise save_every or divide the batch" if every else "divide the batch"
+            require(8 * numbers, how)
         saved = np.empty((rows, *batch, D)) if out is None else out
         flat = saved.reshape(len(saved), size, D)
         if turned is None:

@@ -71,7 +71,7 @@ def step(
     array([1. , 0.5])
     """
     map = map_of(body, method)
-    problem = check(map, body, omega, eps, threads)
+    problem = check(map, body, omega, eps, threads, made=1)
     if "step" in map.formulas:
         return mask_and_warn(problem, map.formulas["step"].compute(problem))
     march = March(problem, method)
@@ -151,7 +151,7 @@ def iterate(
     TypeError, ValueError
         If an argument is out of range, or shapes do not broadcast.
     MemoryError
-        If the saved states exceed the free memory.
+        If the saved states, the last ones and copies of the first exceed the free memory.
     SingularStepError
         If a trajectory failed and `on_singular` is "raise".
 
@@ -169,8 +169,9 @@ def iterate(
     ((5, 1000, 2), True, array([0.99, 1.02]))
     """
     map = map_of(body, method)
-    problem = check(map, body, omega0, eps, threads, name="omega0", attitude=attitude)
     steps, save_every = checked_counts(steps, save_every)
+    made = 1 if save_every is None or out is not None else steps // save_every + 2
+    problem = check(map, body, omega0, eps, threads, name="omega0", attitude=attitude, made=made)
     if type(problem.eps) is not float:  # copied, because the run keeps it
         problem = problem._replace(eps=np.array(problem.eps))
         warn_of_times(problem)

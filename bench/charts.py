@@ -36,11 +36,11 @@ def panel(axis, pairs, written):
     for row, value in pairs:
         if row.whose not in KINDS:
             axis.axvline(value, color="#2c2c2c", linestyle="--", linewidth=1)
-            place = {"rotation": 90, "ha": "right", "va": "bottom", "fontsize": 9}
-            axis.text(value, len(dots) - 0.5, plain(row) + " ", **place)
+            place = {"ha": "right", "va": "center", "fontsize": 9}
+            axis.text(value, len(dots) - 0.4, plain(row) + " ", **place)
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_yticks(range(len(dots)), [""] * len(dots))
-    axis.set_ylim(len(dots) - 0.4, -0.7)
+    axis.set_ylim(len(dots), -0.7)
     axis.grid(alpha=0.25)
 
 

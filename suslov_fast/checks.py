@@ -374,7 +374,8 @@ def spelled(number: Fraction) -> str:
 def short(value: Any) -> str:
     """Return a value as text of at most 60 characters, for messages."""
     text = spelled(value) if isinstance(value, Fraction) else " ".join(repr(value).split())
-    text = re.sub(r"\bnp\.\w+?\(([^()]*)\)", r"\1", text)  # np.float64(2.0) is 2.0
+    # np.float64(2.0) is 2.0, but np.sin(2.0) stays in the text of an equation.
+    text = re.sub(r"\bnp\.(?:float|u?int|complex)\d+\(([^()]*)\)", r"\1", text)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

@@ -600,3 +600,8 @@ def test_boxes_of_random_starts():
     ):
         with pytest.raises(ValueError, match=message):
             sf.RandomStarts(3, low=low, high=high)
+
+
+def test_messages_print_numbers_of_numpy_as_numbers_and_leave_equations_as_they_are():
+    assert checks.short([np.float64(2.0), np.int64(3)]) == "[2.0, 3]"
+    assert checks.short("np.sin(x)") == "'np.sin(x)'"

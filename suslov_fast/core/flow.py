@@ -18,13 +18,12 @@ from .machine_code import call, code_of
 from .numba import Kernel
 from .operations import evaluate
 from .pool import in_parts
-from .sparse_flow import Loops
+from .sparse_flow import LONGEST, Loops
 from .stages import extrapolation, weights_of
 from .tolerance import AT_FIRST, MOST_STEPS, REACH
 
-COLUMNS = 2, 4, 6, 8, 10
+COLUMNS = 2, 4, 6, 8, LONGEST
 # Factors of x_1 - x_0, ..., x_n - x_0 in the difference of order n of the longest column.
-LONGEST = COLUMNS[-1]
 DIFFERENCE = np.array([(-1) ** k * comb(LONGEST, k) / 2**LONGEST for k in range(1, LONGEST + 1)])
 ACTIVE = 2**15  # bytes of the rows of lines that are taken side by side
 # Operations of a stage (of a lifted field: of all lists), above which compiling takes longer than

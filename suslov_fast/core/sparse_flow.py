@@ -21,7 +21,7 @@ from .operations import Values, of_one_sign
 from .sparse import pattern_of, room_of, size_of, step_once
 from .tolerance import Beginning, Choice, with_constant_rates
 
-FACTORS = 10  # of states of the longest column
+LONGEST = 10  # stages of the longest column
 
 
 @kernel
@@ -106,9 +106,9 @@ def _column_of(step):
     least, *before = range(values.count - 1, values.count + n)
     values.count += n
     sums, factors = (
-        range(values.count + k, values.count + k + m) for k, m in ((0, n), (n, FACTORS))
+        range(values.count + k, values.count + k + m) for k, m in ((0, n), (n, LONGEST))
     )
-    values.count += n + FACTORS
+    values.count += n + LONGEST
     lower = least if step.lift is not None else step.least
     is_less = values.emit("olt", lower, least)
     results = [*step.after, values.emit("select", is_less, lower, least), *before]
@@ -170,7 +170,7 @@ class Loops:
     def take_column(self, rows, half, stages, factors):
         """Take the stages of a column of all lanes, with h / 2 (lines, W).
 
-        The factors (FACTORS, 1) are those of the states in `generated_flow.Rows.difference`.
+        The factors (LONGEST, 1) are those of the states in `generated_flow.Rows.difference`.
         """
         places, (D, n), of = self.places, (self.step.D, self.step.given), self.numbers
         least, base, sums = D, slice(D + 1, D + 1 + n), slice(D + 1 + n, D + 1 + 2 * n)
@@ -180,7 +180,7 @@ class Loops:
             address = np.array([table.ctypes.data], np.int64)
             of[:D], of[least] = of_line[:D], of_line[places.least]
             of[base], of[sums] = of_line[places.base : places.base + n], 0.0
-            of[sums.stop : sums.stop + FACTORS] = factors
+            of[sums.stop : sums.stop + LONGEST] = factors
             self.arguments[SLOT.tables] = address.ctypes.data
             call(self.steps_code, self.arguments)
             of_line[:D], of_line[places.least] = of[:D], of[least]

@@ -1,4 +1,4 @@
-"""Bodies in n dimensions whose J has equal entries, against their implicit equations in fractions."""
+"""Bodies whose J has equal entries, against their implicit equations in fractions."""
 
 import itertools
 import math
@@ -34,7 +34,7 @@ def problem(rng, multiplicities, position):
     """J with these multiplicities, in any order, I in this position, and a state."""
     values = rng.choice(np.arange(2, 12), len(multiplicities), replace=False) / 2
     J = rng.permutation(np.repeat(values, multiplicities))
-    m, E = len(J), J == rng.choice(values)
+    m, E = len(J), np.equal(J, rng.choice(values))
     kept = {
         "anywhere": np.ones(m, bool),
         "along an axis": np.arange(m) == rng.integers(m),
@@ -47,7 +47,7 @@ def problem(rng, multiplicities, position):
 
 def states_of(rng, J, I, omega):
     """The state, and others with parts that vanish."""
-    E = J == rng.choice(J)
+    E = np.equal(J, rng.choice(J))
     yield omega
     yield np.where(E, 0.0, omega)
     yield np.where(E, I, omega)  # without a part across I in E
@@ -63,8 +63,9 @@ def coordinates(J, I, omega):
     found = []
     for a, square, along, across in naive.parts_by_eigenvalue(J, I, omega):
         if square:
-            simple = len(across) == 1  # then the coordinate and its coupling keep their signs
-            length = naive.mpmath.sqrt(decimal(square)) * (-1 if simple and sum(I[J == a]) < 0 else 1)
+            length = naive.mpmath.sqrt(decimal(square))
+            if len(across) == 1:  # then the coordinate and its coupling keep their signs
+                length *= np.sign(sum(I[np.equal(J, a)]))
             found.append((a, length, decimal(along) / length))
         if len(across) > bool(square):
             found.append((a, 0, naive.mpmath.sqrt(decimal(sum(x * x for x in across)))))
@@ -209,7 +210,7 @@ def test_members_that_reduce_differently(rng):
         (sf.invariant_density, eps),
         (sf.exact, eps, 7),
         (sf.flow, 0.7),
-        (lambda *given: sf.limits(*given)[1], eps),
+        (lambda *arguments: sf.limits(*arguments)[1], eps),
     ):
         found = function(solved, omega[:, :3], *given)
         for k, body in enumerate(solved):

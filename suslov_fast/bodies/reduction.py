@@ -85,7 +85,7 @@ class Reduction:
         return self._chosen(u, r, size)
 
     def back(self, states: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return the states (..., m) with these coordinates (..., size) and the directions of omega.
+        """Return the states (..., m) with coordinates (..., size) and the directions of omega.
 
         NaN where r is not 0, and the part of omega in E0 is, because it has no direction.
         """
@@ -93,7 +93,7 @@ class Reduction:
         states = np.broadcast_to(states, (*_common(states, r), states.shape[-1]))
         place = self.order.argsort(axis=-1)
         places = (np.take_along_axis(place, 2 * self.first + k, axis=-1) for k in (0, 1))
-        # Where a coordinate is absent, it stands beyond the last one, and another is multiplied by 0.
+        # An absent coordinate has a place beyond the last one: another is multiplied by 0.
         u, length = (_taken(states, each.clip(max=states.shape[-1] - 1)) for each in places)
         without_direction = (self.rest > 1) & (r == 0.0) & (length != 0.0)
         with np.errstate(all="ignore"):

@@ -1,6 +1,6 @@
 """The closed form of the map (Theorem 1), of the flow, and of the limits of orbits.
 
-An integrable body in n dimensions is reduced to one in three first, see `maps.formulas`.
+An integrable body in n dimensions is reduced to one in three first, see `bodies.reduction`.
 """
 
 from __future__ import annotations

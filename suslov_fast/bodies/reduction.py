@@ -47,7 +47,7 @@ class Reduction:
         self.order = np.where(present, 0, later).argsort(axis=-1, kind="stable")
         self.present = present
 
-    def _in_each(self, combine: np.ufunc, values: FloatArray) -> FloatArray:
+    def _in_each(self, combine: np.ufunc, values: Any) -> FloatArray:
         """Return for each index the sum, or another combination, of values in its eigenspace."""
         found = np.broadcast_to(values, (*_common(values, self.first), self.first.shape[-1]))
         first = np.broadcast_to(self.first, found.shape)

@@ -287,15 +287,16 @@ def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatAr
 
 
 def _criticality_nd(problem: Problem) -> FloatArray:
-    """Return t of the reduced body, 0 where every state is steady."""
+    """Return t of the reduced body."""
     values: FloatArray = IN_3D["criticality"].compute(_in_plane(problem)[0])
-    return np.where(problem.body._reduction.steady, 0.0, values)
+    return values
 
 
 def _first_integral_nd(problem: Problem) -> FloatArray:
     """Return the modified energy over 2 a b, with the J of the two coordinates."""
     values: FloatArray = IN_ND["modified_energy"].compute(problem)
-    return values / (2.0 * problem.body._reduction.parameters(2)[0].prod(axis=-1))
+    J, _ = problem.body._reduction.parameters(2)
+    return np.asarray(values / (2.0 * J.prod(axis=-1)))
 
 
 def _density_nd(problem: Problem) -> FloatArray:
@@ -314,7 +315,7 @@ def _density_nd(problem: Problem) -> FloatArray:
                 area = (x ** parts.further(size)).prod(axis=-1)
                 density = quantities.invariant_density_nd(J, I, eps, x) / area
             values = np.where(has_size, density, values)
-    return values + 0.0 * omega.sum(axis=-1)
+    return np.asarray(values + 0.0 * omega.sum(axis=-1))
 
 
 def _nd(name: str, compute: Any = None, **options: Any) -> dict[str, Formula]:

@@ -12,6 +12,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import INSTEAD_IN_BODIES, nearest, public
+from .bounds import check_axes
 from .members import Members
 from .polynomials import from_lists, to_lists
 
@@ -291,6 +292,7 @@ class Body(Members):
         """
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
+        check_axes("parameters", given)
         how = ": body_from_dict makes a body of any class"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)
         read = cls._read or cls

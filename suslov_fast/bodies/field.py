@@ -18,7 +18,7 @@ from .. import checks
 from ..checks import short, wrong
 from ..keywords import public, unchanging
 from .base import Body, summary
-from .coefficients import of_array, of_hamiltonian, of_terms, structure_matrix, with_arrays
+from .coefficients import of_array, of_file, of_hamiltonian, of_terms, structure_matrix, with_arrays
 from .field_of_terms import (
     H_INDICES,
     H_VALUES,
@@ -377,11 +377,11 @@ class QuadraticField(_FieldOfTerms):
         names: Any = None,
     ) -> QuadraticField:
         checks.instance("parameters", parameters or {}, Mapping)
-        D = checks.integer("dimension", dimension, 1)
+        D = len(variables("dimension", dimension))
         names = variables("names", names, D)
         named_values = named(parameters or {}, names)
         if H is None and K is None:
-            terms = with_arrays({"values": of_terms(indices, values, D)}, None, None, D)
+            terms = with_arrays({"values": of_file(indices, values, D)}, None, None, D)
             return cls._of({**parts_of(terms, names), **named_values})
         if indices is not None or values is not None:
             raise ValueError("the parameters hold both coefficients and H: keep one of them")

@@ -187,7 +187,7 @@ def _body_in(path: Path) -> Any:
     with _about("standard input" if is_input else path):
         try:
             parameters = json.loads(sys.stdin.buffer.read() if is_input else path.read_bytes())
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ValueError(f"not the JSON text of body.to_dict(): {error}") from error
         return sf.body_from_dict(parameters)
 

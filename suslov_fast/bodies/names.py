@@ -161,9 +161,8 @@ def free(name: str, names: Collection[str] = (), maker: str = "") -> str:
 def check_parameter(name: str, names: Collection[str]) -> None:
     """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
     if not name.isidentifier() or iskeyword(name):
-        raise ValueError(
-            f"parameters: {short(name)} is not a valid name in Python: rename it, to rho for example"
-        )
+        how = "rename it, to rho for example"
+        raise ValueError(f"parameters: {short(name)} is not a valid name in Python: {how}")
     if len(name) > LONGEST_NAME:
         raise ValueError(f"parameters: {short(name)} is longer than {LONGEST_NAME} characters")
     if (plain := _normal(name)) != name:

@@ -54,8 +54,8 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
     """
     if not body.shape:
         return *body.batch_of_one, flat_parameter(eps, batch)
-    axes = max(body._axes.values(), default=0)
-    constants = (flat_parameter(value, batch, axes) for value in body.constants)
+    axes = (body._axes.get(name, 0) for name in body._arrays)  # in the order of the constants
+    constants = (flat_parameter(a, batch, n) for a, n in zip(body.constants, axes, strict=True))
     return *constants, flat_parameter(eps, batch)
 
 

@@ -159,9 +159,8 @@ _IN_BODIES = {
     "rhs f func fun": "field(x), the right-hand side at states x",
     "quadratic linear constant terms": "QuadraticField.of(body), or field.lifted, which has it",
     "lifted": "the field itself, because it is quadratic",
-    "jac jacobian Df df Dx eigenvalues eigvals derivative": "(vector_field(body, x + h) - "
-    "vector_field(body, x - h)).T / 2e-6 with h = 1e-6 * np.eye(len(x)), the derivative of the "
-    "right-hand side, and np.linalg.eigvals of it; suslov_fast.jacobian is that of a step",
+    "jac jacobian Df df Dx eigenvalues eigvals derivative": "QuadraticField.of(body).jacobian(x), "
+    "the derivative of the right-hand side; suslov_fast.jacobian is that of a step",
     "dt h t": "eps, an argument of iterate",
 }
 INSTEAD_IN_BODIES = {name: how for names, how in _IN_BODIES.items() for name in names.split()}

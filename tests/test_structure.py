@@ -343,6 +343,8 @@ def test_names_are_imported_when_they_are_asked_for():
         ("poincare_section", "crossings"), ("poincaresos", "crossings"),
         ("solve_ivp", "flow, which"),
         ("basins_of_attraction", "crossings"), ("lyapunov_spectrum", "lyapunov_exponents"),
+        ("pictures", "Suslov3D"), ("figures", "Suslov3D"), ("Suslov", "Suslov3D"),
+        ("set_threads", "the argument threads="), ("animate", "animate_body"),
         ("odeint", "flow, which"), ("Trajectory", "iterate"), ("fixedpoints", "fixed_points"),
     ],
 )  # fmt: skip

@@ -210,9 +210,7 @@ class Body(Members):
             """Return the name of this package for an attribute, or one that is spelt alike."""
             if name.startswith("_"):
                 return ""
-            here = import_module("suslov_fast")._here(name) or nearest(name, dir(self))
-            is_field = hasattr(type(self), "from_function")
-            return here or f"from_function(f, names, {name}=...), for a parameter" * is_field
+            return import_module("suslov_fast")._here(name) or nearest(name, dir(self))
 
     @property
     def _key(self) -> tuple[Any, ...]:

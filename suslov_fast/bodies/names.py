@@ -55,11 +55,14 @@ def latex(name: str) -> str:
     return f"{letter}_{{{match['index']}}}" if match["index"] else letter
 
 
-def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...]:
+def variables(
+    argument: str, given: Any, D: int | None = None, *, has_eps: bool = True
+) -> tuple[str, ...]:
     """Return the checked names of variables; x1, ..., xD if only their number is known.
 
     `given` is a text with names between spaces or commas, a sequence of names, the number of
-    variables, or None. If D is known there must be D names.
+    variables, or None. If D is known there must be D names. `has_eps` is whether the field has a
+    map, whose step size has the name eps.
     """
     if given is None and D:
         return labels(D)
@@ -89,13 +92,13 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
         )
     earlier: set[str] = set()
     for i, name in enumerate(names):
-        if reason := _refused(name, i, earlier):
+        if reason := _refused(name, i, earlier, has_eps):
             raise ValueError(f"{argument}: the variable {short(name)} {reason}")
         earlier.add(name)
     return tuple(names)
 
 
-def _refused(name: str, i: int, earlier: Collection[str]) -> str:
+def _refused(name: str, i: int, earlier: Collection[str], has_eps: bool) -> str:
     """Return why variable i cannot have this name; "" if it can."""
     if len(name) > LONGEST_NAME:
         return f"is longer than {LONGEST_NAME} characters"
@@ -111,7 +114,7 @@ def _refused(name: str, i: int, earlier: Collection[str]) -> str:
         return f"is {plain!r} to Python, which normalizes names: call it {plain}"
     if name in earlier:
         return "appears twice: give each variable its own name"
-    if name == "eps":
+    if has_eps and name == "eps":
         return "has the name of the step size: call it eps_, for example"
     if _NUMBERED.fullmatch(name) and name != f"x{i + 1}":
         return f"is variable {i + 1}, but {name} is the name of variable {name[1:]}"
@@ -158,7 +161,7 @@ def free(name: str, names: Collection[str] = (), maker: str = "") -> str:
     return name
 
 
-def check_parameter(name: str, names: Collection[str]) -> None:
+def check_parameter(name: str, names: Collection[str], *, has_eps: bool = True) -> None:
     """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
     if not name.isidentifier() or iskeyword(name):
         how = "rename it, to rho for example"
@@ -171,6 +174,7 @@ def check_parameter(name: str, names: Collection[str]) -> None:
     if name in TIME:
         how = f"fields have no time; to make it a variable see {page('howto/smooth')}"
         raise ValueError(f"parameters: {name!r}: {how}")
-    if what := clash(name, names):
+    what = clash(name, names)
+    if what and (has_eps or name != "eps" or name in names):
         how = f"rename it, to {free(name, names)} for example"
         raise ValueError(f"parameters: {name!r} clashes with {what}: {how}")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import OTHERS, FloatArray, first_index, real_array, spell, within, wrong
+from ..errors import SuslovError
 from ..keywords import public, public_class
 from .base import Body
 from .field import QuadraticField
@@ -157,7 +158,7 @@ class SuslovND(Body):
         return cls(moments[..., :-1] + moments[..., -1:], tensors[..., :-1, -1]), rotation
 
 
-class NotIntegrableError(ValueError):
+class NotIntegrableError(SuslovError, ValueError):
     """No formula is known for this body: no closed form, first integral or invariant measure.
 
     Functions that need one raise it; the message says for which bodies a formula is known, and what

@@ -74,12 +74,17 @@ def coefficients(name: str, value: Any, is_batch: bool) -> Any:
     return within(name, numbers(name, value, is_batch), OTHERS)
 
 
-def named(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:
-    """Return checked parameters by name: numbers as they are, arrays as floats."""
+def named(
+    parameters: Mapping[str, Any], variables: Sequence[str], *, has_eps: bool = True
+) -> dict[str, Any]:
+    """Return checked parameters by name: numbers as they are, arrays as floats.
+
+    `has_eps` is as in `names.variables`.
+    """
     checked: dict[str, Any] = {}
     taken = {*variables}
     for name, value in parameters.items():
-        check_parameter(name, taken)
+        check_parameter(name, taken, has_eps=has_eps)
         if name == "names" and np.asarray(value).dtype.kind == "U":
             how = 'pass the names of variables in place of the dimension, as "u v w"'
             raise TypeError(f"names={short(value)} is taken as a parameter of the field: {how}")

@@ -287,7 +287,7 @@ def test_errors_of_the_function_of_the_user_are_shown_on_the_page():
     field = sf.QuadraticField.from_function(switched, "u", mode=1.0)
     page = sf.explore(field, [1.0], eps=0.1, steps=3)
     try:
-        query = page._query.replace("mode=1.0", "mode=3.0")
+        query = page._query.replace("numbers=1.0", "numbers=3.0")
         assert query != page._query
         with urllib.request.urlopen(f"{page.url.partition('?')[0]}scene?{query}") as found:
             assert json.load(found)["error"] == "KeyError: 3.0"

@@ -161,6 +161,8 @@ def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
         places = places[:, which]
         check_denominators("K", values.tolist())
     else:
+        if callable(K):
+            raise wrong("K", "a constant matrix", "a function", TypeError)
         array = K if hasattr(K, "tocoo") else as_given("K", K)
         if array.shape != (D, D):
             raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", array.shape)

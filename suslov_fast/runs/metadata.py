@@ -192,8 +192,8 @@ def stored_in(name: str, metadata: dict[str, Any]) -> Stored:
 def _check_arrays(contents: Contents) -> None:
     """Check that a store has all arrays of its run, with their types, shapes and chunks."""
     attributes, arrays, *_ = contents
-    if (chunks := sum(math.prod(array.counts) for array in arrays.values())) > MOST_CHUNKS:
-        raise wrong("store", f"at most {MOST_CHUNKS} chunks", f"{chunks}")
+    if (total := sum(math.prod(array.counts) for array in arrays.values())) > MOST_CHUNKS:
+        raise wrong("store", f"at most {MOST_CHUNKS} chunks", total)
     map = named(attributes["map"])
     method = checks.one_of("method", attributes["method"], map.methods)
     every = attributes.get("save_every")

@@ -344,12 +344,6 @@ def test_known_names_come_before_sentences():
         (POINTS, "index", r"use crossings\.trajectory"),
         (ALONG_X, "x", r"crossings\.states, or crossings\.states\[:, 0\] for the variable x$"),
         (ALONG_X, "y", r"use crossings\.states\[:, 1\]$"),
-        (
-            SMOOTH,
-            "jac",
-            r"h = 1e-6 \* np\.eye\(len\(x\)\).* suslov_fast\.jacobian is that of a step$",
-        ),
-        (SMOOTH, "jacobian", r"vector_field\(body, x \+ h\)"),
         (FIELD, "from_sympy", r"from_function\(sympy\.lambdify\(\[symbols\]"),
         (sf, "from_expressions", r"QuadraticField\.from_function\(sympy\.lambdify\("),
         (POINTS, "rho", r"crossings\.body\.parameters\['rho'\]"),

@@ -24,7 +24,7 @@ _TAKEN = {
         (
             *("n", "final", "status", "failed_at", "first_pole", "attitude", "trajectory", "space"),
             *("component", "local_error"),
-            *("crossing", "before", "after", "fraction"),
+            *("crossing", "before", "after", "fraction", "over_pole"),
         ),
         "a name in datasets of runs and crossings",
     ),

@@ -175,6 +175,7 @@ def with_symbol():
         (lambda: sf.iterate(FIELD, [1, 0], 0.1, 10, a=2), TypeError, "iterate .*'a'"),
         (lambda: sf.iterate(*STEPPED, method="RK45"), ValueError, "method"),
         (lambda: sf.iterate(*STEPPED, method=8), ValueError, "method"),
+        (lambda: sf.exact(sf.Suslov3D(4, 1, 0, 0), [1, 0], 0.1, np.inf), ValueError, "n .*limits"),
         (lambda: sf.iterate((FIELD, 0.1), [1, 0], 0.1, 10), TypeError, "body"),
         (lambda: sf.iterate(FIELD.to_dict(), [1, 0], 0.1, 10), TypeError, "body"),
         (lambda: sf.ensemble(*STEPPED, store=3), TypeError, "store"),

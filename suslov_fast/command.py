@@ -121,8 +121,7 @@ def run(options: argparse.Namespace) -> None:
     """
     path = options.output
     if path is not None and path.suffix not in (".npz", ".zarr"):
-        how = "; in Python run.to_xarray().to_dataframe() makes a table" * (path.suffix == ".csv")
-        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr{how}")
+        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr")
     if path is None and (options.attitude or options.save_every is not None):
         options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
     if str(options.body) == str(options.initial) == "-":
@@ -187,7 +186,7 @@ def _body_in(path: Path) -> Any:
     with _about("standard input" if is_input else path):
         try:
             parameters = json.loads(sys.stdin.buffer.read() if is_input else path.read_bytes())
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ValueError(f"not the JSON text of body.to_dict(): {error}") from error
         return sf.body_from_dict(parameters)
 

@@ -21,6 +21,7 @@ from ..checks import (
     within,
     wrong,
 )
+from ..errors import SuslovError
 from ..keywords import public, public_class
 from .base import Body
 from .field import QuadraticField
@@ -248,7 +249,7 @@ class SuslovND(Body):
         return cls(J, np.where(abs(products) < _ROUNDING * size, 0.0, products)), rotation
 
 
-class NotIntegrableError(ValueError):
+class NotIntegrableError(SuslovError, ValueError):
     """No formula is known for this body: no closed form, first integral or invariant measure.
 
     Functions that need one raise it; the message says for which bodies a formula is known, and what

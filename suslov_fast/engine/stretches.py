@@ -214,6 +214,15 @@ class March:
         status = self.carry[1] if has_status else codes.PASSED_POLE
         return abs(self.carry[0]).astype(np.int64), status
 
+    def note_pole(self, trajectory: int, n: int) -> None:
+        """Note that a trajectory passed a pole before state n, unless it had failed before."""
+        self.carry[0, trajectory] = n
+        if isinstance(self.steps.kernel, KernelOfStep):
+            self.carry[1, trajectory] = codes.PASSED_POLE
+        if self.status.flat[trajectory] >= codes.OK:
+            self.status.flat[trajectory] = codes.PASSED_POLE
+            self.failed_at.flat[trajectory] = n
+
     def to(
         self,
         stop: int,

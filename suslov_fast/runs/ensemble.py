@@ -360,4 +360,8 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
         parts = math.ceil(length / most) or 1  # of equal size, so that no chunk is half empty
         sizes[name] = math.ceil(length / parts) or 1
         left = max(1, left // sizes[name])
+    chunks = math.prod(math.ceil(length / sizes[name]) for name, length in lengths.items())
+    if chunks * len(json.loads(data.attrs["tiled"])) > metadata.MOST_CHUNKS:
+        expected = f"so large that a store has at most {metadata.MOST_CHUNKS} chunks"
+        raise wrong("chunk", expected, f"{chunk}, for {chunks} tiles")
     return sizes

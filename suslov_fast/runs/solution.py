@@ -238,6 +238,8 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatAr
 
 def _checked_times(name: str, value: Any) -> FloatArray:
     """Return a number, or an array of one axis."""
+    if name == "n" and np.ndim(value) == 0 and value in (np.inf, -np.inf):
+        raise wrong("n", "finite", f"{value}: limits returns the limits of an orbit")
     times = np.asarray(real_number(name, value))
     if times.ndim > 1:
         raise wrong(name, "a number or a 1-D array", f"an array of shape {times.shape}")

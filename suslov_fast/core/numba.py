@@ -60,9 +60,14 @@ def _cached(compile_with, py_function):
 
 @functools.cache
 def _load_registries():
-    """Have Numba import all that it needs to compile, which an interrupt would leave half done."""
+    """Have Numba import all that it needs to compile, which an interrupt would leave half done.
+
+    Of two threads that do so at once each would get a part, so the second one waits.
+    """
     with uninterrupted(), suppress(ImportError, AttributeError):  # names that it does not promise
-        importlib.import_module("numba.core.registry").cpu_target.target_context.refresh()
+        registry = importlib.import_module("numba.core.registry")
+        with importlib.import_module("numba.core.compiler_lock").global_compiler_lock:
+            registry.cpu_target.target_context.refresh()
 
 
 @contextmanager

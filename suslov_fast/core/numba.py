@@ -31,10 +31,10 @@ from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
 from .arrays import pack
-from .cache import is_foreign, kept_folders, name_with_digest, use_cache
+from .cache import is_foreign, is_kept, kept_folders, name_with_digest, use_cache
 from .interrupts import uninterrupted
 from .llvm import call_address
-from .pool import in_parts
+from .threads import in_parts
 
 TESTED = 0, 68  # the newest Numba with which this version was tested
 # The default error model tests each divisor, which costs 30 % and prevents SIMD. Without the GIL
@@ -245,15 +245,36 @@ def _addresses(compiled, kind):
     `llvm`. If one is missing or has another meaning, return None: then parts run serially, and an
     error of compiling the kernel, which is not of a private name, comes again.
     """
-    word, addresses = types.int64, []
     with _compiling(), suppress(Exception):  # of any class, as in `_compiling`
-        for dispatcher, kinds in ((_loop, (word,) * 4), (compiled, (word, word, *kind))):
-            dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
-            code = dispatcher.get_compile_result(types.void(*kinds))
-            addresses.append(types.CompileResultWAP(code).address)
-        _start.compile((word, word, word, kind))
+        addresses = _address(_loop, _WORDS), _address(compiled, (*_WORDS[:2], *kind))
+        _start.compile((*_WORDS[:3], kind))
         return addresses
     return None
+
+
+_WORDS = (types.int64,) * 4
+
+
+def _address(dispatcher, kinds):
+    """Compile a function for arguments of these types; return its address."""
+    dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
+    return types.CompileResultWAP(dispatcher.get_compile_result(types.void(*kinds))).address
+
+
+# Seconds of calls that can do without compiled code, after which compiling it is worth its time.
+PATIENCE = 1.0
+
+
+def loop_over_parts(seconds):
+    """Return the address of the loop over parts, which takes four integers; None without it.
+
+    It is compiled if calls that could have used it took PATIENCE, and loaded where it is kept.
+    """
+    if _loop not in _found and (seconds > PATIENCE or is_kept(_loop, _WORDS)):
+        _found[_loop] = None
+        with _compiling(), suppress(Exception):  # of any class, as in `_addresses`
+            _found[_loop] = _address(_loop, _WORDS)
+    return _found.get(_loop)
 
 
 # ---------------------------------------------------------------------------- universal functions

@@ -19,6 +19,8 @@ States are in lines of W lanes, x[line, component, lane]. After a failure a traj
 """
 
 import functools
+from contextlib import suppress
+from time import perf_counter
 
 import numpy as np
 from numba import config
@@ -37,12 +39,12 @@ from .in_calls import in_calls, taker_of, taker_without_plan
 from .lift import LiftedStep
 from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
 from .listed_code import listed_code
-from .machine_code import call, code_of
-from .numba import STREAM_FROM, Kernel
+from .machine_code import call, call_together, code_of
+from .numba import STREAM_FROM, Kernel, loop_over_parts
 from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
-from .pool import in_parts
 from .single_orbit import PLANS, plan_of, take_one
 from .stages import WHOLE, Scheme, distinct, weights_of
+from .threads import in_parts
 from .words import Words
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
@@ -160,8 +162,9 @@ class _Lines:
     def take(self, start, stop, saved, every, is_large, abandoned, again=False):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Return False if a step needs `careful`, but it is not compiled, or a run is short: then the
-        steps must be taken again. End early if there is something in `abandoned`.
+        Yield calls of machine code, pairs of an address and an array, for the integers that they
+        return. Return False if a step needs `careful`, but it is not compiled, or a run is short:
+        then the steps must be taken again. End early if there is something in `abandoned`.
         """
         step, stages = self.scheme.step, len(self.scheme.stages.fractions)
         address, until = None, every - start % every if every else 0
@@ -188,7 +191,7 @@ class _Lines:
         budget = max(CAREFUL_TIME // (self.W * (self.D**3 + 200)), 1)
         while arguments[SLOT.line] < self.count and not abandoned:
             arguments[SLOT.budget] = budget
-            if not call(address, arguments):
+            if not (yield address, arguments):
                 return False
         return True
 
@@ -355,19 +358,46 @@ class FieldSteps(Kernel):
 
     def __init__(self):
         self.py_func = _iterate_part
+        self.seconds = 0.0  # of parallel calls without the loop over parts
 
     def __call__(self, part, parts, *arguments, abandoned=()):
         with np.errstate(all="ignore"):  # each thread has its own
-            _iterate_part(part, parts, *arguments, abandoned)
+            _carry_out([_iterate_part(part, parts, *arguments, abandoned)], call_each)
 
     def serial(self, *arguments):
         self(0, 1, *arguments)
 
     def parallel(self, threads, *arguments):
-        abandoned = []
+        step, loop = arguments[0][0].step, None
+        if step.usual and not step.is_long:  # lines of others are calls of Python
+            loop = loop_over_parts(self.seconds)
+        if loop is not None:
+            parts = [_iterate_part(part, threads, *arguments, ()) for part in range(threads)]
+            with np.errstate(all="ignore"):
+                _carry_out(parts, functools.partial(call_together, loop))
+            return
+        abandoned, began = [], perf_counter()
         in_parts(
             threads, lambda part: self(part, threads, *arguments, abandoned=abandoned), abandoned
         )
+        self.seconds += perf_counter() - began
+
+
+def call_each(calls):
+    """Make calls, pairs of an address and an array, one after the other; return their integers."""
+    return [call(*each) for each in calls]
+
+
+def _carry_out(parts, make_calls):
+    """Carry out generators that yield calls, those of all parts at once."""
+    results = [None] * len(parts)
+    while parts:
+        left, calls = [], []
+        for part, result in zip(parts, results, strict=True):
+            with suppress(StopIteration):
+                calls.append(part.send(result))
+                left.append(part)
+        parts, results = left, make_calls(calls) if calls else []
 
 
 def _iterate_part(
@@ -375,7 +405,7 @@ def _iterate_part(
 ):
     """Iterate the trajectories of a part; the arguments are those of `steps_3d.steps`.
 
-    End early if there is something in `abandoned`.
+    It is a generator, as `_Lines.take`. End early if there is something in `abandoned`.
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
@@ -396,7 +426,7 @@ def _iterate_part(
         if W == 1 and take_one(*one):
             continue
         lines = _Lines(own, states, notes, errors, W)
-        _take_steps(lines, states, errors, steps, saved[:, chunk], is_large, abandoned)
+        yield from _take_steps(lines, states, errors, steps, saved[:, chunk], is_large, abandoned)
         final[chunk] = lines.states()
         if len(errors):
             errors[:] = lines.rows(lines.columns[:, LARGEST]).T
@@ -411,10 +441,10 @@ def _take_steps(lines, states, errors, steps, saved, is_large, abandoned):
     if stop == start:
         return
     arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
-    if not lines.take(*arguments):
+    if not (yield from lines.take(*arguments)):
         careful.compile()  # only now, because few runs need it
         lines.start_from(states, errors)
-        lines.take(*arguments, again=True)
+        yield from lines.take(*arguments, again=True)
 
 
 field_steps = FieldSteps()

@@ -218,6 +218,13 @@ def is_kept(compiled, kinds):
     return False
 
 
+def has_files(py_function):
+    """True if there are files of a function that Numba itself gives files."""
+    with suppress(Exception):  # of any class, as in `is_kept`
+        return bool(FunctionCache(py_function)._cache_file._load_index())
+    return False
+
+
 def folder_of(compiled):
     """Return the folder of the files of a function, or None, and whether it can be written."""
     files = getattr(compiled, "_cache", None)

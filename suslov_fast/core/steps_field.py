@@ -40,7 +40,7 @@ from .lift import LiftedStep
 from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
 from .listed_code import listed_code
 from .machine_code import call, call_together, code_of
-from .numba import STREAM_FROM, Kernel, loop_over_parts
+from .numba import STREAM_FROM, Kernel, as_python, loop_over_parts
 from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
 from .single_orbit import PLANS, plan_of, take_one
 from .stages import WHOLE, Scheme, distinct, weights_of
@@ -49,6 +49,7 @@ from .words import Words
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
+_IN_PYTHON = 1e-5  # seconds of Python for an operation of a line, or a part of a careful step
 SHORT_RUN = 256  # steps of lines, which are prepared for `careful` only when they need it
 
 
@@ -183,7 +184,11 @@ class _Lines:
             align = alignment(saved, self.W, is_large)
             address = code_of(text_of, step, self.W, self.for_each, align)
         if address is None:
-            self._take_in_numpy(start, (stop - start) * stages, *rows)
+            self._take_in_numpy(start, (stop - start) * stages, *rows, step_carefully)
+            return True
+        if again and not careful.is_compiled:
+            of_one, steps = as_python(step_carefully.py_func), (stop - start) * stages
+            careful.in_python(self._take_in_numpy, start, steps, *rows, of_one)
             return True
         is_ready = careful.is_compiled and (again or self.count * (stop - start) > SHORT_RUN)
         steps = (stop - start) * stages
@@ -253,7 +258,7 @@ class _Lines:
         )
         return np.array(arguments, np.int64), (kept, arrays, own, plan)
 
-    def lift(self, arrays, start, n, of=slice(None)):
+    def lift(self, arrays, start, n, of=slice(None), step_carefully=step_carefully):
         """Compute the words of a lifted field from the states of lines, and tell poles."""
         x, lines = self.x[of], range(self.count)[of]
         x[:, self.given :], turned = self.words.at(x, lines)
@@ -285,14 +290,14 @@ class _Lines:
         told = (packed(np.broadcast_to(each, shape)) for each in told)
         return packed(accurate), *told, made
 
-    def _take_in_numpy(self, start, steps, saved, until, between):
+    def _take_in_numpy(self, start, steps, saved, until, between, step_carefully):
         """Carry out the operations by NumPy: the reference, where there is no machine code."""
         (ended, passed), row, arrays = self.marks, 0, self._line_arrays()
         weights = weights_of(self.scheme.stages)
         for n in range(steps):
             stage = n % len(weights)
             if stage == 0 and self.given < self.D:
-                self.lift(arrays, start, n)
+                self.lift(arrays, start, n, step_carefully=step_carefully)
             if self.scheme.step.usual:
                 before = self.x.copy()
                 accurate, negative, changed, made = self._carry_out(stage)
@@ -358,13 +363,15 @@ class FieldSteps(Kernel):
 
     def __init__(self):
         self.py_func = _iterate_part
-        self.seconds = 0.0  # of parallel calls without the loop over parts
 
     def __call__(self, part, parts, *arguments, abandoned=()):
         with np.errstate(all="ignore"):  # each thread has its own
             _carry_out([_iterate_part(part, parts, *arguments, abandoned)], call_each)
 
     def serial(self, *arguments):
+        self(0, 1, *arguments)
+
+    def briefly(self, seconds, *arguments):
         self(0, 1, *arguments)
 
     def parallel(self, threads, *arguments):
@@ -442,7 +449,9 @@ def _take_steps(lines, states, errors, steps, saved, is_large, abandoned):
         return
     arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
     if not (yield from lines.take(*arguments)):
-        careful.compile()  # only now, because few runs need it
+        step, stages = lines.scheme
+        work = (stop - start) * len(stages.fractions) * (len(step.usual) + lines.B * step.D**2)
+        careful.compile(_IN_PYTHON * work)  # only now, because few runs need it
         lines.start_from(states, errors)
         yield from lines.take(*arguments, again=True)
 

@@ -23,7 +23,7 @@ from .invariants import Invariants
 from .kahan import KahanMap
 from .maps import LONGEST, RationalMap
 from .normal_form import NormalForms
-from .planar import PlanarEntropy, entropy_of_planar_maps
+from .planar import PlanarEntropy, entropy_of_planar_maps, proved_by_integral
 from .polynomials import (
     Polynomials,
     degree_of,
@@ -81,7 +81,8 @@ class Search:
             functions = getattr(self.known, name)
             setattr(report, name, tuple(f.renamed(self.map.names) for f in functions))
         report.implicit = self.known.implicit
-        report.symmetries, report.planar = self.symmetries, self.planar
+        report.symmetries = self.symmetries
+        report.planar = proved_by_integral(self.planar, self.known.integrals)
         report.searched = [*self._searched()]
         if isinstance(self.map, KahanMap) and self.map.is_symbolic:
             formulas = (*report.integrals, *report.measures, *report.polynomials)

@@ -92,6 +92,7 @@ HENON = rational_map(
         (kahan(*ZOO["generic planar field"]), [None] * 3, math.log(2), "x - 2", True),
         (ZOO["Lyness"][0], [1, 1, 7], 0, "x - 1", True),
         (ZOO["Hone-Quispel"][0], [2, 2, 4, 4], 0, "x - 1", True),
+        (ZOO["McMillan"][0], [2, 2], 0, "x - 1", True),
         pytest.param(
             *(HIETARINTA_VIALLET, [3], math.log((3 + math.sqrt(5)) / 2), "x^2 - 3*x + 1", True),
             marks=pytest.mark.slow,
@@ -207,6 +208,27 @@ def test_changes_of_roots_below_the_digits_of_a_float():
             change = mpmath.findroot(value, root) / root - 1
             found = planar._relative_change_of_root(before, after, float(root))
             assert abs(found / change) == pytest.approx(1, rel=1e-9)
+
+
+def test_an_integral_proves_entropy_0(monkeypatch):
+    """Without a proof by curves, which is said without an error; and no "error 0"."""
+    monkeypatch.setattr(planar, "is_proved", lambda *given: False)
+    map = ZOO["Lyness"][0]
+    by_curves = planar_entropy(map)
+    assert (by_curves.entropy, by_curves.proved) == (0, False)
+    assert math.isnan(by_curves.entropy_error)
+    assert "not proved)" in repr(by_curves)
+    found = report(map)
+    assert (found.planar.proved, found.planar.entropy_error) == (True, 0)
+    assert str(found.integrals[0]) in found.planar.based_on
+    assert "Entropy (proved): 0" in repr(found)
+    # One that is checked at random points proves nothing; a proof stays, whatever contradicts it.
+    (integral,) = found.integrals
+    unproved = replace(integral, basis="modulo a prime, at random points")
+    assert planar.proved_by_integral(by_curves, [unproved]) is by_curves
+    wrong = replace(by_curves, entropy=0.5)
+    assert planar.proved_by_integral(wrong, [integral]).entropy == 0
+    assert planar.proved_by_integral(wrong, [integral]).polynomial is None
 
 
 def test_powers_of_a_moebius_transformation():

@@ -16,7 +16,7 @@ import flint
 from .contracted import Passage, Plane
 from .polynomials import irreducible_factors
 
-_TERMS = 4, 8, 16, 32, 64  # of power series in t, until they suffice
+_TERMS = 4, 8, 16, 32  # of power series in t, until they suffice
 _BITS = 20_000  # of the coefficients of coordinates, at most
 _MONOMIALS = 2_000  # of coordinates, at most
 _NUMBERS = range(1, 9)  # in place of s

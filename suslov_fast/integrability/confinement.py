@@ -83,7 +83,7 @@ class _Germs:
         return on_line(leading)
 
     def _across_line(self, line: list[Any]) -> list[Any]:
-        # Two coordinates depend on s alone; the third makes the product line . germ a multiple of t.
+        # Two coordinates depend on s alone; the third makes line . germ a multiple of t.
         pivot = next(j for j in range(3) if line[j] != 0)
         i, j = (k for k in range(3) if k != pivot)
         u, v = 2 + 3 * self._s, 5 + 7 * self._s

@@ -141,9 +141,10 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     an image, the singularity may be confined, and the degrees of iterates are lower; how much
     follows from the lengths of these orbits (Diller and Favre 2001). All orbits are followed for
     80 steps modulo primes, two of which must agree. Then confinement is confirmed over the
-    rational numbers, or a number field for conjugate lines and conics. An orbit is never confined if it is
-    periodic modulo a small prime, with images at all points, or if it stays on an invariant line,
-    on which a power of the map is a Moebius transformation, and never meets a base point. The
+    rational numbers, or a number field for conjugate lines and conics. An orbit is never confined
+    if it is periodic modulo a small prime, with images at all points, or if it stays on an
+    invariant line, on which a power of the map is a Moebius transformation, and never meets a base
+    point. The
     entropy of a monomial map is the logarithm of the spectral radius of its exponents (Hasselblatt
     and Propp 2007); its curves are not followed. An entropy that is not proved is compared with
     the degrees of iterates on random lines, and not given if they contradict it.

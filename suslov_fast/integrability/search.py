@@ -79,12 +79,14 @@ class Search:
         report.degrees, report.relations = self.degrees, self.relations
         for name in ("integrals", "measures", "polynomials"):
             functions = getattr(self.known, name)
-            setattr(report, name, tuple(f.renamed(self.map.names) for f in functions))
+            setattr(
+                report, name, tuple(f.renamed(self.map.names, self.map.letter) for f in functions)
+            )
         report.implicit = self.known.implicit
         report.symmetries = self.symmetries
         report.planar = proved_by_integral(self.planar, self.known.integrals)
         report.searched = [*self._searched()]
-        if isinstance(self.map, KahanMap) and self.map.is_symbolic:
+        if self.map.is_symbolic:
             formulas = (*report.integrals, *report.measures, *report.polynomials)
             special = {eps for f in formulas for eps in f.special}
             report.special_eps = tuple(sorted(special.union(self.map.degenerate_eps)))

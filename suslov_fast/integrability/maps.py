@@ -27,6 +27,7 @@ from .polynomials import (
     determinant,
     divided_out,
     exponents_in_x,
+    homogenized,
     irreducible_factors,
     modulo,
     polynomial_ring,
@@ -219,7 +220,8 @@ class RationalMap:
         x = arithmetic.rationals("point", point, self.dimension)
         scale = math.lcm(*(a.denominator for a in x))  # of homogeneous coordinates (x, 1)
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
-        *numerators, denominator = map(factored, self.homogeneous_image(constants))
+        image = (factored(F) for F in self.homogeneous_image(constants))
+        *numerators, denominator = (F.renamed(self.names, self.letter) for F in image)
         return tuple(a / denominator for a in numerators)
 
     @public
@@ -340,11 +342,7 @@ class RationalMap:
 
     def pullback(self, P: Any, degree: int, forms: Sequence[Any] | None = None) -> Any:
         """Return F_0^degree P(F / F_0), with the forms F of the map or with other ones."""
-        eps = self.ring.gens()[: self.is_symbolic]
-        terms = zip(P.monoms(), exponents_in_x(P), P.coeffs(), strict=True)
-        homogeneous = {(*e, degree - sum(in_x)): c for e, in_x, c in terms}
-        ring = polynomial_ring(self.dimension + 1, self.is_symbolic)
-        return ring.from_dict(homogeneous).compose(*eps, *(forms or self.forms), ctx=self.ring)
+        return homogenized(P, degree, forms or self.forms, self.ring)
 
     def terms_of_degree(self, degree: int) -> int:
         """Return the number of terms of a polynomial of a degree in x, and in eps."""
@@ -483,9 +481,8 @@ def rational_map(
     if inverse is None:
         return RationalMap(forms, letter=letter)
     backward = traced("inverse", inverse, n, letter)
-    map = RationalMap(
-        forms, RationalMap(backward, RationalMap(forms, None, letter), letter), letter
-    )
+    inverse_map = RationalMap(backward, RationalMap(forms, None, letter), letter)
+    map = RationalMap(forms, inverse_map, letter)
     # The inverse takes images back, as an identity.
     *numerators, denominator = map.inverse.homogeneous_image(forms)
     if denominator == 0 or numerators != [x * denominator for x in map.variables[:-1]]:

@@ -197,6 +197,15 @@ def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
     return sum((int(c) * a for c, a in terms), 0 * x[-1])
 
 
+def homogenized(P: Any, degree: int, forms: Sequence[Any], ring: Any) -> Any:
+    """Return ``F_0^degree P(F / F_0)`` for polynomials F_1, ..., F_0 of a ring with its letter."""
+    symbolic = has_eps(P)
+    terms = zip(P.monoms(), exponents_in_x(P), P.coeffs(), strict=True)
+    homogeneous = {(*e, degree - sum(in_x)): c for e, in_x, c in terms}
+    of_forms = polynomial_ring(len(forms), symbolic).from_dict(homogeneous)
+    return of_forms.compose(*ring.gens()[:symbolic], *forms, ctx=ring)
+
+
 def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> list[Any]:
     """Return monomials in the first coordinates of a point."""
     products, places = _products(tuple(exponents), len(x))

@@ -20,7 +20,6 @@ from .functions import IDENTITY, MODULAR, RationalFunction, factored, independen
 from .growth import degrees_of_iterates
 from .implicit import ImplicitIntegral
 from .invariants import Invariants
-from .kahan import KahanMap
 from .maps import LONGEST, RationalMap
 from .normal_form import NormalForms
 from .planar import PlanarEntropy, entropy_of_planar_maps, proved_by_integral
@@ -77,11 +76,9 @@ class Search:
     def fill(self, report: Any) -> None:
         """Put what is known into a report."""
         report.degrees, report.relations = self.degrees, self.relations
+        names = self.map.names, self.map.letter
         for name in ("integrals", "measures", "polynomials"):
-            functions = getattr(self.known, name)
-            setattr(
-                report, name, tuple(f.renamed(self.map.names, self.map.letter) for f in functions)
-            )
+            setattr(report, name, tuple(f.renamed(*names) for f in getattr(self.known, name)))
         report.implicit = self.known.implicit
         report.symmetries = self.symmetries
         report.planar = proved_by_integral(self.planar, self.known.integrals)

@@ -3,7 +3,8 @@
 `contracted` computes them modulo primes, at random points of the curve. Here they are computed at
 its general point, with a parameter s: of a line, of one of several conjugate lines, or of a conic.
 The coordinates of the germ are polynomials in s, in eps if it is symbolic, and in r, an algebraic
-number: that of one of the lines, or of a point of the conic. Curves of higher degree are left out.
+number: that of one of the lines, or of a point of the conic. For curves of higher degree orders are
+exact if the forms have them as multiplicities at the points of the orbit of one point.
 """
 
 from __future__ import annotations
@@ -32,8 +33,10 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     if not passage.common_orders:
         return passage.steps is None
     germs = _Germs(plane, number)
+    if not germs.first:
+        return germs.have_multiplicities(passage)
     expected = [*zip(passage.common_orders, passage.curve_orders, strict=True)]
-    for terms in _TERMS if germs.first else ():
+    for terms in _TERMS:
         followed = germs.orders(terms, len(expected))
         if followed is None:
             return False
@@ -53,16 +56,15 @@ class _Germs:
         *self._eps, self._r, self._s, self._t = self._ring.gens()
         self._modulus = self._r  # a polynomial with the root r and the leading coefficient 1
         degree, count = plane.degrees[number], 1
-        point = [self._ring.constant(1)] * 3
+        self._point = [self._ring.constant(1)] * 3
         if degree > 1:
-            point, count = self._point_of_curve(), plane.count(number)
-        slopes = [self._curve.derivative(plane.symbolic + j) for j in range(3)]
-        gradient = self._values(slopes, point)
+            self._point, count = self._point_of_curve(), plane.count(number)
+        gradient = self._values(self._slopes(self._curve), self._point)
         self.first: list[Any] = []  # none for curves of higher degree
         if degree == count:
             self.first = self._across_line(gradient)
         elif degree == 2:
-            self.first = self._across_conic(point, gradient)
+            self.first = self._across_conic(gradient)
         if self.first and _order(self._values([self._curve], self.first, 2)[0], 2) != 1:
             self.first = []
 
@@ -92,13 +94,17 @@ class _Germs:
         germ[pivot] = self._t - line[i] * u - line[j] * v
         return germ
 
-    def _across_conic(self, point: list[Any], gradient: list[Any]) -> list[Any]:
+    def _across_conic(self, gradient: list[Any]) -> list[Any]:
         # The other point of the conic on the line through a point with a direction d.
         d = [2 + 3 * self._s, 5 - self._s, 1 + 7 * self._s]
         (square,) = self._values([self._curve], d)
         slope = sum(a * b for a, b in zip(gradient, d, strict=True))
         across = (self._t, -2 * self._t, 5 * self._t)
-        return [square * a - slope * b + c for a, b, c in zip(point, d, across, strict=True)]
+        parts = zip(self._point, d, across, strict=True)
+        return [square * a - slope * b + c for a, b, c in parts]
+
+    def _slopes(self, P: Any) -> list[Any]:
+        return [P.derivative(self._plane.symbolic + j) for j in range(3)]
 
     def _values(self, forms: Sequence[Any], x: Sequence[Any], terms: int = 1) -> list[Any]:
         """Return the values of forms, without powers of t from a number of terms on."""
@@ -132,6 +138,32 @@ class _Germs:
             if _is_large(germ):
                 return None
         return orders, germ
+
+    def have_multiplicities(self, passage: Passage) -> bool:
+        """Return True if forms have the orders of a passage with one base point as multiplicities.
+
+        That is, if all of their derivatives below this order vanish at the points of the orbit.
+        """
+        x, steps = self._point, len(passage.common_orders)
+        if any(passage.common_orders[:-1]) or passage.steps is None:
+            return False
+        for k in range(steps + 1):
+            if k:
+                orders = [*zip(self._plane.curves, passage.curve_orders[k - 1], strict=True)]
+                orders += [(F, passage.common_orders[k - 1]) for F in self._plane.forms]
+                for P, order in orders:
+                    derivatives = [P] if order else []
+                    for _ in range(order - 1):
+                        derivatives = [slope for D in derivatives for slope in self._slopes(D)]
+                    if any(self._values(derivatives, x)):
+                        return False
+            image = self._values(self._plane.forms, x)
+            if not any(image) or k == steps:
+                return not any(image) and k == steps
+            x = without_common_factor(image)
+            if _is_large(x):
+                return False
+        return False
 
     def begin_at_point(self, germ: Sequence[Any]) -> bool:
         """Return True if a germ begins at a point that does not depend on s."""

@@ -122,7 +122,8 @@ class Text:
         return self._call("fabs", a)
 
     def _call(self, name, *operands):
-        function, kinds = f"{self.V} @llvm.{name}.{self.suffix}", ", ".join([self.V] * len(operands))
+        function = f"{self.V} @llvm.{name}.{self.suffix}"
+        kinds = ", ".join([self.V] * len(operands))
         self.target.declared.add(f"declare {function}({kinds})")
         return self.new(f"call {function}({self._typed(operands)})")
 

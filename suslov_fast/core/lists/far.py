@@ -65,10 +65,10 @@ define internal {KIND} @far(double %x) #0 {{
   %m = or i64 %fraction, {2**52}
   %shift = sub i64 {1026 + 1075}, %exponent
   %byte = lshr i64 %shift, 3
-  %start = ptrtoint {pointer('i1344')} @far_table to i64
+  %start = ptrtoint {pointer("i1344")} @far_table to i64
   %place = add i64 %start, %byte
-  %address = inttoptr i64 %place to {pointer('i256')}
-  %loaded = load i256, {pointer('i256')} %address, align 1
+  %address = inttoptr i64 %place to {pointer("i256")}
+  %loaded = load i256, {pointer("i256")} %address, align 1
   %bit = and i64 %shift, 7
   %by = zext i64 %bit to i256
   %shifted = lshr i256 %loaded, %by

@@ -500,9 +500,7 @@ def _less_quarters(x):
     r, first = _difference(r, n * _QUARTER[2])
     r, second = _difference(r, n * _QUARTER[3])
     high, low = _sum(r, (first + second) - n * _QUARTER[4])
-    n, high, low = (
-        x.then(name, usual) for name, usual in zip(PARTS, (n, high, low), strict=True)
-    )
+    n, high, low = (x.then(name, usual) for name, usual in zip(PARTS, (n, high, low), strict=True))
     return n + _SHIFT, high, low
 
 

@@ -470,7 +470,7 @@ def hypot(emit, x, y):
     result = a.equals(0.0).select(a, root * back)
     total = x + y
     result = total.equals(total).select(result, total)
-    return a.equals(_INFINITY).select(a, b.equals(_INFINITY).select(b, result)).number
+    return (x.equals(_INFINITY) | y.equals(_INFINITY)).select(_INFINITY, result).number
 
 
 # ------------------------------------------------------------------------------------- angles

@@ -223,12 +223,18 @@ def exp2(emit, x):
 
 
 def expm1(emit, x):
-    """Return exp(x) - 1 = 2**n ((1 - 2**-n) + (exp(r) - 1))."""
+    """Return exp(x) - 1 = 2**n ((1 - 2**-n) + (exp(r) - 1)).
+
+    1 - 2**-n and r may cancel, so r**2 is in two parts.
+    """
     given = Number(emit, x)
     n, r, low = _less_log_2(given.within(-50.0, 710.0))
-    high, rest = _difference(1.0, _power_of_two(-1.0 * n.within(-99.0, 99.0)))
-    high, other = _sum(high, r)
-    low = (rest + other) + (low + (r * r) * _polynomial(_EXP, r))
+    z, error = _square(r)
+    of_cube = (r * z) * _polynomial(_EXP[1:], r)
+    high, first = _difference(1.0, _power_of_two(-1.0 * n.within(-99.0, 99.0)))
+    high, second = _sum(high, r)
+    high, third = _sum(high, 0.5 * z)
+    low = ((first + second) + third) + ((low + 0.5 * error) + of_cube)
     return given.equals(0.0).select(given, _scaled(high + low, n)).number
 
 
@@ -504,12 +510,13 @@ def _less_quarters(x):
     return n + _SHIFT, high, low
 
 
-def _sine_and_cosine(x):
+def _sine_and_cosine(x, of_tangent=False):
     """Return n + _SHIFT, and sin(r) and cos(r) in two parts, for x >= 0."""
     n, r, low = _less_quarters(x)
     z = r * r
-    half = 0.5 * z
-    cosine, rest = _difference(1.0, half)
+    cosine, rest = _difference(1.0, 0.5 * z)
+    if of_tangent:  # the errors of both, and of their quotient, make 1 ulp without that of r**2
+        rest = rest - 0.5 * _square(r)[1]
     sine = r, r * (z * _polynomial(_SIN, z)) + low * cosine
     return n, sine, (cosine, rest + ((z * z) * _polynomial(_COS, z) - r * low))
 
@@ -543,7 +550,7 @@ def cos(emit, x):
 def tan(emit, x):
     """Return the tangent, as the quotient of sine and cosine, or of minus cosine and sine."""
     x = Number(emit, x)
-    n, sine, cosine = _sine_and_cosine(abs(x))
+    n, sine, cosine = _sine_and_cosine(abs(x), of_tangent=True)
     is_odd = _is_odd(n)
     above = [is_odd.select(a, b) for a, b in zip(cosine, sine, strict=True)]
     below = [is_odd.select(-1.0 * a, b) for a, b in zip(sine, cosine, strict=True)]

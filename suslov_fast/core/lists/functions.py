@@ -3,7 +3,7 @@
 Each function takes `emit`, which adds an operation and returns the number of its value
 (`operations.Values`), and the numbers of its operands, and returns the number of its value. Lists
 have no branches and no FMA, so their bits are the same wherever they are carried out. Errors are
-at most 1 ulp, those of pow at most 2; special values are those of the C library.
+at most 1 ulp; special values are those of the C library.
 
 A number in two parts is a sum high + low, whose low part has less than an ulp of the high one.
 Coefficients of polynomials are minimax, by the algorithm of Remez with 300 bits, each rounded to a
@@ -488,7 +488,7 @@ _QUARTER = tuple(map(float.fromhex, (
     "0x1.921fb00000000p+0", "0x1.5110b00000000p-22", "0x1.1846980000000p-44",
     "0x1.3198800000000p-69", "0x1.1701b839a2520p-88",
 )))  # fmt: skip
-# (1 - sin(r) / r) / r**2 with its sign changed, and (cos(r) - 1 + r**2 / 2) / r**4, of r**2
+# (sin(r) - r) / r**3 and (cos(r) - 1 + r**2 / 2) / r**4, of r**2
 _SIN = tuple(map(float.fromhex, (
     "-0x1.5555555555549p-3", "0x1.111111110f892p-7", "-0x1.a01a019c1219dp-13",
     "0x1.71de3576bbc75p-19", "-0x1.ae5e64a8f48c2p-26", "0x1.5d925ec785876p-33",
@@ -517,7 +517,8 @@ def _sine_and_cosine(x, of_tangent=False):
     cosine, rest = _difference(1.0, 0.5 * z)
     if of_tangent:  # the errors of both, and of their quotient, make 1 ulp without that of r**2
         rest = rest - 0.5 * _square(r)[1]
-    sine = r, r * (z * _polynomial(_SIN, z)) + low * cosine
+    cube = r * z
+    sine = r, cube * _SIN[0] + (cube * (z * _polynomial(_SIN[1:], z)) + low * cosine)
     return n, sine, (cosine, rest + ((z * z) * _polynomial(_COS, z) - r * low))
 
 

@@ -1,0 +1,1 @@
+"""Lists of operations on numbers: right-hand sides, derivatives, elementary functions."""

@@ -150,8 +150,8 @@ class RightHandSide:
             evaluate(list_.operations, values)
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
         results = np.empty((len(list_.results), *shape))
-        for row, a in zip(results, list_.results, strict=True):
-            row[...] = a if isinstance(a, float) else values[a]
+        for k, a in enumerate(list_.results):
+            results[k] = a if isinstance(a, float) else values[a]
         return results
 
 

@@ -1,7 +1,7 @@
 """Derivatives of lists of operations, as lists: the chain rule from the state to the results."""
 
 from ..operations import OF_TRUTH_VALUES
-from .records import RECORDS
+from .records import RECORDS, power, same
 
 
 def gradients(values, operations, results, D):
@@ -12,8 +12,18 @@ def gradients(values, operations, results, D):
     rows = {i: {i: 1.0} for i in range(D)}
     for instruction, number, operands in operations:
         if number not in values.fixed and instruction not in OF_TRUTH_VALUES:
-            rows[number] = _row(values.emit, instruction, number, operands, rows)
+            rows[number] = _row_of(values, instruction, number, operands, rows)
     return [{} if isinstance(a, float) else dict(rows.get(a, {})) for a in results]
+
+
+def _row_of(values, instruction, number, operands, rows):
+    """Return the derivative of a value: of a power a**c, which products compute, c a**(c - 1)."""
+    name, of, *_ = values.written.get(number, ("", ()))
+    if name == "power" and isinstance(of[1], float) and not isinstance(of[0], float):
+        base, exponent = of
+        factor = values.emit("fmul", exponent, power(values, base, exponent - 1.0))
+        return _sum(values.emit, [(factor, rows.get(base, {}))])
+    return _row(values.emit, instruction, number, operands, rows)
 
 
 def _row(emit, instruction, number, operands, rows):
@@ -51,7 +61,7 @@ def _row(emit, instruction, number, operands, rows):
 
 
 def _chosen(emit, truth, a, b):
-    return a if a == b and type(a) is type(b) else emit("select", truth, a, b)
+    return a if same(a, b) else emit("select", truth, a, b)
 
 
 def _negative(emit, a):

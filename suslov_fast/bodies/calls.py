@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import short
 from ..core.lists.records import FUNCTIONS, OTHER_NAMES
 from .advice import (
     check_arguments,
@@ -17,7 +16,6 @@ from .advice import (
     explained,
     name_of,
     of_numpy,
-    prefixed,
     raise_explained,
 )
 from .symbolic import HOW, Symbol, Tracer, Untraceable
@@ -51,7 +49,7 @@ def _called(argument: str, f: Any, tracer: Tracer) -> list[Any]:
     try:
         result = f(tracer.state.copy(), **tracer.parameters)
     except Untraceable as error:
-        raise TypeError(prefixed(argument, f"{f_name}: {error}")) from None
+        raise TypeError(f"{argument}: {error}") from None
     except Exception as error:  # raised by f
         why = _of_package(error) or _of_math(error)
         raise_explained(argument, error, why or explained(error, f_name, names, False))
@@ -77,14 +75,17 @@ def _operand(tracer: Tracer, value: Any, name: str, argument: str) -> Any:
 
 def _of_package(error: Exception) -> str:
     """Return what to write in place of a function of NumPy or of a package."""
-    if function := of_numpy(error):
-        how = f"write {HOW[function]}" if function in HOW else "write formulas of its entries"
-        return f"f calls {function} of NumPy, which takes no symbols: {how}"
     text = str(error)
-    if "object arrays" in text or "not supported for the input types" in text:
-        how = "x is an array: write x in place of np.array(x), and expit(x[i]) for its components"
-        return f"{text.splitlines()[0]}: {how}"
-    return ""
+    function = of_numpy(error)
+    if found := re.search(r"ufunc '(\w+)' not supported", text):
+        function = found[1]
+        if function in FUNCTIONS:  # which has no loop for objects
+            how = f"x is an array, write {function}(x) in place of {function}(np.array(x))"
+            return f"{function} of an array made by np.array takes no symbols: {how}"
+    if not function:
+        return ""
+    how = f"write {HOW[function]}" if function in HOW else "write formulas of the entries"
+    return f"calls {function} of NumPy, which takes no symbols: {how}"
 
 
 def _of_math(error: Exception) -> str:
@@ -102,7 +103,7 @@ def _of_math(error: Exception) -> str:
         how = "write formulas of NumPy, and np.interp(x, knots, values) for a table or a spline"
         return f"a function of a package takes no symbols: {how}"
     segment = _segment(last)
-    line = (last.line or "").strip()
+    line = (segment or last.line or "").strip()
     if re.fullmatch(r"\w+\[.*\]", segment):  # the target of an assignment
         how = "return a tuple, or fill np.zeros(n, dtype=object) or np.zeros_like(x)"
         return f"{line}: an array of floats takes no symbols: {how}"

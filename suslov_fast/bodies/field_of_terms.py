@@ -84,7 +84,7 @@ class FieldOfFunction(Body):
         array([[ 5.,  2.],
                [-1.,  0.]])
         """
-        x = checks.states("x", x, self.names)
+        x = checks.states("x", x, self.names, later=True)
         right_hand_side, inputs = self._right_hand_side
         table = right_hand_side.table_of(inputs)
         found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)

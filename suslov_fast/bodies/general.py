@@ -28,6 +28,11 @@ from .texts import brief, values_of, written
 
 EQUATIONS, NAMES = "equations", "names of variables"
 _LONGEST = 300  # characters of a repr
+NO_MAP = (
+    "Kahan's map is that of equations of degree 2, and a Field has none: make it by "
+    "QuadraticField.from_function(f, names) for maps, use flow(field, x0, time=...) for the motion, "
+    "and scipy.optimize.root(field, x0, jac=field.jacobian) for equilibria"
+)
 
 
 class Equations:
@@ -181,8 +186,7 @@ class Field(FieldOfFunction):
         TypeError
             Always; make quadratic equations by :meth:`QuadraticField.from_function`.
         """
-        how = "for those of degree 2 use QuadraticField.from_function(f, names)"
-        raise TypeError(f"body: the equations of a Field have no quadratic terms: {how}")
+        raise TypeError(f"body: {NO_MAP}")
 
     @property
     def K(self) -> Any:
@@ -207,10 +211,19 @@ class Field(FieldOfFunction):
         return self._equations.right_hand_side, self._inputs
 
     def _value_at(self, x: Any) -> FloatArray:
-        x = checks.states("x", x, self.names)
+        x = checks.states("x", x, self.names, later=True)
         right_hand_side, inputs = self._right_hand_side
         found = right_hand_side.value(np.moveaxis(x, -1, 0), right_hand_side.table_of(inputs))
         return np.moveaxis(found, 0, -1)
+
+    def _value_of(self, name: str, x: Any) -> FloatArray:
+        """Return the value of `vector_field` or of `energy` at states."""
+        if name == "vector_field":
+            return self._value_at(x)
+        if self.H is None:
+            raise TypeError("body: this field has no Hamiltonian: make it by Field.from_hamiltonian")
+        values: FloatArray = self.H(x)
+        return values
 
     def _energy(self, x: FloatArray) -> Any:
         found = self._equations.energy(np.moveaxis(x, -1, 0), self._inputs)
@@ -425,7 +438,7 @@ class Energy:
         self._of = field
 
     def __call__(self, x: Any) -> Any:
-        return self._of._energy(checks.states("x", x, self._of.names))
+        return self._of._energy(checks.states("x", x, self._of.names, later=True))
 
     def __repr__(self) -> str:
         return self._of._equations.shown(self._of._equations.H)

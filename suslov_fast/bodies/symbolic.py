@@ -105,8 +105,8 @@ def constant(value: Any) -> float:
     if hasattr(value, "free_symbols") and value.free_symbols:
         how = "make a function of it by sympy.lambdify([names], list(expressions))"
         raise Untraceable(f"{short(value)} is an expression of SymPy: {how}")
-    is_number = hasattr(value, "as_integer_ratio") or hasattr(value, "free_symbols")
-    if not is_number or isinstance(value, (str, bytes)):
+    is_number = isinstance(value, np.number) or hasattr(value, "as_integer_ratio")
+    if not is_number and not hasattr(value, "free_symbols"):
         raise Untraceable(f"a number is wanted, not {short(value)}")
     try:
         number = float(value)
@@ -192,7 +192,8 @@ def _carried_out(
 ) -> Any:
     """Return what a function of NumPy is of symbolic numbers; `out` and `where` are honoured."""
     name, options = called.__name__, dict(options)
-    if called.signature is not None:  # of matrices: NumPy adds and multiplies objects
+    is_of_user = not hasattr(np, name) and name not in _METHODS and "(" in name  # by np.vectorize
+    if called.signature is not None or is_of_user:  # NumPy computes with objects
         return _wrapped(getattr(called, method)(*map(_base, inputs), **_bases(name, options)))
     function, _ = _function(name)
     if method == "__call__" and not options and not any(map(_is_array, inputs)):
@@ -342,6 +343,9 @@ class Symbols(np.ndarray[Any, Any]):
         return _of_function(called, args, options)
 
     def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, (Symbol, Symbols)):
+            how = "write np.where(condition, a, b), or a sum over all entries"
+            raise Untraceable(f"an index of an array depends on x, such as x[x > 0]: {how}")
         try:
             return super().__getitem__(index)
         except IndexError:
@@ -405,9 +409,6 @@ class Symbol:
 
     def __ceil__(self) -> Any:
         return applied("ceil", self)
-
-    def __trunc__(self) -> Any:
-        return applied("trunc", self)
 
     def __round__(self, digits: Any = None) -> Any:
         return _function("round")

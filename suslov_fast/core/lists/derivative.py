@@ -30,9 +30,8 @@ def _row(emit, instruction, number, operands, rows):
     """Return the derivative of the value of an operation."""
     of = [{} if isinstance(a, float) else rows.get(a, {}) for a in operands]
     if instruction in ("select", "max", "min"):  # the derivative of what is taken
-        truth, *taken = operands
+        truth = operands[0]
         if instruction != "select":
-            taken = operands
             if not (of[0] or of[1]):
                 return {}
             truth = emit("ogt" if instruction == "max" else "olt", *operands)

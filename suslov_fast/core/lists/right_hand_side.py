@@ -59,9 +59,9 @@ class Expressions(Values):
             if _is_1(a):
                 return b
             inner, of = self._parts_of(b)
-            if inner == "fmul" and isinstance(a, float) and isinstance(of[0], float):
-                if _is_power_of_2(a) or _is_power_of_2(of[0]):
-                    return self.emit("fmul", a * of[0], of[1])
+            has_constants = isinstance(a, float) and of and isinstance(of[0], float)
+            if inner == "fmul" and has_constants and any(map(_is_power_of_2, (a, of[0]))):
+                return self.emit("fmul", a * of[0], of[1])
             if inner == "fsub" and isinstance(a, float) and a == -1.0:
                 return self.emit("fsub", *of[::-1])
         if instruction in ("fadd", "fsub"):

@@ -167,7 +167,7 @@ class _FieldOfTerms(FieldOfFunction):
         return Terms(self._parts[INDICES], self._parts[VALUES]).floats
 
     @cached_property
-    def _right_hand_side(self) -> tuple[Any, FloatArray]:  # type: ignore[override]
+    def _right_hand_side(self) -> tuple[Any, FloatArray]:
         """f as a `RightHandSide`, and its parameters (P, ...) of all members."""
         indices, values = self._terms
         rows = values.reshape(-1, values.shape[-1])

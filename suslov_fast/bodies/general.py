@@ -365,7 +365,7 @@ class Field(FieldOfFunction):
         return self._with(self._parts | named(parameters, self.names))
 
     @property
-    def _remake(self) -> Any:  # type: ignore[override]
+    def _remake(self) -> Any:
         return self.with_parameters
 
     def __repr__(self) -> str:

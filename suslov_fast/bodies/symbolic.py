@@ -137,7 +137,8 @@ def applied(name: str, *values: Any) -> Any:
 
 def _is_truth(value: Any) -> bool:
     if isinstance(value, Symbol):
-        return value.tracer.is_truth(value.operand)
+        is_truth: bool = value.tracer.is_truth(value.operand)
+        return is_truth
     return isinstance(value, (bool, np.bool_))
 
 
@@ -336,8 +337,8 @@ class Symbols(np.ndarray[Any, Any]):
         state: Symbols = array.view(cls)
         return state
 
-    def __array_ufunc__(self, called: Any, method: str, *inputs: Any, **options: Any) -> Any:
-        return _carried_out(called, method, inputs, options)
+    def __array_ufunc__(self, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
+        return _carried_out(ufunc, method, inputs, kwargs)
 
     def __array_function__(self, called: Any, _: Any, args: Any, options: Any) -> Any:
         return _of_function(called, args, options)
@@ -379,8 +380,8 @@ class Symbol:
     def __init__(self, tracer: Tracer, operand: Any) -> None:
         self.tracer, self.operand = tracer, operand
 
-    def __array_ufunc__(self, called: Any, method: str, *inputs: Any, **options: Any) -> Any:
-        return _carried_out(called, method, inputs, options)
+    def __array_ufunc__(self, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
+        return _carried_out(ufunc, method, inputs, kwargs)
 
     def __array_function__(self, called: Any, _: Any, args: Any, options: Any) -> Any:
         return _of_function(called, args, options)

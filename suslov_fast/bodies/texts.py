@@ -147,7 +147,7 @@ def _numbers(operands: Sequence[Any]) -> set[int]:
 
 
 # --------------------------------------------------------------------------------- reading
-_BINARY: dict[type, Callable[[Any, Any], Any]] = {
+_OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
     ast.Div: operator.truediv, ast.Pow: operator.pow, ast.Mod: operator.mod,
     ast.FloorDiv: operator.floordiv, ast.BitAnd: operator.and_, ast.BitOr: operator.or_,
@@ -159,16 +159,18 @@ _CHARACTERS = re.compile(r"[\w\s.,()+*/%<>=!&|^~-]*")
 
 
 def values_of(
-    texts: Iterable[tuple[str, Any]],
+    texts: Iterable[tuple[Any, Any]],
     names: Mapping[str, Any],
     calls: Callable[[str, Sequence[Any]], Any],
-) -> dict[str, Any]:
+) -> dict[Any, Any]:
     """Return the values of texts by their names; each may use the names before it.
 
     `names` are the symbols of variables and parameters; calls(function, arguments) is the value of
     a function by its name.
     """
-    known, found, length = dict(names), {}, 0
+    known: dict[Any, Any] = dict(names)
+    found: dict[Any, Any] = {}
+    length = 0
     for name, text in texts:
         length += len(text) if isinstance(text, str) else 0
         if length > _MOST_TEXT:
@@ -201,12 +203,12 @@ def _value(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any:
     value = _of_part(node, known, calls, depth + 1)
     for each in reversed(chain):
         right = _value(each.right, known, calls, depth + 1)
-        value = _BINARY[type(each.op)](value, right) if type(each.op) in _BINARY else _no(each)
+        value = _OPERATORS[type(each.op)](value, right) if type(each.op) in _OPERATORS else _no(each)
     return value
 
 
 def _of_part(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any:
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
         return float(node.value)
     if isinstance(node, ast.Name):
         if node.id in known:
@@ -214,11 +216,11 @@ def _of_part(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any
         if node.id in ("inf", "nan"):
             return float(node.id)
         raise ValueError(f"equations: {short(node.id)} is no name of theirs")
-    if isinstance(node, ast.UnaryOp) and type(node.op) in _BINARY:
-        return _BINARY[type(node.op)](_value(node.operand, known, calls, depth))  # type: ignore[call-arg]
-    if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in _BINARY:
+    if isinstance(node, ast.UnaryOp) and type(node.op) in _OPERATORS:
+        return _OPERATORS[type(node.op)](_value(node.operand, known, calls, depth))
+    if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in _OPERATORS:
         sides = (_value(side, known, calls, depth) for side in (node.left, node.comparators[0]))
-        return _BINARY[type(node.ops[0])](*sides)
+        return _OPERATORS[type(node.ops[0])](*sides)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         return calls(node.func.id, [_value(each, known, calls, depth) for each in node.args])
     if isinstance(node, ast.Tuple):

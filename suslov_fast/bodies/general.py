@@ -29,9 +29,9 @@ from .texts import brief, values_of, written
 EQUATIONS, NAMES = "equations", "names of variables"
 _LONGEST = 300  # characters of a repr
 NO_MAP = (
-    "Kahan's map is that of equations of degree 2, and a Field has none: make it by "
-    "QuadraticField.from_function(f, names) for maps, use flow(field, x0, time=...) for the motion, "
-    "and scipy.optimize.root(field, x0, jac=field.jacobian) for equilibria"
+    "a Field has a motion, flow(field, x0, time=...), and no map: for equations of degree 2 use "
+    "QuadraticField.from_function(f, names), and for equilibria "
+    "scipy.optimize.root(field, x0, jac=field.jacobian)"
 )
 
 
@@ -221,7 +221,9 @@ class Field(FieldOfFunction):
         if name == "vector_field":
             return self._value_at(x)
         if self.H is None:
-            raise TypeError("body: this field has no Hamiltonian: make it by Field.from_hamiltonian")
+            raise TypeError(
+                "body: this field has no Hamiltonian: make it by Field.from_hamiltonian"
+            )
         values: FloatArray = self.H(x)
         return values
 

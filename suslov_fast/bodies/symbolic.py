@@ -68,6 +68,8 @@ class Tracer:
 
     def number(self, value: Any) -> Any:
         """Return the operand of a number; a truth value counts as 0 or 1."""
+        if type(value) is float:
+            return value
         operand = self.operand(value)
         if isinstance(operand, bool):
             return float(operand)
@@ -117,8 +119,11 @@ def constant(value: Any) -> float:
 
 def applied(name: str, *values: Any) -> Any:
     """Return the value of a function of numbers, some of which may be symbolic."""
-    tracer = next((a.tracer for a in values if isinstance(a, Symbol)), None)
-    if tracer is None:  # entries of arrays may be numbers
+    for value in values:
+        if isinstance(value, Symbol):
+            tracer = value.tracer
+            break
+    else:  # entries of arrays may be numbers
         return _of_numbers(name, values)
     if name == "where":
         condition, *rest = values

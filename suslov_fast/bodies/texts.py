@@ -203,7 +203,9 @@ def _value(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any:
     value = _of_part(node, known, calls, depth + 1)
     for each in reversed(chain):
         right = _value(each.right, known, calls, depth + 1)
-        value = _OPERATORS[type(each.op)](value, right) if type(each.op) in _OPERATORS else _no(each)
+        value = (
+            _OPERATORS[type(each.op)](value, right) if type(each.op) in _OPERATORS else _no(each)
+        )
     return value
 
 

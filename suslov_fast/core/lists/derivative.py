@@ -71,13 +71,16 @@ def _sum(emit, parts):
     """Return the sum of factors times derivatives."""
     total = {}
     for factor, row in parts:
+        sign = factor if isinstance(factor, float) and factor in (-1.0, 0.0, 1.0) else None
+        if sign == 0.0 or not row:
+            continue
+        if sign == 1.0 and not total:
+            total = dict(row)
+            continue
         for j, slope in row.items():
-            if isinstance(factor, float) and factor == 0.0:
-                continue
-            if factor == -1.0 and isinstance(factor, float):
-                difference = emit("fsub", total[j], slope) if j in total else None
-                total[j] = _negative(emit, slope) if difference is None else difference
-                continue
-            product = emit("fmul", factor, slope)
-            total[j] = emit("fadd", total[j], product) if j in total else product
+            part = emit("fmul", factor, slope) if sign is None else slope
+            if j in total:
+                total[j] = emit("fsub" if sign == -1.0 else "fadd", total[j], part)
+            else:
+                total[j] = _negative(emit, part) if sign == -1.0 else part
     return total

@@ -299,7 +299,7 @@ def _first_knot(row):
 
 def same(a, b):
     """Return whether two operands are the same number of a value, or the same constant."""
-    return type(a) is type(b) and repr(a) == repr(b)
+    return type(a) is type(b) and (a == b if type(a) is int else repr(a) == repr(b))
 
 
 def _sum(values, a, b):

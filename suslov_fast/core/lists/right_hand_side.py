@@ -8,7 +8,7 @@ import numpy as np
 
 from ..operations import FUNCTIONS, OF_NUMBERS, OF_TRUTH_VALUES, Values, evaluate
 from .derivative import gradients
-from .records import RECORDS
+from .records import RECORDS, same
 
 
 class List(NamedTuple):
@@ -31,18 +31,25 @@ class Expressions(Values):
 
     def emit(self, instruction, *operands):
         """Return the number of a value, or the constant that it is."""
-        if instruction in OF_NUMBERS and all(isinstance(a, float) for a in operands):
+        # Constants by their texts: a constant is no number of a value, and 0 has a sign.
+        key = instruction, *operands
+        if float in map(type, operands):
+            key = instruction, *(repr(a) if type(a) is float else a for a in operands)
+        if key not in self._known:
+            self._known[key] = self._new(instruction, operands)
+        return self._known[key]
+
+    def _new(self, instruction, operands):
+        is_constant = all(type(a) is float for a in operands)
+        if is_constant and instruction in OF_NUMBERS:
             with np.errstate(all="ignore"):
                 return float(FUNCTIONS[instruction](*operands))
         simple = self._simpler(instruction, operands)
         if simple is not None:
             return simple
-        # A constant 0 has a sign.
-        key = instruction, *(repr(a) if isinstance(a, float) else a for a in operands)
-        if key not in self._known:
-            number = self._known[key] = super().emit(instruction, *operands)
-            self.of[number] = instruction, operands
-        return self._known[key]
+        number = super().emit(instruction, *operands)
+        self.of[number] = instruction, operands
+        return number
 
     def _parts_of(self, operand):
         """Return the instruction and the operands of a value; nothing for a constant."""
@@ -69,7 +76,7 @@ class Expressions(Values):
             if inner == "fmul" and isinstance(of[0], float) and of[0] == -1.0:
                 other = "fsub" if instruction == "fadd" else "fadd"
                 return self.emit(other, operands[0], of[1])
-        if instruction == "select" and repr(operands[1]) == repr(operands[2]):
+        if instruction == "select" and same(*operands[1:]):
             return operands[1]
         return None
 

@@ -8,7 +8,12 @@ import numpy as np
 
 from ..operations import FUNCTIONS, OF_NUMBERS, OF_TRUTH_VALUES, Values, evaluate
 from .derivative import gradients
+from .grouped import Groups
 from .records import RECORDS, same
+
+
+# Lists of more operations are carried out in groups, at fewer than MANY states.
+_FEW, _MANY = 32, 1024
 
 
 class List(NamedTuple):
@@ -215,21 +220,31 @@ class RightHandSide:
 
     def value(self, x, table):
         """Return f (D, ...) at states (D, ...)."""
-        return self._carried_out(self.f, x, table)
+        return self._carried_out(self.f, "_groups_of_f", x, table)
 
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states (D, ...)."""
-        entries = self._carried_out(self.derivative, x, table)
+        entries = self._carried_out(self.derivative, "_groups_of_derivative", x, table)
         matrix = np.zeros((self.D, self.D, *entries.shape[1:]))
         for place, entry in zip(self.pattern, entries, strict=True):
             matrix[place] = entry
         return matrix
 
-    def _carried_out(self, list_, x, table):
-        values = dict(enumerate(x)) | dict(zip(self.table, table, strict=True))
-        with np.errstate(all="ignore"):
-            evaluate(list_.operations, values)
+    @functools.cached_property
+    def _groups_of_f(self):
+        return Groups(self.f, [*range(self.D), *self.table])
+
+    @functools.cached_property
+    def _groups_of_derivative(self):
+        return Groups(self.derivative, [*range(self.D), *self.table])
+
+    def _carried_out(self, list_, groups, x, table):
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
+        with np.errstate(all="ignore"):
+            if len(list_.operations) > _FEW and math.prod(shape) < _MANY:
+                return getattr(self, groups).carried_out([*x, *table], shape)
+            values = dict(enumerate(x)) | dict(zip(self.table, table, strict=True))
+            evaluate(list_.operations, values)
         results = np.empty((len(list_.results), *shape))
         for k, a in enumerate(list_.results):
             results[k] = a if isinstance(a, float) else values[a]

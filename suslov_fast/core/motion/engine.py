@@ -1,0 +1,142 @@
+"""The motion of trajectories at given times: blocks of lines, and which code takes them."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..machine_code import call, compiled
+from ..pool import in_parts
+from .half import Half
+from .rows import State
+from .rules import first_part, limit_of
+from .text import SLOT, Arguments, Numbers, text_of_half
+
+WIDTH = 8  # lanes of a line
+BLOCK = 1024  # trajectories that one thread takes at a time
+BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
+
+
+class Settings(NamedTuple):
+    """What all trajectories of a motion share."""
+
+    rtol: float
+    atol: np.ndarray | None  # (D,)
+    longest: float  # step
+    stiff: bool | None  # whether all steps are implicit, None to choose
+
+
+class Motion:
+    """Trajectories x0 (B, D) of x' = f(x) at ascending moduli of times, forward or backward.
+
+    table    values of `RightHandSide.table`: (n,), or (B, n) for each trajectory
+    sign     1 or -1, forward or backward in time
+    states   (count, B, D), to which the states are written; where a solution has ended they stay
+    """
+
+    def __init__(self, f, table, x0, times, sign, settings, states):
+        self.f, self.table, self.x0, self.states = f, table, x0, states
+        self.settings, self.times = settings, np.ascontiguousarray(times, np.float64)
+        D, atol = f.D, settings.atol
+        is_clock = np.zeros(D, bool)
+        is_clock[f.clocks] = True
+        self.extra = np.where(is_clock, np.inf, 0.0 if atol is None else atol)
+        self.counts, self.keeps = np.where(is_clock, 0.0, 1.0), np.zeros(D)
+        self.keeps[f.of_one_sign] = 1.0
+        self.seeds = 2.0**-10 * np.cos(np.arange(D) * 2.0 + 1.0)
+        last = self.times[-1]
+        longest = min(settings.longest, last / 32 if f.clocks else np.inf)
+        limit = limit_of(settings.rtol)
+        first = State.IMPLICIT if settings.stiff else State.EXPLICIT
+        self.numbers = np.array(Numbers(
+            settings.rtol, last, sign, first_part(settings.rtol), longest, limit,
+            float(settings.stiff is None), self.times[0], float(first),
+        ))  # fmt: skip
+        self.half = [Half(f, is_implicit, atol is not None) for is_implicit in (False, True)]
+        self.t, self.steps = np.zeros(len(x0)), np.zeros(len(x0), np.int64)
+        self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
+
+    def run(self, threads=1):
+        """Take all steps; `t`, `steps` and `state` tell how trajectories end."""
+        B = len(self.x0)
+        size = min(BLOCK, max(-(-B // (threads * WIDTH)) * WIDTH, WIDTH))
+        blocks = [slice(first, min(first + size, B)) for first in range(0, B, size)]
+        abandoned = []
+        if threads == 1 or len(blocks) == 1:
+            for block in blocks:
+                self._take(block, abandoned)
+        else:
+            in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned)
+
+    def _take(self, block, abandoned):
+        """Take all steps of a block of trajectories."""
+        rows, B = self.half[0].rows, block.stop - block.start
+        flat = np.zeros((B, rows.size))
+        flat[:, : self.f.D] = self.x0[block]
+        flat[:, rows.state] = -1.0
+        flat[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
+        which, is_implicit = np.arange(B), bool(self.settings.stiff)
+        while which.size and not abandoned:
+            lines = self._lines(flat, which, -2.0)
+            table = self._table(block, which)
+            self._steps(lines, table, is_implicit, abandoned)
+            back = lines.transpose(0, 2, 1).reshape(-1, rows.size)[: len(which)]
+            if which.size == B:
+                flat = np.ascontiguousarray(back)
+            else:
+                flat[which] = back
+            state = flat[:, rows.state]
+            is_implicit = not is_implicit
+            which = np.flatnonzero(state == float(is_implicit))
+            if not which.size:
+                is_implicit = not is_implicit
+                which = np.flatnonzero(state == float(is_implicit))
+            if is_implicit:
+                new = which[flat[which, rows.steps] >= 0]
+                del new
+        self.t[block], self.steps[block] = flat[:, rows.t], flat[:, rows.steps]
+        self.state[block] = flat[:, rows.state]
+
+    def _lines(self, flat, which, filling):
+        """Return trajectories as lines; the last is filled with lanes that are done."""
+        W = 1 if len(flat) == 1 else WIDTH
+        count = -(-len(which) // W)
+        chosen = np.concatenate([which, np.repeat(which[-1:], count * W - len(which))])
+        lines = np.ascontiguousarray(flat[chosen].reshape(count, W, -1).transpose(0, 2, 1))
+        if count * W > len(which):
+            row = self.half[0].rows.state
+            is_new = lines[-1, row] < 0.0
+            is_filling = np.arange(W) >= len(which) - (count - 1) * W
+            lines[-1, row, is_filling] = np.where(is_new, filling, State.DONE)[is_filling]
+        return lines
+
+    def _table(self, block, which):
+        if self.table.ndim == 1:
+            return self.table
+        W = 1 if block.stop - block.start == 1 else WIDTH
+        own = self.table[block][which]
+        count = -(-len(which) // W)
+        chosen = np.concatenate([own, np.repeat(own[-1:], count * W - len(which), 0)])
+        return np.ascontiguousarray(chosen.reshape(count, W, -1).transpose(0, 2, 1))
+
+    def _steps(self, lines, table, is_implicit, abandoned):
+        """Take steps of one half in all lines, until no lane is in it."""
+        half, W = self.half[is_implicit], lines.shape[2]
+        for_each = table.ndim > 1
+        code = compiled(
+            ("motion", half.key, W, for_each),
+            lambda name: text_of_half(half, name, W, for_each),
+        )
+        work = np.zeros((half.work.size + 8) * W)
+        first = -work.ctypes.data // 8 % W
+        arguments = np.array(Arguments(
+            rows=lines.ctypes.data, lines=len(lines), line=0, budget=0, table=table.ctypes.data,
+            table_bytes=table[0].nbytes if for_each else 0, work=work[first:].ctypes.data,
+            numbers=self.numbers.ctypes.data, extra=self.extra.ctypes.data,
+            counts=self.counts.ctypes.data, keeps=self.keeps.ctypes.data,
+            seeds=self.seeds.ctypes.data, times=self.times.ctypes.data, count=len(self.times),
+            states=self.states.ctypes.data, state_bytes=self.states.strides[0],
+        ), np.int64)  # fmt: skip
+        while not abandoned:
+            arguments[SLOT.budget] = BUDGET // (len(half.f.f.operations) + 16)
+            if call(code, arguments):
+                break

@@ -1,0 +1,754 @@
+"""Machine code of the motion: the whole step of a line of lanes as LLVM's text, for each half.
+
+The two halves share everything but their columns and the rule for the next step. Lists of
+operations (`RightHandSide`, `Elimination`, `rules`) are straight-line code; this file has the
+control around them. Rows stand in memory, and loops over components are written out for few.
+"""
+
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import numpy as np
+
+from ..machine_code import Text, pointer
+from . import rules
+from .columns import (
+    EXPLICIT,
+    IMPLICIT,
+    weights,
+    weights_of_errors,
+    weights_of_few,
+)
+from .rows import State
+
+WRITTEN_OUT = 16  # components of which loops are written out
+INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
+
+
+class Arguments(NamedTuple):
+    """The integers of an array that the code takes."""
+
+    rows: int  # address of the lines (lines, rows, W)
+    lines: int
+    line: int  # the first line to take; the code writes where it stopped
+    budget: int  # steps of lines, after which the code returns
+    table: int  # address of the table (n,) or (lines, n, W)
+    table_bytes: int  # from line to line, 0 if all have the same
+    work: int  # address of the rows of `Work`
+    numbers: int  # address of `Numbers`
+    extra: int  # address of what is added to the allowed errors: atol, infinity for clocks (D)
+    counts: int  # address of 1 for components, 0 for clocks (D)
+    keeps: int  # address of 1 for components that keep their sign, else 0 (D)
+    seeds: int  # address of what is added to vectors of the power iteration (D)
+    times: int  # address of the moduli of times, ascending (count,)
+    count: int
+    states: int  # address of the states at these times (count, trajectories, D)
+    state_bytes: int  # of one time
+
+
+class Numbers(NamedTuple):
+    """The numbers that all lanes share."""
+
+    rtol: float
+    last: float  # modulus of the last time
+    sign: float  # 1 or -1, forward or backward in time
+    part: float  # see `rules.first_part`
+    longest: float  # step
+    limit: float  # see `rules.limit_of`
+    switches: float  # 1 if lanes may change to the other half, else 0
+    first_next: float  # the first time
+    first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
+
+
+SLOT, NUMBER = Arguments(*range(len(Arguments._fields))), Numbers(*range(len(Numbers._fields)))
+
+
+class Code(Text):
+    """Text with loops and conditions, for the rows of lines."""
+
+    def __init__(self, W):
+        super().__init__(W)
+        self.blocks, self.size = 0, 8 * W
+
+    def _name(self, kind):
+        self.blocks += 1
+        return f"{kind}{self.blocks}"
+
+    @contextmanager
+    def when(self, truth, likely=False):
+        """Add a block that is carried out if a truth value is true."""
+        name = self._name("when")
+        self.branch(truth, name, f"{name}_after", likely)
+        self.label(name)
+        yield
+        self.jump(f"{name}_after")
+        self.label(f"{name}_after")
+
+    @contextmanager
+    def times(self, count):
+        """Add a loop over 1 or more indices."""
+        with self.loop(self._name("loop"), count) as index:
+            yield index
+
+    @contextmanager
+    def repeat(self):
+        """Add a loop that goes on while the truth value is true that the block appends."""
+        name, goes_on = self._name("repeat"), []
+        self.jump(name)
+        self.label(name)
+        yield goes_on
+        self.branch(goes_on[0], name, f"{name}_after")
+        self.label(f"{name}_after")
+
+    def each(self, D):
+        """Yield the index of each of D components, or that of a loop over them."""
+        if D <= WRITTEN_OUT:
+            yield from range(D)
+        else:
+            with self.times(D) as i:
+                yield i
+
+    def place(self, base, first, i=0):
+        """Return the address of row first + i from an address on."""
+        if isinstance(i, int):
+            return self.plus(base, self.size * (first + i))
+        offset = self.integer("mul", i, self.size)
+        return self.integer("add", self.plus(base, self.size * first), offset)
+
+    def row(self, base, first, i=0):
+        return self.load(self.V, self.place(base, first, i))
+
+    def put(self, value, base, first, i=0):
+        self.store_chosen(value, self.place(base, first, i))
+
+    def shared(self, address):
+        """Return a number at an address, in all lanes."""
+        number = self.load("double", address)
+        return number if self.W == 1 else self.splat(number, self.W)
+
+    def at(self, address, i):
+        """Return the address of the i-th number of 8 bytes."""
+        if isinstance(i, int):
+            return self.plus(address, 8 * i)
+        return self.integer("add", address, self.integer("mul", i, 8))
+
+    def apply(self, rule, **inputs):
+        """Carry out a rule; return its results by name."""
+        values = {k: inputs[name] for k, name in enumerate(rule.inputs)}
+        self.carry_out(rule.operations, values, None)
+        return {
+            name: self.constant(a) if isinstance(a, float) else values[a]
+            for name, a in rule.results.items()
+        }
+
+    def any(self, truth):
+        """Return whether the truth value of some lane is true."""
+        if self.W == 1:
+            return truth
+        return self.new(f"icmp ne i{self.W} {self.new(f'bitcast {self.M} {truth} to i{self.W}')}, 0")
+
+
+def text_of_half(half, name, W, for_each):
+    """Return the text of i64 name(arguments), see `Arguments`, for a `Half`.
+
+    It takes steps of all lines, as long as a lane is in this half, and returns 1; or 0 when the
+    budget is spent, to go on in the next call.
+    """
+    return _Steps(half, name, W, for_each).finished()
+
+
+class _Steps:
+    """The text of the steps of one half, block by block."""
+
+    def __init__(self, half, name, W, for_each):
+        self.half, self.name, self.for_each = half, name, for_each
+        self.text, self.f, self.D = Code(W), half.f, half.f.D
+        self.extended = self.D + len(self.f.denominators)
+        self.rows, self.work = half.rows, half.work
+        self.columns = IMPLICIT if half.is_implicit else EXPLICIT
+        self.p = 1 if half.is_implicit else 2
+        self.is_inlined = len(self.f.f.operations) <= INLINED and self.D <= WRITTEN_OUT
+
+    def finished(self):
+        """Return the whole text."""
+        f, elimination = self.f, self.half.elimination
+        self.function("f", [*f.f.results, *f.denominators], f.f.operations, f.D)
+        if self.half.is_implicit:
+            self.function("j", f.derivative.results, f.derivative.operations, f.D)
+            self.function("factor", *elimination.factors[::-1], len(f.pattern) + 1)
+            power = self.half.power
+            self.function("power", *power[::-1], len(f.pattern) + 1 + f.D)
+            self.solve_function()
+        self.columns_function()
+        self.main()
+        text = self.text.finished()
+        return "\n".join([*self.half_constants(), text])
+
+    # ------------------------------------------------------------------------------------ functions
+    def function(self, name, results, operations, inputs):
+        """Add void name(from, table, to): a list whose first values are rows from an address on."""
+        text = self.text
+        text.add(f"define internal void @{self.name}_{name}(i64 %from, i64 %table, i64 %to) #0 {{")
+        text.label("entry")
+        values = {}
+        load = self.loader(lambda k: text.row("%from", k), inputs, "%table")
+        text.carry_out(operations, values, load)
+        for k, a in enumerate(results):
+            value = text.constant(a) if isinstance(a, float) else values.get(a) or load(a)
+            text.put(value, "%to", k)
+        text.add("  ret void")
+        text.add("}")
+
+    def loader(self, of_state, inputs, table):
+        """Return the function that loads an input by its number, or a value of the table."""
+        text, places = self.text, self.f.places
+
+        def load(number):
+            if number < inputs:
+                return of_state(number)
+            if self.for_each:
+                return text.row(table, places[number])
+            return text.shared(text.plus(table, 8 * places[number]))
+
+        return load
+
+    def call(self, name, *addresses):
+        numbers = ", ".join(f"i64 {address}" for address in addresses)
+        self.text.add(f"  call void @{self.name}_{name}({numbers})")
+
+    def solve_function(self):
+        """Add void solve(factors, right): right becomes A**-1 right."""
+        text, list_ = self.text, self.half.elimination.solution
+        count = len(self.half.elimination.factors.results)
+        text.add(f"define internal void @{self.name}_solve(i64 %factors, i64 %right) #0 {{")
+        text.label("entry")
+        values = {}
+
+        def load(number):
+            if number < count:
+                return text.row("%factors", number)
+            return text.row("%right", number - count)
+
+        text.carry_out(list_.operations, values, load)
+        for k, a in enumerate(list_.results):
+            text.put(values.get(a) or load(a), "%right", k)
+        text.add("  ret void")
+        text.add("}")
+
+    def half_constants(self):
+        """Return the lines that define the lengths of columns, and their inverses."""
+        integers = ", ".join(f"i64 {n}" for n in self.columns)
+        inverses = ", ".join(f"double {_bits(1.0 / n)}" for n in self.columns)
+        K = len(self.columns)
+        return [
+            f"@{self.name}_lengths = private constant [{K} x i64] [{integers}]",
+            f"@{self.name}_inverses = private constant [{K} x double] [{inverses}]",
+        ]
+
+    # -------------------------------------------------------------------------------------- columns
+    def columns_function(self):
+        """Add void columns(x, f, table, work, count): the ends y_c - x of the first columns.
+
+        `x` and `f` are the addresses of the rows of a state and of f there. The length of the step
+        is in the row `signed` of `work`.
+        """
+        text, work = self.text, self.work
+        text.add(f"define internal void @{self.name}_columns(i64 %x, i64 %f, i64 %table, "
+                 "i64 %work, i64 %count) #0 {")  # fmt: skip
+        text.label("entry")
+        lengths = text.new(f"ptrtoint {pointer(f'[{len(self.columns)} x i64]')} "
+                           f"@{self.name}_lengths to i64")  # fmt: skip
+        inverses = text.new(f"ptrtoint {pointer(f'[{len(self.columns)} x double]')} "
+                            f"@{self.name}_inverses to i64")  # fmt: skip
+        with text.times("%count") as c:
+            N = text.load("i64", text.at(lengths, c))
+            s = text.operate("fmul", text.row("%work", work.signed),
+                             text.shared(text.at(inverses, c)))  # fmt: skip
+            ends = text.place("%work", work.ends, text.integer("mul", c, self.D))
+            if self.half.is_implicit:
+                self.implicit_column(N, s, ends)
+            else:
+                self.explicit_column(N, s, ends)
+        text.add("  ret void")
+        text.add("}")
+
+    def explicit_column(self, N, s, ends):
+        """Add Gragg's midpoint rule with smoothing; y_N stays in the rows `a`."""
+        text, work, D = self.text, self.work, self.D
+        double = text.operate("fadd", s, s)
+        for i in text.each(D):
+            x = text.row("%x", 0, i)
+            text.put(x, "%work", work.a, i)
+            text.put(self.plus(x, s, text.row("%f", 0, i)), "%work", work.b, i)
+        pairs = text.integer("lshr", N, 1)
+        with text.times(pairs) as m:
+            is_last = text.compare_integers("eq", text.integer("add", m, 1), pairs)
+            kind = text.V
+            factor = text.new(f"select i1 {is_last}, {kind} {s}, {kind} {double}")
+            if self.is_inlined:
+                b = [text.row("%work", work.b, i) for i in range(D)]
+                of_b = self.inlined(b)
+                a = [self.plus(text.row("%work", work.a, i), double, of_b[i]) for i in range(D)]
+                for i in range(D):
+                    text.put(a[i], "%work", work.a, i)
+                of_a = self.inlined(a)
+                for i in range(D):
+                    text.put(self.plus(b[i], factor, of_a[i]), "%work", work.b, i)
+                with text.when(is_last):
+                    for i in range(D):
+                        text.put(of_a[i], "%work", work.f_last, i)
+            else:
+                self.sub_step(work.b, work.a, double)
+                self.sub_step(work.a, work.b, factor)
+        for i in text.each(D):
+            total = text.operate(
+                "fadd", text.row("%work", work.a, i), text.row("%work", work.b, i)
+            )
+            end = text.operate("fmul", total, text.constant(0.5))
+            text.put(text.operate("fsub", end, text.row("%x", 0, i)), ends, 0, i)
+
+    def sub_step(self, of, to, factor):
+        """Add factor f(y) to rows, by a call; `f_last` keeps the value of f."""
+        text, work = self.text, self.work
+        place = text.place("%work", work.f_last)
+        self.call("f", text.place("%work", of), "%table", place)
+        for i in text.each(self.D):
+            value = self.plus(text.row("%work", to, i), factor, text.row("%work", work.f_last, i))
+            text.put(value, "%work", to, i)
+
+    def plus(self, a, factor, b):
+        return self.text.operate("fadd", a, self.text.operate("fmul", factor, b))
+
+    def inlined(self, x):
+        """Return f at a state in registers."""
+        values, text = {}, self.text
+        load = self.loader(lambda k: x[k], self.D, "%table")
+        text.carry_out(self.f.f.operations, values, load)
+        return [
+            text.constant(a) if isinstance(a, float) else values.get(a) or load(a)
+            for a in self.f.f.results
+        ]
+
+    def implicit_column(self, N, s, ends):
+        """Add the linearly implicit Euler rule; `a` is the sum of increments."""
+        text, work, D = self.text, self.work, self.D
+        text.put(s, "%work", work.jacobian, len(self.f.pattern))
+        jacobian, factors = (text.place("%work", k) for k in (work.jacobian, work.factors))
+        self.call("factor", jacobian, "%table", factors)
+        right = text.place("%work", work.right)
+        for i in text.each(D):
+            text.put(text.operate("fmul", s, text.row("%f", 0, i)), "%work", work.right, i)
+        self.call("solve", factors, right)
+        for i in text.each(D):
+            text.put(text.row("%work", work.right, i), ends, 0, i)
+        with text.times(text.integer("sub", N, 1)):
+            for i in text.each(D):
+                y = text.operate("fadd", text.row("%x", 0, i), text.row(ends, 0, i))
+                text.put(y, "%work", work.a, i)
+            self.call("f", text.place("%work", work.a), "%table", text.place("%work", work.b))
+            for i in text.each(D):
+                value = text.operate("fmul", s, text.row("%work", work.b, i))
+                text.put(value, "%work", work.right, i)
+            self.call("solve", factors, right)
+            for i in text.each(D):
+                total = text.operate(
+                    "fadd", text.row(ends, 0, i), text.row("%work", work.right, i)
+                )
+                text.put(total, ends, 0, i)
+
+    # ----------------------------------------------------------------------------------- whole step
+    def main(self):
+        """Add the function that takes steps of all lines."""
+        text = self.text
+        text.add(f"define i64 @{self.name}(i64 %arguments) #0 {{")
+        text.label("entry")
+        self.of = Arguments(*(text.load("i64", text.plus("%arguments", 8 * k)) for k in SLOT))
+        with text.repeat() as more_lines:
+            number = text.load("i64", text.plus("%arguments", 8 * SLOT.line))
+            offset = text.integer("mul", number, self.rows.size * text.size)
+            self.line = text.integer("add", self.of.rows, offset)
+            self.table = text.integer(
+                "add", self.of.table, text.integer("mul", number, self.of.table_bytes)
+            )
+            state = text.row(self.line, self.rows.state)
+            with text.when(text.any(text.compare("olt", state, text.constant(0.0)))):
+                self.begin()
+            with text.repeat() as more_steps:
+                self.choose_length()
+                is_active = text.compare("ogt", text.row(self.of.work, self.work.taken),
+                                         text.constant(0.0))  # fmt: skip
+                is_active = text.any(is_active)
+                with text.when(is_active, likely=True):
+                    self.pause_if_spent()
+                    self.step()
+                more_steps.append(is_active)
+            following = text.integer("add", number, 1)
+            text.store("i64", following, text.plus("%arguments", 8 * SLOT.line))
+            more_lines.append(text.compare_integers("ult", following, self.of.lines))
+        text.add("  ret i64 1")
+
+    def pause_if_spent(self):
+        """Return 0 where the budget is spent."""
+        text, slot = self.text, self.text.plus("%arguments", 8 * SLOT.budget)
+        left = text.load("i64", slot)
+        with text.when(text.compare_integers("sle", left, 0)):
+            text.add("  ret i64 0")
+            text.label(text._name("never"))
+        text.store("i64", text.integer("sub", left, 1), slot)
+
+    def number(self, name):
+        """Return one of `Numbers`."""
+        return self.text.shared(self.text.plus(self.of.numbers, 8 * getattr(NUMBER, name)))
+
+    def inputs(self, rule, **others):
+        """Return the inputs of a rule for lanes: rows of the line and of `work`, and numbers."""
+        found = {}
+        for name in rule.inputs:
+            if name in others:
+                found[name] = others[name]
+            elif name in Numbers._fields:
+                found[name] = self.number(name)
+            else:
+                found[name] = self.text.row(self.line, getattr(self.rows, name))
+        return found
+
+    def work_row(self, name):
+        return self.text.row(self.of.work, getattr(self.work, name))
+
+    def keep_rows(self, found):
+        """Write results of a rule to the rows of the line with their names."""
+        for name, value in found.items():
+            self.text.put(value, self.line, getattr(self.rows, name))
+
+    def keep_work(self, found):
+        """Write results of a rule to the rows of `work` with their names."""
+        for name, value in found.items():
+            self.text.put(value, self.of.work, getattr(self.work, name))
+
+    def begin(self):
+        """Begin the trajectories of a line: f, the largest moduli, the first length."""
+        text, rows, work = self.text, self.rows, self.work
+        zero = text.constant(0.0)
+        self.call("f", self.line, self.table, text.place(self.line, rows.f))
+        self.keep_work({"largest": zero, "rates": zero, "total": zero})
+        for i in text.each(self.D):
+            x, f = text.row(self.line, rows.x, i), text.row(self.line, rows.f, i)
+            text.put(text.absolute(x), self.line, rows.largest, i)
+            text.put(text.constant(1.0), self.line, rows.mode, i)
+            found = text.apply(
+                rules.BEGIN_COMPONENT, x=x, f=f, counts=text.shared(text.at(self.of.counts, i)),
+                size=self.work_row("largest"), rate=self.work_row("rates"),
+            )  # fmt: skip
+            self.keep_work({"largest": found["size"], "rates": found["rate"]})
+            modulus = text.operate("fadd", text.absolute(f), text.absolute(x))
+            self.keep_work({"total": text.operate("fadd", self.work_row("total"), modulus)})
+        found = text.apply(rules.BEGIN, **self.inputs(
+            rules.BEGIN, size=self.work_row("largest"), rate=self.work_row("rates"),
+            total=self.work_row("total"),
+        ))  # fmt: skip
+        # Lanes that fill up the last line are done.
+        is_new = text.compare("oeq", text.row(self.line, rows.state), text.constant(-1.0))
+        done = text.constant(float(State.DONE))
+        found["state"] = text.select(is_new, found["state"], done)
+        self.keep_rows(found)
+
+    def choose_length(self):
+        text, mode = self.text, State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
+        mode = text.constant(float(mode))
+        self.keep_work(text.apply(rules.LENGTH, **self.inputs(rules.LENGTH, mode=mode)))
+
+    def step(self):
+        """Take a step in the lanes that do so."""
+        text, rows, work, D = self.text, self.rows, self.work, self.D
+        base, zero, one = self.of.work, text.constant(0.0), text.constant(1.0)
+        if self.half.is_implicit:
+            self.derive()
+        x, f = text.place(self.line, rows.x), text.place(self.line, rows.f)
+        self.call("columns", x, f, self.table, base, len(self.columns))
+        zeros = ["largest", "ratio", "total"]
+        zeros += [] if self.half.is_implicit else ["rates", "states"]
+        self.keep_work({"accepted": one} | dict.fromkeys(zeros, zero))
+        own, of_error = weights(self.columns, self.p), weights_of_errors(self.columns, self.p)
+        for i in text.each(D):
+            start = text.row(self.line, rows.x, i)
+            total, error = self.sum_of_ends(own, i), self.sum_of_ends(of_error, i)
+            new = text.operate("fadd", start, total)
+            text.put(new, base, work.new, i)
+            text.put(error, base, work.error, i)
+            counts = text.shared(text.at(self.of.counts, i))
+            found = text.apply(rules.LARGEST, new=new, largest=text.row(self.line, rows.largest, i),
+                               counts=counts, top=self.work_row("largest"))  # fmt: skip
+            self.keep_work({"largest": found["top"]})
+            if self.f.of_one_sign:
+                found = text.apply(rules.KEPT, x=start, new=new, kept=self.work_row("accepted"),
+                                   keeps=text.shared(text.at(self.of.keeps, i)))  # fmt: skip
+                self.keep_work({"accepted": found["kept"]})
+        self.call("f", text.place(base, work.new), self.table, text.place(base, work.f_new))
+        for k in range(D, self.extended):  # denominators of clocks
+            found = text.apply(rules.KEPT, x=text.row(self.line, rows.f, k), keeps=one,
+                               new=text.row(base, work.f_new, k),
+                               kept=self.work_row("accepted"))  # fmt: skip
+            self.keep_work({"accepted": found["kept"]})
+        for i in text.each(D):
+            self.add_error(i, own)
+        rule = rules.CHOOSE_IMPLICIT if self.half.is_implicit else rules.CHOOSE_EXPLICIT
+        of_work = {name: self.work_row(name) for name in ("taken", "ratio", "total", "states")}
+        of_work["kept"] = self.work_row("accepted")
+        of_work["rate" if self.half.is_implicit else "rates"] = self.work_row("rates")
+        found = text.apply(rule, **self.inputs(rule, **of_work))
+        before = text.row(self.line, rows.t)
+        self.keep_work({"accepted": found.pop("accepted"), "t": before})
+        self.keep_rows(found)
+        self.save_inside()
+        self.move()
+
+    def sum_of_ends(self, factors, i):
+        """Return the sum of factors times y_c - x of component i, in the order of columns."""
+        text, total = self.text, None
+        for c, factor in enumerate(factors):
+            end = text.row(self.of.work, self.work.ends + c * self.D, i)
+            product = text.operate("fmul", text.constant(factor), end)
+            total = product if total is None else text.operate("fadd", total, product)
+        return total
+
+    def add_error(self, i, own):
+        """Add the error of a component to the sums; `error` becomes the inverse of the allowed."""
+        text, rows, work = self.text, self.rows, self.work
+        base, is_implicit = self.of.work, self.half.is_implicit
+        if self.half.has_atol:
+            rule = rules.IMPLICIT_ERROR_WITH_ATOL if is_implicit else rules.ERROR_WITH_ATOL
+        else:
+            rule = rules.IMPLICIT_ERROR if is_implicit else rules.ERROR
+        inputs = {
+            "x": lambda: text.row(self.line, rows.x, i),
+            "largest": lambda: text.row(self.line, rows.largest, i),
+            "last": lambda: text.row(base, work.a, i),
+            "extra": lambda: text.shared(text.at(self.of.extra, i)),
+            "top": lambda: self.work_row("largest"),
+            "rtol": lambda: self.number("rtol"),
+            "noise": lambda: self.noise(own, i),
+        }
+        for name in ("new", "error", "f_new", "f_last"):
+            inputs[name] = lambda first=getattr(work, name): text.row(base, first, i)
+        for name in ("ratio", "total", "rates", "states"):
+            inputs[name] = lambda name=name: self.work_row(name)
+        found = text.apply(rule, **{name: inputs[name]() for name in rule.inputs})
+        text.put(found.pop("inverse"), base, work.error, i)
+        self.keep_work(found)
+
+    def noise(self, own, i):
+        """Return the sum of moduli of what is added up for the next state."""
+        text, total = self.text, None
+        for c, factor in enumerate(own):
+            end = text.absolute(text.row(self.of.work, self.work.ends + c * self.D, i))
+            product = text.operate("fmul", text.constant(abs(factor)), end)
+            total = product if total is None else text.operate("fadd", total, product)
+        return total
+
+    def move(self):
+        """Move the lanes whose step is taken to their next state."""
+        text, rows, work, base = self.text, self.rows, self.work, self.of.work
+        accepted = text.compare("ogt", self.work_row("accepted"), text.constant(0.0))
+        for i in text.each(self.D):
+            new = text.row(base, work.new, i)
+            text.put(text.select(accepted, new, text.row(self.line, rows.x, i)),
+                     self.line, rows.x, i)  # fmt: skip
+            largest, modulus = text.row(self.line, rows.largest, i), text.absolute(new)
+            is_larger = text.compare("ogt", modulus, largest)
+            is_larger = text.new(f"and {text.M} {is_larger}, {accepted}")
+            text.put(text.select(is_larger, modulus, largest), self.line, rows.largest, i)
+        for i in text.each(self.extended):
+            value = text.select(
+                accepted, text.row(base, work.f_new, i), text.row(self.line, rows.f, i)
+            )
+            text.put(value, self.line, rows.f, i)
+
+    # ------------------------------------------------------------------------------- implicit lanes
+    def derive(self):
+        """Write the entries of f', and the row `rates` by a step of the power iteration."""
+        text, rows, work, f = self.text, self.rows, self.work, self.f
+        base, zero, entries = self.of.work, text.constant(0.0), len(f.pattern)
+        jacobian = text.place(base, work.jacobian)
+        self.call("j", text.place(self.line, rows.x), self.table, jacobian)
+        if entries:
+            for k in text.each(entries):
+                entry = text.apply(rules.FINITE, entry=text.row(jacobian, 0, k))["entry"]
+                text.put(entry, jacobian, 0, k)
+        self.keep_work({"largest": zero, "rates": zero})
+        for i in text.each(self.D):
+            largest = text.row(self.line, rows.largest, i)
+            found = text.apply(rules.LARGEST, new=largest, largest=largest,
+                               counts=text.constant(1.0), top=self.work_row("largest"))  # fmt: skip
+            self.keep_work({"largest": found["top"]})
+        for i in text.each(self.D):
+            found = text.apply(rules.SCALE, largest=text.row(self.line, rows.largest, i),
+                               top=self.work_row("largest"),
+                               mode=text.row(self.line, rows.mode, i))  # fmt: skip
+            text.put(found["scale"], base, work.start, i)
+            text.put(found["scaled"], jacobian, entries + 1, i)
+        self.call("power", jacobian, self.table, text.place(base, work.right))
+        for i in text.each(self.D):
+            found = text.apply(rules.RATE, product=text.row(base, work.right, i),
+                               scale=text.row(base, work.start, i),
+                               size=self.work_row("rates"))  # fmt: skip
+            text.put(found["product"], base, work.right, i)
+            self.keep_work({"rates": found["size"]})
+        for i in text.each(self.D):
+            found = text.apply(rules.MODE, product=text.row(base, work.right, i),
+                               size=self.work_row("rates"), mode=text.row(self.line, rows.mode, i),
+                               seed=text.shared(text.at(self.of.seeds, i)))  # fmt: skip
+            text.put(found["mode"], self.line, rows.mode, i)
+
+    # ------------------------------------------------------------------------------------ the times
+    def save_inside(self):
+        """Save the states at times that the step has passed."""
+        text = self.text
+        with text.when(text.any(self.pending())):
+            if not self.half.is_implicit:
+                few = self.ratios_of_few()
+            with text.repeat() as more:
+                if self.half.is_implicit:
+                    self.shorter_implicit_step()
+                else:
+                    self.shorter_step(few)
+                pending = self.pending()
+                with text.when(text.any(pending)):
+                    self.save_lanes(text.bits(pending))
+                more.append(text.any(self.pending()))
+
+    def pending(self):
+        """Return which lanes have a time within their step."""
+        text, rows = self.text, self.rows
+        next_, after = (text.row(self.line, k) for k in (rows.next, rows.t))
+        accepted = text.compare("ogt", self.work_row("accepted"), text.constant(0.0))
+        return text.new(f"and {text.M} {accepted}, {text.compare('oge', after, next_)}")
+
+    def ratios_of_few(self):
+        """Return the errors of the first 1, 2 and 3 columns by what is allowed."""
+        text, work, base, D = self.text, self.work, self.of.work, self.D
+        table, own = weights_of_few(EXPLICIT, 2), weights(EXPLICIT, 2)
+        for name in ("ratio", "total", "rates"):
+            self.keep_work({name: text.constant(0.0)})
+        for i in text.each(D):
+            inverse = text.row(base, work.error, i)
+            for k, name in enumerate(("ratio", "total", "rates")):
+                factors = [few - whole for few, whole in zip(table[k], own, strict=True)]
+                found = text.apply(rules.LARGER_RATIO, error=self.sum_of_ends(factors, i),
+                                   inverse=inverse, ratio=self.work_row(name))  # fmt: skip
+                self.keep_work({name: found["ratio"]})
+        return [self.work_row(name) for name in ("ratio", "total", "rates")]
+
+    def shorter_step(self, ratios):
+        """Compute the states at the next times, by shorter steps from the nearer end, in `a`."""
+        text, rows, work, D = self.text, self.rows, self.work, self.D
+        base = self.of.work
+        found = text.apply(rules.INSIDE, **self.inputs(
+            rules.INSIDE, t=self.work_row("t"), after=text.row(self.line, rows.t),
+            taken=self.work_row("taken"), accepted=self.work_row("accepted"),
+        ))  # fmt: skip
+        self.keep_work({"signed": found["signed"]})
+        forward = text.compare("ogt", found["forward"], text.constant(0.0))
+        few = text.apply(rules.FEW, part=found["part"], ratio1=ratios[0], ratio2=ratios[1],
+                         ratio3=ratios[2])["few"]  # fmt: skip
+        for i in text.each(D):
+            for to, of_line, of_work in ((work.start, rows.x, work.new), (work.f, rows.f, work.f_new)):
+                value = text.select(
+                    forward, text.row(self.line, of_line, i), text.row(base, of_work, i)
+                )
+                text.put(value, base, to, i)
+        count = "1"
+        needs = [text.compare("ogt", few, text.constant(k)) for k in (1.0, 2.0, 3.0)]
+        for need in needs:
+            more = text.new(f"zext i1 {text.any(need)} to i64")
+            count = text.integer("add", count, more)
+        start, f = text.place(base, work.start), text.place(base, work.f)
+        self.call("columns", start, f, self.table, base, count)
+        table = weights_of_few(EXPLICIT, 2)
+        factors = []
+        for c in range(4):
+            factor = text.constant(table[3, c])
+            for k in (2, 1, 0):
+                factor = text.select(needs[k], factor, text.constant(table[k, c]))
+            factors.append(factor)
+        for i in text.each(D):
+            total = text.operate("fmul", factors[0], text.row(base, work.ends, i))
+            for c in (1, 2, 3):
+                end = text.row(base, work.ends + c * D, i)
+                end = text.select(needs[c - 1], end, text.constant(0.0))
+                total = text.operate("fadd", total, text.operate("fmul", factors[c], end))
+            value = text.operate("fadd", text.row(base, work.start, i), total)
+            text.put(value, base, work.start, i)
+
+    def shorter_implicit_step(self):
+        """Compute the states at the next times by shorter steps; refuse the step if they fail.
+
+        A fast mode may decay within the step, so that its end says nothing about the way. Then the
+        step is taken again, to that time.
+        """
+        text, rows, work, D = self.text, self.rows, self.work, self.D
+        base, zero, one = self.of.work, text.constant(0.0), text.constant(1.0)
+        found = text.apply(rules.INSIDE_IMPLICIT, **self.inputs(
+            rules.INSIDE_IMPLICIT, t=self.work_row("t"), after=text.row(self.line, rows.t),
+            taken=self.work_row("taken"), accepted=self.work_row("accepted"),
+        ))  # fmt: skip
+        self.keep_work({"signed": found["signed"], "ratio": zero, "total": zero})
+        x, f = text.place(self.line, rows.x), text.place(self.line, rows.f)
+        self.call("columns", x, f, self.table, base, len(self.columns))
+        own, of_error = weights(self.columns, 1), weights_of_errors(self.columns, 1)
+        is_inside = text.compare("ogt", found["length"], zero)
+        for i in text.each(D):
+            value = text.operate("fadd", text.row(self.line, rows.x, i), self.sum_of_ends(own, i))
+            value = text.select(is_inside, value, text.row(base, work.new, i))
+            text.put(value, base, work.start, i)
+            ratio = text.operate("fmul", text.absolute(self.sum_of_ends(of_error, i)),
+                                 text.row(base, work.error, i))  # fmt: skip
+            self.keep_work({"total": text.operate("fadd", self.work_row("total"), ratio)})
+            found_ratio = text.apply(rules.LARGER_RATIO, error=ratio, inverse=one,
+                                     ratio=self.work_row("ratio"))  # fmt: skip
+            self.keep_work({"ratio": found_ratio["ratio"]})
+        fails = text.compare("ogt", self.work_row("ratio"), one)
+        is_finite = text.compare("olt", self.work_row("total"), text.constant(float("inf")))
+        not_finite = text.new(f"xor {text.M} {is_finite}, {self.all_lanes()}")
+        fails = text.new(f"or {text.M} {fails}, {not_finite}")
+        fails = text.new(f"and {text.M} {fails}, {is_inside}")
+        with text.when(text.any(fails)):
+            implicit = text.constant(float(State.IMPLICIT))
+            for row, value in ((rows.wanted, found["length"]), (rows.t, self.work_row("t")),
+                               (rows.state, implicit), (rows.longer, one)):  # fmt: skip
+                text.put(text.select(fails, value, text.row(self.line, row)), self.line, row)
+            accepted = text.select(fails, zero, self.work_row("accepted"))
+            self.keep_work({"accepted": accepted})
+
+    def all_lanes(self):
+        """Return the truth value that is true in all lanes."""
+        W = self.text.W
+        return "true" if W == 1 else f"<{', '.join(['i1 true'] * W)}>"
+
+    def save_lanes(self, pending):
+        """Save the state in the rows `start` of the lanes with these bits, and go to their next time."""
+        text, rows, work, of = self.text, self.rows, self.work, self.of
+        with text.times(text.W) as lane:
+            bit = text.integer("and", text.integer("lshr", pending, lane), 1)
+            with text.when(text.compare_integers("eq", bit, 1)):
+                of_lane = text.integer("mul", lane, 8)
+                line = text.integer("add", self.line, of_lane)
+                of_work = text.integer("add", of.work, of_lane)
+                place_at = text.plus(line, text.size * rows.place)
+                place = text.load("i64", place_at)
+                trajectory = text.load("i64", text.plus(line, text.size * rows.trajectory))
+                to = text.integer("add", of.states, text.integer("mul", place, of.state_bytes))
+                to = text.integer("add", to, text.integer("mul", trajectory, 8 * self.D))
+                for i in text.each(self.D):
+                    number = text.load("double", text.place(of_work, work.start, i))
+                    text.store("double", number, text.at(to, i))
+                following = text.integer("add", place, 1)
+                text.store("i64", following, place_at)
+                next_at = text.plus(line, text.size * rows.next)
+                text.store("double", _bits(float("inf")), next_at)
+                with text.when(text.compare_integers("ult", following, of.count)):
+                    text.store("double", text.load("double", text.at(of.times, following)), next_at)
+                text.store("double", _bits(0.0), text.plus(line, text.size * rows.tries))
+
+
+def _bits(number):
+    return f"0x{np.float64(number).view(np.uint64):016X}"

@@ -1,5 +1,6 @@
 """The motion of trajectories at given times: blocks of lines, and which code takes them."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,9 @@ from .text import SLOT, Arguments, Numbers, text_of_half
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
+
+
+half_of = functools.lru_cache(64)(Half)
 
 
 class Settings(NamedTuple):
@@ -51,7 +55,7 @@ class Motion:
             settings.rtol, last, sign, first_part(settings.rtol), longest, limit,
             float(settings.stiff is None), self.times[0], float(first),
         ))  # fmt: skip
-        self.half = [Half(f, is_implicit, atol is not None) for is_implicit in (False, True)]
+        self.has_atol = atol is not None
         self.t, self.steps = np.zeros(len(x0)), np.zeros(len(x0), np.int64)
         self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
 
@@ -69,7 +73,7 @@ class Motion:
 
     def _take(self, block, abandoned):
         """Take all steps of a block of trajectories."""
-        rows, B = self.half[0].rows, block.stop - block.start
+        rows, B = half_of(self.f, False, self.has_atol).rows, block.stop - block.start
         flat = np.zeros((B, rows.size))
         flat[:, : self.f.D] = self.x0[block]
         flat[:, rows.state] = -1.0
@@ -90,9 +94,6 @@ class Motion:
             if not which.size:
                 is_implicit = not is_implicit
                 which = np.flatnonzero(state == float(is_implicit))
-            if is_implicit:
-                new = which[flat[which, rows.steps] >= 0]
-                del new
         self.t[block], self.steps[block] = flat[:, rows.t], flat[:, rows.steps]
         self.state[block] = flat[:, rows.state]
 
@@ -103,7 +104,7 @@ class Motion:
         chosen = np.concatenate([which, np.repeat(which[-1:], count * W - len(which))])
         lines = np.ascontiguousarray(flat[chosen].reshape(count, W, -1).transpose(0, 2, 1))
         if count * W > len(which):
-            row = self.half[0].rows.state
+            row = half_of(self.f, False, self.has_atol).rows.state
             is_new = lines[-1, row] < 0.0
             is_filling = np.arange(W) >= len(which) - (count - 1) * W
             lines[-1, row, is_filling] = np.where(is_new, filling, State.DONE)[is_filling]
@@ -120,7 +121,7 @@ class Motion:
 
     def _steps(self, lines, table, is_implicit, abandoned):
         """Take steps of one half in all lines, until no lane is in it."""
-        half, W = self.half[is_implicit], lines.shape[2]
+        half, W = half_of(self.f, is_implicit, self.has_atol), lines.shape[2]
         for_each = table.ndim > 1
         code = compiled(
             ("motion", half.key, W, for_each),

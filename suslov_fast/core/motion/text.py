@@ -69,6 +69,8 @@ class Code(Text):
     def __init__(self, W):
         super().__init__(W)
         self.blocks, self.size = 0, 8 * W
+        import os
+        self.how = os.environ.get("HOW", "")
 
     def _name(self, kind):
         self.blocks += 1
@@ -119,7 +121,7 @@ class Code(Text):
         return self.load(self.V, self.place(base, first, i))
 
     def put(self, value, base, first, i=0):
-        self.store_chosen(value, self.place(base, first, i))
+        self.store(self.V, value, self.place(base, first, i), how=self.how)
 
     def shared(self, address):
         """Return a number at an address, in all lanes."""

@@ -66,11 +66,6 @@ class Work(NamedTuple):
     right: int  # (D)
     taken: int  # length of this step
     signed: int  # the same with the sign of time
-    largest: int  # of all components
-    ratio: int  # largest error by what is allowed
-    total: int  # of ratios and moduli of f(x_next), which is not finite where one of them is not
-    rates: int  # squared differences of f, by what is allowed
-    states: int  # those of states
     accepted: int  # 1 where the step is taken, else 0
     t: int  # time after the step
     size: int
@@ -79,7 +74,7 @@ class Work(NamedTuple):
 def work_of(D, denominators, columns, entries, factors):
     """Return the rows of `Work`."""
     sizes = [D, D + denominators, D, D, columns * D, D, D, D + denominators, D,
-             entries, factors, D, *[1] * 9]  # fmt: skip
+             entries, factors, D, *[1] * 4]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

@@ -75,8 +75,9 @@ def _rule(function):
 
 # ------------------------------------------------------------------------- sums over the components
 @_rule
-def BEGIN_COMPONENT(x, f, counts, size, rate):
-    return {"size": larger(abs(x) * counts, size), "rate": larger(abs(f) * counts, rate)}
+def BEGIN_COMPONENT(x, f, counts, size, rate, total):
+    size, rate = larger(abs(x) * counts, size), larger(abs(f) * counts, rate)
+    return {"size": size, "rate": rate, "total": total + abs(f) + abs(x)}
 
 
 @_rule

@@ -69,8 +69,6 @@ class Code(Text):
     def __init__(self, W):
         super().__init__(W)
         self.blocks, self.size = 0, 8 * W
-        import os
-        self.how = os.environ.get("HOW", "")
 
     def _name(self, kind):
         self.blocks += 1
@@ -102,13 +100,29 @@ class Code(Text):
         self.branch(goes_on[0], name, f"{name}_after")
         self.label(f"{name}_after")
 
-    def each(self, D):
-        """Yield the index of each of D components, or that of a loop over them."""
-        if D <= WRITTEN_OUT:
-            yield from range(D)
-        else:
-            with self.times(D) as i:
-                yield i
+    def fold(self, count, carried, body):
+        """Add a loop over 1 or more indices; return the values that it carries on, by name.
+
+        `body(index, **carried)` adds the block and returns the next values, or None without any.
+        """
+        name, index = self._name("fold"), f"%fold{self.blocks}_index"
+        before = self.block
+        self.jump(name)
+        self.label(name)
+        self.add(f"  {index} = phi i64 [ 0, %{before} ], [ {index}1, %{name}_end ]")
+        place, phis = len(self.lines), {key: f"%{name}_{key}" for key in carried}
+        found = body(index, **phis) or {}
+        # The next values have names only now.
+        self.lines[place:place] = [
+            f"  {phi} = phi {self.V} [ {carried[key]}, %{before} ], [ {found[key]}, %{name}_end ]"
+            for key, phi in phis.items()
+        ]
+        self.jump(f"{name}_end")
+        self.label(f"{name}_end")
+        self.add(f"  {index}1 = add i64 {index}, 1")
+        self.branch(self.compare_integers("ult", f"{index}1", count), name, f"{name}_after")
+        self.label(f"{name}_after")
+        return found
 
     def place(self, base, first, i=0):
         """Return the address of row first + i from an address on."""
@@ -121,7 +135,11 @@ class Code(Text):
         return self.load(self.V, self.place(base, first, i))
 
     def put(self, value, base, first, i=0):
-        self.store(self.V, value, self.place(base, first, i), how=self.how)
+        self.store(self.V, value, self.place(base, first, i))
+
+    def put_chosen(self, value, base, first, i=0):
+        """See `Text.store_chosen`."""
+        self.store_chosen(value, self.place(base, first, i))
 
     def shared(self, address):
         """Return a number at an address, in all lanes."""
@@ -278,15 +296,24 @@ class _Steps:
         """Add Gragg's midpoint rule with smoothing; y_N stays in the rows `a`."""
         text, work, D = self.text, self.work, self.D
         double = text.operate("fadd", s, s)
-        for i in text.each(D):
+
+        def start(i):
             x = text.row("%x", 0, i)
             text.put(x, "%work", work.a, i)
             text.put(self.plus(x, s, text.row("%f", 0, i)), "%work", work.b, i)
+
+        def end(i):
+            total = text.operate(
+                "fadd", text.row("%work", work.a, i), text.row("%work", work.b, i)
+            )
+            end = text.operate("fmul", total, text.constant(0.5))
+            text.put(text.operate("fsub", end, text.row("%x", 0, i)), ends, 0, i)
+
+        text.fold(D, {}, start)
         pairs = text.integer("lshr", N, 1)
         with text.times(pairs) as m:
             is_last = text.compare_integers("eq", text.integer("add", m, 1), pairs)
-            kind = text.V
-            factor = text.new(f"select i1 {is_last}, {kind} {s}, {kind} {double}")
+            factor = text.new(f"select i1 {is_last}, {text.V} {s}, {text.V} {double}")
             if self.is_inlined:
                 b = [text.row("%work", work.b, i) for i in range(D)]
                 of_b = self.inlined(b)
@@ -302,21 +329,18 @@ class _Steps:
             else:
                 self.sub_step(work.b, work.a, double)
                 self.sub_step(work.a, work.b, factor)
-        for i in text.each(D):
-            total = text.operate(
-                "fadd", text.row("%work", work.a, i), text.row("%work", work.b, i)
-            )
-            end = text.operate("fmul", total, text.constant(0.5))
-            text.put(text.operate("fsub", end, text.row("%x", 0, i)), ends, 0, i)
+        text.fold(D, {}, end)
 
     def sub_step(self, of, to, factor):
         """Add factor f(y) to rows, by a call; `f_last` keeps the value of f."""
         text, work = self.text, self.work
-        place = text.place("%work", work.f_last)
-        self.call("f", text.place("%work", of), "%table", place)
-        for i in text.each(self.D):
+        self.call("f", text.place("%work", of), "%table", text.place("%work", work.f_last))
+
+        def add(i):
             value = self.plus(text.row("%work", to, i), factor, text.row("%work", work.f_last, i))
             text.put(value, "%work", to, i)
+
+        text.fold(self.D, {}, add)
 
     def plus(self, a, factor, b):
         return self.text.operate("fadd", a, self.text.operate("fmul", factor, b))
@@ -332,31 +356,39 @@ class _Steps:
         ]
 
     def implicit_column(self, N, s, ends):
-        """Add the linearly implicit Euler rule; `a` is the sum of increments."""
+        """Add the linearly implicit Euler rule, whose increments are added up."""
         text, work, D = self.text, self.work, self.D
         text.put(s, "%work", work.jacobian, len(self.f.pattern))
-        jacobian, factors = (text.place("%work", k) for k in (work.jacobian, work.factors))
+        jacobian, factors, a, b, right = (
+            text.place("%work", k)
+            for k in (work.jacobian, work.factors, work.a, work.b, work.right)
+        )
         self.call("factor", jacobian, "%table", factors)
-        right = text.place("%work", work.right)
-        for i in text.each(D):
-            text.put(text.operate("fmul", s, text.row("%f", 0, i)), "%work", work.right, i)
-        self.call("solve", factors, right)
-        for i in text.each(D):
-            text.put(text.row("%work", work.right, i), ends, 0, i)
-        with text.times(text.integer("sub", N, 1)):
-            for i in text.each(D):
-                y = text.operate("fadd", text.row("%x", 0, i), text.row(ends, 0, i))
-                text.put(y, "%work", work.a, i)
-            self.call("f", text.place("%work", work.a), "%table", text.place("%work", work.b))
-            for i in text.each(D):
-                value = text.operate("fmul", s, text.row("%work", work.b, i))
-                text.put(value, "%work", work.right, i)
+
+        def scale(rates):
+            def body(i):
+                text.put(text.operate("fmul", s, text.row(rates, 0, i)), right, 0, i)
+
+            text.fold(D, {}, body)
             self.call("solve", factors, right)
-            for i in text.each(D):
-                total = text.operate(
-                    "fadd", text.row(ends, 0, i), text.row("%work", work.right, i)
-                )
-                text.put(total, ends, 0, i)
+
+        def first(i):
+            text.put(text.row(right, 0, i), ends, 0, i)
+
+        def state(i):
+            text.put(text.operate("fadd", text.row("%x", 0, i), text.row(ends, 0, i)), a, 0, i)
+
+        def add(i):
+            total = text.operate("fadd", text.row(ends, 0, i), text.row(right, 0, i))
+            text.put(total, ends, 0, i)
+
+        scale("%f")
+        text.fold(D, {}, first)
+        with text.times(text.integer("sub", N, 1)):
+            text.fold(D, {}, state)
+            self.call("f", a, "%table", b)
+            scale(b)
+            text.fold(D, {}, add)
 
     # ----------------------------------------------------------------------------------- whole step
     def main(self):
@@ -420,34 +452,30 @@ class _Steps:
     def keep_rows(self, found):
         """Write results of a rule to the rows of the line with their names."""
         for name, value in found.items():
-            self.text.put(value, self.line, getattr(self.rows, name))
+            self.text.put_chosen(value, self.line, getattr(self.rows, name))
 
     def keep_work(self, found):
         """Write results of a rule to the rows of `work` with their names."""
         for name, value in found.items():
-            self.text.put(value, self.of.work, getattr(self.work, name))
+            self.text.put_chosen(value, self.of.work, getattr(self.work, name))
 
     def begin(self):
         """Begin the trajectories of a line: f, the largest moduli, the first length."""
-        text, rows, work = self.text, self.rows, self.work
-        zero = text.constant(0.0)
+        text, rows = self.text, self.rows
+        zero, one = text.constant(0.0), text.constant(1.0)
         self.call("f", self.line, self.table, text.place(self.line, rows.f))
-        self.keep_work({"largest": zero, "rates": zero, "total": zero})
-        for i in text.each(self.D):
+
+        def component(i, size, rate, total):
             x, f = text.row(self.line, rows.x, i), text.row(self.line, rows.f, i)
             text.put(text.absolute(x), self.line, rows.largest, i)
-            text.put(text.constant(1.0), self.line, rows.mode, i)
-            found = text.apply(
-                rules.BEGIN_COMPONENT, x=x, f=f, counts=text.shared(text.at(self.of.counts, i)),
-                size=self.work_row("largest"), rate=self.work_row("rates"),
-            )  # fmt: skip
-            self.keep_work({"largest": found["size"], "rates": found["rate"]})
-            modulus = text.operate("fadd", text.absolute(f), text.absolute(x))
-            self.keep_work({"total": text.operate("fadd", self.work_row("total"), modulus)})
-        found = text.apply(rules.BEGIN, **self.inputs(
-            rules.BEGIN, size=self.work_row("largest"), rate=self.work_row("rates"),
-            total=self.work_row("total"),
-        ))  # fmt: skip
+            text.put(one, self.line, rows.mode, i)
+            counts = text.shared(text.at(self.of.counts, i))
+            return text.apply(
+                rules.BEGIN_COMPONENT, x=x, f=f, counts=counts, size=size, rate=rate, total=total
+            )
+
+        sums = text.fold(self.D, dict.fromkeys(("size", "rate", "total"), zero), component)
+        found = text.apply(rules.BEGIN, **self.inputs(rules.BEGIN, **sums))
         # Lanes that fill up the last line are done.
         is_new = text.compare("oeq", text.row(self.line, rows.state), text.constant(-1.0))
         done = text.constant(float(State.DONE))
@@ -463,41 +491,36 @@ class _Steps:
         """Take a step in the lanes that do so."""
         text, rows, work, D = self.text, self.rows, self.work, self.D
         base, zero, one = self.of.work, text.constant(0.0), text.constant(1.0)
-        if self.half.is_implicit:
-            self.derive()
+        rate = self.derive() if self.half.is_implicit else None
         x, f = text.place(self.line, rows.x), text.place(self.line, rows.f)
         self.call("columns", x, f, self.table, base, len(self.columns))
-        zeros = ["largest", "ratio", "total"]
-        zeros += [] if self.half.is_implicit else ["rates", "states"]
-        self.keep_work({"accepted": one} | dict.fromkeys(zeros, zero))
         own, of_error = weights(self.columns, self.p), weights_of_errors(self.columns, self.p)
-        for i in text.each(D):
+
+        def next_state(i, top, kept):
             start = text.row(self.line, rows.x, i)
-            total, error = self.sum_of_ends(own, i), self.sum_of_ends(of_error, i)
-            new = text.operate("fadd", start, total)
+            new = text.operate("fadd", start, self.sum_of_ends(own, i))
             text.put(new, base, work.new, i)
-            text.put(error, base, work.error, i)
-            counts = text.shared(text.at(self.of.counts, i))
+            text.put(self.sum_of_ends(of_error, i), base, work.error, i)
             found = text.apply(rules.LARGEST, new=new, largest=text.row(self.line, rows.largest, i),
-                               counts=counts, top=self.work_row("largest"))  # fmt: skip
-            self.keep_work({"largest": found["top"]})
+                               counts=text.shared(text.at(self.of.counts, i)), top=top)  # fmt: skip
             if self.f.of_one_sign:
-                found = text.apply(rules.KEPT, x=start, new=new, kept=self.work_row("accepted"),
-                                   keeps=text.shared(text.at(self.of.keeps, i)))  # fmt: skip
-                self.keep_work({"accepted": found["kept"]})
+                kept = text.apply(rules.KEPT, x=start, new=new, kept=kept,
+                                  keeps=text.shared(text.at(self.of.keeps, i)))["kept"]  # fmt: skip
+            return {"top": found["top"], "kept": kept}
+
+        found = text.fold(D, {"top": zero, "kept": one}, next_state)
+        top, kept = found["top"], found["kept"]
         self.call("f", text.place(base, work.new), self.table, text.place(base, work.f_new))
         for k in range(D, self.extended):  # denominators of clocks
-            found = text.apply(rules.KEPT, x=text.row(self.line, rows.f, k), keeps=one,
-                               new=text.row(base, work.f_new, k),
-                               kept=self.work_row("accepted"))  # fmt: skip
-            self.keep_work({"accepted": found["kept"]})
-        for i in text.each(D):
-            self.add_error(i, own)
+            of_old, of_new = text.row(self.line, rows.f, k), text.row(base, work.f_new, k)
+            kept = text.apply(rules.KEPT, x=of_old, new=of_new, keeps=one, kept=kept)["kept"]
+        sums = ["ratio", "total"] + ([] if self.half.is_implicit else ["rates", "states"])
+        sums = text.fold(
+            D, dict.fromkeys(sums, zero), lambda i, **sums: self.add_error(i, own, top, sums)
+        )
         rule = rules.CHOOSE_IMPLICIT if self.half.is_implicit else rules.CHOOSE_EXPLICIT
-        of_work = {name: self.work_row(name) for name in ("taken", "ratio", "total", "states")}
-        of_work["kept"] = self.work_row("accepted")
-        of_work["rate" if self.half.is_implicit else "rates"] = self.work_row("rates")
-        found = text.apply(rule, **self.inputs(rule, **of_work))
+        inputs = sums | {"kept": kept, "taken": self.work_row("taken"), "rate": rate}
+        found = text.apply(rule, **self.inputs(rule, **inputs))
         before = text.row(self.line, rows.t)
         self.keep_work({"accepted": found.pop("accepted"), "t": before})
         self.keep_rows(found)
@@ -513,8 +536,8 @@ class _Steps:
             total = product if total is None else text.operate("fadd", total, product)
         return total
 
-    def add_error(self, i, own):
-        """Add the error of a component to the sums; `error` becomes the inverse of the allowed."""
+    def add_error(self, i, own, top, sums):
+        """Return sums with the error of a component; `error` becomes the inverse of the allowed."""
         text, rows, work = self.text, self.rows, self.work
         base, is_implicit = self.of.work, self.half.is_implicit
         if self.half.has_atol:
@@ -526,17 +549,16 @@ class _Steps:
             "largest": lambda: text.row(self.line, rows.largest, i),
             "last": lambda: text.row(base, work.a, i),
             "extra": lambda: text.shared(text.at(self.of.extra, i)),
-            "top": lambda: self.work_row("largest"),
+            "top": lambda: top,
             "rtol": lambda: self.number("rtol"),
             "noise": lambda: self.noise(own, i),
         }
         for name in ("new", "error", "f_new", "f_last"):
             inputs[name] = lambda first=getattr(work, name): text.row(base, first, i)
-        for name in ("ratio", "total", "rates", "states"):
-            inputs[name] = lambda name=name: self.work_row(name)
-        found = text.apply(rule, **{name: inputs[name]() for name in rule.inputs})
+        inputs = {name: sums[name] if name in sums else inputs[name]() for name in rule.inputs}
+        found = text.apply(rule, **inputs)
         text.put(found.pop("inverse"), base, work.error, i)
-        self.keep_work(found)
+        return found
 
     def noise(self, own, i):
         """Return the sum of moduli of what is added up for the next state."""
@@ -551,55 +573,68 @@ class _Steps:
         """Move the lanes whose step is taken to their next state."""
         text, rows, work, base = self.text, self.rows, self.work, self.of.work
         accepted = text.compare("ogt", self.work_row("accepted"), text.constant(0.0))
-        for i in text.each(self.D):
-            new = text.row(base, work.new, i)
-            text.put(text.select(accepted, new, text.row(self.line, rows.x, i)),
-                     self.line, rows.x, i)  # fmt: skip
-            largest, modulus = text.row(self.line, rows.largest, i), text.absolute(new)
-            is_larger = text.compare("ogt", modulus, largest)
-            is_larger = text.new(f"and {text.M} {is_larger}, {accepted}")
-            text.put(text.select(is_larger, modulus, largest), self.line, rows.largest, i)
-        for i in text.each(self.extended):
-            value = text.select(
-                accepted, text.row(base, work.f_new, i), text.row(self.line, rows.f, i)
-            )
-            text.put(value, self.line, rows.f, i)
+
+        def chosen(i, new, row):
+            value = text.select(accepted, new, text.row(self.line, row, i))
+            text.put_chosen(value, self.line, row, i)
+
+        def component(i):
+            new, largest = text.row(base, work.new, i), text.row(self.line, rows.largest, i)
+            chosen(i, new, rows.x)
+            modulus = text.absolute(new)
+            larger = text.select(text.compare("ogt", modulus, largest), modulus, largest)
+            chosen(i, larger, rows.largest)
+
+        text.fold(self.D, {}, component)
+        text.fold(self.extended, {}, lambda i: chosen(i, text.row(base, work.f_new, i), rows.f))
 
     # ------------------------------------------------------------------------------- implicit lanes
     def derive(self):
-        """Write the entries of f', and the row `rates` by a step of the power iteration."""
+        """Write the entries of f'; return its rate by a step of the power iteration."""
         text, rows, work, f = self.text, self.rows, self.work, self.f
         base, zero, entries = self.of.work, text.constant(0.0), len(f.pattern)
-        jacobian = text.place(base, work.jacobian)
+        jacobian, right = text.place(base, work.jacobian), text.place(base, work.right)
         self.call("j", text.place(self.line, rows.x), self.table, jacobian)
-        if entries:
-            for k in text.each(entries):
-                entry = text.apply(rules.FINITE, entry=text.row(jacobian, 0, k))["entry"]
-                text.put(entry, jacobian, 0, k)
-        self.keep_work({"largest": zero, "rates": zero})
-        for i in text.each(self.D):
-            largest = text.row(self.line, rows.largest, i)
-            found = text.apply(rules.LARGEST, new=largest, largest=largest,
-                               counts=text.constant(1.0), top=self.work_row("largest"))  # fmt: skip
-            self.keep_work({"largest": found["top"]})
-        for i in text.each(self.D):
-            found = text.apply(rules.SCALE, largest=text.row(self.line, rows.largest, i),
-                               top=self.work_row("largest"),
-                               mode=text.row(self.line, rows.mode, i))  # fmt: skip
+
+        def finite(k):
+            entry = text.apply(rules.FINITE, entry=text.row(jacobian, 0, k))["entry"]
+            text.put(entry, jacobian, 0, k)
+
+        def largest(i, top):
+            modulus = text.row(self.line, rows.largest, i)
+            one = text.constant(1.0)
+            return text.apply(rules.LARGEST, new=modulus, largest=modulus, counts=one, top=top)
+
+        def scale(i):
+            found = text.apply(
+                rules.SCALE, largest=text.row(self.line, rows.largest, i), top=top,
+                mode=text.row(self.line, rows.mode, i),
+            )  # fmt: skip
             text.put(found["scale"], base, work.start, i)
             text.put(found["scaled"], jacobian, entries + 1, i)
-        self.call("power", jacobian, self.table, text.place(base, work.right))
-        for i in text.each(self.D):
-            found = text.apply(rules.RATE, product=text.row(base, work.right, i),
-                               scale=text.row(base, work.start, i),
-                               size=self.work_row("rates"))  # fmt: skip
-            text.put(found["product"], base, work.right, i)
-            self.keep_work({"rates": found["size"]})
-        for i in text.each(self.D):
-            found = text.apply(rules.MODE, product=text.row(base, work.right, i),
-                               size=self.work_row("rates"), mode=text.row(self.line, rows.mode, i),
-                               seed=text.shared(text.at(self.of.seeds, i)))  # fmt: skip
-            text.put(found["mode"], self.line, rows.mode, i)
+
+        def rate(i, size):
+            product, scale = text.row(right, 0, i), text.row(base, work.start, i)
+            found = text.apply(rules.RATE, product=product, scale=scale, size=size)
+            text.put(found.pop("product"), right, 0, i)
+            return found
+
+        def mode(i):
+            found = text.apply(
+                rules.MODE, product=text.row(right, 0, i), size=size,
+                mode=text.row(self.line, rows.mode, i),
+                seed=text.shared(text.at(self.of.seeds, i)),
+            )  # fmt: skip
+            text.put_chosen(found["mode"], self.line, rows.mode, i)
+
+        if entries:
+            text.fold(entries, {}, finite)
+        top = text.fold(self.D, {"top": zero}, largest)["top"]
+        text.fold(self.D, {}, scale)
+        self.call("power", jacobian, self.table, right)
+        size = text.fold(self.D, {"size": zero}, rate)["size"]
+        text.fold(self.D, {}, mode)
+        return size
 
     # ------------------------------------------------------------------------------------ the times
     def save_inside(self):
@@ -627,21 +662,23 @@ class _Steps:
 
     def ratios_of_few(self):
         """Return the errors of the first 1, 2 and 3 columns by what is allowed."""
-        text, work, base, D = self.text, self.work, self.of.work, self.D
+        text, work, base = self.text, self.work, self.of.work
         table, own = weights_of_few(EXPLICIT, 2), weights(EXPLICIT, 2)
-        for name in ("ratio", "total", "rates"):
-            self.keep_work({name: text.constant(0.0)})
-        for i in text.each(D):
+        factors = [[few - w for few, w in zip(table[k], own, strict=True)] for k in range(3)]
+
+        def component(i, **ratios):
             inverse = text.row(base, work.error, i)
-            for k, name in enumerate(("ratio", "total", "rates")):
-                factors = [few - whole for few, whole in zip(table[k], own, strict=True)]
-                found = text.apply(rules.LARGER_RATIO, error=self.sum_of_ends(factors, i),
-                                   inverse=inverse, ratio=self.work_row(name))  # fmt: skip
-                self.keep_work({name: found["ratio"]})
-        return [self.work_row(name) for name in ("ratio", "total", "rates")]
+            return {
+                name: text.apply(rules.LARGER_RATIO, error=self.sum_of_ends(factors[k], i),
+                                 inverse=inverse, ratio=ratio)["ratio"]
+                for k, (name, ratio) in enumerate(ratios.items())
+            }  # fmt: skip
+
+        names = ("ratio1", "ratio2", "ratio3")
+        return text.fold(self.D, dict.fromkeys(names, text.constant(0.0)), component)
 
     def shorter_step(self, ratios):
-        """Compute the states at the next times, by shorter steps from the nearer end, in `a`."""
+        """Compute the states at the next times, by shorter steps from the nearer end, in `start`."""
         text, rows, work, D = self.text, self.rows, self.work, self.D
         base = self.of.work
         found = text.apply(rules.INSIDE, **self.inputs(
@@ -650,36 +687,36 @@ class _Steps:
         ))  # fmt: skip
         self.keep_work({"signed": found["signed"]})
         forward = text.compare("ogt", found["forward"], text.constant(0.0))
-        few = text.apply(rules.FEW, part=found["part"], ratio1=ratios[0], ratio2=ratios[1],
-                         ratio3=ratios[2])["few"]  # fmt: skip
-        for i in text.each(D):
+        few = text.apply(rules.FEW, part=found["part"], **ratios)["few"]
+
+        def choose(i):
             for to, of_line, of_work in ((work.start, rows.x, work.new), (work.f, rows.f, work.f_new)):
-                value = text.select(
-                    forward, text.row(self.line, of_line, i), text.row(base, of_work, i)
-                )
-                text.put(value, base, to, i)
-        count = "1"
-        needs = [text.compare("ogt", few, text.constant(k)) for k in (1.0, 2.0, 3.0)]
+                ends = text.row(self.line, of_line, i), text.row(base, of_work, i)
+                text.put_chosen(text.select(forward, *ends), base, to, i)
+
+        text.fold(D, {}, choose)
+        count, needs = "1", [text.compare("ogt", few, text.constant(k)) for k in (1.0, 2.0, 3.0)]
         for need in needs:
-            more = text.new(f"zext i1 {text.any(need)} to i64")
-            count = text.integer("add", count, more)
+            count = text.integer("add", count, text.new(f"zext i1 {text.any(need)} to i64"))
         start, f = text.place(base, work.start), text.place(base, work.f)
         self.call("columns", start, f, self.table, base, count)
-        table = weights_of_few(EXPLICIT, 2)
-        factors = []
+        table, factors = weights_of_few(EXPLICIT, 2), []
         for c in range(4):
             factor = text.constant(table[3, c])
             for k in (2, 1, 0):
                 factor = text.select(needs[k], factor, text.constant(table[k, c]))
             factors.append(factor)
-        for i in text.each(D):
+
+        def add(i):
             total = text.operate("fmul", factors[0], text.row(base, work.ends, i))
-            for c in (1, 2, 3):
+            for c in (1, 2, 3):  # columns that a lane does not need may not be there
                 end = text.row(base, work.ends + c * D, i)
                 end = text.select(needs[c - 1], end, text.constant(0.0))
                 total = text.operate("fadd", total, text.operate("fmul", factors[c], end))
             value = text.operate("fadd", text.row(base, work.start, i), total)
             text.put(value, base, work.start, i)
+
+        text.fold(D, {}, add)
 
     def shorter_implicit_step(self):
         """Compute the states at the next times by shorter steps; refuse the step if they fail.
@@ -687,37 +724,39 @@ class _Steps:
         A fast mode may decay within the step, so that its end says nothing about the way. Then the
         step is taken again, to that time.
         """
-        text, rows, work, D = self.text, self.rows, self.work, self.D
+        text, rows, work = self.text, self.rows, self.work
         base, zero, one = self.of.work, text.constant(0.0), text.constant(1.0)
         found = text.apply(rules.INSIDE_IMPLICIT, **self.inputs(
             rules.INSIDE_IMPLICIT, t=self.work_row("t"), after=text.row(self.line, rows.t),
             taken=self.work_row("taken"), accepted=self.work_row("accepted"),
         ))  # fmt: skip
-        self.keep_work({"signed": found["signed"], "ratio": zero, "total": zero})
+        self.keep_work({"signed": found["signed"]})
         x, f = text.place(self.line, rows.x), text.place(self.line, rows.f)
         self.call("columns", x, f, self.table, base, len(self.columns))
         own, of_error = weights(self.columns, 1), weights_of_errors(self.columns, 1)
         is_inside = text.compare("ogt", found["length"], zero)
-        for i in text.each(D):
+
+        def component(i, total, ratio):
             value = text.operate("fadd", text.row(self.line, rows.x, i), self.sum_of_ends(own, i))
             value = text.select(is_inside, value, text.row(base, work.new, i))
-            text.put(value, base, work.start, i)
-            ratio = text.operate("fmul", text.absolute(self.sum_of_ends(of_error, i)),
-                                 text.row(base, work.error, i))  # fmt: skip
-            self.keep_work({"total": text.operate("fadd", self.work_row("total"), ratio)})
-            found_ratio = text.apply(rules.LARGER_RATIO, error=ratio, inverse=one,
-                                     ratio=self.work_row("ratio"))  # fmt: skip
-            self.keep_work({"ratio": found_ratio["ratio"]})
-        fails = text.compare("ogt", self.work_row("ratio"), one)
-        is_finite = text.compare("olt", self.work_row("total"), text.constant(float("inf")))
-        not_finite = text.new(f"xor {text.M} {is_finite}, {self.all_lanes()}")
-        fails = text.new(f"or {text.M} {fails}, {not_finite}")
+            text.put_chosen(value, base, work.start, i)
+            own_ratio = text.operate("fmul", text.absolute(self.sum_of_ends(of_error, i)),
+                                     text.row(base, work.error, i))  # fmt: skip
+            larger = text.apply(rules.LARGER_RATIO, error=own_ratio, inverse=one, ratio=ratio)
+            return {"total": text.operate("fadd", total, own_ratio), "ratio": larger["ratio"]}
+
+        sums = text.fold(self.D, {"total": zero, "ratio": zero}, component)
+        is_right = text.compare("oge", one, sums["ratio"])
+        is_finite = text.compare("olt", sums["total"], text.constant(float("inf")))
+        is_right = text.new(f"and {text.M} {is_right}, {is_finite}")
+        fails = text.new(f"xor {text.M} {is_right}, {self.all_lanes()}")
         fails = text.new(f"and {text.M} {fails}, {is_inside}")
         with text.when(text.any(fails)):
             implicit = text.constant(float(State.IMPLICIT))
             for row, value in ((rows.wanted, found["length"]), (rows.t, self.work_row("t")),
                                (rows.state, implicit), (rows.longer, one)):  # fmt: skip
-                text.put(text.select(fails, value, text.row(self.line, row)), self.line, row)
+                chosen = text.select(fails, value, text.row(self.line, row))
+                text.put_chosen(chosen, self.line, row)
             accepted = text.select(fails, zero, self.work_row("accepted"))
             self.keep_work({"accepted": accepted})
 
@@ -740,9 +779,12 @@ class _Steps:
                 trajectory = text.load("i64", text.plus(line, text.size * rows.trajectory))
                 to = text.integer("add", of.states, text.integer("mul", place, of.state_bytes))
                 to = text.integer("add", to, text.integer("mul", trajectory, 8 * self.D))
-                for i in text.each(self.D):
+
+                def copy(i):
                     number = text.load("double", text.place(of_work, work.start, i))
                     text.store("double", number, text.at(to, i))
+
+                text.fold(self.D, {}, copy)
                 following = text.integer("add", place, 1)
                 text.store("i64", following, place_at)
                 next_at = text.plus(line, text.size * rows.next)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
+from ..core.lists.quadratic import parameters_of, right_hand_side_of
 from .base import Body, Parameters, frozen
 from .names import labels
 from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
@@ -125,6 +126,15 @@ class _FieldOfTerms(FieldOfFunction):
     @cached_property
     def _terms(self) -> Any:
         return Terms(self._parts[INDICES], self._parts[VALUES]).floats
+
+    @cached_property
+    def _right_hand_side(self) -> tuple[Any, FloatArray]:
+        """f as a `RightHandSide`, and its parameters (P, ...) of all members."""
+        indices, values = self._terms
+        rows = values.reshape(-1, values.shape[-1])
+        units = (rows == 1).all(axis=0), (rows == -1).all(axis=0)
+        own: FloatArray = parameters_of(values, *units)
+        return right_hand_side_of(indices, self.dimension, *units), own
 
     @property
     def _exact(self) -> Terms:

@@ -35,6 +35,8 @@ class Motion:
     table    values of `RightHandSide.table`: (n,), or (B, n) for each trajectory
     sign     1 or -1, forward or backward in time
     states   (count, B, D), to which the states are written; where a solution has ended they stay
+    t, steps, implicit_steps, state   of each trajectory: modulus of the time at which it ended, the
+             numbers of its steps and of those by the implicit half, and its `State`
     """
 
     def __init__(self, f, table, x0, times, sign, settings, states):
@@ -56,11 +58,12 @@ class Motion:
             float(settings.stiff is None), self.times[0], float(first),
         ))  # fmt: skip
         self.has_atol = atol is not None
-        self.t, self.steps = np.zeros(len(x0)), np.zeros(len(x0), np.int64)
+        self.t = np.zeros(len(x0))
+        self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
         self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
 
     def run(self, threads=1):
-        """Take all steps; `t`, `steps` and `state` tell how trajectories end."""
+        """Take all steps of all trajectories."""
         B = len(self.x0)
         size = min(BLOCK, max(-(-B // (threads * WIDTH)) * WIDTH, WIDTH))
         blocks = [slice(first, min(first + size, B)) for first in range(0, B, size)]
@@ -84,6 +87,9 @@ class Motion:
             table = self._table(block, which)
             self._steps(lines, table, is_implicit, abandoned)
             back = lines.transpose(0, 2, 1).reshape(-1, rows.size)[: len(which)]
+            if is_implicit:
+                taken = back[:, rows.steps] - flat[which, rows.steps]
+                self.implicit_steps[block][which] += taken.astype(np.int64)
             if which.size == B:
                 flat = np.ascontiguousarray(back)
             else:

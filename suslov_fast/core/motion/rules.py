@@ -49,7 +49,7 @@ def first_part(rtol):
 
 def limit_of(rtol):
     """Return the h |mu| above which a step looks stiff."""
-    return min(max(14.0 * _root8(rtol), 1.4), 4.8)
+    return min(max(17.0 * _root8(rtol), 1.4), 4.8)
 
 
 def _root8(a):

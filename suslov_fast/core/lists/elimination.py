@@ -10,7 +10,7 @@ A small pivot shows as a value that is not finite, or as an error of the step, w
 from collections import defaultdict
 
 from ..operations import Values
-from ..planned_elimination import elimination_order, filled
+from ..planned_elimination import elimination_order, filled, work_of
 from .right_hand_side import List, needed_for
 
 
@@ -79,3 +79,9 @@ class Elimination:
             operands = tuple(renamed[a] for a in operands)
             operations.append((instruction, renamed[number], operands))
         self.solution = List(operations, [renamed[right[i]] for i in range(D)])
+
+
+def work_of_elimination(pattern, D):
+    """Return the number of products in the elimination of this pattern."""
+    pattern = {*pattern, *((i, i) for i in range(D))}
+    return work_of(pattern, elimination_order(pattern, D), set())[0]

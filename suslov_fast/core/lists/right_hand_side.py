@@ -83,6 +83,10 @@ class RightHandSide:
         self._fixed = fixed
         self._find_properties()
 
+    is_dense = False
+    work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
+    entries = property(lambda self: len(self.pattern))
+
     @functools.cached_property
     def key(self):
         """What tells the lists of this right-hand side from those of others."""

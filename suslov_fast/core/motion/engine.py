@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..lines import in_lines, zeros
 from ..machine_code import call, compiled
 from ..pool import in_parts
 from .half import Half
-from .rows import State
+from .rows import BEGINS, FILLING, State
 from .rules import first_part, limit_of
 from .text import SLOT, Arguments, Numbers, text_of_half
 
@@ -79,13 +80,13 @@ class Motion:
         rows, B = half_of(self.f, False, self.has_atol).rows, block.stop - block.start
         flat = np.zeros((B, rows.size))
         flat[:, : self.f.D] = self.x0[block]
-        flat[:, rows.state] = -1.0
+        flat[:, rows.state] = BEGINS
         flat[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
-        which, is_implicit = np.arange(B), bool(self.settings.stiff)
+        which, is_implicit, W = np.arange(B), bool(self.settings.stiff), 1 if B == 1 else WIDTH
         while which.size and not abandoned:
-            lines = self._lines(flat, which, -2.0)
-            table = self._table(block, which)
-            self._steps(lines, table, is_implicit, abandoned)
+            lines = self._lines(flat, which, W)
+            half = half_of(self.f, is_implicit, self.has_atol)
+            self._steps(half, lines, self._table(half, block, which, W), abandoned)
             back = lines.transpose(0, 2, 1).reshape(-1, rows.size)[: len(which)]
             if is_implicit:
                 taken = back[:, rows.steps] - flat[which, rows.steps]
@@ -103,47 +104,40 @@ class Motion:
         self.t[block], self.steps[block] = flat[:, rows.t], flat[:, rows.steps]
         self.state[block] = flat[:, rows.state]
 
-    def _lines(self, flat, which, filling):
-        """Return trajectories as lines; the last is filled with lanes that are done."""
-        W = 1 if len(flat) == 1 else WIDTH
-        count = -(-len(which) // W)
-        chosen = np.concatenate([which, np.repeat(which[-1:], count * W - len(which))])
-        lines = np.ascontiguousarray(flat[chosen].reshape(count, W, -1).transpose(0, 2, 1))
-        if count * W > len(which):
-            row = half_of(self.f, False, self.has_atol).rows.state
-            is_new = lines[-1, row] < 0.0
-            is_filling = np.arange(W) >= len(which) - (count - 1) * W
-            lines[-1, row, is_filling] = np.where(is_new, filling, State.DONE)[is_filling]
+    def _lines(self, flat, which, W):
+        """Return trajectories as lines; lanes that fill up the last line are done."""
+        row = half_of(self.f, False, self.has_atol).rows.state
+        lines = in_lines(flat[which], W)
+        filling = len(lines) * W - len(which)
+        if filling:
+            is_new = lines[-1, row, -1] == BEGINS
+            lines[-1, row, W - filling :] = FILLING if is_new else State.DONE
         return lines
 
-    def _table(self, block, which):
+    def _table(self, half, block, which, W):
+        """Return the numbers that functions read: for all lanes, or as lines."""
         if self.table.ndim == 1:
-            return self.table
-        W = 1 if block.stop - block.start == 1 else WIDTH
-        own = self.table[block][which]
-        count = -(-len(which) // W)
-        chosen = np.concatenate([own, np.repeat(own[-1:], count * W - len(which), 0)])
-        return np.ascontiguousarray(chosen.reshape(count, W, -1).transpose(0, 2, 1))
+            return half.table_of(self.table)
+        return in_lines(half.table_of(self.table[block][which].T).T, W)
 
-    def _steps(self, lines, table, is_implicit, abandoned):
+    def _steps(self, half, lines, table, abandoned):
         """Take steps of one half in all lines, until no lane is in it."""
-        half, W = half_of(self.f, is_implicit, self.has_atol), lines.shape[2]
+        W = lines.shape[2]
         for_each = table.ndim > 1
         code = compiled(
             ("motion", half.key, W, for_each),
             lambda name: text_of_half(half, name, W, for_each),
         )
-        work = np.zeros((half.work.size + 8) * W)
-        first = -work.ctypes.data // 8 % W
+        work = zeros(half.work.size, W)
         arguments = np.array(Arguments(
             rows=lines.ctypes.data, lines=len(lines), line=0, budget=0, table=table.ctypes.data,
-            table_bytes=table[0].nbytes if for_each else 0, work=work[first:].ctypes.data,
+            table_bytes=table[0].nbytes if for_each else 0, work=work.ctypes.data,
             numbers=self.numbers.ctypes.data, extra=self.extra.ctypes.data,
             counts=self.counts.ctypes.data, keeps=self.keeps.ctypes.data,
             seeds=self.seeds.ctypes.data, times=self.times.ctypes.data, count=len(self.times),
             states=self.states.ctypes.data, state_bytes=self.states.strides[0],
         ), np.int64)  # fmt: skip
         while not abandoned:
-            arguments[SLOT.budget] = BUDGET // (len(half.f.f.operations) + 16)
+            arguments[SLOT.budget] = max(BUDGET // half.f.work, 1)
             if call(code, arguments):
                 break

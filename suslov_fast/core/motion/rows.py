@@ -19,6 +19,10 @@ class State(IntEnum):
     NO_VALUE = 5  # f has none at the start
 
 
+# Before the first step; FILLING is for lanes that no trajectory needs.
+BEGINS, FILLING = -1.0, -2.0
+
+
 class Rows(NamedTuple):
     """The first rows of the parts of a line; a part has one row unless a comment tells."""
 
@@ -67,14 +71,15 @@ class Work(NamedTuple):
     taken: int  # length of this step
     signed: int  # the same with the sign of time
     accepted: int  # 1 where the step is taken, else 0
-    t: int  # time after the step
+    t: int  # time before the step
+    scratch: int  # rows that functions need
     size: int
 
 
-def work_of(D, denominators, columns, entries, factors):
+def work_of(D, denominators, columns, entries, factors, scratch):
     """Return the rows of `Work`."""
     sizes = [D, D + denominators, D, D, columns * D, D, D, D + denominators, D,
-             entries, factors, D, *[1] * 4]  # fmt: skip
+             entries, factors, D, *[1] * 4, scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

@@ -5,13 +5,13 @@ operations (`RightHandSide`, `Elimination`, `rules`) are straight-line code; thi
 control around them. Rows stand in memory, and loops over components are written out for few.
 """
 
-from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
 
-from ..machine_code import Text, pointer
+from ..machine_code import pointer
 from . import rules
+from .code import Code
 from .columns import (
     EXPLICIT,
     IMPLICIT,
@@ -19,9 +19,8 @@ from .columns import (
     weights_of_errors,
     weights_of_few,
 )
-from .rows import State
+from .rows import BEGINS, State
 
-WRITTEN_OUT = 16  # components of which loops are written out
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
 
 
@@ -63,111 +62,6 @@ class Numbers(NamedTuple):
 SLOT, NUMBER = Arguments(*range(len(Arguments._fields))), Numbers(*range(len(Numbers._fields)))
 
 
-class Code(Text):
-    """Text with loops and conditions, for the rows of lines."""
-
-    def __init__(self, W):
-        super().__init__(W)
-        self.blocks, self.size = 0, 8 * W
-
-    def _name(self, kind):
-        self.blocks += 1
-        return f"{kind}{self.blocks}"
-
-    @contextmanager
-    def when(self, truth, likely=False):
-        """Add a block that is carried out if a truth value is true."""
-        name = self._name("when")
-        self.branch(truth, name, f"{name}_after", likely)
-        self.label(name)
-        yield
-        self.jump(f"{name}_after")
-        self.label(f"{name}_after")
-
-    @contextmanager
-    def times(self, count):
-        """Add a loop over 1 or more indices."""
-        with self.loop(self._name("loop"), count) as index:
-            yield index
-
-    @contextmanager
-    def repeat(self):
-        """Add a loop that goes on while the truth value is true that the block appends."""
-        name, goes_on = self._name("repeat"), []
-        self.jump(name)
-        self.label(name)
-        yield goes_on
-        self.branch(goes_on[0], name, f"{name}_after")
-        self.label(f"{name}_after")
-
-    def fold(self, count, carried, body):
-        """Add a loop over 1 or more indices; return the values that it carries on, by name.
-
-        `body(index, **carried)` adds the block and returns the next values, or None without any.
-        """
-        name, index = self._name("fold"), f"%fold{self.blocks}_index"
-        before = self.block
-        self.jump(name)
-        self.label(name)
-        self.add(f"  {index} = phi i64 [ 0, %{before} ], [ {index}1, %{name}_end ]")
-        place, phis = len(self.lines), {key: f"%{name}_{key}" for key in carried}
-        found = body(index, **phis) or {}
-        # The next values have names only now.
-        self.lines[place:place] = [
-            f"  {phi} = phi {self.V} [ {carried[key]}, %{before} ], [ {found[key]}, %{name}_end ]"
-            for key, phi in phis.items()
-        ]
-        self.jump(f"{name}_end")
-        self.label(f"{name}_end")
-        self.add(f"  {index}1 = add i64 {index}, 1")
-        self.branch(self.compare_integers("ult", f"{index}1", count), name, f"{name}_after")
-        self.label(f"{name}_after")
-        return found
-
-    def place(self, base, first, i=0):
-        """Return the address of row first + i from an address on."""
-        if isinstance(i, int):
-            return self.plus(base, self.size * (first + i))
-        offset = self.integer("mul", i, self.size)
-        return self.integer("add", self.plus(base, self.size * first), offset)
-
-    def row(self, base, first, i=0):
-        return self.load(self.V, self.place(base, first, i))
-
-    def put(self, value, base, first, i=0):
-        self.store(self.V, value, self.place(base, first, i))
-
-    def put_chosen(self, value, base, first, i=0):
-        """See `Text.store_chosen`."""
-        self.store_chosen(value, self.place(base, first, i))
-
-    def shared(self, address):
-        """Return a number at an address, in all lanes."""
-        number = self.load("double", address)
-        return number if self.W == 1 else self.splat(number, self.W)
-
-    def at(self, address, i):
-        """Return the address of the i-th number of 8 bytes."""
-        if isinstance(i, int):
-            return self.plus(address, 8 * i)
-        return self.integer("add", address, self.integer("mul", i, 8))
-
-    def apply(self, rule, **inputs):
-        """Carry out a rule; return its results by name."""
-        values = {k: inputs[name] for k, name in enumerate(rule.inputs)}
-        self.carry_out(rule.operations, values, None)
-        return {
-            name: self.constant(a) if isinstance(a, float) else values[a]
-            for name, a in rule.results.items()
-        }
-
-    def any(self, truth):
-        """Return whether the truth value of some lane is true."""
-        if self.W == 1:
-            return truth
-        return self.new(f"icmp ne i{self.W} {self.new(f'bitcast {self.M} {truth} to i{self.W}')}, 0")
-
-
 def text_of_half(half, name, W, for_each):
     """Return the text of i64 name(arguments), see `Arguments`, for a `Half`.
 
@@ -187,75 +81,28 @@ class _Steps:
         self.rows, self.work = half.rows, half.work
         self.columns = IMPLICIT if half.is_implicit else EXPLICIT
         self.p = 1 if half.is_implicit else 2
-        self.is_inlined = len(self.f.f.operations) <= INLINED and self.D <= WRITTEN_OUT
+        self.is_inlined = half.functions["f"].length <= INLINED
 
     def finished(self):
         """Return the whole text."""
-        f, elimination = self.f, self.half.elimination
-        self.function("f", [*f.f.results, *f.denominators], f.f.operations, f.D)
-        if self.half.is_implicit:
-            self.function("j", f.derivative.results, f.derivative.operations, f.D)
-            self.function("factor", *elimination.factors[::-1], len(f.pattern) + 1)
-            power = self.half.power
-            self.function("power", *power[::-1], len(f.pattern) + 1 + f.D)
-            self.solve_function()
+        firsts = self.half.firsts()
+        for name, function in self.half.functions.items():
+            function.add(self.text, f"{self.name}_{name}", self.for_each, firsts[name])
         self.columns_function()
         self.main()
         text = self.text.finished()
-        return "\n".join([*self.half_constants(), text])
-
-    # ------------------------------------------------------------------------------------ functions
-    def function(self, name, results, operations, inputs):
-        """Add void name(from, table, to): a list whose first values are rows from an address on."""
-        text = self.text
-        text.add(f"define internal void @{self.name}_{name}(i64 %from, i64 %table, i64 %to) #0 {{")
-        text.label("entry")
-        values = {}
-        load = self.loader(lambda k: text.row("%from", k), inputs, "%table")
-        text.carry_out(operations, values, load)
-        for k, a in enumerate(results):
-            value = text.constant(a) if isinstance(a, float) else values.get(a) or load(a)
-            text.put(value, "%to", k)
-        text.add("  ret void")
-        text.add("}")
-
-    def loader(self, of_state, inputs, table):
-        """Return the function that loads an input by its number, or a value of the table."""
-        text, places = self.text, self.f.places
-
-        def load(number):
-            if number < inputs:
-                return of_state(number)
-            if self.for_each:
-                return text.row(table, places[number])
-            return text.shared(text.plus(table, 8 * places[number]))
-
-        return load
+        return "\n".join([*self.constants(), *self.text.constants, text])
 
     def call(self, name, *addresses):
+        """Call one of the functions, on rows; `base` is the address of the rows of `Work`."""
+        scratch = self.text.place(self.base, self.work.scratch)
+        self.call_with(name, *addresses, scratch)
+
+    def call_with(self, name, *addresses):
         numbers = ", ".join(f"i64 {address}" for address in addresses)
         self.text.add(f"  call void @{self.name}_{name}({numbers})")
 
-    def solve_function(self):
-        """Add void solve(factors, right): right becomes A**-1 right."""
-        text, list_ = self.text, self.half.elimination.solution
-        count = len(self.half.elimination.factors.results)
-        text.add(f"define internal void @{self.name}_solve(i64 %factors, i64 %right) #0 {{")
-        text.label("entry")
-        values = {}
-
-        def load(number):
-            if number < count:
-                return text.row("%factors", number)
-            return text.row("%right", number - count)
-
-        text.carry_out(list_.operations, values, load)
-        for k, a in enumerate(list_.results):
-            text.put(values.get(a) or load(a), "%right", k)
-        text.add("  ret void")
-        text.add("}")
-
-    def half_constants(self):
+    def constants(self):
         """Return the lines that define the lengths of columns, and their inverses."""
         integers = ", ".join(f"i64 {n}" for n in self.columns)
         inverses = ", ".join(f"double {_bits(1.0 / n)}" for n in self.columns)
@@ -272,7 +119,7 @@ class _Steps:
         `x` and `f` are the addresses of the rows of a state and of f there. The length of the step
         is in the row `signed` of `work`.
         """
-        text, work = self.text, self.work
+        text, work, self.base = self.text, self.work, "%work"
         text.add(f"define internal void @{self.name}_columns(i64 %x, i64 %f, i64 %table, "
                  "i64 %work, i64 %count) #0 {")  # fmt: skip
         text.label("entry")
@@ -347,18 +194,13 @@ class _Steps:
 
     def inlined(self, x):
         """Return f at a state in registers."""
-        values, text = {}, self.text
-        load = self.loader(lambda k: x[k], self.D, "%table")
-        text.carry_out(self.f.f.operations, values, load)
-        return [
-            text.constant(a) if isinstance(a, float) else values.get(a) or load(a)
-            for a in self.f.f.results
-        ]
+        function = self.half.functions["f"]
+        return function.values(self.text, lambda k: x[k], "%table", self.for_each)[: self.D]
 
     def implicit_column(self, N, s, ends):
         """Add the linearly implicit Euler rule, whose increments are added up."""
         text, work, D = self.text, self.work, self.D
-        text.put(s, "%work", work.jacobian, len(self.f.pattern))
+        text.put(s, "%work", work.jacobian, self.f.entries)
         jacobian, factors, a, b, right = (
             text.place("%work", k)
             for k in (work.jacobian, work.factors, work.a, work.b, work.right)
@@ -370,7 +212,7 @@ class _Steps:
                 text.put(text.operate("fmul", s, text.row(rates, 0, i)), right, 0, i)
 
             text.fold(D, {}, body)
-            self.call("solve", factors, right)
+            self.call("solve", factors, "%table", right)
 
         def first(i):
             text.put(text.row(right, 0, i), ends, 0, i)
@@ -397,6 +239,7 @@ class _Steps:
         text.add(f"define i64 @{self.name}(i64 %arguments) #0 {{")
         text.label("entry")
         self.of = Arguments(*(text.load("i64", text.plus("%arguments", 8 * k)) for k in SLOT))
+        self.base = self.of.work
         with text.repeat() as more_lines:
             number = text.load("i64", text.plus("%arguments", 8 * SLOT.line))
             offset = text.integer("mul", number, self.rows.size * text.size)
@@ -477,7 +320,7 @@ class _Steps:
         sums = text.fold(self.D, dict.fromkeys(("size", "rate", "total"), zero), component)
         found = text.apply(rules.BEGIN, **self.inputs(rules.BEGIN, **sums))
         # Lanes that fill up the last line are done.
-        is_new = text.compare("oeq", text.row(self.line, rows.state), text.constant(-1.0))
+        is_new = text.compare("oeq", text.row(self.line, rows.state), text.constant(BEGINS))
         done = text.constant(float(State.DONE))
         found["state"] = text.select(is_new, found["state"], done)
         self.keep_rows(found)
@@ -493,7 +336,7 @@ class _Steps:
         base, zero, one = self.of.work, text.constant(0.0), text.constant(1.0)
         rate = self.derive() if self.half.is_implicit else None
         x, f = text.place(self.line, rows.x), text.place(self.line, rows.f)
-        self.call("columns", x, f, self.table, base, len(self.columns))
+        self.call_with("columns", x, f, self.table, base, len(self.columns))
         own, of_error = weights(self.columns, self.p), weights_of_errors(self.columns, self.p)
 
         def next_state(i, top, kept):
@@ -591,8 +434,8 @@ class _Steps:
     # ------------------------------------------------------------------------------- implicit lanes
     def derive(self):
         """Write the entries of f'; return its rate by a step of the power iteration."""
-        text, rows, work, f = self.text, self.rows, self.work, self.f
-        base, zero, entries = self.of.work, text.constant(0.0), len(f.pattern)
+        text, rows, work = self.text, self.rows, self.work
+        base, zero, entries = self.of.work, text.constant(0.0), self.f.entries
         jacobian, right = text.place(base, work.jacobian), text.place(base, work.right)
         self.call("j", text.place(self.line, rows.x), self.table, jacobian)
 
@@ -699,7 +542,7 @@ class _Steps:
         for need in needs:
             count = text.integer("add", count, text.new(f"zext i1 {text.any(need)} to i64"))
         start, f = text.place(base, work.start), text.place(base, work.f)
-        self.call("columns", start, f, self.table, base, count)
+        self.call_with("columns", start, f, self.table, base, count)
         table, factors = weights_of_few(EXPLICIT, 2), []
         for c in range(4):
             factor = text.constant(table[3, c])
@@ -732,7 +575,7 @@ class _Steps:
         ))  # fmt: skip
         self.keep_work({"signed": found["signed"]})
         x, f = text.place(self.line, rows.x), text.place(self.line, rows.f)
-        self.call("columns", x, f, self.table, base, len(self.columns))
+        self.call_with("columns", x, f, self.table, base, len(self.columns))
         own, of_error = weights(self.columns, 1), weights_of_errors(self.columns, 1)
         is_inside = text.compare("ogt", found["length"], zero)
 

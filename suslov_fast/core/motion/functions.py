@@ -1,0 +1,285 @@
+"""Functions of rows, of which the steps of the motion are made: f, f', elimination, products.
+
+Each is a function void name(from, table, to, scratch) of a text: it reads rows at one address, and
+writes rows at another. Short lists of operations are straight-line code, long ones are runs
+(`listed`), and dense matrices have loops. `numbers(table)` are those that a function reads after
+the table of f, and `scratch` the rows that it needs for itself.
+"""
+
+import math
+
+import numpy as np
+
+from ..listed import program_of
+from ..listed_code import _add_runs
+
+LONGEST = 4000  # operations of straight-line code: a longer list takes seconds to compile
+
+
+class OfList:
+    """A list of operations as straight-line code; its first values are rows."""
+
+    scratch = 0
+
+    def __init__(self, list_, inputs, places):
+        self.list_, self.inputs, self.places = list_, inputs, places
+        self.length = len(list_.operations)
+
+    def numbers(self, table):
+        return table[:0]
+
+    def values(self, text, row, table, for_each):
+        """Return the results, where row(k) is the k-th input."""
+        found = {}
+
+        def load(number):
+            if number < self.inputs:
+                return row(number)
+            place = self.places[number]
+            return text.row(table, place) if for_each else text.shared(text.plus(table, 8 * place))
+
+        text.carry_out(self.list_.operations, found, load)
+        results = []
+        for a in self.list_.results:
+            if not isinstance(a, float) and a not in found:
+                found[a] = load(a)
+            results.append(text.constant(a) if isinstance(a, float) else found[a])
+        return results
+
+    def add(self, text, name, for_each, first):
+        with text.function(name):
+            results = self.values(text, lambda k: text.row("%from", k), "%table", for_each)
+            for k, value in enumerate(results):
+                text.put(value, "%to", k)
+
+
+class OfLongList:
+    """A list of operations that runs carry out, on rows of their own."""
+
+    length = np.inf  # it has no code of its own
+
+    def __init__(self, list_, inputs, places):
+        self.inputs, self.results = inputs, list_.results
+        of_values = [*dict.fromkeys(a for a in self.results if not isinstance(a, float))]
+        table = sorted(places, key=places.get)
+        self.program, self._numbers = program_of(
+            range(inputs), table, list_.operations, of_values
+        )
+        self._row = dict(zip(of_values, self.program.results.tolist(), strict=True))
+        self.scratch, self.in_table = self.program.rows, len(table)
+
+    def numbers(self, table):
+        shape = table.shape[1:]
+        own = table[: self.in_table].reshape(self.in_table, math.prod(shape))
+        return self._numbers.of(own).reshape(-1, *shape)
+
+    def add(self, text, name, for_each, first):
+        if not text.has_runs:
+            text.has_runs = True
+            _add_runs(text, "runs", for_each)
+        runs, size = self.program.runs, text.size if for_each else 8
+        with text.function(name):
+            heads, places = (text.integers(f"{name}_{k}", array) for k, array in enumerate(runs))
+            table = text.plus("%table", size * first)
+            text.copy("%from", "%scratch", self.inputs)
+            numbers = ", ".join(f"i64 {a}" for a in ("%scratch", table, heads, places))
+            text.add(f"  call void @runs({numbers}, i64 {len(runs.heads)})")
+            is_value = [not isinstance(a, float) for a in self.results]
+            if all(is_value):
+                rows = np.array([self._row[a] for a in self.results])
+                rows = text.integers(f"{name}_rows", rows)
+
+                def move(k):
+                    row = text.load("i64", text.at(rows, k))
+                    text.put(text.row("%scratch", 0, row), "%to", 0, k)
+
+                text.fold(len(self.results), {}, move)
+                return
+            for k, a in enumerate(self.results):
+                constant = isinstance(a, float)
+                value = text.constant(a) if constant else text.row("%scratch", self._row[a])
+                text.put(value, "%to", k)
+
+
+def of_list(list_, inputs, places=None):
+    """Return the function of a list of any length."""
+    kind = OfList if len(list_.operations) <= LONGEST else OfLongList
+    return kind(list_, inputs, places or {})
+
+
+class _Loops:
+    """A function that is written as loops."""
+
+    length, scratch = np.inf, 0
+
+    def numbers(self, table):
+        return table[:0]
+
+
+class DenseFactors(_Loops):
+    """The factors of 1 - s J in a dense matrix, by rows, for entries of J in some places."""
+
+    def __init__(self, pattern, D):
+        self.places, self.D = np.array([i * D + j for i, j in pattern], np.int64), D
+
+    def add(self, text, name, for_each, first):
+        D, zero, one = self.D, text.constant(0.0), text.constant(1.0)
+        integer = text.integer
+
+        def entry(i, j):
+            return text.place("%to", 0, integer("add", integer("mul", i, D), j))
+
+        with text.function(name):
+            text.fold(D * D, {}, lambda k: text.put(zero, "%to", 0, k))
+            if len(self.places):
+                s = text.row("%from", len(self.places))
+                places = text.integers(f"{name}_places", self.places)
+
+                def put(k):
+                    place = text.load("i64", text.at(places, k))
+                    product = text.operate("fmul", s, text.row("%from", 0, k))
+                    text.put(text.operate("fsub", zero, product), "%to", 0, place)
+
+                text.fold(len(self.places), {}, put)
+
+            def row(i):
+                diagonal = entry(i, i)
+                text.store(text.V, text.operate("fadd", one, text.load(text.V, diagonal)), diagonal)
+
+                def eliminate(k):
+                    place = entry(i, k)
+                    inverse = text.row("%to", D * D, k)
+                    factor = text.operate("fmul", text.load(text.V, place), inverse)
+                    text.store(text.V, factor, place)
+                    own, other = entry(i, k), entry(k, k)
+
+                    def subtract(j):
+                        offset = integer("mul", integer("add", j, 1), text.size)
+                        at = integer("add", own, offset)
+                        a = text.load(text.V, integer("add", other, offset))
+                        product = text.operate("fmul", factor, a)
+                        value = text.operate("fsub", text.load(text.V, at), product)
+                        text.store(text.V, value, at)
+
+                    text.fold(integer("sub", D - 1, k), {}, subtract)
+
+                with text.when(text.compare_integers("ne", i, 0)):
+                    text.fold(i, {}, eliminate)
+                inverse = text.operate("fdiv", one, text.load(text.V, entry(i, i)))
+                text.put(inverse, "%to", D * D, i)
+
+            text.fold(D, {}, row)
+
+
+class DenseSolution(_Loops):
+    """The solution of (1 - s J) v = g from dense factors, in place of g."""
+
+    def __init__(self, D):
+        self.D = D
+
+    def add(self, text, name, for_each, first):
+        D, integer = self.D, text.integer
+
+        def less(i, start, count, begin):
+            """Return g_i less the products of a row, from its column `begin` on."""
+
+            def product(k, total):
+                j = integer("add", begin, k)
+                place = integer("add", integer("mul", i, D), j)
+                a = text.operate("fmul", text.row("%from", 0, place), text.row("%to", 0, j))
+                return {"total": text.operate("fsub", total, a)}
+
+            return text.fold(count, {"total": start}, product)["total"]
+
+        def forward(n):
+            i = integer("add", n, 1)
+            text.put(less(i, text.row("%to", 0, i), i, 0), "%to", 0, i)
+
+        def backward(n):
+            i = integer("sub", D - 2, n)
+            count = integer("add", n, 1)
+            value = less(i, text.row("%to", 0, i), count, integer("add", i, 1))
+            text.put(text.operate("fmul", value, text.row("%from", D * D, i)), "%to", 0, i)
+
+        with text.function(name):
+            if D > 1:
+                text.fold(D - 1, {}, forward)
+            last = text.operate("fmul", text.row("%to", D - 1), text.row("%from", D * D + D - 1))
+            text.put(last, "%to", D - 1)
+            if D > 1:
+                text.fold(D - 1, {}, backward)
+
+
+class DenseQuadratic(_Loops):
+    """f, or f', of a dense quadratic field: sums over all its coefficients.
+
+    f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k) with symmetric q; in the table each component has
+    c_i, l_ij for all j, and q_ijk for all j and k.
+    """
+
+    def __init__(self, D, is_derivative):
+        self.D, self.is_derivative = D, is_derivative
+
+    def add(self, text, name, for_each, first):
+        D, size, integer = self.D, text.size if for_each else 8, text.integer
+        load = (lambda at: text.load(text.V, at)) if for_each else text.shared
+
+        def component(i):
+            start = integer("mul", integer("mul", i, 1 + D + D * D), size)
+            start = integer("add", "%table", start)
+
+            def inner(j):
+                at = integer("add", start, integer("mul", integer("add", j, 1), size))
+                offset = integer("mul", integer("add", integer("mul", j, D), 1 + D), size)
+                products = integer("add", start, offset)
+
+                def add(k, total):
+                    q = load(integer("add", products, integer("mul", k, size)))
+                    product = text.operate("fmul", q, text.row("%from", 0, k))
+                    return {"total": text.operate("fadd", total, product)}
+
+                total = text.fold(D, {"total": text.constant(0.0)}, add)["total"]
+                return load(at), total
+
+            if self.is_derivative:
+
+                def entry(j):
+                    linear, total = inner(j)
+                    value = text.operate("fadd", linear, text.operate("fadd", total, total))
+                    place = integer("add", integer("mul", i, D), j)
+                    text.put(value, "%to", 0, place)
+
+                text.fold(D, {}, entry)
+                return
+
+            def term(j, f):
+                linear, total = inner(j)
+                value = text.operate("fadd", linear, total)
+                product = text.operate("fmul", value, text.row("%from", 0, j))
+                return {"f": text.operate("fadd", f, product)}
+
+            text.put(text.fold(D, {"f": load(start)}, term)["f"], "%to", 0, i)
+
+        with text.function(name):
+            text.fold(D, {}, component)
+
+
+class DenseProduct(_Loops):
+    """f' times a vector, for all entries of f' in rows, s, and the vector."""
+
+    def __init__(self, D):
+        self.D = D
+
+    def add(self, text, name, for_each, first):
+        D, integer = self.D, text.integer
+
+        def component(i):
+            def add(j, total):
+                a = text.row("%from", 0, integer("add", integer("mul", i, D), j))
+                product = text.operate("fmul", a, text.row("%from", D * D + 1, j))
+                return {"total": text.operate("fadd", total, product)}
+
+            text.put(text.fold(D, {"total": text.constant(0.0)}, add)["total"], "%to", 0, i)
+
+        with text.function(name):
+            text.fold(D, {}, component)

@@ -27,7 +27,7 @@ _DIGITS = (
 _CHOSEN = "flow chooses its steps from the tolerance rtol=; iterate has eps= and method="
 _TENSOR = "from_inertia(I, a) makes a body from an inertia tensor and the constrained axis"
 _MATRIX = "from_mass_tensor makes a body from a matrix"
-_AT_TIMES = "flow(body, x, time) returns the motion at times; exact, the map after n steps"
+_AT_TIMES = "flow(body, x, time=...) returns the motion at times; exact, the map after n steps"
 _OF_EPS = "it replaces eps alone; then call the result at a state, as in f.subs(eps=0.1)([1, 2])"
 _FEWER = (
     "for fewer or more points draw the states yourself, as in ax.plot(x[..., 0], x[..., 1], '.')"
@@ -49,7 +49,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
     for names, arguments, sentence, other in (
         (
             "dt h epsilon step_size stepsize delta_t first_step max_step maxstep initialstep dtmax",
-            ("eps",),
+            ("eps", "max_step"),
             _CHOSEN,
             "rtol",
         ),
@@ -208,7 +208,9 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     others += ["parameters, such as a=1"] * takes_any
     stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
     required = [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
-    whole = f"({', '.join(required[is_method:])})" if len(required) > 1 + is_method else ""
+    written = [f"{a.name}=..." if a.kind is a.KEYWORD_ONLY else a.name for a in parameters]
+    written = [name for name in written if name.removesuffix("=...") in required]
+    whole = f"({', '.join(written[is_method:])})" if len(required) > 1 + is_method else ""
     *_, owner, called = ("", *function.__qualname__.split("."))
     called = owner if called.startswith("__") else called
 

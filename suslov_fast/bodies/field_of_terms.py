@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, ClassVar
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +28,21 @@ _OF_STORES = frozenset(
 )
 
 
+class OfMembers(NamedTuple):
+    """The right-hand side of some members of a family, or of a single field."""
+
+    members: NDArray[np.int64]  # their numbers (K,)
+    f: Any  # a `RightHandSide`
+    table: FloatArray  # its numbers (K, n), see `RightHandSide.table_of`
+
+
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class FieldOfFunction(Body):
     """A field whose parts include named parameters, those of the function that it is made of."""
 
     names: tuple[str, ...]
     _value_at: ClassVar[Any]  # f(x)
+    _right_hand_sides: ClassVar[Any]  # f for the motion, a list of `OfMembers`
 
     @property
     def _arrays(self) -> dict[str, FloatArray]:
@@ -128,13 +137,25 @@ class _FieldOfTerms(FieldOfFunction):
         return Terms(self._parts[INDICES], self._parts[VALUES]).floats
 
     @cached_property
-    def _right_hand_side(self) -> tuple[Any, FloatArray]:
-        """f as a `RightHandSide`, and its parameters (P, ...) of all members."""
+    def _right_hand_sides(self) -> list[OfMembers]:
         indices, values = self._terms
         rows = values.reshape(-1, values.shape[-1])
-        units = (rows == 1).all(axis=0), (rows == -1).all(axis=0)
-        own: FloatArray = parameters_of(values, *units)
-        return right_hand_side_of(indices, self.dimension, *units), own
+        # Members without a term are apart, because what a step tests depends on the terms.
+        exists = rows != 0.0
+        patterns, which = exists[:1], np.zeros(len(rows), np.int64)
+        if not exists.all():
+            patterns, which = np.unique(exists, axis=0, return_inverse=True)
+        found = []
+        for k, pattern in enumerate(patterns):
+            members = np.flatnonzero(which.reshape(-1) == k)
+            own = rows[np.ix_(members, pattern)]
+            units = (own == 1.0).all(axis=0), (own == -1.0).all(axis=0)
+            f = _quadratic(
+                indices[:, pattern].tobytes(), self.dimension, *(u.tobytes() for u in units)
+            )
+            table = f.table_of(parameters_of(own, *units))
+            found.append(OfMembers(members, f, np.ascontiguousarray(table.T)))
+        return found
 
     @property
     def _exact(self) -> Terms:
@@ -182,6 +203,13 @@ class _FieldOfTerms(FieldOfFunction):
         """c (..., D)."""
         table: NDArray[Any] = self._table("constant", 1)
         return table
+
+
+@lru_cache(256)
+def _quadratic(indices: bytes, D: int, is_one: bytes, is_minus_one: bytes) -> Any:
+    """Return the right-hand side of terms, which fields of the same form share."""
+    places = np.frombuffer(indices, np.int64).reshape(3, -1)
+    return right_hand_side_of(places, D, *(np.frombuffer(u, bool) for u in (is_one, is_minus_one)))
 
 
 def parts_of(terms: Terms | None, names: Sequence[str]) -> dict[str, Any]:

@@ -24,8 +24,8 @@ _ROUNDING = 1e-14
 # What to use, in place of these functions, for bodies without a known formula.
 _INSTEAD = {
     "exact": "iterate",
+    "flow": "flow, which computes it to a tolerance",
     "limits": "iterate",
-    "flow": "flow(QuadraticField.of(body), ...)",
     "first_integral": "modified_energy",
     "criticality": "iterate, and compare with half the step size",
     "invariant_density": "the determinant of jacobian",
@@ -174,6 +174,8 @@ class NotIntegrableError(ValueError):
     use modified_energy
     """
 
+    known: Any = False  # for which members of a batch a formula is known
+
 
 def are_solved(body: SuslovND) -> Any:
     """Return True where n = 3, or, to rounding, J I = b I and J = a on vectors orthogonal to I."""
@@ -205,4 +207,7 @@ def check_known(body: SuslovND, function: str) -> None:
         which = f"body {spell(first_index(~known))}" if known.ndim else "this body"
         known_for = f"only for bodies with {expected}"
         how = f"use {_INSTEAD[function]}"
-        raise NotIntegrableError(f"{function} has no known formula for {which}, {known_for}: {how}")
+        text = f"{function} has no known formula for {which}, {known_for}: {how}"
+        error = NotIntegrableError(text)
+        error.known = known
+        raise error

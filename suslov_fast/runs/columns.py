@@ -73,14 +73,23 @@ CROSSINGS = (
     Column("_carry", "float64", "carried trajectory"),
     Column("_last", "float64", "trajectory", when="surface"),
 )
+MOTION = (
+    Column("states", "float64", "time batch component"),
+    Column("time", "float64", "time"),
+    Column("status", "int8", "batch"),
+    Column("end", "float64", "batch"),
+    Column("steps", "int64", "batch"),
+)
 OF_KIND = {
     "Trajectories": [column for column in RUN if column.in_files],
     "Crossings": [*CROSSINGS],
+    "Motion": [*MOTION],
 }  # of files
-# The arguments of the functions that made a result: texts, and integers or None.
+# The arguments of the functions that made a result: texts, numbers or None.
 ARGUMENTS = {
     "Trajectories": ("method", "steps", "save_every"),
     "Crossings": ("method", "steps", "transient", "direction", "most"),
+    "Motion": ("rtol", "atol", "max_step", "stiff"),
 }
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`

@@ -1,6 +1,7 @@
 """The motion of trajectories at given times: blocks of lines, and which code takes them."""
 
 import functools
+from threading import get_ident
 from typing import NamedTuple
 
 import numpy as np
@@ -62,10 +63,16 @@ class Motion:
         self.t = np.zeros(len(x0))
         self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
         self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
+        self.places, self.is_stopped = np.zeros(len(x0), np.int64), False
 
-    def run(self, threads=1):
-        """Take all steps of all trajectories."""
+    def run(self, threads=1, report=None):
+        """Take all steps of all trajectories.
+
+        `report` takes the number of states that are done, in this thread, now and then; if it
+        returns False, the steps end, and `is_stopped` is true.
+        """
         B = len(self.x0)
+        self.report, self.caller = report, get_ident()
         size = min(BLOCK, max(-(-B // (threads * WIDTH)) * WIDTH, WIDTH))
         blocks = [slice(first, min(first + size, B)) for first in range(0, B, size)]
         abandoned = []
@@ -86,7 +93,8 @@ class Motion:
         while which.size and not abandoned:
             lines = self._lines(flat, which, W)
             half = half_of(self.f, is_implicit, self.has_atol)
-            self._steps(half, lines, self._table(half, block, which, W), abandoned)
+            table = self._table(half, block, which, W)
+            self._steps(half, lines, table, self.places[block], which, abandoned)
             back = lines.transpose(0, 2, 1).reshape(-1, rows.size)[: len(which)]
             if is_implicit:
                 taken = back[:, rows.steps] - flat[which, rows.steps]
@@ -120,8 +128,11 @@ class Motion:
             return half.table_of(self.table)
         return in_lines(half.table_of(self.table[block][which].T).T, W)
 
-    def _steps(self, half, lines, table, abandoned):
-        """Take steps of one half in all lines, until no lane is in it."""
+    def _steps(self, half, lines, table, places, which, abandoned):
+        """Take steps of one half in all lines, until no lane is in it.
+
+        `places` of the trajectories `which` count the times that they have reached.
+        """
         W = lines.shape[2]
         for_each = table.ndim > 1
         code = compiled(
@@ -139,5 +150,12 @@ class Motion:
         ), np.int64)  # fmt: skip
         while not abandoned:
             arguments[SLOT.budget] = max(BUDGET // half.f.work, 1)
-            if call(code, arguments):
+            is_done = call(code, arguments)
+            if self.report is not None:
+                reached = lines[:, half.rows.place].view(np.int64).ravel()
+                places[which] = reached[: len(which)]
+                if get_ident() == self.caller and self.report(int(self.places.sum())) is False:
+                    self.is_stopped = True
+                    abandoned.append(True)
+            if is_done:
                 break

@@ -1,0 +1,344 @@
+"""`flow`: the motion of a system at given times, exact or to a tolerance."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks
+from ..bodies.base import Body
+from ..bodies.classes import BodyOrField
+from ..bodies.field_of_terms import FieldOfFunction
+from ..bodies.nd import NotIntegrableError
+from ..checks import FloatArray, common_shape, first_index, require, short, spell, wrong
+from ..core.motion.engine import Settings
+from ..core.motion.rules import MOST_STEPS
+from ..engine.arguments import flat_arrays, is_lifted, lift_of
+from ..engine.motions import Found, nothing_found, solve
+from ..engine.problem import MANY, Problem
+from ..engine.random_starts import RandomStarts
+from ..engine.status import PoleWarning, Status
+from ..engine.stretches import Progress, Report, reporter
+from ..engine.threads import thread_count
+from ..keywords import public
+from ..maps import map_of
+from .lifted_motion import motion as lifted_motion
+from .motion import Motion
+from .solution import states_at
+
+_LEAST, _MOST = 1e-13, 1e-2  # of rtol
+
+
+@public
+def flow(
+    system: BodyOrField,
+    x0: ArrayLike,
+    /,
+    *,
+    time: ArrayLike,
+    rtol: float = 1e-9,
+    atol: ArrayLike | None = None,
+    max_step: float | None = None,
+    stiff: bool | None = None,
+    threads: int | None = None,
+    progress: Progress = None,
+) -> Motion:
+    """Return the motion: the solution of the equations at given times, from x0 at time 0.
+
+    Each trajectory takes steps of its own, by extrapolation of order 10, or of order 7 where the
+    equations are stiff. Their lengths follow from its own estimate of the error, and the times do
+    not shorten them. The motion of a body whose closed form is known is exact.
+
+    Parameters
+    ----------
+    system : QuadraticField, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
+        A single field or body, or a batch.
+    x0 : array_like(float, shape=(..., D))
+        Initial states: states x of a field, or angular velocities.
+    time : array_like(float, shape=() or (n,))
+        Times in any order, all 0 or later, or all 0 or earlier. A number is one time, n = 1.
+    rtol : float
+        Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
+        times the largest absolute value that the component has had on the trajectory, or 2**-20 of
+        the largest component's if that is more.
+    atol : float or array_like(float, shape=(D,)), optional
+        Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
+        below ``atol[i] + rtol * abs(x[i])``, so that small components have digits of their own.
+    max_step : float, optional
+        The longest step in time, for pulses that are short beside the steps.
+    stiff : bool, optional
+        True or False takes all steps by the method for stiff equations, or by the other one. By
+        default each trajectory chooses, from step to step.
+    threads : int, optional
+        As in :func:`iterate`; a solution has the same bits on any number of threads, in any batch.
+    progress : bool or callable, optional
+        True shows a bar (needs tqdm). A function is called as ``progress(done, total)`` with
+        numbers of states, now and then; if it returns False, the states that are not computed yet
+        are NaN.
+
+    Returns
+    -------
+    Motion
+        The states (n, ..., D), with the status of each trajectory. A solution that ends, because it
+        escapes to infinity or reaches a pole, is NaN from there on; so is one that takes more than
+        250,000 steps from one time to the next, and a solution of equations without a value at x0.
+        One :class:`PoleWarning` counts them, and says when the first one ends. NaN for a state that
+        contains NaN, without a warning.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has the wrong type or shape, or is out of range.
+    MemoryError
+        If the states exceed the free memory.
+
+    Examples
+    --------
+    Predators and prey (Lotka-Volterra) for three rates, at two times:
+
+    >>> from suslov_fast import QuadraticField, Suslov3D, exact, flow
+    >>> family = QuadraticField.from_function(
+    ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
+    ... )
+    >>> motion = flow(family, [1.0, 0.5], time=[5.0, 10.0])
+    >>> motion.x.shape, motion.ok
+    ((2, 3, 2), True)
+
+    How large is the error of the map of a body at time 5, and does half the step size give a
+    quarter of it?
+
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> motion = flow(body, [1.0, 0.5], time=5.0)
+    >>> motion.omega.round(6)
+    array([[ 0.873751, -1.093725]])
+    >>> for eps, n in (0.2, 25), (0.1, 50):
+    ...     print(abs(exact(body, [1.0, 0.5], eps, n) - motion.omega).max().round(6))
+    0.000632
+    0.000158
+    """
+    checks.instance("system", system, Body)
+    times, sign = _checked_times(time)
+    settings = _checked_settings(system, rtol, atol, max_step, stiff)
+    x, batch = _checked_starts(system, x0, len(times))
+    with reporter(progress, len(times) * math.prod(batch)) as report:
+        arguments = times, sign, settings, thread_count(threads), report
+        found = _motion_of(system, x, batch, *arguments)
+    ends = np.where(found.status < 0, found.t, np.nan)
+    if found.status.any():  # all but OK are negative
+        _warn(found, ends, x, batch)
+    return Motion._of(
+        {
+            "states": found.states.reshape(len(times), *batch, -1),
+            "time": times,
+            "body": system,
+            "status": found.status.reshape(batch),
+            "end": ends.reshape(batch),
+            "steps": found.steps.reshape(batch),
+            "rtol": settings.rtol,
+            "atol": atol if settings.atol is None else _plain(settings.atol),
+            "max_step": max_step if max_step is None else settings.longest,
+            "stiff": stiff,
+        }
+    )
+
+
+def _plain(atol: Any) -> float | tuple[float, ...]:
+    """Return a tolerance as Python's numbers."""
+    return atol if isinstance(atol, float) else tuple(atol.tolist())
+
+
+# --------------------------------------------------------------------------------------- arguments
+def _checked_times(value: Any) -> tuple[FloatArray, int]:
+    """Return the times (n,), and whether they are forward, 1, or backward, -1."""
+    time = checks.real_number("time", value)
+    if isinstance(time, float):
+        return np.array([time]), -1 if time < 0.0 else 1
+    if time.ndim > 1:
+        raise wrong("time", "a number or a 1-D array", f"an array of shape {time.shape}")
+    low, high = (time.min(), time.max()) if time.size else (0.0, 0.0)
+    if low < 0.0 < high:
+        how = "call flow twice, forward and backward"
+        raise wrong("time", "all 0 or later, or all 0 or earlier", f"{low:g} and {high:g}: {how}")
+    return np.array(time), -1 if low < 0.0 else 1  # a copy, which the motion keeps
+
+
+def _checked_settings(system: Any, rtol: Any, atol: Any, max_step: Any, stiff: Any) -> Settings:
+    """Return what the engine takes."""
+    number = checks.real_number("rtol", rtol)
+    if not isinstance(number, float) or not _LEAST <= number <= _MOST:
+        raise wrong("rtol", f"a number from {_LEAST:g} to {_MOST:g}", short(rtol))
+    if atol is not None:
+        D = system.dimension
+        atol = checks.real_number("atol", atol)
+        if not isinstance(atol, float) and atol.shape != (D,):
+            raise wrong("atol", f"a number, or {D}, one for each component", f"{atol.shape}")
+        if np.min(atol) < 0.0:
+            raise wrong("atol", "0 or more", short(float(np.min(atol))))
+    longest = math.inf if max_step is None else checks.positive("max_step", max_step)
+    if stiff not in (None, True, False):
+        raise wrong("stiff", "True, False or None", short(stiff), TypeError)
+    return Settings(number, atol, longest, stiff)
+
+
+def _checked_starts(system: Any, x0: Any, n: int) -> tuple[FloatArray, tuple[int, ...]]:
+    """Return the initial states (B, D) and the batch shape, if memory holds n states of each."""
+    labels, how = system._labels, "compute fewer states at a time"
+    if isinstance(x0, RandomStarts):
+        size = math.prod(x0.shape)
+        require(8 * len(labels) * size * (n + 2), how)
+        x = x0.states(size, 0, len(labels)).reshape(*x0.shape, len(labels))
+    else:
+        if type(x0) is np.ndarray and x0.size > MANY:
+            require(8 * x0.size * (n + 2), how)
+        x = checks.states("x0", x0, labels)
+    batch = common_shape({"system": system.shape, "x0": x.shape[:-1]})
+    size = math.prod(batch) * len(labels)
+    if n * size > MANY:
+        require(8 * (n + 2) * size, how)
+    return flat_arrays(x, batch), batch
+
+
+# ------------------------------------------------------------------------------------------ motions
+def _motion_of(
+    system: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    threads: int | None,
+    report: Report | None,
+) -> Found:
+    """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
+    if lift_of(system) is not None or is_lifted(system):
+        return _of_lifted(system, x, batch, times, settings, threads)
+    if isinstance(system, FieldOfFunction):
+        return _to_tolerance(system, x, batch, times, sign, settings, threads, report)
+    is_exact = _are_exact(system)
+    if is_exact is True:
+        found = _exact(system, x, batch, times, threads)
+        if report is not None:
+            report(found.states[..., 0].size)
+        return found
+    arguments: Any = times, sign, settings, threads, report
+    if is_exact is False:
+        return _to_tolerance(system.field(), x, batch, *arguments)
+    is_exact = np.broadcast_to(is_exact, batch).ravel()
+    found = nothing_found(x, len(times))
+    for exact in (True, False):
+        where = np.flatnonzero(is_exact == exact)
+        members, count = _members(system, batch, where), (len(where),)
+        part = _motion_of(members, x[where], count, *arguments)
+        found.states[:, where], found.t[where] = part.states, part.t
+        found.steps[where], found.status[where] = part.steps, part.status
+    return found
+
+
+def _of_lifted(
+    field: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    times: FloatArray,
+    settings: Settings,
+    threads: int | None,
+) -> Found:
+    problem = Problem(map_of(field), field, x.reshape(*batch, -1), 0.0, batch, threads, "x0")
+    states = lifted_motion(problem, times, settings.rtol, None).reshape(len(times), *x.shape)
+    found = nothing_found(x, len(times))
+    status = np.where(np.isnan(states).any(axis=(0, 2)), Status.NONFINITE, Status.OK)
+    t = np.full(len(x), np.nan)
+    return found._replace(states=states, status=status.astype(np.int8), t=t, is_stopped=True)
+
+
+def _are_exact(body: Any) -> Any:
+    """Return whether the closed form of a body is known: True, False, or for each member."""
+    record = map_of(body)
+    if record.plane is None:
+        return False
+    try:
+        record.require("flow", body)
+    except NotIntegrableError as error:
+        known = error.known
+        return known if np.any(known) else False
+    return True
+
+
+def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:
+    """Return the members (K,) of a body that trajectories `where` of the batch have."""
+    parts = {}
+    for name, value in body._parts.items():
+        array = np.asarray(value)
+        inner = array.shape[array.ndim - body._axes.get(name, 0) :]
+        parts[name] = np.broadcast_to(array, (*batch, *inner)).reshape(-1, *inner)[where]
+    return body._with(parts)
+
+
+def _exact(
+    body: Any, x: FloatArray, batch: tuple[int, ...], times: FloatArray, threads: int | None
+) -> Found:
+    """Return the exact motion of a body; NaN where the closed form is out of range."""
+    omega = x.reshape(*batch, -1)
+    problem = Problem(map_of(body), body, omega, 0.0, batch, threads, "x0")
+    found = nothing_found(x, len(times))
+    states = states_at(problem, times, is_number=False).reshape(found.states.shape)
+    status = np.where(np.isnan(states).any(axis=(0, 2)), Status.NONFINITE, Status.OK)
+    status[np.isnan(x[:, 0])] = Status.NONFINITE
+    return found._replace(states=states, status=status.astype(np.int8), t=np.full(len(x), np.nan))
+
+
+def _to_tolerance(
+    field: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    threads: int | None,
+    report: Report | None,
+) -> Found:
+    """Return the motion of a field at times in any order."""
+    moduli = abs(times)
+    if len(moduli) and moduli[0] > 0.0 and (moduli[1:] > moduli[:-1]).all():
+        return solve(field, x, batch, moduli, sign, settings, threads, report)
+    later = moduli > 0.0
+    ascending, places = np.unique(moduli[later], return_inverse=True)
+    if not len(ascending):
+        found = nothing_found(x, len(times))
+        found.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
+    else:
+        found = solve(field, x, batch, ascending, sign, settings, threads, report)
+    states = np.empty((len(times), *x.shape))
+    states[later] = found.states[places]
+    states[~later] = x
+    return found._replace(states=states)
+
+
+def _warn(found: Found, ends: FloatArray, x: FloatArray, batch: tuple[int, ...]) -> None:
+    """Warn once of all solutions that stop before the last time, but for starts of NaN."""
+    texts, exists = [], ~np.isnan(x[:, 0])
+    for status, text in _CAUSES.items():
+        which = (found.status == status) & exists
+        if (status == Status.TOO_MANY_STEPS and found.is_stopped) or not which.any():
+            continue
+        first = int(np.argmax(which))
+        index = spell(first_index(which.reshape(batch)))
+        at = "" if math.isnan(ends[first]) else f" at t = {ends[first]:.9g}"
+        count = f"{np.count_nonzero(which)} of {which.size} solutions"
+        texts.append(f"{count} {text}, first: trajectory {index}{at}")
+    if texts:
+        checks.warn("; ".join(texts), PoleWarning)
+
+
+# What solutions do that stop.
+_CAUSES = {
+    Status.ENDED: "end: they escape to infinity, or reach a pole",
+    Status.SLIDING: "slide along a condition",
+    Status.TOO_MANY_STEPS: (
+        f"take more than {MOST_STEPS:,} steps from one time to the next (pass more times, or a "
+        "larger rtol)"
+    ),
+    Status.NONFINITE: "have no value",
+}

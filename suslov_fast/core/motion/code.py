@@ -20,11 +20,19 @@ class Code(Text):
     @contextmanager
     def function(self, name):
         """Add void name(from, table, to, scratch), whose body is the block of `with`."""
-        self.add(f"define internal void @{name}(i64 %from, i64 %table, i64 %to, i64 %scratch) #0 {{")
+        self.add(
+            f"define internal void @{name}(i64 %from, i64 %table, i64 %to, i64 %scratch) #0 {{"
+        )
         self.label("entry")
         yield
         self.add("  ret void")
         self.add("}")
+
+    def next_block(self):
+        """End the block of straight-line code, and begin another."""
+        name = self._name("next")
+        self.jump(name)
+        self.label(name)
 
     def integers(self, name, array):
         """Return the address of an array of integers, which is part of the text."""
@@ -128,4 +136,6 @@ class Code(Text):
         """Return whether the truth value of some lane is true."""
         if self.W == 1:
             return truth
-        return self.new(f"icmp ne i{self.W} {self.new(f'bitcast {self.M} {truth} to i{self.W}')}, 0")
+        return self.new(
+            f"icmp ne i{self.W} {self.new(f'bitcast {self.M} {truth} to i{self.W}')}, 0"
+        )

@@ -150,9 +150,7 @@ class _Steps:
             text.put(self.plus(x, s, text.row("%f", 0, i)), "%work", work.b, i)
 
         def end(i):
-            total = text.operate(
-                "fadd", text.row("%work", work.a, i), text.row("%work", work.b, i)
-            )
+            total = text.operate("fadd", text.row("%work", work.a, i), text.row("%work", work.b, i))
             end = text.operate("fmul", total, text.constant(0.5))
             text.put(text.operate("fsub", end, text.row("%x", 0, i)), ends, 0, i)
 
@@ -533,7 +531,10 @@ class _Steps:
         few = text.apply(rules.FEW, part=found["part"], **ratios)["few"]
 
         def choose(i):
-            for to, of_line, of_work in ((work.start, rows.x, work.new), (work.f, rows.f, work.f_new)):
+            for to, of_line, of_work in (
+                (work.start, rows.x, work.new),
+                (work.f, rows.f, work.f_new),
+            ):
                 ends = text.row(self.line, of_line, i), text.row(base, of_work, i)
                 text.put_chosen(text.select(forward, *ends), base, to, i)
 

@@ -2,14 +2,21 @@
 
 from contextlib import contextmanager
 
+import numpy as np
+
 from ..machine_code import Text, pointer
+
+
+def bits_of(number):
+    """Return a number as LLVM's text has it."""
+    return f"0x{np.float64(number).view(np.uint64):016X}"
 
 
 class Code(Text):
     """Text with loops and conditions, for the rows of lines."""
 
-    def __init__(self, W):
-        super().__init__(W)
+    def __init__(self, W, target=None):
+        super().__init__(W, target)
         self.blocks, self.size = 0, 8 * W
         self.has_runs, self.constants = False, []
 
@@ -39,6 +46,13 @@ class Code(Text):
         kind = f"[{array.size} x i{8 * array.itemsize}]"
         values = ", ".join(f"i{8 * array.itemsize} {value}" for value in array.ravel().tolist())
         self.constants.append(f"@{name} = private constant {kind} [{values}]")
+        return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
+
+    def numbers(self, name, array):
+        """Return the address of an array of numbers, which is part of the text."""
+        kind = f"[{array.size} x double]"
+        values = ", ".join(f"double {bits_of(number)}" for number in array.ravel())
+        self.constants.append(f"@{name} = private constant {kind} [{values}], align 64")
         return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
 
     def copy(self, source, target, count):

@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..machine_code import pointer
 from . import rules
-from .code import Code
+from .code import Code, bits_of
 from .columns import (
     EXPLICIT,
     IMPLICIT,
@@ -59,6 +58,17 @@ class Numbers(NamedTuple):
     first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
 
 
+LANES = 4  # of columns of one trajectory
+LANE_ROWS = 8 * LANES  # numbers for each component, after the rows of `Work`
+# For each pair of sub-steps: the inverse lengths of the columns in lanes, the factor of the second
+# sub-step, 1 where a column begins, and for each column the pair and the lane in which it ends.
+_PARTS = [[1 / 10, 1 / 8, 1 / 6, 1 / 10]] * 3 + [
+    [1 / 10, 1 / 8, 1 / 4, 1 / 10],
+    [1 / 10, 1 / 2, 1 / 4, 1 / 10],
+]
+_LAST = [[2, 2, 2, 2], [2, 2, 2, 2], [2, 2, 1, 2], [2, 1, 2, 2], [1, 1, 1, 1]]
+_BEGIN = [[1, 1, 1, 1], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0]]
+_ENDS = [(4, 1), (4, 2), (2, 2), (3, 1), (4, 0)]
 SLOT, NUMBER = Arguments(*range(len(Arguments._fields))), Numbers(*range(len(Numbers._fields)))
 
 
@@ -85,13 +95,18 @@ class _Steps:
 
     def finished(self):
         """Return the whole text."""
-        firsts = self.half.firsts()
+        firsts, W = self.half.firsts(), self.text.W
         for name, function in self.half.functions.items():
             function.add(self.text, f"{self.name}_{name}", self.for_each, firsts[name])
-        self.columns_function()
+        function = self.half.functions["f"]
+        self.columns_are_lanes = W == 1 and not self.half.is_implicit and function.length < np.inf
+        if self.columns_are_lanes:
+            self.columns_in_lanes()
+        else:
+            self.columns_function()
         self.main()
         text = self.text.finished()
-        return "\n".join([*self.constants(), *self.text.constants, text])
+        return "\n".join([*self.text.constants, text])
 
     def call(self, name, *addresses):
         """Call one of the functions, on rows; `base` is the address of the rows of `Work`."""
@@ -101,16 +116,6 @@ class _Steps:
     def call_with(self, name, *addresses):
         numbers = ", ".join(f"i64 {address}" for address in addresses)
         self.text.add(f"  call void @{self.name}_{name}({numbers})")
-
-    def constants(self):
-        """Return the lines that define the lengths of columns, and their inverses."""
-        integers = ", ".join(f"i64 {n}" for n in self.columns)
-        inverses = ", ".join(f"double {_bits(1.0 / n)}" for n in self.columns)
-        K = len(self.columns)
-        return [
-            f"@{self.name}_lengths = private constant [{K} x i64] [{integers}]",
-            f"@{self.name}_inverses = private constant [{K} x double] [{inverses}]",
-        ]
 
     # -------------------------------------------------------------------------------------- columns
     def columns_function(self):
@@ -123,10 +128,8 @@ class _Steps:
         text.add(f"define internal void @{self.name}_columns(i64 %x, i64 %f, i64 %table, "
                  "i64 %work, i64 %count) #0 {")  # fmt: skip
         text.label("entry")
-        lengths = text.new(f"ptrtoint {pointer(f'[{len(self.columns)} x i64]')} "
-                           f"@{self.name}_lengths to i64")  # fmt: skip
-        inverses = text.new(f"ptrtoint {pointer(f'[{len(self.columns)} x double]')} "
-                            f"@{self.name}_inverses to i64")  # fmt: skip
+        lengths = text.integers(f"{self.name}_lengths", np.array(self.columns))
+        inverses = text.numbers(f"{self.name}_inverses", 1.0 / np.array(self.columns))
         with text.times("%count") as c:
             N = text.load("i64", text.at(lengths, c))
             s = text.operate("fmul", text.row("%work", work.signed),
@@ -136,6 +139,88 @@ class _Steps:
                 self.implicit_column(N, s, ends)
             else:
                 self.explicit_column(N, s, ends)
+        text.add("  ret void")
+        text.add("}")
+
+    def columns_in_lanes(self):
+        """Add the function `columns` of one trajectory, whose columns are lanes, side by side.
+
+        Columns of 8 and 2 share a lane, as those of 6 and 4, so that ten values of f are computed
+        one after the other in place of thirty. Ends have the bits of the columns of a line.
+        """
+        text, work, D, f = self.text, self.work, self.D, self.half.functions["f"]
+        inner = Code(LANES, text)
+        if not self.is_inlined:
+            f.add(inner, f"{self.name}_f_lanes", False, 0)
+        text.add(f"define internal void @{self.name}_columns(i64 %x, i64 %f, i64 %table, "
+                 "i64 %work, i64 %count) #0 {")  # fmt: skip
+        text.label("entry")
+        parts, last, begin = (
+            text.numbers(f"{self.name}_{name}", np.array(table, float))
+            for name, table in (("parts", _PARTS), ("last", _LAST), ("begin", _BEGIN))
+        )
+        rows = text.place("%work", work.size)  # a, b and f of all lanes, then ends
+        first_a, first_b, first_f, ends = 0, D, 2 * D, 3 * D
+        signed = inner.splat(text.row("%work", work.signed), LANES)
+
+        def shared(base, i):
+            return inner.splat(text.row(base, 0, i), LANES)
+
+        with text.times(len(_PARTS)) as m:
+            s = inner.operate("fmul", signed, inner.row(parts, 0, m))
+            double = inner.operate("fadd", s, s)
+            factor = inner.operate("fmul", s, inner.row(last, 0, m))
+            begins = inner.compare("ogt", inner.row(begin, 0, m), inner.constant(0.0))
+
+            def start(i):
+                x = shared("%x", i)
+                first = inner.operate("fadd", x, inner.operate("fmul", s, shared("%f", i)))
+                for place, value in ((first_a, x), (first_b, first)):
+                    old = inner.row(rows, place, i)
+                    inner.put_chosen(inner.select(begins, value, old), rows, place, i)
+
+            def add(i, to, factor):
+                product = inner.operate("fmul", factor, inner.row(rows, first_f, i))
+                inner.put(inner.operate("fadd", inner.row(rows, to, i), product), rows, to, i)
+
+            def value(of):
+                if self.is_inlined:
+                    found = f.values(inner, lambda k: inner.row(rows, of, k), "%table", False)
+                    for i in range(D):
+                        inner.put(found[i], rows, first_f, i)
+                else:
+                    self.call_with("f_lanes", inner.place(rows, of), "%table",
+                                   inner.place(rows, first_f), rows)  # fmt: skip
+
+            text.fold(D, {}, start)
+            value(first_b)
+            text.fold(D, {}, lambda i: add(i, first_a, double))
+            value(first_a)
+            text.fold(D, {}, lambda i: add(i, first_b, factor))
+            of_pair = text.integer("add", ends, text.integer("mul", m, D))
+
+            def end(i):
+                total = inner.operate(
+                    "fadd", inner.row(rows, first_a, i), inner.row(rows, first_b, i)
+                )
+                change = inner.operate(
+                    "fsub", inner.operate("fmul", total, inner.constant(0.5)), shared("%x", i)
+                )
+                inner.put(change, rows, 0, text.integer("add", of_pair, i))
+
+            text.fold(D, {}, end)
+
+        def lane(row, i, number):
+            place = inner.place(rows, row, i)
+            return text.load("double", text.plus(place, 8 * number))
+
+        def copy(i):
+            for c, (pair, number) in enumerate(_ENDS):
+                text.put(lane(ends + pair * D, i, number), "%work", work.ends + c * D, i)
+            text.put(lane(first_a, i, 0), "%work", work.a, i)
+            text.put(lane(first_f, i, 0), "%work", work.f_last, i)
+
+        text.fold(D, {}, copy)
         text.add("  ret void")
         text.add("}")
 
@@ -632,11 +717,7 @@ class _Steps:
                 following = text.integer("add", place, 1)
                 text.store("i64", following, place_at)
                 next_at = text.plus(line, text.size * rows.next)
-                text.store("double", _bits(float("inf")), next_at)
+                text.store("double", bits_of(float("inf")), next_at)
                 with text.when(text.compare_integers("ult", following, of.count)):
                     text.store("double", text.load("double", text.at(of.times, following)), next_at)
-                text.store("double", _bits(0.0), text.plus(line, text.size * rows.tries))
-
-
-def _bits(number):
-    return f"0x{np.float64(number).view(np.uint64):016X}"
+                text.store("double", bits_of(0.0), text.plus(line, text.size * rows.tries))

@@ -183,20 +183,15 @@ class _Steps:
                 product = inner.operate("fmul", factor, inner.row(rows, first_f, i))
                 inner.put(inner.operate("fadd", inner.row(rows, to, i), product), rows, to, i)
 
-            def value(of):
-                if self.is_inlined:
-                    found = f.values(inner, lambda k: inner.row(rows, of, k), "%table", False)
-                    for i in range(D):
-                        inner.put(found[i], rows, first_f, i)
-                else:
-                    self.call_with("f_lanes", inner.place(rows, of), "%table",
-                                   inner.place(rows, first_f), rows)  # fmt: skip
-
-            text.fold(D, {}, start)
-            value(first_b)
-            text.fold(D, {}, lambda i: add(i, first_a, double))
-            value(first_a)
-            text.fold(D, {}, lambda i: add(i, first_b, factor))
+            with text.when(inner.any(begins)):
+                text.fold(D, {}, start)
+            if self.is_inlined:
+                self.pair(inner, rows, (first_a, first_b, first_f), (double, factor))
+            else:
+                for of, to, length in ((first_b, first_a, double), (first_a, first_b, factor)):
+                    places = inner.place(rows, of), "%table", inner.place(rows, first_f)
+                    self.call_with("f_lanes", *places, rows)
+                    text.fold(D, {}, lambda i, to=to, length=length: add(i, to, length))
             of_pair = text.integer("add", ends, text.integer("mul", m, D))
 
             def end(i):
@@ -245,14 +240,7 @@ class _Steps:
             is_last = text.compare_integers("eq", text.integer("add", m, 1), pairs)
             factor = text.new(f"select i1 {is_last}, {text.V} {s}, {text.V} {double}")
             if self.is_inlined:
-                b = [text.row("%work", work.b, i) for i in range(D)]
-                of_b = self.inlined(b)
-                a = [self.plus(text.row("%work", work.a, i), double, of_b[i]) for i in range(D)]
-                for i in range(D):
-                    text.put(a[i], "%work", work.a, i)
-                of_a = self.inlined(a)
-                for i in range(D):
-                    text.put(self.plus(b[i], factor, of_a[i]), "%work", work.b, i)
+                of_a = self.pair(text, "%work", (work.a, work.b), (double, factor))
                 with text.when(is_last):
                     for i in range(D):
                         text.put(of_a[i], "%work", work.f_last, i)
@@ -275,10 +263,30 @@ class _Steps:
     def plus(self, a, factor, b):
         return self.text.operate("fadd", a, self.text.operate("fmul", factor, b))
 
-    def inlined(self, x):
-        """Return f at a state in registers."""
-        function = self.half.functions["f"]
-        return function.values(self.text, lambda k: x[k], "%table", self.for_each)[: self.D]
+    def pair(self, text, base, rows, factors):
+        """Add two sub-steps with f within the code; return f at the state after the first.
+
+        `rows` are those of a, of b, and of f at the new a, if it is wanted.
+        """
+        function, D = self.half.functions["f"], self.D
+
+        def value(x):
+            return function.values(text, lambda k: x[k], "%table", self.for_each and text.W > LANES)
+
+        def added(a, factor, change):
+            return text.operate("fadd", a, text.operate("fmul", factor, change))
+
+        b = [text.row(base, rows[1], i) for i in range(D)]
+        of_b = value(b)
+        a = [added(text.row(base, rows[0], i), factors[0], of_b[i]) for i in range(D)]
+        for i in range(D):
+            text.put(a[i], base, rows[0], i)
+        of_a = value(a)
+        for i in range(D):
+            text.put(added(b[i], factors[1], of_a[i]), base, rows[1], i)
+        for i in range(D if len(rows) > 2 else 0):
+            text.put(of_a[i], base, rows[2], i)
+        return of_a
 
     def implicit_column(self, N, s, ends):
         """Add the linearly implicit Euler rule, whose increments are added up."""

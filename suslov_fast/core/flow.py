@@ -59,7 +59,7 @@ class Motion:
         self.plan, self.for_each, self.loops = plan_of(direction), len(values) > 1, None
         x = in_lines(x0, W)
         self.values = in_lines(values, W) if self.for_each else values.reshape(1, -1, 1)
-        if not step.usual or (_is_long(step, W) and runs_code(W) is not None):
+        if not step.usual or (_is_long(step, W) and runs_code(W, step.prologue) is not None):
             self.loops = Loops(step, W, self.places, self.values)
         self.has_lists = self.loops is not None and self.loops.code is not None
         self.rows = rows = zeros(len(x), self.places.size, W)

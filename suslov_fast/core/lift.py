@@ -14,7 +14,7 @@ import functools
 
 import numpy as np
 
-from .operations import FUNCTIONS, OF_LIBRARY, Step, Values, evaluate
+from .operations import Step, Values, evaluate
 from .planned_elimination import Factors, Matrix, elimination_order
 
 ONE = -1  # the place of a coefficient 1
@@ -219,10 +219,6 @@ def needed_for(results, operations):
 
 
 # ---------------------------------------------------------------------------------- values by NumPy
-_OTHER_NAMES = {"atan": "arctan", "pow": "power"}
-_IN_NUMPY = FUNCTIONS | {name: getattr(np, _OTHER_NAMES.get(name, name)) for name in OF_LIBRARY}
-
-
 @functools.lru_cache(64)
 def _plan(lift, terms):
     """Return operations on a state and coefficients, and words, or a polynomial, with slopes."""
@@ -239,7 +235,7 @@ def _evaluated(lift, terms, coefficients, x, results):
     values += [coefficients[..., k] for k in range(lift.coefficients)]
     values = dict(enumerate(values))
     with np.errstate(all="ignore"):
-        evaluate(needed_for(results, operations), values, _IN_NUMPY)
+        evaluate(needed_for(results, operations), values)
     return lambda number: number if isinstance(number, float) else values[number]
 
 

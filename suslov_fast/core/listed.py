@@ -20,25 +20,24 @@ from typing import NamedTuple
 import numpy as np
 
 from .lift import needed_for
-from .operations import OF_LIBRARY, OF_NUMBERS, OF_TRUTH_VALUES
+from .operations import OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES
 
 # An operation is (instruction, kinds of its operands): "r" is a row, "t" a number of the table.
 # "sum" is a start, if there is one, plus products; its length is their number, 0 if above SHORT.
 SHORT = 3
 JOINING = ("and", "or", "xor")
+ARITHMETIC = ("fadd", "fsub", "fdiv", "max", "min", "copysign")
+CALLED = (*OF_LISTS, *OF_LIBRARY)
+OF_TWO = ("pow", "hypot", "atan2")
 KINDS = [
     *((f"sum{n}", start + pair) for n in range(SHORT + 1) for start in ("", "r", "t")
       for pair in ("rr", "tr")),
-    *((instruction, a + b) for instruction in (*OF_NUMBERS, *OF_TRUTH_VALUES)
-      if instruction not in ("fmul", "fabs", "select", "sqrt", *OF_LIBRARY, *JOINING)
-      for a, b in product("rt", "rt")),
+    *((instruction, a + b) for instruction in (*ARITHMETIC, *OF_TRUTH_VALUES, *OF_TWO)
+      if instruction not in JOINING for a, b in product("rt", "rt")),
     *((instruction, "rr") for instruction in JOINING),
     *(("select", "r" + a + b) for a, b in product("rt", "rt")),
-    *((function, "r") for function in OF_LIBRARY if function != "pow"),
-    ("pow", "rr"),  # where parameters are rows, as in programs of `flow`
-    ("pow", "rt"),
-    ("fabs", "r"),
-    ("sqrt", "r"),
+    *((function, "r") for function in CALLED if function not in OF_TWO),
+    *((function, "r") for function in ("fabs", "sqrt", "floor")),
     ("copy", "r"),
 ]  # fmt: skip
 _NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
@@ -47,8 +46,13 @@ LEAST = 8  # operations of a regular run
 REGULAR = [
     number
     for number, (instruction, kinds) in enumerate(KINDS)
-    if kinds.count("t") < 2 and instruction not in OF_LIBRARY
+    if kinds.count("t") < 2 and instruction not in CALLED
 ]
+
+
+def called_by(operations):
+    """Return the names of the functions in CALLED among operations."""
+    return tuple(sorted({instruction for instruction, *_ in operations} & {*CALLED}))
 
 
 def operand_kinds(kind, n=2):

@@ -1,11 +1,21 @@
 """Machine code that carries out any `listed.Program`, for lines of W lanes."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
 
 from .careful import CHANGED
-from .listed import JOINING, KINDS, REGULAR, operand_kinds, programs_of, words_program
+from .listed import (
+    CALLED,
+    JOINING,
+    KINDS,
+    REGULAR,
+    called_by,
+    operand_kinds,
+    programs_of,
+    words_program,
+)
 from .machine_code import Text, call, code_of, pointer
 from .operations import OF_NUMBERS, Step
 
@@ -156,9 +166,14 @@ def _truth(text, value):
     return text.new(f"icmp slt {integers} {value}, {'zeroinitializer' if text.W > 1 else 0}")
 
 
-def _add_runs(text, name, for_each):
-    """Add the function void name(rows, table, heads, places, count), which carries out runs."""
+def _add_runs(text, name, for_each, called=()):
+    """Add the function void name(rows, table, heads, places, count), which carries out runs.
+
+    Of the functions in CALLED it has these alone, because each takes longer to compile than all
+    others.
+    """
     integer = text.integer
+    own_kinds = [k for k, kind in enumerate(KINDS) if kind[0] in called or kind[0] not in CALLED]
     text.add(f"define internal void @{name}(i64 %rows, i64 %table, i64 %heads, i64 %places, "
              "i64 %count) #0 {")  # fmt: skip
     text.label("entry")
@@ -169,10 +184,10 @@ def _add_runs(text, name, for_each):
     text.add("  %first = phi i64 [ %places, %entry ], [ %last, %next ]")
     kind, own, size = (text.load("i64", text.plus("%head", 8 * k)) for k in range(3))
     text.add(f"  %last = add i64 %first, {size}")
-    ways = [f"i64 {number}, label %run{number}" for number in range(len(KINDS))]
+    ways = [f"i64 {number}, label %run{number}" for number in own_kinds]
     ways += [f"i64 {len(KINDS) + number}, label %regular{number}" for number in REGULAR]
     text.add(f"  switch i64 {kind}, label %next [ {' '.join(ways)} ]")
-    for number in range(len(KINDS)):
+    for number in own_kinds:
         _add_run(text, number, own, for_each)
     for number in REGULAR:
         _add_regular_run(text, number, own, for_each)
@@ -329,7 +344,7 @@ def text_of_listed_step(step, name, *_):
 def text_of_listed_lift(step, name, *_):
     """Return the text of `lifted_system.text_of_lift` for a long list, on its own table."""
     (program, _), text, constants = words_program(step), Text(1), []
-    _add_runs(text, f"{name}_runs", False)
+    _add_runs(text, f"{name}_runs", False, called_by(step.prologue))
     text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
     text.label("entry")
     rows = _memory(text, program.rows)
@@ -390,24 +405,30 @@ def listed_code(W, for_each):
     return code_of(text_of_listed_steps, _ANY, W, for_each)
 
 
-def text_of_runs(_, name, W, for_each, *_others):
-    """Return the text of i64 name(arguments), which carries out runs once.
+@functools.cache
+def _runs_with(called):
+    """Return the function that returns the text of `runs_code`."""
 
-    The arguments are the first five integers of `ListArguments`. It returns 0.
+    def text_of_runs(_, name, W, for_each, *_others):
+        text = Text(W)
+        _add_runs(text, f"{name}_runs", for_each, called)
+        text.add(f"define i64 @{name}(i64 %arguments) #0 {{")
+        text.label("entry")
+        numbers = [text.load("i64", text.plus("%arguments", 8 * k)) for k in range(5)]
+        text.add(f"  call void @{name}_runs({', '.join(f'i64 {number}' for number in numbers)})")
+        text.add("  ret i64 0")
+        return text.finished()
+
+    return text_of_runs
+
+
+def runs_code(W, operations=()):
+    """Return the address of code that carries out runs once, None where LLVM refuses it.
+
+    Of elementary functions and those of the C library, runs may have those among `operations`. Its
+    arguments are the first five integers of `ListArguments`; it returns 0.
     """
-    text = Text(W)
-    _add_runs(text, f"{name}_runs", for_each)
-    text.add(f"define i64 @{name}(i64 %arguments) #0 {{")
-    text.label("entry")
-    numbers = [text.load("i64", text.plus("%arguments", 8 * k)) for k in range(5)]
-    text.add(f"  call void @{name}_runs({', '.join(f'i64 {number}' for number in numbers)})")
-    text.add("  ret i64 0")
-    return text.finished()
-
-
-def runs_code(W):
-    """Return the address of the code of `text_of_runs`, None where LLVM refuses it."""
-    return code_of(text_of_runs, _ANY, W, W > 1)
+    return code_of(_runs_with(called_by(operations)), _ANY, W, W > 1)
 
 
 def carry_out(address, runs, rows, table):

@@ -15,8 +15,9 @@ import numpy as np
 from llvmlite import binding
 from numba import config
 
+from .lists.far import KIND, LIMIT, PARTS, text_of_far
 from .numba import advice_on_numba
-from .operations import OF_LIBRARY, OF_TRUTH_VALUES
+from .operations import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES, list_of
 
 # Codes that are kept, beside those that last. Each takes two memory mappings; Linux grants 65,530
 # to a process, and LLVM ends the process where it gets none.
@@ -31,14 +32,15 @@ def pointer(kind):
 class Text:
     """The text of a function for lines of W lanes; instructions go to `target`, if there is one.
 
-    V and M are the types of W numbers and of W truth values.
+    V, M and I are the types of W numbers, of W truth values and of the bits of W numbers.
     """
 
     def __init__(self, W, target=None):
         self.W, self.target = W, target or self
-        self.lines, self.count, self.declared = [], 0, set()
+        self.lines, self.count, self.declared, self.functions = [], 0, set(), {}
         self.V = f"<{W} x double>" if W > 1 else "double"
         self.M = f"<{W} x i1>" if W > 1 else "i1"
+        self.I = f"<{W} x i64>" if W > 1 else "i64"
         self.suffix = f"v{W}f64" if W > 1 else "f64"
 
     def add(self, line):
@@ -119,13 +121,19 @@ class Text:
     def absolute(self, a):
         return self._call("fabs", a)
 
-    def root(self, a):
-        return self._call("sqrt", a)
+    def _call(self, name, *operands):
+        function = f"{self.V} @llvm.{name}.{self.suffix}"
+        kinds = ", ".join([self.V] * len(operands))
+        self.target.declared.add(f"declare {function}({kinds})")
+        return self.new(f"call {function}({self._typed(operands)})")
 
-    def _call(self, name, a):
-        call = f"{self.V} @llvm.{name}.{self.suffix}({self.V}"
-        self.target.declared.add(f"declare {call})")
-        return self.new(f"call {call} {a})")
+    def _typed(self, operands):
+        return ", ".join(f"{self.V} {operand}" for operand in operands)
+
+    def operate_on_bits(self, instruction, *operands):
+        a, b = (self.new(f"bitcast {self.V} {operand} to {self.I}") for operand in operands)
+        bits = self.new(f"{instruction} {self.I} {a}, {b}")
+        return self.new(f"bitcast {self.I} {bits} to {self.V}")
 
     def compare(self, how, a, b):
         return self.new(f"fcmp {how} {self.V} {a}, {b}")
@@ -165,10 +173,8 @@ class Text:
                 if operand not in values:
                     values[operand] = load(operand)
                 names.append(values[operand])
-            if instruction == "fabs":
-                name = self.absolute(names[0])
-            elif instruction == "sqrt":
-                name = self.root(names[0])
+            if instruction in ("fabs", "sqrt", "floor", "copysign"):
+                name = self._call(instruction, *names)
             elif instruction in ("max", "min"):
                 is_first = self.compare("ogt" if instruction == "max" else "olt", *names)
                 name = self.select(is_first, *names)
@@ -178,31 +184,78 @@ class Text:
                 name = self.new(f"{instruction} {M} {names[0]}, {names[1]}")
             elif instruction in OF_TRUTH_VALUES:
                 name = self.compare(instruction, *names)
+            elif instruction in OF_BITS:
+                name = self.operate_on_bits(instruction.removeprefix("bits_"), *names)
+            elif instruction in PARTS:
+                name = self._far_part(instruction, *names)
+            elif instruction in OF_LISTS:
+                name = self._call_list(instruction, names)
             elif instruction in OF_LIBRARY:
-                name = self.call_library(instruction, names)
+                kinds = ", ".join(["double"] * len(names))
+                self.target.declared.add(f"declare double @{instruction}({kinds})")
+                name = self._by_lane(f"double @{instruction}", names)
             else:
                 name = self.operate(instruction, *names)
             values[number] = name
 
-    def call_library(self, function, operands):
-        """Call a function of the C library for each lane."""
-        kinds = ", ".join(["double"] * len(operands))
-        self.target.declared.add(f"declare double @{function}({kinds})")
+    def _by_lane(self, function, operands, result=lambda value: value):
+        """Call a function of numbers for each lane; return the results."""
         if self.W == 1:
-            numbers = ", ".join(f"double {operand}" for operand in operands)
-            return self.new(f"call double @{function}({numbers})")
-        result = "undef"
+            return result(self.new(f"call {function}({self._typed(operands)})"))
+        found = "undef"
         for l in range(self.W):
             of_lane = [self.new(f"extractelement {self.V} {a}, i32 {l}") for a in operands]
             numbers = ", ".join(f"double {number}" for number in of_lane)
-            number = self.new(f"call double @{function}({numbers})")
-            result = self.new(f"insertelement {self.V} {result}, double {number}, i32 {l}")
-        return result
+            number = result(self.new(f"call {function}({numbers})"))
+            found = self.new(f"insertelement {self.V} {found}, double {number}, i32 {l}")
+        return found
+
+    def _call_list(self, name, operands):
+        """Call the function of W lanes that carries out the list of an elementary function.
+
+        The text defines it once.
+        """
+        function = f"lanes_{name}_{self.W}"
+        if function not in self.target.functions:
+            operations, result = list_of(name)
+            text, values = Text(self.W), {k: f"%x{k}" for k in range(len(operands))}
+            given = text._typed(values.values())
+            text.add(f"define internal {self.V} @{function}({given}) #0 {{")
+            text.label("entry")
+            text.carry_out(operations, values, None)
+            text.add(f"  ret {self.V} {values[result]}")
+            self.target.functions |= text.functions | {function: [*text.lines, "}"]}
+            self.target.declared |= text.declared
+        return self.new(f"call {self.V} @{function}({self._typed(operands)})")
+
+    def _far_part(self, instruction, x, usual):
+        """Return n or a part of r of `far.remainder` for lanes from LIMIT on, else `usual`."""
+        target = self.target
+        is_far = self.joined("and", [
+            self.compare("oge", x, self.constant(LIMIT)),
+            self.compare("olt", x, self.constant(np.inf)),
+        ])  # fmt: skip
+        before, label = target.block, f"{instruction}_{target.count}"
+        is_usual = self.compare_integers("eq", self.bits(is_far), 0)
+        target.branch(is_usual, f"{label}_end", label, likely=True)
+        target.label(label)
+        number = [*PARTS].index(instruction)
+        far = self._by_lane(
+            f"{KIND} @far",
+            [self.select(is_far, x, self.constant(LIMIT))],
+            lambda found: self.new(f"extractvalue {KIND} {found}, {number}"),
+        )
+        far = self.select(is_far, far, usual)
+        target.jump(f"{label}_end")
+        target.label(f"{label}_end")
+        target.declared.add("declare i192 @llvm.ctlz.i192(i192, i1)")
+        target.functions["far"] = [text_of_far(pointer)]
+        return self.new(f"phi {self.V} [ {usual}, %{before} ], [ {far}, %{label} ]")
 
     def finished(self):
         """Return the text with the end of the function and all that it refers to."""
         return "\n".join([
-            *self.lines, "}", *sorted(self.declared),
+            *self.lines, "}", *sorted(self.declared), *itertools.chain(*self.functions.values()),
             # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
             # stack, registers saved there may lie across cache lines, in one process or another.
             'attributes #0 = { nounwind "stackrealign" "min-legal-vector-width"="512" }',

@@ -27,6 +27,8 @@ import math
 
 import numpy as np
 
+from .lists.far import PARTS
+from .lists.functions import ELEMENTARY
 from .planned_elimination import Factors, Matrix, elimination_order, places_of, work_of
 
 # A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
@@ -50,10 +52,8 @@ def _of_library(function):
     def of_number(*numbers):
         try:
             return function(*numbers)
-        except OverflowError:
-            return math.inf
-        except ValueError:
-            return math.nan
+        except ValueError:  # of artanh, 1 and -1, too
+            return math.copysign(math.inf, numbers[0]) if abs(numbers[0]) == 1.0 else math.nan
 
     def of_arrays(*arrays):
         columns = np.broadcast_arrays(*arrays)
@@ -64,9 +64,44 @@ def _of_library(function):
     return of_arrays
 
 
+def _of_bits(function):
+    """Return a function of the bits of doubles, which are integers without sign."""
+
+    def of_arrays(*arrays):
+        integers = (np.atleast_1d(np.asarray(array, float)).view(np.uint64) for array in arrays)
+        values = function(*integers).view(float)
+        return values.reshape(np.broadcast_shapes(*map(np.shape, arrays)))
+
+    return of_arrays
+
+
+def _of_list(name):
+    """Return an elementary function of arrays, which carries out its list."""
+
+    def of_arrays(*arrays):
+        operations, result = list_of(name)
+        values = dict(enumerate(arrays))
+        with np.errstate(all="ignore"):
+            evaluate(operations, values)
+        return values[result]
+
+    return of_arrays
+
+
 # Functions of the C library, by their names there, which a lane calls alone.
-_NAMES = "exp log sin cos tan sinh cosh tanh atan pow cbrt".split()
+_NAMES = "asin acos atan asinh acosh atanh atan2 erf".split()
 OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
+# Integer instructions, whose names in LLVM follow "bits_".
+OF_BITS = {
+    "bits_and": _of_bits(np.bitwise_and),
+    "bits_or": _of_bits(np.bitwise_or),
+    "bits_xor": _of_bits(np.bitwise_xor),
+    "bits_add": _of_bits(np.add),
+    "bits_sub": _of_bits(np.subtract),
+    "bits_shl": _of_bits(np.left_shift),
+    "bits_lshr": _of_bits(np.right_shift),
+}
+OF_LISTS = {name: _of_list(name) for name in ELEMENTARY}
 # Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
 # second operand where one of them is NaN.
 OF_NUMBERS = {
@@ -76,9 +111,14 @@ OF_NUMBERS = {
     "fdiv": np.divide,
     "fabs": np.absolute,
     "sqrt": np.sqrt,
+    "floor": np.floor,
+    "copysign": np.copysign,
     "select": np.where,
     "max": lambda a, b: np.where(a > b, a, b),
     "min": lambda a, b: np.where(a < b, a, b),
+    **OF_BITS,
+    **PARTS,
+    **OF_LISTS,
     **OF_LIBRARY,
 }
 OF_TRUTH_VALUES = {
@@ -144,6 +184,14 @@ class Values:
             pairs = zip(values[::2], values[1::2], strict=False)
             values = [self.emit(instruction, *pair) for pair in pairs] + left
         return values[0]
+
+
+@functools.cache
+def list_of(name):
+    """Return the operations of an elementary function on values 0, ..., and the number of f(x)."""
+    function, count = ELEMENTARY[name]
+    values = Values(count, ())
+    return values.operations, function(values.emit, *range(count))
 
 
 def of_one_sign(indices):

@@ -131,7 +131,7 @@ class Loops:
 
     def __init__(self, step, W, places, values):
         self.step, self.W, self.places, self.values = step, W, places, values
-        self.code = runs_code(W)
+        self.code = runs_code(W, step.prologue)
         if not step.usual:
             self.pattern = pattern_of(step.indices.tobytes(), step.D)
             self.memory = np.empty(size_of(self.pattern))

@@ -15,7 +15,7 @@ class Words:
     """
 
     def __init__(self, step, W, table):
-        self.step, self.W, self.table, self.code = step, W, table, runs_code(W)
+        self.step, self.W, self.table, self.code = step, W, table, runs_code(W, step.prologue)
         if self.code is not None:
             self.program, self.numbers = words_program(step)
             self.rows = zeros(self.program.rows, W)

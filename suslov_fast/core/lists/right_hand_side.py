@@ -140,9 +140,18 @@ class RightHandSide:
         """Return f (D, ...) at states (D, ...)."""
         return self._carried_out(self.f, x, table)
 
+    def value_and_denominators(self, x, table):
+        """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
+        both = List(self.f.operations, [*self.f.results, *self.denominators])
+        return self._carried_out(both, x, table)
+
+    def derivative_entries(self, x, table):
+        """Return the entries of f' (entries, ...) at states (D, ...)."""
+        return self._carried_out(self.derivative, x, table)
+
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states (D, ...)."""
-        entries = self._carried_out(self.derivative, x, table)
+        entries = self.derivative_entries(x, table)
         matrix = np.zeros((self.D, self.D, *entries.shape[1:]))
         for place, entry in zip(self.pattern, entries, strict=True):
             matrix[place] = entry

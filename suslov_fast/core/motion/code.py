@@ -2,14 +2,24 @@
 
 from contextlib import contextmanager
 
+import numpy as np
+
 from ..machine_code import Text, pointer
+
+
+WRITTEN_OUT = 4  # indices of which loops are written out
+
+
+def bits_of(number):
+    """Return a number as LLVM's text has it."""
+    return f"0x{np.float64(number).view(np.uint64):016X}"
 
 
 class Code(Text):
     """Text with loops and conditions, for the rows of lines."""
 
-    def __init__(self, W):
-        super().__init__(W)
+    def __init__(self, W, target=None):
+        super().__init__(W, target)
         self.blocks, self.size = 0, 8 * W
         self.has_runs, self.constants = False, []
 
@@ -20,17 +30,32 @@ class Code(Text):
     @contextmanager
     def function(self, name):
         """Add void name(from, table, to, scratch), whose body is the block of `with`."""
-        self.add(f"define internal void @{name}(i64 %from, i64 %table, i64 %to, i64 %scratch) #0 {{")
+        self.add(
+            f"define internal void @{name}(i64 %from, i64 %table, i64 %to, i64 %scratch) #0 {{"
+        )
         self.label("entry")
         yield
         self.add("  ret void")
         self.add("}")
+
+    def next_block(self):
+        """End the block of straight-line code, and begin another."""
+        name = self._name("next")
+        self.jump(name)
+        self.label(name)
 
     def integers(self, name, array):
         """Return the address of an array of integers, which is part of the text."""
         kind = f"[{array.size} x i{8 * array.itemsize}]"
         values = ", ".join(f"i{8 * array.itemsize} {value}" for value in array.ravel().tolist())
         self.constants.append(f"@{name} = private constant {kind} [{values}]")
+        return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
+
+    def numbers(self, name, array):
+        """Return the address of an array of numbers, which is part of the text."""
+        kind = f"[{array.size} x double]"
+        values = ", ".join(f"double {bits_of(number)}" for number in array.ravel())
+        self.constants.append(f"@{name} = private constant {kind} [{values}], align 64")
         return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
 
     def copy(self, source, target, count):
@@ -68,6 +93,11 @@ class Code(Text):
 
         `body(index, **carried)` adds the block and returns the next values, or None without any.
         """
+        if isinstance(count, int) and count <= WRITTEN_OUT:
+            found = carried
+            for i in range(count):
+                found = body(i, **found) or {}
+            return found
         name, index = self._name("fold"), f"%fold{self.blocks}_index"
         before = self.block
         self.jump(name)
@@ -128,4 +158,6 @@ class Code(Text):
         """Return whether the truth value of some lane is true."""
         if self.W == 1:
             return truth
-        return self.new(f"icmp ne i{self.W} {self.new(f'bitcast {self.M} {truth} to i{self.W}')}, 0")
+        return self.new(
+            f"icmp ne i{self.W} {self.new(f'bitcast {self.M} {truth} to i{self.W}')}, 0"
+        )

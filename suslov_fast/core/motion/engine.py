@@ -10,9 +10,10 @@ from ..lines import in_lines, zeros
 from ..machine_code import call, compiled
 from ..pool import in_parts
 from .half import Half
+from .in_numpy import StepsInNumPy
 from .rows import BEGINS, FILLING, State
 from .rules import first_part, limit_of
-from .text import SLOT, Arguments, Numbers, text_of_half
+from .text import LANE_ROWS, SLOT, Arguments, Numbers, text_of_half
 
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
@@ -31,6 +32,40 @@ class Settings(NamedTuple):
     stiff: bool | None  # whether all steps are implicit, None to choose
 
 
+def constants_of(f, atol):
+    """Return the arrays (D,) of `Arguments`: extra, counts, keeps and seeds."""
+    is_clock = np.zeros(f.D, bool)
+    is_clock[[*f.clocks]] = True
+    extra, keeps = np.where(is_clock, np.inf, 0.0 if atol is None else atol), np.zeros(f.D)
+    keeps[[*f.of_one_sign]] = 1.0
+    seeds = 2.0**-10 * np.cos(2.0 * np.arange(f.D) + 1.0)
+    return extra, np.where(is_clock, 0.0, 1.0), keeps, seeds
+
+
+def numbers_of(f, settings, sign, first, last):
+    """Return `Numbers`, for the moduli of the first and the last time."""
+    return Numbers(
+        settings.rtol,
+        last,
+        sign,
+        first_part(settings.rtol),
+        min(settings.longest, last / 32.0 if f.clocks else np.inf),
+        limit_of(settings.rtol),
+        float(settings.stiff is None),
+        first,
+        float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
+    )
+
+
+def code_of_half(half, W, for_each):
+    """Return the `Address` of the code of a half, None where there is no machine code."""
+    return compiled(
+        ("motion", half.key, W, for_each),
+        lambda name: text_of_half(half, name, W, for_each),
+        level=1,  # code as fast as at level 2, in a half to a fifth of LLVM's time
+    )
+
+
 class Motion:
     """Trajectories x0 (B, D) of x' = f(x) at ascending moduli of times, forward or backward.
 
@@ -44,21 +79,9 @@ class Motion:
     def __init__(self, f, table, x0, times, sign, settings, states):
         self.f, self.table, self.x0, self.states = f, table, x0, states
         self.settings, self.times = settings, np.ascontiguousarray(times, np.float64)
-        D, atol = f.D, settings.atol
-        is_clock = np.zeros(D, bool)
-        is_clock[f.clocks] = True
-        self.extra = np.where(is_clock, np.inf, 0.0 if atol is None else atol)
-        self.counts, self.keeps = np.where(is_clock, 0.0, 1.0), np.zeros(D)
-        self.keeps[f.of_one_sign] = 1.0
-        self.seeds = 2.0**-10 * np.cos(np.arange(D) * 2.0 + 1.0)
-        last = self.times[-1]
-        longest = min(settings.longest, last / 32 if f.clocks else np.inf)
-        limit = limit_of(settings.rtol)
-        first = State.IMPLICIT if settings.stiff else State.EXPLICIT
-        self.numbers = np.array(Numbers(
-            settings.rtol, last, sign, first_part(settings.rtol), longest, limit,
-            float(settings.stiff is None), self.times[0], float(first),
-        ))  # fmt: skip
+        atol, last = settings.atol, float(self.times[-1])
+        self.extra, self.counts, self.keeps, self.seeds = constants_of(f, atol)
+        self.numbers = np.array(numbers_of(f, settings, sign, float(self.times[0]), last))
         self.has_atol = atol is not None
         self.t = np.zeros(len(x0))
         self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
@@ -135,11 +158,8 @@ class Motion:
         """
         W = lines.shape[2]
         for_each = table.ndim > 1
-        code = compiled(
-            ("motion", half.key, W, for_each),
-            lambda name: text_of_half(half, name, W, for_each),
-        )
-        work = zeros(half.work.size, W)
+        code = code_of_half(half, W, for_each)
+        work = zeros(half.work.size + (LANE_ROWS * half.f.D if W == 1 else 0), W)
         arguments = np.array(Arguments(
             rows=lines.ctypes.data, lines=len(lines), line=0, budget=0, table=table.ctypes.data,
             table_bytes=table[0].nbytes if for_each else 0, work=work.ctypes.data,
@@ -148,6 +168,9 @@ class Motion:
             seeds=self.seeds.ctypes.data, times=self.times.ctypes.data, count=len(self.times),
             states=self.states.ctypes.data, state_bytes=self.states.strides[0],
         ), np.int64)  # fmt: skip
+        if code is None:
+            StepsInNumPy(half, self, lines, table).run(abandoned)
+            return
         while not abandoned:
             arguments[SLOT.budget] = max(BUDGET // half.f.work, 1)
             is_done = call(code, arguments)

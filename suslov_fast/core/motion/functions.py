@@ -7,13 +7,25 @@ the table of f, and `scratch` the rows that it needs for itself.
 """
 
 import math
+from collections import defaultdict
 
 import numpy as np
 
 from ..listed import program_of
 from ..listed_code import _add_runs
+from ..operations import evaluate
 
+BLOCK = 64  # operations of a block of straight-line code
 LONGEST = 4000  # operations of straight-line code: a longer list takes seconds to compile
+
+
+def carried_out(list_, rows):
+    """Return the results (-, ...) of a list for its inputs (-, ...), by NumPy."""
+    values = dict(enumerate(rows))
+    evaluate(list_.operations, values)
+    shape = np.shape(rows[0])
+    return np.array([np.full(shape, a) if isinstance(a, float) else values[a]
+                     for a in list_.results])  # fmt: skip
 
 
 class OfList:
@@ -28,29 +40,56 @@ class OfList:
     def numbers(self, table):
         return table[:0]
 
+    def in_numpy(self, rows):
+        """Return the results (-, ...) for rows (-, ...), without a table."""
+        return carried_out(self.list_, rows)
+
     def values(self, text, row, table, for_each):
         """Return the results, where row(k) is the k-th input."""
         found = {}
+        load = self._loader(text, row, table, for_each)
+        text.carry_out(self.list_.operations, found, load)
+        return [self._result(text, a, found, load) for a in self.list_.results]
 
+    def _loader(self, text, row, table, for_each):
         def load(number):
             if number < self.inputs:
                 return row(number)
             place = self.places[number]
             return text.row(table, place) if for_each else text.shared(text.plus(table, 8 * place))
 
-        text.carry_out(self.list_.operations, found, load)
-        results = []
-        for a in self.list_.results:
-            if not isinstance(a, float) and a not in found:
-                found[a] = load(a)
-            results.append(text.constant(a) if isinstance(a, float) else found[a])
-        return results
+        return load
+
+    def _result(self, text, a, found, load):
+        if isinstance(a, float):
+            return text.constant(a)
+        return found[a] if a in found else load(a)
 
     def add(self, text, name, for_each, first):
+        """Add the function, in blocks of operations: LLVM's time grows with the square of a block.
+
+        Inputs are read anew in each block, and results written where they are found.
+        """
+        operations, results = self.list_.operations, self.list_.results
+        rows = defaultdict(list)
+        for k, a in enumerate(results):
+            rows[a].append(k)
         with text.function(name):
-            results = self.values(text, lambda k: text.row("%from", k), "%table", for_each)
-            for k, value in enumerate(results):
-                text.put(value, "%to", k)
+            found, load = {}, self._loader(text, lambda k: text.row("%from", k), "%table", for_each)
+            for begin in range(0, len(operations), BLOCK):
+                block = operations[begin : begin + BLOCK]
+                if begin:
+                    text.next_block()
+                    found = {number: found[number] for number in found if number in kept}
+                kept = found.keys() | {number for _, number, _ in block}
+                text.carry_out(block, found, load)
+                kept = {number for number in found if number in kept}
+                for _, number, _ in block:
+                    for k in rows.pop(number, ()):
+                        text.put(found[number], "%to", k)
+            for a, places in rows.items():
+                for k in places:
+                    text.put(self._result(text, a, {}, load), "%to", k)
 
 
 class OfLongList:
@@ -59,12 +98,10 @@ class OfLongList:
     length = np.inf  # it has no code of its own
 
     def __init__(self, list_, inputs, places):
-        self.inputs, self.results = inputs, list_.results
+        self.list_, self.inputs, self.results = list_, inputs, list_.results
         of_values = [*dict.fromkeys(a for a in self.results if not isinstance(a, float))]
         table = sorted(places, key=places.get)
-        self.program, self._numbers = program_of(
-            range(inputs), table, list_.operations, of_values
-        )
+        self.program, self._numbers = program_of(range(inputs), table, list_.operations, of_values)
         self._row = dict(zip(of_values, self.program.results.tolist(), strict=True))
         self.scratch, self.in_table = self.program.rows, len(table)
 
@@ -72,6 +109,9 @@ class OfLongList:
         shape = table.shape[1:]
         own = table[: self.in_table].reshape(self.in_table, math.prod(shape))
         return self._numbers.of(own).reshape(-1, *shape)
+
+    def in_numpy(self, rows):
+        return carried_out(self.list_, rows)
 
     def add(self, text, name, for_each, first):
         if not text.has_runs:
@@ -117,10 +157,28 @@ class _Loops:
 
 
 class DenseFactors(_Loops):
-    """The factors of 1 - s J in a dense matrix, by rows, for entries of J in some places."""
+    """The factors of 1 - s J in a dense matrix, by rows, for entries of J in some places.
+
+    After the matrix (D D) come the inverses of pivots (D).
+    """
 
     def __init__(self, pattern, D):
         self.places, self.D = np.array([i * D + j for i, j in pattern], np.int64), D
+
+    def in_numpy(self, rows):
+        """Return the factors for entries of J and s, as rows."""
+        D, (*entries, s) = self.D, rows
+        a = np.zeros((D, D, *np.shape(s)))
+        for place, entry in zip(self.places.tolist(), entries, strict=True):
+            a[divmod(place, D)] = 0.0 - s * entry
+        inverse = np.empty((D, *np.shape(s)))
+        for i in range(D):
+            a[i, i] = 1.0 + a[i, i]
+            for k in range(i):
+                a[i, k] = a[i, k] * inverse[k]
+                a[i, k + 1 :] = a[i, k + 1 :] - a[i, k] * a[k, k + 1 :]
+            inverse[i] = 1.0 / a[i, i]
+        return np.concatenate([a.reshape(D * D, *np.shape(s)), inverse])
 
     def add(self, text, name, for_each, first):
         D, zero, one = self.D, text.constant(0.0), text.constant(1.0)
@@ -176,6 +234,19 @@ class DenseSolution(_Loops):
 
     def __init__(self, D):
         self.D = D
+
+    def in_numpy(self, rows):
+        """Return v for the factors and g, as rows."""
+        D = self.D
+        a, inverse, v = rows[: D * D], rows[D * D : D * D + D], np.array(rows[D * D + D :])
+        for i in range(1, D):
+            for j in range(i):
+                v[i] = v[i] - a[i * D + j] * v[j]
+        for i in reversed(range(D)):
+            for j in range(i + 1, D):
+                v[i] = v[i] - a[i * D + j] * v[j]
+            v[i] = v[i] * inverse[i]
+        return v
 
     def add(self, text, name, for_each, first):
         D, integer = self.D, text.integer
@@ -269,6 +340,16 @@ class DenseProduct(_Loops):
 
     def __init__(self, D):
         self.D = D
+
+    def in_numpy(self, rows):
+        """Return the products, as rows."""
+        D, totals = self.D, []
+        for i in range(D):
+            total = 0.0
+            for j in range(D):
+                total = total + rows[i * D + j] * rows[D * D + 1 + j]
+            totals.append(total)
+        return np.array(totals)
 
     def add(self, text, name, for_each, first):
         D, integer = self.D, text.integer

@@ -71,6 +71,18 @@ class Half:
         """What tells the code of this half from others."""
         return self.f.key, self.is_implicit, self.has_atol
 
+    def factors_in_numpy(self, entries, s):
+        """Return the factors of 1 - s J, for entries (-, lanes)."""
+        return self.functions["factor"].in_numpy([*entries, s])
+
+    def solve_in_numpy(self, factors, right):
+        """Return (1 - s J)**-1 times vectors (D, lanes)."""
+        return self.functions["solve"].in_numpy([*factors, *right])
+
+    def product_in_numpy(self, entries, vector):
+        """Return f' times vectors (D, lanes)."""
+        return self.functions["power"].in_numpy([*entries, np.zeros_like(vector[0]), *vector])
+
     def table_of(self, table):
         """Return the table (n, ...) of f with the numbers that functions read after it."""
         numbers = [function.numbers(table) for function in self.functions.values()]

@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..machine_code import pointer
 from . import rules
-from .code import Code
+from .code import Code, bits_of
 from .columns import (
     EXPLICIT,
     IMPLICIT,
@@ -59,6 +58,17 @@ class Numbers(NamedTuple):
     first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
 
 
+LANES = 4  # of columns of one trajectory
+LANE_ROWS = 8 * LANES  # numbers for each component, after the rows of `Work`
+# For each pair of sub-steps: the inverse lengths of the columns in lanes, the factor of the second
+# sub-step, 1 where a column begins, and for each column the pair and the lane in which it ends.
+_PARTS = [[1 / 10, 1 / 8, 1 / 6, 1 / 10]] * 3 + [
+    [1 / 10, 1 / 8, 1 / 4, 1 / 10],
+    [1 / 10, 1 / 2, 1 / 4, 1 / 10],
+]
+_LAST = [[2, 2, 2, 2], [2, 2, 2, 2], [2, 2, 1, 2], [2, 1, 2, 2], [1, 1, 1, 1]]
+_BEGIN = [[1, 1, 1, 1], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0]]
+_ENDS = [(4, 1), (4, 2), (2, 2), (3, 1), (4, 0)]
 SLOT, NUMBER = Arguments(*range(len(Arguments._fields))), Numbers(*range(len(Numbers._fields)))
 
 
@@ -85,13 +95,18 @@ class _Steps:
 
     def finished(self):
         """Return the whole text."""
-        firsts = self.half.firsts()
+        firsts, W = self.half.firsts(), self.text.W
         for name, function in self.half.functions.items():
             function.add(self.text, f"{self.name}_{name}", self.for_each, firsts[name])
-        self.columns_function()
+        function = self.half.functions["f"]
+        self.columns_are_lanes = W == 1 and not self.half.is_implicit and function.length < np.inf
+        if self.columns_are_lanes:
+            self.columns_in_lanes()
+        else:
+            self.columns_function()
         self.main()
         text = self.text.finished()
-        return "\n".join([*self.constants(), *self.text.constants, text])
+        return "\n".join([*self.text.constants, text])
 
     def call(self, name, *addresses):
         """Call one of the functions, on rows; `base` is the address of the rows of `Work`."""
@@ -101,16 +116,6 @@ class _Steps:
     def call_with(self, name, *addresses):
         numbers = ", ".join(f"i64 {address}" for address in addresses)
         self.text.add(f"  call void @{self.name}_{name}({numbers})")
-
-    def constants(self):
-        """Return the lines that define the lengths of columns, and their inverses."""
-        integers = ", ".join(f"i64 {n}" for n in self.columns)
-        inverses = ", ".join(f"double {_bits(1.0 / n)}" for n in self.columns)
-        K = len(self.columns)
-        return [
-            f"@{self.name}_lengths = private constant [{K} x i64] [{integers}]",
-            f"@{self.name}_inverses = private constant [{K} x double] [{inverses}]",
-        ]
 
     # -------------------------------------------------------------------------------------- columns
     def columns_function(self):
@@ -123,10 +128,8 @@ class _Steps:
         text.add(f"define internal void @{self.name}_columns(i64 %x, i64 %f, i64 %table, "
                  "i64 %work, i64 %count) #0 {")  # fmt: skip
         text.label("entry")
-        lengths = text.new(f"ptrtoint {pointer(f'[{len(self.columns)} x i64]')} "
-                           f"@{self.name}_lengths to i64")  # fmt: skip
-        inverses = text.new(f"ptrtoint {pointer(f'[{len(self.columns)} x double]')} "
-                            f"@{self.name}_inverses to i64")  # fmt: skip
+        lengths = text.integers(f"{self.name}_lengths", np.array(self.columns))
+        inverses = text.numbers(f"{self.name}_inverses", 1.0 / np.array(self.columns))
         with text.times("%count") as c:
             N = text.load("i64", text.at(lengths, c))
             s = text.operate("fmul", text.row("%work", work.signed),
@@ -136,6 +139,83 @@ class _Steps:
                 self.implicit_column(N, s, ends)
             else:
                 self.explicit_column(N, s, ends)
+        text.add("  ret void")
+        text.add("}")
+
+    def columns_in_lanes(self):
+        """Add the function `columns` of one trajectory, whose columns are lanes, side by side.
+
+        Columns of 8 and 2 share a lane, as those of 6 and 4, so that ten values of f are computed
+        one after the other in place of thirty. Ends have the bits of the columns of a line.
+        """
+        text, work, D, f = self.text, self.work, self.D, self.half.functions["f"]
+        inner = Code(LANES, text)
+        if not self.is_inlined:
+            f.add(inner, f"{self.name}_f_lanes", False, 0)
+        text.add(f"define internal void @{self.name}_columns(i64 %x, i64 %f, i64 %table, "
+                 "i64 %work, i64 %count) #0 {")  # fmt: skip
+        text.label("entry")
+        parts, last, begin = (
+            text.numbers(f"{self.name}_{name}", np.array(table, float))
+            for name, table in (("parts", _PARTS), ("last", _LAST), ("begin", _BEGIN))
+        )
+        rows = text.place("%work", work.size)  # a, b and f of all lanes, then ends
+        first_a, first_b, first_f, ends = 0, D, 2 * D, 3 * D
+        signed = inner.splat(text.row("%work", work.signed), LANES)
+
+        def shared(base, i):
+            return inner.splat(text.row(base, 0, i), LANES)
+
+        with text.times(len(_PARTS)) as m:
+            s = inner.operate("fmul", signed, inner.row(parts, 0, m))
+            double = inner.operate("fadd", s, s)
+            factor = inner.operate("fmul", s, inner.row(last, 0, m))
+            begins = inner.compare("ogt", inner.row(begin, 0, m), inner.constant(0.0))
+
+            def start(i):
+                x = shared("%x", i)
+                first = inner.operate("fadd", x, inner.operate("fmul", s, shared("%f", i)))
+                for place, value in ((first_a, x), (first_b, first)):
+                    old = inner.row(rows, place, i)
+                    inner.put_chosen(inner.select(begins, value, old), rows, place, i)
+
+            def add(i, to, factor):
+                product = inner.operate("fmul", factor, inner.row(rows, first_f, i))
+                inner.put(inner.operate("fadd", inner.row(rows, to, i), product), rows, to, i)
+
+            with text.when(inner.any(begins)):
+                text.fold(D, {}, start)
+            if self.is_inlined:
+                self.pair(inner, rows, (first_a, first_b, first_f), (double, factor))
+            else:
+                for of, to, length in ((first_b, first_a, double), (first_a, first_b, factor)):
+                    places = inner.place(rows, of), "%table", inner.place(rows, first_f)
+                    self.call_with("f_lanes", *places, rows)
+                    text.fold(D, {}, lambda i, to=to, length=length: add(i, to, length))
+            of_pair = text.integer("add", ends, text.integer("mul", m, D))
+
+            def end(i):
+                total = inner.operate(
+                    "fadd", inner.row(rows, first_a, i), inner.row(rows, first_b, i)
+                )
+                change = inner.operate(
+                    "fsub", inner.operate("fmul", total, inner.constant(0.5)), shared("%x", i)
+                )
+                inner.put(change, rows, 0, text.integer("add", of_pair, i))
+
+            text.fold(D, {}, end)
+
+        def lane(row, i, number):
+            place = inner.place(rows, row, i)
+            return text.load("double", text.plus(place, 8 * number))
+
+        def copy(i):
+            for c, (pair, number) in enumerate(_ENDS):
+                text.put(lane(ends + pair * D, i, number), "%work", work.ends + c * D, i)
+            text.put(lane(first_a, i, 0), "%work", work.a, i)
+            text.put(lane(first_f, i, 0), "%work", work.f_last, i)
+
+        text.fold(D, {}, copy)
         text.add("  ret void")
         text.add("}")
 
@@ -150,9 +230,7 @@ class _Steps:
             text.put(self.plus(x, s, text.row("%f", 0, i)), "%work", work.b, i)
 
         def end(i):
-            total = text.operate(
-                "fadd", text.row("%work", work.a, i), text.row("%work", work.b, i)
-            )
+            total = text.operate("fadd", text.row("%work", work.a, i), text.row("%work", work.b, i))
             end = text.operate("fmul", total, text.constant(0.5))
             text.put(text.operate("fsub", end, text.row("%x", 0, i)), ends, 0, i)
 
@@ -162,14 +240,7 @@ class _Steps:
             is_last = text.compare_integers("eq", text.integer("add", m, 1), pairs)
             factor = text.new(f"select i1 {is_last}, {text.V} {s}, {text.V} {double}")
             if self.is_inlined:
-                b = [text.row("%work", work.b, i) for i in range(D)]
-                of_b = self.inlined(b)
-                a = [self.plus(text.row("%work", work.a, i), double, of_b[i]) for i in range(D)]
-                for i in range(D):
-                    text.put(a[i], "%work", work.a, i)
-                of_a = self.inlined(a)
-                for i in range(D):
-                    text.put(self.plus(b[i], factor, of_a[i]), "%work", work.b, i)
+                of_a = self.pair(text, "%work", (work.a, work.b), (double, factor))
                 with text.when(is_last):
                     for i in range(D):
                         text.put(of_a[i], "%work", work.f_last, i)
@@ -192,10 +263,30 @@ class _Steps:
     def plus(self, a, factor, b):
         return self.text.operate("fadd", a, self.text.operate("fmul", factor, b))
 
-    def inlined(self, x):
-        """Return f at a state in registers."""
-        function = self.half.functions["f"]
-        return function.values(self.text, lambda k: x[k], "%table", self.for_each)[: self.D]
+    def pair(self, text, base, rows, factors):
+        """Add two sub-steps with f within the code; return f at the state after the first.
+
+        `rows` are those of a, of b, and of f at the new a, if it is wanted.
+        """
+        function, D = self.half.functions["f"], self.D
+
+        def value(x):
+            return function.values(text, lambda k: x[k], "%table", self.for_each and text.W > LANES)
+
+        def added(a, factor, change):
+            return text.operate("fadd", a, text.operate("fmul", factor, change))
+
+        b = [text.row(base, rows[1], i) for i in range(D)]
+        of_b = value(b)
+        a = [added(text.row(base, rows[0], i), factors[0], of_b[i]) for i in range(D)]
+        for i in range(D):
+            text.put(a[i], base, rows[0], i)
+        of_a = value(a)
+        for i in range(D):
+            text.put(added(b[i], factors[1], of_a[i]), base, rows[1], i)
+        for i in range(D if len(rows) > 2 else 0):
+            text.put(of_a[i], base, rows[2], i)
+        return of_a
 
     def implicit_column(self, N, s, ends):
         """Add the linearly implicit Euler rule, whose increments are added up."""
@@ -533,7 +624,10 @@ class _Steps:
         few = text.apply(rules.FEW, part=found["part"], **ratios)["few"]
 
         def choose(i):
-            for to, of_line, of_work in ((work.start, rows.x, work.new), (work.f, rows.f, work.f_new)):
+            for to, of_line, of_work in (
+                (work.start, rows.x, work.new),
+                (work.f, rows.f, work.f_new),
+            ):
                 ends = text.row(self.line, of_line, i), text.row(base, of_work, i)
                 text.put_chosen(text.select(forward, *ends), base, to, i)
 
@@ -631,11 +725,7 @@ class _Steps:
                 following = text.integer("add", place, 1)
                 text.store("i64", following, place_at)
                 next_at = text.plus(line, text.size * rows.next)
-                text.store("double", _bits(float("inf")), next_at)
+                text.store("double", bits_of(float("inf")), next_at)
                 with text.when(text.compare_integers("ult", following, of.count)):
                     text.store("double", text.load("double", text.at(of.times, following)), next_at)
-                text.store("double", _bits(0.0), text.plus(line, text.size * rows.tries))
-
-
-def _bits(number):
-    return f"0x{np.float64(number).view(np.uint64):016X}"
+                text.store("double", bits_of(0.0), text.plus(line, text.size * rows.tries))

@@ -10,8 +10,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import checks
 from ..checks import FloatArray
+from ..core.lists.dense import DenseRightHandSide, dense_parameters
 from ..core.lists.quadratic import parameters_of, right_hand_side_of
+from ..keywords import public
 from .base import Body, Parameters, frozen
 from .names import labels
 from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
@@ -26,6 +29,8 @@ _OF_STORES = frozenset(
     "H K body coords dims eps format functions indices map method names omega0 save_every shared "
     "steps tiled title values version attitude".split()
 )
+
+_LONG = 4000  # terms, above which a dense field is taken by loops
 
 
 class OfMembers(NamedTuple):
@@ -42,7 +47,7 @@ class FieldOfFunction(Body):
 
     names: tuple[str, ...]
     _value_at: ClassVar[Any]  # f(x)
-    _right_hand_sides: ClassVar[Any]  # f for the motion, a list of `OfMembers`
+    _right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
 
     @property
     def _arrays(self) -> dict[str, FloatArray]:
@@ -59,6 +64,49 @@ class FieldOfFunction(Body):
             how = "for solve_ivp pass lambda t, x: field(x)"
             raise TypeError(f"a field takes the state alone, field(x): {how}")
         return self._value_at(x)
+
+    @cached_property
+    def _right_hand_sides(self) -> list[OfMembers]:
+        """f for the motion, and its table, for groups of members with the same operations."""
+        f, parameters = self._right_hand_side
+        table = f.table_of(parameters).reshape(len(f.table), -1)
+        return [OfMembers(np.arange(table.shape[1]), f, np.ascontiguousarray(table.T))]
+
+    @public
+    def jacobian(self, x: Any) -> FloatArray:
+        """Return the exact derivative f'(x) of the right-hand side.
+
+        :func:`suslov_fast.jacobian` is the derivative of a step of a map.
+
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States, which broadcast with the batch of the field.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D, D))
+            The derivative of component i by variable j at [..., i, j]. Where f chooses, as
+            ``np.where`` does, it is that of what f takes.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If x has another shape, or numbers that are infinite or not real.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> field = QuadraticField.from_function(lambda x: (x[0] * x[1], 3 - x[0]), 2)
+        >>> field.jacobian([2.0, 5.0])
+        array([[ 5.,  2.],
+               [-1.,  0.]])
+        """
+        x = checks.states("x", x, self.names, later=True)
+        right_hand_side, inputs = self._right_hand_side
+        table = right_hand_side.table_of(inputs)
+        found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)
+        return np.moveaxis(found, (0, 1), (-2, -1))
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -137,24 +185,23 @@ class _FieldOfTerms(FieldOfFunction):
         return Terms(self._parts[INDICES], self._parts[VALUES]).floats
 
     @cached_property
+    def _right_hand_side(self) -> tuple[Any, FloatArray]:
+        return _right_hand_side(*self._terms, self.dimension)
+
+    @cached_property
     def _right_hand_sides(self) -> list[OfMembers]:
         indices, values = self._terms
         rows = values.reshape(-1, values.shape[-1])
-        # Members without a term are apart, because what a step tests depends on the terms.
         exists = rows != 0.0
         patterns, which = exists[:1], np.zeros(len(rows), np.int64)
-        if not exists.all():
+        if not exists.all():  # what a step tests depends on the terms
             patterns, which = np.unique(exists, axis=0, return_inverse=True)
         found = []
         for k, pattern in enumerate(patterns):
             members = np.flatnonzero(which.reshape(-1) == k)
             own = rows[np.ix_(members, pattern)]
-            units = (own == 1.0).all(axis=0), (own == -1.0).all(axis=0)
-            f = _quadratic(
-                indices[:, pattern].tobytes(), self.dimension, *(u.tobytes() for u in units)
-            )
-            table = f.table_of(parameters_of(own, *units))
-            found.append(OfMembers(members, f, np.ascontiguousarray(table.T)))
+            f, parameters = _right_hand_side(indices[:, pattern], own, self.dimension)
+            found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
         return found
 
     @property
@@ -205,11 +252,27 @@ class _FieldOfTerms(FieldOfFunction):
         return table
 
 
+def _right_hand_side(
+    indices: NDArray[np.int64], values: FloatArray, D: int
+) -> tuple[Any, FloatArray]:
+    """Return the right-hand side of terms, and its parameters (P, ...)."""
+    T = indices.shape[1]
+    if T > _LONG and 4 * T > D**3:
+        return _dense(D), dense_parameters(indices, values, D)
+    rows = values.reshape(-1, T)
+    units = (rows == 1.0).all(axis=0), (rows == -1.0).all(axis=0)
+    parameters: FloatArray = parameters_of(values, *units)
+    return _of_terms(indices.tobytes(), D, *(each.tobytes() for each in units)), parameters
+
+
+_dense = lru_cache(16)(DenseRightHandSide)
+
+
 @lru_cache(256)
-def _quadratic(indices: bytes, D: int, is_one: bytes, is_minus_one: bytes) -> Any:
-    """Return the right-hand side of terms, which fields of the same form share."""
+def _of_terms(indices: bytes, D: int, *units: bytes) -> Any:
+    """Return the right-hand side that fields of the same form share."""
     places = np.frombuffer(indices, np.int64).reshape(3, -1)
-    return right_hand_side_of(places, D, *(np.frombuffer(u, bool) for u in (is_one, is_minus_one)))
+    return right_hand_side_of(places, D, *(np.frombuffer(each, bool) for each in units))
 
 
 def parts_of(terms: Terms | None, names: Sequence[str]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray
 from ..core.motion.engine import Motion as Engine
 from ..core.motion.engine import Settings
+from ..core.motion.one import motion_of_one
 from ..core.motion.rows import State
 from .arguments import ALL
 from .status import Status
@@ -45,8 +46,7 @@ def right_hand_sides(field: Any, batch: tuple[int, ...]) -> Iterator[tuple[Any, 
     """Yield groups of trajectories of a batch: indices, or ALL, the right-hand side, its table."""
     groups = field._right_hand_sides
     if not field.shape:
-        [(_, f, table)] = groups
-        yield ALL, f, table[0]
+        yield ALL, groups[0].f, groups[0].table[0]
         return
     if field.shape == batch and len(groups) == 1:
         yield ALL, groups[0].f, groups[0].table
@@ -79,6 +79,8 @@ def solve(
     B, found = len(starts), nothing_found(starts, len(times))
     if not B:
         return found
+    if B == 1 and report is None and _of_one(field, starts, times, sign, settings, found):
+        return found
     count = threads or (available() if B > _MANY else 1)
     done = 0
     for where, f, table in right_hand_sides(field, batch):
@@ -98,3 +100,25 @@ def solve(
         if engine.is_stopped:
             return found._replace(is_stopped=True)
     return found
+
+
+def _of_one(
+    field: Any,
+    starts: FloatArray,
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    found: Found,
+) -> bool:
+    """Find the motion of one trajectory in few microseconds; return whether that is possible."""
+    [(_, f, table)] = right_hand_sides(field, (1,) * len(field.shape))
+    x, of_times = starts[0].tolist(), times.tolist()
+    result = motion_of_one(f, table.tobytes(), x, of_times, sign, settings)
+    if result is None:
+        return False
+    states, (t, steps, state) = result
+    found.states[:] = np.frombuffer(states).reshape(found.states.shape)
+    if state != State.DONE:
+        found.states[~(times <= t)] = np.nan
+    found.t[0], found.steps[0], found.status[0] = sign * t, steps, _STATUS[state]
+    return True

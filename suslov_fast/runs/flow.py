@@ -138,16 +138,11 @@ def flow(
             "end": ends.reshape(batch),
             "steps": found.steps.reshape(batch),
             "rtol": settings.rtol,
-            "atol": atol if settings.atol is None else _plain(settings.atol),
+            "atol": settings.atol,
             "max_step": max_step if max_step is None else settings.longest,
             "stiff": stiff,
         }
     )
-
-
-def _plain(atol: Any) -> float | tuple[float, ...]:
-    """Return a tolerance as Python's numbers."""
-    return atol if isinstance(atol, float) else tuple(atol.tolist())
 
 
 # --------------------------------------------------------------------------------------- arguments
@@ -177,6 +172,7 @@ def _checked_settings(system: Any, rtol: Any, atol: Any, max_step: Any, stiff: A
             raise wrong("atol", f"a number, or {D}, one for each component", f"{atol.shape}")
         if np.min(atol) < 0.0:
             raise wrong("atol", "0 or more", short(float(np.min(atol))))
+        atol = atol if isinstance(atol, float) else tuple(atol.tolist())
     longest = math.inf if max_step is None else checks.positive("max_step", max_step)
     if stiff not in (None, True, False):
         raise wrong("stiff", "True, False or None", short(stiff), TypeError)

@@ -1,1 +1,1 @@
-"""Lists of operations on numbers: right-hand sides, derivatives, elementary functions."""
+"""Lists of operations, which NumPy and machine code carry out with the same bits."""

@@ -27,7 +27,7 @@ class Settings(NamedTuple):
     """What all trajectories of a motion share."""
 
     rtol: float
-    atol: np.ndarray | None  # (D,)
+    atol: float | tuple | None  # one for all components, or one for each
     longest: float  # step
     stiff: bool | None  # whether all steps are implicit, None to choose
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -69,8 +70,14 @@ class FieldOfFunction(Body):
     def _right_hand_sides(self) -> list[OfMembers]:
         """f for the motion, and its table, for groups of members with the same operations."""
         f, parameters = self._right_hand_side
-        table = f.table_of(parameters).reshape(len(f.table), -1)
-        return [OfMembers(np.arange(table.shape[1]), f, np.ascontiguousarray(table.T))]
+        count = math.prod(self.shape)
+        table = f.table_of(parameters).reshape(len(f.table), count)
+        return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
+
+    @property
+    def _listed_right_hand_sides(self) -> list[OfMembers]:
+        """The same, as lists of operations."""
+        return self._right_hand_sides
 
     @public
     def jacobian(self, x: Any) -> FloatArray:
@@ -186,10 +193,18 @@ class _FieldOfTerms(FieldOfFunction):
 
     @cached_property
     def _right_hand_side(self) -> tuple[Any, FloatArray]:
-        return _right_hand_side(*self._terms, self.dimension)
+        return _right_hand_side(*self._terms, self.dimension, _LONG)
 
     @cached_property
     def _right_hand_sides(self) -> list[OfMembers]:
+        return self._by_terms(_LONG)
+
+    @property
+    def _listed_right_hand_sides(self) -> list[OfMembers]:
+        return self._by_terms(None)
+
+    def _by_terms(self, longest: int | None) -> list[OfMembers]:
+        """Return the right-hand sides of members; dense ones of more terms are no lists."""
         indices, values = self._terms
         rows = values.reshape(-1, values.shape[-1])
         exists = rows != 0.0
@@ -200,7 +215,7 @@ class _FieldOfTerms(FieldOfFunction):
         for k, pattern in enumerate(patterns):
             members = np.flatnonzero(which.reshape(-1) == k)
             own = rows[np.ix_(members, pattern)]
-            f, parameters = _right_hand_side(indices[:, pattern], own, self.dimension)
+            f, parameters = _right_hand_side(indices[:, pattern], own, self.dimension, longest)
             found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
         return found
 
@@ -253,11 +268,11 @@ class _FieldOfTerms(FieldOfFunction):
 
 
 def _right_hand_side(
-    indices: NDArray[np.int64], values: FloatArray, D: int
+    indices: NDArray[np.int64], values: FloatArray, D: int, longest: int | None
 ) -> tuple[Any, FloatArray]:
     """Return the right-hand side of terms, and its parameters (P, ...)."""
     T = indices.shape[1]
-    if T > _LONG and 4 * T > D**3:
+    if longest and T > longest and 4 * T > D**3:
         return _dense(D), dense_parameters(indices, values, D)
     rows = values.reshape(-1, T)
     units = (rows == 1.0).all(axis=0), (rows == -1.0).all(axis=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -42,17 +43,21 @@ def nothing_found(starts: FloatArray, count: int) -> Found:
     return Found(states, np.zeros(B), np.zeros(B, np.int64), status)
 
 
-def right_hand_sides(field: Any, batch: tuple[int, ...]) -> Iterator[tuple[Any, Any, FloatArray]]:
-    """Yield groups of trajectories of a batch: indices, or ALL, the right-hand side, its table."""
-    groups = field._right_hand_sides
-    if not field.shape:
+def right_hand_sides(
+    groups: Any, shape: tuple[int, ...], batch: tuple[int, ...]
+) -> Iterator[tuple[Any, Any, FloatArray]]:
+    """Yield groups of trajectories of a batch: indices, or ALL, the right-hand side, its table.
+
+    `groups` are those of the members of a field of this shape.
+    """
+    if not shape:
         yield ALL, groups[0].f, groups[0].table[0]
         return
-    if field.shape == batch and len(groups) == 1:
+    if shape == batch and len(groups) == 1:
         yield ALL, groups[0].f, groups[0].table
         return
-    count = int(np.prod(field.shape))
-    numbers = np.broadcast_to(np.arange(count).reshape(field.shape), batch).ravel()
+    count = math.prod(shape)
+    numbers = np.broadcast_to(np.arange(count).reshape(shape), batch).ravel()
     for members, f, table in groups:
         place = np.full(count, -1)
         place[members] = np.arange(len(members))
@@ -81,25 +86,46 @@ def solve(
         return found
     if B == 1 and report is None and _of_one(field, starts, times, sign, settings, found):
         return found
-    count = threads or (available() if B > _MANY else 1)
+    count = threads_for(B, threads)
     done = 0
-    for where, f, table in right_hand_sides(field, batch):
+    for where, f, table in right_hand_sides(field._right_hand_sides, field.shape, batch):
         x0, states = starts, found.states
         if where is not ALL:
             x0 = starts[where]
             states = np.full((len(times), *x0.shape), np.nan)
         before = done
         own = None if report is None else lambda now, before=before: report(before + now)
-        engine = Engine(f, table, x0, times, sign, settings, states)
-        engine.run(count, own)
+        arguments = f, table, x0, times, sign, settings, states
+        is_stopped, t, steps, status = call_engine(*arguments, count, own)
         if where is not ALL:
             found.states[:, where] = states
-        found.t[where], found.steps[where] = sign * engine.t, engine.steps
-        found.status[where] = _STATUS[engine.state]
+        found.t[where], found.steps[where], found.status[where] = t, steps, status
         done += len(times) * len(x0)
-        if engine.is_stopped:
+        if is_stopped:
             return found._replace(is_stopped=True)
     return found
+
+
+def call_engine(
+    f: Any,
+    table: FloatArray,
+    x0: FloatArray,
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    states: FloatArray,
+    threads: int,
+    report: Callable[[int], bool] | None = None,
+) -> tuple[bool, FloatArray, NDArray[np.int64], NDArray[np.int8]]:
+    """Write states (n, B, D); return whether `report` ended the run, ends, steps and statuses."""
+    engine = Engine(f, table, x0, times, sign, settings, states)
+    engine.run(threads, report)
+    return engine.is_stopped, sign * engine.t, engine.steps, _STATUS[engine.state]
+
+
+def threads_for(B: int, threads: int | None) -> int:
+    """Return how many threads take B trajectories."""
+    return threads or (available() if B > _MANY else 1)
 
 
 def _of_one(
@@ -111,7 +137,8 @@ def _of_one(
     found: Found,
 ) -> bool:
     """Find the motion of one trajectory in few microseconds; return whether that is possible."""
-    [(_, f, table)] = right_hand_sides(field, (1,) * len(field.shape))
+    _, f, table = field._right_hand_sides[0]
+    table = table[0]
     x, of_times = starts[0].tolist(), times.tolist()
     result = motion_of_one(f, table.tobytes(), x, of_times, sign, settings)
     if result is None:

@@ -144,12 +144,16 @@ class RightHandSide:
     key          what tells this right-hand side from others
     """
 
-    def __init__(self, values, results, P=0):
-        """Take `Expressions` whose operations are those of f, and the operands that are f."""
+    def __init__(self, values, results, P=0, slopes=None):
+        """Take `Expressions` whose operations are those of f, and the operands that are f.
+
+        `slopes` are the entries of each row of f', by column, or others that may stand for them.
+        """
         self.D, self.P = len(results), P
         self._results = [*results]
         of_f = [*values.operations]
-        slopes = gradients(values, of_f, results, self.D)
+        if slopes is None:
+            slopes = gradients(values, of_f, results, self.D)
         self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.pattern]
         fixed = values.fixed

@@ -193,7 +193,7 @@ class _FieldOfTerms(FieldOfFunction):
 
     @cached_property
     def _right_hand_side(self) -> tuple[Any, FloatArray]:
-        return _right_hand_side(*self._terms, self.dimension, _LONG)
+        return _quadratic(*self._terms, self.dimension, _LONG)
 
     @cached_property
     def _right_hand_sides(self) -> list[OfMembers]:
@@ -215,7 +215,7 @@ class _FieldOfTerms(FieldOfFunction):
         for k, pattern in enumerate(patterns):
             members = np.flatnonzero(which.reshape(-1) == k)
             own = rows[np.ix_(members, pattern)]
-            f, parameters = _right_hand_side(indices[:, pattern], own, self.dimension, longest)
+            f, parameters = _quadratic(indices[:, pattern], own, self.dimension, longest)
             found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
         return found
 
@@ -267,7 +267,7 @@ class _FieldOfTerms(FieldOfFunction):
         return table
 
 
-def _right_hand_side(
+def _quadratic(
     indices: NDArray[np.int64], values: FloatArray, D: int, longest: int | None
 ) -> tuple[Any, FloatArray]:
     """Return the right-hand side of terms, and its parameters (P, ...)."""

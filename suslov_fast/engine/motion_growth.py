@@ -8,6 +8,7 @@ trajectory has lengths of its own, T / 2**m, so that its bits do not depend on o
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -45,25 +46,29 @@ def exponents_of(
         x, count = starts[where], len(starts[where])
         run = _Run(f, table, x, settings, threads)
 
-        def told(done: float, share: float = count / len(starts), before: float = before) -> bool:
-            parts = before + share * done / total
-            return report is None or report(int(_OF_PROGRESS * parts))
+        share = count / len(starts) / total
+
+        def told(done: float, share: float = share, before: float = before) -> bool:
+            return report is None or report(int(_OF_PROGRESS * (before + share * done)))
 
         goes_on = transient == 0.0 or run.over(transient, told)
         run.begin()
-        if goes_on:
-            goes_on = run.over(time, lambda done, told=told: told(transient + done))
+        goes_on = goes_on and run.over(time, partial(_later, told, transient))
         own = run.exponents()
         if exponents is None:
             exponents = np.full((len(starts), own.shape[1]), np.nan)
         exponents[where] = own
         found.t[where], found.status[where] = run.t, run.status
-        before += count / len(starts)
+        before += share * total
         if not goes_on:
             break
     if exponents is None:
         exponents = np.empty((0, field.dimension))
     return exponents, found
+
+
+def _later(told: Callable[[float], bool], before: float, done: float) -> bool:
+    return told(before + done)
 
 
 class _Run:

@@ -39,10 +39,10 @@ TEXTS = {
     "product of a number": "@|matmul",
     "linear algebra of symbols": "ufunc '(solve|inv|lstsq|det|qr|eig|svd)",
     "function of math": "must be real number, not",
-    "function without symbols": "must be real number, not|not '(Expression|Polynomial)'|"
+    "function without symbols": "must be real number, not|not '(Expression|Polynomial|Symbol)'|"
     "object has no attribute",
     "time is None": "NoneType|fractions or floats, not None",
-    "number of a symbol": "Polynomial|Expression",
+    "number of a symbol": "Polynomial|Expression|Symbol",
     "tuple as an array": "'Variables'|'tuple' and|tuple indices|can't multiply sequence",
     "unpacking": "to unpack",
     "argument of Numba": "compute fingerprint",

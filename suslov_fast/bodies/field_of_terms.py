@@ -10,8 +10,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import checks
 from ..checks import FloatArray
 from ..core.lists.quadratic import parameters_of, right_hand_side_of
+from ..keywords import public
 from .base import Body, Parameters, frozen
 from .names import labels
 from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
@@ -34,6 +36,7 @@ class FieldOfFunction(Body):
 
     names: tuple[str, ...]
     _value_at: ClassVar[Any]  # f(x)
+    _right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
 
     @property
     def _arrays(self) -> dict[str, FloatArray]:
@@ -50,6 +53,42 @@ class FieldOfFunction(Body):
             how = "for solve_ivp pass lambda t, x: field(x)"
             raise TypeError(f"a field takes the state alone, field(x): {how}")
         return self._value_at(x)
+
+    @public
+    def jacobian(self, x: Any) -> FloatArray:
+        """Return the exact derivative f'(x) of the right-hand side.
+
+        :func:`suslov_fast.jacobian` is the derivative of a step of a map.
+
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States, which broadcast with the batch of the field.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D, D))
+            The derivative of component i by variable j at [..., i, j]. Where f chooses, as
+            ``np.where`` does, it is that of what f takes.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If x has another shape, or numbers that are infinite or not real.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> field = QuadraticField.from_function(lambda x: (x[0] * x[1], 3 - x[0]), 2)
+        >>> field.jacobian([2.0, 5.0])
+        array([[ 5.,  2.],
+               [-1.,  0.]])
+        """
+        x = checks.states("x", x, self.names, later=True)
+        right_hand_side, inputs = self._right_hand_side
+        table = right_hand_side.table_of(inputs)
+        found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)
+        return np.moveaxis(found, (0, 1), (-2, -1))
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)

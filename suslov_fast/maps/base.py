@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .. import checks
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
+from ..bodies.general import NO_MAP, Field
 from ..checks import FloatArray
 from ..core.stages import WHOLE, Stages
 from ..engine.derivatives import Growth, growth, growth_by_jacobian
@@ -314,6 +315,8 @@ def map_of(body: Any, method: str = "auto") -> Map:
     by_method = methods_of(type(body))
     if type(method) is str and method in by_method:
         return by_method[method]
+    if isinstance(body, Field):
+        raise TypeError(f"body: {NO_MAP}")
     if not by_method:
         kinds = [record.body.__name__ for record in MAPS.values()]
         received = checks.kind_of(body) + checks.in_place_of(body)

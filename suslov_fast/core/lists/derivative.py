@@ -1,7 +1,7 @@
 """Derivatives of lists of operations, as lists: the chain rule from the state to the results."""
 
 from ..operations import OF_TRUTH_VALUES
-from .records import RECORDS
+from .records import RECORDS, power, same
 
 
 def gradients(values, operations, results, D):
@@ -12,17 +12,26 @@ def gradients(values, operations, results, D):
     rows = {i: {i: 1.0} for i in range(D)}
     for instruction, number, operands in operations:
         if number not in values.fixed and instruction not in OF_TRUTH_VALUES:
-            rows[number] = _row(values.emit, instruction, number, operands, rows)
+            rows[number] = _row_of(values, instruction, number, operands, rows)
     return [{} if isinstance(a, float) else dict(rows.get(a, {})) for a in results]
+
+
+def _row_of(values, instruction, number, operands, rows):
+    """Return the derivative of a value: of a power a**c, which products compute, c a**(c - 1)."""
+    name, of, *_ = values.written.get(number, ("", ()))
+    if name == "power" and isinstance(of[1], float) and not isinstance(of[0], float):
+        base, exponent = of
+        factor = values.emit("fmul", exponent, power(values, base, exponent - 1.0))
+        return _sum(values.emit, [(factor, rows.get(base, {}))])
+    return _row(values.emit, instruction, number, operands, rows)
 
 
 def _row(emit, instruction, number, operands, rows):
     """Return the derivative of the value of an operation."""
     of = [{} if isinstance(a, float) else rows.get(a, {}) for a in operands]
     if instruction in ("select", "max", "min"):  # the derivative of what is taken
-        truth, *taken = operands
+        truth = operands[0]
         if instruction != "select":
-            taken = operands
             if not (of[0] or of[1]):
                 return {}
             truth = emit("ogt" if instruction == "max" else "olt", *operands)
@@ -51,7 +60,7 @@ def _row(emit, instruction, number, operands, rows):
 
 
 def _chosen(emit, truth, a, b):
-    return a if a == b and type(a) is type(b) else emit("select", truth, a, b)
+    return a if same(a, b) else emit("select", truth, a, b)
 
 
 def _negative(emit, a):
@@ -62,13 +71,16 @@ def _sum(emit, parts):
     """Return the sum of factors times derivatives."""
     total = {}
     for factor, row in parts:
+        sign = factor if isinstance(factor, float) and factor in (-1.0, 0.0, 1.0) else None
+        if sign == 0.0 or not row:
+            continue
+        if sign == 1.0 and not total:
+            total = dict(row)
+            continue
         for j, slope in row.items():
-            if isinstance(factor, float) and factor == 0.0:
-                continue
-            if factor == -1.0 and isinstance(factor, float):
-                difference = emit("fsub", total[j], slope) if j in total else None
-                total[j] = _negative(emit, slope) if difference is None else difference
-                continue
-            product = emit("fmul", factor, slope)
-            total[j] = emit("fadd", total[j], product) if j in total else product
+            part = emit("fmul", factor, slope) if sign is None else slope
+            if j in total:
+                total[j] = emit("fsub" if sign == -1.0 else "fadd", total[j], part)
+            else:
+                total[j] = _negative(emit, part) if sign == -1.0 else part
     return total

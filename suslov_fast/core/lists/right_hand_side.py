@@ -1,13 +1,14 @@
 """Right-hand sides of x' = f(x) as lists of operations, and what the motion asks of them."""
 
 import functools
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ..operations import FUNCTIONS, OF_NUMBERS, OF_TRUTH_VALUES, Values, evaluate
 from .derivative import gradients
-from .records import RECORDS
+from .records import RECORDS, same
 
 
 class List(NamedTuple):
@@ -18,30 +19,110 @@ class List(NamedTuple):
 
 
 class Expressions(Values):
-    """Values of which equal ones are computed once, and those of constants at once."""
+    """Values of which equal ones are computed once, and those of constants at once.
+
+    `written` has the function and operands of values that a user wrote, and that operations take
+    apart: a power is products. `of` has the instruction and operands of each value.
+    """
 
     def __init__(self, count, fixed=()):
         super().__init__(count, fixed)
-        self._known = {}
+        self._known, self.of, self.written = {}, {}, {}
 
     def emit(self, instruction, *operands):
         """Return the number of a value, or the constant that it is."""
-        if instruction in OF_NUMBERS and all(isinstance(a, float) for a in operands):
+        # Constants by their texts: a constant is no number of a value, and 0 has a sign.
+        key = instruction, *operands
+        if float in map(type, operands):
+            key = instruction, *(repr(a) if type(a) is float else a for a in operands)
+        if key not in self._known:
+            self._known[key] = self._new(instruction, operands)
+        return self._known[key]
+
+    def _new(self, instruction, operands):
+        is_constant = all(type(a) is float for a in operands)
+        if is_constant and instruction in OF_NUMBERS:
             with np.errstate(all="ignore"):
                 return float(FUNCTIONS[instruction](*operands))
-        if instruction in ("fmul", "fdiv") and _is_1(operands[1]):
-            return operands[0]
-        if instruction == "fmul" and _is_1(operands[0]):
+        simple = self._simpler(instruction, operands)
+        if simple is not None:
+            return simple
+        number = super().emit(instruction, *operands)
+        self.of[number] = instruction, operands
+        return number
+
+    def _parts_of(self, operand):
+        """Return the instruction and the operands of a value; nothing for a constant."""
+        return ("", ()) if isinstance(operand, float) else self.of.get(operand, ("", ()))
+
+    def _simpler(self, instruction, operands):
+        """Return an operand with the same value by fewer operations, or None."""
+        if instruction == "fdiv" and _is_power_of_2(operands[1]):
+            return self.emit("fmul", 1.0 / operands[1], operands[0])
+        if instruction == "fmul":
+            a, b = operands
+            if isinstance(b, float):
+                return self.emit("fmul", b, a)
+            if _is_1(a):
+                return b
+            inner, of = self._parts_of(b)
+            has_constants = isinstance(a, float) and of and isinstance(of[0], float)
+            if inner == "fmul" and has_constants and any(map(_is_power_of_2, (a, of[0]))):
+                return self.emit("fmul", a * of[0], of[1])
+            if inner == "fsub" and isinstance(a, float) and a == -1.0:
+                return self.emit("fsub", *of[::-1])
+        if instruction in ("fadd", "fsub"):
+            inner, of = self._parts_of(operands[1])
+            if inner == "fmul" and isinstance(of[0], float) and of[0] == -1.0:
+                other = "fsub" if instruction == "fadd" else "fadd"
+                return self.emit(other, operands[0], of[1])
+        if instruction == "select" and same(*operands[1:]):
             return operands[1]
-        # A constant 0 has a sign.
-        key = instruction, *(repr(a) if isinstance(a, float) else a for a in operands)
-        if key not in self._known:
-            self._known[key] = super().emit(instruction, *operands)
-        return self._known[key]
+        return None
 
 
 def _is_1(operand):
     return isinstance(operand, float) and operand == 1.0
+
+
+def _is_power_of_2(operand):
+    """Return whether products with a constant have no rounding error within a wide range."""
+    if not isinstance(operand, float):
+        return False
+    fraction, exponent = math.frexp(operand)
+    return abs(fraction) == 0.5 and abs(exponent) < 100
+
+
+def in_order(values, results):
+    """Return `Expressions` of these results alone, in an order that they determine, and results."""
+    given = values.count - len(values.operations)
+    ordered = Expressions(given, [a for a in values.fixed if a < given])
+    new = {a: a for a in range(given)}
+    for operation in _depth_first(values, results):
+        operands = [a if isinstance(a, float) else new[a] for a in operation[2]]
+        new[operation[1]] = ordered.emit(operation[0], *operands)
+    for number, (name, operands, *tables) in values.written.items():
+        others = [a if isinstance(a, float) else new.get(a) for a in operands]
+        place = new.get(number)
+        if isinstance(place, int) and None not in others:
+            ordered.written.setdefault(place, (name, (*others,), *tables))
+    return ordered, [a if isinstance(a, float) else new[a] for a in results]
+
+
+def _depth_first(values, results):
+    """Yield the operations on which results depend, each after those of its operands."""
+    done, stack = set(), [(a, False) for a in reversed(results)]
+    while stack:
+        number, is_ready = stack.pop()
+        if isinstance(number, float) or number in done or number not in values.of:
+            continue
+        instruction, operands = values.of[number]
+        if is_ready:
+            done.add(number)
+            yield instruction, number, operands
+        else:
+            stack.append((number, True))
+            stack.extend((a, False) for a in reversed(operands))
 
 
 class RightHandSide:

@@ -4,7 +4,6 @@
 from .bodies.classes import body_from_dict as body_from_dict
 from .bodies.field import QuadraticField as QuadraticField
 from .bodies.general import Field as Field
-from .bodies.lifted import LiftedField as LiftedField
 from .bodies.nd import NotIntegrableError as NotIntegrableError
 from .bodies.nd import SuslovND as SuslovND
 from .bodies.rigid import Suslov3D as Suslov3D

@@ -21,9 +21,7 @@ T = TypeVar("T")
 _FEW = 20
 _STATES = "the states are the second argument, without a name"
 _SPAN = "pass eps= and steps=; a run ends at the time eps * steps"
-_DIGITS = (
-    'pass method="extrapolated", or a smaller eps=; flow integrates fields to a tolerance rtol='
-)
+_DIGITS = "pass a smaller eps=; flow integrates to a tolerance rtol="
 _CHOSEN = "flow chooses its steps from the tolerance rtol=; iterate has eps= and method="
 _TENSOR = "from_inertia(I, a) makes a body from an inertia tensor and the constrained axis"
 _MATRIX = "from_mass_tensor makes a body from a matrix"
@@ -40,7 +38,6 @@ _ON_LINES = (
 )
 _ALL = "it returns all exponents: take the first k, [..., :k]"
 _IN_TIME = "pass progress=, a function that returns False when time is over"
-_RELATIVE = "flow has one tolerance, rtol=, relative to the largest value of each component so far"
 
 # Names that SciPy, MATLAB, Julia and pynamicalsys have for an argument; the names that it may have
 # here; and a sentence if the function has none of them, but has another argument.
@@ -64,7 +61,7 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("RationalFunction.", (), "pass the state as one list, as in f([1, 2], eps=0.1)", ""),
         ("SuslovND.inertia SuslovND.tensor", (), _MATRIX, ""),
         ("max_points max_lines downsample thin", (), _FEWER, "ax"),
-        ("atol abstol", (), _RELATIVE, ""),
+        ("atol abstol", ("atol",), _DIGITS, "method"),
         ("tol rtol reltol", ("rtol", "tol"), _DIGITS, "method"),
         ("method order integrator solver alg algorithm scheme", ("method",), _CHOSEN, "rtol"),
         ("n N", ("steps", "n"), "J and I have n - 1 entries each", "J"),
@@ -157,8 +154,7 @@ _IN_BODIES = {
     "dim ndim D N": "dimension",
     "x omega states": "the states of a run, as iterate returns it",
     "rhs f func fun": "field(x), the right-hand side at states x",
-    "quadratic linear constant terms": "QuadraticField.of(body), or field.lifted, which has it",
-    "lifted": "the field itself, because it is quadratic",
+    "quadratic linear constant terms": "QuadraticField.of(body), whose terms they are",
     "jac jacobian Df df Dx eigenvalues eigvals derivative": "(vector_field(body, x + h) - "
     "vector_field(body, x - h)).T / 2e-6 with h = 1e-6 * np.eye(len(x)), the derivative of the "
     "right-hand side, and np.linalg.eigvals of it; suslov_fast.jacobian is that of a step",

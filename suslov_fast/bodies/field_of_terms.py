@@ -272,7 +272,7 @@ def _quadratic(
 ) -> tuple[Any, FloatArray]:
     """Return the right-hand side of terms, and its parameters (P, ...)."""
     T = indices.shape[1]
-    if longest and T > longest and 4 * T > D**3:
+    if longest and longest < T and 4 * T > D**3:
         return _dense(D), dense_parameters(indices, values, D)
     rows = values.reshape(-1, T)
     units = (rows == 1.0).all(axis=0), (rows == -1.0).all(axis=0)

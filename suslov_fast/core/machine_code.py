@@ -280,7 +280,7 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
     It is None with NUMBA_DISABLE_JIT, and where LLVM refuses the text. Code that `lasts` stays
     until the process ends.
     """
-    kind = type(step), getattr(step, "lift", None), getattr(step, "keeps_signs", None)
+    kind = type(step), getattr(step, "keeps_signs", None)
     key = text_of, step.indices.tobytes(), step.D, kind, W, for_each, align
     level = 0 if step.is_long else 2
     return compiled(key, lambda name: text_of(step, name, W, for_each, align), level, lasts)

@@ -15,7 +15,6 @@ from ..bodies.field_of_terms import FieldOfFunction
 from ..bodies.nd import NotIntegrableError
 from ..checks import FloatArray
 from ..core.motion.engine import Settings
-from ..engine.arguments import is_lifted, lift_of
 from ..engine.motions import Found, nothing_found, solve
 from ..engine.problem import Problem
 from ..engine.starts import checked_settings, checked_starts, checked_times, warn_of_ends
@@ -24,7 +23,6 @@ from ..engine.stretches import Progress, Report, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
-from .lifted_motion import motion as lifted_motion
 from .motion import Motion
 from .solution import states_at
 
@@ -51,7 +49,7 @@ def flow(
 
     Parameters
     ----------
-    system : QuadraticField, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
+    system : QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
         A single field or body, or a batch.
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field, or angular velocities.
@@ -153,8 +151,6 @@ def _motion_of(
     report: Report | None,
 ) -> Found:
     """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
-    if lift_of(system) is not None or is_lifted(system):
-        return _of_lifted(system, x, batch, times, settings, threads)
     if isinstance(system, FieldOfFunction):
         return _to_tolerance(system, x, batch, times, sign, settings, threads, report)
     is_exact = _are_exact(system)
@@ -175,22 +171,6 @@ def _motion_of(
         found.states[:, where], found.t[where] = part.states, part.t
         found.steps[where], found.status[where] = part.steps, part.status
     return found
-
-
-def _of_lifted(
-    field: Any,
-    x: FloatArray,
-    batch: tuple[int, ...],
-    times: FloatArray,
-    settings: Settings,
-    threads: int | None,
-) -> Found:
-    problem = Problem(map_of(field), field, x.reshape(*batch, -1), 0.0, batch, threads, "x0")
-    states = lifted_motion(problem, times, settings.rtol, None).reshape(len(times), *x.shape)
-    found = nothing_found(x, len(times))
-    status = np.where(np.isnan(states).any(axis=(0, 2)), Status.NONFINITE, Status.OK)
-    t = np.full(len(x), np.nan)
-    return found._replace(states=states, status=status.astype(np.int8), t=t, is_stopped=True)
 
 
 def _are_exact(body: Any) -> Any:

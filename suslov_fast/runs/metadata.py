@@ -187,11 +187,11 @@ def _check_arrays(contents: Contents) -> None:
     """Check that a store has all arrays of its run, with their types, shapes and chunks."""
     attributes, arrays, *_ = contents
     map = named(attributes["map"])
-    method = checks.one_of("method", attributes["method"], map.methods)
+    checks.one_of("method", attributes["method"], map.methods)
     every = attributes.get("save_every")
     rows = 1 if every is None else attributes["steps"] // every + 1
     status, (D,) = arrays["status"], arrays["component"].shape
-    columns = of_runs(map.methods[method], "attitude" in attributes)
+    columns = of_runs("attitude" in attributes)
     of_run = arrays_of(columns, sizes_of(status.shape, D, n=rows))
     functions = dict.fromkeys(contents.tiled, ("float64", (rows, *status.shape)))
     expected = functions | {map.variable: of_run.pop("states")} | of_run

@@ -36,7 +36,6 @@ INSTEAD_IN_RUNS = {
     **dict.fromkeys(("last", "end"), "run.final"),
     **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
     "shape": "run.{x}.shape",
-    "local_error": "iterate(..., method='extrapolated'), whose steps estimate their errors",
     "to_numpy": "run.{x}, or np.asarray(run)",
     "parameters": "run.body.parameters",
     "savefig": "run.plot().figure.savefig(path)",

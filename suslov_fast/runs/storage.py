@@ -224,11 +224,11 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> di
     batch, steps = headers["status"][1], map.methods[numbers["method"]]
     if kind == "Trajectories":
         own = {"n": _rows_of_run(numbers)}
-        conditions = conditions_of(steps, "attitude" in headers or "_turned" in headers)
+        conditions = conditions_of("attitude" in headers or "_turned" in headers)
     else:
         own = {"crossing": _rows_of_crossings(numbers, headers)}
         conditions = {"surface"} & {column.when for column in table if column.name in headers}
-    sizes = sizes_of(batch, body.dimension, carried=steps.rows_carried(body.dimension), **own)
+    sizes = sizes_of(batch, body.dimension, carried=steps.carried, **own)
     expected = arrays_of(present(table, conditions), sizes)
     if "eps" in headers:  # of any shape that broadcasts to the batch
         shapes = {"body": body.shape, "eps": headers["eps"][1], "status": batch}

@@ -14,7 +14,7 @@ from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, integer, one_of
 from ..engine.problem import Problem, checked_out
 from ..engine.status import first_beyond
-from ..engine.stretches import Checkpoint, March, Progress, largest_errors, reporter
+from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public, unchanging
 from ..maps import Map
@@ -158,10 +158,6 @@ class Trajectories(States):
     def _functions(self) -> list[str]:
         return self.map.functions(self.body)
 
-    def __dir__(self) -> list[str]:
-        estimates = self.map.methods[self.method].estimates
-        return [name for name in super().__dir__() if estimates or name != "local_error"]
-
     @cached_property
     def n(self) -> NDArray[np.int64]:
         """Step numbers of the saved states, shape (n_saved,): 0, save_every, 2 save_every, ..."""
@@ -175,20 +171,6 @@ class Trajectories(States):
         n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
         times: FloatArray = read_only(n * np.asarray(self.eps))
         return times
-
-    @cached_property
-    def local_error(self) -> FloatArray:
-        """The largest estimated error of a step so far in each component, shape (..., D).
-
-        Only runs of method="extrapolated" have it. NaN for a trajectory that has taken no step. The
-        estimate is the difference between the step, of order 10, and a step of order 8 from the
-        same columns without the first. So it is larger than the error of the step if the step is
-        accurate. How large the error of a later state is depends on how the motion amplifies the
-        errors of all steps.
-        """
-        if self._carry is None or not self.map.methods[self.method].estimates:
-            raise AttributeError  # `__getattr__` words the message
-        return read_only(largest_errors(self._carry, self.final.shape))
 
     @property
     def valid(self) -> NDArray[np.bool_]:

@@ -130,11 +130,16 @@ class StepsInNumPy:
             rate = self._derive(x)
         ends = self._ends(x, f, signed, len(self.columns))
         new, error = x + self._sum(self.own, ends), self._sum(self.of_error, ends)
-        largest, top, kept = self._rows("largest", D), 0.0, 1.0
+        largest, sizes, kept = self._rows("largest", D), {"top": 0.0, "moved": 0.0}, 1.0
         for i in range(D):
-            top = self._apply(
-                rules.LARGEST, new=new[i], largest=largest[i], counts=motion.counts[i], top=top
-            )["top"]
+            sizes = self._apply(
+                rules.LARGEST,
+                x=x[i],
+                new=new[i],
+                largest=largest[i],
+                counts=motion.counts[i],
+                **sizes,
+            )
             if self.f.of_one_sign:
                 keeps = motion.keeps[i]
                 found = self._apply(rules.KEPT, x=x[i], new=new[i], keeps=keeps, kept=kept)
@@ -151,7 +156,7 @@ class StepsInNumPy:
         for i in range(D):
             inputs = dict(
                 x=x[i], new=new[i], error=error[i], largest=largest[i], noise=noise[i],
-                f_new=f_new[i], extra=motion.extra[i], top=top, **sums,
+                f_new=f_new[i], extra=motion.extra[i], **sizes, **sums,
             )  # fmt: skip
             if not is_implicit:
                 inputs |= {"last": self.last[i], "f_last": self.f_last[i]}
@@ -181,7 +186,7 @@ class StepsInNumPy:
         self.entries = np.where(abs(entries) < np.inf, entries, 0.0)
         top, size = 0.0, 0.0
         for a in largest:
-            top = self._apply(rules.LARGEST, new=a, largest=a, counts=1.0, top=top)["top"]
+            top = self._apply(rules.SIZE, modulus=a, top=top)["top"]
         pairs = zip(largest, mode, strict=True)
         scales = [self._apply(rules.SCALE, largest=a, top=top, mode=m) for a, m in pairs]
         scaled = np.array([found["scaled"] for found in scales])

@@ -7,8 +7,9 @@ ratio = max_i e_i / allowed_i <= 1,
 if f has a value at the next state, and if no component changes a sign that the motion keeps. By
 default the allowed error is rtol max(s_i, 2**-20 max_j s_j), where s_i is the largest |x_i| so far:
 a component that is reached through m others begins as t**m, and no step has relative digits of it
-for m > 10. With `atol` it is atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the
-weighted sum of columns, if that is more. Clocks, which have constant rates, have no error.
+for m > 10. Clocks, which have constant rates, have no error, and count there with their change in
+the step, because time may be large where all others are small. With `atol` it is atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the
+weighted sum of columns, if that is more.
 
 The next length is 0.8 ratio**(-1/8) times this one, by square roots, which have the same bits on
 every processor. A step that is refused is taken again with it, and a step after that is not longer.
@@ -28,7 +29,8 @@ from ..lists.numbers import Number, larger, smaller
 from ..operations import Values
 from .rows import State
 
-SMALLEST, OF_ROUNDING = 2.0**-20, 2.0**-52
+# OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
+SMALLEST, OF_ROUNDING, OF_CLOCK = 2.0**-20, 2.0**-52, 2.0**-50
 SAFETY, SHORTER, LONGER, AT_FIRST, AFTER_REFUSED, OF_NAN = 0.8, 0.2, 4.0, 10.0, 1.0, 0.25
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
@@ -88,8 +90,11 @@ def KEPT(x, new, keeps, kept):
 
 
 @_rule
-def LARGEST(new, largest, counts, top):
-    return {"top": larger(larger(abs(new), largest) * counts, top)}
+def LARGEST(x, new, largest, counts, top, moved):
+    """The largest modulus of a component; a clock counts with its change in the step."""
+    change = (counts > 0.0).chosen(0.0, abs(new - x))
+    size = (counts > 0.0).chosen(larger(abs(new), largest), change)
+    return {"top": larger(size, top), "moved": larger(change, moved)}
 
 
 def _ratio(error, allowed, f_new, ratio, total):
@@ -106,8 +111,9 @@ def _differences(inverse, new, f_new, last, f_last, rates, states):
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 
 
-def _by_largest(new, largest, top, extra, rtol):
-    return extra + rtol * larger(larger(abs(new), largest), SMALLEST * top)
+def _by_largest(new, largest, top, moved, extra, rtol):
+    allowed = extra + rtol * larger(larger(abs(new), largest), SMALLEST * top)
+    return larger(allowed, OF_CLOCK * moved)
 
 
 def _by_both(x, new, noise, extra, rtol):
@@ -115,8 +121,10 @@ def _by_both(x, new, noise, extra, rtol):
 
 
 @_rule
-def ERROR(new, error, largest, f_new, last, f_last, extra, top, rtol, ratio, total, rates, states):
-    allowed = _by_largest(new, largest, top, extra, rtol)
+def ERROR(
+    new, error, largest, f_new, last, f_last, extra, top, moved, rtol, ratio, total, rates, states
+):
+    allowed = _by_largest(new, largest, top, moved, extra, rtol)
     inverse, found = _ratio(error, allowed, f_new, ratio, total)
     return found | _differences(inverse, new, f_new, last, f_last, rates, states)
 
@@ -130,8 +138,9 @@ def ERROR_WITH_ATOL(
 
 
 @_rule
-def IMPLICIT_ERROR(new, error, largest, f_new, extra, top, rtol, ratio, total):
-    return _ratio(error, _by_largest(new, largest, top, extra, rtol), f_new, ratio, total)[1]
+def IMPLICIT_ERROR(new, error, largest, f_new, extra, top, moved, rtol, ratio, total):
+    allowed = _by_largest(new, largest, top, moved, extra, rtol)
+    return _ratio(error, allowed, f_new, ratio, total)[1]
 
 
 @_rule
@@ -304,6 +313,11 @@ def FINITE(entry):
 
 
 # One step of the power iteration on f', with components measured by their largest moduli.
+@_rule
+def SIZE(modulus, top):
+    return {"top": larger(modulus, top)}
+
+
 @_rule
 def SCALE(largest, top, mode):
     scale = larger(largest, SMALLEST_SCALE * top) + TINY

@@ -430,27 +430,29 @@ class _Steps:
         self.call_with("columns", x, f, self.table, base, len(self.columns))
         own, of_error = weights(self.columns, self.p), weights_of_errors(self.columns, self.p)
 
-        def next_state(i, top, kept):
+        def next_state(i, top, moved, kept):
             start = text.row(self.line, rows.x, i)
             new = text.operate("fadd", start, self.sum_of_ends(own, i))
             text.put(new, base, work.new, i)
             text.put(self.sum_of_ends(of_error, i), base, work.error, i)
-            found = text.apply(rules.LARGEST, new=new, largest=text.row(self.line, rows.largest, i),
-                               counts=text.shared(text.at(self.of.counts, i)), top=top)  # fmt: skip
+            found = text.apply(
+                rules.LARGEST, x=start, new=new, largest=text.row(self.line, rows.largest, i),
+                counts=text.shared(text.at(self.of.counts, i)), top=top, moved=moved,
+            )  # fmt: skip
             if self.f.of_one_sign:
                 kept = text.apply(rules.KEPT, x=start, new=new, kept=kept,
                                   keeps=text.shared(text.at(self.of.keeps, i)))["kept"]  # fmt: skip
-            return {"top": found["top"], "kept": kept}
+            return found | {"kept": kept}
 
-        found = text.fold(D, {"top": zero, "kept": one}, next_state)
-        top, kept = found["top"], found["kept"]
+        sizes = text.fold(D, {"top": zero, "moved": zero, "kept": one}, next_state)
+        kept = sizes.pop("kept")
         self.call("f", text.place(base, work.new), self.table, text.place(base, work.f_new))
         for k in range(D, self.extended):  # denominators of clocks
             of_old, of_new = text.row(self.line, rows.f, k), text.row(base, work.f_new, k)
             kept = text.apply(rules.KEPT, x=of_old, new=of_new, keeps=one, kept=kept)["kept"]
         sums = ["ratio", "total"] + ([] if self.half.is_implicit else ["rates", "states"])
         sums = text.fold(
-            D, dict.fromkeys(sums, zero), lambda i, **sums: self.add_error(i, own, top, sums)
+            D, dict.fromkeys(sums, zero), lambda i, **sums: self.add_error(i, own, sizes, sums)
         )
         rule = rules.CHOOSE_IMPLICIT if self.half.is_implicit else rules.CHOOSE_EXPLICIT
         inputs = sums | {"kept": kept, "taken": self.work_row("taken"), "rate": rate}
@@ -470,7 +472,7 @@ class _Steps:
             total = product if total is None else text.operate("fadd", total, product)
         return total
 
-    def add_error(self, i, own, top, sums):
+    def add_error(self, i, own, sizes, sums):
         """Return sums with the error of a component; `error` becomes the inverse of the allowed."""
         text, rows, work = self.text, self.rows, self.work
         base, is_implicit = self.of.work, self.half.is_implicit
@@ -483,7 +485,8 @@ class _Steps:
             "largest": lambda: text.row(self.line, rows.largest, i),
             "last": lambda: text.row(base, work.a, i),
             "extra": lambda: text.shared(text.at(self.of.extra, i)),
-            "top": lambda: top,
+            "top": lambda: sizes["top"],
+            "moved": lambda: sizes["moved"],
             "rtol": lambda: self.number("rtol"),
             "noise": lambda: self.noise(own, i),
         }
@@ -535,9 +538,7 @@ class _Steps:
             text.put(entry, jacobian, 0, k)
 
         def largest(i, top):
-            modulus = text.row(self.line, rows.largest, i)
-            one = text.constant(1.0)
-            return text.apply(rules.LARGEST, new=modulus, largest=modulus, counts=one, top=top)
+            return text.apply(rules.SIZE, modulus=text.row(self.line, rows.largest, i), top=top)
 
         def scale(i):
             found = text.apply(

@@ -180,6 +180,8 @@ def values_of(
             known[name] = found[name] = _value(tree, known, calls, 0)
         except (ArithmeticError, TypeError, RecursionError) as error:
             raise ValueError(f"equations: {short(text)}: {error}") from None
+        if isinstance(found[name], tuple):
+            raise ValueError(f"equations: {short(text)} is no number")
     return found
 
 

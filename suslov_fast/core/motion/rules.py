@@ -293,6 +293,13 @@ def FEW(part, ratio1, ratio2, ratio3):
 
 
 @_rule
+def WITH_SIGN(value, x, keeps):
+    """A component inside a step: 0 may lie within its error, but it keeps the sign of x."""
+    signed = x.equals(0.0).select(0.0, abs(value).then("copysign", x))
+    return {"value": (keeps > 0.0).select(signed, value)}
+
+
+@_rule
 def LARGER_RATIO(error, inverse, ratio):
     return {"ratio": larger(abs(error) * inverse, ratio)}
 

@@ -1,4 +1,4 @@
-"""The engine of the motion: its columns, its rules, and the same bits however steps are carried out."""
+"""The engine of the motion: columns, rules, and the same bits however steps are carried out."""
 
 import numpy as np
 import pytest

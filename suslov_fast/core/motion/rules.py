@@ -8,8 +8,9 @@ if f has a value at the next state, and if no component changes a sign that the 
 default the allowed error is rtol max(s_i, 2**-20 max_j s_j), where s_i is the largest |x_i| so far:
 a component that is reached through m others begins as t**m, and no step has relative digits of it
 for m > 10. Clocks, which have constant rates, have no error, and count there with their change in
-the step, because time may be large where all others are small. With `atol` it is atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the
-weighted sum of columns, if that is more.
+the step, because time may be large where all others are small. With `atol` it is
+atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the weighted sum of columns, if
+that is more.
 
 The next length is 0.8 ratio**(-1/8) times this one, by square roots, which have the same bits on
 every processor. A step that is refused is taken again with it, and a step after that is not longer.

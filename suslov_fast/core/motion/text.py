@@ -494,10 +494,13 @@ class _Steps:
             "rtol": lambda: self.number("rtol"),
             "noise": lambda: self.noise(own, i),
         }
-        for name in ("new", "error", "f_new", "f_last"):
-            inputs[name] = lambda first=getattr(work, name): text.row(base, first, i)
-        inputs = {name: sums[name] if name in sums else inputs[name]() for name in rule.inputs}
-        found = text.apply(rule, **inputs)
+
+        def value(name):
+            if name in sums:
+                return sums[name]
+            return inputs[name]() if name in inputs else text.row(base, getattr(work, name), i)
+
+        found = text.apply(rule, **{name: value(name) for name in rule.inputs})
         text.put(found.pop("inverse"), base, work.error, i)
         return found
 
@@ -617,7 +620,7 @@ class _Steps:
         return text.fold(self.D, dict.fromkeys(names, text.constant(0.0)), component)
 
     def shorter_step(self, ratios):
-        """Compute the states at the next times, by shorter steps from the nearer end, in `start`."""
+        """Compute the states at the next times, in `start`, by shorter steps from the nearer end."""
         text, rows, work, D = self.text, self.rows, self.work, self.D
         base = self.of.work
         found = text.apply(rules.INSIDE, **self.inputs(
@@ -716,7 +719,7 @@ class _Steps:
         return "true" if W == 1 else f"<{', '.join(['i1 true'] * W)}>"
 
     def save_lanes(self, pending):
-        """Save the state in the rows `start` of the lanes with these bits, and go to their next time."""
+        """Save the state in `start` of the lanes with these bits, and go to their next time."""
         text, rows, work, of = self.text, self.rows, self.work, self.of
         with text.times(text.W) as lane:
             bit = text.integer("and", text.integer("lshr", pending, lane), 1)

@@ -121,6 +121,9 @@ class Text:
     def absolute(self, a):
         return self._call("fabs", a)
 
+    def root(self, a):
+        return self._call("sqrt", a)
+
     def _call(self, name, *operands):
         function = f"{self.V} @llvm.{name}.{self.suffix}"
         kinds = ", ".join([self.V] * len(operands))

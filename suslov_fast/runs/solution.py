@@ -1,6 +1,6 @@
 """The closed form of the map (Theorem 1) and of the motion, and the limits of orbits.
 
-An integrable body in n dimensions is reduced to one in three first, see `maps.formulas`.
+An integrable body in n dimensions is reduced to one in three first, see `bodies.reduction`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from ..maps import problem
 _SLICE = 2**21
 # Costs of preparing an orbit and of computing a state, in steps of the three-dimensional map.
 _ORBIT_COST, _STATE_COST = 64, 8
+_IN_PYTHON = 1e-4  # seconds of Python for a state, of which it computes 128 at least
 # Reasons for missing states, in the order of the kernel's flags.
 _REASONS = (
     ("no state for t >= 1 if n is not an integer, or |n| > 2**53", RuntimeWarning),
@@ -81,6 +82,8 @@ def exact(
     array([[-0.791446,  1.319077],
            [ 0.791446, -1.319077]])
     """
+    if np.ndim(n) == 0 and n in (np.inf, -np.inf):
+        raise wrong("n", "finite", f"{n}: limits returns the limits of an orbit")
     numbers = np.asarray(real_number("n", n))
     if numbers.ndim > 1:
         raise wrong("n", "a number or a 1-D array", f"an array of shape {numbers.shape}")
@@ -148,7 +151,9 @@ def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArra
     for row in range(0, times.size, rows):
         slice_times = flat_times[row : row + rows]
         work = len(starts) * (_ORBIT_COST + _STATE_COST * len(slice_times))
-        call_kernel(closed_form.states, work, threads, *orbits, slice_times, states[row:], reasons)
+        data = *orbits, slice_times, states[row:], reasons
+        seconds = _IN_PYTHON * (128 + len(starts) * len(slice_times))
+        call_kernel(closed_form.states, work, threads, *data, seconds=seconds)
     if np.count_nonzero(reasons):  # faster than `any`, which matters in small calls
         for flags, (reason, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():

@@ -8,7 +8,12 @@ import numpy as np
 
 from ..operations import FUNCTIONS, OF_NUMBERS, OF_TRUTH_VALUES, Values, evaluate
 from .derivative import gradients
+from .grouped import Groups
 from .records import RECORDS, same
+
+
+# Lists of more operations are carried out in groups, at fewer than MANY states.
+_FEW, _MANY = 32, 1024
 
 
 class List(NamedTuple):
@@ -223,16 +228,16 @@ class RightHandSide:
 
     def value(self, x, table):
         """Return f (D, ...) at states (D, ...)."""
-        return self._carried_out(self.f, x, table)
+        return self._carried_out(self.f, "_groups_of_f", x, table)
 
     def value_and_denominators(self, x, table):
         """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
         both = List(self.f.operations, [*self.f.results, *self.denominators])
-        return self._carried_out(both, x, table)
+        return self._carried_out(both, None, x, table)
 
     def derivative_entries(self, x, table):
         """Return the entries of f' (entries, ...) at states (D, ...)."""
-        return self._carried_out(self.derivative, x, table)
+        return self._carried_out(self.derivative, "_groups_of_derivative", x, table)
 
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states (D, ...)."""
@@ -242,11 +247,21 @@ class RightHandSide:
             matrix[place] = entry
         return matrix
 
-    def _carried_out(self, list_, x, table):
-        values = dict(enumerate(x)) | dict(zip(self.table, table, strict=True))
-        with np.errstate(all="ignore"):
-            evaluate(list_.operations, values)
+    @functools.cached_property
+    def _groups_of_f(self):
+        return Groups(self.f, [*range(self.D), *self.table])
+
+    @functools.cached_property
+    def _groups_of_derivative(self):
+        return Groups(self.derivative, [*range(self.D), *self.table])
+
+    def _carried_out(self, list_, groups, x, table):
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
+        with np.errstate(all="ignore"):
+            if groups and len(list_.operations) > _FEW and math.prod(shape) < _MANY:
+                return getattr(self, groups).carried_out([*x, *table], shape)
+            values = dict(enumerate(x)) | dict(zip(self.table, table, strict=True))
+            evaluate(list_.operations, values)
         results = np.empty((len(list_.results), *shape))
         for k, a in enumerate(list_.results):
             results[k] = a if isinstance(a, float) else values[a]

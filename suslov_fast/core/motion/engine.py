@@ -8,7 +8,7 @@ import numpy as np
 
 from ..lines import in_lines, zeros
 from ..machine_code import call, compiled
-from ..pool import in_parts
+from ..threads import in_parts
 from .half import Half
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, FILLING, State

@@ -53,8 +53,8 @@ class Tracer:
         self.parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, D)}
 
     def is_truth(self, operand: Any) -> bool:
-        is_value = type(operand) is int
-        return is_value and self.values.of.get(operand, ("",))[0] in OF_TRUTH_VALUES
+        of: Mapping[Any, Any] = self.values.of
+        return type(operand) is int and of.get(operand, ("",))[0] in OF_TRUTH_VALUES
 
     def operand(self, value: Any) -> Any:
         """Return the operand that a symbolic number, or a number, is; a truth value as it is."""
@@ -142,8 +142,7 @@ def applied(name: str, *values: Any) -> Any:
 
 def _is_truth(value: Any) -> bool:
     if isinstance(value, Symbol):
-        is_truth: bool = value.tracer.is_truth(value.operand)
-        return is_truth
+        return value.tracer.is_truth(value.operand)
     return isinstance(value, (bool, np.bool_))
 
 
@@ -380,6 +379,7 @@ class Symbol:
     """A symbolic number: f is called with it as a number."""
 
     __slots__ = ("operand", "tracer")
+    tracer: Tracer
     __hash__ = object.__hash__
 
     def __init__(self, tracer: Tracer, operand: Any) -> None:

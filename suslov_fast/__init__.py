@@ -50,7 +50,10 @@ _ELSEWHERE = {
     "QuadraticField.from_hamiltonian": "fromhamiltonian hamiltonianfield hamiltonian",
     "suslov_fast.integrability.report": "report conservedquantities integrals firstintegrals",
     "suslov_fast.integrability.zoo": "zoo examples lorenz lotkavolterra henonheiles",
-    "the argument threads= of each function": "setnumthreads threads numthreads",
+    "Suslov3D, SuslovGyrostat or SuslovND": "suslov body",
+    "Suslov3D.figure(k), k = 1 ... 4": "figure figures picture pictures",
+    "animate_body": "animate animation",
+    "the argument threads= of each function": "setnumthreads setthreads threads numthreads",
     "the command suslov-fast warm-up": "warmup compile",
     "Trajectories.load, or Crossings.load": "load",
 }

@@ -13,6 +13,7 @@ from .engine.random_starts import RandomStarts as RandomStarts
 from .engine.status import PoleWarning as PoleWarning
 from .engine.status import SingularStepWarning as SingularStepWarning
 from .engine.status import Status as Status
+from .errors import SuslovError as SuslovError
 from .plots.animation import animate_body as animate_body
 from .plots.explore.server import explore as explore
 from .plots.phase import plot_phase as plot_phase
@@ -52,6 +53,7 @@ from .space import momentum as momentum
 from .space import scattering_angle as scattering_angle
 from .space import to_matrix as to_matrix
 from .space import to_vector as to_vector
+from .versions import show_versions as show_versions
 
 __version__: str
 

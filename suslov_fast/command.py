@@ -121,8 +121,7 @@ def run(options: argparse.Namespace) -> None:
     """
     path = options.output
     if path is not None and path.suffix not in (".npz", ".zarr"):
-        how = "; in Python run.to_xarray().to_dataframe() makes a table" * (path.suffix == ".csv")
-        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr{how}")
+        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr")
     if path is None and (options.attitude or options.save_every is not None):
         options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
     if str(options.body) == str(options.initial) == "-":
@@ -155,16 +154,14 @@ def run(options: argparse.Namespace) -> None:
         raise ArithmeticError("run: all trajectories failed")
 
 
-def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
-    """Return the body or field, and the step size."""
-    from .bodies.rigid import PICTURES
-
+def _body_and_step(options: argparse.Namespace, needs_step: bool = True) -> tuple[Any, Any]:
+    """Return the body or field, and the step size, None if there may be none."""
     parameters = {name: value for name, value in vars(options).items() if name in PARAMETERS}
-    if parameters and (options.picture or options.body):
-        options.usage_error(f"argument --{min(parameters)}: not allowed with --picture or --body")
+    if parameters and (options.figure or options.body):
+        options.usage_error(f"argument --{min(parameters)}: not allowed with --figure or --body")
     if not (parameters or options.body):
-        body, eps, _ = PICTURES[options.picture or 2]
-        return body, eps if options.eps is None else options.eps
+        body, eps = sf.Suslov3D.figure(options.figure or 2)
+        return body, eps if options.eps is None and needs_step else options.eps
     in_3d = sf.SuslovGyrostat if "k" in parameters else sf.Suslov3D
     kind: Any = sf.SuslovND if {"J", "I"} & parameters.keys() else in_3d
     signature = {} if options.body else inspect.signature(kind).parameters
@@ -172,7 +169,8 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
         name for name, parameter in signature.items() if parameter.default is parameter.empty
     ]
     in_file = _body_in(options.body) if options.body else None
-    missing = [f"--{name}" for name in (*required, "eps") if getattr(options, name, None) is None]
+    required += ["eps"] * needs_step
+    missing = [f"--{name}" for name in required if getattr(options, name, None) is None]
     if missing:
         how = "; --eps is the step size, such as --eps 0.01" if "--eps" in missing else ""
         options.usage_error(f"the following arguments are required: {', '.join(missing)}{how}")
@@ -187,7 +185,7 @@ def _body_in(path: Path) -> Any:
     with _about("standard input" if is_input else path):
         try:
             parameters = json.loads(sys.stdin.buffer.read() if is_input else path.read_bytes())
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ValueError(f"not the JSON text of body.to_dict(): {error}") from error
         return sf.body_from_dict(parameters)
 
@@ -338,8 +336,8 @@ def plot(options: argparse.Namespace) -> None:
 def report(options: argparse.Namespace) -> None:
     """Report what a Kahan map conserves: integrals, measures, growth of degrees.
 
-    Decimals in the file and in --eps are read as they are written, 0.1 as 1/10. Without --eps, eps
-    stays symbolic, and formulas hold for every step size. Needs python-flint.
+    Decimals are read as they are written, 0.1 as 1/10. Without --eps, eps stays symbolic, and
+    formulas hold for every step size. Needs python-flint.
     """
     from .integrability import report as report_of
 
@@ -349,7 +347,7 @@ def report(options: argparse.Namespace) -> None:
     # Always with a limit: the search then runs in another process, and Ctrl-C ends it at once.
     limit = _NO_LIMIT if options.time_limit is None else options.time_limit
     try:
-        body = _body_in(options.body)
+        body, eps = _body_and_step(options, needs_step=False)
         if isinstance(body, sf.LiftedField):
             make = writing(f"{reading(options.body)}.lifted", "lifted.json")
             then = "suslov-fast report --body lifted.json"
@@ -357,7 +355,7 @@ def report(options: argparse.Namespace) -> None:
                 f"{options.body}: the equations of a LiftedField are not quadratic; for the map of "
                 f"all variables {make}, and then {then}"
             )
-        show(report_of(body, options.eps, options.degree, time_limit=limit, decimals=True))
+        show(report_of(body, eps, options.degree, time_limit=limit))
     except KeyboardInterrupt as error:
         if hasattr(error, "report"):  # results so far
             show(error.report)

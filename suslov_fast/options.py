@@ -16,7 +16,7 @@ Command = Callable[[argparse.Namespace], int | None]
 _ABOUT = (
     "Iterate the discrete Suslov problem and Kahan maps of quadratic fields; examine the results."
 )
-_EXAMPLE = "Example: suslov-fast run --picture 4 --steps 500 --save-every 100 -o run.npz"
+_EXAMPLE = "Example: suslov-fast run --figure 4 --steps 500 --save-every 100 -o run.npz"
 PARAMETERS = {
     **dict.fromkeys(("I1", "I2"), "moment of inertia, positive"),
     **dict.fromkeys(("I13", "I23"), "product of inertia"),
@@ -212,14 +212,14 @@ def numbers(text: str) -> list[float]:
         raise argparse.ArgumentTypeError(f"{text!r} is not a list of numbers: {how}") from None
 
 
-def _run(parser: Any) -> None:
-    """Add the options of `run`, in groups."""
+def _system(parser: Any, step: str) -> None:
+    """Add the options that say which system, in a group; `step` says when --eps may be missing."""
     group = parser.add_argument_group(
-        "system: --picture, --body, or all parameters of a body (then --eps is required)"
+        f"system: --figure, --body, or all parameters of a body ({step})"
     )
     add = group.add_mutually_exclusive_group().add_argument
     add(
-        "--picture",
+        "--figure",
         type=integer,
         choices=(1, 2, 3, 4),
         help="body of a figure of the paper (default 2)",
@@ -229,6 +229,11 @@ def _run(parser: Any) -> None:
         kind, form = (numbers, "X,...") if name in "JI" else (float, "X")
         keywords = {"metavar": form, "default": argparse.SUPPRESS, "help": text}
         group.add_argument(f"--{name}", type=kind, **keywords)
+
+
+def _run(parser: Any) -> None:
+    """Add the options of `run`, in groups."""
+    _system(parser, "then --eps is required")
     group = parser.add_argument_group("initial states: random, or given")
     add = group.add_mutually_exclusive_group().add_argument
     many = "number of random states (default 65536)"
@@ -242,7 +247,7 @@ def _run(parser: Any) -> None:
     add("--high", type=numbers, metavar="X,...", help=f"random states lie below this: {of_each}")
     add("--seed", type=integer, metavar="N", help="seed of the random states (default 0)")
     add = parser.add_argument_group("run").add_argument
-    add("--eps", type=fraction, metavar="X", help="step size (default: that of the picture)")
+    add("--eps", type=fraction, metavar="X", help="step size (default: that of the figure)")
     add("--steps", type=integer, metavar="N", default=1000, help="number of steps (default 1000)")
     methods = (
         "auto (default); of fields order4, order6, order8, extrapolated; "
@@ -274,8 +279,8 @@ def _plot(parser: Any) -> None:
 
 
 def _report(parser: Any) -> None:
+    _system(parser, "without --eps it is symbolic")
     add = parser.add_argument
-    add("--body", type=path, metavar="FILE.json", required=True, help=_JSON)
     add(
         "--eps",
         type=fraction,

@@ -127,7 +127,7 @@ DEFAULTS = {
 STARTS = [[0.3, 0.1], [1.0, -3.0], [0.5, -40.0]]
 RUNS = {
     "": {},
-    "--picture 4 --eps -1/4": {"body": sf.Suslov3D(3, 3, -0.2, -0.2), "eps": -0.25},
+    "--figure 4 --eps -1/4": {"body": sf.Suslov3D(3, 3, -0.2, -0.2), "eps": -0.25},
     "--I1 4 --I2 1 --I13 -.5 --I23 -3e-1 --eps -1e-3": {
         "body": sf.Suslov3D(4, 1, -0.5, -0.3), "eps": -1e-3,
     },
@@ -142,7 +142,7 @@ RUNS = {
     },
     "--omega0 -1,.5 --omega0 2,-3": {"omega0": [[-1.0, 0.5], [2.0, -3.0]]},
     "--trajectories 3 --extent 0.5 --seed 4": {"omega0": sf.RandomStarts(3, 0.5, 4)},
-    "--initial s.npy --picture 1 --threads 1 --save-every 2 --attitude": {
+    "--initial s.npy --figure 1 --threads 1 --save-every 2 --attitude": {
         "body": sf.Suslov3D(4, 1, -0.5, -0.3), "omega0": STARTS, "save_every": 2, "attitude": True,
     },
 }  # fmt: skip
@@ -339,10 +339,10 @@ MISTAKES = """
 2 | run --omega0 1,x | --omega0: '1,x' is not a list of numbers
 2 | run --I1 4.5 | required: --I2, --I13, --I23, --eps
 2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k
-2 | run --I1 4 --picture 1 | --I1: not allowed with --picture
+2 | run --I1 4 --figure 1 | --I1: not allowed with --figure
 2 | run --omega0 1,2 --seed 0 | --seed are for random
 2 | run --save-every 3 | --save-every .* add -o FILE
-2 | run -o o.csv | 'o.csv' must end in .npz or .zarr; in Python run.to_xarray().to_dataframe()
+2 | run -o o.csv | 'o.csv' must end in .npz or .zarr
 2 | report --body good.json --eps 1/0 | --eps: '1/0' is not a number, such as 0.1 or 1/3
 2 | report --body good.json --eps 1e99999999 | --eps: '1e99999999' is not a number
 2 | run --steps 1e-99999999 | --steps: '1e-99999999' is not an integer
@@ -402,7 +402,7 @@ MISTAKES = """
 2 | run --omega0 1 2 | write lists with commas, such as --omega0 1,0.5
 1 | run --low 1 --high 0 | --low must be below --high, not 1 with --high 0: exchange them
 1 | run --low 1,2,3 --high 4 | --low and high must be numbers, or one for each component
-2 | run --picture one | --picture: 'one' is not an integer
+2 | run --figure one | --figure: 'one' is not an integer
 2 | plot good.npz | required: -o/--output
 1 | plot run.npz --components Omega1,p -o o.png | must be .* Omega2, time, such as time,Omega1, not
 1 | plot missing.npz -o o.png | missing.npz: there is no such file in

@@ -799,45 +799,43 @@ def test_names_that_sympy_takes_for_its_own():
 
 
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize(
-    ("field", "number"),
-    [
-        (field_of(lambda x, c: (c * x[0] * x[1], x[0]), 2, c=0.1), "0.1"),
-        (field_of(lambda x: (0.1 * x[0] * x[1], x[1]), 2), "0.1"),
-        (field_of(lambda x: (0.1 * x[0] * (1 - x[1]), x[1]), 2), "0.1"),
-        (from_hamiltonian(lambda x: 0.7 * x[0] ** 2 * x[1] + x[1] ** 2, 2), "0.7"),
-        (field_of(lambda x: (x[0] * x[1] / 2, x[1]), 2), None),
-        (Suslov3D(4, 1, -0.5, -0.3), "-0.3"),
-    ],
-)
-def test_the_note_on_floats_names_what_was_written(field, number):
-    """And a fraction that, in its place, makes the field that was meant."""
-    notes = report(field, EPS, 1).notes
-    assert len(notes) == (number is not None)
-    if number:
-        p, q = F(number).as_integer_ratio()
-        assert notes[0].startswith(f"The float {number} is")
-        assert f"if {p}/{q} is meant, write Fraction({p}, {q})," in notes[0]
-
-
 def test_decimals():
     """5 x1 + 3 x2 is the line of steady states of the body of the README."""
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    found = report(body, 0.2, decimals=True)
+    found = report(body, 0.2)
     assert "5*x1 + 3*x2" in {str(P) for P in found.polynomials}
     # Lemma 1: the steady states are its line.
     assert str(found.integrals[0]) == ("25*(4*x1^2 + x2^2)/(25*x1^2 + 30*x1*x2 + 9*x2^2 + 40000)")
     assert found.map.eps == F(1, 5)
-    assert not found.notes
-    assert "decimals=True" in report(body, 0.2, 1).notes[0]
+    binary = report(body, 0.2, 1, decimals=False).map
+    assert binary.eps == F(0.2) != F(1, 5)
+    assert binary == kahan(of(body), 0.2)
     cubic = from_hamiltonian(lambda x, a: a * x[0] ** 3 / 3 + x[1] ** 2 / 2 + 0.7 * x[0], 2, a=0.1)
-    found = report(cubic, 0.1, 1, decimals=True)
+    found = report(cubic, 0.1, 1)
     assert str(found.map.field.H) == "1/30*x1^3 + 1/2*x2^2 + 7/10*x1"
     assert found.map.field.parameters == {"a": F(1, 10)}
     binary = F(47205641, 2**19)  # its digits are too many to be a decimal
     short = QuadraticField([[[0.0]]], [[float(binary)]])
-    assert report(short, 1, 1, decimals=True).map.field.linear[0, 0] == binary
+    assert report(short, 1, 1).map.field.linear[0, 0] == binary
     assert_holds(found)
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_the_figures_of_the_paper(k):
+    """Lemma 1's F, and both reversing symmetries: x to -x, and one that keeps the steady states."""
+    body, eps = Suslov3D.figure(k)
+    found = report(body, eps)
+    assert (found.planar.entropy, found.planar.proved) == (0, True)
+    assert len(found.symmetries) == 2
+    (integral,) = found.integrals
+    I1, I2, I13, I23 = (F(str(a)) for a in body.constants[:4])
+    for x in ([F(1), F(2)], [F(-3, 7), F(5)]):
+        line = I13 * x[0] + I23 * x[1]
+        lemma = (I1 * x[0] ** 2 + I2 * x[1] ** 2) / (4 * I1 * I2 + (F(str(eps)) * line) ** 2)
+        assert [R(x) for R in found.symmetries].count((-x[0], -x[1])) == 1
+        constant = integral(x) / lemma
+    assert integral([1, 0]) / constant == I1 / (4 * I1 * I2 + (F(str(eps)) * I13) ** 2)
 
 
 @pytest.mark.slow

@@ -431,7 +431,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, is_sparse, methods)
     for one, other in zip(unplanned, planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-10)
     assert calls
-    monkeypatch.setattr("suslov_fast.core.words.runs_code", lambda W: None)
+    monkeypatch.setattr("suslov_fast.core.words.runs_code", lambda *_: None)
     for one, other in zip(found(), unplanned, strict=True):  # by NumPy, the same bits
         np.testing.assert_array_equal(one, other)
 

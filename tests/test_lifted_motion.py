@@ -15,7 +15,7 @@ from suslov_fast.bodies.structure import Lift
 from suslov_fast.core import flow as core_flow
 from suslov_fast.core import tolerance
 from suslov_fast.core.agreement import compared, follows
-from suslov_fast.core.lift import _IN_NUMPY, ONE, Variables
+from suslov_fast.core.lift import ONE, Variables
 from suslov_fast.core.operations import Values, evaluate
 from suslov_fast.engine import threads
 
@@ -316,7 +316,7 @@ def followed(function, variables, used, *ends):
     found = follows(indices, values, {0}, *(Variables(values, lift, 2, [k]) for k in range(2)))
     numbers = dict(enumerate([*ends, -1.0 if function == "exp" else 1.0]))
     with np.errstate(all="ignore"):
-        evaluate(values.operations, numbers, _IN_NUMPY)
+        evaluate(values.operations, numbers)
     return all(bool(numbers[number]) for number in found)
 
 

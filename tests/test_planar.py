@@ -91,7 +91,8 @@ HENON = rational_map(
         (kahan(*ZOO["Lotka-Volterra"]), [None] * 3, math.log(2), "x - 2", True),
         (kahan(*ZOO["generic planar field"]), [None] * 3, math.log(2), "x - 2", True),
         (ZOO["Lyness"][0], [1, 1, 7], 0, "x - 1", True),
-        (ZOO["Hone-Quispel"][0], [2, 2, 4, 4], 0, "x - 1", False),
+        (ZOO["Hone-Quispel"][0], [2, 2, 4, 4], 0, "x - 1", True),
+        (ZOO["McMillan"][0], [2, 2], 0, "x - 1", True),
         pytest.param(
             *(HIETARINTA_VIALLET, [3], math.log((3 + math.sqrt(5)) / 2), "x^2 - 3*x + 1", True),
             marks=pytest.mark.slow,
@@ -209,6 +210,27 @@ def test_changes_of_roots_below_the_digits_of_a_float():
             assert abs(found / change) == pytest.approx(1, rel=1e-9)
 
 
+def test_an_integral_proves_entropy_0(monkeypatch):
+    """Without a proof by curves, which is said without an error; and no "error 0"."""
+    monkeypatch.setattr(planar, "is_proved", lambda *given: False)
+    map = ZOO["Lyness"][0]
+    by_curves = planar_entropy(map)
+    assert (by_curves.entropy, by_curves.proved) == (0, False)
+    assert math.isnan(by_curves.entropy_error)
+    assert "not proved)" in repr(by_curves)
+    found = report(map)
+    assert (found.planar.proved, found.planar.entropy_error) == (True, 0)
+    assert str(found.integrals[0]) in found.planar.based_on
+    assert "Entropy (proved): 0" in repr(found)
+    # One that is checked at random points proves nothing; a proof stays, whatever contradicts it.
+    (integral,) = found.integrals
+    unproved = replace(integral, basis="modulo a prime, at random points")
+    assert planar.proved_by_integral(by_curves, [unproved]) is by_curves
+    wrong = replace(by_curves, entropy=0.5)
+    assert planar.proved_by_integral(wrong, [integral]).entropy == 0
+    assert planar.proved_by_integral(wrong, [integral]).polynomial is None
+
+
 def test_powers_of_a_moebius_transformation():
     """All kinds, against iteration: it meets a point of its orbit, and no other."""
     matrices = [
@@ -263,11 +285,11 @@ def test_a_wrong_passage_is_no_proof():
 def test_reports_list_it_beside_the_growth(monkeypatch):
     field, eps = ZOO["Suslov body"]
     found = report(field, eps, 2)
-    assert "Entropy from contracted curves (proved): 0; lengths" in repr(found)
+    assert "Entropy (proved): 0; lengths" in repr(found)
     assert json.loads(json.dumps(found.to_dict()))["planar"]["proved"] is True
     assert report(ZOO["Euler top"][0], eps, 1).planar is None
     found.planar = PlanarEntropy(reason="no prime was found")
-    assert "Entropy from contracted curves: none, no prime was found" in repr(found)
+    assert "Entropy: none, no prime was found" in repr(found)
     late = report(kahan(three_lines(2, 2), THIRD), degree=1)
     assert "log of the largest root of x^5 - x^4 - x^3 - x^2 - x - 1" in repr(late)
     late.degrees = [2**k for k in range(1, 8)]  # as for a singularity that is confined at step 8

@@ -89,14 +89,13 @@ def name_of(f: Any, argument: str) -> str:
 
 
 def check_callable(argument: str, f: Any) -> None:
-    """Raise TypeError unless f is a function; of expressions of SymPy one is made by lambdify."""
+    """Raise TypeError unless f is a function."""
     if callable(f):
         return
-    each = f if isinstance(f, (list, tuple)) else [f]
     example = "(x[0]**2 + x[1]**2) / 2" if argument == "H" else "(x[1], -x[0])"
     how = f": for example lambda x: {example}"
-    if any(hasattr(expression, "free_symbols") for expression in each):
-        how = ": pass sympy.lambdify([names], list(expressions))"
+    if any(hasattr(each, "free_symbols") for each in (f if isinstance(f, (list, tuple)) else [f])):
+        how = ": SymPy's lambdify makes one of expressions"
     expected = "a function of x, a tuple of the variables"
     raise wrong(argument, expected, f"{short(f)}{how}", TypeError)
 
@@ -141,7 +140,7 @@ def check_arguments(
         raise TypeError(f"{argument} {must}, not {received}: {advice}")
     unknown = _unknown(f, given)
     if missing:
-        how = f"pass {missing[0]}=28, for example"
+        how = f"pass {missing[0]}=, a parameter, by name"
         if not _ARRAY.isdisjoint(unknown):
             how = "pass each parameter by its name, " + ", ".join(f"{name}=…" for name in missing)
         if is_state(missing[0]):

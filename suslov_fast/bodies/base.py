@@ -12,6 +12,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import INSTEAD_IN_BODIES, nearest, public
+from .bounds import check_axes
 from .members import Members
 from .polynomials import from_lists, to_lists
 
@@ -209,9 +210,7 @@ class Body(Members):
             """Return the name of this package for an attribute, or one that is spelt alike."""
             if name.startswith("_"):
                 return ""
-            here = import_module("suslov_fast")._here(name) or nearest(name, dir(self))
-            is_field = hasattr(type(self), "from_function")
-            return here or f"from_function(f, names, {name}=...), for a parameter" * is_field
+            return import_module("suslov_fast")._here(name) or nearest(name, dir(self))
 
     @property
     def _key(self) -> tuple[Any, ...]:
@@ -291,6 +290,7 @@ class Body(Members):
         """
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
+        check_axes("parameters", given)
         how = ": body_from_dict makes a body of any class"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)
         read = cls._read or cls

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ..checks import instance, wrong
+from ..checks import instance, short, wrong
 from ..keywords import public
 from .base import Body
 from .field import QuadraticField
@@ -28,9 +28,9 @@ def class_named(name: Any) -> type[Any]:
     for class_ in classes:
         if class_ not in (Body, FieldOfFunction) and not class_.__name__.startswith("_"):
             kinds.setdefault(class_.__name__, class_)
-    if name not in kinds:
+    if not isinstance(name, str) or name not in kinds:
         how = "import the module that defines it"
-        raise ValueError(f"body: there is no class {name!r}, only {', '.join(kinds)}: {how}")
+        raise ValueError(f"body: there is no class {short(name)}, only {', '.join(kinds)}: {how}")
     return kinds[name]
 
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import ast
 import operator
 from collections.abc import Callable, Mapping
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from ..checks import short
+from .bounds import LARGEST_EXPONENT, check_expanded, is_chain, parsed
 from .expressions import FUNCTIONS, Expression
 from .parameters import Parameter
-from .polynomials import from_text
-
-_LONGEST = 1_000_000  # characters
 
 
 def value_of(text: Any, names: Mapping[str, Any]) -> Any:
@@ -23,14 +22,11 @@ def value_of(text: Any, names: Mapping[str, Any]) -> Any:
     `names` has the values of names, which are expressions, columns or numbers. ValueError quotes
     what is anything else.
     """
-    if not isinstance(text, str) or len(text) > _LONGEST:
-        raise ValueError(f"equations: {short(text)} is not an equation")
+    tree = parsed(text)
+    check_expanded(tree, text)
     try:
-        tree = ast.parse(text, mode="eval").body
         with np.errstate(all="ignore"):  # of numbers that are not finite, which are refused later
             return _value(tree, names, text)
-    except (SyntaxError, RecursionError, MemoryError):
-        raise ValueError(f"equations: {short(text)} cannot be read") from None
     except ZeroDivisionError:
         raise ValueError(f"equations: {short(text)}: division by zero") from None
     except (TypeError, OverflowError) as error:
@@ -39,18 +35,27 @@ def value_of(text: Any, names: Mapping[str, Any]) -> Any:
 
 def _value(node: Any, names: Mapping[str, Any], text: str) -> Any:
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        source = ast.get_source_segment(text, node) or repr(node.value)
-        return from_text(source) if type(node.value) is int else node.value
+        return Fraction(node.value) if type(node.value) is int else node.value
     if isinstance(node, ast.Name) and node.id in names:
         return names[node.id]
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
         value = _value(node.operand, names, text)
         return -value if isinstance(node.op, ast.USub) else value
     if isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
-        a, b = _value(node.left, names, text), _value(node.right, names, text)
-        if isinstance(node.op, ast.Pow) and not _is_symbolic(a, b) and abs(b) > 400:
-            raise _refused(node, text)
-        return _OPERATIONS[type(node.op)](a, b)
+        chain = [node]  # with its left operands, which may be too many for recursion
+        while is_chain(node) and isinstance(node.left, ast.BinOp):
+            node = node.left
+            chain.append(node)
+        a = _value(node.left, names, text)
+        for node in reversed(chain):
+            if type(node.op) not in _OPERATIONS:
+                raise _refused(node, text)
+            b = _value(node.right, names, text)
+            is_power = isinstance(node.op, ast.Pow) and not _is_symbolic(a, b)
+            if is_power and abs(b) > LARGEST_EXPONENT:
+                raise _refused(node, text)
+            a = _OPERATIONS[type(node.op)](a, b)
+        return a
     if _is_call(node) and node.func.id in FUNCTIONS:
         values = [_value(each, names, text) for each in node.args]
         if not _is_symbolic(*values):

@@ -26,10 +26,9 @@ from ..checks import (
     within,
     wrong,
 )
+from .bounds import LARGEST_EXPONENT, LONGEST_NUMBER
 from .columns import Column
 from .names import check_parameter, labels
-
-_LARGEST_EXPONENT = 400  # of a decimal in a text; floats end at 1e308
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -75,11 +74,17 @@ def coefficients(name: str, value: Any, is_batch: bool) -> Any:
     return within(name, numbers(name, value, is_batch), OTHERS)
 
 
-def named(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:
-    """Return checked parameters by name: numbers as they are, arrays as floats."""
+def named(
+    parameters: Mapping[str, Any], variables: Sequence[str], *, has_eps: bool = True
+) -> dict[str, Any]:
+    """Return checked parameters by name: numbers as they are, arrays as floats.
+
+    `has_eps` is as in `names.variables`.
+    """
     checked: dict[str, Any] = {}
+    taken = {*variables}
     for name, value in parameters.items():
-        check_parameter(name, variables)
+        check_parameter(name, taken, has_eps=has_eps)
         if name == "names" and np.asarray(value).dtype.kind == "U":
             how = 'pass the names of variables in place of the dimension, as "u v w"'
             raise TypeError(f"names={short(value)} is taken as a parameter of the field: {how}")
@@ -122,8 +127,10 @@ def from_text(text: str) -> Fraction:
 
     Exponents above 400 are refused, because the fraction of 1e99999999 would take minutes.
     """
+    if len(text) > LONGEST_NUMBER:
+        raise ValueError(text)
     exponent = re.search(r"e([-+]?[\d_]+)", text, re.IGNORECASE)
-    if exponent and abs(int(exponent[1])) > _LARGEST_EXPONENT:
+    if exponent and abs(int(exponent[1])) > LARGEST_EXPONENT:
         raise ValueError(text)
     try:
         return Fraction(text)

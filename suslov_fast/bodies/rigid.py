@@ -150,6 +150,39 @@ class Suslov3D(_In3D):
         low, high = np.moveaxis(np.where(exists[..., None], ends, np.nan), -1, 0)
         return low[()], high[()]
 
+    @staticmethod
+    @public
+    def figure(k: int, /) -> tuple[Suslov3D, float]:
+        """Return the body and the step size of a figure of Dragovic and Gajic, arXiv:0807.2966.
+
+        Parameters
+        ----------
+        k : int
+            The number of the figure, from 1 to 4.
+
+        Returns
+        -------
+        body : Suslov3D
+        eps : float
+            Unit: that of time.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If k is not 1, 2, 3 or 4.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D.figure(2)
+        (Suslov3D(I1=4.0, I2=3.0, I13=-0.4, I23=-0.2), 0.2)
+        """
+        number = checks.integer("k", k, 1)
+        if number not in PICTURES:
+            raise wrong("k", "the number of a figure of the paper, 1 to 4", number)
+        body, eps, _ = PICTURES[number]
+        return body, eps
+
     @classmethod
     @public
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:

@@ -17,9 +17,9 @@ from .listed_code import runs_code
 from .machine_code import call, code_of
 from .numba import Kernel
 from .operations import evaluate
-from .pool import in_parts
 from .sparse_flow import LONGEST, Loops
 from .stages import extrapolation, weights_of
+from .threads import in_parts
 from .tolerance import AT_FIRST, MOST_STEPS, REACH
 
 COLUMNS = 2, 4, 6, 8, LONGEST

@@ -13,6 +13,7 @@ code reads the places of the first operation alone.
 """
 
 import functools
+import math
 from collections import Counter, defaultdict
 from itertools import pairwise, product
 from typing import NamedTuple
@@ -88,10 +89,11 @@ class Numbers:
         """Return the place of a constant or of a value of the table."""
         if not isinstance(operand, float):
             return self.step.places[operand]
-        if operand not in self.constants:
+        key = operand, math.copysign(1.0, operand)  # 0 equals -0
+        if key not in self.constants:
             self.order.append(self.in_table + len(self.constants))
-            self.constants[operand] = len(self.order) - 1
-        return self.constants[operand]
+            self.constants[key] = len(self.order) - 1
+        return self.constants[key]
 
     def copied(self, places):
         """Return the place of the first of copies of numbers."""
@@ -100,7 +102,8 @@ class Numbers:
 
     @functools.cached_property
     def _arrays(self):
-        return np.array([*self.constants], float)[:, np.newaxis], np.array(self.order, int)
+        constants = np.array([constant for constant, _ in self.constants], float)
+        return constants[:, np.newaxis], np.array(self.order, int)
 
     def of(self, table):
         """Return the numbers (-, W) of a table (n, W), when all have places."""

@@ -6,6 +6,7 @@ LLVM write the types of pointers differently.
 """
 
 import ctypes
+import functools
 import itertools
 import threading
 import warnings
@@ -15,7 +16,7 @@ import numpy as np
 from llvmlite import binding
 from numba import config
 
-from .lists.far import KIND, LIMIT, PARTS, text_of_far
+from .lists.far import LIMIT, PARTS, text_of_far
 from .numba import advice_on_numba
 from .operations import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES, list_of
 
@@ -121,6 +122,9 @@ class Text:
     def absolute(self, a):
         return self._call("fabs", a)
 
+    def root(self, a):
+        return self._call("sqrt", a)
+
     def _call(self, name, *operands):
         function = f"{self.V} @llvm.{name}.{self.suffix}"
         kinds = ", ".join([self.V] * len(operands))
@@ -198,17 +202,17 @@ class Text:
                 name = self.operate(instruction, *names)
             values[number] = name
 
-    def _by_lane(self, function, operands, result=lambda value: value):
+    def _by_lane(self, function, operands):
         """Call a function of numbers for each lane; return the results."""
         if self.W == 1:
-            return result(self.new(f"call {function}({self._typed(operands)})"))
-        found = "undef"
+            return self.new(f"call {function}({self._typed(operands)})")
+        result = "undef"
         for l in range(self.W):
             of_lane = [self.new(f"extractelement {self.V} {a}, i32 {l}") for a in operands]
             numbers = ", ".join(f"double {number}" for number in of_lane)
-            number = result(self.new(f"call {function}({numbers})"))
-            found = self.new(f"insertelement {self.V} {found}, double {number}, i32 {l}")
-        return found
+            number = self.new(f"call {function}({numbers})")
+            result = self.new(f"insertelement {self.V} {result}, double {number}, i32 {l}")
+        return result
 
     def _call_list(self, name, operands):
         """Call the function of W lanes that carries out the list of an elementary function.
@@ -229,28 +233,48 @@ class Text:
         return self.new(f"call {self.V} @{function}({self._typed(operands)})")
 
     def _far_part(self, instruction, x, usual):
-        """Return n or a part of r of `far.remainder` for lanes from LIMIT on, else `usual`."""
-        target = self.target
-        is_far = self.joined("and", [
-            self.compare("oge", x, self.constant(LIMIT)),
-            self.compare("olt", x, self.constant(np.inf)),
-        ])  # fmt: skip
-        before, label = target.block, f"{instruction}_{target.count}"
+        """Return a value of `far.remainder` for lanes from LIMIT on, else `usual`."""
+        target, label = self.target, f"{instruction}_{self.target.count}"
+        is_far, before = self._is_far(x), target.block
         is_usual = self.compare_integers("eq", self.bits(is_far), 0)
         target.branch(is_usual, f"{label}_end", label, likely=True)
         target.label(label)
-        number = [*PARTS].index(instruction)
-        far = self._by_lane(
-            f"{KIND} @far",
-            [self.select(is_far, x, self.constant(LIMIT))],
-            lambda found: self.new(f"extractvalue {KIND} {found}, {number}"),
-        )
-        far = self.select(is_far, far, usual)
+        operands = f"{self._typed([x, usual])}, i64 {[*PARTS].index(instruction)}"
+        far = self.new(f"call {self.V} @far_{self.W}({operands})")
         target.jump(f"{label}_end")
         target.label(f"{label}_end")
-        target.declared.add("declare i192 @llvm.ctlz.i192(i192, i1)")
-        target.functions["far"] = [text_of_far(pointer)]
+        if f"far_{self.W}" not in target.functions:
+            target.functions |= {"far": [text_of_far(pointer)], f"far_{self.W}": self._far_lanes()}
+            target.declared.add("declare i192 @llvm.ctlz.i192(i192, i1)")
         return self.new(f"phi {self.V} [ {usual}, %{before} ], [ {far}, %{label} ]")
+
+    def _is_far(self, x):
+        from_limit = self.compare("oge", x, self.constant(LIMIT))
+        return self.joined("and", [from_limit, self.compare("olt", x, self.constant(np.inf))])
+
+    def _far_lanes(self):
+        """Return the lines of the function for `_far_part`, which loops over lanes."""
+        text, lane = Text(self.W), Text(1)
+        lane.target = text
+        operands = f"{self.V} %x, {self.V} %usual, i64 %number"
+        text.add(f"define internal {self.V} @far_{self.W}({operands}) #0 {{")
+        text.label("entry")
+        memory = text.new(f"alloca {self.V}, i64 2, align 64")
+        memory = text.new(f"ptrtoint {pointer(self.V)} {memory} to i64")
+        result = text.plus(memory, 8 * self.W)
+        text.store(self.V, "%x", memory)
+        text.store(self.V, "%usual", result)
+        with text.loop("lane", self.W) as l:
+            offset = text.integer("mul", l, 8)
+            x = text.load("double", text.integer("add", memory, offset))
+            text.branch(lane._is_far(x), "far", "next")
+            text.label("far")
+            far = text.new(f"call double @far(double {x}, i64 %number)")
+            text.store("double", far, text.integer("add", result, offset))
+            text.jump("next")
+            text.label("next")
+        text.add(f"  ret {self.V} {text.load(self.V, result)}")
+        return [*text.lines, "}"]
 
     def finished(self):
         """Return the text with the end of the function and all that it refers to."""
@@ -370,6 +394,36 @@ def address_of(array):
 def call(address, array):
     """Call the code at an address with the address of an array; return its integer."""
     return address.call(array.ctypes.data)
+
+
+_LOOP = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4)
+
+
+def call_together(loop, calls):
+    """Make calls, pairs of an address and an array, each in a thread; return their integers.
+
+    `loop` is the address of `numba.loop_over_parts`.
+    """
+    table = np.array([(address, array.ctypes.data, 0) for address, array in calls], np.int64)
+    _LOOP(loop)(_caller(), 0, table.ctypes.data, len(table))
+    return table[:, 2].tolist()
+
+
+@functools.cache
+def _caller():
+    """Return the address of code(0, table, part, parts), which makes the call in a row of a table.
+
+    It writes the integer that the call returns to the third column.
+    """
+    text, name = Text(1), f"code_{next(_numbers)}"
+    text.add(f"define i64 @{name}(i64 %code, i64 %table, i64 %part, i64 %parts) {{")
+    row = text.integer("add", "%table", text.integer("mul", "%part", 24))
+    code = text.new(f"inttoptr i64 {text.load('i64', row)} to {pointer('i64 (i64)')}")
+    result = text.new(f"call i64 {code}(i64 {text.load('i64', text.plus(row, 8))})")
+    text.store("i64", result, text.plus(row, 16))
+    text.add("  ret i64 0")
+    with _lock:
+        return _compile(text.finished(), name, 2, True)
 
 
 _PROCEDURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 5)

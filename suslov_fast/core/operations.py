@@ -52,8 +52,9 @@ def _of_library(function):
     def of_number(*numbers):
         try:
             return function(*numbers)
-        except ValueError:  # of artanh, 1 and -1, too
-            return math.copysign(math.inf, numbers[0]) if abs(numbers[0]) == 1.0 else math.nan
+        except ValueError:
+            is_infinite = function is math.atanh and abs(numbers[0]) == 1.0
+            return math.copysign(math.inf, numbers[0]) if is_infinite else math.nan
 
     def of_arrays(*arrays):
         columns = np.broadcast_arrays(*arrays)

@@ -19,6 +19,8 @@ States are in lines of W lanes, x[line, component, lane]. After a failure a traj
 """
 
 import functools
+from contextlib import suppress
+from time import perf_counter
 
 import numpy as np
 from numba import config
@@ -37,16 +39,17 @@ from .in_calls import in_calls, taker_of, taker_without_plan
 from .lift import LiftedStep
 from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
 from .listed_code import listed_code
-from .machine_code import call, code_of
-from .numba import STREAM_FROM, Kernel
+from .machine_code import call, call_together, code_of
+from .numba import STREAM_FROM, Kernel, as_python, loop_over_parts
 from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
-from .pool import in_parts
 from .single_orbit import PLANS, plan_of, take_one
 from .stages import WHOLE, Scheme, distinct, weights_of
+from .threads import in_parts
 from .words import Words
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
+_IN_PYTHON = 1e-5  # seconds of Python for an operation of a line, or a part of a careful step
 SHORT_RUN = 256  # steps of lines, which are prepared for `careful` only when they need it
 
 
@@ -160,8 +163,9 @@ class _Lines:
     def take(self, start, stop, saved, every, is_large, abandoned, again=False):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Return False if a step needs `careful`, but it is not compiled, or a run is short: then the
-        steps must be taken again. End early if there is something in `abandoned`.
+        Yield calls of machine code, pairs of an address and an array, for the integers that they
+        return. Return False if a step needs `careful`, but it is not compiled, or a run is short:
+        then the steps must be taken again. End early if there is something in `abandoned`.
         """
         step, stages = self.scheme.step, len(self.scheme.stages.fractions)
         address, until = None, every - start % every if every else 0
@@ -180,7 +184,11 @@ class _Lines:
             align = alignment(saved, self.W, is_large)
             address = code_of(text_of, step, self.W, self.for_each, align)
         if address is None:
-            self._take_in_numpy(start, (stop - start) * stages, *rows)
+            self._take_in_numpy(start, (stop - start) * stages, *rows, step_carefully)
+            return True
+        if again and not careful.is_compiled:
+            of_one, steps = as_python(step_carefully.py_func), (stop - start) * stages
+            careful.in_python(self._take_in_numpy, start, steps, *rows, of_one)
             return True
         is_ready = careful.is_compiled and (again or self.count * (stop - start) > SHORT_RUN)
         steps = (stop - start) * stages
@@ -188,7 +196,7 @@ class _Lines:
         budget = max(CAREFUL_TIME // (self.W * (self.D**3 + 200)), 1)
         while arguments[SLOT.line] < self.count and not abandoned:
             arguments[SLOT.budget] = budget
-            if not call(address, arguments):
+            if not (yield address, arguments):
                 return False
         return True
 
@@ -250,7 +258,7 @@ class _Lines:
         )
         return np.array(arguments, np.int64), (kept, arrays, own, plan)
 
-    def lift(self, arrays, start, n, of=slice(None)):
+    def lift(self, arrays, start, n, of=slice(None), step_carefully=step_carefully):
         """Compute the words of a lifted field from the states of lines, and tell poles."""
         x, lines = self.x[of], range(self.count)[of]
         x[:, self.given :], turned = self.words.at(x, lines)
@@ -282,14 +290,14 @@ class _Lines:
         told = (packed(np.broadcast_to(each, shape)) for each in told)
         return packed(accurate), *told, made
 
-    def _take_in_numpy(self, start, steps, saved, until, between):
+    def _take_in_numpy(self, start, steps, saved, until, between, step_carefully):
         """Carry out the operations by NumPy: the reference, where there is no machine code."""
         (ended, passed), row, arrays = self.marks, 0, self._line_arrays()
         weights = weights_of(self.scheme.stages)
         for n in range(steps):
             stage = n % len(weights)
             if stage == 0 and self.given < self.D:
-                self.lift(arrays, start, n)
+                self.lift(arrays, start, n, step_carefully=step_carefully)
             if self.scheme.step.usual:
                 before = self.x.copy()
                 accurate, negative, changed, made = self._carry_out(stage)
@@ -358,16 +366,45 @@ class FieldSteps(Kernel):
 
     def __call__(self, part, parts, *arguments, abandoned=()):
         with np.errstate(all="ignore"):  # each thread has its own
-            _iterate_part(part, parts, *arguments, abandoned)
+            _carry_out([_iterate_part(part, parts, *arguments, abandoned)], call_each)
 
     def serial(self, *arguments):
         self(0, 1, *arguments)
 
+    def briefly(self, seconds, *arguments):
+        self(0, 1, *arguments)
+
     def parallel(self, threads, *arguments):
-        abandoned = []
+        step, loop = arguments[0][0].step, None
+        if step.usual and not step.is_long:  # lines of others are calls of Python
+            loop = loop_over_parts(self.seconds)
+        if loop is not None:
+            parts = [_iterate_part(part, threads, *arguments, ()) for part in range(threads)]
+            with np.errstate(all="ignore"):
+                _carry_out(parts, functools.partial(call_together, loop))
+            return
+        abandoned, began = [], perf_counter()
         in_parts(
             threads, lambda part: self(part, threads, *arguments, abandoned=abandoned), abandoned
         )
+        self.seconds += perf_counter() - began
+
+
+def call_each(calls):
+    """Make calls, pairs of an address and an array, one after the other; return their integers."""
+    return [call(*each) for each in calls]
+
+
+def _carry_out(parts, make_calls):
+    """Carry out generators that yield calls, those of all parts at once."""
+    results = [None] * len(parts)
+    while parts:
+        left, calls = [], []
+        for part, result in zip(parts, results, strict=True):
+            with suppress(StopIteration):
+                calls.append(part.send(result))
+                left.append(part)
+        parts, results = left, make_calls(calls) if calls else []
 
 
 def _iterate_part(
@@ -375,7 +412,7 @@ def _iterate_part(
 ):
     """Iterate the trajectories of a part; the arguments are those of `steps_3d.steps`.
 
-    End early if there is something in `abandoned`.
+    It is a generator, as `_Lines.take`. End early if there is something in `abandoned`.
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
@@ -396,7 +433,7 @@ def _iterate_part(
         if W == 1 and take_one(*one):
             continue
         lines = _Lines(own, states, notes, errors, W)
-        _take_steps(lines, states, errors, steps, saved[:, chunk], is_large, abandoned)
+        yield from _take_steps(lines, states, errors, steps, saved[:, chunk], is_large, abandoned)
         final[chunk] = lines.states()
         if len(errors):
             errors[:] = lines.rows(lines.columns[:, LARGEST]).T
@@ -411,10 +448,12 @@ def _take_steps(lines, states, errors, steps, saved, is_large, abandoned):
     if stop == start:
         return
     arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
-    if not lines.take(*arguments):
-        careful.compile()  # only now, because few runs need it
+    if not (yield from lines.take(*arguments)):
+        step, stages = lines.scheme
+        work = (stop - start) * len(stages.fractions) * (len(step.usual) + lines.B * step.D**2)
+        careful.compile(_IN_PYTHON * work)  # only now, because few runs need it
         lines.start_from(states, errors)
-        lines.take(*arguments, again=True)
+        yield from lines.take(*arguments, again=True)
 
 
 field_steps = FieldSteps()

@@ -32,6 +32,8 @@ from .trial import arguments_for
 _STRETCH, _SAVING = 2**26, 8.0
 # Seconds: after a shorter stretch the next one has twice as many steps, after a longer one half.
 _SHORT, _LONG = 0.02, 0.1
+# Seconds that Python takes for a part of a step, and trajectories that kernels take one by one.
+_IN_PYTHON, _FEW = 1e-5, 6
 # Work of a stretch with orientations: the number of states times n**2.
 _TURNING = 2**24
 
@@ -214,6 +216,15 @@ class March:
         status = self.carry[1] if has_status else codes.PASSED_POLE
         return abs(self.carry[0]).astype(np.int64), status
 
+    def note_pole(self, trajectory: int, n: int) -> None:
+        """Note that a trajectory passed a pole before state n, unless it had failed before."""
+        self.carry[0, trajectory] = n
+        if isinstance(self.steps.kernel, KernelOfStep):
+            self.carry[1, trajectory] = codes.PASSED_POLE
+        if self.status.flat[trajectory] >= codes.OK:
+            self.status.flat[trajectory] = codes.PASSED_POLE
+            self.failed_at.flat[trajectory] = n
+
     def to(
         self,
         stop: int,
@@ -347,7 +358,10 @@ class March:
                 span = begin, end, start, until, every, row
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
                 called_at = perf_counter()
-                call_kernel(kernel, work, threads, arguments, omega0, carry, span, *others)
+                taken = size if size <= _FEW else width
+                seconds = _IN_PYTHON * (1.0 + step) * taken * (until - start + 2)
+                data = arguments, omega0, carry, span, *others
+                call_kernel(kernel, work, threads, *data, seconds=seconds)
                 if until == stop:
                     break
                 seconds, start = perf_counter() - called_at, until
@@ -378,7 +392,8 @@ class March:
                     turns[0], first = turned, 1
             arrays, rows = (states, eps, axial, turned), (start, every, first, turns)
             work, threads = states.size * (D + 1), self.problem.threads
-            call_kernel(orientations.turn_along, work, threads, *arrays, *rows)
+            seconds = _IN_PYTHON * (size + 8) * (until - start + 1) * (D + 1) ** 2
+            call_kernel(orientations.turn_along, work, threads, *arrays, *rows, seconds=seconds)
             if report is not None and not report(until - n):
                 break
 

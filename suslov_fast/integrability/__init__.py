@@ -16,7 +16,7 @@ The files, in an order in which each uses only those before it:
 - `tasks`: the queue of a search. `growth`: degrees of iterates.
 - `reducible`: reducible polynomials of a space. `contracted`, `confinement`, `never_confined`,
   `monomials`, `planar`: the entropy of maps of the plane, from the curves that they contract, and
-  of monomial maps.
+  of monomial maps. `levels`: maps on levels of integrals, which may be maps of the plane.
 - `relations`: linear relations along orbits. `implicit`: integrals by them, without a formula.
   `locus`: parameters with more of them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
@@ -46,6 +46,7 @@ from .functions import RationalFunction
 from .growth import Growth, degrees, growth
 from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
+from .levels import Level, on_level
 from .locus import Locus, Special, locus
 from .maps import RationalMap, rational_map
 from .planar import Contraction, PlanarEntropy, planar_entropy
@@ -58,6 +59,7 @@ __all__ = [
     "HKBasis",
     "ImplicitIntegral",
     "KahanMap",
+    "Level",
     "Locus",
     "PlanarEntropy",
     "QuadraticField",
@@ -72,6 +74,7 @@ __all__ = [
     "hk_bases",
     "kahan",
     "locus",
+    "on_level",
     "planar_entropy",
     "rational_map",
     "report",

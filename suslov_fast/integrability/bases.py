@@ -142,7 +142,7 @@ def hk_bases(
         exponents,
         dimension,
         independent,
-        tuple(renamed(P, map.names) for P in integrals),
+        tuple(renamed(P, map.names, map.letter) for P in integrals),
         complete,
         start,
         basis,

@@ -1,9 +1,10 @@
 """Proofs that the orders of a passage across a contracted curve are exact.
 
-`contracted` computes them modulo primes, at random points of the curve. For a line with rational
-coefficients they are computed again at its general point a + s b: the coordinates of the germ are
-polynomials in s, and in eps if it is symbolic. For conjugate lines they are exact if the forms have
-them as multiplicities at the points of the orbit, in the number field of a point of the curve.
+`contracted` computes them modulo primes, at random points of the curve. Here they are computed at
+its general point, with a parameter s: of a line, of one of several conjugate lines, or of a conic.
+The coordinates of the germ are polynomials in s, in eps if it is symbolic, and in r, an algebraic
+number: that of one of the lines, or of a point of the conic. For curves of higher degree orders are
+exact if the forms have them as multiplicities at the points of the orbit of one point.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ from typing import Any
 import flint
 
 from .contracted import Passage, Plane
-from .polynomials import coprime, irreducible_factors
+from .polynomials import irreducible_factors
 
-_TERMS = 4, 8, 16  # of power series in t, until they suffice
+_TERMS = 4, 8, 16, 32  # of power series in t, until they suffice
 _BITS = 20_000  # of the coefficients of coordinates, at most
 _MONOMIALS = 2_000  # of coordinates, at most
+_NUMBERS = range(1, 9)  # in place of s
 
 
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
@@ -30,74 +32,163 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
         return False
     if not passage.common_orders:
         return passage.steps is None
-    if plane.degrees[number] == 1:
-        return _is_exact_on_a_line(plane, number, passage)
-    if any(passage.common_orders[:-1]) or passage.steps is None:
-        return False
-    return _is_exact_in_a_field(plane, number, passage)
-
-
-# Lines: germs with polynomials in eps, s and t as coordinates.
-
-
-def _is_exact_on_a_line(plane: Plane, number: int, passage: Passage) -> bool:
-    germ = _germ_across_line(plane, number)
+    germs = _Germs(plane, number)
+    if not germs.first:
+        return germs.have_multiplicities(passage)
     expected = [*zip(passage.common_orders, passage.curve_orders, strict=True)]
     for terms in _TERMS:
-        followed = _orders_of_line(plane, germ, terms, len(expected))
+        followed = germs.orders(terms, len(expected))
         if followed is None:
             return False
         orders, last = followed
         if orders == expected:
-            return _begins_at_point(last) == (passage.steps is None)
+            return germs.begin_at_point(last) == (passage.steps is None)
     return False
 
 
-def _germ_across_line(plane: Plane, number: int) -> list[Any]:
-    """Return the germ across a line at its general point, with the parameter s."""
-    names = ["eps"] * plane.symbolic + ["s", "t"]
-    ring = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
-    *_, s, t = ring.gens()
-    line = [_coefficient_of_line(plane, number, j, ring) for j in range(3)]
-    # Two coordinates depend on s alone; the third makes the product line . germ a multiple of t.
-    pivot = next(j for j in range(3) if line[j] != 0)
-    i, j = (k for k in range(3) if k != pivot)
-    u, v = 2 + 3 * s, 5 + 7 * s
-    germ = [ring.constant(0)] * 3
-    germ[i], germ[j] = line[pivot] * u, line[pivot] * v
-    germ[pivot] = t - line[i] * u - line[j] * v
-    return germ
+class _Germs:
+    """Germs across a curve, at its general point: polynomials in eps, r, s, and t as the last."""
+
+    def __init__(self, plane: Plane, number: int) -> None:
+        self._plane, self._curve = plane, plane.curves[number]
+        names = ["eps"] * plane.symbolic + ["r", "s", "t"]
+        self._ring = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
+        *self._eps, self._r, self._s, self._t = self._ring.gens()
+        self._modulus = self._r  # a polynomial with the root r and the leading coefficient 1
+        degree, count = plane.degrees[number], 1
+        self._point = [self._ring.constant(1)] * 3
+        if degree > 1:
+            self._point, count = self._point_of_curve(), plane.count(number)
+        gradient = self._values(self._slopes(self._curve), self._point)
+        self.first: list[Any] = []  # none for curves of higher degree
+        if degree == count:
+            self.first = self._across_line(gradient)
+        elif degree == 2:
+            self.first = self._across_conic(gradient)
+        if self.first and _order(self._values([self._curve], self.first, 2)[0], 2) != 1:
+            self.first = []
+
+    def _point_of_curve(self) -> list[Any]:
+        """Return a point of the curve on a line; conjugate ones behave alike."""
+
+        def on_line(unit: Any) -> list[Any]:
+            return [a * unit + b * self._r for a, b in ((2, 3), (5, 7), (11, -4))]
+
+        P = self._curve.compose(*self._eps, *on_line(self._ring.constant(1)), ctx=self._ring)
+        factor = next(f for f, _ in irreducible_factors(P) if _degree(f, -3) > 0)
+        n = _degree(factor, -3)
+        leading = _coefficient(factor, -3, n)
+        lower = (
+            _coefficient(factor, -3, k) * leading ** (n - 1 - k) * self._r**k for k in range(n)
+        )
+        self._modulus = sum(lower, self._r**n)  # of r times the leading coefficient
+        return on_line(leading)
+
+    def _across_line(self, line: list[Any]) -> list[Any]:
+        # Two coordinates depend on s alone; the third makes line . germ a multiple of t.
+        pivot = next(j for j in range(3) if line[j] != 0)
+        i, j = (k for k in range(3) if k != pivot)
+        u, v = 2 + 3 * self._s, 5 + 7 * self._s
+        germ = [0 * self._s] * 3
+        germ[i], germ[j] = line[pivot] * u, line[pivot] * v
+        germ[pivot] = self._t - line[i] * u - line[j] * v
+        return germ
+
+    def _across_conic(self, gradient: list[Any]) -> list[Any]:
+        # The other point of the conic on the line through a point with a direction d.
+        d = [2 + 3 * self._s, 5 - self._s, 1 + 7 * self._s]
+        (square,) = self._values([self._curve], d)
+        slope = sum(a * b for a, b in zip(gradient, d, strict=True))
+        across = (self._t, -2 * self._t, 5 * self._t)
+        parts = zip(self._point, d, across, strict=True)
+        return [square * a - slope * b + c for a, b, c in parts]
+
+    def _slopes(self, P: Any) -> list[Any]:
+        return [P.derivative(self._plane.symbolic + j) for j in range(3)]
+
+    def _values(self, forms: Sequence[Any], x: Sequence[Any], terms: int = 1) -> list[Any]:
+        """Return the values of forms, without powers of t from a number of terms on."""
+        values = (F.compose(*self._eps, *x, ctx=self._ring) for F in forms)
+        return [self._reduced(_cut(P, terms)) for P in values]
+
+    def _reduced(self, P: Any) -> Any:
+        """Return a polynomial modulo that of r."""
+        n = _degree(self._modulus, -3)
+        for k in range(_degree(P, -3), n - 1, -1):
+            P -= _coefficient(P, -3, k) * self._r ** (k - n) * self._modulus
+        return P
+
+    def orders(
+        self, terms: int, steps: int
+    ) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
+        """Return the orders after each step, as in a `Passage`, and the last germ.
+
+        There are fewer steps if there are too few terms; None if coordinates become too large.
+        """
+        germ, orders = self.first, []
+        for k in range(steps + 1):
+            image = self._values(self._plane.forms, germ, terms)
+            order = min(_order(P, terms) for P in image)
+            if order == terms:
+                break
+            if k:
+                curves = self._values(self._plane.curves, germ, terms)
+                orders.append((order, tuple(_order(P, terms) for P in curves)))
+            germ, terms = without_common_factor([_divided(P, order) for P in image]), terms - order
+            if _is_large(germ):
+                return None
+        return orders, germ
+
+    def have_multiplicities(self, passage: Passage) -> bool:
+        """Return True if forms have the orders of a passage with one base point as multiplicities.
+
+        That is, if all of their derivatives below this order vanish at the points of the orbit.
+        """
+        x, steps = self._point, len(passage.common_orders)
+        if any(passage.common_orders[:-1]) or passage.steps is None:
+            return False
+        for k in range(steps + 1):
+            if k:
+                orders = [*zip(self._plane.curves, passage.curve_orders[k - 1], strict=True)]
+                orders += [(F, passage.common_orders[k - 1]) for F in self._plane.forms]
+                for P, order in orders:
+                    derivatives = [P] if order else []
+                    for _ in range(order - 1):
+                        derivatives = [slope for D in derivatives for slope in self._slopes(D)]
+                    if any(self._values(derivatives, x)):
+                        return False
+            image = self._values(self._plane.forms, x)
+            if not any(image) or k == steps:
+                return not any(image) and k == steps
+            x = without_common_factor(image)
+            if _is_large(x):
+                return False
+        return False
+
+    def begin_at_point(self, germ: Sequence[Any]) -> bool:
+        """Return True if a germ begins at a point that does not depend on s."""
+        x = [_cut(P, 1) for P in germ]
+        for number in _NUMBERS:
+            y = [P.compose(*self._eps, self._r, number + 0 * self._s, self._t) for P in x]
+            if any(y):
+                pairs = ((0, 1), (0, 2), (1, 2))
+                return all(self._reduced(x[i] * y[j] - x[j] * y[i]) == 0 for i, j in pairs)
+        return False
 
 
-def _coefficient_of_line(plane: Plane, number: int, j: int, ring: Any) -> Any:
-    """Return the coefficient of a coordinate in the equation of a line."""
-    k = plane.symbolic
-    terms = {(*e[:k], 0, 0): c for e, c in plane.curves[number].to_dict().items() if e[k + j]}
-    return ring.from_dict(terms)
+def _degree(P: Any, variable: int) -> int:
+    return max((int(e[variable]) for e in P.monoms()), default=-1)
 
 
-def _orders_of_line(
-    plane: Plane, germ: list[Any], terms: int, steps: int
-) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
-    """Return the orders after each step, as in a `Passage`, and the last germ.
-
-    There are fewer steps if there are too few terms; None if coordinates become too large.
-    """
-    ring = germ[0].context()
-    eps = ring.gens()[: plane.symbolic]
-    orders = []
-    for k in range(steps + 1):
-        image = [_cut(F.compose(*eps, *germ, ctx=ring), terms) for F in plane.forms]
-        curves = [_cut(C.compose(*eps, *germ, ctx=ring), terms) for C in plane.curves]
-        order = min(_order(P, terms) for P in image)
-        if order == terms:
-            break
-        if k:
-            orders.append((order, tuple(_order(P, terms) for P in curves)))
-        germ, terms = without_common_factor([_divided(P, order) for P in image]), terms - order
-        if _is_large(germ):
-            return None
-    return orders, germ
+def _coefficient(P: Any, variable: int, k: int) -> Any:
+    """Return the coefficient of a power of a variable, given by its place from the end."""
+    terms = {}
+    for e, c in P.to_dict().items():
+        if e[variable] == k:
+            others = [*e]
+            others[variable] = 0
+            terms[*others] = c
+    return P.context().from_dict(terms)
 
 
 def _cut(P: Any, terms: int) -> Any:
@@ -133,80 +224,3 @@ def _is_large(x: Sequence[Any]) -> bool:
     """Return True if coordinates have too many terms, or too long ones, to go on."""
     bits = max((int(abs(c)).bit_length() for P in x for c in P.coeffs()), default=0)
     return bits > _BITS or sum(map(len, x)) > _MONOMIALS
-
-
-def _begins_at_point(germ: Sequence[Any]) -> bool:
-    """Return True if a germ begins at a point that does not depend on s."""
-    first = coprime([_cut(P, 1) for P in germ])
-    return all(e[-2] == 0 for P in first for e in P.monoms())
-
-
-# Conjugate lines and other curves: the orbit of one point, with coordinates in its field.
-
-
-def _is_exact_in_a_field(plane: Plane, number: int, passage: Passage) -> bool:
-    field = _Field(plane, number)
-    if field.modulus is None:
-        return False
-    x, steps = field.start, len(passage.common_orders)
-    for k in range(steps + 1):
-        if k:
-            orders = [*zip(plane.curves, passage.curve_orders[k - 1], strict=True)]
-            orders += [(F, passage.common_orders[k - 1]) for F in plane.forms]
-            if not all(_has_multiplicity(P, order, x, field) for P, order in orders):
-                return False
-        image = field.values(plane.forms, x)
-        is_base_point = all(a == 0 for a in image)
-        if is_base_point or k == steps:
-            return is_base_point and k == steps
-        x = without_common_factor(image)
-        if _is_large(x):
-            return False
-    return False
-
-
-def _has_multiplicity(P: Any, order: int, x: Sequence[Any], field: _Field) -> bool:
-    """Return True if all derivatives of a form below this order vanish at a point."""
-    derivatives, first = [P] if order else [], P.context().nvars() - 3
-    for _ in range(order - 1):
-        derivatives = [D.derivative(first + j) for D in derivatives for j in range(3)]
-    return all(a == 0 for a in field.values(derivatives, x))
-
-
-class _Field:
-    """The field of the coordinates of a point of a curve: polynomials in s modulo another one.
-
-    Their coefficients are integers, or polynomials in eps; homogeneous coordinates need no others.
-    """
-
-    def __init__(self, plane: Plane, number: int) -> None:
-        names = ["eps"] * plane.symbolic + ["s"]
-        self._ring = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
-        *self._eps, self._s = self._ring.gens()
-        s = self._s
-        self.start = [2 + 3 * s, 5 + 7 * s, 11 - 4 * s]
-        self.modulus: Any = None  # of a point of one component; conjugate ones behave alike
-        on_line = plane.curves[number].compose(*self._eps, *self.start, ctx=self._ring)
-        for factor, _ in irreducible_factors(on_line):
-            if _degree_in_s(factor) > 0:
-                self.modulus = factor
-
-    def values(self, forms: Sequence[Any], x: Sequence[Any]) -> list[Any]:
-        """Return the values of forms at a point, times a common factor."""
-        values = [F.compose(*self._eps, *x, ctx=self._ring) for F in forms]
-        n = _degree_in_s(self.modulus)
-        leading = self._coefficient(self.modulus, n)
-        # Pseudo-remainders: the modulus removes the highest power of s, one after the other.
-        for k in range(max(map(_degree_in_s, values), default=0), n - 1, -1):
-            multiple = self._s ** (k - n) * self.modulus
-            values = [leading * P - self._coefficient(P, k) * multiple for P in values]
-        return values
-
-    def _coefficient(self, P: Any, k: int) -> Any:
-        """Return the coefficient of a power of s."""
-        terms = {(*e[:-1], 0): c for e, c in P.to_dict().items() if e[-1] == k}
-        return self._ring.from_dict(terms)
-
-
-def _degree_in_s(P: Any) -> int:
-    return max((int(e[-1]) for e in P.monoms()), default=-1)

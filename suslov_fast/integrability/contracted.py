@@ -97,7 +97,7 @@ class Plane:
 
     def text(self, number: int) -> str:
         """Return the equation of a curve."""
-        P = renamed(self._affine(number), self.map.names)
+        P = renamed(self._affine(number), self.map.names, self.map.letter)
         return "the line at infinity" if P == 1 else decoded(f"{P} = 0")
 
     def count(self, number: int) -> int:

@@ -84,7 +84,7 @@ def darboux_polynomials(
         how = "where eps is symbolic, not another function"
         raise TypeError(f"cofactor must be a number or a RationalFunction {how}")
     space = space_of(map, degree, cofactor, seed=seed)
-    return tuple(renamed(P, map.names) for P in space)
+    return tuple(renamed(P, map.names, map.letter) for P in space)
 
 
 def space_of(
@@ -154,7 +154,7 @@ def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     for k in range(1, degree + 1):
         for candidate in filter(None, candidate_cofactors(map, k)):
             different |= dict.fromkeys(with_constants(map, k, candidate))
-    return tuple(C.renamed(map.names) for C in different)
+    return tuple(C.renamed(map.names, map.letter) for C in different)
 
 
 def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: int) -> Any:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
@@ -19,7 +19,8 @@ import flint
 
 from ..bodies.advice import check_arguments
 from ..bodies.names import labels, latex
-from ..checks import extra, wrong
+from ..bodies.polynomials import from_lists
+from ..checks import extra, short, wrong
 from ..keywords import answers, public
 from . import arithmetic
 from .arithmetic import EPS
@@ -29,6 +30,7 @@ from .polynomials import (
     degree_of,
     has_eps,
     irreducible_factors,
+    letter_of,
     modulo,
     polynomial_ring,
     prime_of,
@@ -64,9 +66,9 @@ class RationalFunction:
     Called with a point, D rational numbers, it returns a fraction. Functions and numbers can be
     combined by ``+``, ``-``, ``*``, ``/`` and powers. ``sympy.sympify(str(f), f.symbols())``
     converts one to SymPy. In a report, `basis` says what a function rests on, and `cofactor` is
-    that of a Darboux polynomial, or -1 for a density up to sign. If eps is symbolic, `subs`
-    replaces it by a number, and `special` holds the rational values of eps for which a factor of
-    the formula is 0 for all x.
+    that of a Darboux polynomial, or -1 for a density up to sign. If eps, or another letter, is
+    symbolic, `subs` replaces it by a number, and `special` holds the rational values for which a
+    factor of the formula is 0 for all x.
     """
 
     factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
@@ -75,11 +77,9 @@ class RationalFunction:
     cofactor: RationalFunction | None = None
 
     @public
-    def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
+    def __call__(self, x: Sequence[Any], *value: Any, **named: Any) -> Fraction:
         """Return the value at a point; a function with a symbolic eps needs its value."""
-        if self.is_symbolic and eps is None:
-            raise TypeError("eps is symbolic here: pass a number, as in f(x, eps=Fraction(1, 3))")
-        point = [arithmetic.step_size(eps)] if self.is_symbolic else []
+        point = [value_of(self.letter, value, named)] if self.is_symbolic else []
         if self.factors:
             point += arithmetic.rationals("x", x, variables_of(self.factors[0][0]))
         values = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
@@ -87,17 +87,23 @@ class RationalFunction:
 
     @property
     def is_symbolic(self) -> bool:
-        """True if eps is symbolic."""
-        return any(has_eps(P) for P, _ in self.factors)
+        """True if eps, or another letter, is symbolic."""
+        return bool(self.letter)
+
+    @property
+    def letter(self) -> str:
+        """The name of the symbol in the coefficients, such as eps; "" without one."""
+        return letter_of(self.factors[0][0]) if self.factors else ""
 
     @public
-    def subs(self, eps: Any) -> RationalFunction:
-        """Return the function of x alone for a value of eps.
+    def subs(self, *value: Any, **named: Any) -> RationalFunction:
+        """Return the function of x alone for a value of eps, or of another letter.
 
         Parameters
         ----------
-        eps : int, Fraction, float or str
-            Step size; a float is taken exactly, a string may be "1/3" or "0.1".
+        *value, **named : int, Fraction, float or str
+            The value, by the name of the letter, as in ``subs(eps=1)``, or without one; a float is
+            taken exactly, a string may be "1/3" or "0.1".
 
         Returns
         -------
@@ -106,9 +112,9 @@ class RationalFunction:
         Raises
         ------
         TypeError, ValueError
-            If `eps` is no number.
+            If this is no number, or there is no letter of this name.
         ZeroDivisionError
-            If the function has no value at this eps.
+            If the function has no value there.
 
         Examples
         --------
@@ -118,13 +124,14 @@ class RationalFunction:
         >>> image, image.subs(eps="1/3")
         (2/(-2*eps + 1), 6)
         """
-        value = arithmetic.step_size(eps)
-        powers = (factored(modulo(P, 0, arithmetic.fmpq(value))) ** e for P, e in self.factors)
+        number = value_of(self.letter or "eps", value, named)
+        powers = (factored(modulo(P, 0, arithmetic.fmpq(number))) ** e for P, e in self.factors)
         try:
             product = math.prod(powers, start=RationalFunction((), self.constant))
         except ZeroDivisionError:
-            raise ZeroDivisionError(f"{self} has no value at eps = {value}") from None
-        cofactor = self.cofactor and self.cofactor.subs(value)
+            where = f"{self.letter} = {number}"
+            raise ZeroDivisionError(f"{self} has no value at {where}") from None
+        cofactor = self.cofactor and self.cofactor.subs(number)
         names = self.factors and self._ring.names()[has_eps(self.factors[0][0]) :]
         return replace(product.renamed(names or None), basis=self.basis, cofactor=cofactor)
 
@@ -151,12 +158,10 @@ class RationalFunction:
         names = self._ring.names() if self.factors else ()
         return {name: extra("sympy", "test").Symbol(name) for name in map(decoded, names)}
 
-    def renamed(self, names: Sequence[str] | None) -> RationalFunction:
-        """Return the function with other names of its variables."""
-        if names is None:
-            return self
-        factors = tuple((renamed(P, names), e) for P, e in self.factors)
-        cofactor = self.cofactor and self.cofactor.renamed(names)
+    def renamed(self, names: Sequence[str] | None, letter: str = "") -> RationalFunction:
+        """Return the function with other names of its variables, and of its letter."""
+        factors = tuple((renamed(P, names, letter), e) for P, e in self.factors)
+        cofactor = self.cofactor and self.cofactor.renamed(names, letter)
         return replace(self, factors=factors, cofactor=cofactor)
 
     @property
@@ -312,16 +317,28 @@ def as_function(value: Any) -> RationalFunction:
     return RationalFunction((), arithmetic.rational("number", value))
 
 
-def traced(name: str, f: Any, n: int) -> list[Any]:
+def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fraction:
+    """Return the number that a call gives for a letter, by its name or without one."""
+    if (len(value), {*named}) not in ((1, set()), (0, {letter})):
+        how = f"pass a number for it, {letter}=Fraction(1, 3) for example"
+        got = ", ".join([*map(short, value), *named])
+        raise TypeError(f"{letter} is symbolic here: {how}" + f", not {got}" * bool(got))
+    return arithmetic.rational(letter, from_lists(letter, *value, *named.values()))
+
+
+def traced(name: str, f: Any, n: int, letter: str = "") -> list[Any]:
     """Return the polynomials F_1, ..., F_D, F_0 of a function, by a call with symbols."""
     if not callable(f):
         expected = "a function of x, the tuple of variables"
         raise wrong(name, expected, type(f).__name__, TypeError)
-    check_arguments(name, f, labels(n), {}, "rational_map" if name == "f" else "")
-    ring = polynomial_ring(n, False)
+    given = {letter: 0} if letter else {}
+    check_arguments(name, f, labels(n), given, "rational_map" if name == "f" else "")
+    ring = polynomial_ring(n, bool(letter))
+    symbols = [*map(factored, ring.gens())]
+    given = {letter: symbols.pop(0)} if letter else {}
     must = f"must return {n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, /, **"
     try:
-        returned = f(tuple(map(factored, ring.gens())))
+        returned = f(tuple(symbols), **given)
         components = [*map(as_function, returned)]
     except (TypeError, AttributeError) as error:
         raise TypeError(f"{name} {must}: {error}") from error

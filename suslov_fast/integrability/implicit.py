@@ -24,7 +24,6 @@ from ..keywords import answers, public
 from . import arithmetic
 from .arithmetic import EPS, EXTRA
 from .functions import MODULAR, RationalFunction, quotient_of
-from .kahan import KahanMap
 from .maps import RationalMap
 from .polynomials import Exponents, exponents_up_to, monomial_values
 from .reconstruction import over_rationals, polynomials_with
@@ -72,14 +71,9 @@ class ImplicitIntegral:
     basis: str = MODULAR
 
     @public
-    def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
+    def __call__(self, x: Sequence[Any], *value: Any, **named: Any) -> Fraction:
         """Return the value at a point; if eps is symbolic, at a value of eps."""
-        map = self.map
-        if map.is_symbolic:
-            if eps is None:
-                raise TypeError("eps is symbolic here: pass a number, as f(x, eps=Fraction(1, 3))")
-            assert isinstance(map, KahanMap)
-            map = map.subs(eps)
+        map = self.map.subs(*value, **named) if self.map.is_symbolic else self.map
         point = (*arithmetic.rationals("x", x, map.dimension), Fraction(1))
         return arithmetic.fraction(self.value(map, [arithmetic.fmpq(a) for a in point]))
 

@@ -39,7 +39,7 @@ class KahanMap(RationalMap):
 
     def __init__(self, field: QuadraticField, eps: Fraction | None) -> None:
         self.field, self.eps = field, eps
-        self.dimension, self.is_symbolic = field.dimension, eps is None
+        self.dimension, self.letter = field.dimension, "eps" if eps is None else ""
         self.names = None if field.names == labels(field.dimension) else field.names
         self._parts: dict[tuple[int, ...], tuple[list[Any], Any]] = {}  # see `_matrices`
 
@@ -55,32 +55,15 @@ class KahanMap(RationalMap):
         """True: every Kahan map has the inverse with -eps."""
         return True
 
-    @public
-    def subs(self, eps: Any) -> KahanMap:
-        """Return the map for a value of eps.
+    def _at(self, value: Fraction) -> KahanMap:
+        return KahanMap(self.field, value)
 
-        Parameters
-        ----------
-        eps : int, Fraction, float or str
-            Step size; a float is taken exactly, a string may be "1/3" or "0.1".
-
-        Returns
-        -------
-        KahanMap
-
-        Raises
-        ------
-        TypeError, ValueError
-            If `eps` is no number.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField
-        >>> from suslov_fast.integrability import kahan
-        >>> kahan(QuadraticField([[[1]]])).subs(eps=1)([2])
-        (Fraction(-2, 1),)
-        """
-        return kahan(self.field, eps)
+    @property
+    def inverse_forms(self) -> list[Any]:
+        if self.eps is not None:
+            return self.inverse.forms  # type: ignore[no-any-return]
+        eps, *x = self.ring.gens()
+        return [F.compose(-eps, *x) for F in self.forms]
 
     def at_eps(self, eps: int) -> KahanMap:
         if not self.is_symbolic:

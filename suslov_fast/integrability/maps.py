@@ -16,18 +16,20 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..checks import integer
+from ..checks import integer, short, wrong
 from ..keywords import answers, public
 from . import arithmetic
 from .arithmetic import EPS, Point
-from .functions import RationalFunction, factored, traced
+from .functions import RationalFunction, factored, traced, value_of
 from .polynomials import (
     coprime,
     degree_of,
     determinant,
     divided_out,
     exponents_in_x,
+    homogenized,
     irreducible_factors,
+    modulo,
     polynomial_ring,
     sort_key,
     value_at,
@@ -35,6 +37,7 @@ from .polynomials import (
 
 TERMS = 300_000  # of the largest polynomial that is factored
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
+_POINTS = 3  # random points, whose common roots in eps are those of all points
 _SHAPES = {0: "a point", 1: "a curve", 2: "a surface"}  # by dimension
 
 
@@ -47,7 +50,7 @@ class RationalMap:
     was not given.
     """
 
-    is_symbolic = False  # whether eps is
+    letter = ""  # a symbol in the coefficients, such as eps
     _instead = ": pass the field itself; a rational map is only for the functions of integrability"
     names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
     inverse: Any
@@ -55,11 +58,19 @@ class RationalMap:
     hamiltonian: Any = None  # of the field of a Kahan map, as a polynomial
     modified_energy: Any = None  # the integral of such a map, if it is not constant
 
-    def __init__(self, forms: Sequence[Any], inverse: RationalMap | None = None) -> None:
+    def __init__(
+        self, forms: Sequence[Any], inverse: RationalMap | None = None, letter: str = ""
+    ) -> None:
         self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse
+        self.letter = letter
+
+    @property
+    def is_symbolic(self) -> bool:
+        """True if eps, or another letter, is symbolic."""
+        return bool(self.letter)
 
     def __repr__(self) -> str:
-        *numerators, denominator = map(factored, self.forms)
+        *numerators, denominator = (factored(F).renamed(None, self.letter) for F in self.forms)
         return f"rational_map({', '.join(str(F / denominator) for F in numerators)})"
 
     def __eq__(self, other: object) -> bool:
@@ -69,11 +80,74 @@ class RationalMap:
         return hash(self.dimension)  # cheap: points are cached by map
 
     def __reduce__(self) -> Any:
-        return RationalMap, (self.forms, self.inverse)
+        return RationalMap, (self.forms, self.inverse, self.letter)
+
+    @public
+    def subs(self, *value: Any, **named: Any) -> RationalMap:
+        """Return the map for a value of eps, or of another letter that is symbolic.
+
+        Parameters
+        ----------
+        *value, **named : int, Fraction, float or str
+            The value, by the name of the letter, as in ``subs(eps=1)``, or without one; a float is
+            taken exactly, a string may be "1/3" or "0.1".
+
+        Returns
+        -------
+        KahanMap or RationalMap
+
+        Raises
+        ------
+        TypeError, ValueError
+            If this is no number, or there is no letter of this name.
+        ArithmeticError
+            If there is no map for this value.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> from suslov_fast.integrability import kahan, rational_map
+        >>> kahan(QuadraticField([[[1]]])).subs(eps=1)([2])
+        (Fraction(-2, 1),)
+        >>> rational_map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, letter="h").subs(h=3)
+        rational_map(x2, (x2 + 3)/x1)
+        """
+        return self._at(value_of(self.letter or "eps", value, named))
+
+    def _at(self, value: Fraction) -> RationalMap:
+        if not self.is_symbolic:
+            raise TypeError(f"{self} has no letter: its coefficients are numbers")
+        at_number = [modulo(F, 0, arithmetic.fmpq(value)) for F in self.forms]
+        scale = math.lcm(*(int(c.q) for F in at_number for c in F.coeffs()))
+        ring = polynomial_ring(self.dimension, False)
+        forms = [
+            ring.from_dict({e: (c * scale).p for e, c in F.to_dict().items()}) for F in at_number
+        ]
+        if not any(forms) or forms[-1] == 0:
+            raise ArithmeticError(f"{self} is no map at {self.letter} = {value}")
+        return RationalMap(coprime(forms), self.inverse and self.inverse._at(value))
 
     def at_eps(self, eps: int) -> RationalMap:
         """Return the map for a number eps if it is symbolic, else the map itself."""
-        return self
+        return self._at(Fraction(eps)) if self.is_symbolic else self
+
+    @property
+    def inverse_forms(self) -> list[Any]:
+        """The forms of the inverse map."""
+        return self.inverse.forms  # type: ignore[no-any-return]
+
+    @cached_property
+    def degenerate_eps(self) -> tuple[Fraction, ...]:
+        """The rational values of a symbolic letter without a map, or where det DPhi is 0 for all x.
+
+        They are roots of F_0^(D + 1) det DPhi for all x: here for a few x.
+        """
+        rng, common = random.Random(0), self.ring.constant(0)
+        rows = determinant(self._rows())
+        for _ in range(_POINTS):
+            x = [self.ring.constant(a) for a in rng.sample(range(2, 10**6), self.dimension)]
+            common = common.gcd(rows.compose(*self.ring.gens()[:1], *x))
+        return factored(common).special
 
     @cached_property
     def coefficients(self) -> list[int]:
@@ -96,6 +170,8 @@ class RationalMap:
 
     def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
         """Return F, up to a common factor, at homogeneous coordinates: numbers or polynomials."""
+        if self.is_symbolic:
+            return [self.pullback(F, self.degree, x) for F in self.forms]
         return [value_at(F, x, self.degree) for F in self.forms]
 
     def coprime_image(self, x: Sequence[Any]) -> list[Any]:
@@ -144,7 +220,8 @@ class RationalMap:
         x = arithmetic.rationals("point", point, self.dimension)
         scale = math.lcm(*(a.denominator for a in x))  # of homogeneous coordinates (x, 1)
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
-        *numerators, denominator = map(factored, self.homogeneous_image(constants))
+        image = (factored(F) for F in self.homogeneous_image(constants))
+        *numerators, denominator = (F.renamed(self.names, self.letter) for F in image)
         return tuple(a / denominator for a in numerators)
 
     @public
@@ -206,7 +283,8 @@ class RationalMap:
 
     def _numbers(self, point: Any) -> list[Any]:
         if self.is_symbolic:
-            raise TypeError("eps is symbolic here: set it by map.subs(eps=Fraction(1, 3))")
+            how = f"set it by map.subs({self.letter}=Fraction(1, 3))"
+            raise TypeError(f"{self.letter} is symbolic here: {how}")
         x = arithmetic.rationals("point", point, self.dimension)
         return [arithmetic.fmpq(a) for a in (*x, 1)]
 
@@ -264,11 +342,7 @@ class RationalMap:
 
     def pullback(self, P: Any, degree: int, forms: Sequence[Any] | None = None) -> Any:
         """Return F_0^degree P(F / F_0), with the forms F of the map or with other ones."""
-        eps = self.ring.gens()[: self.is_symbolic]
-        terms = zip(P.monoms(), exponents_in_x(P), P.coeffs(), strict=True)
-        homogeneous = {(*e, degree - sum(in_x)): c for e, in_x, c in terms}
-        ring = polynomial_ring(self.dimension + 1, self.is_symbolic)
-        return ring.from_dict(homogeneous).compose(*eps, *(forms or self.forms), ctx=self.ring)
+        return homogenized(P, degree, forms or self.forms, self.ring)
 
     def terms_of_degree(self, degree: int) -> int:
         """Return the number of terms of a polynomial of a degree in x, and in eps."""
@@ -301,8 +375,11 @@ class RationalMap:
         """Return det DPhi in factors; None if they are too long."""
         # F_0^(D + 1) det DPhi is the determinant of the matrix of derivatives of F and F itself.
         n = self.dimension
-        rows = [[*(F.derivative(i) for i in range(n)), F] for F in self.forms]
-        return factored(determinant(rows)) / factored(self.forms[-1]) ** (n + 1)
+        return factored(determinant(self._rows())) / factored(self.forms[-1]) ** (n + 1)
+
+    def _rows(self) -> list[list[Any]]:
+        places = range(self.is_symbolic, self.is_symbolic + self.dimension)
+        return [[*(F.derivative(i) for i in places), F] for F in self.forms]
 
     @cached_property
     def jacobian_cofactor(self) -> RationalFunction | None:
@@ -353,7 +430,11 @@ class RationalMap:
 
 @public
 def rational_map(
-    f: Callable[[Any], Any], dimension: int, inverse: Callable[[Any], Any] | None = None
+    f: Callable[..., Any],
+    dimension: int,
+    inverse: Callable[..., Any] | None = None,
+    *,
+    letter: str = "",
 ) -> RationalMap:
     """Return the birational map of a function, for the same searches as Kahan maps.
 
@@ -368,6 +449,9 @@ def rational_map(
     inverse : callable, optional
         The inverse map, given in the same way; ``inverse(f(x)) = x`` is checked. Without it the
         map may not be birational, and `RationalMap.inverse` is None.
+    letter : str, optional
+        The name of an argument of f and of `inverse` after x: it stays symbolic, as eps does in
+        `kahan`. What is found then holds for general values, and `subs` sets one.
 
     Returns
     -------
@@ -391,11 +475,14 @@ def rational_map(
     ((x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2),)
     """
     n = integer("dimension", dimension, 1)
-    forms = traced("f", f, n)
+    if not isinstance(letter, str) or (letter and not letter.isidentifier()):
+        raise wrong("letter", "the name of an argument of f", short(letter))
+    forms = traced("f", f, n, letter)
     if inverse is None:
-        return RationalMap(forms)
-    backward = traced("inverse", inverse, n)
-    map = RationalMap(forms, RationalMap(backward, RationalMap(forms)))
+        return RationalMap(forms, letter=letter)
+    backward = traced("inverse", inverse, n, letter)
+    inverse_map = RationalMap(backward, RationalMap(forms, None, letter), letter)
+    map = RationalMap(forms, inverse_map, letter)
     # The inverse takes images back, as an identity.
     *numerators, denominator = map.inverse.homogeneous_image(forms)
     if denominator == 0 or numerators != [x * denominator for x in map.variables[:-1]]:

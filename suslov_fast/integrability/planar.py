@@ -18,6 +18,7 @@ from ..checks import integer, wrong
 from ..keywords import answers, public
 from .confinement import is_proved
 from .contracted import Passage, Plane, passages_across
+from .functions import IDENTITY, RationalFunction
 from .growth import agreed_degrees, check_degrees, rational_series
 from .maps import RationalMap, check_map
 from .monomials import degrees_of_monomials, exponents_of_monomials
@@ -67,9 +68,9 @@ class PlanarEntropy:
     The entropy is the logarithm of the largest root of `polynomial`, the characteristic polynomial
     of the action on the plane blown up at the points of the confined orbits; `minimal` is its
     factor with this root. `degrees` are those of the first iterates, as they follow from it. If
-    `proved`, the entropy is exact. Else `entropy_error` is the difference that it would make if the
-    orbits that are not decided were confined at the first step that was not computed. Without an
-    entropy, `reason` says why there is none.
+    `proved`, the entropy is exact, and `entropy_error` 0. Else this is the difference that it would
+    make if the orbits that are not decided were confined at the first step that was not computed,
+    or NaN if that makes none. Without an entropy, `reason` says why there is none.
     """
 
     contractions: tuple[Contraction, ...] = ()
@@ -91,6 +92,14 @@ class PlanarEntropy:
     def root(self) -> float | None:
         """The limit of the ratio of consecutive degrees: the largest root of `polynomial`."""
         return None if self.entropy is None else math.exp(self.entropy)
+
+    @property
+    def certainty(self) -> str:
+        """Whether the entropy is proved, in words, and its error if it is known."""
+        if self.proved:
+            return "proved"
+        error = self.entropy_error
+        return "not proved" if math.isnan(error) else f"not proved, error {error:.1g}"
 
     def contradiction(self, degrees: Sequence[int]) -> str:
         """Return how the degrees of the first iterates contradict this object, or it itself; or "".
@@ -119,10 +128,9 @@ class PlanarEntropy:
     def __repr__(self) -> str:
         if self.entropy is None:
             return f"PlanarEntropy(none: {self.reason})"
-        how = "proved" if self.proved else f"not proved, error {self.entropy_error:.1g}"
         root = f", the largest root of {self.minimal}" if self.entropy else ""
         lines = "".join(f"\n  {curve}" for curve in self.contractions)
-        return f"PlanarEntropy({self.entropy:.10g}{root}; {how}){lines}"
+        return f"PlanarEntropy({self.entropy:.10g}{root}; {self.certainty}){lines}"
 
 
 @public
@@ -133,9 +141,10 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     an image, the singularity may be confined, and the degrees of iterates are lower; how much
     follows from the lengths of these orbits (Diller and Favre 2001). All orbits are followed for
     80 steps modulo primes, two of which must agree. Then confinement is confirmed over the
-    rational numbers, or the number field of conjugate lines. An orbit is never confined if it is
-    periodic modulo a small prime, with images at all points, or if it stays on an invariant line,
-    on which a power of the map is a Moebius transformation, and never meets a base point. The
+    rational numbers, or a number field for conjugate lines and conics. An orbit is never confined
+    if it is periodic modulo a small prime, with images at all points, or if it stays on an
+    invariant line, on which a power of the map is a Moebius transformation, and never meets a base
+    point. The
     entropy of a monomial map is the logarithm of the spectral radius of its exponents (Hasselblatt
     and Propp 2007); its curves are not followed. An entropy that is not proved is compared with
     the degrees of iterates on random lines, and not given if they contradict it.
@@ -221,6 +230,21 @@ def _of_monomials(A: Sequence[Sequence[int]]) -> PlanarEntropy:
     return replace(found, entropy_error=0.0, proved=True, based_on=based_on)
 
 
+def proved_by_integral(
+    found: PlanarEntropy | None, integrals: Sequence[RationalFunction]
+) -> PlanarEntropy | None:
+    """Return the entropy 0 if a first integral is known by identity, else what was found.
+
+    A birational map of the plane that preserves a fibration has entropy 0 (Diller and Favre 2001).
+    """
+    proofs = [f for f in integrals if f.basis == IDENTITY]
+    if not proofs or found is None or found.proved:
+        return found
+    known = found if found.entropy == 0 else PlanarEntropy(found.contractions)
+    facts = {"minimal": _in_x(flint.fmpz_poly([-1, 1])), "based_on": f"the integral {proofs[0]}"}
+    return replace(known, entropy=0.0, entropy_error=0.0, proved=True, **facts)
+
+
 def _few_degrees(map: RationalMap, seed: int) -> Iterator[int]:
     """Yield the degrees of iterates on random lines as long as they take little time."""
     for degree in islice(agreed_degrees(map, seed), _DEGREES):
@@ -248,8 +272,8 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
     if passage.endless:
         how = "again and again at points without an image, by a rule that the first steps show"
     elif length is not None:
-        field = "rationals" if plane.degrees[number] == 1 else "field of a point of the curve"
-        how = f"exact over the {field}" if exact else "modulo two primes, at random points"
+        field = "the rationals" if plane.degrees[number] == 1 else "a number field"
+        how = f"exact over {field}" if exact else "modulo two primes, at random points"
     elif reason := why_never(plane, number, passage):
         how = reason if exact else f"{reason}; orders modulo two primes, at random points"
     else:
@@ -350,15 +374,16 @@ def _error(
 ) -> float:
     """Return how much less the entropy is if undecided orbits are confined at the next step.
 
-    Orbits without an end count as if they ended with the steps that were computed.
+    Orbits without an end count as if they ended with the steps that were computed. NaN if that
+    makes no difference, which is no proof.
     """
     if any(passage.endless for passage in passages):
         ended = [passage._replace(endless=False) for passage in passages]
         _, other = _factor_with_largest_root(_polynomial(plane, ended))
-        return abs(math.log(root / other))
+        return abs(math.log(root / other)) or math.nan
     undecided = [k for k, curve in enumerate(contractions) if not curve.proved and not curve.length]
     if root == 1 or not undecided:
-        return 0.0
+        return math.nan
     confined = [*passages]
     for k in undecided:
         confined[k] = _confined_next(passages[k], len(passages))

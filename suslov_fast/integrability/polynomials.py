@@ -1,6 +1,7 @@
-"""Polynomials with integer coefficients in x1, ..., xD, with `eps` before them if it is symbolic.
+"""Polynomials with integer coefficients in x1, ..., xD, with a letter before them if there is one.
 
-They are those of python-flint; modulo a prime and at a number eps their variables are x1, ..., xD.
+The letter is `eps` in computations, and has its own name in results. They are those of
+python-flint; modulo a prime and at a number eps their variables are x1, ..., xD.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from .arithmetic import EPS, prime_for
 
 Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
+
+_LETTER = "_letter_"  # before the name of a letter other than eps
 
 
 def _from_terms(names: Any, terms: Any) -> Any:
@@ -48,24 +51,34 @@ def _ring(n: int, symbolic: bool, context: Any, *modulus: int) -> Any:
     return context.get(names, *modulus, ordering="deglex")
 
 
-def renamed(P: Any, names: Sequence[str] | None) -> Any:
-    """Return a polynomial in x1, ..., xD as one in variables with other names.
+def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:
+    """Return a polynomial in x1, ..., xD as one in variables with other names, and its letter.
 
     python-flint takes names in ASCII only: others are encoded, and `decoded` in formulas.
     """
-    if names is None:
+    old, symbolic = P.context().names(), has_eps(P)
+    first = old[:symbolic] if letter in ("", "eps") else [_LETTER + letter] * symbolic
+    new = (*first, *(old[symbolic:] if names is None else names))
+    if new == old:
         return P
-    encoded = (re.sub(r"[^\x00-\x7f]", lambda a: f"_u{ord(a[0]):x}_", name) for name in names)
-    return _from_terms((*["eps"] * has_eps(P), *encoded), P.to_dict())
+    encoded = (re.sub(r"[^\x00-\x7f]", lambda a: f"_u{ord(a[0]):x}_", name) for name in new)
+    return _from_terms((*encoded,), P.to_dict())
+
+
+def letter_of(P: Any) -> str:
+    """Return the name of the letter of a polynomial; "" if it has none."""
+    return decoded(P.context().names()[0]) if has_eps(P) else ""
 
 
 def decoded(text: str) -> str:
     """Return a text of polynomials with the names of their variables as the user wrote them."""
+    text = text.replace(_LETTER, "")
     return re.sub(r"_u([89a-f][0-9a-f]|[0-9a-f]{3,6})_", lambda code: chr(int(code[1], 16)), text)
 
 
 def has_eps(P: Any) -> bool:
-    return bool(P.context().names()[:1] == ("eps",))
+    first = P.context().names()[:1]
+    return first == ("eps",) or any(name.startswith(_LETTER) for name in first)
 
 
 def variables_of(P: Any) -> int:
@@ -182,6 +195,15 @@ def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
         exponents = [(*e, degree - sum(e)) for e in exponents]
     terms = zip(P.coeffs(), monomial_values(exponents, x), strict=True)
     return sum((int(c) * a for c, a in terms), 0 * x[-1])
+
+
+def homogenized(P: Any, degree: int, forms: Sequence[Any], ring: Any) -> Any:
+    """Return ``F_0^degree P(F / F_0)`` for polynomials F_1, ..., F_0 of a ring with its letter."""
+    symbolic = has_eps(P)
+    terms = zip(P.monoms(), exponents_in_x(P), P.coeffs(), strict=True)
+    homogeneous = {(*e, degree - sum(in_x)): c for e, in_x, c in terms}
+    of_forms = polynomial_ring(len(forms), symbolic).from_dict(homogeneous)
+    return of_forms.compose(*ring.gens()[:symbolic], *forms, ctx=ring)
 
 
 def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> list[Any]:

@@ -15,10 +15,11 @@ from typing import Any
 
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
+from ..bodies.nd import SuslovND
 from ..checks import integer, is_false, kind_of, real_number, wrong
 from ..keywords import answers, public
 from .arguments import check_unknowns, progress_function
-from .decimals import as_decimal, in_decimals, note_on_floats
+from .decimals import as_decimal, in_decimals
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .implicit import ImplicitIntegral
@@ -87,7 +88,7 @@ class Report:
         if planar is None or planar.entropy is None or by_degrees.entropy_error > 0:
             return by_degrees
         error = abs(planar.entropy - by_degrees.entropy)
-        if error <= planar.entropy_error + _ROUNDING:
+        if error <= max(0.0, planar.entropy_error) + _ROUNDING:  # which may be NaN
             return by_degrees
         based_on = f"{by_degrees.based_on}, by accident, as the contracted curves show"
         return by_degrees._replace(entropy_error=error, based_on=based_on)
@@ -148,12 +149,11 @@ class Report:
         if planar is None:
             return []
         if planar.entropy is None:
-            return [f"Entropy from contracted curves: none, {planar.reason}"]
-        how = "proved" if planar.proved else f"not proved, error {planar.entropy_error:.1g}"
+            return [f"Entropy: none, {planar.reason}"]
         root = f", log of the largest root of {planar.minimal}" if planar.entropy else ""
         lengths = ", ".join("not confined" if n is None else str(n) for n in planar.lengths)
-        orbits = f"; lengths of their orbits: {lengths}" if lengths else ""
-        return [f"Entropy from contracted curves ({how}): {planar.entropy:.6g}{root}{orbits}"]
+        orbits = f"; lengths of the orbits of contracted curves: {lengths}" if lengths else ""
+        return [f"Entropy ({planar.certainty}): {planar.entropy:.6g}{root}{orbits}"]
 
     def _lines_of_implicit_integrals(self) -> list[str]:
         """Return how many integrals are written, and the degrees of the others."""
@@ -236,7 +236,7 @@ def report(
     eps: Any = None,
     degree: int = 3,
     *,
-    decimals: bool = False,
+    decimals: bool = True,
     time_limit: float | None = None,
     seed: int = 0,
     progress: Any = None,
@@ -257,7 +257,8 @@ def report(
     degree : int, optional
         Largest degree of polynomials, by default 3.
     decimals : bool, optional
-        If True, floats are read as decimals (0.1 is 1/10), not as binary numbers.
+        If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10.
+        If False, they are binary numbers.
     time_limit : float, optional
         Limit in seconds; the report then contains the results found so far. With a limit the search
         runs in a separate process from its start. Without one the report does not depend on `seed`.
@@ -336,5 +337,7 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
     if decimals and not exact.shape:
         exact = in_decimals(field)
         eps = as_decimal(eps) if isinstance(eps, float) else eps
-    map = kahan(exact, eps)
-    return map, [] if decimals else note_on_floats(field, map.eps)
+    notes = []
+    if isinstance(field, SuslovND) and (count := field.reduced()[0].dimension) < field.dimension:
+        notes.append(f"J has equal entries: SuslovND.reduced leaves {count} coordinates.")
+    return kahan(exact, eps), notes

@@ -20,10 +20,9 @@ from .functions import IDENTITY, MODULAR, RationalFunction, factored, independen
 from .growth import degrees_of_iterates
 from .implicit import ImplicitIntegral
 from .invariants import Invariants
-from .kahan import KahanMap
 from .maps import LONGEST, RationalMap
 from .normal_form import NormalForms
-from .planar import PlanarEntropy, entropy_of_planar_maps
+from .planar import PlanarEntropy, entropy_of_planar_maps, proved_by_integral
 from .polynomials import (
     Polynomials,
     degree_of,
@@ -77,13 +76,14 @@ class Search:
     def fill(self, report: Any) -> None:
         """Put what is known into a report."""
         report.degrees, report.relations = self.degrees, self.relations
+        names = self.map.names, self.map.letter
         for name in ("integrals", "measures", "polynomials"):
-            functions = getattr(self.known, name)
-            setattr(report, name, tuple(f.renamed(self.map.names) for f in functions))
+            setattr(report, name, tuple(f.renamed(*names) for f in getattr(self.known, name)))
         report.implicit = self.known.implicit
-        report.symmetries, report.planar = self.symmetries, self.planar
+        report.symmetries = self.symmetries
+        report.planar = proved_by_integral(self.planar, self.known.integrals)
         report.searched = [*self._searched()]
-        if isinstance(self.map, KahanMap) and self.map.is_symbolic:
+        if self.map.is_symbolic:
             formulas = (*report.integrals, *report.measures, *report.polynomials)
             special = {eps for f in formulas for eps in f.special}
             report.special_eps = tuple(sorted(special.union(self.map.degenerate_eps)))

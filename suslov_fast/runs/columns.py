@@ -15,7 +15,7 @@ from ..checks import wrong
 from ..engine.status import PENDING
 
 # Version of files and stores.
-FORMAT = 11
+FORMAT = 12
 # Names that begin with _ are what a run continues from: files have them, datasets do not.
 _PRIVATE = "_"
 
@@ -68,6 +68,7 @@ CROSSINGS = (
     Column("before", "float64", "crossing component", "state n"),
     Column("after", "float64", "crossing component", "state n + 1"),
     Column("fraction", "float64", "crossing"),
+    Column("over_pole", "bool", "crossing", "the step has a pole within its length"),
     Column("count", "int64", "batch"),
     *(column for column in RUN if column.name in ("final", "failed_at", "first_pole", "status")),
     Column("_carry", "float64", "carried trajectory"),

@@ -61,7 +61,7 @@ def to_xarray(
     variables["component"] = "component", np.array(body._labels, object)
     coordinates = [*body._coordinates, *({*batch} & {*parameters})]
     for name, array in parameters.items():
-        inner = ("component",)[: array.ndim - count] if name != _VALUES else _OF_TERMS[1:]
+        inner = _inner(name, array.ndim - count) if name != _VALUES else _OF_TERMS[1:]
         variable = xarray.Variable((*batch, *inner), array)
         constant = [axis for axis in batch if variable.sizes[axis] == 1 and axis != name]
         variables[name] = variable.squeeze(constant)
@@ -81,6 +81,11 @@ def to_xarray(
                 raise wrong("coords", f"have {expected} values along {dim}", f"{length}, {name}")
     dataset = with_time(dataset.assign_coords(coords or {}))
     return dataset if with_terms else as_columns(dataset)
+
+
+def _inner(name: str, axes: int) -> tuple[str, ...]:
+    """Return the dimensions of a parameter: none, those of a vector, or those of a matrix."""
+    return ("component", *(f"{name}_{k}" for k in range(1, axes)))[:axes]
 
 
 def _arguments_of(result: Any) -> dict[str, Any]:
@@ -193,8 +198,7 @@ def crossings_to_xarray(points: Any) -> Any:
     coords |= {name: ("crossing", getattr(points, name)) for name in ("trajectory", "n", "time")}
     coords["eps"] = "crossing", points._at_crossings(np.asarray(points.eps))
     for name, values in varying(body).items():
-        if (axes := body._axes.get(name, 0)) < 2:  # a number, or a vector such as J
-            dims = ("crossing", "component")[: axes + 1]
-            coords[name] = dims, points._at_crossings(values, axes)
+        axes = body._axes.get(name, 0)
+        coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
     attributes = {"title": map.title, "map": map.name, "version": __version__}
     return dataset(variables, coords, attributes | _arguments_of(points))

@@ -349,7 +349,9 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
     width = 8 * max(data.sizes["component"], data.sizes.get("space", 0) ** 2)
     default = min(_CHUNK // (width * lengths["n"]), _WORK // (data.attrs["steps"] + 1))
     by_axis = chunk if isinstance(chunk, Mapping) else {}
-    left = max(_FEWEST, default) if chunk is None or by_axis else chunk
+    arrays = len(json.loads(data.attrs["tiled"]))
+    fewest = max(_FEWEST, 4 * data.status.size * arrays // metadata.MOST_CHUNKS)
+    left = max(fewest, default) if chunk is None or by_axis else chunk
     if unknown := by_axis.keys() - lengths:
         raise wrong("chunk", expected, ", ".join(repr(name) for name in unknown))
     sizes: dict[str, int] = {}
@@ -360,4 +362,8 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
         parts = math.ceil(length / most) or 1  # of equal size, so that no chunk is half empty
         sizes[name] = math.ceil(length / parts) or 1
         left = max(1, left // sizes[name])
+    chunks = math.prod(math.ceil(length / sizes[name]) for name, length in lengths.items())
+    if chunks * arrays > metadata.MOST_CHUNKS:
+        expected = f"so large that a store has at most {metadata.MOST_CHUNKS} chunks"
+        raise wrong("chunk", expected, f"{chunk}, for {chunks} tiles")
     return sizes

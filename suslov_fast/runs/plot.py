@@ -143,7 +143,7 @@ def _in_place_of(run: Any, components: Any) -> str:
     quantities = ("energy", "modified_energy", "first_integral", "criticality")
     if isinstance(components, (tuple, list)):
         if any(isinstance(each, (tuple, list)) for each in components):
-            return ": draw one after the other, ax = run.plot(0, 1) and run.plot(0, 2, ax=ax)"
+            return ": draw one after the other, on the axes that the first plot returns"
         for name in filter(run.body.parameters.__contains__, components):
             values = f"body.parameters[{name!r}]"
             drawn = f"run.{values}, run.{run.map.variable}[-1, :, 0]"

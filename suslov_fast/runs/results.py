@@ -50,8 +50,8 @@ INSTEAD_IN_RUNS = {
         "run.status and run.failed_at, with a Status for each trajectory",
     ),
     **dict.fromkeys(
-        ("df", "to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
-        "run.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
+        ("to_netcdf", "to_zarr"),
+        "run.to_xarray(), whose Dataset has them",
     ),
 }
 # Attributes of runs and of SciPy's results, and what crossings have.
@@ -70,8 +70,8 @@ INSTEAD_IN_CROSSINGS = {
     "energy": "suslov_fast.energy(crossings.body, crossings.states)",
     "message": "crossings.status and crossings.failed_at, with a Status for each trajectory",
     **dict.fromkeys(
-        ("df", "to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
-        "crossings.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
+        ("to_netcdf", "to_zarr"),
+        "crossings.to_xarray(), whose Dataset has them",
     ),
     "parameters": "crossings.body.parameters, or the coordinates of crossings.to_xarray()",
 }

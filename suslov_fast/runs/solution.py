@@ -1,6 +1,6 @@
 """The closed form of the map (Theorem 1), of the flow, and of the limits of orbits.
 
-An integrable body in n dimensions is reduced to one in three first, see `maps.formulas`.
+An integrable body in n dimensions is reduced to one in three first, see `bodies.reduction`.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from .motion import checked_tolerance, motion
 _SLICE = 2**21
 # Costs of preparing an orbit and of computing a state, in steps of the three-dimensional map.
 _ORBIT_COST, _STATE_COST = 64, 8
+_IN_PYTHON = 1e-4  # seconds of Python for a state, of which it computes 128 at least
 # Reasons for missing states, in the order of the kernel's flags.
 _REASONS = (
     ("no state for t >= 1 if n is not an integer, or |n| > 2**53", RuntimeWarning),
@@ -238,6 +239,8 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatAr
 
 def _checked_times(name: str, value: Any) -> FloatArray:
     """Return a number, or an array of one axis."""
+    if name == "n" and np.ndim(value) == 0 and value in (np.inf, -np.inf):
+        raise wrong("n", "finite", f"{value}: limits returns the limits of an orbit")
     times = np.asarray(real_number(name, value))
     if times.ndim > 1:
         raise wrong(name, "a number or a 1-D array", f"an array of shape {times.shape}")
@@ -263,7 +266,9 @@ def _states_at(
     for row in range(0, times.size, rows):
         slice_times = flat_times[row : row + rows]
         work = len(starts) * (_ORBIT_COST + _STATE_COST * len(slice_times))
-        call_kernel(closed_form.states, work, threads, *orbits, slice_times, states[row:], reasons)
+        data = *orbits, slice_times, states[row:], reasons
+        seconds = _IN_PYTHON * (128 + len(starts) * len(slice_times))
+        call_kernel(closed_form.states, work, threads, *data, seconds=seconds)
     if np.count_nonzero(reasons):  # faster than `any`, which matters in small calls
         for flags, (reason, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():

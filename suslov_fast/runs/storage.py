@@ -351,7 +351,11 @@ def _text(entries: zipfile.ZipFile, name: str) -> str:
 
 def _entry(entries: zipfile.ZipFile, name: str) -> Any:
     """Return the array of an entry, C-contiguous and in native byte order."""
-    require(entries.getinfo(f"{name}.npy").file_size, "this file needs as many")
+    entry = entries.getinfo(f"{name}.npy")
+    if entry.file_size > max(_MOST_BODY, _RATIO * entry.compress_size):  # `save` compresses nothing
+        received = f"{entry.file_size:,} bytes from {entry.compress_size:,}"
+        raise wrong(name, f"an array compressed at most {_RATIO} times", received)
+    require(entry.file_size, "this file needs as many")
     with entries.open(f"{name}.npy") as file:
         array = np.lib.format.read_array(file)
     return np.asarray(array, array.dtype.newbyteorder("="), order="C")

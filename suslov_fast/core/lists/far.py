@@ -50,15 +50,16 @@ def _in_numpy(part):
 # Instructions (x, usual) for n and the parts of r, which are `usual` unless LIMIT <= x < inf.
 PARTS = {name: _in_numpy(k) for k, name in enumerate(("far_quarters", "far_high", "far_low"))}
 
-KIND = "{ double, double, double }"  # of n and the parts of r
-
 
 def text_of_far(pointer):
-    """Return the text of `remainder` for LLVM; pointer(kind) is the type of an address."""
+    """Return the text of a function for LLVM: the value of `remainder` with this number.
+
+    pointer(kind) is the type of an address.
+    """
     # The table has zeros after the bits of 2 / pi, for the last windows.
     return f"""\
 @far_table = internal constant i1344 {_PER_QUARTER}
-define internal {KIND} @far(double %x) #0 {{
+define internal double @far(double %x, i64 %number) #0 {{
   %bits = bitcast double %x to i64
   %exponent = lshr i64 %bits, 52
   %fraction = and i64 %bits, {2**52 - 1}
@@ -108,9 +109,10 @@ define internal {KIND} @far(double %x) #0 {{
   %low = fmul double %d_low, %f_low
   %n64 = trunc i192 %n to i64
   %quarter = uitofp i64 %n64 to double
-  %with_n = insertvalue {KIND} undef, double %quarter, 0
-  %with_high = insertvalue {KIND} %with_n, double %high, 1
-  %all = insertvalue {KIND} %with_high, double %low, 2
-  ret {KIND} %all
+  %is_n = icmp eq i64 %number, 0
+  %is_high = icmp eq i64 %number, 1
+  %part = select i1 %is_high, double %high, double %low
+  %value = select i1 %is_n, double %quarter, double %part
+  ret double %value
 }}
 """

@@ -3,7 +3,7 @@
 Each function takes `emit`, which adds an operation and returns the number of its value
 (`operations.Values`), and the numbers of its operands, and returns the number of its value. Lists
 have no branches and no FMA, so their bits are the same wherever they are carried out. Errors are
-at most 1 ulp, those of pow at most 2; special values are those of the C library.
+at most 1 ulp; special values are those of the C library.
 
 A number in two parts is a sum high + low, whose low part has less than an ulp of the high one.
 Coefficients of polynomials are minimax, by the algorithm of Remez with 300 bits, each rounded to a
@@ -223,12 +223,18 @@ def exp2(emit, x):
 
 
 def expm1(emit, x):
-    """Return exp(x) - 1 = 2**n ((1 - 2**-n) + (exp(r) - 1))."""
+    """Return exp(x) - 1 = 2**n ((1 - 2**-n) + (exp(r) - 1)).
+
+    1 - 2**-n and r may cancel, so r**2 is in two parts.
+    """
     given = Number(emit, x)
     n, r, low = _less_log_2(given.within(-50.0, 710.0))
-    high, rest = _difference(1.0, _power_of_two(-1.0 * n.within(-99.0, 99.0)))
-    high, other = _sum(high, r)
-    low = (rest + other) + (low + (r * r) * _polynomial(_EXP, r))
+    z, error = _square(r)
+    of_cube = (r * z) * _polynomial(_EXP[1:], r)
+    high, first = _difference(1.0, _power_of_two(-1.0 * n.within(-99.0, 99.0)))
+    high, second = _sum(high, r)
+    high, third = _sum(high, 0.5 * z)
+    low = ((first + second) + third) + ((low + 0.5 * error) + of_cube)
     return given.equals(0.0).select(given, _scaled(high + low, n)).number
 
 
@@ -470,7 +476,7 @@ def hypot(emit, x, y):
     result = a.equals(0.0).select(a, root * back)
     total = x + y
     result = total.equals(total).select(result, total)
-    return a.equals(_INFINITY).select(a, b.equals(_INFINITY).select(b, result)).number
+    return (x.equals(_INFINITY) | y.equals(_INFINITY)).select(_INFINITY, result).number
 
 
 # ------------------------------------------------------------------------------------- angles
@@ -482,7 +488,7 @@ _QUARTER = tuple(map(float.fromhex, (
     "0x1.921fb00000000p+0", "0x1.5110b00000000p-22", "0x1.1846980000000p-44",
     "0x1.3198800000000p-69", "0x1.1701b839a2520p-88",
 )))  # fmt: skip
-# (1 - sin(r) / r) / r**2 with its sign changed, and (cos(r) - 1 + r**2 / 2) / r**4, of r**2
+# (sin(r) - r) / r**3 and (cos(r) - 1 + r**2 / 2) / r**4, of r**2
 _SIN = tuple(map(float.fromhex, (
     "-0x1.5555555555549p-3", "0x1.111111110f892p-7", "-0x1.a01a019c1219dp-13",
     "0x1.71de3576bbc75p-19", "-0x1.ae5e64a8f48c2p-26", "0x1.5d925ec785876p-33",
@@ -504,13 +510,15 @@ def _less_quarters(x):
     return n + _SHIFT, high, low
 
 
-def _sine_and_cosine(x):
+def _sine_and_cosine(x, of_tangent=False):
     """Return n + _SHIFT, and sin(r) and cos(r) in two parts, for x >= 0."""
     n, r, low = _less_quarters(x)
     z = r * r
-    half = 0.5 * z
-    cosine, rest = _difference(1.0, half)
-    sine = r, r * (z * _polynomial(_SIN, z)) + low * cosine
+    cosine, rest = _difference(1.0, 0.5 * z)
+    if of_tangent:  # the errors of both, and of their quotient, make 1 ulp without that of r**2
+        rest = rest - 0.5 * _square(r)[1]
+    cube = r * z
+    sine = r, cube * _SIN[0] + (cube * (z * _polynomial(_SIN[1:], z)) + low * cosine)
     return n, sine, (cosine, rest + ((z * z) * _polynomial(_COS, z) - r * low))
 
 
@@ -543,7 +551,7 @@ def cos(emit, x):
 def tan(emit, x):
     """Return the tangent, as the quotient of sine and cosine, or of minus cosine and sine."""
     x = Number(emit, x)
-    n, sine, cosine = _sine_and_cosine(abs(x))
+    n, sine, cosine = _sine_and_cosine(abs(x), of_tangent=True)
     is_odd = _is_odd(n)
     above = [is_odd.select(a, b) for a, b in zip(cosine, sine, strict=True)]
     below = [is_odd.select(-1.0 * a, b) for a, b in zip(sine, cosine, strict=True)]

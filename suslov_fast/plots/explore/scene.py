@@ -90,10 +90,12 @@ def as_answer(scene: Callable[[], dict[str, Any]], names: Sequence[str]) -> dict
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return dict(_json_values(scene()))
-    except (ValueError, ArithmeticError) as error:
+    except Exception as error:  # the user's function may raise anything
+        is_told = isinstance(error, (ValueError, ArithmeticError))
+        text = str(error) if is_told else f"{type(error).__name__}: {error}"
         # Messages begin with the names of the wrong arguments.
-        found = re.split(": | must ", str(error), maxsplit=1)[0].split(", ")
-        return {"error": str(error), "fields": [name for name in found if name in names]}
+        found = re.split(": | must ", text, maxsplit=1)[0].split(", ")
+        return {"error": text, "fields": [name for name in found if name in names]}
 
 
 def _scene(parameters: Parameters) -> dict[str, Any]:

@@ -17,7 +17,8 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from .columns import Column
 from .definitions import HALF, ONE, Definitions, brief, number, product, variable
-from .polynomials import COMPARISONS, HOW, Polynomial, exact
+from .polynomials import HOW, Polynomial, exact
+from .texts import COMPARISONS
 
 
 class NotSmooth(TypeError):

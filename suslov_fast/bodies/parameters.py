@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from .columns import Column, Refused, alone
 from .definitions import Definitions, in_brackets
 from .expressions import RULES, Expression
-from .polynomials import COMPARISONS
+from .texts import COMPARISONS
 
 
-class Parameter(Column):
+class Parameter(NDArrayOperatorsMixin, Column):
     """A column of a family of lifted fields, which knows its text, and functions of columns."""
 
     def __init__(self, values: Any, definitions: Definitions, text: str) -> None:

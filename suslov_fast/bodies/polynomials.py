@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
 from itertools import product
 from numbers import Rational
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ..checks import (
     OTHERS,
@@ -29,6 +28,7 @@ from ..checks import (
 from .bounds import LARGEST_EXPONENT, LONGEST_NUMBER
 from .columns import Column
 from .names import check_parameter, labels
+from .texts import COMPARISONS
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -138,9 +138,6 @@ def from_text(text: str) -> Fraction:
         raise ValueError(text) from error
 
 
-# Functions that become quadratic as a new variable, and those that need one for a quotient, too.
-_AS_VARIABLES = set("exp exp2 expm1 sinh cosh tanh tan".split())
-_WITH_QUOTIENTS = set("log log2 log10 log1p sqrt cbrt hypot arctan logaddexp2 float_power".split())
 # How to write functions without a rule by functions that have one.
 HOW = {
     "arctan2": "np.arctan(y/x) for np.arctan2(y, x) where x > 0; or make the angle a variable, "
@@ -168,32 +165,14 @@ class NoPolynomial(TypeError):
         self._operation, self._of = operation, of
 
     def in_words(self, names: Sequence[str]) -> str:
-        """Return what f does with the polynomial, and whether a new variable makes it quadratic."""
+        """Return what f does with the polynomial."""
         f, of = self._operation, self._of.text(names)
         of = of if len(of) <= 60 else f"{of[:57]}..."
-        if f in ("quotient", "reciprocal"):
-            new = f"1/{_in_brackets(of)}"
-            return f"divides by {of}: a quotient becomes quadratic with the new variable {new}"
-        if f == "exponent":
-            how = "the power becomes quadratic as a new variable"
-            return f"has {of} in an exponent: {how}, because its derivative is a multiple of it"
-        if f == "conjugate":
-            how = "variables are real: split complex ones into real and imaginary parts"
-            return f"calls conjugate() of {of}: {how}, and write np.dot for np.vdot"
-        if f in ("sin", "cos"):
-            return f"calls {f}({of}): sin({of}) and cos({of}) can become variables"
-        if f in _AS_VARIABLES:
-            why = "because its derivative is a polynomial in it and the state"
-            return f"calls {f}({of}): it becomes quadratic as a new variable, {why}"
-        if f in _WITH_QUOTIENTS:
-            why = "together with the quotient in its derivative"
-            return f"calls {f} of {of}: it becomes quadratic as a new variable, {why}"
-        if f in HOW:
-            return f"calls {f} of {of}: in a LiftedField write {HOW[f]}"
-        f = {"absolute": "abs", "fabs": "abs"}.get(f, f)
-        what = f"compares {of}, as in if: a branch" if f in COMPARISONS else f"calls {f}({of}): {f}"
-        how = "is not a polynomial, and no new variable makes it one"
-        return f"{what} {how}: only smooth right-hand sides can become quadratic"
+        if f in ("quotient", "exponent"):
+            return f"divides by {of}" if f == "quotient" else f"has {of} in an exponent"
+        if f in COMPARISONS:
+            return f"compares {of}"
+        return f"asks whether {of} is true" if f == "if" else f"calls {f}({of})"
 
 
 class NoPower(ValueError):
@@ -204,18 +183,16 @@ class NoPower(ValueError):
         self._power, self._of = power, of
 
     def in_words(self, names: Sequence[str]) -> str:
-        """Return which power f asks for, and which new variables make it quadratic."""
-        of, power = _in_brackets(self._of.text(names)), short(self._power)
-        how = f"with the new variables {of}**{power} and 1/{of}"
-        return f"raises {of} to the power {power}: it becomes quadratic {how}"
+        """Return which power f asks for."""
+        return f"raises {_in_brackets(self._of.text(names))} to the power {short(self._power)}"
 
 
 def _in_brackets(text: str) -> str:
     return text if text.isidentifier() else f"({text})"
 
 
-class Polynomial(NDArrayOperatorsMixin):
-    """A polynomial with exact coefficients; functions of users are called with it as a number."""
+class Polynomial:
+    """A polynomial with exact coefficients."""
 
     def __init__(self, terms: Iterable[tuple[Sequence[int], Fraction]]) -> None:
         sums = defaultdict[tuple[int, ...], Fraction](Fraction)
@@ -243,30 +220,22 @@ class Polynomial(NDArrayOperatorsMixin):
             return cls([((value.symbol(),), Fraction(1))])
         return value if isinstance(value, cls) else cls([((), exact("coefficients", value))])
 
-    def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
-        if operation is np.power and isinstance(operands[1], Polynomial):
-            raise NoPolynomial("exponent", operands[1])
-        has_array = any(isinstance(each, np.ndarray) for each in operands)
-        if has_array or operation in (np.power, np.square):  # entry by entry
-            return operation(*(np.array(each, object) for each in operands))
-        if operation is np.true_divide:  # a number by a polynomial; __truediv__ has the other cases
-            return operands[0] * self.of(operands[1]).inverse()
-        if operation not in _ARITHMETIC:
-            raise NoPolynomial(operation.__name__, self)
-        polynomials = [self.of(each) for each in operands]
-        if operation is np.add:
-            few, many = sorted(polynomials, key=lambda polynomial: len(polynomial.terms))
-            return many._plus(few.terms)
-        return Polynomial(_ARITHMETIC[operation](*(each.terms for each in polynomials)))
+    def __add__(self, other: Any) -> Polynomial:
+        pair = self, self.of(other)
+        few, many = sorted(pair, key=lambda polynomial: len(polynomial.terms))
+        return many._plus(few.terms)
 
-    def __truediv__(self, number: Any) -> Any:
-        if isinstance(number, np.ndarray):
-            return self.__array_ufunc__(np.true_divide, "__call__", self, number)
-        if isinstance(number, Polynomial):
-            return self * number.inverse()
-        if isinstance(number, Column):
-            return self * Polynomial([((number.symbol(is_inverse=True),), Fraction(1))])
-        return self * self.of(number).inverse()
+    def __sub__(self, other: Any) -> Polynomial:
+        return self._plus({indices: -c for indices, c in self.of(other).terms.items()})
+
+    def __neg__(self) -> Polynomial:
+        return Polynomial((indices, -c) for indices, c in self.terms.items())
+
+    def __mul__(self, other: Any) -> Polynomial:
+        a, b = self.terms, self.of(other).terms
+        return Polynomial((i + j, a[i] * b[j]) for i, j in product(a, b))
+
+    __radd__, __rmul__ = __add__, __mul__
 
     def inverse(self) -> Polynomial:
         """Return the inverse of a constant; raise if it is 0, or if this is not a constant."""
@@ -276,35 +245,12 @@ class Polynomial(NDArrayOperatorsMixin):
             return Polynomial([((), 1 / self.terms[()])])
         raise NoPolynomial("quotient", self)
 
-    def __pow__(self, power: Any) -> Any:
-        if isinstance(power, Polynomial):
-            raise NoPolynomial("exponent", power)
+    def __pow__(self, power: Any) -> Polynomial:
         if isinstance(power, int) and power < 0:
             return self.inverse() ** -power
         if power not in range(100):
             raise NoPower(power, self)
-        return math.prod([self] * int(power))
-
-    def conjugate(self) -> Polynomial:
-        raise NoPolynomial("conjugate", self)
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """Return a method that raises; np.exp of an array of objects calls their method exp."""
-            if name not in {"sin", "cos", *HOW} | _AS_VARIABLES | _WITH_QUOTIENTS:
-                raise AttributeError(f"'Polynomial' object has no attribute {name!r}")
-
-            def refuse(*_: Any) -> None:
-                raise NoPolynomial(name, self)
-
-            return refuse
-
-    def __bool__(self) -> bool:
-        raise NoPolynomial("if", self)
-
-    def __round__(self, digits: Any = None) -> Any:
-        raise NoPolynomial("round", self)
+        return math.prod([self] * int(power), start=Polynomial([((), Fraction(1))]))
 
     def __repr__(self) -> str:
         return self.text(labels(max((i for m in self.terms for i in m), default=0) + 1))
@@ -321,12 +267,3 @@ class Polynomial(NDArrayOperatorsMixin):
                 factors.append(f"{names[i]}^{power}" if power > 1 else names[i])
             text += (" - " if c < 0 else " + ") + "*".join(factors)
         return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
-
-
-_ARITHMETIC: dict[Any, Callable[..., Iterable[Any]]] = {  # on terms {indices: coefficient}
-    np.positive: dict.items,
-    np.negative: lambda a: ((indices, -c) for indices, c in a.items()),
-    np.add: lambda a, b: [*a.items(), *b.items()],
-    np.subtract: lambda a, b: [*a.items(), *((j, -d) for j, d in b.items())],
-    np.multiply: lambda a, b: ((i + j, a[i] * b[j]) for i, j in product(a, b)),
-}

@@ -23,7 +23,7 @@ from .columns import Refused
 from .definitions import Definitions
 from .expressions import FUNCTIONS, NotSmooth, as_polynomial, state_of
 from .polynomials import Polynomial
-from .tracing import Variables, _components
+from .tracing import _components
 
 # Functions of `math` with another name in NumPy.
 _OF_MATH = {"atan": "arctan", "pow": "power"}
@@ -41,7 +41,7 @@ def traced(
     is_family = any(hasattr(each, "values") for each in parameters.values())
     state: Any = state_of(definitions)
     try:
-        result = f(Variables(state), **parameters)
+        result = f(tuple(state), **parameters)
     except NotSmooth as error:
         raise TypeError(prefixed(argument, f"{f_name} {error.in_words(names)}")) from None
     except Refused as error:

@@ -478,6 +478,49 @@ def test_bad_functions_are_refused_with_what_to_write(case):
     assert str(caught.value).startswith("f")
 
 
+def pendulum_of(x, g):
+    return x[1], -g * np.sin(x[0])
+
+
+def forced(y, t, mu):
+    return y[1], mu * y[1] - np.sin(y[0]) + np.cos(t)
+
+
+def test_a_quadratic_field_names_the_call_that_works():
+    with pytest.raises(TypeError) as caught:
+        QuadraticField.from_function(pendulum_of, "q p", g=9.8)
+    call = "Field.from_function(pendulum_of, 'q p', g=9.8)"
+    assert call in str(caught.value)
+    assert repr(eval(call).with_parameters(g=2.0)) == "Field(q' = p, p' = -g*sin(q))"
+    with pytest.raises(ValueError, match=r"degree 3.* Field\.from_function\(f, 1\)"):
+        QuadraticField.from_function(lambda x: (x[0] ** 3,), 1)
+
+
+@pytest.mark.parametrize("kind", [QuadraticField, Field])
+def test_a_function_of_time_gets_a_call_that_works(kind):
+    with pytest.raises(TypeError) as caught:
+        kind.from_function(forced, "x v", mu=0.5)
+    field = eval(str(caught.value).partition("derivative 1, ")[2])
+    assert repr(field) == "Field(x' = v, v' = mu*v - sin(x) + cos(t), t' = 1)"
+
+
+@pytest.mark.parametrize("case", ["out of floats", "in place of floats", "random", "memory", "if"])
+def test_quadratic_fields_refuse_the_same(case):
+    f, kind, _ = BAD[case]
+    with pytest.raises(kind, match="f"):
+        QuadraticField.from_function(f, "u v")
+
+
+def test_quadratic_fields_honour_what_numpy_writes():
+    for form in ("out", "where=", "in place", "roll", "integers of NumPy"):
+        f, expected = (FORMS | {"integers of NumPy": (
+            lambda x: (np.int64(3) * x[0], x[1] + np.float32(0.5)),
+            lambda a, b: (3 * a, b + 0.5),
+        )})[form]  # fmt: skip
+        field = QuadraticField.from_function(f, "a b")
+        np.testing.assert_allclose(field([0.3, -0.7]), expected(0.3, -0.7), rtol=1e-15)
+
+
 def test_parameters_that_count_or_choose_are_refused():
     def f(x, m):
         return (sum(x[0] ** k for k in range(m)),)

@@ -154,7 +154,6 @@ HOW = {
     "arctanh": "(np.log1p(x) - np.log1p(-x))/2 for np.arctanh(x)",
     "logaddexp": "np.log(np.exp(x) + np.exp(y)) for np.logaddexp(x, y)",
 }
-COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".split())
 
 
 class NoPolynomial(TypeError):

@@ -51,10 +51,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .agreement import compared, follows
-from .elimination import LEAST_PIVOT
 from .lift import Lifting, Variables, needed_for
 from .operations import Step, Values, evaluate, of_one_sign
-from .planned_elimination import Matrix
+from .planned_elimination import LEAST_PIVOT, Matrix
 
 SMALLEST, OF_ROUNDING, SHORTEST = 2.0**-20, 2.0**-46, 2.0**-42
 OF_SUBNORMAL = 2.0**-1067  # what rounding leaves of numbers below the normal ones, in a step

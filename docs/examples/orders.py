@@ -43,7 +43,7 @@ def by_steps(method, count):
 
 
 def by_flow(tolerance):
-    return lambda x: flow(field, x, UNTIL, rtol=tolerance, threads=1)
+    return lambda x: flow(field, x, time=UNTIL, rtol=tolerance, threads=1).x[0]
 
 
 @numba.njit

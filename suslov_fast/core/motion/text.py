@@ -620,7 +620,7 @@ class _Steps:
         return text.fold(self.D, dict.fromkeys(names, text.constant(0.0)), component)
 
     def shorter_step(self, ratios):
-        """Compute the states at the next times, in `start`, by shorter steps from the nearer end."""
+        """Compute the states at the next times, in `start`, by steps from the nearer end."""
         text, rows, work, D = self.text, self.rows, self.work, self.D
         base = self.of.work
         found = text.apply(rules.INSIDE, **self.inputs(

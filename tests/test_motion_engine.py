@@ -51,6 +51,7 @@ CASES = {
     "van_der_pol": (van_der_pol, np.array([[2.0, 0.0], [1.0, 1.0], [np.nan, 1.0]]), 900.0),
     "robertson": (robertson, np.array([[1.0, 0.0, 0.0], [0.5, 1e-5, 0.1]]), 4e4),
     "pole_of_a_clock": (pole_of_a_clock, np.array([[1.0, 0.0], [1.0, 2.0]]), 2.0),
+    "large_lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(2, 60)), 0.5),
     "lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(3, 20)), 1.0),
 }
 

@@ -9,7 +9,7 @@ times a polynomial in the letter.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -28,6 +28,7 @@ from .functions import (
     over_common_denominator,
 )
 from .maps import RationalMap, check_map
+from .planar import PlanarEntropy, planar_entropy
 from .polynomials import (
     coprime,
     degree_of,
@@ -39,9 +40,11 @@ from .polynomials import (
     value_at,
     variables_of,
 )
+from .tasks import LATE, Task
 
 _OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of points of the generic level, but one
 _WIDTH = 60  # characters of a polynomial in the text
+_COST = 5.0  # seconds, roughly, of a level and the entropy on it
 
 
 @answers("a level")
@@ -130,6 +133,24 @@ def on_level(
         start = [equations.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
         return equations.through(start, f"through ({', '.join([str(a) for a in x])})")
     return equations.by_value() or equations.through(*equations.generic_point())
+
+
+def entropy_on_levels(search: Any) -> Iterator[Task]:
+    """Yield the task of a search for the entropy on the generic level of D - 2 integrals."""
+    map = search.map
+
+    def run() -> list[Task]:
+        integrals = search.known.integrals
+        if len(integrals) == map.dimension - 2:
+            try:
+                search.level = on_level(map, integrals)
+                search.on_level = planar_entropy(search.level.map, seed=search.seed)
+            except (ArithmeticError, ValueError) as error:
+                search.on_level = PlanarEntropy(reason=str(error))
+        return []
+
+    if map.dimension > 2 and map.has_inverse and map.is_invertible and not map.is_symbolic:
+        yield Task(LATE + _COST, run, "levels")
 
 
 class _Solved(NamedTuple):

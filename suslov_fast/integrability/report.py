@@ -23,6 +23,7 @@ from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
+from .levels import Level
 from .maps import RationalMap, check_map
 from .planar import PlanarEntropy
 from .process import search_until, search_with_interrupts
@@ -71,6 +72,8 @@ class Report:
     polynomials: Functions = ()
     symmetries: tuple[Reversor, ...] = ()  # reversing ones, of a field
     planar: PlanarEntropy | None = None  # of a birational map of the plane
+    level: Level | None = None  # the generic one of D - 2 integrals
+    on_level: PlanarEntropy | None = None  # of the map on it
     relations: int | None = None  # the number of independent integrals that orbits show
     special_eps: tuple[Fraction, ...] = ()
     searched: list[str] = dataclasses.field(default_factory=list)
@@ -107,7 +110,7 @@ class Report:
         lines = [
             self._title(),
             *self._lines_of_growth(),
-            *self._lines_of_planar_entropy(),
+            *self._lines_of_entropy(),
             _listed("First integrals", self.integrals, 6, no_integral),
             *self._lines_of_implicit_integrals(),
             _listed(f"Densities of measures{up_to_sign}", self.measures, 1, none),
@@ -143,16 +146,21 @@ class Report:
             f"Growth: {kind}{rate}; evidence, not a proof: {based_on}",
         ]
 
-    def _lines_of_planar_entropy(self) -> list[str]:
-        planar = self.planar
+    def _lines_of_entropy(self) -> list[str]:
+        D, planar = self.map.dimension, self.planar or self.on_level
+        if D > 2 and sum(f.basis == IDENTITY for f in self.integrals) >= D - 1:
+            return ["Entropy (proved): 0, because the levels of the integrals are curves"]
         if planar is None:
             return []
+        # In three dimensions that on the generic level is that of the map.
+        where = " on a level" * (D > 3)
         if planar.entropy is None:
-            return [f"Entropy: none, {planar.reason}"]
+            return [f"Entropy{where}: none, {planar.reason}"]
         root = f", log of the largest root of {planar.minimal}" if planar.entropy else ""
         lengths = ", ".join("not confined" if n is None else str(n) for n in planar.lengths)
         orbits = f"; lengths of the orbits of contracted curves: {lengths}" if lengths else ""
-        return [f"Entropy ({planar.certainty}): {planar.entropy:.6g}{root}{orbits}"]
+        entropy = f"Entropy{where} ({planar.certainty}): {planar.entropy:.6g}{root}"
+        return [f"{entropy}; on {self.level.how}" if self.level else f"{entropy}{orbits}"]
 
     def _lines_of_implicit_integrals(self) -> list[str]:
         """Return how many integrals are written, and the degrees of the others."""

@@ -26,6 +26,7 @@ from .functions import (
     factored,
     independent,
     over_common_denominator,
+    without_constant,
 )
 from .maps import RationalMap, check_map
 from .planar import PlanarEntropy, planar_entropy
@@ -170,8 +171,8 @@ class _Equations:
         self.ring, self.plane = polynomial_ring(D, True), polynomial_ring(2, True)
         self.parts = [self._numerator_and_denominator(f) for f in integrals]
         functions = [factored(P) / factored(Q) for P, Q in self.parts]
-        texts = (f.renamed(map.names or labels(D), letter).text(_WIDTH) for f in functions)
-        self.text = "; ".join(texts)
+        shown = (without_constant(f).renamed(map.names or labels(D), letter) for f in functions)
+        self.text = "; ".join(f.text(_WIDTH) for f in shown)
         if len(functions) != D - 2 or len(independent(functions, map.prime)) < D - 2:
             raise wrong("integrals", f"{D - 2} independent ones", self.text or "none")
         self.forward, self.backward = (
@@ -280,7 +281,7 @@ class _Equations:
         ends = [p + e for p, e in zip(start, d, strict=True)]
         b = homogenized(quadric, 2, ends, self.plane) - a
         if b == 0:
-            raise wrong("point", "no singular one of the level", "the vertex of a cone")
+            raise wrong("point", "a regular one of its level", "the vertex of a cone")
         return [a * p - b * e for p, e in zip(start, d, strict=True)]
 
     def _level(self, embedding: list[Any], chart: list[Any], how: str) -> Level:
@@ -380,8 +381,8 @@ def _component(P: Any, x: list[Any]) -> Any:
     factors = [f for f, _ in irreducible_factors(P) if degree_of(f)] if P != 0 else []
     through = [f for f in factors if _at(f, x) == 0]
     if len(through) != 1:
-        count = f"where {len(through)} components meet" if through else "where integrals depend"
-        raise wrong("point", "no singular one of the level", f"one {count}")
+        where = "where its components meet" if through else "where the integrals depend"
+        raise wrong("point", "a regular one of its level", f"one {where}")
     return through[0]
 
 

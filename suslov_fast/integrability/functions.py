@@ -331,7 +331,7 @@ def traced(name: str, f: Any, n: int, letter: str = "") -> list[Any]:
     if not callable(f):
         expected = "a function of x, the tuple of variables"
         raise wrong(name, expected, type(f).__name__, TypeError)
-    given = {letter: 0} if letter else {}
+    given: dict[str, Any] = {letter: 0} if letter else {}
     check_arguments(name, f, labels(n), given, "rational_map" if name == "f" else "")
     ring = polynomial_ring(n, bool(letter))
     symbols = [*map(factored, ring.gens())]

@@ -61,7 +61,7 @@ class KahanMap(RationalMap):
     @property
     def inverse_forms(self) -> list[Any]:
         if self.eps is not None:
-            return self.inverse.forms  # type: ignore[no-any-return]
+            return self.inverse.forms
         eps, *x = self.ring.gens()
         return [F.compose(-eps, *x) for F in self.forms]
 

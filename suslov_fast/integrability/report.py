@@ -96,6 +96,23 @@ class Report:
         return by_degrees._replace(entropy_error=error, based_on=based_on)
 
     @property
+    def proved_entropy(self) -> float | None:
+        """The algebraic entropy of the map if it is proved, else None.
+
+        In the plane by the contracted curves or an integral; with D - 1 integrals, because their
+        levels are curves; in three dimensions also on the generic level of one integral.
+        """
+        if self._levels_are_curves:
+            return 0.0
+        known = self.on_level if self.map.dimension == 3 else self.planar
+        return known.entropy if known and known.proved else None
+
+    @property
+    def _levels_are_curves(self) -> bool:
+        proved = sum(f.basis == IDENTITY for f in self.integrals)
+        return self.map.dimension > 2 and proved == self.map.dimension - 1
+
+    @property
     def dimension(self) -> int:
         """The dimension of the level sets of all integrals."""
         known = len(self.integrals) + len(self.implicit)
@@ -148,7 +165,7 @@ class Report:
 
     def _lines_of_entropy(self) -> list[str]:
         D, planar = self.map.dimension, self.planar or self.on_level
-        if D > 2 and sum(f.basis == IDENTITY for f in self.integrals) >= D - 1:
+        if self._levels_are_curves:
             return ["Entropy (proved): 0, because the levels of the integrals are curves"]
         if planar is None:
             return []

@@ -138,7 +138,8 @@ class Report:
         lines += self._lines_of_level_sets()
         if self.special_eps:
             what = "A formula has no meaning, or there is no birational map"
-            lines.append(f"{what}, at eps = {', '.join(map(str, self.special_eps))}.")
+            values = ", ".join(map(str, self.special_eps))
+            lines.append(f"{what}, at {self.map.letter} = {values}.")
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
@@ -146,7 +147,7 @@ class Report:
     def _title(self) -> str:
         D = self.map.dimension
         if not isinstance(self.map, KahanMap):
-            return f"Map of {D} variables"
+            return f"Map of {D} variables" + f", {self.map.letter} symbolic" * self.map.is_symbolic
         field, eps = str(self.map.field), self.map.eps
         field = field if len(field) <= 2 * _WIDTH else f"a quadratic field of {D} variables"
         return f"Kahan map of {field}, eps {'symbolic' if eps is None else f'= {eps}'}"

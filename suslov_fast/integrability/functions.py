@@ -124,7 +124,8 @@ class RationalFunction:
         >>> image, image.subs(eps="1/3")
         (2/(-2*eps + 1), 6)
         """
-        number = value_of(self.letter or "eps", value, named)
+        letter = self.letter or next(iter(named), "eps")  # a constant has none, and needs none
+        number = value_of(letter, value, named)
         powers = (factored(modulo(P, 0, arithmetic.fmpq(number))) ** e for P, e in self.factors)
         try:
             product = math.prod(powers, start=RationalFunction((), self.constant))

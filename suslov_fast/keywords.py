@@ -28,7 +28,6 @@ _CHOSEN = "flow chooses its steps from the tolerance rtol=; iterate has eps= and
 _TENSOR = "from_inertia(I, a) makes a body from an inertia tensor and the constrained axis"
 _MATRIX = "from_mass_tensor makes a body from a matrix"
 _AT_TIMES = "flow(body, x, time) returns the motion at times; exact, the map after n steps"
-_OF_EPS = "it replaces eps alone; then call the result at a state, as in f.subs(eps=0.1)([1, 2])"
 _FEWER = (
     "for fewer or more points draw the states yourself, as in ax.plot(x[..., 0], x[..., 1], '.')"
 )
@@ -60,8 +59,6 @@ _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("total_time duration", ("time",), _SPAN, "steps"),
         ("dense_output", (), "pass an array of times as time=", "time"),
         ("exact.t exact.time exact.times exact.t_eval", (), _AT_TIMES, ""),
-        ("subs.", (), _OF_EPS, ""),
-        ("RationalFunction.", (), "pass the state as one list, as in f([1, 2], eps=0.1)", ""),
         ("SuslovND.inertia SuslovND.tensor", (), _MATRIX, ""),
         ("max_points max_lines downsample thin", (), _FEWER, "ax"),
         ("atol abstol", (), _RELATIVE, ""),

@@ -70,8 +70,6 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (sf.flow, (FIELD, [1, 0]), "dense_output", "pass an array of times as time=$"),
         (sf.exact, (sf.Suslov3D(4, 2, 0.5, 0.3), [1, 0]), "time", r"flow\(body, x, time\)"),
         (POINTS.plot, (), "max_points", r"draw the states yourself, as in ax\.plot\(x\["),
-        (COFACTOR, (), "y", r"pass the state as one list, as in f\(\[1, 2\], eps=0\.1\)$"),
-        (COFACTOR.subs, (), "x", r"eps alone; .* as in f\.subs\(eps=0\.1\)\(\[1, 2\]\)$"),
         (sf.SuslovND, (), "tensor", "from_mass_tensor makes"),
         (sf.integrability.report, (FIELD,), "a", "parameters of equations belong to the field"),
         (sf.crossings, STEPPED, "value", "subtract it: surface=lambda x"),

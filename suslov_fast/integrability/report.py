@@ -23,10 +23,10 @@ from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
-from .levels import Level
 from .maps import RationalMap, check_map
 from .planar import PlanarEntropy
 from .process import search_until, search_with_interrupts
+from .surfaces import Level
 from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text

@@ -20,7 +20,6 @@ from .functions import IDENTITY, MODULAR, RationalFunction, factored, independen
 from .growth import degrees_of_iterates
 from .implicit import ImplicitIntegral
 from .invariants import Invariants
-from .levels import Level, entropy_on_levels
 from .maps import LONGEST, RationalMap
 from .normal_form import NormalForms
 from .planar import PlanarEntropy, entropy_of_planar_maps, proved_by_integral
@@ -34,6 +33,7 @@ from .polynomials import (
     without_content,
 )
 from .relations import count_relations, integrals_of_relations
+from .surfaces import Level, entropy_on_levels
 from .symmetries import Reversor, reversing_symmetries
 from .tasks import LATE, Queue, Task
 

@@ -20,7 +20,7 @@ from typing import Any
 import suslov_fast as sf
 
 from .keywords import missing_file
-from .options import PARAMETERS, check_method, parsed, reading, writing
+from .options import PARAMETERS, check_method, parsed
 from .summary import facts_in, facts_of, is_complete, lines_of, result_in
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
@@ -121,8 +121,7 @@ def run(options: argparse.Namespace) -> None:
     """
     path = options.output
     if path is not None and path.suffix not in (".npz", ".zarr"):
-        how = "; in Python run.to_xarray().to_dataframe() makes a table" * (path.suffix == ".csv")
-        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr{how}")
+        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr")
     if path is None and (options.attitude or options.save_every is not None):
         options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
     if str(options.body) == str(options.initial) == "-":
@@ -186,7 +185,7 @@ def _body_in(path: Path) -> Any:
     with _about("standard input" if is_input else path):
         try:
             parameters = json.loads(sys.stdin.buffer.read() if is_input else path.read_bytes())
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ValueError(f"not the JSON text of body.to_dict(): {error}") from error
         return sf.body_from_dict(parameters)
 
@@ -349,13 +348,6 @@ def report(options: argparse.Namespace) -> None:
     limit = _NO_LIMIT if options.time_limit is None else options.time_limit
     try:
         body, eps = _body_and_step(options, needs_step=False)
-        if isinstance(body, sf.LiftedField):
-            make = writing(f"{reading(options.body)}.lifted", "lifted.json")
-            then = "suslov-fast report --body lifted.json"
-            raise ValueError(
-                f"{options.body}: the equations of a LiftedField are not quadratic; for the map of "
-                f"all variables {make}, and then {then}"
-            )
         show(report_of(body, eps, options.degree, time_limit=limit))
     except KeyboardInterrupt as error:
         if hasattr(error, "report"):  # results so far

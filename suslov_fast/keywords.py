@@ -19,129 +19,59 @@ T = TypeVar("T")
 
 # Objects with fewer public names than this list them in their errors.
 _FEW = 20
-_STATES = "the states are the second argument, without a name"
-_SPAN = "pass eps= and steps=; a run ends at the time eps * steps"
-_DIGITS = (
-    'pass method="extrapolated", or a smaller eps=; flow integrates fields to a tolerance rtol='
-)
-_CHOSEN = "flow chooses its steps from the tolerance rtol=; iterate has eps= and method="
 _TENSOR = "from_inertia(I, a) makes a body from an inertia tensor and the constrained axis"
 _MATRIX = "from_mass_tensor makes a body from a matrix"
-_AT_TIMES = "flow(body, x, time) returns the motion at times; exact, the map after n steps"
-_FEWER = (
-    "for fewer or more points draw the states yourself, as in ax.plot(x[..., 0], x[..., 1], '.')"
-)
-_AXES = "set it on the axes that plots return, such as ax.set_xlim(0, 1)"
-_ON_AXES = "xlim ylim xlabel ylabel grid legend"
-_DOTS = 'set it on what is drawn, as in ax.collections[0].set(cmap="magma", alpha=0.5, sizes=[1])'
-_ON_LINES = (
-    "for other styles draw the states with Matplotlib, as in ax.plot(run.x[..., 0], run.x[..., 1])"
-)
-_ALL = "it returns all exponents: take the first k, [..., :k]"
-_IN_TIME = "pass progress=, a function that returns False when time is over"
-_RELATIVE = "flow has one tolerance, rtol=, relative to the largest value of each component so far"
 
-# Names that SciPy, MATLAB, Julia and pynamicalsys have for an argument; the names that it may have
-# here; and a sentence if the function has none of them, but has another argument.
-_ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
-    name: (arguments, sentence, other)
-    for names, arguments, sentence, other in (
-        (
-            "dt h epsilon step_size stepsize delta_t first_step max_step maxstep initialstep dtmax",
-            ("eps",),
-            _CHOSEN,
-            "rtol",
-        ),
-        ("eps steps", (), _CHOSEN, "rtol"),
-        ("t time times t_eval tspan saveat ts", ("time",), _SPAN, "steps"),
-        ("T", ("time", "period"), _SPAN, "steps"),
-        ("t_span t_end t_max tend tf t_final t_stop tmax t0", ("time",), _SPAN, "steps"),
-        ("total_time duration", ("time",), _SPAN, "steps"),
-        ("dense_output", (), "pass an array of times as time=", "time"),
-        ("exact.t exact.time exact.times exact.t_eval", (), _AT_TIMES, ""),
-        ("SuslovND.inertia SuslovND.tensor", (), _MATRIX, ""),
-        ("max_points max_lines downsample thin", (), _FEWER, "ax"),
-        ("atol abstol", (), _RELATIVE, ""),
-        ("tol rtol reltol", ("rtol", "tol"), _DIGITS, "method"),
-        ("method order integrator solver alg algorithm scheme", ("method",), _CHOSEN, "rtol"),
-        ("n N", ("steps", "n"), "J and I have n - 1 entries each", "J"),
-        ("n_steps num_steps nsteps iterations max_steps maxiter", ("steps", "n"), "", ""),
-        ("x0 y0 u0 z0 X0 omega0 omega x state states initial_state ic", (), _STATES, ""),
-        (
-            "body field f fun rhs system model",
-            (),
-            "pass it first, without a name",
-            "",
-        ),
-        ("args p params parameters", (), "parameters belong to the field or body", ""),
-        ("events event section condition", ("surface",), "use crossings", "threads"),
-        ("terminal", ("most",), "use crossings", "steps"),
-        ("burn_in transient_time n_transient Ttr discard", ("transient",), "", ""),
-        ("every stride thin sample save_at", ("save_every",), "", ""),
-        (
-            "n_jobs workers num_threads cores n_workers",
-            ("threads",),
-            "pass client=, a distributed.Client",
-            "client",
-        ),
-        ("overwrite mode", (), "pass a new name, or delete the folder of the store", "store"),
-        (
-            "dtype",
-            (),
-            "states are stored as float64; save_every= and functions= store less",
-            "store",
-        ),
-        ("k n_exponents num_exponents", ("k", "most"), _ALL, "transient"),
-        ("timeout time_limit max_time budget", ("time_limit",), _IN_TIME, "progress"),
-        (
-            "seed rng random_state",
-            ("seed",),
-            "pass RandomStarts(size, seed=...) as states",
-            "steps",
-        ),
-        ("jac jacobian", (), "derivatives are exact, leave it out", "time"),
-        ("value", (), "subtract it: surface=lambda x: x[..., 0] - value", "surface"),
-        ("verbose callback", ("progress",), "", ""),
-        ("filename file", ("store", "path"), "", ""),
-        ("c colour colors", ("color",), _AXES, "ax"),
-        ("color", ("color",), "plots have it, as in run.plot(color=...)", "steps"),
-        (_ON_AXES, (), _AXES, "ax"),
-        ("cmap alpha s size sizes markersize ms", (), _DOTS, "ax"),
-        ("lw linewidth ls linestyle label marker", (), _ON_LINES, "ax"),
-        ("figsize", (), "pass ax= of plt.subplots(figsize=(6, 4))", "ax"),
-        ("axis", ("surface", "components"), "components are always on the last axis of states", ""),
-        ("I11", ("I1",), "", ""),
-        ("I22", ("I2",), "", ""),
-        ("I33", ("I3",), "", ""),
-        ("I31", ("I13",), "", ""),
-        ("I32", ("I23",), "", ""),
-        ("I12 I21", (), f"it is 0 in the adapted basis: {_TENSOR}", "I13"),
-        ("I inertia tensor", (), _TENSOR, "I13"),
-    )
-    for name in names.split()
+# Words of other packages for arguments of this one: a function is asked for those that it has.
+_WORDS = {
+    "eps": "dt h epsilon step_size stepsize delta_t first_step",
+    "max_step": "maxstep dtmax",
+    "steps": "n N n_steps num_steps nsteps iterations max_steps maxiter",
+    "time": "t T times t_eval t_span tspan saveat ts t_end t_max tend tf t_final tmax duration",
+    "period": "T",
+    "n": "N n_steps",
+    "rtol": "tol reltol",
+    "tol": "rtol reltol",
+    "atol": "abstol",
+    "method": "order integrator solver alg algorithm scheme",
+    "surface": "events event section condition value axis",
+    "most": "terminal k",
+    "transient": "burn_in transient_time n_transient Ttr discard",
+    "save_every": "every stride thin sample save_at",
+    "threads": "n_jobs workers num_threads cores n_workers",
+    "client": "n_jobs workers n_workers cores",
+    "time_limit": "timeout max_time budget",
+    "progress": "verbose callback timeout time_limit max_time budget",
+    "seed": "rng random_state",
+    "store": "filename file",
+    "path": "filename file",
+    "color": "c colour colors",
+    "components": "x y z axis",
+    "ax": "figsize xlim ylim xlabel ylabel grid legend",
+    **{f"I{k}": f"I{k}{k}" for k in (1, 2, 3)},
+    **{f"I{k}3": f"I3{k}" for k in (1, 2)},
 }
+# What to do with words for which there is no argument, if the function has one of another name:
+# "2" stands for the states, its second argument, which has no name.
+_INSTEAD = (
+    ("x0 y0 u0 z0 X0 omega0 omega x state states ic", "2", "the states are the second argument"),
+    ("body field f fun rhs system model", "2", "the first argument has no name"),
+    ("args p params parameters", "2", "parameters belong to the field or body"),
+    ("t time t_eval t_span t_end t_max tmax T", "steps", "a run ends at the time eps * steps"),
+    ("dt h epsilon step_size eps steps method order", "rtol", "steps follow from rtol="),
+    ("events event section condition terminal", "eps", "use crossings"),
+    ("events event section condition terminal", "rtol", "use crossings"),
+    ("tol rtol atol reltol abstol", "steps", "steps of maps have no tolerance, flow has one"),
+    ("seed rng random_state", "steps", "pass RandomStarts as states"),
+    ("k n_exponents num_exponents", "transient", "all exponents are returned"),
+    ("overwrite mode", "store", "delete the folder of the store"),
+    ("color", "steps", "plots have it"),
+    ("I12 I21", "I13", f"it is 0 in the adapted basis: {_TENSOR}"),
+    ("I inertia tensor", "I13", _TENSOR),
+    ("inertia tensor", "J", _MATRIX),
+    ("n N", "J", "J and I have n - 1 entries each"),
+)
 
-
-# What a required argument is, for calls without it.
-_REQUIRED = {
-    "steps": "the number of steps; a run ends at the time eps * steps",
-    "eps": "the step size",
-    "f": "a function of the state, without a name",
-    "H": "a function of the state, without a name",
-    "time": "the times of the solution",
-    "surface": "a function of states, such as lambda x: x[..., 0] - 1",
-    "dimension": 'the number of variables or their names, such as "x v"',
-    "period": "an approximate period",
-    "periodic_orbit.steps": "the number of steps in a period",
-    "store": "the name of a folder, such as 'runs.zarr'",
-    "parameters": "the dictionary that to_dict returned",
-    "count": "the number of states",
-    "a": "the constrained axis, such as [0, 0, 1]",
-    "k": "the angular momentum of the rotor",
-    "I2": _TENSOR,
-    "SuslovND.I": f"the products of inertia; {_MATRIX}",
-    "quadratic": "an array (D, D, D); from_function makes a field from its right-hand side",
-}
 
 # Attributes of bodies in other packages, or of other objects, and what they are here.
 _NEW_FIELD = "from_function again, with the new parameters; arrays of parameters make a family"
@@ -154,11 +84,9 @@ _IN_BODIES = {
     "dim ndim D N": "dimension",
     "x omega states": "the states of a run, as iterate returns it",
     "rhs f func fun": "field(x), the right-hand side at states x",
-    "quadratic linear constant terms": "QuadraticField.of(body), or field.lifted, which has it",
-    "lifted": "the field itself, because it is quadratic",
-    "jac jacobian Df df Dx eigenvalues eigvals derivative": "(vector_field(body, x + h) - "
-    "vector_field(body, x - h)).T / 2e-6 with h = 1e-6 * np.eye(len(x)), the derivative of the "
-    "right-hand side, and np.linalg.eigvals of it; suslov_fast.jacobian is that of a step",
+    "quadratic linear constant terms": "QuadraticField.of(body), whose terms they are",
+    "jac jacobian Df df Dx eigenvalues eigvals derivative": "QuadraticField.of(body).jacobian(x), "
+    "the derivative of the right-hand side; suslov_fast.jacobian is that of a step",
     "dt h t": "eps, an argument of iterate",
 }
 INSTEAD_IN_BODIES = {name: how for names, how in _IN_BODIES.items() for name in names.split()}
@@ -205,7 +133,9 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     others += ["parameters, such as a=1"] * takes_any
     stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
     required = [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
-    whole = f"({', '.join(required[is_method:])})" if len(required) > 1 + is_method else ""
+    written = [f"{a.name}=..." if a.kind is a.KEYWORD_ONLY else a.name for a in parameters]
+    written = [name for name in written if name.removesuffix("=...") in required]
+    whole = f"({', '.join(written[is_method:])})" if len(required) > 1 + is_method else ""
     *_, owner, called = ("", *function.__qualname__.split("."))
     called = owner if called.startswith("__") else called
 
@@ -222,7 +152,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
             names: dict[str, list[str]] = {}  # by the advice
             for name in kwargs:
                 if name not in known:
-                    how = advice(name, known, unnamed, called)
+                    how = advice(name, known, unnamed)
                     names.setdefault(how, []).append(repr(name))
             each = [f"no argument {', '.join(given)}: {how}" for how, given in names.items()]
             return TypeError(f"{called} has {'; '.join(each)}")
@@ -235,8 +165,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
         if len(args) < len(required):
             for i, name in enumerate(required[len(args) :], len(args)):
                 if name not in kwargs or i < unnamed:  # a parameter of equations may be called so
-                    what = _REQUIRED.get(f"{called}.{name}") or _REQUIRED.get(name)
-                    text = f"{called} needs {name}{f', {what}' if what else ''}"
+                    text = f"{called} needs {name}"
                     return TypeError(f"{text}; the call is {called}{whole}" if whole else text)
         return None
 
@@ -252,21 +181,17 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     return answering
 
 
-def advice(name: str, known: Collection[str], unnamed: int = 0, called: str = "") -> str:
+def advice(name: str, known: Collection[str], unnamed: int = 0) -> str:
     """Return what to pass in place of a keyword to a function with the `known` keywords.
 
     Of its `unnamed` arguments the first is a body or a field, and the second the states.
     """
-    if name in ("x", "y", "z") and "components" in known:
-        return 'pass components, as in plot("x1", "x2")'
-    nothing: tuple[tuple[str, ...], str, str] = ((), "", "")
-    keys = f"{called}.{name}", f"{called}.", name, name.lower()
-    arguments, sentence, other = next((_ADVICE[key] for key in keys if key in _ADVICE), nothing)
-    if sentence == _STATES and unnamed != 2:
-        sentence = ""
-    found = [argument for argument in arguments if argument in known]
-    if not found and sentence and (not other or other in known):
-        return sentence
+    has = {*known, *("2" * (unnamed == 2))}
+    words = {name, name.lower()}
+    found = [ours for ours, theirs in _WORDS.items() if ours in known and words & {*theirs.split()}]
+    for theirs, needed, how in () if found else _INSTEAD:
+        if needed in has and words & {*theirs.split()}:
+            return how
     if found or (found := get_close_matches(name, known, 1, 0.7)):
         return f"pass {found[0]}="
     how = f"it has {', '.join(sorted(known))}" if known else "it takes no argument by name"

@@ -1,7 +1,7 @@
 """Maps and bodies of the tests' own, as users would write them: see the docstring of `maps.Map`."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -78,4 +78,74 @@ SLEIGH = maps.Map(
     random=(lambda rng, shape: Sleigh(*rng.uniform(1, 2, (3, *shape))),),
     # A = [[1, -eps b w], [eps c w / 2, 1 + eps c v / 2]] is singular for eps = 1, w = 0, v = -4.
     pole=(Sleigh(1.0, 1.0, 1.0), (-4.0, 0.0)),
+)
+
+
+@function
+def slope(x, factor, scale, b, A, out):
+    """Set out to factor scale (b.x) A x."""
+    D, product = len(x), 0.0
+    for j in range(D):
+        product += b[j] * x[j]
+    for i in range(D):
+        total = 0.0
+        for j in range(D):
+            total += A[i, j] * x[j]
+        out[i] = factor * scale * product * total
+
+
+@function
+def mixed_step(x, out, eps, work, scale, b, A):
+    """x_next = x + eps f(x + (eps / 2) f(x)) with f(x) = scale (b.x) A x."""
+    D = len(x)
+    middle, change = work[:D], work[D:]
+    slope(x, 0.5 * eps, scale, b, A, change)
+    for i in range(D):
+        middle[i] = x[i] + change[i]
+    slope(middle, eps, scale, b, A, change)
+    for i in range(D):
+        out[i] = x[i] + change[i]
+    return OK
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mixed(Body):
+    """x' = scale (b.x) A x: a body with a number, a vector and a matrix."""
+
+    scale: Any
+    b: Any
+    A: Any
+
+    _axes: ClassVar = {"b": 1, "A": 2}
+    dimension = 3
+    _labels = "x", "y", "z"
+
+    def field(self):
+        scale, b, A = (np.asarray(each) for each in (self.scale, self.b, self.A))
+        return sf.QuadraticField(
+            scale[..., None, None, None] * A[..., :, :, None] * b[..., None, None, :]
+        )
+
+
+def _mixed(rng, shape):
+    """Return a body whose number is that of each member, and whose matrix all of them share."""
+    A = rng.uniform(-1, 1, (3, 3))
+    return Mixed(rng.uniform(0.5, 1, shape), rng.uniform(-1, 1, (*shape, 3)), A)
+
+
+MIXED = maps.Map(
+    name="mixed",
+    title="Number, vector and matrix",
+    body=Mixed,
+    methods={"auto": Steps(maps.steps_of(mixed_step, lambda D: 2 * D), maps.by_constants)},
+    formulas={"vector_field": KAHAN["vector_field"]},
+    random=(
+        _mixed,
+        lambda rng, shape: Mixed(
+            0.7, rng.uniform(-1, 1, (*shape, 3)), rng.normal(size=(*shape, 3, 3))
+        ),
+    ),
+    pole=None,
+    variable="x",
+    meaning="state",
 )

@@ -18,7 +18,6 @@ from suslov_fast import (
     iterate,
     vector_field,
 )
-from suslov_fast.bodies.nd import are_solved
 
 ID4 = np.eye(4)
 GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
@@ -367,15 +366,6 @@ def test_adapted_bases_are_right_handed():
     body, rotation = SuslovND.from_mass_tensor(matter)
     assert np.linalg.det(rotation) == pytest.approx(1.0)
     np.testing.assert_allclose(body.J, np.arange(2.0, 8.0))
-
-
-def test_which_bodies_are_solved():
-    J = np.array([[1, 1, 1], [1, 1, 2], [1, 2, 2], [2, 1, 2], [1, 2, 3.0]])
-    solved = [True, False, False, False, False], [True, True, False, False, False]
-    for I, expected in zip(([1, 2, 3], [0, 0, 1e-20]), solved, strict=True):
-        assert are_solved(SuslovND(J, I)).tolist() == expected
-    assert are_solved(SuslovND([1, 2], [3, 4]))
-    assert are_solved(SuslovND(J, np.zeros(3))).all()
 
 
 def test_bodies_as_fields(rng):

@@ -342,7 +342,7 @@ MISTAKES = """
 2 | run --I1 4 --figure 1 | --I1: not allowed with --figure
 2 | run --omega0 1,2 --seed 0 | --seed are for random
 2 | run --save-every 3 | --save-every .* add -o FILE
-2 | run -o o.csv | 'o.csv' must end in .npz or .zarr; in Python run.to_xarray().to_dataframe()
+2 | run -o o.csv | 'o.csv' must end in .npz or .zarr
 2 | report --body good.json --eps 1/0 | --eps: '1/0' is not a number, such as 0.1 or 1/3
 2 | report --body good.json --eps 1e99999999 | --eps: '1e99999999' is not a number
 2 | run --steps 1e-99999999 | --steps: '1e-99999999' is not an integer

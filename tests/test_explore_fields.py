@@ -276,3 +276,20 @@ def test_parameters_of_a_hamiltonian():
     well = sf.QuadraticField.from_hamiltonian(lambda x, a: x[1] ** 2 / 2 + a * x[0] ** 2, 2, a=0)
     orbit = scene(well, "numbers=0.5", x0=[3.0, 4.0])["orbits"][0]
     assert orbit["energy"] == 12.5
+
+
+def test_errors_of_the_function_of_the_user_are_shown_on_the_page():
+    """Whatever their class is: a function may look its parameter up."""
+
+    def switched(x, mode):
+        return ({1.0: x[0], 2.0: -x[0]}[mode],)
+
+    field = sf.QuadraticField.from_function(switched, "u", mode=1.0)
+    page = sf.explore(field, [1.0], eps=0.1, steps=3)
+    try:
+        query = page._query.replace("numbers=1.0", "numbers=3.0")
+        assert query != page._query
+        with urllib.request.urlopen(f"{page.url.partition('?')[0]}scene?{query}") as found:
+            assert json.load(found)["error"] == "KeyError: 3.0"
+    finally:
+        page.close()

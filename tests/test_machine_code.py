@@ -461,28 +461,6 @@ def test_frames(text_of, D, W):
     assert 0 < last + max(pieces, default=0) < 2**18
 
 
-POOL = """
-import os, signal, threading, warnings
-from suslov_fast.core.pool import in_parts
-warnings.simplefilter("ignore", DeprecationWarning)
-found, all_three = [], threading.Barrier(3)
-in_parts(3, lambda part: (all_three.wait(), found.append(part)), [])
-child = os.fork()
-if child == 0:
-    signal.alarm(20)
-    found.clear()
-    in_parts(3, found.append, [])
-    os._exit(sorted(found) != [0, 1, 2])
-print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), sorted(found))
-"""
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_child_starts_threads_of_its_own():
-    """It would wait forever for those of its parent's pool, which it lacks."""
-    assert children.run(POOL, timeout=60) == "0 [0, 1, 2]\n"
-
-
 def test_an_error_of_the_generator_is_not_one_of_llvm(monkeypatch, anew):
     def slip(*arguments):
         raise KeyError("no such value")

@@ -462,6 +462,41 @@ def test_the_garbage_collector_is_paused_by_first_calls_alone(is_enabled):
     assert seen == [False, is_enabled]
 
 
+# The first thread is inside until the second one begins, or, if that waits, for half a second.
+LOADING = """
+import threading
+from numba.core.registry import cpu_target
+from suslov_fast.core import numba as core
+is_inside, begins, order = threading.Event(), threading.Event(), []
+refresh = cpu_target.target_context.refresh  # which calls itself
+def of_second():
+    if threading.current_thread() is thread:
+        order.append("second begins")
+        begins.set()
+    refresh()
+def of_first():
+    cpu_target.target_context.refresh = of_second
+    is_inside.set()
+    begins.wait(0.5)
+    refresh()
+    order.append("first ends")
+def second():
+    is_inside.wait()
+    core._load_registries()
+cpu_target.target_context.refresh = of_first
+thread = threading.Thread(target=second)
+thread.start()
+core._load_registries()
+thread.join()
+print(order[:2])
+"""
+
+
+def test_a_thread_compiles_when_another_one_has_loaded_what_that_needs():
+    """Each would get a part of it, and its functions would be unknown in the process."""
+    assert children.run(LOADING).split("'")[1::2] == ["first ends", "second begins"]
+
+
 # The code that a process takes from the cache, or compiles: functions with types of arguments.
 ASKED = """
 import sys

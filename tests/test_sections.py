@@ -191,7 +191,7 @@ def test_a_smooth_crossing_takes_few_rounds():
         asked.append(len(which))
         return np.exp(x) - 1.7 + 0.1 * x**2
 
-    fractions = crossing_fractions(values_at, np.array([0.5, 0.49, 0.1]), *at_ends)
+    fractions, _ = crossing_fractions(values_at, np.array([0.5, 0.49, 0.1]), *at_ends)
     expected = brentq(lambda x: values_at([], x), 0.0, 1.0, xtol=1e-15)
     np.testing.assert_allclose(fractions, expected, rtol=0, atol=1e-15)
     assert sum(asked) <= 18
@@ -207,7 +207,7 @@ def test_a_flat_crossing_takes_few_rounds():
             return (x - root) ** 3 + 1e-3 * (x - root)
 
         a, b = values_at([], np.array([0.0])), values_at([], np.array([1.0]))
-        found = crossing_fractions(values_at, a / (a - b), a, b)
+        found, _ = crossing_fractions(values_at, a / (a - b), a, b)
         assert abs(found - root) < 1e-15
         assert sum(asked) <= 11
 
@@ -220,8 +220,10 @@ def test_a_surface_with_a_jump_is_bisected(root, beyond):
     def values_at(which, x):
         return np.where(x < root, -1.0, beyond)
 
-    found = crossing_fractions(values_at, np.array([0.5]), np.array([-1.0]), np.array([beyond]))
+    ends = np.array([-1.0]), np.array([beyond])
+    found, over_pole = crossing_fractions(values_at, np.array([0.5]), *ends)
     assert abs(found - root) < 1e-5
+    assert not over_pole
 
 
 def test_a_value_of_0_is_the_crossing():
@@ -233,6 +235,39 @@ def test_a_value_of_0_is_the_crossing():
             asked.append(len(which))
             return x - 0.25
 
-        found = crossing_fractions(values_at, np.array([first]), *np.array([[-0.25], [0.75]]))
+        found, _ = crossing_fractions(values_at, np.array([first]), *np.array([[-0.25], [0.75]]))
         assert found.tolist() == [0.25]
         assert asked == [1] * rounds
+
+
+@pytest.mark.parametrize("method", ["order4", "order6"])
+def test_a_pole_within_a_step_gives_the_chord_and_a_status(method, tmp_path):
+    """The sign of the surface changes through infinity: no point lies beyond both ends."""
+    rng, seen = np.random.default_rng(1), 0
+    for _ in range(6):
+        field = sf.QuadraticField(*(rng.normal(size=(3,) * k) for k in (3, 2, 1)))
+        x, c = rng.normal(size=(64, 3)), rng.normal(size=3)
+        found = [
+            sf.crossings(
+                field, x, 0.3, steps, lambda x, c=c: x @ c - 0.3, direction=0, method=method,
+                on_singular="ignore",
+            )
+            for steps in (6, 2)
+        ]  # fmt: skip
+        points = found[0]
+        before, after, there = (x @ c - 0.3 for x in (points.before, points.after, points.states))
+        assert (abs(there) <= np.maximum(abs(before), abs(after)) * (1 + 1e-12)).all()
+        over = points.over_pole
+        chord = points.before + (before / (before - after))[:, None] * (
+            points.after - points.before
+        )
+        np.testing.assert_allclose(points.states[over], chord[over], rtol=1e-12, atol=1e-12)
+        assert not points.valid[over].any()
+        first, status = points.first_pole[points.trajectory], points.status[points.trajectory]
+        assert ((first > 0) & (first <= points.n + 1))[over].all()
+        assert {*status[over]} <= {*sf.Status} - {sf.Status.OK}
+        assert found[1].extend(4, on_singular="ignore") == points
+        points.save(tmp_path / "points.npz", overwrite=True)
+        assert sf.Crossings.load(tmp_path / "points.npz") == points
+        seen += over.sum()
+    assert seen > 20

@@ -3,8 +3,11 @@
 import os
 import random
 import signal
+import sys
 import textwrap
 import threading
+import time
+from contextlib import contextmanager
 from itertools import count
 from types import SimpleNamespace
 
@@ -14,6 +17,8 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast.core import numba as core_numba
+from suslov_fast.core import threads as core_threads
 from suslov_fast.engine import derivatives, stretches, threads
 
 AT_ONCE = """
@@ -238,6 +243,94 @@ def test_signals_at_random_moments():
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
+
+
+class Work:
+    """Counts the parts that threads are taking, and those that are done."""
+
+    def __init__(self):
+        self.inside, self.done, self.abandoned = [], [], []
+
+    def __call__(self, part):
+        if not self.abandoned:
+            self.inside.append(part)
+            time.sleep(1e-4)
+            self.done.append(part)
+            self.inside.remove(part)
+
+
+def check_parts():
+    work = Work()
+    core_threads.in_parts(5, work, work.abandoned)
+    assert sorted(work.done) == [0, 1, 2, 3, 4]
+
+
+def test_ctrl_c_at_each_place_of_a_call_in_parts():
+    """No thread works on, and no lock is taken.
+
+    Python handles signals where functions begin, and after calls.
+    """
+    check_parts()
+    interrupted, place = True, 0
+    while interrupted:
+        work, events, place, interrupted = Work(), count(), place + 1, False
+
+        def interrupt(frame, event, argument, place=place, events=events):
+            is_place = event in ("call", "c_return")
+            is_place &= frame.f_code.co_filename == core_threads.__file__
+            if is_place and next(events) == place:
+                raise KeyboardInterrupt
+
+        try:
+            sys.setprofile(interrupt)
+            core_threads.in_parts(3, work, work.abandoned)
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            sys.setprofile(None)
+        assert not work.inside
+        check_parts()
+    assert place > 10
+
+
+@contextmanager
+def interrupts(handler):
+    """Take signals of a timer by a handler."""
+    before = signal.signal(signal.SIGALRM, handler)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
+@pytest.mark.parametrize("in_loop", [True, False])
+def test_ctrl_c_at_random_moments_of_a_field(in_loop, monkeypatch):
+    """Later calls neither hang nor find other bits, on threads of Numba and on those of Python."""
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    if in_loop:
+        assert core_numba.loop_over_parts(np.inf)
+    else:
+        monkeypatch.setitem(core_numba._found, core_numba._loop, None)
+    chance, heard = random.Random(1), 0
+    field = sf.QuadraticField.from_function(lambda x: (x[1] * x[2], 1 - x[0] * x[2], -x[2]), 3)
+    x = np.random.default_rng(1).uniform(-1, 1, (900, 3))
+    expected = sf.iterate(field, x, 0.1, 30, threads=1).states
+    sf.iterate(field, x, 0.1, 30, threads=2)  # compiles
+    with interrupts(lambda *_: signal.raise_signal(signal.SIGINT)):
+        for _ in range(300):
+            try:
+                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, 5e-3))
+                sf.iterate(field, x, 0.1, 30, threads=2)
+                signal.setitimer(signal.ITIMER_REAL, 0)
+            except KeyboardInterrupt:
+                heard += 1
+            assert not threads._one_at_a_time._is_owned()
+    assert heard > 100
+    assert (sf.iterate(field, x, 0.1, 30, threads=2).states == expected).all()
 
 
 def test_a_call_during_a_parallel_call_is_serial():

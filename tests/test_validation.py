@@ -227,14 +227,14 @@ FIELDS = [
     (lambda: sf.integrability.rational_map(lambda t, y: y, 2), TypeError, r"f.* rational_map\(lambda x: f\(None, x\), 2\)"),
     (lambda: sf.integrability.kahan(lambda x: x), TypeError, "field.*from_function"),
     (lambda: sf.integrability.kahan(BODY), TypeError, r"field.*QuadraticField.of\(body\)"),
-    (field(lambda x, *, a: x), TypeError, "f.* pass a=28"),
+    (field(lambda x, *, a: x), TypeError, "f.* pass a="),
     (field(lambda x, eps: x), TypeError, "f.* eps: this name is in use"),
     (field(lambda x: x[0] * x[1]), ValueError, "f"),
     (field(lambda x: ("1", 1)), TypeError, "f"), (field(None), TypeError, "f"),
     (field(lambda x: (1,), 1.5), TypeError, "dimension"),
     (field(lambda x, rho: (rho, x[0])), TypeError, "f.*rho"),
     (field(lambda x, rho=1: (x[0], x[1]), roh=1), TypeError, "f.*roh; choose from: rho"),
-    (field(lambda x, mu: (x[0], x[1]), nu=1), TypeError, "f needs mu, not nu: pass mu=28, for example"),
+    (field(lambda x, mu: (x[0], x[1]), nu=1), TypeError, "f needs mu, not nu"),
     (field(lambda x, r, K: (x[0], x[1]), args=(1, 3)), TypeError, "f needs r, not args: .* by its name, r=…, K=…"),
     (field(lambda x, y: (x, y, 1), 3), TypeError, "f.* one tuple of 3"),
     (hamiltonian(lambda p, q: q * p), TypeError, r"pass lambda x: H\(x\[1\], x\[0\]\), as in"),
@@ -582,7 +582,7 @@ def test_body_and_state_are_positional_only(name, function):
         is_first = parameter.name in {"body", "field", "omega", "omega0", "x", "x0", "xy"}
         assert is_first == (parameter.kind == parameter.POSITIONAL_ONLY), parameter
     if name == "suslov_fast.iterate":
-        with pytest.raises(TypeError, match="the second argument, without a name"):
+        with pytest.raises(TypeError, match="the second argument"):
             function(BODY, omega0=OMEGA, eps=0.2, steps=3)
 
 

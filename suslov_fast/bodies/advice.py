@@ -13,10 +13,7 @@ from keyword import iskeyword
 from typing import Any, NoReturn
 
 from ..checks import page, short, wrong
-from .definitions import Definitions
-from .expressions import FUNCTIONS, state_of
 from .names import TIME, clash, free, labels
-from .polynomials import HOW
 
 # Usual names of an array of parameters, of a state or a component, and of a state as a whole in
 # functions for other packages. Parameters of fields rarely have these names.
@@ -29,7 +26,7 @@ _VECTOR = {"X", "Y", "Z", "U", "V", "W", "state", "states", "vec"}
 _NUMBERED = re.compile(r"[A-Za-z]+_?\d+")
 _WITH_RATES = re.compile(r"([pvd]_?)?[xyz](_?dot)?")
 _RUNS = "xyzw", "xyzuvw", "xyuv", "xv", "uvw", "qp", "pq", "XYZW", "UVW"
-CUBIC = "howto/smooth"
+GENERAL = "howto/motion"
 _OURS = {"suslov_fast", "numpy", "numba"}  # packages whose errors are told otherwise
 _LAMBDIFIED = "_lambdifygenerated"  # the name of functions of SymPy, which users do not see
 # What errors of Python, NumPy and Numba say; a test raises each.
@@ -39,10 +36,10 @@ TEXTS = {
     "product of a number": "@|matmul",
     "linear algebra of symbols": "ufunc '(solve|inv|lstsq|det|qr|eig|svd)",
     "function of math": "must be real number, not",
-    "function without symbols": "must be real number, not|not '(Expression|Polynomial)'|"
+    "function without symbols": "must be real number, not|not '(Expression|Polynomial|Symbol)'|"
     "object has no attribute",
     "time is None": "NoneType|fractions or floats, not None",
-    "number of a symbol": "Polynomial|Expression",
+    "number of a symbol": "Polynomial|Expression|Symbol",
     "tuple as an array": "'Variables'|'tuple' and|tuple indices|can't multiply sequence",
     "unpacking": "to unpack",
     "argument of Numba": "compute fingerprint",
@@ -89,14 +86,13 @@ def name_of(f: Any, argument: str) -> str:
 
 
 def check_callable(argument: str, f: Any) -> None:
-    """Raise TypeError unless f is a function; of expressions of SymPy one is made by lambdify."""
+    """Raise TypeError unless f is a function."""
     if callable(f):
         return
-    each = f if isinstance(f, (list, tuple)) else [f]
     example = "(x[0]**2 + x[1]**2) / 2" if argument == "H" else "(x[1], -x[0])"
     how = f": for example lambda x: {example}"
-    if any(hasattr(expression, "free_symbols") for expression in each):
-        how = ": pass sympy.lambdify([names], list(expressions))"
+    if any(hasattr(each, "free_symbols") for each in (f if isinstance(f, (list, tuple)) else [f])):
+        how = ": SymPy's lambdify makes one of expressions"
     expected = "a function of x, a tuple of the variables"
     raise wrong(argument, expected, f"{short(f)}{how}", TypeError)
 
@@ -135,13 +131,13 @@ def check_arguments(
             )
             advice = _adapted(f_name, f, names, given, states, maker)
         if is_timed:
-            advice += f"; for a forcing see {page(CUBIC)}"
+            advice += f"; for a forcing see {page(GENERAL)}"
         must = "must take the state alone, as one tuple, and parameters by name"
         received = f"{f_name}({', '.join(arguments)})"
         raise TypeError(f"{argument} {must}, not {received}: {advice}")
     unknown = _unknown(f, given)
     if missing:
-        how = f"pass {missing[0]}=28, for example"
+        how = f"pass {missing[0]}=, a parameter, by name"
         if not _ARRAY.isdisjoint(unknown):
             how = "pass each parameter by its name, " + ", ".join(f"{name}=…" for name in missing)
         if is_state(missing[0]):
@@ -166,8 +162,10 @@ def _check_time(
     is_known = {*parameters} <= {*given} or _ARRAY.isdisjoint(parameters)
     if not state or len(times) > 1 or not is_known:
         return
+    from .symbolic import Tracer
+
     own = [name for name in names if name not in TIME]
-    *components, time = state_of(Definitions([*own, *times]))
+    *components, time = Tracer([*own, *times], []).state
     values = {name: given.get(name, 1.0) for name in parameters}
     try:
         f(**values, **{state: (*components,), times[0]: None})
@@ -187,7 +185,7 @@ def _check_time(
         passed = [f"{name}={text}" for name, text in zip(arguments, passed, strict=True)]
     function = f"lambda {', '.join([s, *parameters])}: (*{f_name}({', '.join(passed)}), 1)"
     numbers = "".join(f", {name}={_value(name, given, '…')}" for name in parameters)
-    call = f'LiftedField.from_function({function}, "{" ".join([*own, *times])}"{numbers})'
+    call = f'Field.from_function({function}, "{" ".join([*own, *times])}"{numbers})'
     received = f"{f_name}({', '.join(arguments)})"
     raise TypeError(
         f"{argument} must take the state alone, as one tuple, not {received}: "
@@ -289,22 +287,21 @@ def _value(name: str, given: Mapping[str, Any], missing: str = "") -> Any:
     return value if isinstance(value, (int, float)) else name
 
 
-def lifted_call(f: Any, argument: str, names: Sequence[str], parameters: Mapping[str, Any]) -> str:
-    """Return the call that makes a `LiftedField` of a function f, or of a Hamiltonian."""
+def field_call(f: Any, argument: str, names: Sequence[str], parameters: Mapping[str, Any]) -> str:
+    """Return the call that makes a `Field` of a function f, or of a Hamiltonian."""
     maker = "from_hamiltonian" if argument == "H" else "from_function"
     size = len(names) if tuple(names) == labels(len(names)) else repr(" ".join(names))
     values = (f", {name}={_value(name, parameters)}" for name in parameters)
-    return f"LiftedField.{maker}({name_of(f, argument)}, {size}{''.join(values)})"
+    return f"Field.{maker}({name_of(f, argument)}, {size}{''.join(values)})"
 
 
 def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bool) -> str:
     """Return the cause, in words, of an error that f raised when it was called with polynomials."""
     text = " ".join(str(error).split())
     if hasattr(error, "in_words"):  # NoPolynomial or NoPower
-        return f"{f_name} {error.in_words(names)}, see {page(CUBIC)}"
+        return f"{f_name} {error.in_words(names)}, see {page(GENERAL)}"
     if function := of_numpy(error):
-        how = f"those that take them, in a LiftedField, are {', '.join(FUNCTIONS)}"
-        how = f"write {HOW[function]}" if function in HOW else how
+        how = f"for those that take them see {page(GENERAL)}"
         return f"{f_name} calls {function} of NumPy, which takes no symbols: {how}"
     if package := _other_package(error):
         how = "write formulas of + - * / ** and functions of NumPy"
@@ -313,7 +310,7 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         how = "call its Python function, g.py_func(*x) in place of g(*x)"
         return f"{f_name} calls a function compiled by Numba, which takes no symbols: {how}"
     if says(text, "time is None"):
-        how = f"make time a variable, whose derivative is 1, see {page(CUBIC)}"
+        how = f"make time a variable, whose derivative is 1, see {page(GENERAL)}"
         return f"{text}: if you pass None for t, the right-hand side depends on t: {how}"
     if is_family and says(text, "array of a number"):
         how = "pass each number by its own name, such as sigma=10, rho=28"
@@ -326,13 +323,13 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         return f"numpy.linalg cannot compute with symbols ({text}): {how}"
     if says(text, "function of math"):
         how = "x holds symbols, and functions of math take none: write those of NumPy"
-        return f"{how}, such as np.sin, and make a LiftedField, see {page(CUBIC)}"
+        return f"{how}, such as np.sin, and make a Field, see {page(GENERAL)}"
     if says(text, "number of a symbol"):
         if isinstance(error, AttributeError):
-            return f"{text}: x holds symbols, for + - * / and ** alone; see {page(CUBIC)}"
+            return f"{text}: x holds symbols, for + - * / and ** alone; see {page(GENERAL)}"
         why = "x holds symbols, so f cannot use if or float of them, or store them in an array"
         how = "return a tuple of expressions, or fill np.zeros(n, dtype=object)"
-        return f"{text}: {why} of floats: {how}; see {page(CUBIC)}"
+        return f"{text}: {why} of floats: {how}; see {page(GENERAL)}"
     if len(names) == 1 and len(names[0]) > 1 and re.search("to unpack|but the dimension", text):
         return f"{text}: {names[0]!r} is one name, write {' '.join(names[0])!r} for {len(names[0])}"
     if says(text, "tuple as an array"):

@@ -12,6 +12,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import INSTEAD_IN_BODIES, nearest, public
+from .bounds import check_axes
 from .members import Members
 from .polynomials import from_lists, to_lists
 
@@ -140,7 +141,7 @@ class Body(Members):
         Raises
         ------
         TypeError
-            If the body is a `LiftedField`, whose equations are not quadratic.
+            If the body is a `Field`, whose equations need not be quadratic.
 
         Examples
         --------
@@ -209,9 +210,7 @@ class Body(Members):
             """Return the name of this package for an attribute, or one that is spelt alike."""
             if name.startswith("_"):
                 return ""
-            here = import_module("suslov_fast")._here(name) or nearest(name, dir(self))
-            is_field = hasattr(type(self), "from_function")
-            return here or f"from_function(f, names, {name}=...), for a parameter" * is_field
+            return import_module("suslov_fast")._here(name) or nearest(name, dir(self))
 
     @property
     def _key(self) -> tuple[Any, ...]:
@@ -243,8 +242,8 @@ class Body(Members):
         """Return the class and the exact parameters as a dictionary for JSON.
 
         A coefficient that no float equals becomes a string "p/q". A field has its terms, or with a
-        Hamiltonian those of H and the entries of K, as lists of indices and of values. A lifted
-        field has its equations as texts.
+        Hamiltonian those of H and the entries of K, as lists of indices and of values. A `Field`
+        has its equations as texts.
 
         Returns
         -------
@@ -291,6 +290,7 @@ class Body(Members):
         """
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
+        check_axes("parameters", given)
         how = ": body_from_dict makes a body of any class"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)
         read = cls._read or cls

@@ -3,32 +3,33 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ..checks import instance, wrong
+from ..checks import instance, short, wrong
 from ..keywords import public
 from .base import Body
 from .field import QuadraticField
 from .field_of_terms import FieldOfFunction
-from .lifted import LiftedField
+from .general import Field
 from .nd import SuslovND
 from .rigid import Suslov3D, SuslovGyrostat
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
-BodyOrField = AnyBody | QuadraticField | LiftedField
+BodyOrField = AnyBody | QuadraticField | Field
 
 
 def class_named(name: Any) -> type[Any]:
     """Return the class of bodies with this name; those of the package come first."""
-    classes: list[Any] = [Suslov3D, SuslovND, SuslovGyrostat, QuadraticField, LiftedField, Body]
+    classes: list[Any] = [Suslov3D, SuslovND, SuslovGyrostat, QuadraticField, Field]
+    classes += [Body]
     for class_ in classes:  # the list grows meanwhile, until it has all descendants
         classes.extend(class_.__subclasses__())
     kinds: dict[Any, type[Any]] = {}
     for class_ in classes:
         if class_ not in (Body, FieldOfFunction) and not class_.__name__.startswith("_"):
             kinds.setdefault(class_.__name__, class_)
-    if name not in kinds:
+    if not isinstance(name, str) or name not in kinds:
         how = "import the module that defines it"
-        raise ValueError(f"body: there is no class {name!r}, only {', '.join(kinds)}: {how}")
+        raise ValueError(f"body: there is no class {short(name)}, only {', '.join(kinds)}: {how}")
     return kinds[name]
 
 
@@ -43,7 +44,7 @@ def body_from_dict(parameters: Mapping[str, Any]) -> BodyOrField:
 
     Returns
     -------
-    QuadraticField, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
+    QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
         The class that the entry ``"body"`` names.
 
     Raises

@@ -10,9 +10,10 @@ import numpy as np
 
 from .. import checks
 from ..checks import OTHERS, within, wrong
+from .bounds import check_denominators
 from .names import check_order
 from .polynomials import as_given, coefficients, exact, numbers
-from .terms import Terms, collected, fractions, joined, table_of
+from .terms import Terms, collected, fractions, joined
 
 # Indices (axes, n) and values (..., n) of entries of an array.
 Entries = tuple[Any, Any]
@@ -115,11 +116,24 @@ def of_terms(indices: Any, values: Any, D: int) -> Entries:
     return indices[:, which], found
 
 
+def of_file(indices: Any, values: Any, D: int) -> Entries:
+    """Return the entries of terms in a dictionary, where none is repeated.
+
+    Sums of repeated ones could take minutes, and :meth:`to_dict` writes none.
+    """
+    places, found = of_terms(indices, values, D)
+    i, (j, k) = places[0], np.sort(places[1:], axis=0)
+    if len(np.unique((i * (D + 1) + j) * (D + 1) + k)) < len(i):
+        raise wrong("indices", "hold each term once", "one of them again")
+    return places, found
+
+
 def of_hamiltonian(H: Any, D: int) -> Terms:
     """Return the exact terms of H from its entry in a dictionary."""
     _check_entry("H", H)
     indices = checked_indices("H", H["indices"], D, "mnp")
     values = coefficients("H", _checked_values("H", H["values"], indices.shape[1]), False)
+    check_denominators("H", values.flat)
     return collected(indices, values, D, 3)
 
 
@@ -145,16 +159,20 @@ def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
         places = checked_indices("K", K["indices"], D, "ij")
         (which,), values = entries("K", _checked_values("K", K["values"], places.shape[1]))
         places = places[:, which]
+        check_denominators("K", values.tolist())
     else:
+        if callable(K):
+            raise wrong("K", "a constant matrix", "a function", TypeError)
         array = K if hasattr(K, "tocoo") else as_given("K", K)
         if array.shape != (D, D):
             raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", array.shape)
         places, values = of_array("K", array, 2, D)
     values = fractions(values)
     found = dict(zip(zip(*places.tolist(), strict=True), values, strict=True))
-    if any(found.get((j, i)) != -v for (i, j), v in found.items()):
-        received = checks.short(table_of("K", (D, D), places, values).astype(float).tolist())
-        raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", received)
+    for (i, j), v in found.items():
+        if (w := found.get((j, i), Fraction(0))) != -v:
+            received = f"one with {float(v)} at {i, j} and {float(w)} at {j, i}"
+            raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", received)
     matrix: Any = np.empty((3, len(values)), object)
     matrix[:2], matrix[2] = places, values
     return matrix

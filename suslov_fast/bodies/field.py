@@ -15,10 +15,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .. import checks
-from ..checks import short, wrong
+from ..checks import FloatArray, short, wrong
 from ..keywords import public, unchanging
 from .base import Body, summary
-from .coefficients import of_array, of_hamiltonian, of_terms, structure_matrix, with_arrays
+from .coefficients import of_array, of_file, of_hamiltonian, of_terms, structure_matrix, with_arrays
 from .field_of_terms import (
     H_INDICES,
     H_VALUES,
@@ -35,6 +35,7 @@ from .terms import (
     Terms,
     polynomial_in,
     rows_of,
+    slopes_at,
     values_at,
 )
 from .tracing import traced
@@ -298,7 +299,7 @@ class QuadraticField(_FieldOfTerms):
         Raises
         ------
         TypeError
-            If `body` is no body, or a `LiftedField`, whose equations are not quadratic.
+            If `body` is no body, or a `Field`, whose equations need not be quadratic.
 
         Examples
         --------
@@ -335,6 +336,42 @@ class QuadraticField(_FieldOfTerms):
         terms = Terms(self._parts[INDICES], self._parts[VALUES])
         found = values_at(terms, x, self.names, 2)
         return tuple(found) if isinstance(found, list) else found
+
+    @public
+    def jacobian(self, x: Any) -> FloatArray:
+        """Return the derivative of the right-hand side, f'(x).
+
+        Its formula is exact. :func:`suslov_fast.jacobian` is the derivative of a step of the map.
+
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States, which broadcast with a family.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D, D))
+            The derivative of component i of f by x_j at [..., i, j]; NaN for a state that is NaN.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If x has another shape, or numbers that are infinite or not real.
+
+        Examples
+        --------
+        Is the equilibrium (1, 1) stable?
+
+        >>> import numpy as np
+        >>> from suslov_fast import QuadraticField
+        >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] - x[1]), 2)
+        >>> field.jacobian([1, 1])
+        array([[ 0., -1.],
+               [ 1., -1.]])
+        >>> np.linalg.eigvals(field.jacobian([1, 1])).real.round(3)
+        array([-0.5, -0.5])
+        """
+        return slopes_at(self._exact, checks.states("x", x, self.names))
 
     def __repr__(self) -> str:
         if self.shape:
@@ -377,11 +414,11 @@ class QuadraticField(_FieldOfTerms):
         names: Any = None,
     ) -> QuadraticField:
         checks.instance("parameters", parameters or {}, Mapping)
-        D = checks.integer("dimension", dimension, 1)
+        D = len(variables("dimension", dimension))
         names = variables("names", names, D)
         named_values = named(parameters or {}, names)
         if H is None and K is None:
-            terms = with_arrays({"values": of_terms(indices, values, D)}, None, None, D)
+            terms = with_arrays({"values": of_file(indices, values, D)}, None, None, D)
             return cls._of({**parts_of(terms, names), **named_values})
         if indices is not None or values is not None:
             raise ValueError("the parameters hold both coefficients and H: keep one of them")

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, ClassVar
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import checks
 from ..checks import FloatArray
+from ..core.lists.dense import DenseRightHandSide, dense_parameters
+from ..core.lists.quadratic import parameters_of, right_hand_side_of
+from ..keywords import public
 from .base import Body, Parameters, frozen
 from .names import labels
 from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
@@ -26,6 +31,16 @@ _OF_STORES = frozenset(
     "steps tiled title values version attitude".split()
 )
 
+_LONG = 4000  # terms, above which a dense field is taken by loops
+
+
+class OfMembers(NamedTuple):
+    """The right-hand side of some members of a family, or of a single field."""
+
+    members: NDArray[np.int64]  # their numbers (K,)
+    f: Any  # a `RightHandSide`
+    table: FloatArray  # its numbers (K, n), see `RightHandSide.table_of`
+
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class FieldOfFunction(Body):
@@ -33,6 +48,7 @@ class FieldOfFunction(Body):
 
     names: tuple[str, ...]
     _value_at: ClassVar[Any]  # f(x)
+    _right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
 
     @property
     def _arrays(self) -> dict[str, FloatArray]:
@@ -49,6 +65,55 @@ class FieldOfFunction(Body):
             how = "for solve_ivp pass lambda t, x: field(x)"
             raise TypeError(f"a field takes the state alone, field(x): {how}")
         return self._value_at(x)
+
+    @cached_property
+    def _right_hand_sides(self) -> list[OfMembers]:
+        """f for the motion, and its table, for groups of members with the same operations."""
+        f, parameters = self._right_hand_side
+        count = math.prod(self.shape)
+        table = f.table_of(parameters).reshape(len(f.table), count)
+        return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
+
+    @property
+    def _listed_right_hand_sides(self) -> list[OfMembers]:
+        """The same, as lists of operations."""
+        return self._right_hand_sides
+
+    @public
+    def jacobian(self, x: Any) -> FloatArray:
+        """Return the exact derivative f'(x) of the right-hand side.
+
+        :func:`suslov_fast.jacobian` is the derivative of a step of a map.
+
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States, which broadcast with the batch of the field.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D, D))
+            The derivative of component i by variable j at [..., i, j]. Where f chooses, as
+            ``np.where`` does, it is that of what f takes.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If x has another shape, or numbers that are infinite or not real.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> field = QuadraticField.from_function(lambda x: (x[0] * x[1], 3 - x[0]), 2)
+        >>> field.jacobian([2.0, 5.0])
+        array([[ 5.,  2.],
+               [-1.,  0.]])
+        """
+        x = checks.states("x", x, self.names, later=True)
+        right_hand_side, inputs = self._right_hand_side
+        table = right_hand_side.table_of(inputs)
+        found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)
+        return np.moveaxis(found, (0, 1), (-2, -1))
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -126,6 +191,34 @@ class _FieldOfTerms(FieldOfFunction):
     def _terms(self) -> Any:
         return Terms(self._parts[INDICES], self._parts[VALUES]).floats
 
+    @cached_property
+    def _right_hand_side(self) -> tuple[Any, FloatArray]:
+        return _quadratic(*self._terms, self.dimension, _LONG)
+
+    @cached_property
+    def _right_hand_sides(self) -> list[OfMembers]:
+        return self._by_terms(_LONG)
+
+    @property
+    def _listed_right_hand_sides(self) -> list[OfMembers]:
+        return self._by_terms(None)
+
+    def _by_terms(self, longest: int | None) -> list[OfMembers]:
+        """Return the right-hand sides of members; dense ones of more terms are no lists."""
+        indices, values = self._terms
+        rows = values.reshape(-1, values.shape[-1])
+        exists = rows != 0.0
+        patterns, which = exists[:1], np.zeros(len(rows), np.int64)
+        if not exists.all():  # what a step tests depends on the terms
+            patterns, which = np.unique(exists, axis=0, return_inverse=True)
+        found = []
+        for k, pattern in enumerate(patterns):
+            members = np.flatnonzero(which.reshape(-1) == k)
+            own = rows[np.ix_(members, pattern)]
+            f, parameters = _quadratic(indices[:, pattern], own, self.dimension, longest)
+            found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
+        return found
+
     @property
     def _exact(self) -> Terms:
         """The terms with the values of the laboratory: those of a single field are fractions."""
@@ -172,6 +265,29 @@ class _FieldOfTerms(FieldOfFunction):
         """c (..., D)."""
         table: NDArray[Any] = self._table("constant", 1)
         return table
+
+
+def _quadratic(
+    indices: NDArray[np.int64], values: FloatArray, D: int, longest: int | None
+) -> tuple[Any, FloatArray]:
+    """Return the right-hand side of terms, and its parameters (P, ...)."""
+    T = indices.shape[1]
+    if longest and longest < T and 4 * T > D**3:
+        return _dense(D), dense_parameters(indices, values, D)
+    rows = values.reshape(-1, T)
+    units = (rows == 1.0).all(axis=0), (rows == -1.0).all(axis=0)
+    parameters: FloatArray = parameters_of(values, *units)
+    return _of_terms(indices.tobytes(), D, *(each.tobytes() for each in units)), parameters
+
+
+_dense = lru_cache(16)(DenseRightHandSide)
+
+
+@lru_cache(256)
+def _of_terms(indices: bytes, D: int, *units: bytes) -> Any:
+    """Return the right-hand side that fields of the same form share."""
+    places = np.frombuffer(indices, np.int64).reshape(3, -1)
+    return right_hand_side_of(places, D, *(np.frombuffer(each, bool) for each in units))
 
 
 def parts_of(terms: Terms | None, names: Sequence[str]) -> dict[str, Any]:

@@ -28,6 +28,9 @@ class Members:
             raise TypeError(f"{text}: {_FAMILY}")
         return int(self.shape[0])
 
+    def __bool__(self) -> bool:
+        return True
+
     def __iter__(self: Kind) -> Iterator[Kind]:
         return (self[i] for i in range(len(self)))
 

@@ -1,6 +1,7 @@
 """Names of the variables and of the parameters of fields."""
 
 import re
+import unicodedata
 from collections.abc import Collection, Sequence
 from keyword import iskeyword
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import integer, page, short, wrong
+from .bounds import LONGEST_NAME, MOST_VARIABLES
 
 TIME = {"t", "time"}
 # Names that parameters of fields cannot have, and what they stand for.
@@ -21,8 +23,8 @@ _TAKEN = {
     **dict.fromkeys(
         (
             *("n", "final", "status", "failed_at", "first_pole", "attitude", "trajectory", "space"),
-            *("component", "local_error"),
-            *("crossing", "before", "after", "fraction"),
+            "component",
+            *("crossing", "before", "after", "fraction", "over_pole"),
         ),
         "a name in datasets of runs and crossings",
     ),
@@ -53,11 +55,14 @@ def latex(name: str) -> str:
     return f"{letter}_{{{match['index']}}}" if match["index"] else letter
 
 
-def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...]:
+def variables(
+    argument: str, given: Any, D: int | None = None, *, has_eps: bool = True
+) -> tuple[str, ...]:
     """Return the checked names of variables; x1, ..., xD if only their number is known.
 
     `given` is a text with names between spaces or commas, a sequence of names, the number of
-    variables, or None. If D is known there must be D names.
+    variables, or None. If D is known there must be D names. `has_eps` is whether the field has a
+    map, whose step size has the name eps.
     """
     if given is None and D:
         return labels(D)
@@ -68,7 +73,8 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
     elif isinstance(given, (list, tuple)) or np.ndim(given) == 1:
         names = [*given]
     elif D is None:
-        return labels(integer(argument, given, 1, 'an integer from 1, or names: "u v w"', 2**62))
+        expected = f'an integer from 1 to {MOST_VARIABLES}, or names: "u v w"'
+        return labels(integer(argument, given, 1, expected, MOST_VARIABLES))
     else:
         raise wrong(argument, 'names, such as "u v w"', short(given), TypeError)
     if not all(isinstance(name, str) for name in names):
@@ -84,14 +90,18 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
         raise wrong(
             argument, f"one name for each of {D} variables", f"{len(names)}: {short(given)}"
         )
+    earlier: set[str] = set()
     for i, name in enumerate(names):
-        if reason := _refused(name, i, names):
-            raise ValueError(f"{argument}: the variable {name!r} {reason}")
+        if reason := _refused(name, i, earlier, has_eps):
+            raise ValueError(f"{argument}: the variable {short(name)} {reason}")
+        earlier.add(name)
     return tuple(names)
 
 
-def _refused(name: str, i: int, names: list[str]) -> str:
+def _refused(name: str, i: int, earlier: Collection[str], has_eps: bool) -> str:
     """Return why variable i cannot have this name; "" if it can."""
+    if len(name) > LONGEST_NAME:
+        return f"is longer than {LONGEST_NAME} characters"
     if iskeyword(name):
         return f"has a name that is a keyword of Python: call it {name}_, for example"
     if not name.isidentifier():
@@ -100,13 +110,20 @@ def _refused(name: str, i: int, names: list[str]) -> str:
             how = f"call it {plain}, for example"
         how = f"for a number of variables pass the integer {name}" if name.isdecimal() else how
         return f"is not a valid name in Python: {how}"
-    if name in names[:i]:
+    if (plain := _normal(name)) != name:
+        return f"is {plain!r} to Python, which normalizes names: call it {plain}"
+    if name in earlier:
         return "appears twice: give each variable its own name"
-    if name == "eps":
+    if has_eps and name == "eps":
         return "has the name of the step size: call it eps_, for example"
     if _NUMBERED.fullmatch(name) and name != f"x{i + 1}":
         return f"is variable {i + 1}, but {name} is the name of variable {name[1:]}"
     return ""
+
+
+def _normal(name: str) -> str:
+    """Return a name as Python reads it in source text, where it may become another variable."""
+    return unicodedata.normalize("NFKC", name)
 
 
 def check_order(names: Sequence[str]) -> None:
@@ -144,15 +161,20 @@ def free(name: str, names: Collection[str] = (), maker: str = "") -> str:
     return name
 
 
-def check_parameter(name: str, names: Collection[str]) -> None:
+def check_parameter(name: str, names: Collection[str], *, has_eps: bool = True) -> None:
     """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
     if not name.isidentifier() or iskeyword(name):
-        raise ValueError(
-            f"parameters: {name!r} is not a valid name in Python: rename it, to rho for example"
-        )
+        how = "rename it, to rho for example"
+        raise ValueError(f"parameters: {short(name)} is not a valid name in Python: {how}")
+    if len(name) > LONGEST_NAME:
+        raise ValueError(f"parameters: {short(name)} is longer than {LONGEST_NAME} characters")
+    if (plain := _normal(name)) != name:
+        how = f"is {plain!r} to Python, which normalizes names: call it {plain}"
+        raise ValueError(f"parameters: {name!r} {how}")
     if name in TIME:
         how = f"fields have no time; to make it a variable see {page('howto/smooth')}"
         raise ValueError(f"parameters: {name!r}: {how}")
-    if what := clash(name, names):
+    what = clash(name, names)
+    if what and (has_eps or name != "eps" or name in names):
         how = f"rename it, to {free(name, names)} for example"
         raise ValueError(f"parameters: {name!r} clashes with {what}: {how}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -9,13 +10,25 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import OTHERS, FloatArray, first_index, real_array, spell, within, wrong
+from ..checks import (
+    OTHERS,
+    FloatArray,
+    common_shape,
+    first_index,
+    real_array,
+    spell,
+    states,
+    within,
+    wrong,
+)
+from ..errors import SuslovError
 from ..keywords import public, public_class
 from .base import Body
 from .field import QuadraticField
 from .field_of_terms import parts_of
 from .names import labels
 from .polynomials import numbers
+from .reduction import Reduction, first_of_equal
 from .rigid import adapted
 from .terms import collected
 
@@ -24,8 +37,8 @@ _ROUNDING = 1e-14
 # What to use, in place of these functions, for bodies without a known formula.
 _INSTEAD = {
     "exact": "iterate",
+    "flow": "flow, which computes it to a tolerance",
     "limits": "iterate",
-    "flow": "flow(QuadraticField.of(body), ...)",
     "first_integral": "modified_energy",
     "criticality": "iterate, and compare with half the step size",
     "invariant_density": "the determinant of jacobian",
@@ -109,6 +122,81 @@ class SuslovND(Body):
         places = np.array([[*i, *i], [*np.minimum(i, j), *j], [*np.maximum(i, j), *j]], np.int64)
         return places, np.concatenate([I[..., j] / J[..., i], -I[..., i] / J[..., i]], axis=-1)
 
+    @cached_property
+    def _reduction(self) -> Reduction:
+        return Reduction(self.J, self.I)
+
+    @public
+    def reduced(
+        self,
+    ) -> tuple[
+        SuslovND,
+        Callable[[ArrayLike], FloatArray],
+        Callable[[ArrayLike, ArrayLike], FloatArray],
+    ]:
+        """Return the body of fewer dimensions to which a body reduces whose J has equal entries.
+
+        For equal J_i the part of omega orthogonal to I keeps its direction, along the map and the
+        motion. So the components of an eigenvalue a of diag(J), with the part I_E of I, become at
+        most two: u = omega . I_E / |I_E| with the coupling |I_E|, unless I_E = 0; and r, the length
+        of the remainder w_E0, with the coupling 0, unless there is no remainder. Both have J = a.
+        Map, motion, energies and steady states of the reduced body are those of this one.
+
+        Returns
+        -------
+        body : SuslovND
+            The body of these coordinates: those of the J_i that appears first stand first, u before
+            r. If no two J_i are equal it is equal to this one. Equal means equal as floats: J that
+            differ in the last bit are different.
+        to_reduced : callable
+            ``to_reduced(omega)`` returns the coordinates (..., k) of states (..., n - 1). r is not
+            negative where the remainders w_E0 form a space of two dimensions or more; where they
+            form a line it has the sign that the first component of w_E0 other than 0 has, or its
+            opposite, depending on I.
+        from_reduced : callable
+            ``from_reduced(x, omega)`` returns the states (..., n - 1) with the coordinates x
+            (..., k) and the directions of w_E0 of the states omega, such as the first of an orbit.
+            Where w_E0 = 0 there is no direction: then r must be 0, else the state is NaN.
+
+        Notes
+        -----
+        The members of a batch reduce each by their own J and I. A member that needs fewer
+        coordinates than another has further ones, with the coupling 0, which are 0 and stay 0.
+
+        A state with d_i = J_i - eps p / 2 = 0, p = I . omega, for two equal J_i is a pole of the
+        map; the reduced body may have a next state there, and the map is continued by it.
+
+        Examples
+        --------
+        >>> from suslov_fast import SuslovND, iterate
+        >>> body = SuslovND(J=[2, 2, 2, 3], I=[1, 2, -2, 3])
+        >>> reduced, to_reduced, from_reduced = body.reduced()
+        >>> reduced
+        SuslovND(J=[2.0, 2.0, 3.0], I=[3.0, 0.0, 3.0])
+        >>> omega = [0.5, 0.1, 0.3, -0.2]
+        >>> orbit = iterate(reduced, to_reduced(omega), eps=0.1, steps=50).omega
+        >>> run = iterate(body, omega, eps=0.1, steps=50)
+        >>> bool(abs(from_reduced(orbit, omega) - run.omega).max() < 1e-14)
+        True
+        """
+        parts, labels_of = self._reduction, self._labels
+        size = int(parts.count.max(initial=1))
+        J, I = parts.parameters(size)
+        body = SuslovND._of({"J": J, "I": I})
+
+        def to_reduced(omega: ArrayLike) -> FloatArray:
+            given = states("omega", omega, labels_of)
+            common_shape({"body": self.shape, "omega": given.shape[:-1]})
+            return parts.states(given, size)
+
+        def from_reduced(x: ArrayLike, omega: ArrayLike) -> FloatArray:
+            found, given = states("x", x, body._labels), states("omega", omega, labels_of)
+            shapes = {"x": found.shape[:-1], "omega": given.shape[:-1]}
+            common_shape({"body": self.shape, **shapes})
+            return parts.back(found, given)
+
+        return body, to_reduced, from_reduced
+
     @classmethod
     @public
     def from_mass_tensor(
@@ -130,8 +218,9 @@ class SuslovND(Body):
         Returns
         -------
         body : SuslovND
-            The body in its adapted basis. Products of inertia below 2**-50 of the largest moment
-            count as rounding errors, and become 0.
+            The body in its adapted basis. Products of inertia below 2**-50 of the largest moment,
+            or 1e-14 of the largest product, count as rounding errors, and become 0; J that differ
+            by less than 1e-14 of the largest become equal.
         rotation : ndarray(float, shape=(..., n, n))
             The rotation matrix that takes components to the adapted basis:
             ``I_adapted = rotation @ I @ rotation.T``. The identity if the basis is adapted already.
@@ -154,10 +243,13 @@ class SuslovND(Body):
             raise wrong("I", "have the shape (..., n, n) with n > 1", given.shape)
         tensors, rotation = adapted(given, np.eye(n)[-1] if a is None else a, n)
         moments = np.diagonal(tensors, axis1=-2, axis2=-1)
-        return cls(moments[..., :-1] + moments[..., -1:], tensors[..., :-1, -1]), rotation
+        J, products = moments[..., :-1] + moments[..., -1:], tensors[..., :-1, -1]
+        largest, size = (abs(each).max(axis=-1, keepdims=True) for each in (J, products))
+        J = np.take_along_axis(J, first_of_equal(J, _ROUNDING * largest), axis=-1)
+        return cls(J, np.where(abs(products) < _ROUNDING * size, 0.0, products)), rotation
 
 
-class NotIntegrableError(ValueError):
+class NotIntegrableError(SuslovError, ValueError):
     """No formula is known for this body: no closed form, first integral or invariant measure.
 
     Functions that need one raise it; the message says for which bodies a formula is known, and what
@@ -174,35 +266,23 @@ class NotIntegrableError(ValueError):
     use modified_energy
     """
 
-
-def are_solved(body: SuslovND) -> Any:
-    """Return True where n = 3, or, to rounding, J I = b I and J = a on vectors orthogonal to I."""
-    J, coupled = np.broadcast_arrays(body.J, _coupled(body))
-    count = coupled.sum(axis=-1, keepdims=True)
-    left_out = coupled & (count == 1)
-    low = np.where(left_out, np.inf, J).min(axis=-1)
-    high = np.where(left_out, 0.0, J).max(axis=-1)
-    return (high * (1.0 - _ROUNDING) <= low) | (count[..., 0] == 0) | (J.shape[-1] == 2)
-
-
-def _coupled(body: SuslovND) -> Any:
-    """Return True for those I_i that are not 0, to rounding."""
-    size = abs(body.I)
-    return size > _ROUNDING * size.max(axis=-1, keepdims=True)
+    known: Any = False  # for which members of a batch a formula is known
 
 
 def check_known(body: SuslovND, function: str) -> None:
     """Raise NotIntegrableError unless the formula of a function is known for all bodies."""
     if function not in _INSTEAD:
         return
-    known = are_solved(body)
-    expected = "all J equal, or with I along one axis and all other J equal"
+    parts = body._reduction
+    known, expected = parts.steady | (parts.count == 2), "two coordinates"
     if function == "invariant_density":
-        few = _coupled(body).sum(axis=-1) <= 1
-        known = (few & (body.dimension == 3)) | (body.dimension == 2)
-        expected = "n = 3, or with n = 4 and I along one axis"
+        known = known | (parts.count == 3) & parts.one_coupled
+        expected += ", or three of which one has a coupling"
     if not known.all():
         which = f"body {spell(first_index(~known))}" if known.ndim else "this body"
-        known_for = f"only for bodies with {expected}"
+        known_for = f"only for bodies that SuslovND.reduced takes to {expected}"
         how = f"use {_INSTEAD[function]}"
-        raise NotIntegrableError(f"{function} has no known formula for {which}, {known_for}: {how}")
+        text = f"{function} has no known formula for {which}, {known_for}: {how}"
+        error = NotIntegrableError(text)
+        error.known = known
+        raise error

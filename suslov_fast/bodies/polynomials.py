@@ -26,10 +26,9 @@ from ..checks import (
     within,
     wrong,
 )
+from .bounds import LARGEST_EXPONENT, LONGEST_NUMBER
 from .columns import Column
 from .names import check_parameter, labels
-
-_LARGEST_EXPONENT = 400  # of a decimal in a text; floats end at 1e308
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -75,11 +74,17 @@ def coefficients(name: str, value: Any, is_batch: bool) -> Any:
     return within(name, numbers(name, value, is_batch), OTHERS)
 
 
-def named(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:
-    """Return checked parameters by name: numbers as they are, arrays as floats."""
+def named(
+    parameters: Mapping[str, Any], variables: Sequence[str], *, has_eps: bool = True
+) -> dict[str, Any]:
+    """Return checked parameters by name: numbers as they are, arrays as floats.
+
+    `has_eps` is as in `names.variables`.
+    """
     checked: dict[str, Any] = {}
+    taken = {*variables}
     for name, value in parameters.items():
-        check_parameter(name, variables)
+        check_parameter(name, taken, has_eps=has_eps)
         if name == "names" and np.asarray(value).dtype.kind == "U":
             how = 'pass the names of variables in place of the dimension, as "u v w"'
             raise TypeError(f"names={short(value)} is taken as a parameter of the field: {how}")
@@ -122,35 +127,15 @@ def from_text(text: str) -> Fraction:
 
     Exponents above 400 are refused, because the fraction of 1e99999999 would take minutes.
     """
+    if len(text) > LONGEST_NUMBER:
+        raise ValueError(text)
     exponent = re.search(r"e([-+]?[\d_]+)", text, re.IGNORECASE)
-    if exponent and abs(int(exponent[1])) > _LARGEST_EXPONENT:
+    if exponent and abs(int(exponent[1])) > LARGEST_EXPONENT:
         raise ValueError(text)
     try:
         return Fraction(text)
     except ZeroDivisionError as error:
         raise ValueError(text) from error
-
-
-# Functions that become quadratic as a new variable, and those that need one for a quotient, too.
-_AS_VARIABLES = set("exp exp2 expm1 sinh cosh tanh tan".split())
-_WITH_QUOTIENTS = set("log log2 log10 log1p sqrt cbrt hypot arctan logaddexp2 float_power".split())
-# How to write functions without a rule by functions that have one.
-HOW = {
-    "arctan2": "np.arctan(y/x) for np.arctan2(y, x) where x > 0; or make the angle a variable, "
-    "with the derivative (x*y' - y*x')/(x**2 + y**2) and the first value np.arctan2(y, x)",
-    "expit": "1/(1 + np.exp(-x)) for expit(x)",
-    "logistic": "1/(1 + np.exp(-x))",
-    "sinc": "np.sin(np.pi*x)/(np.pi*x) for np.sinc(x), without a value at x = 0",
-    "deg2rad": "np.pi/180 * x for np.deg2rad(x)",
-    "rad2deg": "180/np.pi * x for np.rad2deg(x)",
-    "arcsin": "np.arctan(x/np.sqrt(1 - x**2)) for np.arcsin(x)",
-    "arccos": "np.pi/2 - np.arctan(x/np.sqrt(1 - x**2)) for np.arccos(x)",
-    "arcsinh": "np.log(x + np.sqrt(x**2 + 1)) for np.arcsinh(x)",
-    "arccosh": "np.log(x + np.sqrt(x**2 - 1)) for np.arccosh(x)",
-    "arctanh": "(np.log1p(x) - np.log1p(-x))/2 for np.arctanh(x)",
-    "logaddexp": "np.log(np.exp(x) + np.exp(y)) for np.logaddexp(x, y)",
-}
-COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".split())
 
 
 class NoPolynomial(TypeError):
@@ -161,32 +146,19 @@ class NoPolynomial(TypeError):
         self._operation, self._of = operation, of
 
     def in_words(self, names: Sequence[str]) -> str:
-        """Return what f does with the polynomial, and whether a new variable makes it quadratic."""
+        """Return what f does with the polynomial."""
         f, of = self._operation, self._of.text(names)
         of = of if len(of) <= 60 else f"{of[:57]}..."
         if f in ("quotient", "reciprocal"):
-            new = f"1/{_in_brackets(of)}"
-            return f"divides by {of}: a quotient becomes quadratic with the new variable {new}"
+            return f"divides by {of}, so it is no polynomial"
         if f == "exponent":
-            how = "the power becomes quadratic as a new variable"
-            return f"has {of} in an exponent: {how}, because its derivative is a multiple of it"
+            return f"has {of} in an exponent, so it is no polynomial"
         if f == "conjugate":
             how = "variables are real: split complex ones into real and imaginary parts"
             return f"calls conjugate() of {of}: {how}, and write np.dot for np.vdot"
-        if f in ("sin", "cos"):
-            return f"calls {f}({of}): sin({of}) and cos({of}) can become variables"
-        if f in _AS_VARIABLES:
-            why = "because its derivative is a polynomial in it and the state"
-            return f"calls {f}({of}): it becomes quadratic as a new variable, {why}"
-        if f in _WITH_QUOTIENTS:
-            why = "together with the quotient in its derivative"
-            return f"calls {f} of {of}: it becomes quadratic as a new variable, {why}"
-        if f in HOW:
-            return f"calls {f} of {of}: in a LiftedField write {HOW[f]}"
-        f = {"absolute": "abs", "fabs": "abs"}.get(f, f)
-        what = f"compares {of}, as in if: a branch" if f in COMPARISONS else f"calls {f}({of}): {f}"
-        how = "is not a polynomial, and no new variable makes it one"
-        return f"{what} {how}: only smooth right-hand sides can become quadratic"
+        if f == "if" or "less" in f or "greater" in f or "equal" in f:
+            return f"compares {of}, so it is no polynomial"
+        return f"calls {f} of {of}, so it is no polynomial"
 
 
 class NoPower(ValueError):
@@ -197,10 +169,9 @@ class NoPower(ValueError):
         self._power, self._of = power, of
 
     def in_words(self, names: Sequence[str]) -> str:
-        """Return which power f asks for, and which new variables make it quadratic."""
+        """Return which power f asks for."""
         of, power = _in_brackets(self._of.text(names)), short(self._power)
-        how = f"with the new variables {of}**{power} and 1/{of}"
-        return f"raises {of} to the power {power}: it becomes quadratic {how}"
+        return f"raises {of} to the power {power}, so it is no polynomial"
 
 
 def _in_brackets(text: str) -> str:
@@ -285,7 +256,7 @@ class Polynomial(NDArrayOperatorsMixin):
 
         def __getattr__(self, name: str) -> Any:
             """Return a method that raises; np.exp of an array of objects calls their method exp."""
-            if name not in {"sin", "cos", *HOW} | _AS_VARIABLES | _WITH_QUOTIENTS:
+            if not isinstance(getattr(np, name, None), np.ufunc):
                 raise AttributeError(f"'Polynomial' object has no attribute {name!r}")
 
             def refuse(*_: Any) -> None:

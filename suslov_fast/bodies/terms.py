@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
+from ..checks import FloatArray
 from .polynomials import Polynomial, numbers
 
 # Bytes of the largest table. A field of 1024 variables would have one of 8 GiB, of zeros almost.
@@ -167,12 +168,31 @@ def values_at(terms: Terms, x: Any, names: Sequence[str], degree: int) -> Any:
         products = values * y[..., j] * y[..., k]
         if degree == 3:
             return (products * y[..., i]).sum(axis=-1) + 0.0 * x[..., 0]
-        order = np.argsort(i, kind="stable")
-        rows, first = np.unique(i[order], return_index=True)
-        sums = np.zeros((*products.shape[:-1], D)) + 0.0 * x
-        if len(rows):
-            sums[..., rows] += np.add.reduceat(products[..., order], first, axis=-1)
+        return _sums_at(i, products, D) + 0.0 * x
+
+
+def _sums_at(places: Any, numbers: FloatArray, count: int) -> FloatArray:
+    """Return the sums (..., count) of those numbers (..., T) that have the same place."""
+    order = np.argsort(places, kind="stable")
+    there, first = np.unique(places[order], return_index=True)
+    sums = np.zeros((*numbers.shape[:-1], count))
+    if len(there):
+        sums[..., there] = np.add.reduceat(numbers[..., order], first, axis=-1)
     return sums
+
+
+def slopes_at(terms: Terms, x: FloatArray) -> FloatArray:
+    """Return the derivatives (..., D, D) of the terms of a field at states (..., D)."""
+    D = x.shape[-1]
+    y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+    (i, j, k), values = terms.floats
+    # v x_j x_k has the derivative v x_k by x_j, and v x_j by x_k.
+    places, others = np.hstack([i * (D + 1) + j, i * (D + 1) + k]), np.hstack([k, j])
+    with np.errstate(all="ignore"):
+        products = np.concatenate([values, values], axis=-1) * y[..., others]
+        sums = _sums_at(places, products, D * (D + 1))
+        slopes: FloatArray = sums.reshape(*sums.shape[:-1], D, D + 1)[..., :D]
+        return slopes + 0.0 * x[..., np.newaxis, :]
 
 
 def rows_of(terms: Terms, D: int) -> list[dict[tuple[int, ...], Any]]:

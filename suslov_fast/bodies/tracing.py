@@ -16,11 +16,11 @@ import numpy as np
 
 from ..checks import OTHERS, page, short, within
 from .advice import (
-    CUBIC,
+    GENERAL,
     check_arguments,
     check_callable,
     explained,
-    lifted_call,
+    field_call,
     name_of,
     prefixed,
     raise_explained,
@@ -65,9 +65,9 @@ class _Call(NamedTuple):
         return np.broadcast_shapes(*map(np.shape, self.parameters.values()))
 
     @property
-    def lifted(self) -> str:
-        """The call that makes a lifted field of f, for messages."""
-        return lifted_call(self.f, self.argument, self.names, self.parameters)
+    def as_field(self) -> str:
+        """The call that makes a `Field` of f, for messages."""
+        return field_call(self.f, self.argument, self.names, self.parameters)
 
     def __call__(self, parameters: Mapping[str, Any]) -> Any:
         x = Variables(Polynomial([((i,), Fraction(1))]) for i in range(self.D))
@@ -202,8 +202,8 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
     except Exception as error:  # raised by f
         cause = explained(error, f_name, call.names, is_family)
         is_smooth = hasattr(error, "in_words") or says(str(error), "function of math")
-        if is_smooth and not ("no new variable" in cause or "split" in cause):
-            cause = cause.replace(", see ", f", as in {call.lifted}, see ")
+        if is_smooth and "split" not in cause:
+            cause = cause.replace(", see ", f": a Field takes any equations, {call.as_field}, see ")
         raise_explained(call.argument, error, cause)
     try:
         if call.degree == 3:
@@ -232,7 +232,7 @@ def _terms_of(value: Any, name: str, call: _Call, row: tuple[int, ...] = ()) -> 
             how = ": H is one expression; QuadraticField.from_function takes right-hand sides"
         raise TypeError(f"{name} must be a polynomial, not {short(value)}{how}") from None
     if max(map(len, terms), default=0) > call.degree:
-        how = f"with more variables it becomes quadratic, use {call.lifted}, see {page(CUBIC)}"
+        how = f"a Field takes any equations, use {call.as_field}, see {page(GENERAL)}"
         raise ValueError(f"{name} has degree {max(map(len, terms))}: {how}")
     one = (call.D,) * call.degree
     return {(*row, *indices, *one[len(indices) :]): c for indices, c in terms.items()}

@@ -209,6 +209,22 @@ def use_cache(compiled, py_function):
             compiled._cache = _files_of(py_function)
 
 
+def is_kept(compiled, kinds):
+    """True if the files of a function have code for arguments of these types."""
+    with suppress(Exception):  # of any class: unpickling, and private names of Numba
+        files = compiled._cache
+        key = files._index_key(kinds, compiled.targetctx.codegen())
+        return key in files._cache_file._load_index()
+    return False
+
+
+def has_files(py_function):
+    """True if there are files of a function that Numba itself gives files."""
+    with suppress(Exception):  # of any class, as in `is_kept`
+        return bool(FunctionCache(py_function)._cache_file._load_index())
+    return False
+
+
 def folder_of(compiled):
     """Return the folder of the files of a function, or None, and whether it can be written."""
     files = getattr(compiled, "_cache", None)

@@ -13,32 +13,32 @@ code reads the places of the first operation alone.
 """
 
 import functools
+import math
 from collections import Counter, defaultdict
 from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
 
-from .lift import needed_for
-from .operations import OF_LIBRARY, OF_NUMBERS, OF_TRUTH_VALUES
+from .lists.right_hand_side import needed_for
+from .operations import OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES
 
 # An operation is (instruction, kinds of its operands): "r" is a row, "t" a number of the table.
 # "sum" is a start, if there is one, plus products; its length is their number, 0 if above SHORT.
 SHORT = 3
 JOINING = ("and", "or", "xor")
+ARITHMETIC = ("fadd", "fsub", "fdiv", "max", "min", "copysign")
+CALLED = (*OF_LISTS, *OF_LIBRARY)
+OF_TWO = ("pow", "hypot", "atan2")
 KINDS = [
     *((f"sum{n}", start + pair) for n in range(SHORT + 1) for start in ("", "r", "t")
       for pair in ("rr", "tr")),
-    *((instruction, a + b) for instruction in (*OF_NUMBERS, *OF_TRUTH_VALUES)
-      if instruction not in ("fmul", "fabs", "select", "sqrt", *OF_LIBRARY, *JOINING)
-      for a, b in product("rt", "rt")),
+    *((instruction, a + b) for instruction in (*ARITHMETIC, *OF_TRUTH_VALUES, *OF_TWO)
+      if instruction not in JOINING for a, b in product("rt", "rt")),
     *((instruction, "rr") for instruction in JOINING),
     *(("select", "r" + a + b) for a, b in product("rt", "rt")),
-    *((function, "r") for function in OF_LIBRARY if function != "pow"),
-    ("pow", "rr"),  # where parameters are rows, as in programs of `flow`
-    ("pow", "rt"),
-    ("fabs", "r"),
-    ("sqrt", "r"),
+    *((function, "r") for function in CALLED if function not in OF_TWO),
+    *((function, "r") for function in ("fabs", "sqrt", "floor")),
     ("copy", "r"),
 ]  # fmt: skip
 _NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
@@ -47,8 +47,13 @@ LEAST = 8  # operations of a regular run
 REGULAR = [
     number
     for number, (instruction, kinds) in enumerate(KINDS)
-    if kinds.count("t") < 2 and instruction not in OF_LIBRARY
+    if kinds.count("t") < 2 and instruction not in CALLED
 ]
+
+
+def called_by(operations):
+    """Return the names of the functions in CALLED among operations."""
+    return tuple(sorted({instruction for instruction, *_ in operations} & {*CALLED}))
 
 
 def operand_kinds(kind, n=2):
@@ -84,10 +89,11 @@ class Numbers:
         """Return the place of a constant or of a value of the table."""
         if not isinstance(operand, float):
             return self.step.places[operand]
-        if operand not in self.constants:
+        key = operand, math.copysign(1.0, operand)  # 0 equals -0
+        if key not in self.constants:
             self.order.append(self.in_table + len(self.constants))
-            self.constants[operand] = len(self.order) - 1
-        return self.constants[operand]
+            self.constants[key] = len(self.order) - 1
+        return self.constants[key]
 
     def copied(self, places):
         """Return the place of the first of copies of numbers."""
@@ -96,7 +102,8 @@ class Numbers:
 
     @functools.cached_property
     def _arrays(self):
-        return np.array([*self.constants], float)[:, np.newaxis], np.array(self.order, int)
+        constants = np.array([constant for constant, _ in self.constants], float)
+        return constants[:, np.newaxis], np.array(self.order, int)
 
     def of(self, table):
         """Return the numbers (-, W) of a table (n, W), when all have places."""
@@ -280,7 +287,7 @@ def program_of(rows, table, operations, results):
         renamed.append((instruction, first + len(renamed), operands))
         return renamed[-1][1]
 
-    for instruction, number, operands in needed_for(results, operations):
+    for instruction, number, operands in needed_for(operations, results):
         operands = (a if isinstance(a, float) else names[a] for a in operands)
         names[number] = add(instruction, *operands)
     results = [names[number] for number in results]
@@ -309,13 +316,3 @@ def programs_of(step):
     results += [] if step.changed is None else [step.changed]
     rare = Program(step, [*step.usual, *step.rare], results, numbers)
     return Programs(usual, rare, numbers, max(usual.rows, rare.rows))
-
-
-@functools.lru_cache(8)
-def words_program(step):
-    """Return the `Program` of the words of a `lift.LiftedStep`, and its `Numbers`.
-
-    Its results are the words, and `turned`.
-    """
-    results = [*step.lifted, step.turned]
-    return program_of(range(step.given), step.table, step.prologue, results)

@@ -6,6 +6,7 @@ LLVM write the types of pointers differently.
 """
 
 import ctypes
+import functools
 import itertools
 import threading
 import warnings
@@ -15,8 +16,9 @@ import numpy as np
 from llvmlite import binding
 from numba import config
 
+from .lists.far import LIMIT, PARTS, text_of_far
 from .numba import advice_on_numba
-from .operations import OF_LIBRARY, OF_TRUTH_VALUES
+from .operations import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES, list_of
 
 # Codes that are kept, beside those that last. Each takes two memory mappings; Linux grants 65,530
 # to a process, and LLVM ends the process where it gets none.
@@ -31,14 +33,15 @@ def pointer(kind):
 class Text:
     """The text of a function for lines of W lanes; instructions go to `target`, if there is one.
 
-    V and M are the types of W numbers and of W truth values.
+    V, M and I are the types of W numbers, of W truth values and of the bits of W numbers.
     """
 
     def __init__(self, W, target=None):
         self.W, self.target = W, target or self
-        self.lines, self.count, self.declared = [], 0, set()
+        self.lines, self.count, self.declared, self.functions = [], 0, set(), {}
         self.V = f"<{W} x double>" if W > 1 else "double"
         self.M = f"<{W} x i1>" if W > 1 else "i1"
+        self.I = f"<{W} x i64>" if W > 1 else "i64"
         self.suffix = f"v{W}f64" if W > 1 else "f64"
 
     def add(self, line):
@@ -122,10 +125,19 @@ class Text:
     def root(self, a):
         return self._call("sqrt", a)
 
-    def _call(self, name, a):
-        call = f"{self.V} @llvm.{name}.{self.suffix}({self.V}"
-        self.target.declared.add(f"declare {call})")
-        return self.new(f"call {call} {a})")
+    def _call(self, name, *operands):
+        function = f"{self.V} @llvm.{name}.{self.suffix}"
+        kinds = ", ".join([self.V] * len(operands))
+        self.target.declared.add(f"declare {function}({kinds})")
+        return self.new(f"call {function}({self._typed(operands)})")
+
+    def _typed(self, operands):
+        return ", ".join(f"{self.V} {operand}" for operand in operands)
+
+    def operate_on_bits(self, instruction, *operands):
+        a, b = (self.new(f"bitcast {self.V} {operand} to {self.I}") for operand in operands)
+        bits = self.new(f"{instruction} {self.I} {a}, {b}")
+        return self.new(f"bitcast {self.I} {bits} to {self.V}")
 
     def compare(self, how, a, b):
         return self.new(f"fcmp {how} {self.V} {a}, {b}")
@@ -165,10 +177,8 @@ class Text:
                 if operand not in values:
                     values[operand] = load(operand)
                 names.append(values[operand])
-            if instruction == "fabs":
-                name = self.absolute(names[0])
-            elif instruction == "sqrt":
-                name = self.root(names[0])
+            if instruction in ("fabs", "sqrt", "floor", "copysign"):
+                name = self._call(instruction, *names)
             elif instruction in ("max", "min"):
                 is_first = self.compare("ogt" if instruction == "max" else "olt", *names)
                 name = self.select(is_first, *names)
@@ -178,31 +188,98 @@ class Text:
                 name = self.new(f"{instruction} {M} {names[0]}, {names[1]}")
             elif instruction in OF_TRUTH_VALUES:
                 name = self.compare(instruction, *names)
+            elif instruction in OF_BITS:
+                name = self.operate_on_bits(instruction.removeprefix("bits_"), *names)
+            elif instruction in PARTS:
+                name = self._far_part(instruction, *names)
+            elif instruction in OF_LISTS:
+                name = self._call_list(instruction, names)
             elif instruction in OF_LIBRARY:
-                name = self.call_library(instruction, names)
+                kinds = ", ".join(["double"] * len(names))
+                self.target.declared.add(f"declare double @{instruction}({kinds})")
+                name = self._by_lane(f"double @{instruction}", names)
             else:
                 name = self.operate(instruction, *names)
             values[number] = name
 
-    def call_library(self, function, operands):
-        """Call a function of the C library for each lane."""
-        kinds = ", ".join(["double"] * len(operands))
-        self.target.declared.add(f"declare double @{function}({kinds})")
+    def _by_lane(self, function, operands):
+        """Call a function of numbers for each lane; return the results."""
         if self.W == 1:
-            numbers = ", ".join(f"double {operand}" for operand in operands)
-            return self.new(f"call double @{function}({numbers})")
+            return self.new(f"call {function}({self._typed(operands)})")
         result = "undef"
         for l in range(self.W):
             of_lane = [self.new(f"extractelement {self.V} {a}, i32 {l}") for a in operands]
             numbers = ", ".join(f"double {number}" for number in of_lane)
-            number = self.new(f"call double @{function}({numbers})")
+            number = self.new(f"call {function}({numbers})")
             result = self.new(f"insertelement {self.V} {result}, double {number}, i32 {l}")
         return result
+
+    def _call_list(self, name, operands):
+        """Call the function of W lanes that carries out the list of an elementary function.
+
+        The text defines it once.
+        """
+        function = f"lanes_{name}_{self.W}"
+        if function not in self.target.functions:
+            operations, result = list_of(name)
+            text, values = Text(self.W), {k: f"%x{k}" for k in range(len(operands))}
+            given = text._typed(values.values())
+            text.add(f"define internal {self.V} @{function}({given}) #0 {{")
+            text.label("entry")
+            text.carry_out(operations, values, None)
+            text.add(f"  ret {self.V} {values[result]}")
+            self.target.functions |= text.functions | {function: [*text.lines, "}"]}
+            self.target.declared |= text.declared
+        return self.new(f"call {self.V} @{function}({self._typed(operands)})")
+
+    def _far_part(self, instruction, x, usual):
+        """Return a value of `far.remainder` for lanes from LIMIT on, else `usual`."""
+        target, label = self.target, f"{instruction}_{self.target.count}"
+        is_far, before = self._is_far(x), target.block
+        is_usual = self.compare_integers("eq", self.bits(is_far), 0)
+        target.branch(is_usual, f"{label}_end", label, likely=True)
+        target.label(label)
+        operands = f"{self._typed([x, usual])}, i64 {[*PARTS].index(instruction)}"
+        far = self.new(f"call {self.V} @far_{self.W}({operands})")
+        target.jump(f"{label}_end")
+        target.label(f"{label}_end")
+        if f"far_{self.W}" not in target.functions:
+            target.functions |= {"far": [text_of_far(pointer)], f"far_{self.W}": self._far_lanes()}
+            target.declared.add("declare i192 @llvm.ctlz.i192(i192, i1)")
+        return self.new(f"phi {self.V} [ {usual}, %{before} ], [ {far}, %{label} ]")
+
+    def _is_far(self, x):
+        from_limit = self.compare("oge", x, self.constant(LIMIT))
+        return self.joined("and", [from_limit, self.compare("olt", x, self.constant(np.inf))])
+
+    def _far_lanes(self):
+        """Return the lines of the function for `_far_part`, which loops over lanes."""
+        text, lane = Text(self.W), Text(1)
+        lane.target = text
+        operands = f"{self.V} %x, {self.V} %usual, i64 %number"
+        text.add(f"define internal {self.V} @far_{self.W}({operands}) #0 {{")
+        text.label("entry")
+        memory = text.new(f"alloca {self.V}, i64 2, align 64")
+        memory = text.new(f"ptrtoint {pointer(self.V)} {memory} to i64")
+        result = text.plus(memory, 8 * self.W)
+        text.store(self.V, "%x", memory)
+        text.store(self.V, "%usual", result)
+        with text.loop("lane", self.W) as l:
+            offset = text.integer("mul", l, 8)
+            x = text.load("double", text.integer("add", memory, offset))
+            text.branch(lane._is_far(x), "far", "next")
+            text.label("far")
+            far = text.new(f"call double @far(double {x}, i64 %number)")
+            text.store("double", far, text.integer("add", result, offset))
+            text.jump("next")
+            text.label("next")
+        text.add(f"  ret {self.V} {text.load(self.V, result)}")
+        return [*text.lines, "}"]
 
     def finished(self):
         """Return the text with the end of the function and all that it refers to."""
         return "\n".join([
-            *self.lines, "}", *sorted(self.declared),
+            *self.lines, "}", *sorted(self.declared), *itertools.chain(*self.functions.values()),
             # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
             # stack, registers saved there may lie across cache lines, in one process or another.
             'attributes #0 = { nounwind "stackrealign" "min-legal-vector-width"="512" }',
@@ -227,16 +304,25 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
     It is None with NUMBA_DISABLE_JIT, and where LLVM refuses the text. Code that `lasts` stays
     until the process ends.
     """
+    kind = type(step), getattr(step, "keeps_signs", None)
+    key = text_of, step.indices.tobytes(), step.D, kind, W, for_each, align
+    level = 0 if step.is_long else 2
+    return compiled(key, lambda name: text_of(step, name, W, for_each, align), level, lasts)
+
+
+def compiled(key, text_of, level=2, lasts=False):
+    """Return the `Address` of the machine code of the text `text_of(name)`, or None, see `code_of`.
+
+    `key` tells the text from others; `level` is that of LLVM's optimisation.
+    """
     if config.DISABLE_JIT:
         return None
-    kind = type(step), getattr(step, "lift", None), getattr(step, "keeps_signs", None)
-    key = text_of, step.indices.tobytes(), step.D, kind, W, for_each, align, lasts
+    key = key, lasts
     with _lock:
         if key not in _codes:
             _free_old()
             name = f"code_{next(_numbers)}"
-            level = 0 if step.is_long else 2
-            text = text_of(step, name, W, for_each, align)  # an error here is the package's own
+            text = text_of(name)  # an error here is the package's own
             try:
                 _codes[key] = _compile(text, name, level, lasts)
             # LLVM cannot read the text, or llvmlite has a function no more, or in another form.
@@ -317,6 +403,36 @@ def address_of(array):
 def call(address, array):
     """Call the code at an address with the address of an array; return its integer."""
     return address.call(array.ctypes.data)
+
+
+_LOOP = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4)
+
+
+def call_together(loop, calls):
+    """Make calls, pairs of an address and an array, each in a thread; return their integers.
+
+    `loop` is the address of `numba.loop_over_parts`.
+    """
+    table = np.array([(address, array.ctypes.data, 0) for address, array in calls], np.int64)
+    _LOOP(loop)(_caller(), 0, table.ctypes.data, len(table))
+    return table[:, 2].tolist()
+
+
+@functools.cache
+def _caller():
+    """Return the address of code(0, table, part, parts), which makes the call in a row of a table.
+
+    It writes the integer that the call returns to the third column.
+    """
+    text, name = Text(1), f"code_{next(_numbers)}"
+    text.add(f"define i64 @{name}(i64 %code, i64 %table, i64 %part, i64 %parts) {{")
+    row = text.integer("add", "%table", text.integer("mul", "%part", 24))
+    code = text.new(f"inttoptr i64 {text.load('i64', row)} to {pointer('i64 (i64)')}")
+    result = text.new(f"call i64 {code}(i64 {text.load('i64', text.plus(row, 8))})")
+    text.store("i64", result, text.plus(row, 16))
+    text.add("  ret i64 0")
+    with _lock:
+        return _compile(text.finished(), name, 2, True)
 
 
 _PROCEDURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 5)

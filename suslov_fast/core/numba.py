@@ -10,31 +10,48 @@ for_users   a formula that users call from Python and from their own compiled lo
 universal   a NumPy universal function, made from a function of one state
 
 Each is compiled in its first call, and can be called from Python; `.py_func` is the Python function
-that was compiled. With NUMBA_DISABLE_JIT=1 all are Python functions; NUMBA_BOUNDSCHECK=1 checks
-indices, and parts run one after the other. A function that takes a constant integer is compiled for
-each value, because constants have types of their own. A loop over lanes becomes SIMD if
+that was compiled. Small calls of kernels and universal functions of the package run as Python, with
+the same bits, until these have taken PATIENCE. With NUMBA_DISABLE_JIT=1 all are Python functions;
+NUMBA_BOUNDSCHECK=1 checks indices, and parts run one after the other. A function that takes a
+constant integer is compiled for each value, because constants have types of their own. A loop over
+lanes becomes SIMD if
 
 - its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes, so that
   LLVM knows that they do not overlap; an index that does not begin at 0 must be unsigned;
 - it calls formulas without branches (`select`), and no functions of the C library.
 """
 
+import ctypes
 import functools
 import gc
 import importlib
+import math
 import re
+import sys
+import threading
 from contextlib import contextmanager, suppress
+from time import perf_counter
+from types import FunctionType
 
 import numba
 import numpy as np
 from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
+from . import llvm
 from .arrays import pack
-from .cache import is_foreign, kept_folders, name_with_digest, use_cache
+from .cache import (
+    folder_of,
+    has_files,
+    is_foreign,
+    is_kept,
+    kept_folders,
+    name_with_digest,
+    use_cache,
+)
 from .interrupts import uninterrupted
 from .llvm import call_address
-from .pool import in_parts
+from .threads import in_parts
 
 TESTED = 0, 68  # the newest Numba with which this version was tested
 # The default error model tests each divisor, which costs 30 % and prevents SIMD. Without the GIL
@@ -60,9 +77,27 @@ def _cached(compile_with, py_function):
 
 @functools.cache
 def _load_registries():
-    """Have Numba import all that it needs to compile, which an interrupt would leave half done."""
+    """Have Numba import all that it needs to compile, which an interrupt would leave half done.
+
+    Of two threads that do so at once each would get a part, so the second one waits.
+    """
     with uninterrupted(), suppress(ImportError, AttributeError):  # names that it does not promise
-        importlib.import_module("numba.core.registry").cpu_target.target_context.refresh()
+        registry = importlib.import_module("numba.core.registry")
+        with importlib.import_module("numba.core.compiler_lock").global_compiler_lock:
+            registry.cpu_target.target_context.refresh()
+
+
+SILENT = 2.0  # seconds of compiling, after which a user at a terminal is told
+_said = []  # what users were told
+
+
+def _say():
+    """Tell a user at a terminal, once in a process, that it compiles."""
+    folder, _ = folder_of(_loop)
+    kept = f"later processes load the code from {folder}" if folder else "the code is not kept"
+    if not _said:
+        _said.append(f"suslov_fast compiles for some seconds; {kept}")
+        print(*_said, file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -74,7 +109,11 @@ def _compiling():
     _load_registries()
     was_enabled = gc.isenabled()
     gc.disable()
+    timer = threading.Timer(SILENT, _say)
+    timer.daemon = True
     try:
+        if not _said and sys.stderr is not None and sys.stderr.isatty():
+            timer.start()
         yield
     except Exception as error:  # of any class: what a newer Numba breaks may raise anything
         # Kernels that check indices, or are interpreted, raise IndexError when they run.
@@ -83,6 +122,7 @@ def _compiling():
         text = f"compiling failed with numba {numba.__version__}; {advice_on_numba()}"
         raise RuntimeError(text) from error
     finally:
+        timer.cancel()
         if was_enabled:
             gc.enable()
 
@@ -97,6 +137,52 @@ def advice_on_numba():
     )
 
 
+# ------------------------------------------------------------------------- before it is compiled
+# Seconds of calls without compiled code, after which compiling it is worth its time.
+PATIENCE = 1.0
+
+
+@functools.cache
+def as_python(py_function):
+    """Return a function of which all that it calls is Python, too: the same bits, uncompiled."""
+    names, code = {}, py_function.__code__
+    twin = FunctionType(code, names, code.co_name, py_function.__defaults__)
+    names.update(py_function.__globals__)
+    for name in code.co_names:
+        thing = names.get(name)
+        if thing is llvm.call_code:
+            names[name] = _call_code
+        elif called := getattr(thing, "py_func", None):
+            names[name] = as_python(called)
+    return twin
+
+
+def _call_code(address, numbers):
+    kind = ctypes.CFUNCTYPE(*[ctypes.c_int64] * (1 + len(numbers)))
+    return kind(int(address))(*map(int, numbers))
+
+
+class Patient:
+    """Carries out small calls of a function in Python, as long as it is not compiled."""
+
+    seconds = 0.0  # that these calls have taken
+
+    def has_patience(self, seconds):
+        """Return whether a call that takes so many seconds in Python may run there."""
+        settings = config.DISABLE_JIT or config.BOUNDSCHECK
+        return not settings and self.seconds + seconds < PATIENCE and not is_foreign(self.py_func)
+
+    def in_python(self, function, *arguments):
+        """Call a function that runs as Python."""
+        began = perf_counter()
+        try:
+            with np.errstate(all="ignore"):
+                return function(*arguments)
+        finally:
+            self.seconds += perf_counter() - began
+
+
+# ------------------------------------------------------------------------------ compiled functions
 class Function:
     """A function that compiled code calls.
 
@@ -128,7 +214,7 @@ for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
 inlined = numba.njit(inline="always", **_FOR_USERS | {"forceinline": False})
 
 
-class CFunction:
+class CFunction(Patient):
     """A function that machine code calls; it is compiled when its address is first read."""
 
     def __init__(self, signature, py_func):
@@ -137,21 +223,28 @@ class CFunction:
     @functools.cached_property
     def _compiled(self):
         build = functools.partial(numba.cfunc, self.signature, **_OPTIONS)
-        name_with_digest(self.py_func)
         with _compiling():
             # There is no writable folder; or a file cannot be read, which may raise anything. An
             # error of compiling comes again.
             with suppress(Exception):
-                return build(cache=not config.BOUNDSCHECK)(self.py_func)
-            return build(cache=False)(self.py_func)
+                return build(cache=not config.BOUNDSCHECK)(self._named)
+            return build(cache=False)(self._named)
+
+    @functools.cached_property
+    def _named(self):
+        """The Python function, with the name of its files."""
+        name_with_digest(self.py_func)
+        return self.py_func
 
     @property
     def address(self):
         return self._compiled.address
 
-    def compile(self):
-        """Compile the function now."""
-        return self._compiled
+    def compile(self, seconds=math.inf):
+        """Compile the function now, unless Python may take so many seconds for what it does."""
+        if not self.has_patience(seconds) or has_files(self._named):
+            return self._compiled
+        return None
 
     @property
     def is_compiled(self):
@@ -164,7 +257,7 @@ def c_function(signature):
 
 
 # ---------------------------------------------------------------------------------------- kernels
-class Kernel:
+class Kernel(Patient):
     """A compiled kernel, whose arguments are numbers, arrays and tuples of them."""
 
     def __init__(self, py_function):
@@ -177,7 +270,18 @@ class Kernel:
         """Call the kernel for all of the work."""
         with _compiling():
             self.compiled(0, 1, *arguments)
-        self.serial = functools.partial(self.compiled, 0, 1)  # from now on it is compiled
+        self.serial = compiled = functools.partial(self.compiled, 0, 1)  # from now on
+        self.briefly = lambda seconds, *arguments: compiled(*arguments)
+
+    def briefly(self, seconds, *arguments):
+        """Call the kernel for all of the work, which takes about so many seconds in Python."""
+        if self.has_patience(seconds) and not self._is_kept(arguments):
+            self.in_python(as_python(self.py_func), 0, 1, *arguments)
+        else:
+            self.serial(*arguments)
+
+    def _is_kept(self, arguments):
+        return is_kept(self.compiled, (*[types.intp] * 2, *numba.typeof(arguments)))
 
     def __call__(self, part, parts, *arguments):
         return self.compiled(part, parts, *arguments)
@@ -240,19 +344,36 @@ def _addresses(compiled, kind):
     `llvm`. If one is missing or has another meaning, return None: then parts run serially, and an
     error of compiling the kernel, which is not of a private name, comes again.
     """
-    word, addresses = types.int64, []
     with _compiling(), suppress(Exception):  # of any class, as in `_compiling`
-        for dispatcher, kinds in ((_loop, (word,) * 4), (compiled, (word, word, *kind))):
-            dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
-            code = dispatcher.get_compile_result(types.void(*kinds))
-            addresses.append(types.CompileResultWAP(code).address)
-        _start.compile((word, word, word, kind))
+        addresses = _address(_loop, _WORDS), _address(compiled, (*_WORDS[:2], *kind))
+        _start.compile((*_WORDS[:3], kind))
         return addresses
     return None
 
 
+_WORDS = (types.int64,) * 4
+
+
+def _address(dispatcher, kinds):
+    """Compile a function for arguments of these types; return its address."""
+    dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
+    return types.CompileResultWAP(dispatcher.get_compile_result(types.void(*kinds))).address
+
+
+def loop_over_parts(seconds):
+    """Return the address of the loop over parts, which takes four integers; None without it.
+
+    It is compiled if calls that could have used it took PATIENCE, and loaded where it is kept.
+    """
+    if _loop not in _found and (seconds > PATIENCE or is_kept(_loop, _WORDS)):
+        _found[_loop] = None
+        with _compiling(), suppress(Exception):  # of any class, as in `_addresses`
+            _found[_loop] = _address(_loop, _WORDS)
+    return _found.get(_loop)
+
+
 # ---------------------------------------------------------------------------- universal functions
-class Universal:
+class Universal(Patient):
     """A universal function of float64 numbers, made from a function of one state.
 
     With a layout such as "(),(d)->(d,d),()" the function writes to its last two arguments; for a
@@ -265,31 +386,61 @@ class Universal:
         self.inputs, self.outputs = [[re.findall(r"\w+", axes) for axes in side] for side in sides]
 
     def __call__(self, *arguments, **options):
+        if "compiled" not in vars(self) and not options and self._is_small(arguments):
+            return self.in_python(self._in_python, *arguments)
         with np.errstate(all="ignore"):  # NumPy would warn about each NaN
             return self.compiled(*arguments, **options)
+
+    def _is_small(self, arguments):
+        """Return whether a call may run in Python, which takes microseconds for each number."""
+        loops, own = [], 10
+        for axes, each in zip(self.inputs, arguments, strict=True):
+            shape = np.shape(each)
+            loops.append(shape[: len(shape) - len(axes)])
+            own += math.prod(shape[len(shape) - len(axes) :])
+        seconds = 1e-6 * math.prod(np.broadcast_shapes(*loops)) * own**2
+        return self.has_patience(seconds) and not self._is_kept
+
+    @functools.cached_property
+    def _named(self):
+        """The Python function, with the name of its files."""
+        name_with_digest(self.py_func, of_all=True)
+        return self.py_func
+
+    @functools.cached_property
+    def _is_kept(self):
+        with kept_folders():
+            return has_files(self._named)
+
+    @functools.cached_property
+    def _vectorized(self):
+        kinds = [float] * len(self.outputs)
+        return np.vectorize(self._of_one, otypes=kinds, signature=self.layout)
+
+    def _in_python(self, *arguments):
+        results = self._vectorized(*arguments)  # arrays, also of one number
+        return results[()] if len(self.outputs) == 1 else tuple(each[()] for each in results)
 
     @functools.cached_property
     def compiled(self):
         if config.DISABLE_JIT:
-            kinds = [float] * len(self.outputs)
-            return np.vectorize(self._interpreted, otypes=kinds, signature=self.layout)
+            return self._vectorized
         dimensions = [*map(len, self.inputs), *(len(axes) or 1 for axes in self.outputs)]
         kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
         build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
-        name_with_digest(self.py_func, of_all=True)
         with _compiling():
             with suppress(Exception), kept_folders():  # as in `CFunction`
-                compiled = build(cache=not config.BOUNDSCHECK)(self.py_func)
+                compiled = build(cache=not config.BOUNDSCHECK)(self._named)
                 if _is_whole(compiled):
                     return compiled
-            return build(cache=False)(self.py_func)
+            return build(cache=False)(self._named)
 
-    def _interpreted(self, *arguments):
+    def _of_one(self, *arguments):
         arguments, sizes = [np.asarray(each, float)[()] for each in arguments], {}
         for axes, each in zip(self.inputs, arguments, strict=True):
             sizes |= zip(axes, np.shape(each), strict=True)
         results = [np.empty([sizes[axis] for axis in axes]) for axes in self.outputs]
-        self.py_func(*arguments, *map(np.atleast_1d, results))
+        as_python(self.py_func)(*arguments, *map(np.atleast_1d, results))
         return tuple(results) if len(results) > 1 else results[0]
 
 

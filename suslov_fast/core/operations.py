@@ -27,6 +27,8 @@ import math
 
 import numpy as np
 
+from .lists.far import PARTS
+from .lists.functions import ELEMENTARY
 from .planned_elimination import Factors, Matrix, elimination_order, places_of, work_of
 
 # A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
@@ -50,10 +52,9 @@ def _of_library(function):
     def of_number(*numbers):
         try:
             return function(*numbers)
-        except OverflowError:
-            return math.inf
         except ValueError:
-            return math.nan
+            is_infinite = function is math.atanh and abs(numbers[0]) == 1.0
+            return math.copysign(math.inf, numbers[0]) if is_infinite else math.nan
 
     def of_arrays(*arrays):
         columns = np.broadcast_arrays(*arrays)
@@ -64,9 +65,44 @@ def _of_library(function):
     return of_arrays
 
 
+def _of_bits(function):
+    """Return a function of the bits of doubles, which are integers without sign."""
+
+    def of_arrays(*arrays):
+        integers = (np.atleast_1d(np.asarray(array, float)).view(np.uint64) for array in arrays)
+        values = function(*integers).view(float)
+        return values.reshape(np.broadcast_shapes(*map(np.shape, arrays)))
+
+    return of_arrays
+
+
+def _of_list(name):
+    """Return an elementary function of arrays, which carries out its list."""
+
+    def of_arrays(*arrays):
+        operations, result = list_of(name)
+        values = dict(enumerate(arrays))
+        with np.errstate(all="ignore"):
+            evaluate(operations, values)
+        return values[result]
+
+    return of_arrays
+
+
 # Functions of the C library, by their names there, which a lane calls alone.
-_NAMES = "exp log sin cos tan sinh cosh tanh atan pow cbrt".split()
+_NAMES = "asin acos atan asinh acosh atanh atan2 erf".split()
 OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
+# Integer instructions, whose names in LLVM follow "bits_".
+OF_BITS = {
+    "bits_and": _of_bits(np.bitwise_and),
+    "bits_or": _of_bits(np.bitwise_or),
+    "bits_xor": _of_bits(np.bitwise_xor),
+    "bits_add": _of_bits(np.add),
+    "bits_sub": _of_bits(np.subtract),
+    "bits_shl": _of_bits(np.left_shift),
+    "bits_lshr": _of_bits(np.right_shift),
+}
+OF_LISTS = {name: _of_list(name) for name in ELEMENTARY}
 # Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
 # second operand where one of them is NaN.
 OF_NUMBERS = {
@@ -76,9 +112,14 @@ OF_NUMBERS = {
     "fdiv": np.divide,
     "fabs": np.absolute,
     "sqrt": np.sqrt,
+    "floor": np.floor,
+    "copysign": np.copysign,
     "select": np.where,
     "max": lambda a, b: np.where(a > b, a, b),
     "min": lambda a, b: np.where(a < b, a, b),
+    **OF_BITS,
+    **PARTS,
+    **OF_LISTS,
     **OF_LIBRARY,
 }
 OF_TRUTH_VALUES = {
@@ -146,6 +187,14 @@ class Values:
         return values[0]
 
 
+@functools.cache
+def list_of(name):
+    """Return the operations of an elementary function on values 0, ..., and the number of f(x)."""
+    function, count = ELEMENTARY[name]
+    values = Values(count, ())
+    return values.operations, function(values.emit, *range(count))
+
+
 def of_one_sign(indices):
     """Return the components i that each term of f_i contains, so that x_i keeps its sign."""
     i, j, k = indices
@@ -163,7 +212,6 @@ class Step:
     usual       operations for all states
     rare        operations for states where `good` is false
     after       the next state
-    increments  the values that are added to components for it, by component
     after_rare  the next state after the operations `rare`; the same where `after` keeps its digits
     good        true if `after` is accurate and all pivots are positive
     accurate    true if `after_rare` is accurate; a value of `rare`
@@ -171,23 +219,19 @@ class Step:
     changed     true if a component that keeps its sign along the motion does not; a value of
                 `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
-    lift, prologue  None, (); of lifted fields see `lift.Lifting`, as for the next two
-    given, parameters   the numbers of components of the state, and of values of a field
     is_long     true if loops carry out the operations, because there are more than MANY
     of_one_sign   components that keep their signs along the motion
     keeps_signs   true if the operations are a whole step, so that they test these signs
     """
 
     good = accurate = negative = changed = factors = None  # without a plan
-    lift, prologue = None, ()
 
     def __init__(self, indices, D, carried=0, keeps_signs=False):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
         self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
-        values = self.values = Values(D + self.T + carried, range(D, D + self.parameters))
+        values = self.values = Values(D + self.T + carried, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
-        self.increments = {}
         pattern, varying = places_of(indices, D)
         order, right = elimination_order(pattern, D), {}
         work, of_state = work_of(pattern, order, varying)
@@ -201,14 +245,11 @@ class Step:
             right[k] = self.factors.backward(k, right)
         halves = {k: half for k, half in sorted(right.items()) if half is not None}
         for k, half in halves.items():
-            self.increments[k] = values.emit("fmul", 2.0, half)
-            self.after[k] = values.emit("fadd", k, self.increments[k])
+            self.after[k] = values.emit("fadd", k, values.emit("fmul", 2.0, half))
         self._add_tests(halves)
         self._separate_fixed()
 
-    given = property(lambda self: self.D)
-    parameters = property(lambda self: self.T)
-    is_long = property(lambda self: len(self.prologue) + len(self.usual) > MANY)
+    is_long = property(lambda self: len(self.usual) > MANY)
 
     def _add_tests(self, halves):
         """Add the tests that increments do not cancel the state, and that pivots are not small.
@@ -319,10 +360,7 @@ class Step:
         return pieces, {number: row for row, number in enumerate(kept)}
 
     def table_of(self, halves):
-        """Return the values of the table (n, ...), for h v of the terms (T, ...).
-
-        After them come values that do not depend on h, if there are any.
-        """
+        """Return the values of the table (n, ...), for h v of the terms (T, ...)."""
         values = dict(enumerate(halves, self.D))
         with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
             evaluate(self.fixed, values)

@@ -294,47 +294,11 @@ def modified_energy_nd(J, I, eps, w, out):
     out[0] = 0.5 * of_state / in_range(1.0 + ratio) if of_state != 0.0 else 0.0
 
 
-@formula
-def solved_at(J, I, eps, w):
-    """a b and eps**2 x**2 of an integrable body, with J = b along I and J = a across I.
-
-    x is |I| times the length of the component of w across I.
-    """
-    axis, p, square, x2 = 0, 0.0, 0.0, 0.0
-    for j in range(len(w)):
-        axis = j if abs(I[j]) > abs(I[axis]) else axis
-        p, square = p + I[j] * w[j], square + I[j] * I[j]
-    for j in range(len(w)):
-        across = eps * (w[j] - (p * I[j] / square if square > 0.0 else 0.0))
-        x2 += across * across
-    return J[axis] * J[(axis + 1) % len(w)], square * x2
-
-
-@universal(LAYOUT_ND + "()")
-def first_integral_nd(J, I, eps, w, out):
-    """2 E / (4 a b + eps**2 x**2)."""
-    ab, step = solved_at(J, I, eps, w)
-    out[0] = twice_energy(J, w, 1.0) / in_range(4.0 * ab + step)
-
-
-@universal(LAYOUT_ND + "()")
-def criticality_nd(J, I, eps, w, out):
-    """T = eps sqrt(h / (a b)) with h = b |I|**2 F."""
-    ab, step = solved_at(J, I, eps, w)
-    largest = 0.0
-    for j in range(len(w)):
-        largest = select(abs(w[j]) > largest, abs(w[j]), largest)
-    unit = unit_of(largest, 0.0, 0.0)
-    level = twice_energy(J, w, unit) * (twice_energy(J, I, 1.0) / ab)
-    T = in_range(abs(eps) * (unit * np.sqrt(level))) / np.sqrt(in_range(4.0 * ab + step))
-    out[0] = select(eps < 0.0, -T, T)
-
-
 @universal(LAYOUT_ND + "()")
 def invariant_density_nd(J, I, eps, w, out):
-    """The density for n = 3, and for n = 4 with I along axis a; b and c are the other axes.
+    """The density for two coordinates, and for three with I along axis a; b and c are the others.
 
-    For n = 4 the inverse of the density is, with rate = eps I_a / 2,
+    For three the inverse of the density is, with rate = eps I_a / 2,
     w_b w_c (1 - rate**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)).
     """
     if len(w) == 2:

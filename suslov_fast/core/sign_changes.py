@@ -22,7 +22,7 @@ def write_crossings(places, n, last, values, states, most, counts, integers, num
     values     (rows, B), those at the rows after it
     states     (rows + 1, B, D)
     counts     (B,), how many crossings each orbit has had; increased
-    integers   (len(places), 3): the orbit, how many crossings it had before, and n
+    integers   (len(places), 4): the orbit, how many crossings it had before, and n; 0 is left
     numbers    (len(places), 2 D + 1): the states n and n + 1, and the fraction
     """
     (_, B, D), count = states.shape, 0
@@ -45,8 +45,11 @@ def write_crossings(places, n, last, values, states, most, counts, integers, num
 
 
 @for_users
-def sort_by_orbit(integers, numbers, starts, n, before, after, fraction):
-    """Copy what `write_crossings` wrote to arrays where those of orbit i are from starts[i] on."""
+def sort_by_orbit(integers, numbers, starts, n, before, after, fraction, over_pole):
+    """Copy what `write_crossings` wrote to arrays where those of orbit i are from starts[i] on.
+
+    The last of `integers` is 1 for a crossing over a pole.
+    """
     D = before.shape[1]
     for row in range(len(integers)):
         place = starts[integers[row, 0]] + integers[row, 1]
@@ -55,3 +58,4 @@ def sort_by_orbit(integers, numbers, starts, n, before, after, fraction):
             before[place, j] = numbers[row, j]
             after[place, j] = numbers[row, D + j]
         fraction[place] = numbers[row, 2 * D]
+        over_pole[place] = integers[row, 3] != 0

@@ -22,6 +22,7 @@ from .threads import available, call_kernel
 
 # Operations of one call of a kernel, some tenths of a second; Python handles Ctrl-C in between.
 _STRETCH = 2**28
+_IN_PYTHON = 1e-5  # seconds of Python for a number of a step
 
 
 def groups_of_alike(problem: Problem, batch: tuple[int, ...]) -> Iterator[tuple[Any, Any]]:
@@ -75,9 +76,10 @@ def _fill_jacobians(scheme: Any, values: Any, eps: Any, x: FloatArray, out: Floa
         x = x.reshape(-1, arguments.W, fields, D).swapaxes(1, 2)
     states = x.reshape(-1, D)
     found = np.empty((len(states), D, D))
-    tangent.jacobians.serial(able := tangent.able(arguments), states, found)
+    seconds = _IN_PYTHON * (len(states) + 8) * D * D * len(arguments.fractions)
+    tangent.jacobians.briefly(seconds, able := tangent.able(arguments), states, found)
     if arguments.unable[0] and not able.solves:
-        tangent.jacobians.serial(tangent.able(arguments), states, found)
+        tangent.jacobians.briefly(seconds * D, tangent.able(arguments), states, found)
     if in_lines:
         found = found.reshape(-1, fields, arguments.W, D, D).swapaxes(1, 2)
     out[:] = found.reshape(-1, fields, D, D)[:rows]
@@ -179,11 +181,14 @@ def _grow_part(part: _Part, span: tuple[int, int, int], work: int, threads: int 
     arguments, carried = tangent.able(part.arguments[0]), (part.carry, *part.sums)
     before = [] if arguments.solves else [array.copy() for array in carried]
     arrays = part.x, part.carry, span, *part.sums
-    call_kernel(tangent.growth, work, threads, arguments, *arrays)
+    (start, stop, _), (size, D) = span, part.x.shape
+    seconds = _IN_PYTHON * (size + 8) * (stop - start + D * D)
+    call_kernel(tangent.growth, work, threads, arguments, *arrays, seconds=seconds)
     if arguments.unable[0] and not arguments.solves:
         for array, kept in zip(carried, before, strict=True):
             array[:] = kept
-        call_kernel(tangent.growth, work, threads, tangent.able(arguments), *arrays)
+        arguments = tangent.able(arguments)
+        call_kernel(tangent.growth, work, threads, arguments, *arrays, seconds=seconds * D)
 
 
 def _grow(

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, extra, instance, integer, is_false, kind_of, require, short, wrong
 from ..core import codes, orientations
 from ..core.field_system import FieldSystem
-from ..core.lifted_system import LiftedSystem
 from ..core.numba import Kernel
 from ..core.one_step import KernelOfStep
 from ..core.steps_nd import NDSystem
@@ -32,6 +31,8 @@ from .trial import arguments_for
 _STRETCH, _SAVING = 2**26, 8.0
 # Seconds: after a shorter stretch the next one has twice as many steps, after a longer one half.
 _SHORT, _LONG = 0.02, 0.1
+# Seconds that Python takes for a part of a step, and trajectories that kernels take one by one.
+_IN_PYTHON, _FEW = 1e-5, 6
 # Work of a stretch with orientations: the number of states times n**2.
 _TURNING = 2**24
 
@@ -99,7 +100,7 @@ class Steps(NamedTuple):
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
     # Returns the constants of `compiled.step_system` for (body, eps). None: it refuses the body.
-    system: Callable[[Any, float], NDSystem | FieldSystem | LiftedSystem] | None = None
+    system: Callable[[Any, float], NDSystem | FieldSystem] | None = None
     # Yields groups of trajectories, as indices, and the arguments of each, for (D, arguments).
     divide: Callable[[int, Arguments], Iterator[tuple[Any, Arguments]]] | None = None
     # True if carry[0] is the number of the first state after a step from det A < 0, else 0;
@@ -107,12 +108,6 @@ class Steps(NamedTuple):
     notes_poles: bool = False
     # True if a part of a step goes backwards, so that modes that decay fast look like poles.
     goes_back: bool = False
-    # True if the last D rows of `carry` are the largest estimated errors of a step so far.
-    estimates: bool = False
-
-    def rows_carried(self, D: int) -> int:
-        """Return the number of rows of `carry` for states of D components."""
-        return self.carried + D * self.estimates
 
 
 def check_steps(name: str, steps: Any) -> None:
@@ -138,11 +133,6 @@ class Checkpoint(NamedTuple):
     failed_at: NDArray[np.int64]  # (...)
     carry: FloatArray  # (carried, B)
     turned: FloatArray | None  # (B, n, n), orientations after n steps
-
-
-def largest_errors(carry: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Return the largest estimated errors of a step in `carry`, of the shape of states (..., D)."""
-    return carry[-shape[-1] :].T.reshape(shape)
 
 
 class March:
@@ -176,7 +166,7 @@ class March:
             self.turned = None if earlier.turned is None else earlier.turned.copy()
             return
         self.n = 0
-        self.carry = np.zeros((self.steps.rows_carried(D), size))
+        self.carry = np.zeros((self.steps.carried, size))
         if problem.orientation is not None:
             self.turned = flat_arrays(problem.orientation, batch, 2).copy()
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
@@ -194,11 +184,6 @@ class March:
         return np.where(passed, first, -1).reshape(self.problem.batch)
 
     @property
-    def local_error(self) -> FloatArray:
-        """The largest estimated errors of a step so far (..., D), if the steps have estimates."""
-        return largest_errors(self.carry, self.final.shape)
-
-    @property
     def told_by_signs(self) -> Any:
         """True where a change of sign, and not det A < 0, told the pole of each trajectory."""
         if not self.steps.notes_poles:
@@ -213,6 +198,15 @@ class March:
         has_status = isinstance(self.steps.kernel, KernelOfStep)
         status = self.carry[1] if has_status else codes.PASSED_POLE
         return abs(self.carry[0]).astype(np.int64), status
+
+    def note_pole(self, trajectory: int, n: int) -> None:
+        """Note that a trajectory passed a pole before state n, unless it had failed before."""
+        self.carry[0, trajectory] = n
+        if isinstance(self.steps.kernel, KernelOfStep):
+            self.carry[1, trajectory] = codes.PASSED_POLE
+        if self.status.flat[trajectory] >= codes.OK:
+            self.status.flat[trajectory] = codes.PASSED_POLE
+            self.failed_at.flat[trajectory] = n
 
     def to(
         self,
@@ -347,7 +341,10 @@ class March:
                 span = begin, end, start, until, every, row
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
                 called_at = perf_counter()
-                call_kernel(kernel, work, threads, arguments, omega0, carry, span, *others)
+                taken = size if size <= _FEW else width
+                seconds = _IN_PYTHON * (1.0 + step) * taken * (until - start + 2)
+                data = arguments, omega0, carry, span, *others
+                call_kernel(kernel, work, threads, *data, seconds=seconds)
                 if until == stop:
                     break
                 seconds, start = perf_counter() - called_at, until
@@ -378,7 +375,8 @@ class March:
                     turns[0], first = turned, 1
             arrays, rows = (states, eps, axial, turned), (start, every, first, turns)
             work, threads = states.size * (D + 1), self.problem.threads
-            call_kernel(orientations.turn_along, work, threads, *arrays, *rows)
+            seconds = _IN_PYTHON * (size + 8) * (until - start + 1) * (D + 1) ** 2
+            call_kernel(orientations.turn_along, work, threads, *arrays, *rows, seconds=seconds)
             if report is not None and not report(until - n):
                 break
 

@@ -1,5 +1,6 @@
 """Calls of kernels, serial or parallel."""
 
+import math
 import threading
 from typing import Any
 
@@ -35,11 +36,18 @@ def available() -> int:
     return 1 if _threads_are_gone else int(numba.get_num_threads())
 
 
-def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
-    """Call a kernel, in parallel if `work`, in steps of single trajectories, is worth it."""
+def call_kernel(
+    kernel: Kernel, work: int, threads: int | None, *arguments: Any, seconds: float = math.inf
+) -> None:
+    """Call a kernel, in parallel if `work`, in steps of single trajectories, is worth it.
+
+    As Python the call would take about so many seconds.
+    """
     is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
     try:
-        if is_serial or not _parallel(kernel, threads, arguments):
+        if is_serial and seconds < math.inf:
+            kernel.briefly(seconds, *arguments)
+        elif is_serial or not _parallel(kernel, threads, arguments):
             kernel.serial(*arguments)
     except SystemError as error:
         if _WITHOUT_ERROR not in str(error):

@@ -6,6 +6,7 @@ step in `work`, or expect other arrays.
 """
 
 import inspect
+import re
 import warnings
 from dataclasses import fields
 from itertools import pairwise
@@ -48,8 +49,9 @@ def _try_once(problem: Problem, steps: Any) -> None:
     try:
         _try_step(problem, steps)
     except numba.TypingError as error:
-        expected = "have code that Numba compiles, and return a Status as an int: see above"
-        raise wrong("step", expected, error=TypeError) from error
+        reason = " ".join(re.sub(r"\x1b\[[\d;]*m", "", str(error)).split())
+        expected = "have code that Numba compiles, and return a Status as an int"
+        raise wrong("step", expected, reason, TypeError) from error
     _TRIED.add(key)
 
 

@@ -126,43 +126,6 @@ _NOT_OF_ORDERS = "matrix", "modified_energy", "invariant_density"  # these are f
 OF_ORDER = {name: formula for name, formula in KAHAN.items() if name not in _NOT_OF_ORDERS}
 
 
-# ------------------------------------------------------------------------------- of lifted fields
-def _of_lifted(problem: Problem) -> Problem:
-    """Return the problem of the lifted field, at the states with their added variables."""
-    body = problem.body
-    return problem._replace(body=body.lifted, omega=body._lift(problem.omega))
-
-
-def _lifted_vector_field(problem: Problem) -> Any:
-    values = KAHAN["vector_field"].compute(_of_lifted(problem))
-    return values[..., : problem.body.dimension]
-
-
-def _lifted_jacobian(problem: Problem) -> Any:
-    """Return the derivative of a whole step: of the lift, of the stages, and of what is kept."""
-    of_stages = jacobian(_of_lifted(problem))[..., : problem.body.dimension, :]
-    with np.errstate(all="ignore"):
-        return of_stages @ problem.body._slopes(problem.omega)
-
-
-def _lifted_energy(problem: Problem) -> Any:
-    return np.broadcast_to(problem.body._energy(problem.omega), problem.batch)
-
-
-def _check_lifted_hamiltonian(body: Any) -> None:
-    """Raise TypeError for a lifted field without a Hamiltonian."""
-    if body.H is None:
-        how = "make it by LiftedField.from_hamiltonian"
-        raise TypeError(f"body: this field has no Hamiltonian: {how}")
-
-
-LIFTED = {
-    "vector_field": Formula(_lifted_vector_field),
-    "jacobian": Formula(_lifted_jacobian),
-    "energy": Formula(_lifted_energy, _check_lifted_hamiltonian),
-}
-
-
 # ------------------------------------------------------------------------------ in three dimensions
 def eigenvalues_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     """Return `eigenvalues`; the one along a line of steady states is exactly 0."""
@@ -271,32 +234,51 @@ def _momentum_nd(problem: Problem) -> FloatArray:
 def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
     """Return an equivalent problem in three dimensions, and the function that maps states back.
 
-    States stay in the plane of I and omega0. Let J be b along I and a across it, s the component of
-    omega along I, and r the length of the remainder, whose direction is constant. Then (s, r) is a
-    state of the body with I1 = b, I2 = a, I13 = 0, I23 = abs(I).
+    A body of two coordinates with J = a, b and I = (c, d) is that of I1 = a, I2 = b, I13 = -d,
+    I23 = c.
     """
-    body, omega = problem.body, problem.omega
-    J, I = np.broadcast_arrays(body.J, body.I)
-    if body.dimension == 2:
-        plane = {"I1": J[..., 0], "I2": J[..., 1], "I13": -I[..., 1], "I23": I[..., 0]}
-        return problem._replace(body=Suslov3D._of(plane)), lambda states: states
-    length = np.sqrt((I * I).sum(axis=-1))
-    unit = I / np.where(length > 0.0, length, 1.0)[..., None]
-    s = (unit * omega).sum(axis=-1)
-    across = omega - s[..., None] * unit
-    # Scaled, because squares may be out of range.
-    scale = abs(across).max(axis=-1, keepdims=True)
-    r = scale[..., 0] * np.linalg.norm(across / np.where(scale > 0.0, scale, 1.0), axis=-1)
-    order = abs(I).argsort(axis=-1)
-    a, b = (np.take_along_axis(J, order[..., k, None], axis=-1)[..., 0] for k in (0, -1))
+    parts, omega = problem.body._reduction, problem.omega
+    J, I = parts.parameters(2)
+    plane = {"I1": J[..., 0], "I2": J[..., 1], "I13": -I[..., 1], "I23": I[..., 0]}
+    steady = parts.steady[..., np.newaxis]
 
     def map_back(states: FloatArray) -> FloatArray:
-        ratio = states[..., 1] / np.where(r > 0.0, r, 1.0)
-        values: FloatArray = states[..., :1] * unit + ratio[..., None] * across
-        return values
+        return np.where(steady, omega, parts.back(states, omega))
 
-    reduced = Suslov3D._of({"I1": b, "I2": a, "I13": np.zeros(()), "I23": length})
-    return problem._replace(body=reduced, omega=np.stack([s, r], axis=-1)), map_back
+    reduced = Suslov3D._of(plane)
+    return problem._replace(body=reduced, omega=parts.states(omega, 2)), map_back
+
+
+def _criticality_nd(problem: Problem) -> FloatArray:
+    """Return t of the reduced body."""
+    values: FloatArray = IN_3D["criticality"].compute(_in_plane(problem)[0])
+    return values
+
+
+def _first_integral_nd(problem: Problem) -> FloatArray:
+    """Return the modified energy over 2 a b, with the J of the two coordinates."""
+    values: FloatArray = IN_ND["modified_energy"].compute(problem)
+    J, _ = problem.body._reduction.parameters(2)
+    return np.asarray(values / (2.0 * J.prod(axis=-1)))
+
+
+def _density_nd(problem: Problem) -> FloatArray:
+    """Return the density of the reduced body over the powers of r, 1 where every state is steady.
+
+    States with the same r are a sphere, whose area is the power of r that each part in E0 adds.
+    """
+    body, omega, eps = problem.body, problem.omega, problem.eps
+    parts, values = body._reduction, np.ones(problem.batch)
+    for size in (2, 3):
+        has_size = ~parts.steady & (parts.count == size)
+        if has_size.any():
+            x = parts.states(omega, size)
+            J, I = parts.parameters(size)
+            with np.errstate(all="ignore"):
+                area = (x ** parts.further(size)).prod(axis=-1)
+                density = quantities.invariant_density_nd(J, I, eps, x) / area
+            values = np.where(has_size, density, values)
+    return np.asarray(values + 0.0 * omega.sum(axis=-1))
 
 
 def _nd(name: str, compute: Any = None, **options: Any) -> dict[str, Formula]:
@@ -308,12 +290,12 @@ def _nd(name: str, compute: Any = None, **options: Any) -> dict[str, Formula]:
 
 IN_ND = {
     **KAHAN,
-    **_nd("first_integral"),
+    **_nd("first_integral", _first_integral_nd),
     **_nd("energy"),
     **_nd("modified_energy"),
-    **_nd("criticality"),
+    **_nd("criticality", _criticality_nd),
     **_nd("vector_field"),
-    **_nd("invariant_density", poles=True),
+    **_nd("invariant_density", _density_nd, poles=True),
     **_nd("reaction", _reaction_nd),
     "to_matrix": Formula(_matrix_nd),
     "momentum": Formula(_momentum_nd),

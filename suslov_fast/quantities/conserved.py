@@ -53,9 +53,9 @@ def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatA
     """First integral F of the map of a body, which is constant along its orbits.
 
     In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2), with
-    x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat). For n > 3, F is known if J I = b I and J = a
-    on the vectors orthogonal to I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times the
-    length of the component of omega orthogonal to I.
+    x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat). In n dimensions F is that of the two
+    coordinates to which :meth:`SuslovND.reduced` takes the body, or the energy over 2 a b where
+    I = 0, with the first two different J.
 
     Parameters
     ----------
@@ -211,10 +211,11 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
 
     For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. For a body in three
     dimensions rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a
-    gyrostat). In n dimensions rho is known for n = 3, and for n = 4 with I along one axis: for
-    I = (I1, 0, 0) it is
-    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). Methods
-    of higher order do not have these measures.
+    gyrostat). In n dimensions rho is known if :meth:`SuslovND.reduced` leaves two coordinates,
+    or three of which one has a coupling. For n = 4 and I = (I1, 0, 0) it is
+    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). A remainder
+    w_E0 of k dimensions adds the factor ``1 / |w_E0|**(k - 1)``: for odd k > 1 the identity above
+    holds up to a sign. Where I = 0, rho = 1. Methods of higher order do not have these measures.
 
     Parameters
     ----------
@@ -226,7 +227,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
     ndarray(float, shape=(...))
         For a field dimensionless, and infinite at poles. For a body in three dimensions the unit is
         1 / (omega * inertia**3); the sign is that of x, and the density is infinite where x = 0.
-        For n = 4 the unit is 1 / omega**2.
+        For n = 4 with three coordinates the unit is 1 / omega**2.
 
     Raises
     ------

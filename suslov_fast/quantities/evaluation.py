@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..bodies.general import Field
 from ..checks import FloatArray, first_index, real_array, spell, warn
 from ..engine.problem import Problem, check, part_of
 from ..engine.status import SingularStepWarning
@@ -25,6 +26,8 @@ def evaluate(
 
     The map, by default that of the body, must have a formula of this name.
     """
+    if isinstance(body, Field) and name in ("vector_field", "energy"):
+        return body._value_of(name, omega)
     map = map or map_of(body)
     formula = map.formula(name, body)
     problem = check(map, body, omega, eps, later=True)

@@ -50,6 +50,10 @@ class Crossings(Result):
         The part of the step from n to n + 1 before the crossing, from 0 to 1. For methods of order
         2 it is a / (a - b), where a and b are the values of the surface at n and n + 1; for higher
         orders a step of the length ``fraction * eps`` from `before` ends on the surface.
+    over_pole : ndarray(bool, shape=(K,))
+        True where the surface changes its sign through infinity, because a step of a higher order
+        has a pole within its length. Its point lies on the straight line from `before` to `after`,
+        and its trajectory has the status `PASSED_POLE`.
     states, time : ndarray(float, shape=(K, D) and (K,))
         Points on the surface between `before` and `after`, and times (n + fraction) eps.
     count : ndarray(int, shape=(...))
@@ -87,6 +91,7 @@ class Crossings(Result):
     before: FloatArray
     after: FloatArray
     fraction: FloatArray
+    over_pole: NDArray[np.bool_]
     count: NDArray[np.int64]
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
@@ -114,7 +119,7 @@ class Crossings(Result):
 
         For methods of order 2 they are ``before + fraction * (after - before)``, where the value of
         the surface, interpolated linearly, is 0. For higher orders they are the states after a step
-        of the length ``fraction * eps`` from `before`.
+        of the length ``fraction * eps`` from `before`, except those over a pole.
         """
         if self.map.order == 2:
             points = self.after - self.before
@@ -125,6 +130,8 @@ class Crossings(Result):
             eps = self._at_crossings(np.asarray(self.eps))
             march = March(problem, self.method)
             points = march.step_of(self.trajectory, self.before, self.fraction * eps)
+            chords = self.before + self.fraction[:, np.newaxis] * (self.after - self.before)
+            points = np.where(self.over_pole[:, np.newaxis], chords, points)
         return read_only(points)
 
     @cached_property
@@ -138,7 +145,7 @@ class Crossings(Result):
     def valid(self) -> NDArray[np.bool_]:
         """True for crossings before the first failure or pole of their trajectory, shape (K,)."""
         first = first_beyond(self.failed_at, self.first_pole).ravel()
-        return read_only(self.n + 1 < first[self.trajectory])
+        return read_only((self.n + 1 < first[self.trajectory]) & ~self.over_pole)
 
     if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 
@@ -149,7 +156,7 @@ class Crossings(Result):
                 if name in self.body._labels:
                     column = f"crossings.states[:, {self.body._labels.index(name)}]"
                     both = f"crossings.states, or {column} for the variable {name}"
-                    instead = both if name == self.map.variable else column
+                    instead = both if name == self._variable else column
                 elif name in self.body.parameters:
                     instead = f"crossings.body.parameters[{name!r}]"
             if instead or (instead := nearest(name, dir(self))):
@@ -374,7 +381,7 @@ class Crossings(Result):
         steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n))
         if not n.size:
             steps = {1: "none upwards", -1: "none downwards", 0: "none"}[self.direction]
-        return f"Crossings({self.map.variable}: {self.before.shape}, n: {steps}, {in_short(self)})"
+        return f"Crossings({self._variable}: {self.before.shape}, n: {steps}, {in_short(self)})"
 
 
 def searched(

@@ -264,7 +264,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     (map, body, omega0, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
     rows, D = 1 if every is None else steps // every + 1, body.dimension
     require(24 * rows, "raise save_every")
-    sizes, columns = sizes_of(batch, D, n=rows), of_runs(map.methods[method], turns is not None)
+    sizes, columns = sizes_of(batch, D, n=rows), of_runs(turns is not None)
     filled: dict[str, Any] = {
         column.name: np.broadcast_to(np.array(column.fill, column.type), shape_of(column, sizes))
         for column in columns
@@ -349,7 +349,9 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
     width = 8 * max(data.sizes["component"], data.sizes.get("space", 0) ** 2)
     default = min(_CHUNK // (width * lengths["n"]), _WORK // (data.attrs["steps"] + 1))
     by_axis = chunk if isinstance(chunk, Mapping) else {}
-    left = max(_FEWEST, default) if chunk is None or by_axis else chunk
+    arrays = len(json.loads(data.attrs["tiled"]))
+    fewest = max(_FEWEST, 4 * data.status.size * arrays // metadata.MOST_CHUNKS)
+    left = max(fewest, default) if chunk is None or by_axis else chunk
     if unknown := by_axis.keys() - lengths:
         raise wrong("chunk", expected, ", ".join(repr(name) for name in unknown))
     sizes: dict[str, int] = {}
@@ -360,4 +362,8 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
         parts = math.ceil(length / most) or 1  # of equal size, so that no chunk is half empty
         sizes[name] = math.ceil(length / parts) or 1
         left = max(1, left // sizes[name])
+    chunks = math.prod(math.ceil(length / sizes[name]) for name, length in lengths.items())
+    if chunks * arrays > metadata.MOST_CHUNKS:
+        expected = f"so large that a store has at most {metadata.MOST_CHUNKS} chunks"
+        raise wrong("chunk", expected, f"{chunk}, for {chunks} tiles")
     return sizes

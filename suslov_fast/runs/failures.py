@@ -8,6 +8,7 @@ import numpy as np
 
 from ..checks import first_index, spell, warn
 from ..engine.status import SingularStepWarning, Status, report_poles
+from ..errors import SuslovError
 
 if TYPE_CHECKING:  # of users, in whose hands an error is
     from .crossings import Crossings
@@ -17,7 +18,7 @@ OnSingular = Literal["warn", "raise", "ignore"]
 ON_SINGULAR = "warn", "raise", "ignore"
 
 
-class SingularStepError(ArithmeticError):
+class SingularStepError(SuslovError, ArithmeticError):
     """Some trajectories of a batch failed before their last step, and ``on_singular="raise"``.
 
     Attributes

@@ -74,7 +74,8 @@ def crossings(
     Crossings
         Its points are as accurate as the states. For methods of order 2 they lie on the straight
         lines between consecutive states; for higher orders they are the states, with s = 0, after
-        a step of the length fraction * eps from `before`. If eps is too large for the map to follow
+        a step of the length fraction * eps from `before`, unless the step has a pole within its
+        length (`over_pole`), over which the chord leads. If eps is too large for the map to follow
         the motion, use `before` or `after` instead.
 
     Raises

@@ -31,6 +31,8 @@ COPY = "status/run.json"
 _CODECS = {"bytes", "vlen-utf8", "crc32c"}
 # Bytes of a number, and of the checksum that follows the numbers in the file of a chunk.
 _BYTES, _CHECKSUM = {"float64": 8, "int64": 8, "int8": 1}, 4
+# Chunks of a store, each of which opening it looks for, and components of a state.
+MOST_CHUNKS, _MOST_COMPONENTS = 2**21, 2**20
 # What to do with data of others.
 _ELSEWHERE = "pass a new name; xarray.open_zarr reads them"
 _OTHERS = f"other data: {_ELSEWHERE}"
@@ -47,6 +49,11 @@ class Stored(NamedTuple):
     dims: tuple[str, ...]
 
     @property
+    def counts(self) -> tuple[int, ...]:
+        """The numbers of chunks along each axis."""
+        return tuple(math.ceil(n / m) for n, m in zip(self.shape, self.chunks, strict=True))
+
+    @property
     def nbytes(self) -> int | None:
         """Size of the file of a chunk; None for texts, whose size varies."""
         width = _BYTES.get(self.dtype)
@@ -58,8 +65,7 @@ class Stored(NamedTuple):
 
     def keys(self, name: str) -> Iterator[tuple[tuple[int, ...], str]]:
         """Yield the index and the key of each chunk."""
-        counts = (math.ceil(n / m) for n, m in zip(self.shape, self.chunks, strict=True))
-        for index in product(*map(range, counts)):
+        for index in product(*map(range, self.counts)):
             yield index, "/".join([name, "c", *map(str, index)])
 
 
@@ -186,12 +192,16 @@ def stored_in(name: str, metadata: dict[str, Any]) -> Stored:
 def _check_arrays(contents: Contents) -> None:
     """Check that a store has all arrays of its run, with their types, shapes and chunks."""
     attributes, arrays, *_ = contents
+    if (total := sum(math.prod(array.counts) for array in arrays.values())) > MOST_CHUNKS:
+        raise wrong("store", f"at most {MOST_CHUNKS} chunks", total)
     map = named(attributes["map"])
-    method = checks.one_of("method", attributes["method"], map.methods)
+    checks.one_of("method", attributes["method"], map.methods)
     every = attributes.get("save_every")
     rows = 1 if every is None else attributes["steps"] // every + 1
     status, (D,) = arrays["status"], arrays["component"].shape
-    columns = of_runs(map.methods[method], "attitude" in attributes)
+    if D > _MOST_COMPONENTS:
+        raise wrong("component", f"at most {_MOST_COMPONENTS} names", D)
+    columns = of_runs("attitude" in attributes)
     of_run = arrays_of(columns, sizes_of(status.shape, D, n=rows))
     functions = dict.fromkeys(contents.tiled, ("float64", (rows, *status.shape)))
     expected = functions | {map.variable: of_run.pop("states")} | of_run

@@ -29,14 +29,18 @@ Values = Callable[[NDArray[np.int64], FloatArray], FloatArray]
 
 def crossing_fractions(
     values_at: Values, first: FloatArray, at_start: FloatArray, at_end: FloatArray
-) -> FloatArray:
-    """Return the fractions of a step at which crossings (K,) meet the surface.
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the fractions of a step at which crossings (K,) meet the surface, and where none does.
+
+    A step with a pole within its length changes the sign of s through infinity: where the values
+    beside the change exceed those at both ends, the fraction stays `first`.
 
     ``values_at(which, fractions)`` returns the values of the surface at these fractions of the
     steps of some crossings, `first` is where they are asked first, and `at_start` and `at_end` are
     the values at both ends of the steps. A value that is NaN counts as one beyond the crossing.
     """
     is_beyond = (at_start >= 0.0) != (at_end >= 0.0)
+    largest, over_pole = np.maximum(abs(at_start), abs(at_end)), np.zeros(len(first), bool)
     k = np.flatnonzero((at_start != 0.0) & (at_end != 0.0) & is_beyond)
     fractions = np.where(abs(at_end) <= abs(at_start), 1.0, 0.0)
     # a is the newest point, b the other end of the bracket, c the point before: rows x and s(x).
@@ -57,11 +61,12 @@ def crossing_fractions(
             is_there = (change * before <= _PRODUCT) & is_smooth & (values != 0.0)
             best = np.where(abs(a[1]) <= abs(b[1]), a[0], b[0])
             fractions[k] = np.where(is_there, x, best)
+            over_pole[k] = np.minimum(abs(a[1]), abs(b[1])) > largest[k]
             left = ~is_there & (abs(a[0] - b[0]) > _WIDTH) & (values != 0.0)
             if not left.all():
                 k, x, end = k[left], x[left], end[left]
                 a, b, c = a[:, left], b[:, left], c[:, left]
-    return fractions
+    return np.where(over_pole, first, fractions), over_pole
 
 
 def _next(a: Any, b: FloatArray, c: FloatArray) -> Any:

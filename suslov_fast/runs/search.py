@@ -149,16 +149,16 @@ class Search:
         changes = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
         if changes.size:
             flat = states.reshape(*is_positive.shape, -1)
-            integers = np.empty((changes.size, 3), np.int64)
+            integers = np.zeros((changes.size, 4), np.int64)
             numbers = np.empty((changes.size, 2 * flat.shape[-1] + 1))
             earlier = self.counts.copy() if self.is_refined else self.counts
             count = write_crossings(
                 changes, n, self.last, values, flat, self.limit, self.counts, integers, numbers
             )
             if count and self.is_refined:
-                numbers[:count, -1] = self._fractions(
-                    n, values, integers[:count], numbers[:count], earlier
-                )
+                found = self._fractions(n, values, integers[:count], numbers[:count], earlier)
+                numbers[:count, -1], integers[:count, -1] = found
+                self._note_poles(integers[:count][found[1]])
             if count == len(changes):
                 self.pieces.append((integers, numbers))
             elif count:  # copies, so that the memory of the rest is freed
@@ -171,13 +171,13 @@ class Search:
         integers: NDArray[np.int64],
         numbers: FloatArray,
         earlier: NDArray[np.int64],
-    ) -> FloatArray:
-        """Return the fractions of crossings on the steps of the method, in place of the chords.
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Return the fractions of crossings on the steps of the method, and which are over a pole.
 
         The arrays are those of `_keep_crossings` and `write_crossings`; `earlier` (B,) is how many
         crossings each trajectory had before.
         """
-        march, (which, places, numbers_of_states) = self.march, integers.T
+        march, (which, places, numbers_of_states, _) = self.march, integers.T
         rows, k, D = places - earlier[which], numbers_of_states - n, march.omega0.shape[1]
         eps = flat_parameter(march.problem.eps, self.batch)
         eps = eps[which] if len(eps) > 1 else np.repeat(eps, len(which))
@@ -193,12 +193,20 @@ class Search:
         before = np.where(k == 0, self.last[which], values[k - 1, which])
         return crossing_fractions(values_at, numbers[:, -1], before, values[k, which])
 
+    def _note_poles(self, integers: NDArray[np.int64]) -> None:
+        """Give trajectories whose steps have a pole within their length the status of one."""
+        march = self.march
+        for i, _, n, _ in integers.tolist() if march.steps.notes_poles else ():
+            first = march.carry[0, i]
+            if not 0.0 < abs(first) <= n + 1:
+                march.note_pole(i, n + 1)
+
     def result(self) -> dict[str, Any]:
         """Return the arrays of all crossings, in order, with those of the earlier search."""
         march, counts, earlier = self.march, self.counts, self.earlier
         ends = np.cumsum(counts)
         starts, K, D = ends - counts, int(counts.sum()), march.omega0.shape[1]
-        n, fraction = np.empty(K, np.int64), np.empty(K)
+        n, fraction, over_pole = np.empty(K, np.int64), np.empty(K), np.empty(K, bool)
         before, after = np.empty((K, D)), np.empty((K, D))
         trajectory = np.repeat(np.arange(len(counts)), counts)
         if earlier is not None:
@@ -206,10 +214,11 @@ class Search:
             shift = starts - (np.cumsum(earlier_counts) - earlier_counts)
             places = np.arange(len(earlier)) + shift[earlier.trajectory]
             n[places], fraction[places] = earlier.n, earlier.fraction
+            over_pole[places] = earlier.over_pole
             before[places], after[places] = earlier.before, earlier.after
         self.pieces.reverse()
         while self.pieces:  # popped, so that their memory is freed on the way
-            sort_by_orbit(*self.pieces.pop(), starts, n, before, after, fraction)
+            sort_by_orbit(*self.pieces.pop(), starts, n, before, after, fraction, over_pole)
         final, status, failed_at = march.final.copy(), march.status.copy(), march.failed_at.copy()
         ended = counts >= self.limit
         final.reshape(-1, D)[ended] = after[ends[ended] - 1]
@@ -228,6 +237,7 @@ class Search:
             "before": before,
             "after": after,
             "fraction": fraction,
+            "over_pole": over_pole,
             "count": counts.reshape(self.batch),
             "status": status,
             "failed_at": failed_at,

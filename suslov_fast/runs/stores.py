@@ -51,7 +51,7 @@ _LABELLED = "the result of ensemble has to_netcdf(path), which writes one file"
 _OF_FILES = {
     ".npz": "Trajectories.load reads .npz files",
     **dict.fromkeys((".nc", ".h5", ".hdf5"), _LABELLED),
-    ".csv": "the result of ensemble has to_dataframe(), whose to_csv(path) writes one file",
+    ".csv": "a store is a folder of many files",
 }
 
 

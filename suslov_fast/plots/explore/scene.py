@@ -18,8 +18,9 @@ from ...checks import real_number, wrong
 from ...engine.status import Status
 from ...quantities.conserved import rotation_number
 from ...quantities.derivatives import vector_field
+from ...runs.flow import flow
 from ...runs.iterate import iterate
-from ...runs.solution import flow, limits
+from ...runs.solution import limits
 from ...space import scattering_angle
 from ..animation import ellipsoid
 from ..phase import Plane
@@ -90,10 +91,12 @@ def as_answer(scene: Callable[[], dict[str, Any]], names: Sequence[str]) -> dict
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return dict(_json_values(scene()))
-    except (ValueError, ArithmeticError) as error:
+    except Exception as error:  # the user's function may raise anything
+        is_told = isinstance(error, (ValueError, ArithmeticError))
+        text = str(error) if is_told else f"{type(error).__name__}: {error}"
         # Messages begin with the names of the wrong arguments.
-        found = re.split(": | must ", str(error), maxsplit=1)[0].split(", ")
-        return {"error": str(error), "fields": [name for name in found if name in names]}
+        found = re.split(": | must ", text, maxsplit=1)[0].split(", ")
+        return {"error": text, "fields": [name for name in found if name in names]}
 
 
 def _scene(parameters: Parameters) -> dict[str, Any]:
@@ -111,7 +114,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         "version": __version__,
         "parameters": parameters._asdict(),
         "omega": run.omega,
-        "flow": flow(body, start, run.time),
+        "flow": flow(body, start, time=run.time).omega,
         "attitude": run.attitude.reshape(-1, 9),
         "line": plane.steady_line(),
         "levels": {

@@ -1,0 +1,130 @@
+"""The reduction of bodies in n dimensions whose J has equal entries to fewer coordinates.
+
+Let E be an eigenspace of diag(J), I_E the part of I in E, and E0 the vectors of E orthogonal to I.
+The part of omega in E0 keeps its direction, along the map and along the motion: the proof is in
+docs/theory/dimensions.md. So E contributes one coordinate u = omega . I_E / |I_E| with the coupling
+|I_E| unless I_E = 0, and one coordinate r with the coupling 0, the signed length of the part in E0,
+unless E0 = 0. In them the equations are those of a body again.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from ..checks import FloatArray
+
+
+class Reduction:
+    """Coordinates of bodies with J and I (..., m), each member by its own eigenspaces.
+
+    Coordinates of a member stand in the order in which their J appears first, u before r. With
+    `size` above its count a member gets further ones, which are 0: they have a J of which E0 is
+    there, so that E0 only has a larger dimension.
+    """
+
+    def __init__(self, J: FloatArray, I: FloatArray) -> None:
+        self.J, I = np.broadcast_arrays(J, I)
+        m = self.J.shape[-1]
+        self.first = first_of_equal(self.J)
+        multiplicity = self._in_each(np.add, np.ones(m))
+        # |I_E|; an eigenspace of one dimension keeps its coordinate and the sign of its coupling.
+        self.length = np.where(multiplicity == 1, I, self._in_each(np.hypot, I))
+        coupled = self.length != 0.0
+        self.unit = I / np.where(coupled, self.length, 1.0)
+        self.rest = multiplicity - coupled  # the dimension of E0
+        # If it is 1, r has a sign, because E0 has one unit vector: 1, or (-unit_j, unit_i).
+        i = np.arange(m)
+        other = np.where(multiplicity == 2, self._in_each(np.add, i) - i, i).astype(np.int64)
+        across = np.take_along_axis(self.unit, other, axis=-1) * np.where(self.first == i, -1, 1)
+        self.axis = np.where(self.rest == 1, np.where(coupled, across, 1.0), 0.0)
+        # Places 2i and 2i + 1 hold u and r of the eigenspace of J_i, if it appears first there.
+        is_first = self.first == i
+        present = _interleaved(is_first & coupled, is_first & (self.rest > 0))
+        self.count = present.sum(axis=-1)
+        self.one_coupled = (is_first & coupled).sum(axis=-1) == 1
+        self.steady = ~coupled.any(axis=-1) | (self.count == 1)  # every state is steady
+        later = np.repeat(np.where(is_first, 2, 1), 2, axis=-1)
+        self.order = np.where(present, 0, later).argsort(axis=-1, kind="stable")
+        self.present = present
+
+    def _in_each(self, combine: np.ufunc, values: Any) -> FloatArray:
+        """Return for each index the sum, or another combination, of values in its eigenspace."""
+        found = np.broadcast_to(values, (*_common(values, self.first), self.first.shape[-1]))
+        first = np.broadcast_to(self.first, found.shape)
+        total, m = np.zeros(found.shape), found.shape[-1]
+        places = m * np.arange(found.size // m).repeat(m) + first.ravel()
+        combine.at(total.reshape(-1), places, found.ravel())
+        return np.take_along_axis(total, first, axis=-1)
+
+    def _chosen(self, of_u: Any, of_r: Any, size: int) -> FloatArray:
+        """Return the coordinates (..., size), from the values of u and r at each index."""
+        values = np.where(self.present, _interleaved(of_u, of_r), 0.0)
+        return _taken(values, self.order[..., :size])
+
+    def parameters(self, size: int) -> tuple[FloatArray, FloatArray]:
+        """Return J and I (..., size) of the reduced bodies."""
+        J = _taken(_interleaved(self.J, self.J), self.order[..., :size])
+        return J, self._chosen(self.length, 0.0, size)
+
+    def further(self, size: int) -> FloatArray:
+        """Return by how much the dimension of E0 exceeds 1, for each r; 0 for each u."""
+        return self._chosen(0.0, self.rest - 1.0, size)
+
+    def _directions(self, omega: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return u, r, and the unit vector in E0 of which r is the length, at each index."""
+        with np.errstate(all="ignore"):
+            u = self._in_each(np.add, self.unit * omega)
+            across = np.where(self.rest > 1, omega - self.unit * u, 0.0)
+            length = self._in_each(np.hypot, across)
+            r = np.where(self.rest == 1, self._in_each(np.add, self.axis * omega), length)
+            return u, r, self.axis + across / np.where(length > 0.0, length, 1.0)
+
+    def states(self, omega: FloatArray, size: int) -> FloatArray:
+        """Return the coordinates (..., size) of states (..., m)."""
+        u, r, _ = self._directions(omega)
+        return self._chosen(u, r, size)
+
+    def back(self, states: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return the states (..., m) with coordinates (..., size) and the directions of omega.
+
+        NaN where r is not 0, and the part of omega in E0 is, because it has no direction.
+        """
+        _, r, direction = self._directions(omega)
+        states = np.broadcast_to(states, (*_common(states, r), states.shape[-1]))
+        place = self.order.argsort(axis=-1)
+        places = (np.take_along_axis(place, 2 * self.first + k, axis=-1) for k in (0, 1))
+        # An absent coordinate has a place beyond the last one: another is multiplied by 0.
+        u, length = (_taken(states, each.clip(max=states.shape[-1] - 1)) for each in places)
+        without_direction = (self.rest > 1) & (r == 0.0) & (length != 0.0)
+        with np.errstate(all="ignore"):
+            return np.where(without_direction, np.nan, self.unit * u + direction * length)
+
+
+def first_of_equal(J: FloatArray, tolerance: Any = 0.0) -> Any:
+    """Return for each J_i (..., m) the first index of the entries that are equal to it.
+
+    With a tolerance, neighbours in size that differ by no more count as equal.
+    """
+    order = J.argsort(axis=-1, kind="stable")
+    begins = np.ones(J.shape, bool)
+    begins[..., 1:] = np.diff(np.take_along_axis(J, order, axis=-1)) > tolerance
+    begin = np.maximum.accumulate(np.where(begins, np.arange(J.shape[-1]), 0), axis=-1)
+    first = np.empty_like(order)
+    np.put_along_axis(first, order, np.take_along_axis(order, begin, axis=-1), axis=-1)
+    return first
+
+
+def _common(*states: FloatArray) -> tuple[int, ...]:
+    return np.broadcast_shapes(*(each.shape[:-1] for each in states))
+
+
+def _interleaved(of_u: Any, of_r: Any) -> Any:
+    """Return the values of u and r at each index (..., m), in turn (..., 2 m)."""
+    pairs = np.stack(np.broadcast_arrays(of_u, of_r), axis=-1)
+    return pairs.reshape(*pairs.shape[:-2], 2 * pairs.shape[-2])
+
+
+def _taken(values: FloatArray, places: Any) -> FloatArray:
+    """Return values (..., n) at places (..., k) on the last axis; batches broadcast."""
+    places = places.reshape(*(1,) * (values.ndim - places.ndim), *places.shape)
+    return np.take_along_axis(values, places, axis=-1)

@@ -1,0 +1,567 @@
+"""Elementary functions as lists of operations on doubles.
+
+Each function takes `emit`, which adds an operation and returns the number of its value
+(`operations.Values`), and the numbers of its operands, and returns the number of its value. Lists
+have no branches and no FMA, so their bits are the same wherever they are carried out. Errors are
+at most 1 ulp; special values are those of the C library.
+
+A number in two parts is a sum high + low, whose low part has less than an ulp of the high one.
+Coefficients of polynomials are minimax, by the algorithm of Remez with 300 bits, each rounded to a
+double before the next one is fitted.
+"""
+
+import struct
+
+from .far import PARTS
+
+
+class Number:
+    """A value of a list, whose operators add operations."""
+
+    __slots__ = ("emit", "number")
+
+    def __init__(self, emit, number):
+        self.emit, self.number = emit, number
+
+    def then(self, instruction, *others):
+        """Return the value of an instruction with this operand and others."""
+        others = (a.number if isinstance(a, Number) else a for a in others)
+        return Number(self.emit, self.emit(instruction, self.number, *others))
+
+    def __add__(self, other):
+        return self.then("fadd", other)
+
+    def __sub__(self, other):
+        return self.then("fsub", other)
+
+    def __mul__(self, other):
+        return self.then("fmul", other)
+
+    def __truediv__(self, other):
+        return self.then("fdiv", other)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __rsub__(self, other):
+        return Number(self.emit, self.emit("fsub", other, self.number))
+
+    def __rtruediv__(self, other):
+        return Number(self.emit, self.emit("fdiv", other, self.number))
+
+    def __abs__(self):
+        return self.then("fabs")
+
+    def __lt__(self, other):
+        return self.then("olt", other)
+
+    def __gt__(self, other):
+        return self.then("ogt", other)
+
+    def __ge__(self, other):
+        return self.then("oge", other)
+
+    def equals(self, other):
+        """Return where this value equals another one."""
+        return self.then("oeq", other)
+
+    def __and__(self, other):
+        return self.then("and", other)
+
+    def __or__(self, other):
+        return self.then("or", other)
+
+    def select(self, a, b):
+        """Return a where this truth value is true, b elsewhere."""
+        return self.then("select", a, b)
+
+    def within(self, least, greatest):
+        """Return this value within limits; NaN stays NaN."""
+        above = Number(self.emit, self.emit("max", least, self.number))
+        return Number(self.emit, self.emit("min", greatest, above.number))
+
+
+def from_bits(bits):
+    """Return the double with these bits, as instructions on bits take constants."""
+    return struct.unpack("<d", struct.pack("<Q", bits))[0]
+
+
+def _polynomial(coefficients, x):
+    """Return the value of a polynomial: pairs of neighbours, then pairs of those with x**2, ..."""
+    terms = [*coefficients]
+    while len(terms) > 1:
+        left = terms[len(terms) & ~1 :]
+        pairs = zip(terms[::2], terms[1::2], strict=False)
+        terms = [b * x + a for a, b in pairs] + left
+        x = x * x
+    return terms[0]
+
+
+# --------------------------------------------------------------------------------------- two parts
+_INFINITY = float("inf")
+_UPPER = from_bits(0xFFFF_FFFF_F800_0000)  # without the last 27 bits, products of two are exact
+
+
+def _sum(a, b):
+    """Return a + b in two parts, where abs(a) >= abs(b), a = 0 or the sum is exact."""
+    high = a + b
+    return high, b - (high - a)
+
+
+def _difference(a, b):
+    """Return a - b in two parts, as for `_sum`."""
+    high = a - b
+    return high, (a - high) - b
+
+
+def _split(a):
+    """Return a number as a sum of two that have 26 and 27 bits."""
+    if isinstance(a, float):
+        upper = struct.unpack("<Q", struct.pack("<d", a))[0] & 0xFFFF_FFFF_F800_0000
+        return from_bits(upper), a - from_bits(upper)
+    upper = a.then("bits_and", _UPPER)
+    return upper, a - upper
+
+
+def _product(a, b):
+    """Return a b in two parts, whose sum is exact."""
+    (a1, a2), (b1, b2), high = _split(a), _split(b), a * b
+    return high, ((a1 * b1 - high) + a1 * b2 + a2 * b1) + a2 * b2
+
+
+def _square(a):
+    """Return a**2 in two parts, whose sum is exact."""
+    (a1, a2), high = _split(a), a * a
+    return high, ((a1 * a1 - high) + (a1 + a1) * a2) + a2 * a2
+
+
+def _quotient(a, b):
+    """Return the quotient of sums high + low, in two parts."""
+    a, b = _sum(*a), _sum(*b)
+    inverse = 1.0 / b[0]
+    high = a[0] * inverse
+    product, rest = _product(high, b[0])
+    return high, (((a[0] - product) - rest) + (a[1] - high * b[1])) * inverse
+
+
+# ----------------------------------------------------------------------------------- powers of two
+# Added to an integer, they leave it in the last bits of the sum, less what rounds it to nearest.
+_SHIFT = 1.5 * 2.0**52
+_BIASED = _SHIFT + 1023.0
+_TO_EXPONENT = from_bits(52)
+
+
+def _nearest(x):
+    """Return the integer nearest to x, abs(x) < 2**51; NaN and infinite x stay."""
+    return (x + _SHIFT) - _SHIFT
+
+
+def _power_of_two(n):
+    """Return 2**n, n from -1022 to 1023."""
+    return (n + _BIASED).then("bits_shl", _TO_EXPONENT)
+
+
+def _scaled(x, n):
+    """Return x 2**n, rounded once, also where it is subnormal or 2**n overflows."""
+    half = _nearest(n * 0.5)
+    return (x * _power_of_two(half)) * _power_of_two(n - half)
+
+
+# ------------------------------------------------------------------------------- exponentials
+# exp(x) = 2**n exp(r) with r = x - n log 2 from -log(2) / 2 to log(2) / 2, in two parts. n times
+# the first part of log 2 is exact.
+_PER_LN2 = float.fromhex("0x1.71547652b82fep+0")
+_LN2 = float.fromhex("0x1.62e42fefa3800p-1"), float.fromhex("0x1.ef35793c76730p-45")
+_LN2_DOUBLE = float.fromhex("0x1.62e42fefa39efp-1"), float.fromhex("0x1.abc9e3b39803fp-56")
+# (exp(r) - 1 - r) / r**2
+_EXP = tuple(map(float.fromhex, (
+    "0x1.0000000000000p-1", "0x1.5555555555556p-3", "0x1.5555555555556p-5",
+    "0x1.11111111109a6p-7", "0x1.6c16c16c15dadp-10", "0x1.a01a01a7ceafbp-13",
+    "0x1.a01a01a942812p-16", "0x1.71de0d857c0e7p-19", "0x1.27e4d4b126346p-22",
+    "0x1.af390aaa2f741p-26", "0x1.1f7f694802139p-29",
+)))  # fmt: skip
+# (sinh(r) - r) / r**3 and (cosh(r) - 1 - r**2 / 2) / r**4, of r**2
+_SINH = tuple(map(float.fromhex, (
+    "0x1.5555555555559p-3", "0x1.111111110f62ap-7", "0x1.a01a01b02055dp-13",
+    "0x1.71ddf7b2da8a2p-19", "0x1.af5fe5614b704p-26",
+)))  # fmt: skip
+_COSH = tuple(map(float.fromhex, (
+    "0x1.5555555553127p-5", "0x1.6c16c17d0c1d6p-10", "0x1.a019aa430056bp-16",
+    "0x1.28a077ba4c4d4p-22",
+)))  # fmt: skip
+
+
+def _less_log_2(x, low=None):
+    """Return n, and r = x + low - n log 2 in two parts."""
+    n = _nearest(x * _PER_LN2)
+    first, second = x - n * _LN2[0], n * _LN2[1]
+    if low is not None:
+        second = second - low
+    return n, *_difference(first, second)
+
+
+def _exp_of(r, low):
+    """Return exp(r + low) in two parts."""
+    high, rest = _sum(1.0, r)
+    return high, rest + (low + (r * r) * _polynomial(_EXP, r))
+
+
+def exp(emit, x):
+    """Return the exponential function."""
+    n, *r = _less_log_2(Number(emit, x).within(-746.0, 710.0))
+    high, low = _exp_of(*r)
+    return _scaled(high + low, n).number
+
+
+def exp2(emit, x):
+    """Return 2**x."""
+    x = Number(emit, x).within(-1080.0, 1025.0)
+    n = _nearest(x)
+    f = x - n
+    r, low = _product(f, _LN2_DOUBLE[0])
+    high, low = _exp_of(r, low + f * _LN2_DOUBLE[1])
+    return _scaled(high + low, n).number
+
+
+def expm1(emit, x):
+    """Return exp(x) - 1 = 2**n ((1 - 2**-n) + (exp(r) - 1)).
+
+    1 - 2**-n and r may cancel, so r**2 is in two parts.
+    """
+    given = Number(emit, x)
+    n, r, low = _less_log_2(given.within(-50.0, 710.0))
+    z, error = _square(r)
+    of_cube = (r * z) * _polynomial(_EXP[1:], r)
+    high, first = _difference(1.0, _power_of_two(-1.0 * n.within(-99.0, 99.0)))
+    high, second = _sum(high, r)
+    high, third = _sum(high, 0.5 * z)
+    low = ((first + second) + third) + ((low + 0.5 * error) + of_cube)
+    return given.equals(0.0).select(given, _scaled(high + low, n)).number
+
+
+def expit(emit, x):
+    """Return 1 / (1 + exp(-x)), by exp(-abs(x))."""
+    given = Number(emit, x)
+    n, *r = _less_log_2((-1.0 * abs(given)).within(-750.0, 0.0))
+    high, low = _exp_of(*r)
+    scale = _power_of_two(n.within(-99.0, 0.0))
+    below, rest = _sum(1.0, scale * high)
+    is_negative = given < 0.0
+    above = is_negative.select(high, 1.0), is_negative.select(low, 0.0)
+    quotient, correction = _quotient(above, (below, rest + scale * low))
+    return _scaled(quotient + correction, is_negative.select(n, 0.0)).number
+
+
+def _hyperbolic(x):
+    """Return n, and sinh and cosh of x >= 0, each 2**(n - 1) times a number in two parts.
+
+    With c = cosh(r), s = sinh(r) and q = 4**-n they are s (1 + q) + c (1 - q) and
+    c (1 + q) + s (1 - q).
+    """
+    n, r, low = _less_log_2(x)
+    z = r * r
+    s = r, r * (z * _polynomial(_SINH, z)) + low
+    half = 0.5 * z
+    c, rest = _sum(1.0, half)
+    c = c, rest + ((z * z) * _polynomial(_COSH, z) + r * low)
+    q = _power_of_two(-2.0 * n.within(-99.0, 99.0))
+    scaled_s, scaled_c = [q * part for part in s], [q * part for part in c]
+    of_sinh = _difference(c[0], scaled_c[0]), _sum(s[0], scaled_s[0])
+    of_cosh = _sum(c[0], scaled_c[0]), _difference(s[0], scaled_s[0])
+    sinh, first = _sum(of_sinh[0][0], of_sinh[1][0])
+    cosh, second = _sum(of_cosh[0][0], of_cosh[1][0])
+    first = first + of_sinh[0][1] + of_sinh[1][1] + ((s[1] + scaled_s[1]) + (c[1] - scaled_c[1]))
+    second = second + of_cosh[0][1] + of_cosh[1][1] + ((c[1] + scaled_c[1]) + (s[1] - scaled_s[1]))
+    return n, (sinh, first), (cosh, second)
+
+
+def sinh(emit, x):
+    """Return the hyperbolic sine."""
+    x = Number(emit, x)
+    n, (high, low), _ = _hyperbolic(abs(x).within(0.0, 712.0))
+    return _scaled(high + low, n - 1.0).then("copysign", x).number
+
+
+def cosh(emit, x):
+    """Return the hyperbolic cosine."""
+    n, _, (high, low) = _hyperbolic(abs(Number(emit, x)).within(0.0, 712.0))
+    return _scaled(high + low, n - 1.0).number
+
+
+def tanh(emit, x):
+    """Return the hyperbolic tangent."""
+    x = Number(emit, x)
+    _, above, below = _hyperbolic(abs(x).within(0.0, 40.0))
+    high, low = _quotient(above, below)
+    return (high + low).then("copysign", x).number
+
+
+# --------------------------------------------------------------------------------- logarithms
+# x = 2**k m with m from sqrt(1 / 2) to sqrt(2), and log(m) = 2 artanh(s) with s = f / (2 + f),
+# f = m - 1.
+_ROOT_HALF = 0x3FE6_A09E_667F_3BCD
+_ONE = 0x3FF0_0000_0000_0000
+_FRACTION = from_bits(0x000F_FFFF_FFFF_FFFF)
+_LEAST_NORMAL = 2.0**-1022
+# (2 artanh(s) - 2 s) / s**3, of s**2
+_LOG = tuple(map(float.fromhex, (
+    "0x1.5555555555593p-1", "0x1.999999997f9ffp-2", "0x1.2492494229124p-2",
+    "0x1.c71c51d96a36dp-3", "0x1.7466494421c7ap-3", "0x1.39a0a1ac066eap-3",
+    "0x1.2f110066a41e3p-3",
+)))  # fmt: skip
+# ((2 artanh(s) - 2 s) / s**3 - 2 / 3) / s**2, of s**2
+_LOG_REST = tuple(map(float.fromhex, (
+    "0x1.9999999999996p-2", "0x1.2492492492f56p-2", "0x1.c71c71c59593bp-3",
+    "0x1.745d1829f0f0cp-3", "0x1.3b1364998027ep-3", "0x1.11207720110e8p-3",
+    "0x1.de3c158d6eed5p-4", "0x1.ead1accddc524p-4",
+)))  # fmt: skip
+# m**(1/3), m from 1/2 to 4
+_CBRT = tuple(map(float.fromhex, (
+    "0x1.dd2b893657793p-2", "0x1.aba59ae8e77d7p-1", "-0x1.b5648b480154dp-2",
+    "0x1.3a835faea1671p-3", "-0x1.e050be3ea0d9ep-6", "0x1.2565a3b84c2f1p-9",
+)))  # fmt: skip
+_TWO_THIRDS = 2 / 3, float.fromhex("0x1.5555555555555p-55")
+_PER_LN10 = float.fromhex("0x1.bcb7b1526e50ep-2"), float.fromhex("0x1.95355baaafad3p-57")
+_PER_LN2_PARTS = _PER_LN2, float.fromhex("0x1.777d0ffda0d24p-56")
+_LOG10_2 = float.fromhex("0x1.34413509f7800p-2"), float.fromhex("0x1.fef311f12b358p-46")
+
+
+def _exponent(x):
+    """Return k and f of x, which is positive."""
+    is_small = x < _LEAST_NORMAL
+    x = is_small.select(x * 2.0**54, x)
+    parts = x.then("bits_sub", from_bits(_ROOT_HALF))
+    k = parts.then("bits_add", from_bits(_ONE)).then("bits_lshr", _TO_EXPONENT)
+    k = k.then("bits_or", 2.0**52) - (2.0**52 + 1023.0)
+    k = is_small.select(k - 54.0, k)
+    m = parts.then("bits_and", _FRACTION).then("bits_add", from_bits(_ROOT_HALF))
+    return k, m - 1.0
+
+
+def _with_special_values(x, zero, result):
+    """Return a logarithm of x - zero: -inf, inf and NaN where it has these values."""
+    ends = x.equals(zero).select(-_INFINITY, float("nan"))
+    return (x > zero).select((x < _INFINITY).select(result, x), ends)
+
+
+def _log(k, f, rest=None):
+    """Return k log(2) + log(1 + f) + rest."""
+    s = f / (2.0 + f)
+    z, half = s * s, 0.5 * (f * f)
+    low = k * _LN2[1] if rest is None else k * _LN2[1] + rest
+    low = half - (s * (half + z * _polynomial(_LOG, z)) + low)
+    return k * _LN2[0] - (low - f)
+
+
+def log(emit, x):
+    """Return the natural logarithm."""
+    x = Number(emit, x)
+    return _with_special_values(x, 0.0, _log(*_exponent(x))).number
+
+
+def log1p(emit, x):
+    """Return log(1 + x), by log(u + rest) = log(u) + rest / u, u = 1 + x rounded."""
+    x = Number(emit, x)
+    u = 1.0 + x
+    rest = (x > 1.0).select(1.0 - (u - x), x - (u - 1.0))
+    result = _log(*_exponent(u), rest / u)
+    result = x.equals(0.0).select(x, result)
+    return _with_special_values(x, -1.0, result).number
+
+
+def _log_in_parts(f):
+    """Return log(1 + f) in two parts, whose relative error is below 2**-62."""
+    below, rest = _sum(2.0, f)
+    inverse = 1.0 / below
+    s = f * inverse
+    product, error = _product(s, below)
+    s = s, (((f - product) - error) - s * rest) * inverse
+    z, low = _square(s[0])
+    z = z, low + (s[0] + s[0]) * s[1]
+    c, low = _sum(_TWO_THIRDS[0], z[0] * _polynomial(_LOG_REST, z[0]))
+    c = c, low + _TWO_THIRDS[1]
+    for factor in (z, s):  # s z c
+        product, low = _product(factor[0], c[0])
+        c = product, low + (factor[0] * c[1] + factor[1] * c[0])
+    high, low = _sum(s[0] + s[0], c[0])
+    return _sum(high, low + ((s[1] + s[1]) + c[1]))
+
+
+def _of_other_base(x, per_log, of_two):
+    """Return log(x) times a constant in two parts, which is `of_two` for x = 2."""
+    x = Number(x.emit, x.number)
+    k, f = _exponent(x)
+    high, low = _log_in_parts(f)
+    product, rest = _product(high, per_log[0])
+    rest = rest + (high * per_log[1] + low * per_log[0])
+    high, low = _sum(k * of_two[0], product)
+    result = high + (low + (rest + k * of_two[1] if of_two[1] else rest))
+    return _with_special_values(x, 0.0, result).number
+
+
+def log2(emit, x):
+    """Return the logarithm with base 2, exact for powers of 2."""
+    return _of_other_base(Number(emit, x), _PER_LN2_PARTS, (1.0, 0.0))
+
+
+def log10(emit, x):
+    """Return the logarithm with base 10, exact for powers of 10."""
+    return _of_other_base(Number(emit, x), _PER_LN10, _LOG10_2)
+
+
+# -------------------------------------------------------------------------------------- powers
+def pow(emit, x, y):
+    """Return x**y = exp(y log(x)), where log(x) is in two parts."""
+    x, y = Number(emit, x), Number(emit, y)
+    size = abs(x)
+    k, f = _exponent(size)
+    high, low = _log_in_parts(f)
+    high, rest = _sum(k * _LN2[0], high)
+    high, low = _sum(high, rest + (low + k * _LN2[1]))
+    high = (size > 0.0).select((size < _INFINITY).select(high, size), -_INFINITY)
+    high = size.equals(size).select(high, size)
+    product, rest = _product(y, high)
+    rest = rest + y * low
+    rest = (abs(product) < 800.0).select(rest, 0.0)
+    n, *r = _less_log_2(product.within(-800.0, 800.0), rest)
+    high, low = _exp_of(*r)
+    result = _scaled(high + low, n)
+    is_integer, half = y.then("floor").equals(y), y * 0.5
+    is_even = half.then("floor").equals(half)
+    sign = x.then("bits_and", -0.0)
+    odd = result.then("bits_or", sign)
+    result = is_integer.select(is_even.select(result, odd), result)
+    has_none = (x < 0.0) & (x > -_INFINITY)
+    result = is_integer.select(result, has_none.select(float("nan"), result))
+    result = y.equals(y).select(result, y)
+    is_one = x.equals(1.0) | y.equals(0.0) | (size.equals(1.0) & abs(y).equals(_INFINITY))
+    return is_one.select(1.0, result).number
+
+
+def cbrt(emit, x):
+    """Return the cube root: 2**k m**(1/3), m from 1/2 to 4.
+
+    One step of Halley's method improves a polynomial. The last one starts at a number of 26 bits,
+    whose square is exact.
+    """
+    x = Number(emit, x)
+    size = abs(x)
+    is_small = size < _LEAST_NORMAL
+    scaled = is_small.select(size * 2.0**54, size)
+    exponent = scaled.then("bits_lshr", _TO_EXPONENT).then("bits_or", 2.0**52)
+    k = _nearest((exponent - (2.0**52 + 1023.0)) * (1.0 / 3.0))
+    m = scaled.then("bits_sub", (3.0 * k + _SHIFT).then("bits_shl", _TO_EXPONENT))
+    t = _polynomial(_CBRT, m)
+    cube = t * t * t
+    t = (t * ((cube + 2.0 * m) / (2.0 * cube + m))).then("bits_and", _UPPER)
+    quotient = m / (t * t)
+    t = t + t * ((quotient - t) / ((t + t) + quotient))
+    k = is_small.select(k - 18.0, k)
+    t = t.then("bits_add", (k + _SHIFT).then("bits_shl", _TO_EXPONENT)).then("copysign", x)
+    return ((size > 0.0) & (size < _INFINITY)).select(t, x).number
+
+
+def hypot(emit, x, y):
+    """Return sqrt(x**2 + y**2) without overflow; inf where x or y is infinite."""
+    x, y = abs(Number(emit, x)), abs(Number(emit, y))
+    a, b = x.then("max", y), x.then("min", y)
+    is_large, is_small = a > 2.0**500, a < 2.0**-500
+    scale = is_large.select(2.0**-600, is_small.select(2.0**600, 1.0))
+    back = is_large.select(2.0**600, is_small.select(2.0**-600, 1.0))
+    (first, one), (second, other) = _square(a * scale), _square(b * scale)
+    high, low = _sum(first, second)
+    low = low + (one + other)
+    root = high.then("sqrt")
+    square, rest = _square(root)
+    root = root + (((high - square) - rest) + low) / (root + root)
+    result = a.equals(0.0).select(a, root * back)
+    total = x + y
+    result = total.equals(total).select(result, total)
+    return (x.equals(_INFINITY) | y.equals(_INFINITY)).select(_INFINITY, result).number
+
+
+# ------------------------------------------------------------------------------------- angles
+# x = n pi / 2 + r, r from -pi / 4 to pi / 4 in two parts. For abs(x) < 2**31, the products of n
+# with all parts of pi / 2 but the last one are exact. r is as accurate for each x as two parts
+# can be, because no double of this size is nearer to a multiple of pi / 2 than 2**-62.
+_PER_QUARTER = float.fromhex("0x1.45f306dc9c883p-1")
+_QUARTER = tuple(map(float.fromhex, (
+    "0x1.921fb00000000p+0", "0x1.5110b00000000p-22", "0x1.1846980000000p-44",
+    "0x1.3198800000000p-69", "0x1.1701b839a2520p-88",
+)))  # fmt: skip
+# (sin(r) - r) / r**3 and (cos(r) - 1 + r**2 / 2) / r**4, of r**2
+_SIN = tuple(map(float.fromhex, (
+    "-0x1.5555555555549p-3", "0x1.111111110f892p-7", "-0x1.a01a019c1219dp-13",
+    "0x1.71de3576bbc75p-19", "-0x1.ae5e64a8f48c2p-26", "0x1.5d925ec785876p-33",
+)))  # fmt: skip
+_COS = tuple(map(float.fromhex, (
+    "0x1.555555555554cp-5", "-0x1.6c16c16c15210p-10", "0x1.a01a019cbcdb1p-16",
+    "-0x1.27e4f81048a1ep-22", "0x1.1ee9ef555464dp-29", "-0x1.8fb002b9251dap-37",
+)))  # fmt: skip
+
+
+def _less_quarters(x):
+    """Return n + _SHIFT and r in two parts, for x >= 0."""
+    n = _nearest(x * _PER_QUARTER)
+    r = (x - n * _QUARTER[0]) - n * _QUARTER[1]  # exact
+    r, first = _difference(r, n * _QUARTER[2])
+    r, second = _difference(r, n * _QUARTER[3])
+    high, low = _sum(r, (first + second) - n * _QUARTER[4])
+    n, high, low = (x.then(name, usual) for name, usual in zip(PARTS, (n, high, low), strict=True))
+    return n + _SHIFT, high, low
+
+
+def _sine_and_cosine(x, of_tangent=False):
+    """Return n + _SHIFT, and sin(r) and cos(r) in two parts, for x >= 0."""
+    n, r, low = _less_quarters(x)
+    z = r * r
+    cosine, rest = _difference(1.0, 0.5 * z)
+    if of_tangent:  # the errors of both, and of their quotient, make 1 ulp without that of r**2
+        rest = rest - 0.5 * _square(r)[1]
+    cube = r * z
+    sine = r, cube * _SIN[0] + (cube * (z * _polynomial(_SIN[1:], z)) + low * cosine)
+    return n, sine, (cosine, rest + ((z * z) * _polynomial(_COS, z) - r * low))
+
+
+def _is_odd(n):
+    """Return whether n is odd, of n + _SHIFT."""
+    return n.then("bits_shl", from_bits(63)).then("bits_or", 1.0) < 0.0
+
+
+def _signed(x, n, *others):
+    """Return x, with another sign where n is 2 or 3 more than a multiple of 4, of n + _SHIFT."""
+    x = x.then("bits_xor", n.then("bits_shl", from_bits(62)).then("bits_and", -0.0))
+    for other in others:
+        x = x.then("bits_xor", other.then("bits_and", -0.0))
+    return x
+
+
+def sin(emit, x):
+    """Return the sine."""
+    x = Number(emit, x)
+    n, (sine, first), (cosine, second) = _sine_and_cosine(abs(x))
+    return _signed(_is_odd(n).select(cosine + second, sine + first), n, x).number
+
+
+def cos(emit, x):
+    """Return the cosine."""
+    n, (sine, first), (cosine, second) = _sine_and_cosine(abs(Number(emit, x)))
+    return _signed(_is_odd(n).select(sine + first, cosine + second), n + 1.0).number
+
+
+def tan(emit, x):
+    """Return the tangent, as the quotient of sine and cosine, or of minus cosine and sine."""
+    x = Number(emit, x)
+    n, sine, cosine = _sine_and_cosine(abs(x), of_tangent=True)
+    is_odd = _is_odd(n)
+    above = [is_odd.select(a, b) for a, b in zip(cosine, sine, strict=True)]
+    below = [is_odd.select(-1.0 * a, b) for a, b in zip(sine, cosine, strict=True)]
+    high, low = _quotient(above, below)
+    return (high + low).then("bits_xor", x.then("bits_and", -0.0)).number
+
+
+# The functions by the names of their instructions, with the number of operands.
+ELEMENTARY = {
+    function.__name__: (function, 1)
+    for function in (exp, exp2, expm1, expit, sinh, cosh, tanh, log, log1p, log2, log10, cbrt,
+                     sin, cos, tan)
+} | {"pow": (pow, 2), "hypot": (hypot, 2)}  # fmt: skip

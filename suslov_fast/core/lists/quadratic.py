@@ -1,0 +1,49 @@
+"""Right-hand sides of quadratic fields, from their terms."""
+
+import numpy as np
+
+from .right_hand_side import Expressions, RightHandSide
+
+
+def right_hand_side_of(indices, D, is_one, is_minus_one):
+    """Return the right-hand side f_i = sum of v x_j x_k over terms (3, T), where x_D = 1.
+
+    `is_one` and `is_minus_one` (T,) say which v are 1 and -1 for all members; the other v are the
+    parameters, in the order of terms: see `parameters_of`.
+    """
+    given = ~(is_one | is_minus_one)
+    numbers = iter(range(D, D + int(given.sum())))
+    values = Expressions(D + int(given.sum()), range(D, D + int(given.sum())))
+    terms = [[] for _ in range(D)]
+    for (i, j, k), minus, of_parameter in zip(
+        indices.T.tolist(), is_minus_one.tolist(), given.tolist(), strict=True
+    ):
+        factors = sorted(a for a in (j, k) if a < D)
+        factors += [next(numbers)] if of_parameter else []
+        product = factors[0] if factors else 1.0
+        for factor in factors[1:]:
+            product = values.emit("fmul", product, factor)
+        terms[i].append((minus, product))
+    return RightHandSide(values, [_sum(values.emit, each) for each in terms], given.sum().item())
+
+
+def parameters_of(terms, is_one, is_minus_one):
+    """Return the parameters (P, ...) of values (..., T) of terms."""
+    return np.moveaxis(terms[..., ~(is_one | is_minus_one)], -1, 0)
+
+
+def _sum(emit, terms):
+    """Return the sum of terms (whether it is subtracted, value), in their order."""
+    is_minus, total = False, None
+    for minus, product in terms:
+        if total is None:
+            is_minus, total = minus, product
+        elif minus == is_minus:
+            total = emit("fadd", total, product)
+        elif minus:
+            total = emit("fsub", total, product)
+        else:  # -a + b
+            is_minus, total = False, emit("fsub", product, total)
+    if total is None:
+        return 0.0
+    return emit("fmul", -1.0, total) if is_minus else total

@@ -1,0 +1,309 @@
+"""Right-hand sides of x' = f(x) as lists of operations, and what the motion asks of them."""
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..operations import FUNCTIONS, OF_NUMBERS, OF_TRUTH_VALUES, Values, evaluate
+from .derivative import gradients
+from .grouped import Groups
+from .records import RECORDS, same
+
+
+# Lists of more operations are carried out in groups, at fewer than MANY states.
+_FEW, _MANY = 32, 1024
+
+
+class List(NamedTuple):
+    """Operations, and the operands that are their results: numbers of values, or constants."""
+
+    operations: list
+    results: list
+
+
+class Expressions(Values):
+    """Values of which equal ones are computed once, and those of constants at once.
+
+    `written` has the function and operands of values that a user wrote, and that operations take
+    apart: a power is products. `of` has the instruction and operands of each value.
+    """
+
+    def __init__(self, count, fixed=()):
+        super().__init__(count, fixed)
+        self._known, self.of, self.written = {}, {}, {}
+
+    def emit(self, instruction, *operands):
+        """Return the number of a value, or the constant that it is."""
+        # Constants by their texts: a constant is no number of a value, and 0 has a sign.
+        key = instruction, *operands
+        if float in map(type, operands):
+            key = instruction, *(repr(a) if type(a) is float else a for a in operands)
+        if key not in self._known:
+            self._known[key] = self._new(instruction, operands)
+        return self._known[key]
+
+    def _new(self, instruction, operands):
+        is_constant = all(type(a) is float for a in operands)
+        if is_constant and instruction in OF_NUMBERS:
+            with np.errstate(all="ignore"):
+                return float(FUNCTIONS[instruction](*operands))
+        simple = self._simpler(instruction, operands)
+        if simple is not None:
+            return simple
+        number = super().emit(instruction, *operands)
+        self.of[number] = instruction, operands
+        return number
+
+    def _parts_of(self, operand):
+        """Return the instruction and the operands of a value; nothing for a constant."""
+        return ("", ()) if isinstance(operand, float) else self.of.get(operand, ("", ()))
+
+    def _simpler(self, instruction, operands):
+        """Return an operand with the same value by fewer operations, or None."""
+        if instruction == "fdiv" and _is_power_of_2(operands[1]):
+            return self.emit("fmul", 1.0 / operands[1], operands[0])
+        if instruction == "fmul":
+            a, b = operands
+            if isinstance(b, float):
+                return self.emit("fmul", b, a)
+            if _is_1(a):
+                return b
+            inner, of = self._parts_of(b)
+            has_constants = isinstance(a, float) and of and isinstance(of[0], float)
+            if inner == "fmul" and has_constants and any(map(_is_power_of_2, (a, of[0]))):
+                return self.emit("fmul", a * of[0], of[1])
+            if inner == "fsub" and isinstance(a, float) and a == -1.0:
+                return self.emit("fsub", *of[::-1])
+        if instruction in ("fadd", "fsub"):
+            inner, of = self._parts_of(operands[1])
+            if inner == "fmul" and isinstance(of[0], float) and of[0] == -1.0:
+                other = "fsub" if instruction == "fadd" else "fadd"
+                return self.emit(other, operands[0], of[1])
+        if instruction == "select" and same(*operands[1:]):
+            return operands[1]
+        return None
+
+
+def _is_1(operand):
+    return isinstance(operand, float) and operand == 1.0
+
+
+def _is_power_of_2(operand):
+    """Return whether products with a constant have no rounding error within a wide range."""
+    if not isinstance(operand, float):
+        return False
+    fraction, exponent = math.frexp(operand)
+    return abs(fraction) == 0.5 and abs(exponent) < 100
+
+
+def in_order(values, results):
+    """Return `Expressions` of these results alone, in an order that they determine, and results."""
+    given = values.count - len(values.operations)
+    ordered = Expressions(given, [a for a in values.fixed if a < given])
+    new = {a: a for a in range(given)}
+    for operation in _depth_first(values, results):
+        operands = [a if isinstance(a, float) else new[a] for a in operation[2]]
+        new[operation[1]] = ordered.emit(operation[0], *operands)
+    for number, (name, operands, *tables) in values.written.items():
+        others = [a if isinstance(a, float) else new.get(a) for a in operands]
+        place = new.get(number)
+        if isinstance(place, int) and None not in others:
+            ordered.written.setdefault(place, (name, (*others,), *tables))
+    return ordered, [a if isinstance(a, float) else new[a] for a in results]
+
+
+def _depth_first(values, results):
+    """Yield the operations on which results depend, each after those of its operands."""
+    done, stack = set(), [(a, False) for a in reversed(results)]
+    while stack:
+        number, is_ready = stack.pop()
+        if isinstance(number, float) or number in done or number not in values.of:
+            continue
+        instruction, operands = values.of[number]
+        if is_ready:
+            done.add(number)
+            yield instruction, number, operands
+        else:
+            stack.append((number, True))
+            stack.extend((a, False) for a in reversed(operands))
+
+
+class RightHandSide:
+    """The right-hand side f of D equations with P parameters.
+
+    Values 0 to D - 1 are the state, the next P the parameters. Operations on parameters alone are
+    carried out once for a run, in NumPy; their values and parameters that f or f' needs stand in a
+    table.
+
+    f            `List` of f without operations on parameters alone; D results
+    fixed        operations on parameters alone
+    table        numbers of the values of parameters alone that f or f' needs
+    places       the place of each of these in the table
+    pattern      the places (i, j) of f' where an entry may differ from 0, in order
+    derivative   `List` of f' by itself; results are the entries of `pattern`
+    clocks       components of constant rate, not 0, that others depend on
+    of_one_sign  components that keep their sign, because f_i contains the factor x_i
+    denominators numbers of values of `f` that divide, and depend on clocks and parameters alone
+    key          what tells this right-hand side from others
+    """
+
+    def __init__(self, values, results, P=0, slopes=None):
+        """Take `Expressions` whose operations are those of f, and the operands that are f.
+
+        `slopes` are the entries of each row of f', by column, or others that may stand for them.
+        """
+        self.D, self.P = len(results), P
+        self._results = [*results]
+        of_f = [*values.operations]
+        if slopes is None:
+            slopes = gradients(values, of_f, results, self.D)
+        self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
+        entries = [slopes[i][j] for i, j in self.pattern]
+        fixed = values.fixed
+        varying = [operation for operation in values.operations if operation[1] not in fixed]
+        self.f = List(needed_for(varying, results), self._results)
+        self.derivative = List(needed_for(varying, entries), entries)
+        used = [a for each in (self.f, self.derivative) for a in _operands(each)]
+        self.table = [a for a in dict.fromkeys(used) if a in fixed]
+        self.places = {number: place for place, number in enumerate(self.table)}
+        of_parameters = [operation for operation in values.operations if operation[1] in fixed]
+        self.fixed = needed_for(of_parameters, self.table)
+        self._fixed = fixed
+        self._find_properties()
+
+    is_dense = False
+    work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
+    entries = property(lambda self: len(self.pattern))
+
+    @functools.cached_property
+    def key(self):
+        """What tells the lists of this right-hand side from those of others."""
+        return repr((self.D, self.P, self.f, self.fixed, self.derivative, self.pattern))
+
+    def _find_properties(self):
+        """Find clocks, components that keep their sign, and denominators of clocks."""
+        is_fixed = [isinstance(a, float) or a in self._fixed for a in self._results]
+        # The components that each value depends on, as bits.
+        of = {i: 1 << i for i in range(self.D)}
+        # The components that each value is 0 with.
+        factors = {i: 1 << i for i in range(self.D)}
+        truth = set()
+        for instruction, number, operands in self.f.operations:
+            numbers = [0 if isinstance(a, float) else of.get(a, 0) for a in operands]
+            of[number] = functools.reduce(int.__or__, numbers, 0)
+            factors[number] = _common_factors(instruction, operands, factors, self.D)
+            if instruction in OF_TRUTH_VALUES:
+                truth.add(number)
+        dependent = [0 if isinstance(a, float) else of.get(a, 0) for a in self._results]
+        clocks = 0
+        for i in range(self.D):
+            others = any(mask >> i & 1 for mask in dependent)
+            if is_fixed[i] and self._results[i] != 0.0 and others:
+                clocks |= 1 << i
+        self.clocks = _members(clocks)
+        self.of_one_sign = [
+            i
+            for i, a in enumerate(self._results)
+            if not isinstance(a, float) and factors.get(a, 0) >> i & 1
+        ]
+        divisors = [a for name, _, (*_, a) in self.f.operations if name == "fdiv"]
+        self.denominators = [
+            a
+            for a in dict.fromkeys(divisors)
+            if not isinstance(a, float) and of.get(a, 0) and not of[a] & ~clocks
+        ]
+
+    def table_of(self, parameters):
+        """Return the values of the table (n, ...) for parameters (P, ...)."""
+        parameters = np.asarray(parameters, np.float64)
+        values = dict(enumerate(parameters, self.D))
+        with np.errstate(all="ignore"):
+            evaluate(self.fixed, values)
+        table = np.empty((len(self.table), *parameters.shape[1:]))
+        for place, number in enumerate(self.table):
+            table[place] = values[number]
+        return table
+
+    def value(self, x, table):
+        """Return f (D, ...) at states (D, ...)."""
+        return self._carried_out(self.f, "_groups_of_f", x, table)
+
+    def value_and_denominators(self, x, table):
+        """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
+        both = List(self.f.operations, [*self.f.results, *self.denominators])
+        return self._carried_out(both, None, x, table)
+
+    def derivative_entries(self, x, table):
+        """Return the entries of f' (entries, ...) at states (D, ...)."""
+        return self._carried_out(self.derivative, "_groups_of_derivative", x, table)
+
+    def jacobian(self, x, table):
+        """Return f' (D, D, ...) at states (D, ...)."""
+        entries = self.derivative_entries(x, table)
+        matrix = np.zeros((self.D, self.D, *entries.shape[1:]))
+        for place, entry in zip(self.pattern, entries, strict=True):
+            matrix[place] = entry
+        return matrix
+
+    @functools.cached_property
+    def _groups_of_f(self):
+        return Groups(self.f, [*range(self.D), *self.table])
+
+    @functools.cached_property
+    def _groups_of_derivative(self):
+        return Groups(self.derivative, [*range(self.D), *self.table])
+
+    def _carried_out(self, list_, groups, x, table):
+        shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
+        with np.errstate(all="ignore"):
+            if groups and len(list_.operations) > _FEW and math.prod(shape) < _MANY:
+                return getattr(self, groups).carried_out([*x, *table], shape)
+            values = dict(enumerate(x)) | dict(zip(self.table, table, strict=True))
+            evaluate(list_.operations, values)
+        results = np.empty((len(list_.results), *shape))
+        for k, a in enumerate(list_.results):
+            results[k] = a if isinstance(a, float) else values[a]
+        return results
+
+
+def needed_for(operations, results):
+    """Return the operations on which results depend."""
+    needed, found = {a for a in results if not isinstance(a, float)}, []
+    for operation in reversed(operations):
+        if operation[1] in needed:
+            found.append(operation)
+            needed.update(a for a in operation[2] if not isinstance(a, float))
+    return found[::-1]
+
+
+def _operands(list_):
+    """Return the numbers of values that a list reads."""
+    operands = [a for _, _, of in list_.operations for a in of] + list_.results
+    return [a for a in operands if not isinstance(a, float)]
+
+
+def _members(mask):
+    return [i for i in range(mask.bit_length()) if mask >> i & 1]
+
+
+def _common_factors(instruction, operands, factors, D):
+    """Return the components with which the value of an operation is 0, as bits."""
+    everything = (1 << D) - 1
+    of = [
+        (everything if a == 0.0 else 0) if isinstance(a, float) else factors.get(a, 0)
+        for a in operands
+    ]
+    if instruction == "fmul":
+        return of[0] | of[1]
+    if instruction in ("fadd", "fsub", "max", "min"):
+        return of[0] & of[1]
+    if instruction == "select":
+        return of[1] & of[2]
+    if instruction in ("fdiv", "fabs"):
+        return of[0]
+    if instruction == "pow":  # not of smaller powers, with which a solution leaves 0
+        return of[0] if isinstance(operands[1], float) and operands[1] >= 1.0 else 0
+    record = RECORDS.get(instruction)
+    return of[0] if record and record.is_0_at_0 else 0

@@ -1,0 +1,65 @@
+"""Python threads that call machine code in parallel: ctypes releases the GIL during a call.
+
+A call starts its threads and waits for them. None of them outlives it, and no lock is shared with
+other calls, so that Ctrl-C at any moment, and a fork, leave nothing behind.
+"""
+
+from _thread import allocate_lock, start_new_thread
+from collections import deque
+from contextlib import suppress
+
+
+def in_parts(parts, work, abandoned):
+    """Call work(part) for all parts, in this thread and in others.
+
+    This thread calls it for all parts where no other can start, such as at the end of the process.
+    After an exception, such as at Ctrl-C, the list `abandoned` is not empty: the others should end.
+    """
+    left, raised = deque(range(parts)), []
+    running, begins, is_over = [], allocate_lock(), []
+
+    def next_part():
+        with suppress(IndexError):  # no part is left
+            return left.popleft()
+
+    def take_parts():
+        for part in iter(next_part, None):
+            work(part)
+
+    def thread():
+        running_lock = allocate_lock()
+        running_lock.acquire()
+        with begins:
+            if is_over:  # this thread came too late
+                return
+            running.append(running_lock)
+        try:
+            take_parts()
+        except BaseException as error:
+            raised.append(error)
+        finally:
+            running_lock.release()
+
+    try:
+        with suppress(RuntimeError):
+            for _ in range(parts - 1):
+                start_new_thread(thread, ())
+        take_parts()
+    except BaseException:
+        abandoned.append(True)
+        raise
+    finally:
+        waits = True
+        while waits:
+            try:
+                with begins:
+                    is_over.append(True)
+                for lock in running:
+                    with lock:
+                        pass
+                waits = False
+            except BaseException as error:  # Ctrl-C; the others still write to the arrays
+                abandoned.append(True)
+                raised.append(error)
+    for error in raised:
+        raise error

@@ -1,0 +1,190 @@
+"""Right-hand sides as people type them for SciPy: name, variables, parameters, f, and a state."""
+
+import numpy as np
+from scipy.special import erf, expit
+
+
+def hodgkin_huxley(x, current):
+    """With rates that are 0/0 at v = -40 and -55."""
+    v, m, h, n = x
+    a_m, b_m = 0.1 * (v + 40) / (1 - np.exp(-(v + 40) / 10)), 4 * np.exp(-(v + 65) / 18)
+    a_h, b_h = 0.07 * np.exp(-(v + 65) / 20), 1 / (1 + np.exp(-(v + 35) / 10))
+    a_n, b_n = 0.01 * (v + 55) / (1 - np.exp(-(v + 55) / 10)), 0.125 * np.exp(-(v + 65) / 80)
+    ionic = 120 * m**3 * h * (v - 50) + 36 * n**4 * (v + 77) + 0.3 * (v + 54.4)
+    return (
+        current - ionic,
+        a_m * (1 - m) - b_m * m,
+        a_h * (1 - h) - b_h * h,
+        a_n * (1 - n) - b_n * n,
+    )
+
+
+def drag(s, k):
+    x, y, u, v = s
+    speed = np.sqrt(u**2 + v**2)
+    return [u, v, -k * u * speed, -9.81 - k * v * speed]
+
+
+def monod(y, mu, K, Y):
+    S, X = y
+    growth = mu * S / (K + S) * X
+    return -growth / Y, growth
+
+
+def hill(x, h):
+    return (0.1 + x[0] ** 2.2 / (0.5**2.2 + x[0] ** 2.2) - x[0] / (1 + x[0] ** h),)
+
+
+def thermostat(x, on, off):
+    T, heater = x
+    wanted = np.where(T < on, 1.0, np.where(T > off, 0.0, heater))
+    return 5 * heater - 0.2 * (T - 10), 50 * (wanted - heater)
+
+
+def dose(x):
+    c, t = x
+    rate = np.interp(t, [0, 1, 1.01, 8, 8.5, 9], [0, 10, 0, 0, 5, 0])
+    return rate - 0.3 * c, 1.0
+
+
+def cart(x, m, M, length):
+    _, v, theta, w = x
+    s, c = np.sin(theta), np.cos(theta)
+    d = M + m * s**2
+    return (
+        v,
+        (m * length * w**2 * s - m * 9.81 * s * c) / d,
+        w,
+        ((M + m) * 9.81 * s - m * length * w**2 * s * c) / (length * d),
+    )
+
+
+def kuramoto(theta, K):
+    omega = np.linspace(-1, 1, 100)
+    return omega + K / 100 * np.sin(theta[None, :] - theta[:, None]).sum(axis=1)
+
+
+def cr3bp(s, mu):
+    x, y, z, vx, vy, vz = s
+    r1 = np.sqrt((x + mu) ** 2 + y**2 + z**2)
+    r2 = np.sqrt((x - 1 + mu) ** 2 + y**2 + z**2)
+    ax = 2 * vy + x - (1 - mu) * (x + mu) / r1**3 - mu * (x - 1 + mu) / r2**3
+    ay = -2 * vx + y - (1 - mu) * y / r1**3 - mu * y / r2**3
+    return vx, vy, vz, ax, ay, -(1 - mu) * z / r1**3 - mu * z / r2**3
+
+
+def calcium(x, beta):
+    z, y = x
+    v2 = 65 * z**2 / (1 + z**2)
+    v3 = 500 * y**2 / (4 + y**2) * z**4 / (0.9**4 + z**4)
+    return 1 + 7.3 * beta - v2 + v3 + y - 10 * z, v2 - v3 - y
+
+
+def pleiades(w):
+    x, y, vx, vy = w.reshape(4, 7)
+    dx, dy = x[None, :] - x[:, None], y[None, :] - y[:, None]
+    cubes = (dx**2 + dy**2 + np.eye(7)) ** 1.5  # no body attracts itself
+    mass = np.arange(1.0, 8.0)
+    return np.concatenate([vx, vy, (mass * dx / cubes).sum(1), (mass * dy / cubes).sum(1)])
+
+
+def brusselator(x, alpha):
+    n = 4
+    u, v = x[: n * n].reshape(n, n), x[n * n :].reshape(n, n)
+
+    def laplacian(a):
+        around = (np.roll(a, s, axis) for s in (1, -1) for axis in (0, 1))
+        return sum(around) - 4 * a
+
+    du = 1 + u**2 * v - 4.4 * u + alpha * laplacian(u)
+    dv = 3.4 * u - u**2 * v + alpha * laplacian(v)
+    return np.concatenate([du.ravel(), dv.ravel()])
+
+
+def friction(x, mu):
+    return x[1], -x[0] - mu * np.sign(x[1])
+
+
+def bouncing(x):
+    return x[1], -9.81 + np.maximum(-x[0], 0) * 1e4 - 5 * x[1] * (x[0] < 0)
+
+
+def wilson_cowan(x, a):
+    E, I = x
+    return -E + expit(a * E - 12 * I + 1.25), -I + expit(15 * E - 3 * I)
+
+
+def diode(x, Is):
+    v, t = x
+    source = 5 * np.heaviside(np.sin(2 * np.pi * t), 0.5)
+    return (source - v) / 1e3 - Is * np.expm1(np.clip(v / 0.026, -50, 40)), 1
+
+
+def diffusion(u, d):
+    """With reflecting ends."""
+    padded = np.concatenate([u[:1], u, u[-1:]])
+    return d * np.diff(padded, 2) + np.where(np.abs(u) > 1, 0, u * (1 - u) * (u - 0.2))
+
+
+def morris_lecar(x, current):
+    v, w = x
+    m = 0.5 * (1 + np.tanh((v + 1.2) / 18))
+    w_inf = 0.5 * (1 + np.tanh((v - 2) / 30))
+    tau = 1 / np.cosh((v - 2) / 60)
+    dv = (current - 4.4 * m * (v - 120) - 8 * w * (v + 84) - 2 * (v + 60)) / 20
+    return dv, 0.04 * (w_inf - w) / tau
+
+
+def pulses(x):
+    c, t = x
+    daily = (t % 24 < 1) & (t < 72)
+    return 100.0 * daily - 0.5 * c, 1.0
+
+
+def laser(x, gain):
+    n = np.linalg.norm(x[:2])
+    profile = erf(x[2] / np.sqrt(2)) + np.arctan2(x[1], x[0]) / np.pi
+    return x[0] * (gain - n**2) - x[1], x[1] * (gain - n**2) + x[0], profile - np.cbrt(x[2])
+
+
+def matrix(x):
+    A = np.array([[-0.04, 0, 1e4], [0.04, -3e2, -1e4], [0, 3e2, 0]])
+    return A @ x + np.array([x[1] * x[2], 0, -x[1] * x[2]])
+
+
+def predator_prey(x, r, K, a, h):
+    N, P = x
+    response = a * N / (1 + a * h * N)
+    dx = np.zeros_like(x)
+    dx[0] = r * N * (1 - N / K) - response * P
+    dx[1] += 0.5 * response * P - 0.2 * P
+    return dx
+
+
+_rng = np.random.default_rng(1)
+PUBLIC = {
+    "Hodgkin-Huxley": (hodgkin_huxley, "v m h n", {"current": 10.0}, [-60.0, 0.1, 0.6, 0.3]),
+    "drag": (drag, "x y u v", {"k": 0.01}, [0.0, 0.0, 100.0, 20.0]),
+    "Monod": (monod, "S X", {"mu": 0.5, "K": 0.2, "Y": 0.4}, [3.0, 0.1]),
+    "Hill": (hill, "A", {"h": 3.0}, [0.7]),
+    "thermostat": (thermostat, "T heater", {"on": 18.0, "off": 22.0}, [19.0, 0.3]),
+    "table": (dose, "c t", {}, [1.0, 0.5]),
+    "cart": (cart, "x v theta w", {"m": 0.1, "M": 1.0, "length": 0.5}, [0.0, 1.0, 0.4, 2.0]),
+    "Kuramoto": (kuramoto, 100, {"K": 2.0}, _rng.uniform(0, 6, 100)),
+    "CR3BP": (cr3bp, "x y z vx vy vz", {"mu": 0.01215}, [0.8, 0.1, 0.05, 0.1, 0.2, -0.1]),
+    "calcium": (calcium, "z y", {"beta": 0.3}, [0.15, 1.6]),
+    "Pleiades": (pleiades, 28, {}, _rng.normal(size=28) * 3),
+    "Brusselator": (brusselator, 32, {"alpha": 0.2}, _rng.uniform(1, 3, 32)),
+    "friction": (friction, "x v", {"mu": 0.3}, [1.0, -0.5]),
+    "bouncing": (bouncing, "h v", {}, [-0.01, -3.0]),
+    "Wilson-Cowan": (wilson_cowan, "E I", {"a": 16.0}, [0.3, 0.2]),
+    "diode": (diode, "v t", {"Is": 1e-12}, [0.4, 0.2]),
+    "diffusion": (diffusion, 6, {"d": 0.7}, [0.1, 0.3, 1.5, 0.2, -0.4, 0.9]),
+    "Morris-Lecar": (morris_lecar, "v w", {"current": 90.0}, [-20.0, 0.1]),
+    "pulses": (pulses, "c t", {}, [2.0, 48.5]),
+    "laser": (laser, "x y n", {"gain": 1.1}, [0.6, -0.7, 0.4]),
+    "matrix": (matrix, "a b c", {}, [0.7, 1e-4, 0.3]),
+    "predator-prey": (
+        predator_prey, "N P", {"r": 1.0, "K": 10.0, "a": 0.9, "h": 0.2}, [4.0, 1.5]
+    ),
+}  # fmt: skip

@@ -1,0 +1,215 @@
+"""Each kind of call as the first one of a process, which has compiled nothing, and of a second one.
+
+What other calls compile before hides what a kind of call lacks, so each has processes and a cache
+of its own. Each runs on one thread and on two, at once; the second processes load what the first
+ones kept. All four find the same bits.
+"""
+
+import os
+import subprocess
+import sys
+
+import children
+import numba
+import pytest
+
+pytestmark = [pytest.mark.compiled]
+
+BODY = "body = sf.Suslov3D(4, 1, -0.5, -0.3)"
+GYROSTAT = "body = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)"
+SOLID = "body = sf.SuslovND([1.3, 2.1, 3.7, 4.2], [0.4, -0.7, 0.5, 0.2])"
+LORENZ = """
+def lorenz(x, rho):
+    return 10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
+field = sf.QuadraticField.from_function(lorenz, 3, rho=28.0)
+"""
+HENON = """
+H = lambda x: sum(v * v for v in x) / 2 + x[0]**2 * x[1] - x[1]**3 / 3
+field = sf.QuadraticField.from_hamiltonian(H, 4)
+"""
+CHAIN = """
+def chain(x):
+    D = len(x)
+    return [(x[(k + 1) % D] - x[k - 2]) * x[k - 1] - x[k] + 8 for k in range(D)]
+"""
+# Names, and what they call: one orbit or few, as Python may carry it out, and enough for threads.
+CALLS = {
+    "body": f"{BODY}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=None)\n"
+    "run(body, (9000, 2), .2, 200)",
+    "bodies": """
+body = sf.Suslov3D(np.linspace(3, 4, 300), 1, -0.5, -0.3)
+run(body, (300, 2), .2, 20)
+run(body, (20, 300, 2), .2, 300, save_every=50)""",
+    "gyrostat": f"{GYROSTAT}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=100)",
+    "four dimensions": f"{SOLID}\nrun(body, 4, .2, 10)\nrun(body, (1024, 4), .2, 200)",
+    "rank two": f"{SOLID}\nrun(body, 4, .2, 10, method='rank2')\n"
+    "run(body, (1024, 4), .2, 200, method='rank2')",
+    "gauss": f"{SOLID}\nrun(body, 4, .2, 10, method='gauss')\n"
+    "run(body, (512, 4), .2, 200, method='gauss')",
+    "step": f"{BODY}\nfound.append(sf.step(body, [1.0, .5], .2))",
+    "orientations": f"{BODY}\nrun(body, 2, .2, 10, attitude=True)\n"
+    "run(body, (1000, 2), .2, 100, attitude=True)",
+    "closed form": f"""
+{BODY}
+found.append(sf.exact(body, [1.0, .5], .2, np.arange(10)))
+found.append(sf.exact(body, states((20000, 2)), .2, np.arange(10)))
+found.extend(sf.limits(body, [1.0, .5], .2))
+found.append(sf.flow(body, [1.0, .5], time=[1.0, 2.0]))""",
+    "quantities": f"""
+{BODY}
+x = states((40, 2))
+found += [f(body, x, .2) for f in (sf.first_integral, sf.invariant_density)]
+found += [*sf.to_xy(body, x), sf.energy(body, x), sf.criticality(body, x, .2)]
+found.append(sf.first_integral(body, states((30000, 2)), .2))""",
+    "scattering": f"{BODY}\nfound.append(sf.scattering_angle(body))",
+    "field": f"{LORENZ}\nrun(field, 3, .01, 10)\nrun(field, (2048, 3), .01, 300, save_every=50)",
+    "step of a field": f"{LORENZ}\nfound.append(sf.step(field, [1.0, 2.0, 20.0], .01))",
+    "family": f"""{LORENZ}
+family = sf.QuadraticField.from_function(lorenz, 3, rho=np.linspace(20, 30, 1500))
+run(family, (1500, 3), .01, 300, save_every=None)""",
+    "poles": f"{LORENZ}\nrun(field, (2048, 3), 3.0, 300, save_every=None, on_singular='ignore')",
+    "order 4": f"{HENON}\nrun(field, 4, .1, 10, method='order4')\n"
+    "run(field, (1000, 4), .1, 200, method='order4', save_every=50)",
+    "order 8": f"{HENON}\nrun(field, (1000, 4), .1, 100, method='order8', save_every=None)",
+    "dense": """
+q, l = rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))
+run(sf.QuadraticField(q, l), (64, 36), .02, 3)""",
+    "one dense orbit": """
+q, l = rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))
+run(sf.QuadraticField(q, l), 36, .02, 3)""",
+    "long list": f"{CHAIN}\nfield = sf.QuadraticField.from_function(chain, 128)\n"
+    "run(field, 128, .02, 5)\nrun(field, (64, 128), .02, 20, save_every=None)",
+    "grid": """
+def heat(x):
+    u = np.array(x).reshape(16, 16)
+    near = sum(np.roll(u, s, axis) for s in (1, -1) for axis in (0, 1))
+    return (near - 4 * u + u - u * u).ravel()
+run(sf.QuadraticField.from_function(heat, 256), (32, 256), .02, 5, save_every=None)""",
+    "motion": f"{HENON}\nfound.append(sf.flow(field, states(4), time=[1.0, 2.0]))\n"
+    "found.append(sf.flow(field, states((1000, 4)), time=[3.0, 9.0]))",
+    "exponents of a body": f"""
+{GYROSTAT}
+found.append(sf.lyapunov_exponents(body, states((3, 2)), .2, 50))
+found.append(sf.lyapunov_exponents(body, states((2000, 2)), .2, 300))""",
+    "exponents": f"""
+{LORENZ}
+found.append(sf.lyapunov_exponents(field, states(3), .01, 50))
+found.append(sf.lyapunov_exponents(field, states((1000, 3)), .01, 300))""",
+    "jacobian": f"{LORENZ}\nfound.append(sf.jacobian(field, states((2, 3)), .01))\n"
+    f"{BODY}\nfound.append(sf.jacobian(body, states((2, 2)), .2))\n"
+    "found.append(sf.matrix(body, states((2, 2)), .2))",
+    "crossings": f"""
+{HENON}
+for count in 1, 1000:
+    section = sf.crossings(field, states((count, 4)), .1, 300, lambda x: x[..., 0])
+    found += [section.states, section.fraction]""",
+    "periodic orbit": """
+field = sf.QuadraticField.from_function(lambda x: (x[0] - x[0]*x[1], x[0]*x[1] - x[1]), 2)
+orbit = sf.periodic_orbit(field, [1.0, 2.0], period=6.6, steps=120)
+found += [orbit.state, orbit.multipliers]""",
+    "fixed points": f"{LORENZ}\nfound.append(sf.fixed_points(field))",
+    "ensemble": f"""
+{BODY}
+with tempfile.TemporaryDirectory() as folder:
+    data = sf.ensemble(body, states((3000, 2)), .2, 400, store=folder + "/store", save_every=100)
+    found.append(data["omega"].values)""",
+    "loop of a user over bodies": f"""
+{BODY}
+from suslov_fast.compiled import advance, enter, frame, leave
+@numba.njit(parallel=True)
+def last(frame, omega):
+    out = np.empty_like(omega)
+    for i in numba.prange(len(omega)):
+        u, v = enter(frame, omega[i, 0], omega[i, 1])
+        for _ in range(50):
+            u, v = advance(frame, u, v)
+        out[i, 0], out[i, 1] = leave(frame, u, v)
+    return out
+found.append(last(frame(body, .2), states((100, 2))))""",
+    "loop of a user over a field": f"""
+{LORENZ}
+from suslov_fast.compiled import step_system, system, work
+@numba.njit
+def last(system, x):
+    memory = work(system)
+    for _ in range(50):
+        step_system(system, x, x, memory)
+    return x
+found.append(last(system(field, .01), np.ones(3)))""",
+    "map of a user": """
+from suslov_fast import maps
+@maps.function
+def euler(x, out, eps, work, indices, values):
+    for d in range(len(x)):
+        out[d] = x[d]
+    for t in range(len(values)):
+        i, j, k = indices[0, t], indices[1, t], indices[2, t]
+        v = values[t] * (x[j] if j < len(x) else 1.0) * (x[k] if k < len(x) else 1.0)
+        out[i] += eps * v
+    return 0
+steps = {"euler": maps.Steps(maps.steps_of(euler, 1), maps.by_field)}
+maps.register(maps.Map(name="euler", title="Euler", body=sf.QuadraticField, methods=steps,
+    formulas={}, random=maps.MAPS["Kahan"].random, pole=None))
+""" f"{LORENZ}\nrun(field, 3, .01, 10, method='euler')\n"
+    "run(field, (4096, 3), .001, 400, method='euler', save_every=None)",
+    "report": """
+from suslov_fast.integrability import report
+top = sf.QuadraticField.from_function(lambda x: (x[1]*x[2], x[2]*x[0], x[0]*x[1]), 3)
+text.append(str(report(top, degree=2)))""",
+    "command": """
+from suslov_fast.command import main
+from pathlib import Path
+with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(None):
+    path = Path(folder, "run.npz")
+    main(["run", "--trajectories", "5000", "--steps", "400", "-o", str(path)])
+    found.append(sf.Trajectories.load(path).final)""",
+}  # fmt: skip
+BEGIN = """
+import contextlib, hashlib, tempfile, warnings
+import numba, numpy as np, suslov_fast as sf
+rng = np.random.default_rng(1)
+found, text = [], []
+
+def states(shape):
+    return rng.uniform(-0.3, 0.3, shape)
+
+def run(system, shape, eps, steps, **options):
+    it = sf.iterate(system, states(shape), eps, steps, **options)
+    found.extend([it.states, it.final, it.status, it.failed_at])
+    if it.attitude is not None:
+        found.append(it.attitude)
+"""
+END = """
+for array in map(np.asarray, found):
+    assert array.size, array.shape
+    print(array.shape, hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest())
+print(*text, sep="\\n")
+"""
+
+
+def outputs(code, folders):
+    """Run a process for each number of threads, at once; return what each printed."""
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", code],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(folder), "NUMBA_NUM_THREADS": threads},
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            cwd=children.HERE,
+        )
+        for threads, folder in folders.items()
+    ]  # fmt: skip
+    both = [process.communicate(timeout=300) for process in processes]
+    for process, (_, errors) in zip(processes, both, strict=True):
+        assert process.returncode == 0, errors[-3000:]
+    return [printed for printed, _ in both]
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
+@pytest.mark.parametrize("name", CALLS)
+def test_first_calls(name, tmp_path):
+    code = "\n".join([BEGIN, CALLS[name], END])
+    folders = {threads: tmp_path / threads for threads in ("1", "2")}
+    first, second = outputs(code, folders), outputs(code, folders)
+    assert first[0].strip()
+    assert first == [first[0]] * 2
+    assert second == first

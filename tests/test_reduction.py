@@ -1,0 +1,338 @@
+"""Bodies whose J has equal entries, against their implicit equations in fractions."""
+
+import itertools
+import math
+from fractions import Fraction
+
+import naive
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.integrability import degrees, kahan, report
+
+EPS = 0.375
+
+
+def multiplicities(m, most):
+    """All ways to write m as a sum of numbers that do not increase."""
+    if m == 0:
+        return [()]
+    return [(k, *rest) for k in range(min(m, most), 0, -1) for rest in multiplicities(m - k, k)]
+
+
+MULTIPLICITIES = [each for m in (3, 4, 5, 6) for each in multiplicities(m, m)]  # n = 4 to 7
+POSITIONS = "anywhere", "along an axis", "in an eigenspace", "across one", "zero"
+
+
+def some(rng, m):
+    """Numbers other than 0 that fractions hold in few digits."""
+    return rng.choice([-1, 1], m) * rng.integers(1, 8, m) / rng.choice([2, 4, 8], m)
+
+
+def problem(rng, multiplicities, position):
+    """J with these multiplicities, in any order, I in this position, and a state."""
+    values = rng.choice(np.arange(2, 12), len(multiplicities), replace=False) / 2
+    J = rng.permutation(np.repeat(values, multiplicities))
+    m, E = len(J), np.equal(J, rng.choice(values))
+    kept = {
+        "anywhere": np.ones(m, bool),
+        "along an axis": np.arange(m) == rng.integers(m),
+        "in an eigenspace": E,
+        "across one": ~E | (E.sum() == m),
+        "zero": np.zeros(m, bool),
+    }
+    return J, np.where(kept[position], some(rng, m), 0.0), some(rng, m)
+
+
+def states_of(rng, J, I, omega):
+    """The state, and others with parts that vanish."""
+    E = np.equal(J, rng.choice(J))
+    yield omega
+    yield np.where(E, 0.0, omega)
+    yield np.where(E, I, omega)  # without a part across I in E
+    yield np.where(rng.random(len(J)) < 0.5, 0.0, omega)
+
+
+def decimal(fraction):
+    return naive.mpf(fraction.numerator) / fraction.denominator
+
+
+def coordinates(J, I, omega):
+    """J, I and the state of the reduced body, with the modulus of r."""
+    found = []
+    for a, square, along, across in naive.parts_by_eigenvalue(J, I, omega):
+        if square:
+            length = naive.mpmath.sqrt(decimal(square))
+            if len(across) == 1:  # then the coordinate and its coupling keep their signs
+                length *= np.sign(sum(I[np.equal(J, a)]))
+            found.append((a, length, decimal(along) / length))
+        if len(across) > bool(square):
+            found.append((a, 0, naive.mpmath.sqrt(decimal(sum(x * x for x in across)))))
+    return np.array(found, float).T
+
+
+def orbit(J, I, eps, omega, steps):
+    states = [[*map(Fraction, omega)]]
+    for _ in range(steps):
+        states.append(naive.rational_step_nd(J, I, eps, states[-1]))
+    return states
+
+
+@pytest.mark.parametrize("position", POSITIONS)
+@pytest.mark.parametrize("multiplicities", MULTIPLICITIES, ids=str)
+def test_states_of_the_reduced_body(rng, multiplicities, position):
+    """Directions are constant in fractions, and the reduced body has the states of this one."""
+    J, I, omega = problem(rng, multiplicities, position)
+    body = sf.SuslovND(J, I)
+    reduced, to_reduced, from_reduced = body.reduced()
+    for state in states_of(rng, J, I, omega):
+        exact = orbit(J, I, EPS, state, 3)
+        parts = [naive.parts_by_eigenvalue(J, I, each) for each in exact]
+        for first, *others in zip(*parts, strict=True):
+            for (*_, x), (*_, y) in itertools.product([first], others):
+                for i, j in itertools.combinations(range(len(x)), 2):
+                    assert x[i] * y[j] == x[j] * y[i]
+        J_wanted, I_wanted, wanted = coordinates(J, I, state)
+        np.testing.assert_array_equal(reduced.J, J_wanted)
+        np.testing.assert_allclose(reduced.I, I_wanted, rtol=1e-15)
+        x, size = to_reduced(state), np.linalg.norm(state)
+        signed = np.where(I_wanted == 0.0, abs(x), x)
+        np.testing.assert_allclose(signed, wanted, rtol=0.0, atol=1e-15 * size)
+        run = sf.iterate(reduced, x, EPS, 3, method="gauss")
+        found, exact = from_reduced(run.omega, state), np.array(exact, float)
+        sizes = np.linalg.norm(exact, axis=1)
+        np.testing.assert_allclose(
+            found, exact, rtol=0.0, atol=1e-13 * sizes.max() ** 2 / (sizes.min() or 1.0)
+        )
+
+
+def test_no_two_equal():
+    """Then nothing changes; J that differ in the last bit are different, in all functions."""
+    J, I = [2.0, 2.0 + 2.0**-51, 1.5], [0.4, -0.7, 0.5]
+    body, omega = sf.SuslovND(J, I), np.array([0.3, -0.9, 0.6])
+    reduced, to_reduced, from_reduced = body.reduced()
+    assert reduced == body
+    assert (to_reduced(omega) == omega).all()
+    assert (from_reduced(2 * omega, omega) == 2 * omega).all()
+    for J_i, solved in ((2.0 + 2.0**-51, False), (2.0, True)):
+        body = sf.SuslovND([2.0, J_i, 2.0], I)
+        assert body.reduced()[0].dimension == (2 if solved else 3)
+        for function, *given in (
+            (sf.first_integral, 0.2),
+            (sf.criticality, 0.2),
+            (sf.exact, 0.2, 3),
+            (sf.limits, 0.2),
+            (sf.invariant_density, 0.2),
+        ):
+            if solved:
+                assert np.isfinite(function(body, omega, *given)).all()
+            else:
+                with pytest.raises(sf.NotIntegrableError, match=function.__name__):
+                    function(body, omega, *given)
+
+
+@pytest.mark.parametrize(
+    ("J", "I", "count"),
+    [
+        ([1, 1, 1], [1, 2, 3], 2),
+        ([1, 1, 2], [0, 0, 3], 2),
+        ([1, 2, 2], [1, 0, 0], 2),
+        ([1, 2, 2], [1, 1e-20, 0], 3),
+        ([1, 2, 1], [1, 0, 3], 3),
+        ([1, 2, 1], [0, 0, 0], 2),
+        ([4], [1], 1),
+        ([2, 2, 2, 3], [1, 2, -1, 3], 3),
+        ([2, 2, 2, 3, 3, 3], [1, 1, 1, 1, 1, 1], 4),
+        ([5, 3, 3, 7], [1, 0, 0, 0], 3),
+    ],
+)
+def test_numbers_of_coordinates(J, I, count):
+    reduced = sf.SuslovND(J, I).reduced()[0]
+    assert reduced.dimension == count
+    assert reduced.reduced()[0] == reduced
+
+
+def test_arguments_of_the_functions():
+    body = sf.SuslovND([[2, 2, 2, 3], [2, 2, 2, 4]], [1, 2, -2, 3])
+    _, to_reduced, from_reduced = body.reduced()
+    with pytest.raises(ValueError, match=r"^omega must"):
+        to_reduced([1, 2, 3])
+    with pytest.raises(ValueError, match=r"^x must"):
+        from_reduced([1, 2, 3, 4], [1, 2, 3, 4])
+    with pytest.raises(ValueError, match="omega"):
+        to_reduced(np.ones((3, 4)))
+    with pytest.raises(TypeError):
+        to_reduced([1j, 0, 0, 0])
+    assert np.isnan(to_reduced([np.nan, 1, 1, 1])).all()
+    assert from_reduced(np.ones((5, 1, 3)), np.ones(4)).shape == (5, 2, 4)
+
+
+def test_a_part_without_a_direction():
+    """r = 0 stays 0, and there is no state with another r."""
+    body, state = sf.SuslovND([2, 2, 2, 3], [1, 2, -2, 3]), [0.5, 1.0, -1.0, 0.25]
+    reduced, to_reduced, from_reduced = body.reduced()
+    x = to_reduced(state)
+    assert x.tolist() == [1.5, 0.0, 0.25]
+    run = sf.iterate(reduced, x, 0.2, 20)
+    assert (run.omega[:, 1] == 0.0).all()
+    np.testing.assert_allclose(
+        from_reduced(run.omega, state), sf.iterate(body, state, 0.2, 20).omega, rtol=1e-13
+    )
+    assert np.isnan(from_reduced([1.5, 0.1, 0.25], state)[:3]).all()
+
+
+def test_members_that_reduce_differently(rng):
+    """Each has the coordinates and the bits that it has alone; further coordinates are 0."""
+    J = np.array([[2, 2, 2, 2], [3, 2, 2, 2], [4, 5, 5, 4], [1, 1, 1, 2], [1, 2, 3, 4.0]])
+    I = np.array([[1, 2, -2, 4], [0.7, 0, 0, 0], [0, 0, 0, 0], [1, 2, -2, 3], [1, 1, 0, 1.0]])
+    omega, eps = rng.normal(size=(3, 5, 4)), 0.2
+    bodies = sf.SuslovND(J, I)
+    for some in (slice(0, 3), slice(0, 4), slice(0, 5)):
+        reduced, to_reduced, from_reduced = bodies[some].reduced()
+        x = to_reduced(omega[:, some])
+        back = from_reduced(x, omega[:, some])
+        np.testing.assert_allclose(back, omega[:, some], rtol=0.0, atol=1e-15 * 4)
+        orbits = from_reduced(sf.iterate(reduced, x, eps, 9).omega, omega[:, some])
+        expected = sf.iterate(bodies[some], omega[:, some], eps, 9).omega
+        np.testing.assert_allclose(orbits, expected, rtol=0.0, atol=1e-13)
+        for k, body in enumerate(bodies[some]):
+            alone, to_alone, _ = body.reduced()
+            size = alone.dimension
+            assert (reduced.I[k] == [*alone.I, *[0.0] * (reduced.dimension - size)]).all()
+            assert reduced[k].reduced()[0] == alone
+            np.testing.assert_array_equal(x[:, k, :size], to_alone(omega[:, k]))
+            assert (x[:, k, size:] == 0.0).all()
+    solved = bodies[:3]
+    for function, *given in (
+        (sf.first_integral, eps),
+        (sf.criticality, eps),
+        (sf.invariant_density, eps),
+        (sf.exact, eps, 7),
+        (sf.flow, 0.7),
+        (lambda *arguments: sf.limits(*arguments)[1], eps),
+    ):
+        found = function(solved, omega[:, :3], *given)
+        for k, body in enumerate(solved):
+            np.testing.assert_array_equal(found[:, k], function(body, omega[:, k], *given))
+    with pytest.raises(sf.NotIntegrableError, match="body 3"):
+        sf.exact(bodies, omega, eps, 7)
+
+
+@pytest.mark.parametrize("J", [[2, 2, 2], [1.3, 2.1, 3.7], [1.3, 2.1, 2.1, 4, 4], [3], [3, 4]])
+def test_without_products_of_inertia_every_state_is_steady(rng, J):
+    body, omega = sf.SuslovND(J, np.zeros(len(J))), rng.normal(size=(4, len(J)))
+    assert (sf.exact(body, omega, 0.3, [-(10**9), 2.5, 8]) == omega).all()
+    assert (sf.flow(body, omega, [-3.0, 1e9]) == omega).all()
+    assert (np.array(sf.limits(body, omega, 0.3)) == omega).all()
+    assert (sf.criticality(body, omega, 0.3) == 0.0).all()
+    assert (sf.invariant_density(body, omega, 0.3) == 1.0).all()
+    F = sf.first_integral(body, omega, 0.3)
+    np.testing.assert_allclose(F / F[0], sf.energy(body, omega) / sf.energy(body, omega[0]))
+    reduced, to_reduced, from_reduced = body.reduced()
+    assert reduced.dimension == len({*J})
+    np.testing.assert_allclose(from_reduced(to_reduced(omega), omega), omega, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("J", "I"),
+    [
+        ([2, 2, 2, 2], [1, -2, 2, 4]),  # two coordinates
+        ([2, 5, 2, 2, 2], [0, 0.75, 0, 0, 0]),
+        ([2, 5, 2], [0, 0.75, 0]),
+        ([2, 2, 3], [1, 2, 0]),  # three, of which one has a coupling
+        ([5, 3, 3, 7], [1, 0, 0, 0]),
+        ([5, 5, 3, 3, 3], [0.5, -1, 0, 0, 0]),
+        ([5, 5, 5, 3, 3], [2, 0, 0, 0, 0]),
+        ([2, 2, 7, 7, 7, 7], [0, 0, 0, 1, 2, -1]),
+    ],
+)
+def test_densities(rng, J, I):
+    """rho(next) det DPhi = rho, but for a sign where r has none and its power is odd."""
+    body, n = sf.SuslovND(J, I), len(J)
+    for _ in range(3):
+        omega = some(rng, n)
+        after = naive.rational_step_nd(J, I, EPS, omega)
+        det = naive.determinant_of_step_nd(J, I, EPS, omega, after)
+        densities = (sf.invariant_density(body, w, EPS) for w in (omega, np.array(after, float)))
+        before, after = densities
+        ratio = after * float(det) / before
+        powers = [len(x) - bool(c2) for _, c2, _, x in naive.parts_by_eigenvalue(J, I, omega)]
+        if any(k > 1 and k % 2 for k in powers):
+            ratio = abs(ratio)
+        assert abs(ratio - 1) < 1e-11
+
+
+def test_the_map_goes_on_where_two_d_are_zero():
+    """A pole of the map, which the reduced body passes, to the limit of the neighbours."""
+    J, I, state = [2, 2, 2, 3], [1, 2, -2, 3], [1.0, 2.0, 0.5, 0.0]  # I . omega = 2 J_1 / eps
+    body = sf.SuslovND(J, I)
+    assert sf.iterate(body, state, 1.0, 1, on_singular="ignore").status == sf.Status.SINGULAR
+    reduced, to_reduced, from_reduced = body.reduced()
+    run = sf.iterate(reduced, to_reduced(state), 1.0, 2)
+    near = [Fraction(1) + Fraction(1, 10**20), *map(Fraction, state[1:])]
+    expected = np.array(orbit(J, I, 1, near, 2), float)
+    np.testing.assert_allclose(from_reduced(run.omega, state), expected, rtol=0.0, atol=1e-14)
+
+
+def test_bodies_from_tensors_in_any_basis(rng):
+    """Equal J stay equal, and I stays along its axis."""
+    for n in (4, 5, 8):
+        matter = np.diag([1.2, *[2.0] * (n - 2), 2.5])
+        matter[0, -1] = matter[-1, 0] = 0.25
+        turn = np.linalg.qr(rng.normal(size=(n, n)))[0]
+        tensor = turn @ matter @ turn.T
+        body, _ = sf.SuslovND.from_mass_tensor((tensor + tensor.T) / 2, turn[:, -1])
+        assert body.reduced()[0].dimension == 2
+        assert np.isfinite(sf.first_integral(body, rng.normal(size=n - 1), 0.1))
+
+
+def degrees_of(J, I, count):
+    return degrees(kahan(sf.QuadraticField.of(sf.SuslovND(J, I)), "3/5"), count)
+
+
+@pytest.mark.parametrize("position", POSITIONS[:4])
+@pytest.mark.parametrize("multiplicities", MULTIPLICITIES[::3], ids=str)
+def test_degrees_of_iterates(rng, multiplicities, position):
+    """With N coordinates they are N**k, unless I fulfils an equation."""
+    J, I, omega = problem(rng, multiplicities, position)
+    products = coordinates(J, I, omega)[1]
+    N, coupled = len(products), {a for a, c2, *_ in naive.parts_by_eigenvalue(J, I, I) if c2}
+    special = 0
+    for a in {*J} - coupled:
+        terms = (c2 / Fraction(b - a) for b, c2, *_ in naive.parts_by_eigenvalue(J, I, I) if c2)
+        special += sum(terms) == 0
+    found = [1, *degrees_of(J, I, 3)]
+    if N == 2:
+        assert found == [1, 2, 4, 6]
+    else:
+        assert found[1] == N
+        for d in zip(found, found[1:], found[2:], strict=False):
+            assert d[2] == (N - special) * d[1] + 2 * special * d[0]
+
+
+@pytest.mark.parametrize(
+    ("J", "I", "expected"),
+    [
+        ([2, 2, 2, 3], [1, 2, -1, 3], [3, 9, 27, 81]),
+        ([1, 2, 3], [1, 0, 1], [3, 8, 22, 60]),
+        ([1, 1, 2, 3, 3], [1, 0, 0, 1, 0], [5, 22, 98, 436]),
+        ([1, 1, 1, 3, 3, 5, 5, 5, 2, 4], [1] * 8 + [0, 0], [8, 52, 344]),
+    ],
+)
+def test_degrees_where_factors_cancel(J, I, expected):
+    assert degrees_of(J, I, len(expected)) == expected
+
+
+def test_reports_name_the_reduction():
+    body = sf.SuslovND([2, 2, 2, 3], [1, 2, -1, 3])
+    found = report(body, eps="1/2", degree=1)
+    assert len(found.integrals) == 1
+    x = np.array([0.3, -0.7, 0.4, 0.9])
+    ratio = (2 * x[0] - x[1]) / (x[0] + x[2])
+    q = found.integrals[0]
+    for y in sf.iterate(body, x, 0.5, 3).omega:
+        assert math.isclose((2 * y[0] - y[1]) / (y[0] + y[2]), ratio, rel_tol=1e-12)
+        assert math.isclose(q(y), q(x), rel_tol=1e-12)
+    assert any("3 coordinates" in note for note in found.notes)
+    assert not report(sf.SuslovND([1, 2, 3], [1, 2, 3]), eps="1/2", degree=1).notes

@@ -1,0 +1,594 @@
+"""`Field`: right-hand sides as lists of operations, their derivatives, texts, and bad input."""
+
+import functools
+import json
+import math
+import pickle
+import warnings
+
+import mpmath as mp
+import numpy as np
+import pytest
+from public_right_hand_sides import PUBLIC
+from scipy import interpolate, special
+
+import suslov_fast as sf
+from suslov_fast import Field, QuadraticField, body_from_dict
+
+RNG = np.random.default_rng
+
+
+@functools.cache
+def field_of(name):
+    f, names, parameters, x = PUBLIC[name]
+    return Field.from_function(f, names, **parameters), np.array(x, float)
+
+
+# ------------------------------------------------------------------------------ public questions
+@pytest.mark.parametrize("name", PUBLIC)
+def test_a_public_right_hand_side_goes_in_and_has_the_values_of_numpy(name):
+    f, _, parameters, _ = PUBLIC[name]
+    field, x = field_of(name)
+    expected = np.array(f(x.copy(), **parameters), float)
+    np.testing.assert_allclose(field(x), expected, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_its_derivative_is_that_of_differences(name):
+    field, x = field_of(name)
+    h = 1e-6 * np.maximum(abs(x), 1.0)
+    steps = np.diag(h)
+    expected = ((field(x + steps) - field(x - steps)) / (2 * h[:, None])).T
+    found = field.jacobian(x)
+    assert found.shape == expected.shape
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * abs(expected).max())
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_files_and_copies_are_equal(name):
+    field, x = field_of(name)
+    text = json.dumps(field.to_dict())
+    for copy in (body_from_dict(json.loads(text)), pickle.loads(pickle.dumps(field))):
+        assert copy == field
+        assert hash(copy) == hash(field)
+        assert copy.names == field.names
+        assert copy(x).tobytes() == field(x).tobytes()
+        assert json.dumps(copy.to_dict()) == text
+    assert "\n" not in repr(field)
+    assert len(repr(field)) < 310
+
+
+# ------------------------------------------------------------------------------------ bits of NumPy
+BITS = {
+    "arithmetic": lambda a, b: (a * b - a / b + 3.0 * b, (a - 0.1) / (b + 7) * a),
+    "roots": lambda a, b: (np.sqrt(abs(a)) / np.sqrt(b * b + 1), np.abs(a - b)),
+    "comparisons": lambda a, b: (
+        1.0 * (a < b) + 2.0 * (a >= b) * (b > 0.3),
+        1.0 * ((a > 0) & ~(b <= 0) | (a == b)) - (a != b),
+    ),
+    "where": lambda a, b: (np.where(a > b, a, 1 / b), np.where((a > 0) ^ (b > 0), a * b, 2.0)),
+    "clip": lambda a, b: (np.clip(a, -0.5, 0.5), np.minimum(a, np.maximum(b, 0.1))),
+    "interp": lambda a, b: (
+        np.interp(a, [-1.0, -0.2, 0.1, 0.7, 1.3], [2.0, -1.0, 0.3, 5.0, 4.0]),
+        np.interp(b, [-0.3, 0.6], [0.1, 0.7], left=-3.0, right=9.0),
+    ),
+    "steps": lambda a, b: (np.sign(a) + np.floor(3 * b), np.heaviside(b, 0.5) * np.ceil(a)),
+    "square": lambda a, b: (a**2 + np.square(b), a**-1 + abs(b) ** 0.5),
+}
+
+
+@pytest.mark.parametrize("kind", BITS)
+def test_values_have_the_bits_of_numpy(kind):
+    g = BITS[kind]
+    field = Field.from_function(lambda x: g(*x), "a b")
+    x = RNG(2).normal(size=(2000, 2))
+    x[:10] = np.round(x[:10], 1)
+    x[10:15, 1] = x[10:15, 0]
+    x[15:20] = [[-1.0, -0.3], [-0.2, 0.6], [0.1, 0.6], [0.7, -0.3], [1.3, 0.6]]
+    expected = np.stack(np.broadcast_arrays(*g(*x.T)), axis=-1) + 0.0
+    assert np.array_equal(field(x) + 0.0, expected)
+
+
+def test_a_branch_that_is_not_taken_may_be_nan():
+    field = Field.from_function(lambda x: (np.where(x[0] > 0, np.log(x[0]), x[0]),), "x")
+    assert field([-2.0]) == -2.0
+    assert field.jacobian([-2.0]) == 1.0
+    assert np.isnan(Field.from_function(lambda x: (np.maximum(np.log(x[0]), 0),), "x")([-2.0]))
+
+
+# ------------------------------------------------------------------- random expressions, in 50 digits
+class Ball:
+    """A number of 50 digits, with a bound on the error that rounding may make of it."""
+
+    def __init__(self, value, error=0):
+        self.value, self.error = mp.mpf(value), mp.mpf(error)
+
+    def then(self, function, *others, ulps=2):
+        numbers = [self.value, *(b.value for b in others)]
+        value, error = function(*numbers), mp.mpf(0)
+        for k, each in enumerate((self, *others)):
+            if each.error:
+                h = each.error
+                moved = [numbers[:k] + [numbers[k] + s * h] + numbers[k + 1 :] for s in (1, -1)]
+                error += max(abs(function(*m) - value) for m in moved)
+        rounding = abs(value) * mp.mpf(2) ** -52 * ulps / 2 + mp.mpf(2) ** -1060
+        return Ball(value, error + rounding)
+
+
+ONE = {
+    "exp": mp.exp, "expm1": mp.expm1, "exp2": lambda a: mp.mpf(2) ** a, "sin": mp.sin,
+    "cos": mp.cos, "tan": mp.tan, "sinh": mp.sinh, "cosh": mp.cosh, "tanh": mp.tanh,
+    "arctan": mp.atan, "arcsinh": mp.asinh,
+    "cbrt": lambda a: mp.sign(a) * mp.root(abs(a), 3),
+    "erf": mp.erf, "expit": lambda a: 1 / (1 + mp.exp(-a)),
+    "absolute": abs, "square": lambda a: a * a,
+}  # fmt: skip
+POSITIVE = {
+    "log": mp.log, "log1p": mp.log1p, "log2": lambda a: mp.log(a) / mp.log(2),
+    "log10": mp.log10, "sqrt": mp.sqrt, "arccosh": lambda a: mp.acosh(1 + a),
+    "power": lambda a: a ** mp.mpf(2.3), "half": lambda a: a ** mp.mpf(-1.5),
+}  # fmt: skip
+BELOW_1 = {"arcsin": mp.asin, "arccos": mp.acos, "arctanh": mp.atanh}
+TWO = {
+    "add": lambda a, b: a + b, "subtract": lambda a, b: a - b, "multiply": lambda a, b: a * b,
+    "divide": lambda a, b: a / b, "arctan2": mp.atan2, "hypot": mp.hypot,
+}  # fmt: skip
+
+
+def _in_numpy(name, *a):
+    if name in ("erf", "expit"):
+        return getattr(special, name)(*a)
+    if name in POSITIVE:
+        positive = np.abs(a[0])
+        if name in ("power", "half"):
+            return positive ** (2.3 if name == "power" else -1.5)
+        return getattr(np, name)(1 + positive if name == "arccosh" else positive)
+    return getattr(np, name)(np.tanh(a[0]) if name in BELOW_1 else a[0], *a[1:])
+
+
+def _in_balls(name, *a):
+    if name in POSITIVE:
+        ball = a[0].then(abs)
+        if name == "arccosh":
+            return ball.then(lambda b: b + 1).then(mp.acosh)
+        return ball.then(POSITIVE[name], ulps=4)
+    if name in BELOW_1:
+        return a[0].then(mp.tanh).then(BELOW_1[name])
+    return a[0].then((ONE | TWO)[name], *a[1:])
+
+
+def random_tree(rng, depth):
+    if depth == 0 or rng.random() < 0.1:
+        return int(rng.integers(3)) if rng.random() < 0.8 else float(np.round(rng.normal(), 2))
+    names = [*ONE, *POSITIVE, *BELOW_1, *[*TWO] * 4]
+    name = names[rng.integers(len(names))]
+    return (name, *(random_tree(rng, depth - 1) for _ in range(2 if name in TWO else 1)))
+
+
+def value_of(tree, x, function, number):
+    if isinstance(tree, int):
+        return x[tree]
+    if isinstance(tree, float):
+        return number(tree)
+    name, *parts = tree
+    return function(name, *(value_of(part, x, function, number) for part in parts))
+
+
+def test_random_expressions_have_the_error_of_their_functions():
+    rng, compared = RNG(3), 0
+    with mp.workdps(50):
+        while compared < 500:
+            tree, x = random_tree(rng, 4), rng.normal(size=3)
+            if isinstance(tree, (int, float)):
+                continue
+            field = Field.from_function(
+                lambda s, tree=tree: (value_of(tree, s, _in_numpy, float), 0, 0), 3
+            )
+            found = float(field(x)[0])
+            try:
+                ball = value_of(tree, [*map(Ball, x)], _in_balls, Ball)
+            except (ZeroDivisionError, ValueError, OverflowError):
+                continue
+            usual = 1e-290 < abs(ball.value) < 1e290
+            if not usual or isinstance(ball.value, mp.mpc) or ball.error > 1e-6 * abs(ball.value):
+                continue
+            compared += 1
+            assert abs(found - ball.value) <= ball.error * 1.01, (tree, x, found, ball.value)
+
+
+def test_derivatives_of_random_expressions_in_40_digits():
+    rng, compared = RNG(4), 0
+    with mp.workdps(60):
+        while compared < 60:
+            tree, x = random_tree(rng, 3), rng.uniform(0.3, 1.4, size=3)
+
+            def exact(*s, tree=tree):
+                balls = [Ball(a) for a in s]
+                return value_of(tree, balls, _in_balls, Ball).value
+
+            field = Field.from_function(
+                lambda s, tree=tree: (value_of(tree, s, _in_numpy, float), 0, 0), 3
+            )
+            try:
+                places = [tuple(int(i == j) for i in range(3)) for j in range(3)]
+                slopes = [mp.diff(exact, [*map(mp.mpf, x)], n=place) for place in places]
+                size = abs(exact(*map(mp.mpf, x)))
+            except (ZeroDivisionError, ValueError, OverflowError, TypeError):
+                continue
+            if not (1e-3 < size < 1e3) or any(isinstance(s, mp.mpc) for s in slopes):
+                continue
+            if max(map(abs, slopes)) > 1e4:
+                continue
+            compared += 1
+            found = field.jacobian(x)[0]
+            for own, slope in zip(found, slopes, strict=True):
+                assert abs(own - slope) <= 1e-11 * (1 + abs(slope)), (tree, x, found, slopes)
+
+
+FUNCTIONS = "exp exp2 expm1 log log2 log10 log1p sqrt cbrt sin cos tan sinh cosh tanh".split()
+FUNCTIONS += "arcsin arccos arctan arcsinh arccosh arctanh".split()
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_is_that_of_numpy_within_its_error(name):
+    function = getattr(np, name)
+    field = Field.from_function(lambda x: (function(x[0]),), 1)
+    x = RNG(5).uniform(1, 3, 500) if name == "arccosh" else RNG(5).uniform(0.01, 0.99, 500)
+    np.testing.assert_allclose(field(x[:, None])[:, 0], function(x), rtol=5e-16 * 3)
+
+
+# ------------------------------------------------------------------------------------- f' by rule
+@pytest.mark.parametrize(
+    "f, x, slope",
+    [
+        (abs, 0.0, 0.0),
+        (abs, -2.0, -1.0),
+        (np.sign, 0.5, 0.0),
+        (np.floor, 0.5, 0.0),
+        (lambda a: np.heaviside(a, 1), 0.0, 0.0),
+        (lambda a: (a > 0) * 3.0, 1.0, 0.0),
+        (lambda a: np.where(a > 0, a**2, -a), 3.0, 6.0),
+        (lambda a: np.clip(a, 0, 1), 2.0, 0.0),
+        (lambda a: np.clip(a, 0, 1), 0.5, 1.0),
+        (lambda a: np.maximum(a, 2 * a), 1.0, 2.0),
+        (lambda a: np.interp(a, [0, 1, 2], [0, 5, 6]), 1.0, 1.0),
+        (lambda a: np.interp(a, [0, 1, 2], [0, 5, 6]), 2.0, 0.0),
+        (lambda a: np.interp(a, [0, 1, 2], [0, 5, 6]), -1.0, 0.0),
+        (lambda a: a**2.2, 0.0, 0.0),
+        (lambda a: a**1.5, 0.0, 0.0),
+        (lambda a: a**3, 2.0, 12.0),
+        (lambda a: a**0, 2.0, 0.0),
+        (lambda a: 2.0**a, 1.0, 2 * math.log(2)),
+        (lambda a: a % 3, 4.0, 1.0),
+        (lambda a: np.hypot(a, 0 * a), 0.0, 0.0),
+    ],
+)
+def test_derivatives_where_f_chooses(f, x, slope):
+    field = Field.from_function(lambda s: (f(s[0]) * 1.0,), "a")
+    np.testing.assert_allclose(field.jacobian([x]), [[slope]], rtol=1e-14)
+
+
+def test_the_derivative_of_a_quadratic_field_is_exact_and_broadcasts():
+    def lorenz(x, r):
+        return 10 * (x[1] - x[0]), x[0] * (r - x[2]) - x[1], x[0] * x[1] - x[2] * 8 / 3
+
+    both = [kind.from_function(lorenz, "x y z", r=[20.0, 28.0]) for kind in (QuadraticField, Field)]
+    x = RNG(6).normal(size=(5, 1, 3))
+    first, second = (field.jacobian(x) for field in both)
+    assert first.shape == (5, 2, 3, 3)
+    np.testing.assert_allclose(first, second, rtol=1e-15)
+    np.testing.assert_array_equal(first[0, 1, 1], [28.0 - x[0, 0, 2], -1.0, -x[0, 0, 0]])
+    np.testing.assert_allclose(both[0](x), both[1](x), rtol=1e-14, atol=1e-15)
+
+
+# --------------------------------------------------------------------------------------- parameters
+def rates(x, a, b):
+    return a / b * x[0] - x[0] * x[1] / (1 + a * x[0]), x[0] ** b - x[1]
+
+
+def test_families_are_arrays_and_trace_once():
+    calls = []
+
+    def f(x, a, b):
+        calls.append(1)
+        return rates(x, a, b)
+
+    a = np.linspace(1, 2, 100_000)
+    family = Field.from_function(f, "u v", a=a, b=2.5)
+    assert len(calls) == 2
+    assert family.shape == (100_000,)
+    assert family
+    x = np.array([1.5, 0.3])
+    member = Field.from_function(rates, "u v", a=float(a[77]), b=2.5)
+    assert family[77] == member
+    assert family[77](x).tobytes() == member(x).tobytes() == family(x)[77].tobytes()
+    assert family.sel(a=a[5]) == family[5]
+    assert len(family[::1000]) == 100
+    other = family[77].with_parameters(b=[2.0, 3.0])
+    assert len(calls) == 2
+    np.testing.assert_allclose(other(x)[1], rates(x, a[77], 3.0), rtol=1e-14)
+    assert other.parameters["a"] == a[77]
+
+
+def test_equality_is_of_equations_and_values_of_parameters():
+    make = Field.from_function
+    first = make(lambda x, k: (-k * x[0],), "x", k=2)
+    assert first == make(lambda y, k: (-k * y[0],), "y", k=2.0)
+    assert first != make(lambda x, k: (-k * x[0],), "x", k=3.0)
+    assert first != make(lambda x, k: (k * x[0],), "x", k=2.0)
+
+
+def test_a_hamiltonian_field_has_the_gradient_of_its_list():
+    def H(x, g):
+        q1, q2, p1, p2 = x
+        return (p1**2 + p2**2) / 2 - g * np.cos(q1 - q2) + np.log(q1**2 + 1)
+
+    field = Field.from_hamiltonian(H, "q1 q2 p1 p2", g=1.5)
+    x = np.array([0.4, -0.3, 1.0, 2.0])
+    s, own = 1.5 * np.sin(x[0] - x[1]), 2 * x[0] / (x[0] ** 2 + 1)
+    np.testing.assert_allclose(field(x), [1.0, 2.0, -s - own, s], rtol=1e-14)
+    np.testing.assert_allclose(sf.energy(field, [x, x]), [H(x, 1.5)] * 2, rtol=1e-15)
+    np.testing.assert_array_equal(field.K, np.kron([[0, 1], [-1, 0]], np.eye(2)))
+    copy = body_from_dict(json.loads(json.dumps(field.to_dict())))
+    assert copy == field
+    assert copy.H(x) == field.H(x)
+    family = field.with_parameters(g=[1.0, 2.0])
+    assert family.H(x).shape == sf.energy(family, x).shape == (2,)
+    assert sf.vector_field(family, [[x], [x]]).shape == (2, 2, 4)
+    rotor = Field.from_hamiltonian(
+        lambda x: x[2] ** 2 / 2 + np.exp(x[0]), 3, K=[[0, 1, 0], [-1, 0, 2], [0, -2, 0]]
+    )
+    np.testing.assert_allclose(rotor([0.0, 5.0, 3.0]), [0.0, 5.0, 0.0])
+
+
+def test_states_that_are_nan_have_no_value():
+    field, x = field_of("calcium")
+    values = field([x, [np.nan, 1.0]])
+    assert np.isfinite(values[0]).all()
+    assert np.isnan(values[1]).all()
+    with pytest.raises(ValueError, match="x "):
+        field([np.inf, 1.0])
+    with pytest.raises(ValueError, match="x "):
+        field([1.0, 2.0, 3.0])
+
+
+# ------------------------------------------------------------------------------------- forms of f
+def in_place(x):
+    u = np.zeros_like(x)
+    u += x
+    u *= 2
+    u[0] -= 1
+    v = x[1]
+    v += 1
+    return u[0], u[1] + 0 * v
+
+
+def into_objects(x):
+    out = np.zeros(2, object)
+    np.multiply([3, 4], x, out=out)
+    return out
+
+
+def partly(x):
+    return np.add(x, 1, out=np.array([*x], object), where=[True, False])
+
+
+FORMS = {
+    "in place": (in_place, lambda a, b: (2 * a - 1, 2 * b)),
+    "out": (into_objects, lambda a, b: (3 * a, 4 * b)),
+    "where=": (partly, lambda a, b: (a + 1, b)),
+    "roll": (lambda x: np.roll(x, 1) + np.roll(np.array(x), 1), lambda a, b: (2 * b, 2 * a)),
+    "sums": (lambda x: (np.sum(x) + x.sum(), np.mean(x)), lambda a, b: (2 * (a + b), (a + b) / 2)),
+    "products": (lambda x: (x @ x, np.dot(x, [1, 2])), lambda a, b: (a * a + b * b, a + 2 * b)),
+    "cumsum": (lambda x: np.cumsum(np.stack([x[0], x[1]])), lambda a, b: (a, a + b)),
+    "norm": (lambda x: x / np.linalg.norm(x), lambda a, b: (a / np.hypot(a, b), b / np.hypot(a, b))),
+    "extremes": (lambda x: (np.max(x), x.min()), lambda a, b: (max(a, b), min(a, b))),
+    "select": (
+        lambda x: np.select([x < 0, x < 1], [-x, 2 * x], 7),
+        lambda a, b: tuple(-s if s < 0 else 2 * s if s < 1 else 7 for s in (a, b)),
+    ),
+    "methods": (lambda x: np.exp(np.array(x)), lambda a, b: (np.exp(a), np.exp(b))),
+    "outer": (lambda x: np.outer(x, x).sum(0), lambda a, b: (a * a + a * b, a * b + b * b)),
+    "vectorize": (lambda x: np.vectorize(lambda s: s * s)(x), lambda a, b: (a * a, b * b)),
+    "integers": (lambda x: (np.int64(3) * x[0], x[1] // 1 + np.float32(0.5)),
+                 lambda a, b: (3 * a, np.floor(b) + 0.5)),
+    "truth": (lambda x: (np.any(x > 0) * 1, (x > 0).sum()),
+              lambda a, b: (float(a > 0 or b > 0), float(a > 0) + float(b > 0))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_forms_of_numpy_are_honoured(form):
+    f, expected = FORMS[form]
+    field = Field.from_function(f, "a b")
+    for x in ([0.3, -0.7], [1.2, 0.4], [-2.0, 3.0]):
+        np.testing.assert_allclose(field(x), expected(*x), rtol=1e-15)
+
+
+# --------------------------------------------------------------------------------------- bad input
+def _branch(x):
+    return (x[0], x[1]) if x[0] > 0 else (x[1], x[0])
+
+
+def _into_floats(x):
+    out = np.zeros(2)
+    np.multiply([1.0, 2.0], x[0], out=out)
+    return out
+
+
+def _add_to_floats(x):
+    out = np.zeros(2)
+    out += x
+    return out
+
+
+def _store(x):
+    out = np.zeros(2)
+    out[0] = x[0]
+    return out
+
+
+def _with_memory(x, kept=[]):  # noqa: B006
+    kept.append(1)
+    return len(kept) * x[0], x[1]
+
+
+_SPLINE = interpolate.CubicSpline([0.0, 1.0, 2.0], [0.0, 1.0, 0.0])
+BAD = {
+    "if": (_branch, TypeError, "np.where"),
+    "and": (lambda x: (x[0] > 0 and x[1], x[1]), TypeError, "&"),
+    "chain": (lambda x: ((0 < x[0] < 1) * 1.0, x[1]), TypeError, "&"),
+    "max": (lambda x: (max(x[0], 0), x[1]), TypeError, "np.maximum"),
+    "copied array": (lambda x: np.maximum(np.array(x), 0), TypeError, "np.array"),
+    "heaviside of a copy": (lambda x: np.heaviside(np.array(x), 0), TypeError, "heaviside"),
+    "math": (lambda x: (math.sin(x[0]), x[1]), TypeError, "np.sin"),
+    "float": (lambda x: (float(x[0]), x[1]), TypeError, "float"),
+    "int": (lambda x: (int(x[0]), x[1]), TypeError, "np.floor"),
+    "round": (lambda x: (round(x[0]), x[1]), TypeError, "np.floor"),
+    "spline": (lambda x: (_SPLINE(x[0]), x[1]), TypeError, "np.interp"),
+    "complex": (lambda x: (1j * x[0], x[1]), TypeError, "real and imaginary"),
+    "one component": (lambda x: (x[0],), ValueError, "2 components"),
+    "none": (lambda x: None, ValueError, "2 components"),
+    "text": (lambda x: ("a", x[1]), TypeError, "u'"),
+    "random": (lambda x: (x[0] * np.random.normal(), x[1]), ValueError, "random"),
+    "memory": (_with_memory, ValueError, "memory"),
+    "unknown": (lambda x: (np.sinc(x[0]), x[1]), TypeError, "np.sin"),
+    "gamma": (lambda x: (special.gamma(x[0]), x[1]), TypeError, "gamma"),
+    "fft": (lambda x: np.fft.fft(x), TypeError, "fft"),
+    "solve": (lambda x: np.linalg.solve(np.eye(2), x), TypeError, "linalg"),
+    "out of floats": (_into_floats, TypeError, "multiply"),
+    "in place of floats": (_add_to_floats, TypeError, "add"),
+    "array of floats": (_store, TypeError, "zeros"),
+    "where of symbols": (lambda x: np.exp(x, where=x > 0), TypeError, "np.where"),
+    "places": (lambda x: (x[x > 0], x[1]), TypeError, "np.where"),
+    "beyond": (lambda x: (x[2], x[0]), ValueError, "x\\[2\\]"),
+    "range": (lambda x: (sum(range(x[0])), x[1]), TypeError, "counts"),
+    "and of numbers": (lambda x: (x[0] & 1, x[1]), TypeError, "&"),
+    "table of symbols": (lambda x: (np.interp(x[0], [0, x[1]], [1, 2]), x[1]), TypeError, "interp"),
+    "table that falls": (lambda x: (np.interp(x[0], [1, 0], [1, 2]), x[1]), TypeError, "increase"),
+    "scalars": (lambda u, v: (v, u), TypeError, "f "),
+    "time": (lambda t, x: (x[0], x[1]), TypeError, "f "),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_functions_are_refused_with_what_to_write(case):
+    f, kind, words = BAD[case]
+    with warnings.catch_warnings(), pytest.raises(kind, match=words) as caught:
+        warnings.simplefilter("error")
+        Field.from_function(f, "u v")
+    assert str(caught.value).startswith("f")
+
+
+def test_parameters_that_count_or_choose_are_refused():
+    def f(x, m):
+        return (sum(x[0] ** k for k in range(m)),)
+
+    with pytest.raises(TypeError, match="counts"):
+        Field.from_function(f, "x", m=3)
+    with pytest.raises(TypeError, match=r"np\.where"):
+        Field.from_function(lambda x, a: (x[0] if a > 0 else -x[0],), "x", a=1.0)
+    with pytest.raises(TypeError, match="k"):
+        Field.from_function(lambda x, k: (k * x[0],), "x", k=1.0).with_parameters(K=2.0)
+    with pytest.raises(ValueError, match="k"):
+        Field.from_function(lambda x, k: (k * x[0],), "x", k=1.0).with_parameters(k=np.nan)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda f, x: sf.iterate(f, x, 0.1, 3),
+        lambda f, x: sf.step(f, x, 0.1),
+        lambda f, x: sf.matrix(f, x, 0.1),
+        lambda f, x: sf.multipliers(f, x, 0.1),
+        lambda f, x: sf.modified_energy(f, x, 0.1),
+        lambda f, x: sf.invariant_density(f, x, 0.1),
+        lambda f, x: sf.jacobian(f, x, 0.1),
+        lambda f, x: sf.exact(f, x, 0.1, 3),
+        lambda f, x: sf.compiled.system(f, 0.1),
+        lambda f, x: sf.compiled.frame(f, 0.1),
+        lambda f, x: sf.integrability.report(f),
+        lambda f, x: sf.integrability.kahan(f),
+        lambda f, x: QuadraticField.of(f),
+        lambda f, x: f.field(),
+    ],
+)
+def test_what_belongs_to_a_map_names_the_quadratic_field(call):
+    with pytest.raises(TypeError, match="QuadraticField"):
+        call(*field_of("calcium"))
+
+
+def test_equilibria_are_found_as_the_error_says():
+    from scipy import optimize
+
+    field, x = field_of("calcium")
+    with pytest.raises(TypeError, match="jac=field.jacobian"):
+        sf.fixed_points(field)
+    found = optimize.root(field, x, jac=field.jacobian)
+    assert abs(field(found.x)).max() < 1e-9
+
+
+# ------------------------------------------------------------------------------- files of strangers
+def read(equations, **others):
+    return Field.from_dict({"body": "Field", "names": ["x"], "equations": equations} | others)
+
+
+def test_equations_can_be_typed():
+    field = read(["where((x > 0) & ~(x >= k), u**2.5, -abs(x)/3) + interp(x, (0, 1), (2, 3), 2, 3)"],
+                 definitions={"u": "exp(-x)"}, parameters={"k": 2.0})  # fmt: skip
+    np.testing.assert_allclose(field([0.5]), np.exp(-1.25) + 2.5, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "((((9**400)**400)**400)**400)*x",
+        "x" + "+x" * 200_000,
+        "(" * 5000 + "x" + ")" * 5000,
+        "-" * 50_000 + "x",
+        "~" * 300 + "x",
+        "x**" * 20_000 + "x",
+        "sin(" * 150 + "x" + ")" * 150,
+        "__import__('os').system('true')",
+        "x.real",
+        "x[0]",
+        "lambda: x",
+        "open(x)",
+        "exit()",
+        "y",
+        "x if x > 0 else 1",
+        "x and x",
+        "0 < x < 1",
+        "'a'",
+        "1j*x",
+        "sin(x, x)",
+        "where(x > 0, 1)",
+        "interp(x, x, x)",
+        "interp(x, (0, 1), (1, 2, 3), 1, 2)",
+        "sin((1, 2))",
+        "(x, x)",
+        "x & 1",
+        "x << 2",
+        "1/0*x",
+        "x\x00",
+        "",
+        "x = 1",
+        "f'{x}'",
+        "9" * 5000 + "*x",
+        None,
+        3,
+        ["x"],
+    ],
+)
+def test_texts_of_strangers_are_refused(text):
+    with warnings.catch_warnings(), pytest.raises(ValueError, match="equations"):
+        warnings.simplefilter("error")
+        read([text])
+
+
+def test_dictionaries_of_strangers_are_refused():
+    for others in ({"equations": []}, {"equations": ["x", "x"]}, {"H": "x"}, {"names": ["x", "x"]}):
+        with pytest.raises((ValueError, TypeError)):
+            read(["x"], **others)
+    with pytest.raises(TypeError, match="definitions"):
+        read(["x"], definitions=["u"])

@@ -883,6 +883,9 @@ def test_the_figures_of_the_paper(k):
         assert [R(x) for R in found.symmetries].count((-x[0], -x[1])) == 1
         constant = integral(x) / lemma
     assert integral([1, 0]) / constant == I1 / (4 * I1 * I2 + (F(str(eps)) * I13) ** 2)
+    for wrong, error in ((0, ValueError), (5, ValueError), ("1", TypeError)):
+        with pytest.raises(error, match=r"^k "):
+            Suslov3D.figure(wrong)
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ The files, in an order in which each uses only those before it:
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them. `normal_form`: which of many formulas. `symmetries`: reversing ones.
 - `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `process`: a search that can be
-  interrupted. `report`: the results in one object. `levels`: the function for `surfaces`.
+  interrupted. `report`: the results in one object. `levels`: the function for them.
 """
 
 import sys

@@ -216,7 +216,7 @@ def test_values_of_a_letter(given, error):
         map.subs(**given)
     with pytest.raises(TypeError, match="no letter"):
         LYNESS.subs(h=1)
-    for letter in (3, "2h"):
+    for letter in (3, "2h", "x1"):
         with pytest.raises(ValueError, match=r"^letter "):
             rational_map(lambda x, h: (x[0], h), 2, letter=letter)
 

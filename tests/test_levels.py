@@ -202,6 +202,7 @@ SCALED = rational_map(
         (CYCLE, [3.0], {}, "integrals"),
         (CYCLE, [total], {"point": (1, 2)}, "point"),
         (CYCLE, [total], {"letter": "2h"}, "letter"),
+        (CYCLE, [total], {"letter": "x2"}, "letter"),
         (kahan(*ZOO["Lotka-Volterra"]), [], {}, "map"),
         (rational_map(lambda x: (x[1], x[2], x[1] * x[2] / x[0]), 3), [], {}, "map"),
     ],

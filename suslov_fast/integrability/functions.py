@@ -318,6 +318,12 @@ def as_function(value: Any) -> RationalFunction:
     return RationalFunction((), arithmetic.rational("number", value))
 
 
+def check_letter(letter: Any, names: Sequence[str]) -> None:
+    """Raise an error for a letter that is no name, or that of a variable."""
+    if not isinstance(letter, str) or not letter.isidentifier() or letter in names:
+        raise wrong("letter", "a name that no variable has, such as h", short(letter))
+
+
 def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fraction:
     """Return the number that a call gives for a letter, by its name or without one."""
     if (len(value), {*named}) not in ((1, set()), (0, {letter})):

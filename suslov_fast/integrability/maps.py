@@ -16,11 +16,12 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..checks import integer, short, wrong
+from ..bodies.names import labels
+from ..checks import integer
 from ..keywords import answers, public
 from . import arithmetic
 from .arithmetic import EPS, Point
-from .functions import RationalFunction, factored, traced, value_of
+from .functions import RationalFunction, check_letter, factored, traced, value_of
 from .polynomials import (
     coprime,
     degree_of,
@@ -480,8 +481,8 @@ def rational_map(
     ((x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2),)
     """
     n = integer("dimension", dimension, 1)
-    if not isinstance(letter, str) or (letter and not letter.isidentifier()):
-        raise wrong("letter", "the name of an argument of f", short(letter))
+    if letter != "":
+        check_letter(letter, labels(n))
     forms = traced("f", f, n, letter)
     if inverse is None:
         return RationalMap(forms, letter=letter)

@@ -23,6 +23,7 @@ from .functions import (
     IDENTITY,
     RationalFunction,
     as_function,
+    check_letter,
     factored,
     independent,
     over_common_denominator,
@@ -74,8 +75,7 @@ def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = 
         raise wrong("map", "a birational map of 3 variables or more, with an inverse", f"{map}")
     if map.is_symbolic and point is None:
         raise wrong("point", f"a point of the level, because {map.letter} is symbolic", None)
-    if not isinstance(letter, str) or not letter.isidentifier():
-        raise wrong("letter", "a name, such as h", short(letter))
+    check_letter(letter, (*labels(D), *(map.names or ())))
     equations = _Equations(map, integrals, map.letter or letter * (point is None))
     if point is not None:
         x = arithmetic.rationals("point", point, D)

@@ -20,7 +20,7 @@ def hodgkin_huxley(x, current):
 
 
 def drag(s, k):
-    x, y, u, v = s
+    _, _, u, v = s
     speed = np.sqrt(u**2 + v**2)
     return [u, v, -k * u * speed, -9.81 - k * v * speed]
 
@@ -32,12 +32,12 @@ def monod(y, mu, K, Y):
 
 
 def hill(x, h):
-    return (0.1 + x[0] ** 2.2 / (0.5**2.2 + x[0] ** 2.2) - x[0] / (1 + x[0] ** h),)
+    return (x[0] ** 2.2 / (x[0] ** 2.2 + 0.5**2.2) - x[0] / (1 + x[0] ** h) + 0.1,)
 
 
 def thermostat(x, on, off):
     T, heater = x
-    wanted = np.where(T < on, 1.0, np.where(T > off, 0.0, heater))
+    wanted = np.where(on > T, 1.0, np.where(off < T, 0.0, heater))
     return 5 * heater - 0.2 * (T - 10), 50 * (wanted - heater)
 
 

@@ -37,7 +37,7 @@ def test_each_column_is_everywhere(tmp_path):
     store = tmp_path / "run.zarr"
     stored = sf.ensemble(FIELD, STARTS, 0.1, 60, save_every=20, store=store, chunk=1)
     public = columns.of_runs(run.map.methods["auto"], turns=False)
-    assert {column.name for column in public} == NAMES - {"attitude", "local_error"}
+    assert {column.name for column in public} == NAMES - {"attitude"}
     for column in public:
         values, name = getattr(run, column.name), column.name.replace("states", "x")
         dims = columns.dims_of(column, ("trajectory",))
@@ -74,7 +74,7 @@ def test_files_and_stores_without_a_column_are_refused(tmp_path):
     sf.ensemble(*arguments, attitude=True, store=tmp_path / "runs.zarr")
     file = tmp_path / "runs.zarr" / "zarr.json"
     whole = json.loads(file.read_text())
-    for name in NAMES - {"states", "local_error"} | {"omega", "n", "component", "eps"}:
+    for name in NAMES - {"states"} | {"omega", "n", "component", "eps"}:
         changed = json.loads(json.dumps(whole))
         del changed["consolidated_metadata"]["metadata"][name]
         changed["consolidated_metadata"]["sha256"] = _digest(changed)

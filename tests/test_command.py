@@ -209,18 +209,6 @@ def test_summaries_of_families(members):
         assert "linear" not in text
 
 
-def test_summaries_of_stores_of_lifted_fields():
-    """Of a family, by its file, too: both are the same run."""
-    f = lambda x, g: (x[1], -g * np.sin(x[0]))  # noqa: E731
-    family = sf.LiftedField.from_function(f, "q p", g=[1.0, 2.0])
-    sf.ensemble(family, [[0.5, 0.0]], 1 / 8, 3, store="l.zarr")
-    Path("l.json").write_text(json.dumps(family.to_dict()))
-    line = "run --body l.json --eps 1/8 --omega0 .5,0 --steps 3 -o"
-    for text in succeed("info l.zarr"), succeed(f"{line} c.zarr"), succeed(f"{line} l.zarr"):
-        assert "definitions      u1 = sin(q); u2 = cos(q)\n" in text
-        assert "trajectories     2\n" in text
-
-
 @pytest.mark.slow
 def test_info_and_plot_of_crossings():
     points = sf.crossings(
@@ -370,8 +358,7 @@ MISTAKES = """
 2 | explore --port 65536 | argument --port: 65536 is not from 0 to 65535
 2 | flow | invalid choice: 'flow' .* call suslov_fast.flow in Python
 2 | simulate | invalid choice: 'simulate' .* did you mean run?
-1 | report --body lifted.json | lifted.json: .* of a LiftedField .* report --body lifted.json
-2 | run --rtol 1e-6 | there is no tolerance: pass --method extrapolated, or call suslov_fast.flow
+2 | run --rtol 1e-6 | call suslov_fast.flow in Python
 2 | run --t-end 10 | did you mean --steps? a run ends at the time eps * steps
 2 | run --integrator rk4 | did you mean --method?
 2 | run --section x=1 | call suslov_fast.crossings in Python
@@ -428,8 +415,6 @@ def bad_files(tmp_path_factory):
     sf.iterate(BODY, [1.0, 0.5], 0.2, 3).save(folder / "run.npz")
     body = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": 0, "I23": 1}
     texts = {"good.json": json.dumps(body), "wrong.json": json.dumps(body | {"I1": -4})}
-    lifted = sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), "q p")
-    texts["lifted.json"] = json.dumps(lifted.to_dict())
     texts |= {"cut.json": '{"body": ', "good.npz": "precious", "picture1.png": "precious"}
     for name, text in texts.items():
         (folder / name).write_text(text)
@@ -457,7 +442,7 @@ def test_mistakes(bad_files, monkeypatch, mistake):
 
 def test_a_method_that_no_map_has():
     done = run("run --method order9")
-    assert done.err.endswith("the methods 'order4', 'order6', 'order8', 'extrapolated'\n")
+    assert done.err.endswith("the methods 'order4', 'order6', 'order8'\n")
 
 
 def test_a_method_of_fields_for_a_body():
@@ -476,17 +461,6 @@ def test_a_method_of_fields_for_a_body():
         assert (facts["method"], facts["eps"], facts["body"]["body"]) == (
             "order6", 0.25, "QuadraticField",
         )  # fmt: skip
-
-
-def test_the_report_of_a_lifted_field():
-    """The message has the line that writes the field of all variables."""
-    pendulum = sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), "q p")
-    Path("pendulum.json").write_text(json.dumps(pendulum.to_dict()))
-    done = run("report --body pendulum.json")
-    code, then = done.err.partition(" python -c ")[2].split(", and then suslov-fast ")
-    exec(code.strip('"'))
-    assert then.strip() == "report --body lifted.json"
-    assert sf.body_from_dict(json.loads(Path("lifted.json").read_text())) == pendulum.lifted
 
 
 @pytest.mark.compiled

@@ -22,7 +22,7 @@ FAMILY = sf.QuadraticField.from_function(lambda x, rho: (x[1], -rho * x[0]), 2, 
 POINTS = sf.crossings(FIELD, [1.0, 0.0], 0.1, 100, lambda x: x[..., 0] - 9)
 ORBIT = PeriodicOrbit(np.ones(2), 1.0, np.ones(2, complex), 0.0)
 CLOSED = sf.ClosedForm(0.1, -0.4, -0.7, 0.04)
-SMOOTH = sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), "q p")
+SMOOTH = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), "q p")
 XY = sf.QuadraticField.from_function(lambda x: (x[1], -x[0] + x[0] * x[1]), "x y")
 ALONG_X = sf.crossings(XY, [1.0, 0.0], 0.1, 100, lambda x: x[..., 0] - 9)
 COFACTOR = sf.integrability.cofactors(sf.integrability.kahan(XY), 1)[-1]
@@ -106,7 +106,7 @@ def test_all_unknown_keywords_are_named_at_once():
         (
             sf.flow,
             (FIELD, [1, 0], 3.0, 1e-6),
-            r"takes 3 arguments by position \(body, omega0, time\), not 4; by name: rtol=",
+            r"takes 2 arguments by position \(system, x0\), not 4; by name: time=",
         ),
         (
             sf.energy,
@@ -134,7 +134,7 @@ def test_arguments_that_are_passed_by_name(function, arguments, answer):
 def test_arguments_by_position_and_by_name():
     with pytest.raises(TypeError, match=r"^iterate got steps twice, by position and by name"):
         sf.iterate(*STEPPED, steps=3)
-    for make in (sf.QuadraticField.from_function, sf.LiftedField.from_function):
+    for make in (sf.QuadraticField.from_function, sf.Field.from_function):
         with pytest.raises(ValueError, match=r"'dimension' clashes .* rename it, to dimension_"):
             make(lambda x, dimension: (dimension * x[0],), 1, dimension=2.0)
     with pytest.raises(ValueError, match=r"'K' clashes .* rename it, to K_"):
@@ -262,7 +262,7 @@ def test_every_public_callable_answers(name, function):
 def test_answers_are_tested_for_all_callables():
     names = {each.id for each in CALLABLES}
     assert len(names) > 90
-    assert {"iterate", "Map", "Formula", "LiftedField.lift", "Suslov3D.admissible_I3"} <= names
+    assert {"iterate", "Map", "Formula", "Suslov3D.admissible_I3"} <= names
 
 
 def test_functions_stay_what_they_were():
@@ -332,8 +332,6 @@ def test_known_names_come_before_sentences():
         (RUN.body, "params", "use parameters$"),
         (RUN.body, "sigma", "has no attribute 'sigma'$"),
         (sf.Suslov3D(4, 1, 0, 0), "jac", r"QuadraticField\.of\(body\)\.jacobian\(x\)"),
-        (RUN.body, "lifted", "the field itself"),
-        (SMOOTH, "terms", r"field\.lifted, which has it"),
         (sf.RandomStarts(3, 1.0), "sample", r"random starts has no .* states\(count"),
         (CLOSED, "rate", "it has h, k1, k2, t$"),
         (CLOSED, "x", "use exact, which returns states"),
@@ -387,7 +385,7 @@ def test_components_of_bodies_are_named_in_any_case():
     ("thing", "name", "answer"),
     [
         (FIELD, "rho", "QuadraticField cannot be changed: make it again with rho=3$"),
-        (SMOOTH, "q", "LiftedField cannot be changed: make it again with q=3$"),
+        (SMOOTH, "q", "Field cannot be changed: make it again with q=3$"),
         (sf.Suslov3D(4, 2, -0.5, -0.3), "I1", "make it again with I1=3$"),
         (RUN, "eps", r"Trajectories cannot be changed: .* such as run\.final\.copy\(\)$"),
         (POINTS, "steps", "Crossings cannot be changed"),

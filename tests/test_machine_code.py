@@ -14,16 +14,13 @@ from llvmlite import binding
 import suslov_fast as sf
 from suslov_fast.core import (
     careful,
-    flow,
     generated,
     lines,
     machine_code,
     operations,
-    single_motion,
     single_orbit,
     steps_field,
     tangent,
-    tolerance,
 )
 from suslov_fast.core import numba as core_numba
 from suslov_fast.core.generated_tangent import text_of_orthonormalise, text_of_tangent
@@ -53,7 +50,6 @@ def anew(monkeypatch):
     monkeypatch.setattr(machine_code, "_engines", {})
     caches = (
         (steps_field, "_step_of"),
-        (steps_field, "column_stage_of"),
         (tangent, "_tangent_of"),
     )
     for module, name in caches:
@@ -153,7 +149,7 @@ def test_a_long_list_is_divided(rng, monkeypatch, anew, batch):
     assert sf.iterate(*args, on_singular="ignore") == whole
 
 
-@pytest.mark.parametrize("method", ["auto", "order4", "extrapolated"])
+@pytest.mark.parametrize("method", ["auto", "order4"])
 def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
     """Also where a step needs pivoting, passes a pole, or continues beyond one, in any cuts."""
     lattice = sf.QuadraticField.from_function(volterra, 5)
@@ -232,13 +228,10 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
         together = sf.iterate(field, x0, steps, 30).x
         alone = [sf.iterate(field, *each, 30).x for each in zip(x0, steps, strict=True)]
         np.testing.assert_array_equal(together, np.stack(alone, axis=1))
-        accurate = sf.iterate(field, x0, 0.02, 5, method="extrapolated", save_every=2)
         return [
             run.status,
             run.failed_at,
             together,
-            accurate.x,
-            accurate.final,
             sf.iterate(field, x0, 0.02, 30).x,
             sf.iterate(field, x0, 0.01, 10, method="order4").x,
             sf.jacobian(field, x0, 0.02),
@@ -252,7 +245,6 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
     monkeypatch.setattr(machine_code, "_codes", {})
     caches = (
         (steps_field, "_step_of"),
-        (steps_field, "column_stage_of"),
         (tangent, "_tangent_of"),
     )
     for module, name in caches:
@@ -262,20 +254,6 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
     made = {text_of for text_of, *_ in machine_code._codes}  # of columns, which take no plan
     assert made <= {text_of_orthonormalise}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("is_sparse", [False, True])
-def test_sums_of_columns_that_overflow_without_a_plan(monkeypatch, anew, is_sparse):
-    """From 1e300 on, 10 times the state overflows in step 18, the state itself in step 20."""
-    monkeypatch.setattr("suslov_fast.core.in_calls.is_sparse", lambda *_: is_sparse)
-    monkeypatch.setattr(operations, "MOST", -1)
-    growing = sf.QuadraticField.from_function(lambda x: (x[0] * x[1], 0 * x[1]), 2)
-    starts = [[1e290, 1.0], [1e300, 1.0]]
-    run = sf.iterate(growing, starts, 1.0, 20, method="extrapolated", on_singular="ignore")
-    assert not steps_field.scheme_of(growing.terms[0], 2).step.usual
-    assert run.failed_at.tolist() == [-1, 18]
-    assert abs(run.x[17, 1, 0] / np.exp(17.0) - 1e300) < 1e291
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
@@ -372,18 +350,14 @@ def test_what_machine_code_is_given_stays_alive():
     given, x = (np.atleast_2d(values), np.array([0.1])), np.ones((20, 3))
     careful.careful.compile()
     notes, saved = [np.zeros(20, kind) for kind in (np.int8, np.int64, float)], np.ones((5, 20, 3))
-    lines = steps_field._Lines((steps_field.Scheme(step, stages), *given), x, notes, x.T, 8)
-    motion = flow.Motion(tolerance.stage_of(indices, 3), given[0], x, 1e-6, 1, 1.0)
+    lines = steps_field._Lines((steps_field.Scheme(step, stages), *given), x, notes, 8)
     bits = values.tobytes()
     one = single_orbit._prepared(step, stages, given[1].tobytes(), bits, False)
-    motion_of_one = single_motion._prepared(motion.step, bits, 1e-6, 1)
     code = careful.careful.address
     for arguments, kept, *owners in (
         (*lines._code_arguments(0, 10, saved, 4, 1, True), lines, saved, code),
-        (*motion._arguments(np.ones(5), saved), motion, saved, flow.DIFFERENCE),
         (*tangent.arguments_of(lines.scheme, *given, 20),),
         (np.array(one[1]), one[-1]),
-        (np.array(motion_of_one[1]), motion_of_one[-1], flow.DIFFERENCE),
     ):
         places, arrays = places_in(kept, *owners), [a for a in kept if isinstance(a, np.ndarray)]
         plans = [each.view(np.int64)[:, 0] for each in arrays if each.ndim == 2]

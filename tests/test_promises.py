@@ -129,7 +129,10 @@ ROWS = {
     "crossings": Row(first_crossings, threads=True),
     "exact": Row(solutions, timed=(1,), threads=True),
     "flow": Row(
-        lambda b, w, **o: sf.flow(b, w, TIMES / 8, **o), timed=(0,), eps=False, threads=True
+        lambda b, w, **o: sf.flow(b, w, time=TIMES / 8, **o).states,
+        timed=(0,),
+        eps=False,
+        threads=True,
     ),
     "attitude": Row(orientations, timed=(0,), threads=True),
     "lyapunov_exponents": Row(
@@ -290,13 +293,7 @@ OPTIONS = [
     *((kind, {"attitude": True}) for kind in KINDS if has(kind, "iterate: attitude")),
 ]
 
-# Lifted fields take the steps of compositions as they are.
-REPEATED = "Lifted, order4 0", "Lifted, order6 0", "Lifted, order8 0"
-with_options = pytest.mark.parametrize(
-    ("kind", "options"),
-    [pytest.param(*each, marks=[pytest.mark.slow] * (each[0] in REPEATED)) for each in OPTIONS],
-    ids=str,
-)
+with_options = pytest.mark.parametrize(("kind", "options"), OPTIONS, ids=str)
 
 
 @pytest.mark.sampled(5)
@@ -393,7 +390,7 @@ def test_the_order_of_steps(rng, kind):
         assert abs(order - map.order) < 0.3 + 0.1 * map.order, text
 
 
-@pytest.mark.parametrize("kind", [kind for kind, map in RECORDS.items() if not map.stages.columns])
+@pytest.mark.parametrize("kind", [*RECORDS])
 def test_the_order_of_a_composition(kind):
     """Fractions have the sum 1, odd powers of them up to the order the sum 0; both ends agree."""
     fractions = RECORDS[kind].stages.fractions
@@ -541,4 +538,4 @@ def test_states_at_rest_keep_their_bits(body, omega, eps):
         assert (sf.exact(body, omega, eps, [-(10**12), 7, 10**12]) == omega).all()
         assert (np.array(sf.limits(body, omega, eps)) == omega).all()
         if np.all(eps):
-            assert (sf.flow(body, omega, [-1e9, 0.5, 1e9]) == omega).all()
+            assert (sf.flow(body, omega, time=[1e9, 0.5, 1e9]).states == omega).all()

@@ -8,7 +8,7 @@ import pytest
 from suslov_fast.core import generated_tangent, sparse_tangent
 from suslov_fast.core.careful import CHANGED
 from suslov_fast.core.dense import dense_steps, spans_of
-from suslov_fast.core.elimination import LEAST_PIVOT
+from suslov_fast.core.planned_elimination import LEAST_PIVOT
 from suslov_fast.core.sparse import is_sparse, pattern_of, size_of, sparse_steps
 from suslov_fast.core.steps_field import scheme_of
 

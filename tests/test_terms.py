@@ -273,7 +273,7 @@ def test_what_sympy_and_complex_variables_need():
     ):  # fmt: skip
         with pytest.raises(TypeError, match="into real and imaginary parts") as told:
             of_function(g, 2)
-        assert "LiftedField" not in str(told.value)  # which has no complex variables either
+        assert "Field.from" not in str(told.value)  # which has no complex variables either
 
 
 def test_names_that_do_not_fit_what_f_unpacks():

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing import Any, assert_type
 
-from suslov_fast import Crossings, LiftedField, QuadraticField, SuslovND, Trajectories
+from suslov_fast import Crossings, Field, Motion, QuadraticField, SuslovND, Trajectories
 from suslov_fast import SingularStepError, Suslov3D, SuslovGyrostat
 from suslov_fast import body_from_dict, crossings, flow, iterate, periodic_orbit
 
@@ -38,19 +38,17 @@ except SingularStepError as error:
     assert_type(error.crossings, Crossings)
 assert_type(run.first_pole, NDArray[np.int64])
 assert_type(run.failed_at, NDArray[np.int64])
-assert_type(run.local_error, Floats)
 assert_type(run.final, Floats)
 assert_type(run.time, Floats)
 assert_type(run.ok, bool)
-assert_type(flow(QuadraticField([[[1.0]]]), [1.0], 0.5), Floats)
-lifted = LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
-assert_type(lifted.dimension, int)
+assert_type(flow(QuadraticField([[[1.0]]]), [1.0], time=0.5), Motion)
+any_field = Field.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
+assert_type(any_field.dimension, int)
 assert_type(SuslovND([1.0, 2.0], [0.1, 0.2]).dimension, int)
 assert_type(Suslov3D(4.0, 1.0, 0.1, 0.1).field(), QuadraticField)
 assert_type(QuadraticField([[[1.0]]]).quadratic, NDArray[Any])
-assert_type(periodic_orbit(lifted, [1.0, 0.0], 6.7, 60).period, float)
 body = body_from_dict({})
-assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | QuadraticField | LiftedField)
+assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | QuadraticField | Field)
 run.no_such_name
 """
 

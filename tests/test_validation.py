@@ -34,7 +34,7 @@ BATCH = Suslov3D([[4.0], [2.0]], [1, 2, 3], -0.5, -0.3)
 FIELD = QuadraticField([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
 FAMILY = QuadraticField.from_function(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
 HENON = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
-LIFTED = sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
+LIFTED = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
 LISTS = {"indices": [[0], [0], [2]], "values": [1.0]}
 
 
@@ -180,11 +180,11 @@ FIELDS = [
     (lambda: Suslov3D.from_inertia(np.triu(ID + 0.1), [0, 0, 1]), ValueError, r"I.* np.triu\(I, 1\).T"),
     (lambda: Suslov3D.from_inertia(np.diag([1.0, 1, 3]), [0, 0, 1]), ValueError, "I violates.*off the diagonal"),
     (run(omega0=[[1, 2, 0], [1, 2, 0]]), ValueError, "omega0.* pass the transpose, .*; or for vectors of 3 components"),
-    (field(lambda x: (math.sin(x[0]), 1)), TypeError, "f.* functions of math take none.*NumPy.*LiftedField.from_function.*Equations that are not quadratic"),
+    (field(lambda x: (math.sin(x[0]), 1)), TypeError, "f.* functions of math take none.*NumPy.*Field.from_function"),
     (field(lambda x: np.add(np.zeros(2), float(x[0]))), TypeError, "f.* array of floats"),
     (field(lambda x: (x[:2] ** 2,) * 2), TypeError, r"'tuple' and 'int'.* x is a tuple; .* np.array\(x\)"),
     (lambda: sf.iterate(sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), 2), {"x": 1.0, "y": 2.0}, 0.1, 1), TypeError, r"x must be an array, not a dict: pass \[\*x\.values"),
-    (lambda: sf.iterate(abs, [1.0, 0.5], 0.1, 1), TypeError, r"pass LiftedField\.from_function\(f, names\), or QuadraticField"),
+    (lambda: sf.iterate(abs, [1.0, 0.5], 0.1, 1), TypeError, r"pass QuadraticField\.from_function\(f, names\)"),
     (field(lambda x: x**2), TypeError, r"f.* x is a tuple; .* np.array\(x\)"),
     (field(lambda x: None), ValueError, "f.*not None: return a tuple of 2"),
     (field(lambda *x: x), TypeError, r"f must take the state, as one tuple, not f\(\*x\): pass lambda x: f\(\*x\)$"),
@@ -203,7 +203,7 @@ FIELDS = [
     (inertia(ID, "z"), TypeError, r"a must be 3 numbers, such as \[0, 0, 1\], not 'z'"),
     (lambda: sf.integrability.zoo()["lorenz"], KeyError, "no field 'lorenz': did you mean 'Lorenz'"),
     (lambda: sf.integrability.zoo()[3], KeyError, "choose from Suslov body, Suslov gyrostat"),
-    (lambda: sf.integrability.kahan(LIFTED), TypeError, "not LiftedField: pass field.lifted"),
+    (lambda: sf.integrability.kahan(LIFTED), TypeError, "not Field"),
     # As written for other packages.
     (field(lambda t, y: y), TypeError, r"f.*not f\(t, y\): pass lambda x: f\(None, x\),"),
     (field(lambda y, t: y), TypeError, r"f.*not f\(y, t\): pass lambda x: f\(x, None\),"),
@@ -287,7 +287,7 @@ RUNS = [
     (run(out=np.zeros((4, 2, 4))[..., ::2]), ValueError, "out"),
     (run(omega0=[1.0, 0.5, 0.2]), ValueError, r"omega0.*\(rotation @ omega\)\[:2\]"),
     (run(body=Suslov3D), TypeError, "body"), (run(body=3), TypeError, "body"),
-    (run(body=lambda x: x), TypeError, r"body.*LiftedField.from_function"),
+    (run(body=lambda x: x), TypeError, r"body.*QuadraticField.from_function"),
     (run(omega0=np.ones((2, 5))[:, :3]), ValueError, "omega0.* pass the transpose"),
     (run(body=BATCH, omega0=np.ones((4, 2))), ValueError, r"omega0 .* insert axes of length 1"),
     (lambda: sf.step_full(BODY, [1, 2, 3], 0.1), TypeError, "I3"),
@@ -368,7 +368,7 @@ MISTAKES = [
     (lambda: Suslov3D(ID, 1, 0, 0), ValueError, "I1 .*: a body is made from a tensor by from_inertia"),
     (lambda: SuslovND(1, 2), ValueError, r"J and I .* pass n - 1 numbers for each, such as 1.3, 2"),
     (lambda: sf.body_from_dict(Path("body.json")), TypeError, r"parameters.* json.loads\(path.read_text\(\)\)"),
-    (lambda: sf.body_from_dict({"body": "Lorenz"}), ValueError, "body: there is no class 'Lorenz', only .*, LiftedField.*: import"),
+    (lambda: sf.body_from_dict({"body": "Lorenz"}), ValueError, "body: there is no class 'Lorenz', only .*, Field.*: import"),
     (lambda: FAMILY.parameters.__setitem__("rho", 3), TypeError, "parameters .* cannot be changed: make it again with rho=3"),
     (field(lambda x: (x[1], -x[0]), "2"), ValueError, "dimension.* pass the integer 2"),
     (field(lambda x, a: (a * x[1], -x[0]), a=None), TypeError, "a must be integers, fractions or floats, not None"),
@@ -519,7 +519,7 @@ CALLS = {
     "x": lambda value: FIELD([value, value]),
     "eps": lambda value: sf.iterate(BODY, OMEGA, value, 3),
     "n": lambda value: sf.exact(BODY, [1.0, 0.5], 0.2, value),
-    "time": lambda value: sf.flow(BODY, [1.0, 0.5], value),
+    "time": lambda value: sf.flow(BODY, [1.0, 0.5], time=value),
     "omega": lambda value: sf.energy(BODY, [value, value]),
     "period": lambda value: sf.periodic_orbit(FIELD, [1.0, 1.0], value, 10),
 }

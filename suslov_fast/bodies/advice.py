@@ -13,7 +13,9 @@ from keyword import iskeyword
 from typing import Any, NoReturn
 
 from ..checks import page, short, wrong
+from ..core.lists.records import FUNCTIONS, OTHER_NAMES
 from .names import TIME, clash, free, labels
+from .symbolic import HOW, Tracer, Untraceable
 
 # Usual names of an array of parameters, of a state or a component, and of a state as a whole in
 # functions for other packages. Parameters of fields rarely have these names.
@@ -29,6 +31,11 @@ _RUNS = "xyzw", "xyzuvw", "xyuv", "xv", "uvw", "qp", "pq", "XYZW", "UVW"
 GENERAL = "howto/motion"
 _OURS = {"suslov_fast", "numpy", "numba"}  # packages whose errors are told otherwise
 _LAMBDIFIED = "_lambdifygenerated"  # the name of functions of SymPy, which users do not see
+# Functions of `math` with another name in NumPy.
+_OF_MATH = {
+    "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "asinh": "arcsinh",
+    "acosh": "arccosh", "atanh": "arctanh", "pow": "power", "fabs": "abs", "ceil": "ceil",
+}  # fmt: skip
 # What errors of Python, NumPy and Numba say; a test raises each.
 TEXTS = {
     "array of a number": "'(float|int)' object is not|non-iterable (float|int)|"
@@ -40,7 +47,6 @@ TEXTS = {
     "object has no attribute",
     "time is None": "NoneType|fractions or floats, not None",
     "number of a symbol": "Polynomial|Expression|Symbol",
-    "tuple as an array": "'Variables'|'tuple' and|tuple indices|can't multiply sequence",
     "unpacking": "to unpack",
     "argument of Numba": "compute fingerprint",
 }
@@ -162,10 +168,8 @@ def _check_time(
     is_known = {*parameters} <= {*given} or _ARRAY.isdisjoint(parameters)
     if not state or len(times) > 1 or not is_known:
         return
-    from .symbolic import Tracer
-
     own = [name for name in names if name not in TIME]
-    *components, time = Tracer([*own, *times], []).state
+    *components, time = Tracer([*own, *times], ()).state
     values = {name: given.get(name, 1.0) for name in parameters}
     try:
         f(**values, **{state: (*components,), times[0]: None})
@@ -287,7 +291,7 @@ def _value(name: str, given: Mapping[str, Any], missing: str = "") -> Any:
     return value if isinstance(value, (int, float)) else name
 
 
-def field_call(f: Any, argument: str, names: Sequence[str], parameters: Mapping[str, Any]) -> str:
+def general_call(f: Any, argument: str, names: Sequence[str], parameters: Mapping[str, Any]) -> str:
     """Return the call that makes a `Field` of a function f, or of a Hamiltonian."""
     maker = "from_hamiltonian" if argument == "H" else "from_function"
     size = len(names) if tuple(names) == labels(len(names)) else repr(" ".join(names))
@@ -299,10 +303,11 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
     """Return the cause, in words, of an error that f raised when it was called with polynomials."""
     text = " ".join(str(error).split())
     if hasattr(error, "in_words"):  # NoPolynomial or NoPower
-        return f"{f_name} {error.in_words(names)}, see {page(GENERAL)}"
-    if function := of_numpy(error):
-        how = f"for those that take them see {page(GENERAL)}"
-        return f"{f_name} calls {function} of NumPy, which takes no symbols: {how}"
+        return f"{f_name} {error.in_words(names)}"
+    if isinstance(error, Untraceable):
+        return text
+    if how := _of_package(error) or _of_math(error):
+        return how
     if package := _other_package(error):
         how = "write formulas of + - * / ** and functions of NumPy"
         return f"{f_name} calls {package}, which takes no symbols ({text}): {how}"
@@ -321,9 +326,6 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         constant = "multiply by the inverse of a constant matrix, as in Inverse @ np.array(x)"
         how = f"{constant}; if the matrix depends on x, write its inverse as formulas"
         return f"numpy.linalg cannot compute with symbols ({text}): {how}"
-    if says(text, "function of math"):
-        how = "x holds symbols, and functions of math take none: write those of NumPy"
-        return f"{how}, such as np.sin, and make a Field, see {page(GENERAL)}"
     if says(text, "number of a symbol"):
         if isinstance(error, AttributeError):
             return f"{text}: x holds symbols, for + - * / and ** alone; see {page(GENERAL)}"
@@ -332,12 +334,6 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         return f"{text}: {why} of floats: {how}; see {page(GENERAL)}"
     if len(names) == 1 and len(names[0]) > 1 and re.search("to unpack|but the dimension", text):
         return f"{text}: {names[0]!r} is one name, write {' '.join(names[0])!r} for {len(names[0])}"
-    if says(text, "tuple as an array"):
-        text = text.replace("'Variables'", "'tuple'")
-        if isinstance(error, AttributeError) or "indices must be" in text:
-            parts = ", ".join(f"x[{i}]" for i in range(min(3, len(names))))
-            return f"{text}: x is a tuple, its components are {parts}"
-        return f"{text}: x is a tuple; for arithmetic of arrays use np.array(x)"
     if says(text, "unpacking"):
         wanted = re.search(r"expected (\d+)", text)
         how = f": if {f_name} unpacks x, there are {len(names)} variables to unpack"
@@ -346,6 +342,61 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
             how = f": {given}, and {wanted[1]} are unpacked"
         return f"{text}{how}"
     return text
+
+
+def _of_package(error: Exception) -> str:
+    """Return what to write in place of a function of NumPy or of a package."""
+    text = str(error)
+    function = of_numpy(error)
+    if found := re.search(r"ufunc '(\w+)' not supported", text):
+        function = found[1]
+        if function in FUNCTIONS:  # which has no loop for objects
+            how = f"x is an array, write {function}(x) in place of {function}(np.array(x))"
+            return f"{function} of an array made by np.array takes no symbols: {how}"
+    if not function:
+        return ""
+    how = f"write {HOW[function]}" if function in HOW else "write formulas of the entries"
+    return f"calls {function} of NumPy, which takes no symbols: {how}"
+
+
+def _of_math(error: Exception) -> str:
+    """Return what to write where a number was wanted, and a symbol came; "" for other errors."""
+    text = str(error)
+    wants_integer = "cannot be interpreted as an integer" in text or "list indices" in text
+    if wants_integer and "Symbol" in text:
+        how = "fix it in f, as in lambda x, a: f(x, a, n=3)"
+        return f"a parameter or a component counts or is an index, and has no value yet: {how}"
+    if "must be real number, not" not in text and "() argument must be" not in text:
+        return ""
+    frames = traceback.extract_tb(error.__traceback__)
+    last = frames[-1]
+    if "site-packages" in last.filename or last.filename.endswith(".pyx"):
+        how = "write formulas of NumPy, and np.interp(x, knots, values) for a table or a spline"
+        return f"a function of a package takes no symbols: {how}"
+    segment = _segment(last)
+    line = (segment or last.line or "").strip()
+    if re.fullmatch(r"\w+\[.*\]", segment):  # the target of an assignment
+        how = "return a tuple, or fill np.zeros(n, dtype=object) or np.zeros_like(x)"
+        return f"{line}: an array of floats takes no symbols: {how}"
+    found = re.search(r"\bmath\.(\w+)\(", segment or line) or re.search(r"\b(\w+)\(", segment)
+    if found is None or found[1] in ("float", "int", "array", "asarray", "complex"):
+        how = "leave the conversion out; np.floor in place of int, np.array(x, object) for arrays"
+        return f"{line}: a symbol has no value yet, so it is not converted to a number: {how}"
+    name = _OF_MATH.get(found[1], found[1])
+    if name not in FUNCTIONS and name not in OTHER_NAMES:
+        how = f"write {HOW[name]}" if name in HOW else "write a formula of NumPy's functions"
+        return f"{line}: {found[1]} takes no symbols: {how}"
+    call = re.sub(rf"(math\.)?\b{found[1]}\(", f"np.{name}(", segment or found[0])
+    return f"{found[0]}…) of math takes no symbols: write np.{name}, as in {call}"
+
+
+def _segment(frame: Any) -> str:
+    """Return the part of the line of a frame that raised."""
+    line, begin, end = frame.line or "", getattr(frame, "colno", None), frame.end_colno
+    if begin is None or end is None or frame.lineno != frame.end_lineno:
+        return line
+    original = frame._original_line if hasattr(frame, "_original_line") else line
+    return str(original)[begin:end]
 
 
 def raise_explained(argument: str, error: Exception, cause: str) -> NoReturn:

@@ -13,12 +13,10 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ..checks import OTHERS, FloatArray, within
 
-_NUMBERS = (float, int, np.float64)
-_ARITHMETIC = {np.positive, np.negative, np.add, np.subtract, np.multiply, np.true_divide}
+_ARITHMETIC = {"positive", "negative", "add", "subtract", "multiply", "divide"}
 # A sum of products: each coefficient with the sorted indices of its symbols.
 Terms = Sequence[tuple[Fraction, Sequence[int]]]
 
@@ -34,7 +32,7 @@ class Symbol(NamedTuple):
     is_inverse: bool
 
 
-class Column(NDArrayOperatorsMixin):
+class Column:
     """The values of a parameter, or of an expression of parameters, for all members of a family."""
 
     def __init__(self, values: FloatArray, symbols: list[Symbol]) -> None:
@@ -55,32 +53,23 @@ class Column(NDArrayOperatorsMixin):
             self._indices[is_inverse] = -len(self._symbols)
         return self._indices[is_inverse]
 
-    def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
-        arrays = [a for a in operands if isinstance(a, np.ndarray)]
-        if arrays:
-            # Arrays of polynomials: compute entry by entry. NumPy may add floats in another order.
-            if any(a.dtype != object for a in arrays):
-                raise Refused
-            return operation(*(a if isinstance(a, np.ndarray) else alone(a) for a in operands))
-        if operation is np.power:
-            return self._power(*operands)
-        if operation not in _ARITHMETIC:
+    @staticmethod
+    def applied(name: str, operands: Sequence[Any]) -> Column:
+        """Return the value of a function of columns and numbers, by arithmetic of floats."""
+        columns = [a for a in operands if isinstance(a, Column)]
+        if name == "power":
+            return columns[0]._power(*operands)
+        if name not in _ARITHMETIC:
             raise Refused
-        numbers: list[Any] = []
-        for operand in operands:
-            if isinstance(operand, Column):
-                numbers.append(operand.values)
-            elif type(operand) in _NUMBERS or isinstance(operand, Fraction):
-                numbers.append(float(operand))  # as Python does for a number and a float
-            else:
-                return NotImplemented
-        if operation is np.true_divide and not np.all(numbers[1]):
+        # As Python does for a number and a float.
+        numbers = [a.values if isinstance(a, Column) else float(a) for a in operands]
+        if name == "divide" and not np.all(numbers[1]):
             raise Refused  # a float would raise ZeroDivisionError
         with np.errstate(all="ignore"):
-            return Column(operation(*numbers), self._symbols)
+            return Column(getattr(np, name)(*numbers), columns[0]._symbols)
 
     def _power(self, base: Any, power: Any) -> Column:
-        if not isinstance(base, Column) or type(power) is not int or power not in range(100):
+        if base is not self or type(power) is not int or power not in range(100):
             raise Refused
         # Powers by Python, because those by NumPy may differ in the last bit.
         values = [value**power for value in base.values.ravel().tolist()]

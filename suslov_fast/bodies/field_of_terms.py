@@ -193,7 +193,8 @@ class _FieldOfTerms(FieldOfFunction):
 
     @cached_property
     def _right_hand_side(self) -> tuple[Any, FloatArray]:
-        return _quadratic(*self._terms, self.dimension, _LONG)
+        indices, values = self._terms
+        return _quadratic(indices, values, self.dimension, _LONG)
 
     @cached_property
     def _right_hand_sides(self) -> list[OfMembers]:
@@ -206,7 +207,7 @@ class _FieldOfTerms(FieldOfFunction):
     def _by_terms(self, longest: int | None) -> list[OfMembers]:
         """Return the right-hand sides of members; dense ones of more terms are no lists."""
         indices, values = self._terms
-        rows = values.reshape(-1, values.shape[-1])
+        rows = values.reshape(math.prod(self.shape), values.shape[-1])
         exists = rows != 0.0
         patterns, which = exists[:1], np.zeros(len(rows), np.int64)
         if not exists.all():  # what a step tests depends on the terms
@@ -274,7 +275,7 @@ def _quadratic(
     T = indices.shape[1]
     if longest and longest < T and 4 * T > D**3:
         return _dense(D), dense_parameters(indices, values, D)
-    rows = values.reshape(-1, T)
+    rows = values.reshape(math.prod(values.shape[:-1]), T)
     units = (rows == 1.0).all(axis=0), (rows == -1.0).all(axis=0)
     parameters: FloatArray = parameters_of(values, *units)
     return _of_terms(indices.tobytes(), D, *(each.tobytes() for each in units)), parameters

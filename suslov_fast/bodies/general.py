@@ -185,6 +185,13 @@ class Field(FieldOfFunction):
         ------
         TypeError
             Always; make quadratic equations by :meth:`QuadraticField.from_function`.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> Field.from_function(lambda x: (x[0] ** 3,), 1).field()  # doctest: +ELLIPSIS
+        Traceback (most recent call last):
+        TypeError: body: a Field has a motion, flow(field, x0, time=...), and no map: ...
         """
         raise TypeError(f"body: {NO_MAP}")
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
 from itertools import product
 from numbers import Rational
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ..checks import (
     OTHERS,
@@ -29,6 +28,7 @@ from ..checks import (
 from .bounds import LARGEST_EXPONENT, LONGEST_NUMBER
 from .columns import Column
 from .names import check_parameter, labels
+from .texts import COMPARISONS
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -149,16 +149,11 @@ class NoPolynomial(TypeError):
         """Return what f does with the polynomial."""
         f, of = self._operation, self._of.text(names)
         of = of if len(of) <= 60 else f"{of[:57]}..."
-        if f in ("quotient", "reciprocal"):
-            return f"divides by {of}, so it is no polynomial"
-        if f == "exponent":
-            return f"has {of} in an exponent, so it is no polynomial"
-        if f == "conjugate":
-            how = "variables are real: split complex ones into real and imaginary parts"
-            return f"calls conjugate() of {of}: {how}, and write np.dot for np.vdot"
-        if f == "if" or "less" in f or "greater" in f or "equal" in f:
-            return f"compares {of}, so it is no polynomial"
-        return f"calls {f} of {of}, so it is no polynomial"
+        if f in ("quotient", "exponent"):
+            return f"divides by {of}" if f == "quotient" else f"has {of} in an exponent"
+        if f in COMPARISONS:
+            return f"compares {of}"
+        return f"asks whether {of} is true" if f == "if" else f"calls {f}({of})"
 
 
 class NoPower(ValueError):
@@ -170,16 +165,15 @@ class NoPower(ValueError):
 
     def in_words(self, names: Sequence[str]) -> str:
         """Return which power f asks for."""
-        of, power = _in_brackets(self._of.text(names)), short(self._power)
-        return f"raises {of} to the power {power}, so it is no polynomial"
+        return f"raises {_in_brackets(self._of.text(names))} to the power {short(self._power)}"
 
 
 def _in_brackets(text: str) -> str:
     return text if text.isidentifier() else f"({text})"
 
 
-class Polynomial(NDArrayOperatorsMixin):
-    """A polynomial with exact coefficients; functions of users are called with it as a number."""
+class Polynomial:
+    """A polynomial with exact coefficients."""
 
     def __init__(self, terms: Iterable[tuple[Sequence[int], Fraction]]) -> None:
         sums = defaultdict[tuple[int, ...], Fraction](Fraction)
@@ -207,30 +201,22 @@ class Polynomial(NDArrayOperatorsMixin):
             return cls([((value.symbol(),), Fraction(1))])
         return value if isinstance(value, cls) else cls([((), exact("coefficients", value))])
 
-    def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
-        if operation is np.power and isinstance(operands[1], Polynomial):
-            raise NoPolynomial("exponent", operands[1])
-        has_array = any(isinstance(each, np.ndarray) for each in operands)
-        if has_array or operation in (np.power, np.square):  # entry by entry
-            return operation(*(np.array(each, object) for each in operands))
-        if operation is np.true_divide:  # a number by a polynomial; __truediv__ has the other cases
-            return operands[0] * self.of(operands[1]).inverse()
-        if operation not in _ARITHMETIC:
-            raise NoPolynomial(operation.__name__, self)
-        polynomials = [self.of(each) for each in operands]
-        if operation is np.add:
-            few, many = sorted(polynomials, key=lambda polynomial: len(polynomial.terms))
-            return many._plus(few.terms)
-        return Polynomial(_ARITHMETIC[operation](*(each.terms for each in polynomials)))
+    def __add__(self, other: Any) -> Polynomial:
+        pair = self, self.of(other)
+        few, many = sorted(pair, key=lambda polynomial: len(polynomial.terms))
+        return many._plus(few.terms)
 
-    def __truediv__(self, number: Any) -> Any:
-        if isinstance(number, np.ndarray):
-            return self.__array_ufunc__(np.true_divide, "__call__", self, number)
-        if isinstance(number, Polynomial):
-            return self * number.inverse()
-        if isinstance(number, Column):
-            return self * Polynomial([((number.symbol(is_inverse=True),), Fraction(1))])
-        return self * self.of(number).inverse()
+    def __sub__(self, other: Any) -> Polynomial:
+        return self._plus({indices: -c for indices, c in self.of(other).terms.items()})
+
+    def __neg__(self) -> Polynomial:
+        return Polynomial((indices, -c) for indices, c in self.terms.items())
+
+    def __mul__(self, other: Any) -> Polynomial:
+        a, b = self.terms, self.of(other).terms
+        return Polynomial((i + j, a[i] * b[j]) for i, j in product(a, b))
+
+    __radd__, __rmul__ = __add__, __mul__
 
     def inverse(self) -> Polynomial:
         """Return the inverse of a constant; raise if it is 0, or if this is not a constant."""
@@ -240,35 +226,12 @@ class Polynomial(NDArrayOperatorsMixin):
             return Polynomial([((), 1 / self.terms[()])])
         raise NoPolynomial("quotient", self)
 
-    def __pow__(self, power: Any) -> Any:
-        if isinstance(power, Polynomial):
-            raise NoPolynomial("exponent", power)
+    def __pow__(self, power: Any) -> Polynomial:
         if isinstance(power, int) and power < 0:
             return self.inverse() ** -power
         if power not in range(100):
             raise NoPower(power, self)
-        return math.prod([self] * int(power))
-
-    def conjugate(self) -> Polynomial:
-        raise NoPolynomial("conjugate", self)
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """Return a method that raises; np.exp of an array of objects calls their method exp."""
-            if not isinstance(getattr(np, name, None), np.ufunc):
-                raise AttributeError(f"'Polynomial' object has no attribute {name!r}")
-
-            def refuse(*_: Any) -> None:
-                raise NoPolynomial(name, self)
-
-            return refuse
-
-    def __bool__(self) -> bool:
-        raise NoPolynomial("if", self)
-
-    def __round__(self, digits: Any = None) -> Any:
-        raise NoPolynomial("round", self)
+        return math.prod([self] * int(power), start=Polynomial([((), Fraction(1))]))
 
     def __repr__(self) -> str:
         return self.text(labels(max((i for m in self.terms for i in m), default=0) + 1))
@@ -285,12 +248,3 @@ class Polynomial(NDArrayOperatorsMixin):
                 factors.append(f"{names[i]}^{power}" if power > 1 else names[i])
             text += (" - " if c < 0 else " + ") + "*".join(factors)
         return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
-
-
-_ARITHMETIC: dict[Any, Callable[..., Iterable[Any]]] = {  # on terms {indices: coefficient}
-    np.positive: dict.items,
-    np.negative: lambda a: ((indices, -c) for indices, c in a.items()),
-    np.add: lambda a, b: [*a.items(), *b.items()],
-    np.subtract: lambda a, b: [*a.items(), *((j, -d) for j, d in b.items())],
-    np.multiply: lambda a, b: ((i + j, a[i] * b[j]) for i, j in product(a, b)),
-}

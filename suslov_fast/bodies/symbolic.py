@@ -8,6 +8,7 @@ symbolic numbers, and of arrays that hold them, to the methods here; arrays keep
 from __future__ import annotations
 
 import functools
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -53,8 +54,8 @@ class Tracer:
         self.parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, D)}
 
     def is_truth(self, operand: Any) -> bool:
-        is_value = type(operand) is int
-        return is_value and self.values.of.get(operand, ("",))[0] in OF_TRUTH_VALUES
+        of: Mapping[Any, Any] = self.values.of
+        return type(operand) is int and of.get(operand, ("",))[0] in OF_TRUTH_VALUES
 
     def operand(self, value: Any) -> Any:
         """Return the operand that a symbolic number, or a number, is; a truth value as it is."""
@@ -85,6 +86,13 @@ class Tracer:
         if isinstance(operand, (bool, float)):
             return self.values.emit("oeq", 1.0 if operand else 0.0, 1.0)
         return not_(self.values, self.values.emit("oeq", operand, 0.0))
+
+    def asked(self, operand: Any) -> Exception:
+        """Return the error of a question whether a value is true."""
+        return Untraceable(_asked(self.text(operand)))
+
+    def text(self, operand: Any) -> str:
+        return brief(self.values, operand, self.names)
 
     def applied(self, name: str, operands: Sequence[Any], *tables: Any) -> Any:
         """Return the value of a function of operands, and note what was written."""
@@ -142,8 +150,7 @@ def applied(name: str, *values: Any) -> Any:
 
 def _is_truth(value: Any) -> bool:
     if isinstance(value, Symbol):
-        is_truth: bool = value.tracer.is_truth(value.operand)
-        return is_truth
+        return value.tracer.is_truth(value.operand)
     return isinstance(value, (bool, np.bool_))
 
 
@@ -152,9 +159,14 @@ def _of_numbers(name: str, values: Sequence[Any]) -> Any:
         from scipy import special
 
         return getattr(special, name)(*values)
+    if name in _OF_PYTHON:  # integers and fractions stay exact
+        return getattr(operator, _OF_PYTHON[name])(*values)
     return getattr(np, name)(*values)
 
 
+_OF_PYTHON = {
+    "add": "add", "subtract": "sub", "multiply": "mul", "divide": "truediv", "negative": "neg"
+}  # fmt: skip
 _SHORTER: dict[str, Callable[[Any], Any]] = {
     "square": lambda a: applied("power", a, 2.0),
     "reciprocal": lambda a: applied("divide", 1.0, a),
@@ -380,9 +392,10 @@ class Symbol:
     """A symbolic number: f is called with it as a number."""
 
     __slots__ = ("operand", "tracer")
+    tracer: Any
     __hash__ = object.__hash__
 
-    def __init__(self, tracer: Tracer, operand: Any) -> None:
+    def __init__(self, tracer: Any, operand: Any) -> None:
         self.tracer, self.operand = tracer, operand
 
     def __array_ufunc__(self, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
@@ -408,7 +421,7 @@ class Symbol:
         return self
 
     def __bool__(self) -> bool:
-        raise Untraceable(_asked(repr(self)))
+        raise self.tracer.asked(self.operand)
 
     def __floor__(self) -> Any:
         return applied("floor", self)
@@ -420,7 +433,7 @@ class Symbol:
         return _function("round")
 
     def __repr__(self) -> str:
-        return brief(self.tracer.values, self.operand, self.tracer.names)
+        return self.tracer.text(self.operand)
 
 
 _METHODS = {*FUNCTIONS, *OTHER_NAMES, *_SHORTER}

@@ -1,7 +1,7 @@
 """Coefficients of a field, from calls of the user's function f with polynomials.
 
-For a family, f is called once with a column for each parameter that varies, and for three members,
-to confirm the coefficients. If they differ, or if f does something that a column refuses, such as
+For a family, f is called once with a column for each parameter that varies, and for one member, to
+confirm the coefficients. If they differ, or if f does something that a column refuses, such as
 a comparison, f is called for each member.
 """
 
@@ -14,20 +14,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import OTHERS, page, short, within
+from ..checks import OTHERS, short, within
 from .advice import (
-    GENERAL,
     check_arguments,
     check_callable,
     explained,
-    field_call,
+    general_call,
     name_of,
     prefixed,
     raise_explained,
     says,
 )
-from .columns import Column, Refused, Symbol, exact_values, rounded
+from .columns import Refused, exact_values, rounded
+from .columns import Symbol as ColumnSymbol
+from .exact import Exact
 from .polynomials import Polynomial
+from .symbolic import Symbol
 from .terms import Terms, collected
 
 # The exact terms of a polynomial, or of the components of a field, by their three indices.
@@ -35,16 +37,6 @@ _Places = dict[tuple[int, ...], Fraction]
 _ZERO = Fraction(0)
 # Families with fewer members are not worth a column: f is called for each member.
 _FEWEST = 4
-
-
-class Variables(tuple[Polynomial, ...]):
-    """The variables x: a tuple whose IndexError names the dimension."""
-
-    def __getitem__(self, index: Any) -> Any:
-        try:
-            return super().__getitem__(index)
-        except IndexError:
-            raise IndexError(f"x[{index}] is used, but the dimension is {len(self)}") from None
 
 
 class _Call(NamedTuple):
@@ -65,13 +57,12 @@ class _Call(NamedTuple):
         return np.broadcast_shapes(*map(np.shape, self.parameters.values()))
 
     @property
-    def as_field(self) -> str:
+    def general(self) -> str:
         """The call that makes a `Field` of f, for messages."""
-        return field_call(self.f, self.argument, self.names, self.parameters)
+        return general_call(self.f, self.argument, self.names, self.parameters)
 
-    def __call__(self, parameters: Mapping[str, Any]) -> Any:
-        x = Variables(Polynomial([((i,), Fraction(1))]) for i in range(self.D))
-        return self.f(x, **parameters)
+    def __call__(self, tracer: Exact) -> Any:
+        return self.f(tracer.state.copy(), **tracer.parameters)
 
 
 def traced(
@@ -96,15 +87,18 @@ def traced(
 
     indices = [*np.ndindex(shape)]
     if len(indices) >= _FEWEST:
-        samples = indices[0], indices[len(indices) // 2], indices[-1]
-        found = [member(index) for index in samples]
+        sample = indices[len(indices) // 2]
+        found = member(sample)  # which explains errors of f
         try:
             at_once = _by_columns(call, K)
         except Exception:  # f may raise anything where a column behaves unlike a float
             at_once = None
-        if at_once and all(_agree(at_once[0], *pair) for pair in zip(samples, found, strict=True)):
+        if at_once and _agree(at_once[0], sample, found):
             return at_once
     members = [member(index) for index in indices]
+    if members and member(indices[0]) != members[0]:
+        how = "f must compute from x and its parameters alone, without random numbers or memory"
+        raise ValueError(f"{argument}: two calls of f differ: {how}")
     places = [*dict.fromkeys(place for terms in members for place in terms)]
     values = np.empty((len(members), len(places)), object)
     for row, terms in zip(values, members, strict=True):
@@ -128,13 +122,12 @@ def _agree(terms: Terms, index: tuple[int, ...], exact: _Places) -> bool:
 
 def _by_columns(call: _Call, K: Any) -> tuple[Terms, Terms | None]:
     """Return the result of `traced` from one call with columns; raise anything if that fails."""
-    symbols: list[Symbol] = []
-    columns = {n: Column(a, symbols) if np.ndim(a) else a for n, a in call.parameters.items()}
-    result, D = call(columns), call.D
+    tracer, D = Exact(call.names, call.parameters), call.D
+    result, symbols = call(tracer), tracer.columns
     if K is None:
-        rows = [Polynomial.of(component) for component in _components(result, D)]
+        rows = [_polynomial(component) for component in _components(result, D)]
         return _rounded_rows(rows, call, symbols), None
-    H, columns_of_K = Polynomial.of(result), defaultdict[int, list[Any]](list)
+    H, columns_of_K = _polynomial(result), defaultdict[int, list[Any]](list)
     of_H = _monomials(H, D, 3)
     for terms in of_H.values():
         rounded(terms, symbols)  # raises for coefficients out of range
@@ -150,7 +143,9 @@ def _by_columns(call: _Call, K: Any) -> tuple[Terms, Terms | None]:
     return energy, _rounded_rows([*map(Polynomial, slopes)], call._replace(degree=2), symbols)
 
 
-def _rounded_rows(rows: Sequence[Polynomial], call: _Call, symbols: Sequence[Symbol]) -> Terms:
+def _rounded_rows(
+    rows: Sequence[Polynomial], call: _Call, symbols: Sequence[ColumnSymbol]
+) -> Terms:
     """Return the terms of components with symbols for columns, rounded once."""
     places, values = [], []
     for i, row in enumerate(rows):
@@ -198,12 +193,12 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
     """Return the exact terms of one member of a family, or of a single field or Hamiltonian."""
     f_name = name_of(call.f, call.argument)
     try:
-        result = call(parameters)
+        result = call(Exact(call.names, parameters))
     except Exception as error:  # raised by f
         cause = explained(error, f_name, call.names, is_family)
-        is_smooth = hasattr(error, "in_words") or says(str(error), "function of math")
-        if is_smooth and "split" not in cause:
-            cause = cause.replace(", see ", f": a Field takes any equations, {call.as_field}, see ")
+        if hasattr(error, "in_words") or says(str(error), "function of math"):
+            cause += f": QuadraticField takes polynomials of degree {call.degree}, for any formula "
+            cause += f"use {call.general}"
         raise_explained(call.argument, error, cause)
     try:
         if call.degree == 3:
@@ -218,10 +213,16 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
     return terms
 
 
+def _polynomial(value: Any) -> Polynomial:
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.item()
+    return Polynomial.of(value.operand if isinstance(value, Symbol) else value)
+
+
 def _terms_of(value: Any, name: str, call: _Call, row: tuple[int, ...] = ()) -> _Places:
     """Return the terms of a polynomial by their three indices: `row`, and those of factors."""
     try:
-        terms = Polynomial.of(value).terms
+        terms = _polynomial(value).terms
     except TypeError:
         how = ""
         if hasattr(value, "free_symbols"):
@@ -232,7 +233,7 @@ def _terms_of(value: Any, name: str, call: _Call, row: tuple[int, ...] = ()) -> 
             how = ": H is one expression; QuadraticField.from_function takes right-hand sides"
         raise TypeError(f"{name} must be a polynomial, not {short(value)}{how}") from None
     if max(map(len, terms), default=0) > call.degree:
-        how = f"a Field takes any equations, use {call.as_field}, see {page(GENERAL)}"
-        raise ValueError(f"{name} has degree {max(map(len, terms))}: {how}")
+        degree = max(map(len, terms))
+        raise ValueError(f"{name} has degree {degree}, above {call.degree}: use {call.general}")
     one = (call.D,) * call.degree
     return {(*row, *indices, *one[len(indices) :]): c for indices, c in terms.items()}

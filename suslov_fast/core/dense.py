@@ -12,9 +12,10 @@ import numpy as np
 
 from .arrays import uncounted
 from .careful import CHANGED, crosses_0
-from .elimination import LEAST_PIVOT, simd_max, simd_min
+from .elimination import simd_max, simd_min
 from .numba import function, kernel
 from .operations import of_one_sign
+from .planned_elimination import LEAST_PIVOT
 
 
 class Spans(NamedTuple):

@@ -16,13 +16,12 @@ import numpy as np
 from .codes import NONFINITE, OK, SINGULAR
 from .llvm import for_size, lesser, select
 from .numba import formula, function, inlined
+from .planned_elimination import LEAST_PIVOT
 
 # Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
 # and 1 for lanes that need `solve`, else 0.
 LEAST, LARGEST, TO_SOLVE = range(3)
 NONE = np.int64(0)  # typed, because Numba types a function twice if a sum begins with a literal
-# Elimination without row exchanges is accurate if LEAST / LARGEST is above this number.
-LEAST_PIVOT = 2.0**-6
 ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 if it is below m times this part of its terms
 ROUNDS = 20  # the most of `balance`; dense systems of 6 with units 2**120 apart took 4 or 5
 

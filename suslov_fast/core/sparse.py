@@ -17,11 +17,11 @@ import numpy as np
 
 from .arrays import uncounted
 from .dense import advance_lane
-from .elimination import LEAST_PIVOT, simd_max, simd_min
+from .elimination import simd_max, simd_min
 from .llvm import QUAD, get, lesser, put
 from .numba import function, kernel
 from .operations import of_one_sign
-from .planned_elimination import elimination_order, filled
+from .planned_elimination import LEAST_PIVOT, elimination_order, filled
 
 
 class Pattern(NamedTuple):

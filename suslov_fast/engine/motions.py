@@ -120,7 +120,7 @@ def call_engine(
     """Write states (n, B, D); return whether `report` ended the run, ends, steps and statuses."""
     engine = Engine(f, table, x0, times, sign, settings, states)
     engine.run(threads, report)
-    return engine.is_stopped, sign * engine.t, engine.steps, _STATUS[engine.state]
+    return engine.is_stopped, sign * engine.t, engine.steps, _STATUS[np.maximum(engine.state, 0)]
 
 
 def threads_for(B: int, threads: int | None) -> int:

@@ -85,15 +85,15 @@ def warn_of_ends(found: Found, x: FloatArray, batch: tuple[int, ...]) -> None:
     """Warn once of all solutions that stop before the last time, but for starts of NaN."""
     if not np.count_nonzero(found.status):  # all but OK are negative
         return
-    texts, exists = [], ~np.isnan(x[:, 0])
+    # The closed form has told why it has no state, and then there is no time.
+    texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(found.t))
     for status, text in _CAUSES.items():
         which = (found.status == status) & exists
         if (status == Status.TOO_MANY_STEPS and found.is_stopped) or not which.any():
             continue
         first = int(np.argmax(which))
         index = spell(first_index(which.reshape(batch)))
-        at = "" if math.isnan(found.t[first]) else f" at t = {found.t[first]:.9g}"
         count = f"{np.count_nonzero(which)} of {which.size} solutions"
-        texts.append(f"{count} {text}, first: trajectory {index}{at}")
+        texts.append(f"{count} {text}, first: trajectory {index} at t = {found.t[first]:.9g}")
     if texts:
         checks.warn("; ".join(texts), PoleWarning)

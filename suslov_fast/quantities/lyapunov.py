@@ -156,4 +156,4 @@ def _of_motion(
         arguments = time, before, settings, count, report
         exponents, found = exponents_of(field, x, batch, *arguments)
     warn_of_ends(found, x, batch)
-    return exponents.reshape(*batch, -1)
+    return exponents.reshape(*batch, exponents.shape[1])

@@ -125,7 +125,7 @@ def flow(
     warn_of_ends(found, x, batch)
     return Motion._of(
         {
-            "states": found.states.reshape(len(times), *batch, -1),
+            "states": found.states.reshape(len(times), *batch, system.dimension),
             "time": times,
             "body": system,
             "status": found.status.reshape(batch),
@@ -200,7 +200,7 @@ def _exact(
     body: Any, x: FloatArray, batch: tuple[int, ...], times: FloatArray, threads: int | None
 ) -> Found:
     """Return the exact motion of a body; NaN where the closed form is out of range."""
-    omega = x.reshape(*batch, -1)
+    omega = x.reshape(*batch, x.shape[1])
     problem = Problem(map_of(body), body, omega, 0.0, batch, threads, "x0")
     found = nothing_found(x, len(times))
     states = states_at(problem, times, is_number=False).reshape(found.states.shape)

@@ -13,71 +13,7 @@ double before the next one is fitted.
 import struct
 
 from .far import PARTS
-
-
-class Number:
-    """A value of a list, whose operators add operations."""
-
-    __slots__ = ("emit", "number")
-
-    def __init__(self, emit, number):
-        self.emit, self.number = emit, number
-
-    def then(self, instruction, *others):
-        """Return the value of an instruction with this operand and others."""
-        others = (a.number if isinstance(a, Number) else a for a in others)
-        return Number(self.emit, self.emit(instruction, self.number, *others))
-
-    def __add__(self, other):
-        return self.then("fadd", other)
-
-    def __sub__(self, other):
-        return self.then("fsub", other)
-
-    def __mul__(self, other):
-        return self.then("fmul", other)
-
-    def __truediv__(self, other):
-        return self.then("fdiv", other)
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __rsub__(self, other):
-        return Number(self.emit, self.emit("fsub", other, self.number))
-
-    def __rtruediv__(self, other):
-        return Number(self.emit, self.emit("fdiv", other, self.number))
-
-    def __abs__(self):
-        return self.then("fabs")
-
-    def __lt__(self, other):
-        return self.then("olt", other)
-
-    def __gt__(self, other):
-        return self.then("ogt", other)
-
-    def __ge__(self, other):
-        return self.then("oge", other)
-
-    def equals(self, other):
-        """Return where this value equals another one."""
-        return self.then("oeq", other)
-
-    def __and__(self, other):
-        return self.then("and", other)
-
-    def __or__(self, other):
-        return self.then("or", other)
-
-    def select(self, a, b):
-        """Return a where this truth value is true, b elsewhere."""
-        return self.then("select", a, b)
-
-    def within(self, least, greatest):
-        """Return this value within limits; NaN stays NaN."""
-        above = Number(self.emit, self.emit("max", least, self.number))
-        return Number(self.emit, self.emit("min", greatest, above.number))
+from .numbers import Number
 
 
 def from_bits(bits):

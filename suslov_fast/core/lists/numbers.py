@@ -2,60 +2,77 @@
 
 
 class Number:
-    """A value of a list, or a constant: +, -, *, /, comparisons; & | ^ of truth values."""
+    """A value of a list, or a constant: +, -, *, /, comparisons; & | ^ of truth values.
 
-    __slots__ = ("operand", "values")
+    `emit` adds an operation to the list and returns the number of its value.
+    """
 
-    def __init__(self, values, operand):
-        self.values, self.operand = values, operand
+    __slots__ = ("emit", "number")
 
-    def _emit(self, instruction, *others):
-        operands = (a.operand if isinstance(a, Number) else float(a) for a in others)
-        return Number(self.values, self.values.emit(instruction, *operands))
+    def __init__(self, emit, number):
+        self.emit, self.number = emit, number
+
+    def then(self, instruction, *others):
+        """Return the value of an instruction with this operand and others."""
+        return self._of(instruction, self, *others)
+
+    def _of(self, instruction, *operands):
+        numbers = (a.number if isinstance(a, Number) else float(a) for a in operands)
+        return Number(self.emit, self.emit(instruction, *numbers))
 
     def __neg__(self):
-        return self._emit("fmul", -1.0, self)
+        return self._of("fmul", -1.0, self)
 
     def __abs__(self):
-        return self._emit("fabs", self)
+        return self.then("fabs")
 
-    def sqrt(self):
-        """The square root."""
-        return self._emit("sqrt", self)
+    def __radd__(self, other):
+        return self + other
 
-    def equals(self, other):
-        """Whether two numbers are equal."""
-        return self._emit("oeq", self, other)
+    def __rmul__(self, other):
+        return self * other
 
     def __le__(self, other):
-        return self._emit("oge", other, self)
+        return self._of("oge", other, self)
 
-    def chosen(self, a, b):
-        """`a` where this truth value is true, else `b`."""
-        return self._emit("select", self, a, b)
+    def sqrt(self):
+        """Return the square root."""
+        return self.then("sqrt")
+
+    def equals(self, other):
+        """Return where this value equals another one."""
+        return self.then("oeq", other)
+
+    def select(self, a, b):
+        """Return a where this truth value is true, b elsewhere."""
+        return self.then("select", a, b)
+
+    def within(self, least, greatest):
+        """Return this value within limits; NaN stays NaN."""
+        return self._of("min", greatest, self._of("max", least, self))
 
 
 def _operator(instruction, is_reflected=False):
     def method(self, other):
-        return self._emit(instruction, *((other, self) if is_reflected else (self, other)))
+        return self._of(instruction, *((other, self) if is_reflected else (self, other)))
 
     return method
 
 
-for _name, _instruction in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
-    setattr(Number, f"__{_name}__", _operator(_instruction))
-    setattr(Number, f"__r{_name}__", _operator(_instruction, True))
 for _name, _instruction in (
-    ("lt", "olt"), ("gt", "ogt"), ("ge", "oge"), ("and", "and"), ("or", "or"), ("xor", "xor"),
+    ("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv"), ("lt", "olt"),
+    ("gt", "ogt"), ("ge", "oge"), ("and", "and"), ("or", "or"), ("xor", "xor"),
 ):  # fmt: skip
     setattr(Number, f"__{_name}__", _operator(_instruction))
+for _name, _instruction in (("sub", "fsub"), ("truediv", "fdiv")):
+    setattr(Number, f"__r{_name}__", _operator(_instruction, True))
 
 
 def larger(a, b):
     """Return the larger of two numbers; `b` where one of them is NaN."""
-    return (a if isinstance(a, Number) else b)._emit("max", a, b)
+    return (a if isinstance(a, Number) else b)._of("max", a, b)
 
 
 def smaller(a, b):
     """Return the smaller of two numbers; `b` where one of them is NaN."""
-    return (a if isinstance(a, Number) else b)._emit("min", a, b)
+    return (a if isinstance(a, Number) else b)._of("min", a, b)

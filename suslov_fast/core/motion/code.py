@@ -6,7 +6,6 @@ import numpy as np
 
 from ..machine_code import Text, pointer
 
-
 WRITTEN_OUT = 4  # indices of which loops are written out
 
 

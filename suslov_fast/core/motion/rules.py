@@ -8,8 +8,9 @@ if f has a value at the next state, and if no component changes a sign that the 
 default the allowed error is rtol max(s_i, 2**-20 max_j s_j), where s_i is the largest |x_i| so far:
 a component that is reached through m others begins as t**m, and no step has relative digits of it
 for m > 10. Clocks, which have constant rates, have no error, and count there with their change in
-the step, because time may be large where all others are small. With `atol` it is atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the
-weighted sum of columns, if that is more.
+the step, because time may be large where all others are small. With `atol` it is
+atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the weighted sum of columns, if
+that is more.
 
 The next length is 0.8 ratio**(-1/8) times this one, by square roots, which have the same bits on
 every processor. A step that is refused is taken again with it, and a step after that is not longer.
@@ -70,8 +71,8 @@ def _rule(function):
     """Return the rule that a function of `Number` describes."""
     inputs = [*inspect.signature(function).parameters]
     values = Values(len(inputs), ())
-    found = function(*(Number(values, k) for k in range(len(inputs))))
-    results = {name: a.operand if isinstance(a, Number) else a for name, a in found.items()}
+    found = function(*(Number(values.emit, k) for k in range(len(inputs))))
+    results = {name: a.number if isinstance(a, Number) else a for name, a in found.items()}
     return Rule(inputs, values.operations, results)
 
 
@@ -86,14 +87,14 @@ def BEGIN_COMPONENT(x, f, counts, size, rate, total):
 def KEPT(x, new, keeps, kept):
     """Whether all components have their sign that have one to keep."""
     changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
-    return {"kept": (changes & (keeps > 0.0)).chosen(0.0, kept)}
+    return {"kept": (changes & (keeps > 0.0)).select(0.0, kept)}
 
 
 @_rule
 def LARGEST(x, new, largest, counts, top, moved):
     """The largest modulus of a component; a clock counts with its change in the step."""
-    change = (counts > 0.0).chosen(0.0, abs(new - x))
-    size = (counts > 0.0).chosen(larger(abs(new), largest), change)
+    change = (counts > 0.0).select(0.0, abs(new - x))
+    size = (counts > 0.0).select(larger(abs(new), largest), change)
     return {"top": larger(size, top), "moved": larger(change, moved)}
 
 
@@ -153,14 +154,14 @@ def IMPLICIT_ERROR_WITH_ATOL(x, new, error, noise, f_new, extra, rtol, ratio, to
 def BEGIN(size, rate, total, part, last, longest, first_next, first_state):
     """Of the first step: |x| changes by a part of itself, or x at rest by a part of the time."""
     relative = size / rate
-    guess = (size > 0.0).chosen(larger(relative, FIRST_OF_TIME * last), FIRST_AT_REST * last)
-    wanted = (rate > 0.0).chosen(part * guess, last)
+    guess = (size > 0.0).select(larger(relative, FIRST_OF_TIME * last), FIRST_AT_REST * last)
+    wanted = (rate > 0.0).select(part * guess, last)
     has_value = total < inf
     return {
         "wanted": smaller(smaller(wanted, last), longest),
         "longer": AT_FIRST,
         "next": first_next,
-        "state": has_value.chosen(first_state, float(State.NO_VALUE)),
+        "state": has_value.select(first_state, float(State.NO_VALUE)),
         "stiff": 0.0,
         "easy": 0.0,
         "patience": PATIENCE,
@@ -175,8 +176,8 @@ def BEGIN(size, rate, total, part, last, longest, first_next, first_state):
 def LENGTH(t, wanted, state, mode, last, sign):
     """Of this step, 0 in lanes that do not take it."""
     rest = last - t
-    taken = (wanted < REACH * rest).chosen(wanted, rest)
-    taken = state.equals(mode).chosen(taken, 0.0)
+    taken = (wanted < REACH * rest).select(wanted, rest)
+    taken = state.equals(mode).select(taken, 0.0)
     return {"taken": taken, "signed": sign * taken}
 
 
@@ -186,23 +187,23 @@ def _after(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, la
     factor = larger(smaller(SAFETY / ratio.sqrt().sqrt().sqrt(), longer), SHORTER)
     accepted = (taken > 0.0) & is_finite & (kept > 0.0) & (ratio <= 1.0)
     sees = is_finite & (kept > 0.0)  # the estimate means something
-    factor = sees.chosen(factor, OF_NAN)
-    factor = accepted.chosen(factor, smaller(factor, REFUSED))
+    factor = sees.select(factor, OF_NAN)
+    factor = accepted.select(factor, smaller(factor, REFUSED))
     is_active = taken > 0.0
-    reaches = (wanted < REACH * (last - t)).chosen(0.0, 1.0) > 0.0
+    reaches = (wanted < REACH * (last - t)).select(0.0, 1.0) > 0.0
     length = smaller(factor * taken, longest)
-    after = accepted.chosen(reaches.chosen(last, t + taken), t)
-    tried = tries + is_active.chosen(1.0, 0.0)
+    after = accepted.select(reaches.select(last, t + taken), t)
+    tried = tries + is_active.select(1.0, 0.0)
     is_short = (length < larger(SHORTEST * after, LEAST)) & is_active
     # A state keeps its number unless one of these happens.
-    state = (is_active & (tried > MOST_STEPS)).chosen(float(State.TOO_MANY), state)
-    state = is_short.chosen(float(State.ENDED), state)
-    state = (is_active & (after >= last)).chosen(float(State.DONE), state)
+    state = (is_active & (tried > MOST_STEPS)).select(float(State.TOO_MANY), state)
+    state = is_short.select(float(State.ENDED), state)
+    state = (is_active & (after >= last)).select(float(State.DONE), state)
     return accepted, is_active, length, state, {
-        "accepted": accepted.chosen(1.0, 0.0),
+        "accepted": accepted.select(1.0, 0.0),
         "t": after,
-        "longer": is_active.chosen(accepted.chosen(LONGER, AFTER_REFUSED), longer),
-        "steps": steps + accepted.chosen(1.0, 0.0),
+        "longer": is_active.select(accepted.select(LONGER, AFTER_REFUSED), longer),
+        "steps": steps + accepted.select(1.0, 0.0),
         "tries": tried,
     }  # fmt: skip
 
@@ -216,18 +217,18 @@ def CHOOSE_EXPLICIT(
         t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest
     )
     is_stiff = (taken * taken * rates > limit * limit * states) & (states > 0.0)
-    easy_now = is_stiff.chosen(0.0, easy + 1.0)
-    stiff_now = is_stiff.chosen(stiff + 1.0, (easy_now < FORGET).chosen(stiff, 0.0))
-    easy, stiff = accepted.chosen(easy_now, easy), accepted.chosen(stiff_now, stiff)
+    easy_now = is_stiff.select(0.0, easy + 1.0)
+    stiff_now = is_stiff.select(stiff + 1.0, (easy_now < FORGET).select(stiff, 0.0))
+    easy, stiff = accepted.select(easy_now, easy), accepted.select(stiff_now, stiff)
     turns = (stiff >= patience) & (switches > 0.0) & (state < State.IMPLICIT)
     return found | {
-        "wanted": is_active.chosen(length, wanted),
-        "longer": turns.chosen(AT_FIRST, found["longer"]),
-        "state": turns.chosen(float(State.IMPLICIT), state),
-        "stiff": turns.chosen(0.0, stiff),
-        "easy": turns.chosen(0.0, easy),
+        "wanted": is_active.select(length, wanted),
+        "longer": turns.select(AT_FIRST, found["longer"]),
+        "state": turns.select(float(State.IMPLICIT), state),
+        "stiff": turns.select(0.0, stiff),
+        "easy": turns.select(0.0, easy),
         "patience": patience,
-        "trial": turns.chosen(TRIAL, trial),
+        "trial": turns.select(TRIAL, trial),
     }
 
 
@@ -242,21 +243,21 @@ def CHOOSE_IMPLICIT(
     left = larger(trial - 1.0, 0.0)
     is_trial = left > 0.0
     product = rate * length
-    is_easy = (product < 2.0 * limit) & (product < is_trial.chosen(0.6 * limit, inf))
-    easy_now = is_easy.chosen(easy + 1.0, 0.0)
-    patient = (is_easy | is_trial).chosen(patience, PATIENCE)
-    easy, patience = accepted.chosen(easy_now, easy), accepted.chosen(patient, patience)
+    is_easy = (product < 2.0 * limit) & (product < is_trial.select(0.6 * limit, inf))
+    easy_now = is_easy.select(easy + 1.0, 0.0)
+    patient = (is_easy | is_trial).select(patience, PATIENCE)
+    easy, patience = accepted.select(easy_now, easy), accepted.select(patient, patience)
     runs = (state < State.DONE) & is_active
     turns = (easy >= EASY) & (switches > 0.0) & runs & accepted
-    after_trial = is_trial.chosen(smaller(4.0 * patience, MOST_PATIENCE), patience)
+    after_trial = is_trial.select(smaller(4.0 * patience, MOST_PATIENCE), patience)
     explicit = smaller(length, limit / larger(rate, LEAST))
     return found | {
-        "wanted": is_active.chosen(turns.chosen(explicit, length), wanted),
-        "state": turns.chosen(float(State.EXPLICIT), state),
-        "stiff": turns.chosen(0.0, stiff),
-        "easy": turns.chosen(0.0, easy),
-        "patience": turns.chosen(after_trial, patience),
-        "trial": accepted.chosen(left, trial),
+        "wanted": is_active.select(turns.select(explicit, length), wanted),
+        "state": turns.select(float(State.EXPLICIT), state),
+        "stiff": turns.select(0.0, stiff),
+        "easy": turns.select(0.0, easy),
+        "patience": turns.select(after_trial, patience),
+        "trial": accepted.select(left, trial),
     }
 
 
@@ -272,10 +273,10 @@ def INSIDE(t, after, taken, next, accepted, sign):
     offset = next - t
     is_pending = (accepted > 0.0) & (next <= after)
     is_forward = offset <= 0.5 * taken
-    length = is_forward.chosen(offset, offset - taken)
-    length = (is_pending & (next < after)).chosen(length, 0.0)
+    length = is_forward.select(offset, offset - taken)
+    length = (is_pending & (next < after)).select(length, 0.0)
     return {
-        "forward": (is_pending & is_forward & (next < after)).chosen(1.0, 0.0),
+        "forward": (is_pending & is_forward & (next < after)).select(1.0, 0.0),
         "signed": sign * length,
         "part": abs(length) / larger(taken, LEAST),
     }
@@ -287,9 +288,16 @@ def FEW(part, ratio1, ratio2, ratio3):
     square = part * part
     cube = square * part
     fifth = cube * square
-    more = (ratio3 * (fifth * square) <= OF_ALLOWED).chosen(3.0, 4.0)
-    more = (ratio2 * fifth <= OF_ALLOWED).chosen(2.0, more)
-    return {"few": (ratio1 * cube <= OF_ALLOWED).chosen(1.0, more)}
+    more = (ratio3 * (fifth * square) <= OF_ALLOWED).select(3.0, 4.0)
+    more = (ratio2 * fifth <= OF_ALLOWED).select(2.0, more)
+    return {"few": (ratio1 * cube <= OF_ALLOWED).select(1.0, more)}
+
+
+@_rule
+def WITH_SIGN(value, x, keeps):
+    """A component inside a step: 0 may lie within its error, but it keeps the sign of x."""
+    signed = x.equals(0.0).select(0.0, abs(value).then("copysign", x))
+    return {"value": (keeps > 0.0).select(signed, value)}
 
 
 @_rule
@@ -302,14 +310,14 @@ def LARGER_RATIO(error, inverse, ratio):
 def INSIDE_IMPLICIT(t, after, taken, next, accepted, sign):
     """Of the shorter step from the state before the step to the next time."""
     is_pending = (accepted > 0.0) & (next <= after)
-    length = (is_pending & (next < after)).chosen(next - t, 0.0)
+    length = (is_pending & (next < after)).select(next - t, 0.0)
     return {"length": length, "signed": sign * length}
 
 
 @_rule
 def FINITE(entry):
     """An entry of f' that is not finite counts as 0: J may be any matrix."""
-    return {"entry": (abs(entry) < inf).chosen(entry, 0.0)}
+    return {"entry": (abs(entry) < inf).select(entry, 0.0)}
 
 
 # One step of the power iteration on f', with components measured by their largest moduli.
@@ -333,4 +341,4 @@ def RATE(product, scale, size):
 @_rule
 def MODE(product, size, seed, mode):
     """The next vector; `seed` keeps it from staying in a part of the space."""
-    return {"mode": (size > 0.0).chosen(product / size + seed, mode)}
+    return {"mode": (size > 0.0).select(product / size + seed, mode)}

@@ -1,0 +1,493 @@
+"""`flow`: the motion at given times, and its result, `Motion`."""
+
+import pickle
+import warnings
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+from children import TWO_THREADS
+from scipy.integrate import solve_ivp
+from test_orders import FLOWS, HENON_HEILES, LORENZ, SQUARE, motion
+
+import suslov_fast as sf
+from suslov_fast import Field, Motion, PoleWarning, QuadraticField, Status, flow
+from suslov_fast.core.motion import engine
+
+
+def of(f, dimension, **parameters):
+    return QuadraticField.from_function(f, dimension, **parameters)
+
+
+SQUARES = of(lambda z: (z[0] ** 2 - z[1] ** 2, 2 * z[0] * z[1]), 2)  # z' = z**2
+
+
+def robertson(x):
+    slow, back, fast = 0.04 * x[0], 1e4 * x[1] * x[2], 3e7 * x[1] ** 2
+    return back - slow, slow - back - fast, fast
+
+
+def hires(y, k=280):
+    pair = k * y[5] * y[7]
+    return (
+        -1.71 * y[0] + 0.43 * y[1] + 8.32 * y[2] + 0.0007,
+        1.71 * y[0] - 8.75 * y[1],
+        -10.03 * y[2] + 0.43 * y[3] + 0.035 * y[4],
+        8.32 * y[1] + 1.71 * y[2] - 1.12 * y[3],
+        -1.745 * y[4] + 0.43 * y[5] + 0.43 * y[6],
+        -pair + 0.69 * y[3] + 1.71 * y[4] - 0.43 * y[5] + 0.69 * y[6],
+        pair - 1.81 * y[6],
+        -pair + 1.81 * y[6],
+    )
+
+
+HIRES = [1, 0, 0, 0, 0, 0, 0, 0.0057]
+# At t = 321.8122, from the test set for initial value problems.
+HIRES_END = [
+    0.7371312573325668e-3, 0.1442485726316185e-3, 0.5888729740967575e-4, 0.1175651343283149e-2,
+    0.2386356198831331e-2, 0.6238968252742796e-2, 0.2849998395185769e-2, 0.2850001604814231e-2,
+]  # fmt: skip
+
+
+PENDULUM = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+# Populations with a saturating response, whose f has quotients.
+FOOD_CHAIN = Field.from_function(
+    lambda x, a: (
+        x[0] * (1 - x[0]) - a * x[0] * x[1] / (1 + 3 * x[0]),
+        a * x[0] * x[1] / (1 + 3 * x[0]) - 0.4 * x[1],
+    ),
+    "prey predator",
+    a=5.0,
+)
+
+
+def at(field, x, time, **options):
+    """The states at a time, of all trajectories."""
+    (states,) = flow(field, x, time=time, **options)
+    return states
+
+
+def by_scipy(field, start, time):
+    start = np.array(start, float)
+
+    def slopes(t, y):
+        return field(y.reshape(start.shape)).ravel()
+
+    run = solve_ivp(slopes, (0, time), start.ravel(), "DOP853", rtol=1e-13, atol=1e-16)
+    return run.y[:, -1].reshape(start.shape)
+
+
+# ---------------------------------------------------------------------------------------- accuracy
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("name", FLOWS)
+def test_series(name):
+    """Against power series in long doubles; forward and back."""
+    field, start, time = FLOWS[name]
+    end, largest = motion(name).astype(float), abs(motion(name)).max()
+    tolerances = np.array([1e-4, 1e-6, 1e-9, 1e-12])
+    errors = [abs(at(field, start, time, rtol=rtol) - end).max() / largest for rtol in tolerances]
+    assert (errors < (3e3 if name == "Lorenz" else 20) * tolerances).all(), errors
+    assert errors[3] < errors[2] < errors[1] < errors[0]
+    back = at(field, end, -time, rtol=1e-12)
+    assert abs(back - start).max() < (1e-5 if name == "Lorenz" else 1e-10)
+
+
+def test_a_periodic_orbit_of_lorenz_returns():
+    """The orbit AB, with the printed period."""
+    guess = [-13.763610682134, -19.578751942452, 27.0]
+    assert abs(at(LORENZ, guess, 1.558652210716175) - guess).max() < 1e-6
+    assert abs(at(LORENZ, guess, 1.558652210716175, rtol=1e-13) - guess).max() < 1e-11
+
+
+def test_a_pendulum_in_elliptic_functions():
+    """sin(q / 2) = k sn(K - t) from rest at q0, k = sin(q0 / 2)."""
+    times, q0 = [0.5, 3.0, 20.0], 2.5
+    with mpmath.workdps(30):
+        m = mpmath.sin(mpmath.mpf(q0) / 2) ** 2
+        sn = [mpmath.ellipfun("sn", mpmath.ellipk(m) - t, m=m) for t in times]
+        wanted = [float(2 * mpmath.asin(mpmath.sqrt(m) * each)) for each in sn]
+    for rtol in (1e-6, 1e-9, 1e-12):
+        motion = flow(PENDULUM, [q0, 0.0], time=times, rtol=rtol)
+        assert abs(motion.x[:, 0] - wanted).max() < 100 * rtol
+        assert abs(motion.energy() - np.cos(q0 - np.pi)).max() < 10 * rtol
+
+
+def test_quotients_beside_dop853(rng):
+    x = rng.uniform(0.2, 1.0, (5, 2))
+    wanted = by_scipy(FOOD_CHAIN, x, 20.0)
+    for rtol in (1e-6, 1e-9):
+        assert abs(at(FOOD_CHAIN, x, 20.0, rtol=rtol) - wanted).max() < 300 * rtol
+
+
+@pytest.mark.parametrize("stiff", [True, False, None])
+def test_each_half_alone(stiff):
+    found = flow(LORENZ, [1.0, 1.0, 20.0], time=1.0, rtol=1e-8, stiff=stiff)
+    assert abs(found.x[-1] - motion("Lorenz").astype(float)).max() < 1e-4
+    assert found.stiff is stiff
+
+
+def test_exact_solutions_of_bodies(rng):
+    start, times = rng.normal(size=(40, 2)), [20.0, 3.0]
+    for body in (sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(2, 1, -0.5, -0.3, 0.1)):
+        exact = flow(body, start, time=times)
+        found = flow(QuadraticField.of(body), start, time=times)
+        assert abs(found.x - exact.omega).max() < 1e-8
+        assert not exact.steps.any()
+        assert found.steps.all()
+
+
+def test_bodies_without_a_closed_form_go_member_by_member():
+    bodies = sf.SuslovND([[1.0, 2, 3], [1, 1, 1]], [0.1, 0.2, 0.3])
+    whole = flow(bodies, [1.0, 1, 1], time=[0.5, 2.0])
+    assert (whole.steps > 0).tolist() == [True, False]
+    for k in range(2):
+        own = flow(bodies[k], [1.0, 1, 1], time=[0.5, 2.0])
+        assert (own.omega == whole.omega[:, k]).all()
+    by_field = flow(QuadraticField.of(bodies), [1.0, 1, 1], time=[0.5, 2.0])
+    assert abs(by_field.x - whole.omega).max() < 1e-8
+
+
+# ------------------------------------------------------------------------------------------- stiff
+def test_hires():
+    for rtol, bound in ((1e-4, 1e-3), (1e-6, 1e-5), (1e-8, 1e-7)):
+        found = at(of(hires, 8), HIRES, 321.8122, rtol=rtol)
+        assert abs(found / HIRES_END - 1).max() < bound
+
+
+def test_robertson():
+    motion = flow(of(robertson, 3), [1, 0, 0], time=[0.0, 40.0, 4e5], rtol=1e-6)
+    wanted = [0.7158270687193941, 9.185534764557338e-06, 0.2841637457458131]
+    assert abs(motion.x[1] / wanted - 1).max() < 1e-4
+    assert abs(motion.x[2, [0, 2]] - [4.93829e-3, 0.9950617]).max() < 1e-5  # Radau at 1e-12
+    assert abs(motion.x.sum(axis=1) - 1).max() < 1e-12
+    assert motion.steps < 200
+
+
+def test_small_components_have_digits_with_atol():
+    """y' = -y beside 1: 1e-12 of the largest has no digits by default."""
+    field = of(lambda x: (-1e-3 * x[0], 1e-14 * x[0] - 50 * x[1]), 2)
+    exact = 1e-14 * np.exp(-1e-2) / (50 - 1e-3)
+    small = at(field, [1.0, 0.0], 10.0, rtol=1e-8, atol=0.0)[1]
+    assert small == pytest.approx(exact, rel=1e-6)
+    assert flow(field, [1.0, 0.0], time=10.0, atol=[1e-3, 0.0]).atol == (1e-3, 0.0)
+
+
+def test_atol_allows_larger_errors():
+    steps = [
+        int(flow(HENON_HEILES, [0.1, 0.2, 0.3, -0.1], time=20.0, rtol=1e-12, atol=atol).steps)
+        for atol in (0.0, 1e-10, 1e-4)
+    ]
+    assert steps[0] > steps[1] > steps[2]
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-9, 1e-12])
+def test_populations_stay_positive(rtol):
+    """They fall to 1e-27 and below 1e-200; one below 0 would end at -1e80."""
+    field = of(lambda x: (x[0] * (1 - x[1] / 2), x[1] * (x[0] / 2 - 1)), 2)
+    times = np.linspace(0, 300, 61)
+    found = flow(field, [[100.0, 50.0], [2.0, 1e-250], [-100.0, 50.0]], time=times, rtol=rtol).x
+    small = rtol * np.maximum.accumulate(abs(found), axis=0).max(axis=2, keepdims=True)
+    assert (found * [[1, 1], [1, 1], [-1, 1]] >= -small).all()
+    [exact] = np.exp(
+        solve_ivp(
+            lambda t, u: (1 - np.exp(u[1]) / 2, np.exp(u[0]) / 2 - 1),
+            (0, 5), np.log([100.0, 50.0]), "DOP853", [5.0], rtol=1e-12, atol=1e-12,
+        ).y.T
+    )  # fmt: skip
+    assert abs(found[1, 0] - exact).max() < 100 * rtol
+
+
+def test_fast_decay():
+    family = of(lambda x, a: (-a * x[0],), 1, a=np.logspace(-1, 4, 21))
+    wanted = np.exp(-np.outer([0.1, 1.0], np.logspace(-1, 4, 21)))
+    assert abs(flow(family, [1.0], time=[0.1, 1.0]).x[..., 0] - wanted).max() < 2e-9
+
+
+# -------------------------------------------------------------------------- clocks, jumps, max_step
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+def test_a_drive_that_is_on_for_a_while(rtol):
+    """Also of one hour in thirty, at the default lengths of steps."""
+
+    def on(t, first, last, width):
+        return (np.tanh((t - first) / width) - np.tanh((t - last) / width)) / 2
+
+    slow = Field.from_function(lambda s: (1.0, -0.3 * s[1] + on(s[0], 5, 20, 0.01)), "t y")
+    assert at(slow, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(0.164114, abs=10 * rtol + 5e-7)
+    dose = Field.from_function(lambda s: (1.0, -0.5 * s[1] + 100 * on(s[0], 24, 25, 0.01)), "t c")
+    assert at(dose, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(6.4597, abs=1e-4)
+
+
+def test_max_step_finds_pulses():
+    """A pulse of 0.01 in a time of 100; its area is 1."""
+    pulse = Field.from_function(
+        lambda s: (1.0, np.exp(-((1e3 * (s[0] - 61.7)) ** 2)) * 1e3 / np.sqrt(np.pi)), "t y"
+    )
+    motion = flow(pulse, [0.0, 0.0], time=100.0, max_step=1e-3)
+    assert motion.x[-1, 1] == pytest.approx(1.0, abs=1e-7)
+    assert motion.max_step == 1e-3
+    assert motion.steps >= 1e5
+
+
+# ------------------------------------------------------------------------------------------- times
+def test_times_in_any_order(rng):
+    x = rng.normal(size=(2, 3, 4)) / 8
+    times = [3.0, 1.0, 0.0, 3.0, 0.5, 2.0, 1.0]
+    found = flow(HENON_HEILES, x, time=times)
+    assert found.x.shape == (7, 2, 3, 4)
+    assert (found.time == times).all()
+    assert (found.x[0] == found.x[3]).all()
+    assert (found.x[1] == found.x[6]).all()
+    assert (found.x[2] == x).all()
+    ascending = flow(HENON_HEILES, x, time=np.sort(times))
+    assert (ascending.x == found.x[np.argsort(times, kind="stable")]).all()
+    for time, states in zip(times, found, strict=True):
+        assert abs(at(HENON_HEILES, x, time) - states).max() < 1e-8
+    back = flow(HENON_HEILES, x, time=[-2.0, 0.0, -1.0])
+    assert (back.x[1] == x).all()
+    assert abs(at(HENON_HEILES, back.x[0], 2.0) - x).max() < 1e-8
+
+
+def test_many_times_do_not_shorten_steps(rng):
+    x, times = rng.normal(size=4) / 8, np.sort(rng.uniform(0, 20, 1001))
+    few = flow(HENON_HEILES, x, time=times[-1])
+    many = flow(HENON_HEILES, x, time=times)
+    assert many.steps == few.steps
+    exact = flow(HENON_HEILES, x, time=times, rtol=1e-13)
+    assert abs(many.x - exact.x).max() < 1e-7
+
+
+def test_empty_and_trivial_calls():
+    assert flow(HENON_HEILES, [0.1, 0, 0, 0.2], time=[]).x.shape == (0, 4)
+    empty = flow(HENON_HEILES, np.empty((0, 4)), time=[1.0])
+    assert empty.x.shape == (1, 0, 4)
+    assert empty.ok
+    assert (at(LORENZ, [0.0, 0.0, 0.0], 1e300) == 0.0).all()
+    nothing = flow(SQUARE, [[1.0], [np.nan]], time=[0.0])
+    assert nothing.status.tolist() == [Status.OK, Status.NONFINITE]
+    assert nothing.steps.tolist() == [0, 0]
+    starts = sf.RandomStarts(5, extent=0.1)
+    assert (
+        flow(HENON_HEILES, starts, time=1.0).x
+        == flow(HENON_HEILES, starts.states(5, 0, 4), time=1.0).x
+    ).all()
+
+
+# -------------------------------------------------------------------------------------------- bits
+@pytest.mark.compiled
+def test_bits_depend_neither_on_batch_nor_on_threads(rng, monkeypatch):
+    a = np.array([0.0, 1.0, 0.3, -0.2, 0.5] * 12)
+    family = of(lambda x, a: (x[1] - a * x[0] * x[2], -x[0] + x[0] * x[1], a - x[2]), 3, a=a)
+    cases = (
+        (LORENZ, rng.normal(size=(60, 3)) * 8 + [0, 0, 25]),
+        (family, rng.normal(size=(60, 3)) / 9),
+        (FOOD_CHAIN.with_parameters(a=np.linspace(1, 5, 60)), rng.uniform(0.2, 1, (60, 2))),
+    )
+    for field, x in cases:
+        whole = flow(field, x, time=[0.3, 1.0])
+        for part in (slice(3, 5), slice(7, 12), slice(20, 60), slice(None, None, -1)):
+            own = field[part] if field.shape else field
+            assert (flow(own, x[part], time=[0.3, 1.0]).x == whole.x[:, part]).all()
+        for k in (0, 1, 7):
+            own = field[k] if field.shape else field
+            alone = flow(own, x[k], time=[0.3, 1.0])
+            assert (alone.x == whole.x[:, k]).all()
+            assert alone.steps == whole.steps[k]
+        with monkeypatch.context() as patch:
+            patch.setattr(engine, "BLOCK", 8)
+            threaded = flow(field, x, time=[0.3, 1.0], threads=TWO_THREADS)
+            assert threaded == whole
+            patch.setattr(engine, "BUDGET", 1)
+            assert flow(field, x, time=[0.3, 1.0]) == whole
+
+
+def test_shapes_broadcast():
+    family = of(lambda x, a: (x[1], -a * x[0]), 2, a=[[1.0], [4.0]])
+    found = flow(family, [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], time=[0.5, 1.0])
+    assert found.x.shape == (2, 2, 3, 2)
+    assert found.status.shape == found.end.shape == found.steps.shape == (2, 3)
+    a, q, p = np.array([[1.0], [2.0]]), np.array([1.0, 0, 1]), np.array([0.0, 1, 1])
+    wanted = q * np.cos(a) + p * np.sin(a) / a
+    assert abs(found.x[-1, ..., 0] - wanted).max() < 1e-8
+
+
+# ------------------------------------------------------------------------------- ends and warnings
+@pytest.mark.parametrize(
+    ("field", "start", "end"),
+    [
+        (SQUARE, [1.0], 1.0),
+        (SQUARES, [1.0, 0.0], 1.0),
+        (of(lambda x: (1 + x[0] ** 2,), 1), [0.0], np.pi / 2),
+        (of(lambda x: (-(x[0] ** 2),), 1), [4.0], -0.25),
+    ],
+)
+def test_solutions_that_end(field, start, end):
+    times = np.array([0.5, 0.99, 1.01, 2.0]) * end
+    with pytest.warns(PoleWarning) as record:
+        found = flow(field, start, time=times)
+    assert len(record) == 1
+    assert found.end == pytest.approx(end, abs=1e-6)
+    assert (found.status, found.ok) == (Status.ENDED, False)
+    assert np.isfinite(found.x[:2]).all()
+    assert np.isnan(found.x[2:]).all()
+
+
+def test_a_solution_that_passes_a_pole_by_does_not_end():
+    z = 1 + 0.1j
+    found = flow(SQUARES, [z.real, z.imag], time=[1.0, 2.0])
+    exact = z / (1 - z * np.array([1.0, 2.0]))
+    assert abs(found.x - np.stack([exact.real, exact.imag], axis=-1)).max() < 1e-7
+
+
+def test_one_warning_names_the_first():
+    start = np.array([[-1.0], [0.5], [1.0], [np.nan], [0.1]])
+    with pytest.warns(PoleWarning, match=r"2 of 5 solutions end.* 1 at t = 2$") as record:
+        found = flow(SQUARE, start, time=[3.0, 0.0])
+    assert len(record) == 1
+    statuses = [Status.OK, Status.ENDED, Status.ENDED, Status.NONFINITE, Status.OK]
+    assert found.status.tolist() == statuses
+    assert np.isnan(found.x[0, :, 0]).tolist() == [False, True, True, True, False]
+    assert np.isnan(found.end).tolist() == [True, False, False, False, True]
+    with pytest.warns(PoleWarning, match="1 of 1 solutions have no value"):
+        none = flow(LORENZ, [1e200, 1e200, 1.0], time=1.0)
+    assert (none.status, none.end) == (Status.NONFINITE, 0.0)
+    assert np.isnan(none.x).all()
+
+
+@pytest.mark.compiled
+def test_solutions_that_need_ever_shorter_steps():
+    """Backward in time Lorenz's y and z turn at the rate x, which grows like exp(-10 t)."""
+    with pytest.warns(PoleWarning, match="1 of 2 solutions take more than 250,000 steps"):
+        found = flow(LORENZ, [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0]], time=[-50.0, -1.0])
+    assert found.status.tolist() == [Status.TOO_MANY_STEPS, Status.OK]
+    assert -2.0 < found.end[0] < -1.0
+    assert np.isnan(found.x[0, 0]).all()
+    np.testing.assert_allclose(found.x[0, 1, 2], np.exp(8 / 3 * 50.0), rtol=1e-6)
+
+
+def test_no_warning_for_ordinary_motion():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        flow(LORENZ, [1.0, 1, 20], time=[1.0, 0.1])
+        flow(of(lambda x: (0 * x[0],), 1), [1.0], time=3.0)
+        flow(SQUARE, [[np.nan]], time=1.0)
+
+
+# ---------------------------------------------------------------------------------------- progress
+def test_progress(rng, monkeypatch):
+    monkeypatch.setattr(engine, "BUDGET", 2**12)
+    x, times, seen = rng.normal(size=(40, 4)) / 9, [0.0, 1.0, 1.0, 200.0], []
+    found = flow(HENON_HEILES, x, time=times, progress=lambda *each: seen.append(each))
+    assert len(seen) > 2
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen)
+    assert {total for _, total in seen} == {160}
+    assert found.ok
+    stopped = flow(HENON_HEILES, x, time=times, progress=lambda done, total: len(seen) < 0)
+    assert (stopped.status == Status.TOO_MANY_STEPS).any()
+    is_there = ~np.isnan(stopped.x)
+    assert not is_there.all()
+    assert (stopped.x[is_there] == found.x[is_there]).all()
+
+
+# -------------------------------------------------------------------------------------- the result
+def test_the_result_is_like_its_states():
+    found = flow(PENDULUM, [[2.5, 0.0], [1.0, 0.0]], time=[0.0, 1.0, 2.0])
+    assert len(found) == 3
+    assert (found[1] == found.x[1]).all()
+    assert (np.asarray(found) == found.states).all()
+    assert [each.shape for each in found] == [(2, 2)] * 3
+    assert found.names == ("q", "p")
+    assert found.energy().shape == (3, 2)
+    assert "energy" in dir(found)
+    assert not {"omega", "first_integral", "extend"} & {*dir(found)}
+    for array in (found.states, found.time, found.status, found.end, found.steps):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+    with pytest.raises(AttributeError, match=r"run\.x"):
+        _ = found.omega
+    body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    exact = flow(body, [1.0, 0.5], time=[0.0, 1.0, 2.0])
+    assert abs(np.diff(exact.energy())).max() < 1e-14
+    assert abs(np.diff(exact.first_integral())).max() < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("system", "x"),
+    [
+        (LORENZ, [[1.0, 1, 20], [np.nan, 0, 0]]),
+        (FOOD_CHAIN.with_parameters(a=[1.0, 2.0]), [0.5, 0.5]),
+        (sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5]),
+        (of(lambda x: (Fraction(1, 3) * x[0],), 1), [1.0]),
+    ],
+)
+def test_files(tmp_path, system, x):
+    found = flow(system, x, time=[0.5, 0.25], atol=1e-12, stiff=False, max_step=0.125)
+    found.save(tmp_path / "motion.npz")
+    loaded = Motion.load(tmp_path / "motion.npz")
+    assert loaded == found
+    assert pickle.loads(pickle.dumps(found)) == found
+    assert loaded != flow(system, x, time=[0.5, 0.25], atol=1e-12, stiff=False)
+    with pytest.raises(ValueError, match=r"Motion\.load"):
+        sf.Trajectories.load(tmp_path / "motion.npz")
+
+
+def test_datasets():
+    pytest.importorskip("xarray")
+    family = FOOD_CHAIN.with_parameters(a=[1.0, 2.0, 3.0])
+    found = flow(family, [0.5, 0.5], time=[0.0, 0.5, 1.0])
+    data = found.to_xarray()
+    assert data.x.dims == ("time", "a", "component")
+    assert data.x.sel(time=0.5, a=2.0, component="prey").item() == found.x[1, 1, 0]
+    assert data.status.dims == data.steps.dims == ("a",)
+    with pytest.raises(ValueError, match=r"^dims"):
+        found.to_xarray(dims=["x", "y"])
+
+
+def test_plots():
+    plt = pytest.importorskip("matplotlib.pyplot")
+    found = flow(PENDULUM, [[2.5, 0.0], [1.0, 0.0]], time=np.linspace(20, 0, 201))
+    lines = found.plot("time", "q").collections[0].get_segments()
+    assert len(lines) == 2
+    assert (np.diff(lines[0][:, 0]) > 0).all()
+    plt.close("all")
+
+
+# --------------------------------------------------------------------------------------- bad input
+@pytest.mark.parametrize(
+    ("error", "name", "options"),
+    [
+        (ValueError, "rtol", {"rtol": 0}),
+        (ValueError, "rtol", {"rtol": 0.1}),
+        (ValueError, "rtol", {"rtol": [1e-6, 1e-7]}),
+        (ValueError, "rtol", {"rtol": np.nan}),
+        (TypeError, "rtol", {"rtol": None}),
+        (ValueError, "atol", {"atol": -1.0}),
+        (ValueError, "atol", {"atol": [1.0, 2.0]}),
+        (ValueError, "max_step", {"max_step": 0.0}),
+        (TypeError, "stiff", {"stiff": "auto"}),
+        (ValueError, "time", {"time": np.inf}),
+        (ValueError, "time", {"time": [np.nan]}),
+        (ValueError, "time", {"time": [[1.0]]}),
+        (ValueError, "time", {"time": [-1.0, 1.0]}),
+        (ValueError, "threads", {"threads": 0}),
+        (TypeError, "progress", {"progress": 3}),
+    ],
+)
+def test_bad_options(error, name, options):
+    with pytest.raises(error, match=f"^{name}"):
+        flow(SQUARE, [1.0], **{"time": 1.0} | options)
+
+
+def test_bad_input():
+    with pytest.raises(TypeError, match="time="):  # as for `solve_ivp`
+        flow(SQUARE, (0, 15), [10.0])
+    with pytest.raises(TypeError, match="time"):
+        flow(SQUARE, [1.0])
+    with pytest.raises(ValueError, match=r"^x0"):
+        flow(SQUARE, [1.0, 2.0], time=1.0)
+    with pytest.raises(TypeError, match=r"^system"):
+        flow(lambda t, y: -y, [1.0], time=1.0)
+    with pytest.raises(ValueError, match="x0"):
+        flow(of(lambda x, a: (a * x[0],), 1, a=[1, 2]), np.ones((3, 1)), time=1.0)
+    with pytest.raises(MemoryError):
+        flow(LORENZ, np.ones((10**6, 3)), time=np.arange(1e6))

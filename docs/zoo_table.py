@@ -25,13 +25,18 @@ def row(name):
         map.dimension,
         "" if eps is None else eps,
         ", ".join(str(each) for each in found.degrees[:6]),
-        f"{found.growth.kind}, {found.growth.entropy:.3f}"
-        if found.growth.entropy
-        else found.growth.kind,
+        growth_of(found),
         integrals,
         f"degree {found.measures[0].degree}" if found.measures else f"none to {found.degree}",
     )
     return f"| {' | '.join(str(cell) for cell in cells)} |"
+
+
+def growth_of(found):
+    """Return the kind of growth, the entropy if it is not 0, and whether it is proved."""
+    kind, entropy, *_ = found.growth
+    rate = f", {entropy:.3f}" if entropy else ""
+    return f"{kind}{rate}" + ", proved" * (found.proved_entropy is not None)
 
 
 def lines():

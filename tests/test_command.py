@@ -522,6 +522,10 @@ def test_report():
     line = "report --body b.json --eps 1/3 --degree 1"
     assert "degree" in succeed(line)
     assert facts_of(line)
+    lemma = "25*(4*x1^2 + x2^2)/(25*x1^2 + 30*x1*x2 + 9*x2^2 + 40000)"
+    for system in ("--figure 1", "--I1 4 --I2 1 --I13 -0.5 --I23 -0.3"):
+        found = facts_of(f"report {system} --eps 0.2 --degree 2 --json")
+        assert [each["formula"] for each in found["integrals"]] == [lemma]
 
 
 def test_a_report_that_is_interrupted(monkeypatch):

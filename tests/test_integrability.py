@@ -174,6 +174,53 @@ def test_rational_maps():
     assert pickle.loads(pickle.dumps(both)) == both
 
 
+@pytest.mark.parametrize("letter", ["h", "λ"])
+def test_a_letter_in_the_coefficients(letter):
+    """What is found for it holds for its values; so do maps, inverses, formulas, and text."""
+    forward = f"lambda x, {letter}: (x[1], {letter} * (x[1] + 1) / (x[0] * ({letter} - 2)))"
+    backward = f"lambda x, {letter}: ({letter} * (x[0] + 1) / (x[1] * ({letter} - 2)), x[0])"
+    map = rational_map(eval(forward), 2, eval(backward), letter=letter)
+    assert pickle.loads(pickle.dumps(map)) == map
+    assert letter in repr(map)
+    assert map.degenerate_eps == (0, 2)
+    found, value, x = report(map), F(5, 3), (F(1, 2), F(3))
+    assert (found.special_eps, found.planar.proved) == ((0, 2), True)
+    assert f"at {letter} = 0, 2." in repr(found)
+    at_number = map.subs(**{letter: value})
+    assert at_number((1, 2)) == (2, value * 3 / (value - 2)) == map.subs("5/3")((1, 2))
+    assert tuple(f.subs(**{letter: value})([]) for f in map((1, 2))) == at_number((1, 2))
+    assert at_number.inverse(at_number(x)) == x
+    (integral,) = found.integrals
+    assert integral.letter == letter in str(integral)
+    assert integral(at_number(x), value) == integral(x, value) == integral.subs(value)(x)
+    assert_holds(report(at_number), at_number, x)
+    assert degrees(map, 9) == degrees(at_number, 9)
+    bases = hk_bases(map, [(0, 0), (1, 0), (0, 1), (1, 1), (2, 1), (1, 2), (2, 0), (0, 2)])
+    assert bases.complete
+    with pytest.raises(ArithmeticError, match="no map"):
+        map.subs(2)
+
+
+@pytest.mark.parametrize(
+    ("given", "error"),
+    [
+        ({"q": 2}, TypeError),
+        ({}, TypeError),
+        ({"h": "x"}, ValueError),
+        ({"h": math.nan}, ValueError),
+    ],
+)
+def test_values_of_a_letter(given, error):
+    map = rational_map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, letter="h")
+    with pytest.raises(error, match=r"^h "):
+        map.subs(**given)
+    with pytest.raises(TypeError, match="no letter"):
+        LYNESS.subs(h=1)
+    for letter in (3, "2h", "x1"):
+        with pytest.raises(ValueError, match=r"^letter "):
+            rational_map(lambda x, h: (x[0], h), 2, letter=letter)
+
+
 # Degrees and their growth.
 
 
@@ -836,6 +883,9 @@ def test_the_figures_of_the_paper(k):
         assert [R(x) for R in found.symmetries].count((-x[0], -x[1])) == 1
         constant = integral(x) / lemma
     assert integral([1, 0]) / constant == I1 / (4 * I1 * I2 + (F(str(eps)) * I13) ** 2)
+    for wrong, error in ((0, ValueError), (5, ValueError), ("1", TypeError)):
+        with pytest.raises(error, match=r"^k "):
+            Suslov3D.figure(wrong)
 
 
 @pytest.mark.slow

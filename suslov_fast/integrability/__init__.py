@@ -16,13 +16,13 @@ The files, in an order in which each uses only those before it:
 - `tasks`: the queue of a search. `growth`: degrees of iterates.
 - `reducible`: reducible polynomials of a space. `contracted`, `confinement`, `never_confined`,
   `monomials`, `planar`: the entropy of maps of the plane, from the curves that they contract, and
-  of monomial maps. `levels`: maps on levels of integrals, which may be maps of the plane.
+  of monomial maps. `surfaces`: maps on levels of integrals, which may be maps of the plane.
 - `relations`: linear relations along orbits. `implicit`: integrals by them, without a formula.
   `locus`: parameters with more of them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them. `normal_form`: which of many formulas. `symmetries`: reversing ones.
 - `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `process`: a search that can be
-  interrupted. `report`: the results in one object.
+  interrupted. `report`: the results in one object. `levels`: the function for them.
 """
 
 import sys
@@ -46,11 +46,12 @@ from .functions import RationalFunction
 from .growth import Growth, degrees, growth
 from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
-from .levels import Level, on_level
+from .levels import on_level
 from .locus import Locus, Special, locus
 from .maps import RationalMap, rational_map
 from .planar import Contraction, PlanarEntropy, planar_entropy
 from .report import Report, report
+from .surfaces import Level
 from .zoo import zoo
 
 __all__ = [

@@ -3,8 +3,8 @@
 `contracted` computes them modulo primes, at random points of the curve. Here they are computed at
 its general point, with a parameter s: of a line, of one of several conjugate lines, or of a conic.
 The coordinates of the germ are polynomials in s, in eps if it is symbolic, and in r, an algebraic
-number: that of one of the lines, or of a point of the conic. For curves of higher degree orders are
-exact if the forms have them as multiplicities at the points of the orbit of one point.
+number: that of one of the lines, or of a point of the conic. Orders of a curve that is no line are
+exact, too, if the forms have them as multiplicities at the points of the orbit of one point.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     if not passage.common_orders:
         return passage.steps is None
     germs = _Germs(plane, number)
-    if not germs.first:
-        return germs.have_multiplicities(passage)
+    if plane.degrees[number] > 1 and germs.have_multiplicities(passage):
+        return True
     expected = [*zip(passage.common_orders, passage.curve_orders, strict=True)]
-    for terms in _TERMS:
+    for terms in _TERMS if germs.first else ():
         followed = germs.orders(terms, len(expected))
         if followed is None:
             return False

@@ -124,7 +124,8 @@ class RationalFunction:
         >>> image, image.subs(eps="1/3")
         (2/(-2*eps + 1), 6)
         """
-        number = value_of(self.letter or "eps", value, named)
+        letter = self.letter or next(iter(named), "eps")  # a constant has none, and needs none
+        number = value_of(letter, value, named)
         powers = (factored(modulo(P, 0, arithmetic.fmpq(number))) ** e for P, e in self.factors)
         try:
             product = math.prod(powers, start=RationalFunction((), self.constant))
@@ -317,6 +318,12 @@ def as_function(value: Any) -> RationalFunction:
     return RationalFunction((), arithmetic.rational("number", value))
 
 
+def check_letter(letter: Any, names: Sequence[str]) -> None:
+    """Raise an error for a letter that is no name, or that of a variable."""
+    if not isinstance(letter, str) or not letter.isidentifier() or letter in names:
+        raise wrong("letter", "a name that no variable has, such as h", short(letter))
+
+
 def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fraction:
     """Return the number that a call gives for a letter, by its name or without one."""
     if (len(value), {*named}) not in ((1, set()), (0, {letter})):
@@ -331,7 +338,7 @@ def traced(name: str, f: Any, n: int, letter: str = "") -> list[Any]:
     if not callable(f):
         expected = "a function of x, the tuple of variables"
         raise wrong(name, expected, type(f).__name__, TypeError)
-    given = {letter: 0} if letter else {}
+    given: dict[str, Any] = {letter: 0} if letter else {}
     check_arguments(name, f, labels(n), given, "rational_map" if name == "f" else "")
     ring = polynomial_ring(n, bool(letter))
     symbols = [*map(factored, ring.gens())]

@@ -7,7 +7,6 @@ energy is H + grad H (x~ - x) / 3 (Celledoni, McLachlan, Owren and Quispel 2013)
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
@@ -27,14 +26,14 @@ from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap
 from .polynomials import coprime, cramer, degree_of
 
-_POINTS = 3  # random points, whose common roots in eps are those of all points
-
 
 class KahanMap(RationalMap):
     """The Kahan map of a quadratic field, exact; made by `kahan`.
 
     A `RationalMap`. If `eps` is None, the step size is symbolic; `subs` replaces it by a number.
     """
+
+    _step = "eps"
 
     def __init__(self, field: QuadraticField, eps: Fraction | None) -> None:
         self.field, self.eps = field, eps
@@ -60,7 +59,7 @@ class KahanMap(RationalMap):
     @property
     def inverse_forms(self) -> list[Any]:
         if self.eps is not None:
-            return self.inverse.forms  # type: ignore[no-any-return]
+            return self.inverse.forms
         eps, *x = self.ring.gens()
         return [F.compose(-eps, *x) for F in self.forms]
 
@@ -190,21 +189,16 @@ class KahanMap(RationalMap):
         """The rational eps without a map, or where det DPhi is 0 everywhere, if eps is symbolic.
 
         They come in pairs eps, -eps: where the image of the map is of lower dimension, so is that
-        of its inverse, or there is none. They are roots, for all x, of det A(x) or of the numerator
-        of det DPhi(x): here for a few x.
+        of its inverse, or there is none.
         """
-        rng, common = random.Random(0), self.ring.constant(0)
-        for _ in range(_POINTS):
-            numbers = (*rng.sample(range(2, 10**6), self.dimension), 1)
-            x = [self.ring.constant(a) for a in numbers]
-            y = self.homogeneous_image(x)
-            # det DPhi is this determinant at the homogeneous image y, over y_0^D det A(x).
-            determinant = cramer(self._system(y, -1))[-1]
-            denominator = y[-1] ** (self.dimension + 1)
-            numerator = determinant // determinant.gcd(denominator)
-            common = common.gcd(numerator * y[-1])
-        roots = factored(common).special
-        return tuple(sorted({sign * eps for eps in roots for sign in (1, -1)}))
+        return tuple(sorted({sign * eps for eps in super().degenerate_eps for sign in (1, -1)}))
+
+    def _degeneracy(self, x: Sequence[Any]) -> Any:
+        """Return det A times the numerator of det DPhi at a point."""
+        y = self.homogeneous_image(x)
+        # det DPhi is this determinant at the homogeneous image y, over y_0^D det A(x).
+        determinant = cramer(self._system(y, -1))[-1]
+        return determinant // determinant.gcd(y[-1] ** (self.dimension + 1)) * y[-1]
 
     @cached_property
     def hamiltonian(self) -> Any:

@@ -16,11 +16,12 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..checks import integer, short, wrong
+from ..bodies.names import labels
+from ..checks import integer
 from ..keywords import answers, public
 from . import arithmetic
 from .arithmetic import EPS, Point
-from .functions import RationalFunction, factored, traced, value_of
+from .functions import RationalFunction, check_letter, factored, traced, value_of
 from .polynomials import (
     coprime,
     degree_of,
@@ -51,6 +52,7 @@ class RationalMap:
     """
 
     letter = ""  # a symbol in the coefficients, such as eps
+    _step = ""  # the name of a letter that also a map with its number has
     _instead = ": pass the field itself; a rational map is only for the functions of integrability"
     names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
     inverse: Any
@@ -112,11 +114,11 @@ class RationalMap:
         >>> rational_map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, letter="h").subs(h=3)
         rational_map(x2, (x2 + 3)/x1)
         """
-        return self._at(value_of(self.letter or "eps", value, named))
+        if not (letter := self.letter or self._step):
+            raise TypeError(f"{self} has no letter: its coefficients are numbers")
+        return self._at(value_of(letter, value, named))
 
     def _at(self, value: Fraction) -> RationalMap:
-        if not self.is_symbolic:
-            raise TypeError(f"{self} has no letter: its coefficients are numbers")
         at_number = [modulo(F, 0, arithmetic.fmpq(value)) for F in self.forms]
         scale = math.lcm(*(int(c.q) for F in at_number for c in F.coeffs()))
         ring = polynomial_ring(self.dimension, False)
@@ -138,16 +140,20 @@ class RationalMap:
 
     @cached_property
     def degenerate_eps(self) -> tuple[Fraction, ...]:
-        """The rational values of a symbolic letter without a map, or where det DPhi is 0 for all x.
+        """The rational values of a letter without a map, or where det DPhi is 0 everywhere.
 
-        They are roots of F_0^(D + 1) det DPhi for all x: here for a few x.
+        They are common roots of `_degeneracy` for all x: here for a few x.
         """
         rng, common = random.Random(0), self.ring.constant(0)
-        rows = determinant(self._rows())
         for _ in range(_POINTS):
-            x = [self.ring.constant(a) for a in rng.sample(range(2, 10**6), self.dimension)]
-            common = common.gcd(rows.compose(*self.ring.gens()[:1], *x))
+            numbers = (*rng.sample(range(2, 10**6), self.dimension), 1)
+            common = common.gcd(self._degeneracy([self.ring.constant(a) for a in numbers]))
         return factored(common).special
+
+    def _degeneracy(self, x: Sequence[Any]) -> Any:
+        """Return F_0^(D + 1) det DPhi at a point, a polynomial in the letter."""
+        rows = ([P.compose(*self.ring.gens()[:1], *x[:-1]) for P in row] for row in self._rows())
+        return determinant([*rows])
 
     @cached_property
     def coefficients(self) -> list[int]:
@@ -475,8 +481,8 @@ def rational_map(
     ((x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2),)
     """
     n = integer("dimension", dimension, 1)
-    if not isinstance(letter, str) or (letter and not letter.isidentifier()):
-        raise wrong("letter", "the name of an argument of f", short(letter))
+    if letter != "":
+        check_letter(letter, labels(n))
     forms = traced("f", f, n, letter)
     if inverse is None:
         return RationalMap(forms, letter=letter)

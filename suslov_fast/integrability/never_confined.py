@@ -85,7 +85,7 @@ def _why_never_on_a_line(plane: Plane, number: int) -> str:
     if not plane.symbolic:
         return _why_never_at_number(plane, number)
     for eps in _NUMBERS:
-        at_number = Plane(plane.map.subs(eps))  # type: ignore[attr-defined]
+        at_number = Plane(plane.map.subs(eps))
         line = primitive(cleared(modulo(plane.curves[number], 0, arithmetic.fmpq(eps))))
         lines = [k for k, degree in enumerate(at_number.degrees) if degree == 1]
         same = next((k for k in lines if at_number.curves[k] == line), None)

@@ -27,6 +27,7 @@ from .kahan import KahanMap, kahan
 from .maps import RationalMap, check_map
 from .planar import PlanarEntropy
 from .process import search_until, search_with_interrupts
+from .surfaces import Level
 from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text
@@ -72,6 +73,8 @@ class Report:
     polynomials: Functions = ()
     symmetries: tuple[Reversor, ...] = ()  # reversing ones, of a field
     planar: PlanarEntropy | None = None  # of a birational map of the plane
+    level: Level | None = None  # the generic one of D - 2 integrals
+    on_level: PlanarEntropy | None = None  # of the map on it
     relations: int | None = None  # the number of independent integrals that orbits show
     special_eps: tuple[Fraction, ...] = ()
     searched: list[str] = dataclasses.field(default_factory=list)
@@ -94,6 +97,23 @@ class Report:
         return by_degrees._replace(entropy_error=error, based_on=based_on)
 
     @property
+    def proved_entropy(self) -> float | None:
+        """The algebraic entropy of the map if it is proved, else None.
+
+        In the plane by the contracted curves or an integral; with D - 1 integrals, because their
+        levels are curves; in three dimensions also on the generic level of one integral.
+        """
+        if self._levels_are_curves:
+            return 0.0
+        known = self.on_level if self.map.dimension == 3 else self.planar
+        return known.entropy if known and known.proved else None
+
+    @property
+    def _levels_are_curves(self) -> bool:
+        proved = sum(f.basis == IDENTITY for f in self.integrals)
+        return self.map.dimension > 2 and proved == self.map.dimension - 1
+
+    @property
     def dimension(self) -> int:
         """The dimension of the level sets of all integrals."""
         known = len(self.integrals) + len(self.implicit)
@@ -108,7 +128,7 @@ class Report:
         lines = [
             self._title(),
             *self._lines_of_growth(),
-            *self._lines_of_planar_entropy(),
+            *self._lines_of_entropy(),
             _listed("First integrals", self.integrals, 6, no_integral),
             *self._lines_of_implicit_integrals(),
             _listed(f"Densities of measures{up_to_sign}", self.measures, 1, none),
@@ -119,7 +139,8 @@ class Report:
         lines += self._lines_of_level_sets()
         if self.special_eps:
             what = "A formula has no meaning, or there is no birational map"
-            lines.append(f"{what}, at eps = {', '.join(map(str, self.special_eps))}.")
+            values = ", ".join(map(str, self.special_eps))
+            lines.append(f"{what}, at {self.map.letter} = {values}.")
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
@@ -127,7 +148,7 @@ class Report:
     def _title(self) -> str:
         D = self.map.dimension
         if not isinstance(self.map, KahanMap):
-            return f"Map of {D} variables"
+            return f"Map of {D} variables" + f", {self.map.letter} symbolic" * self.map.is_symbolic
         field, eps = str(self.map.field), self.map.eps
         field = field if len(field) <= 2 * _WIDTH else f"a quadratic field of {D} variables"
         return f"Kahan map of {field}, eps {'symbolic' if eps is None else f'= {eps}'}"
@@ -144,16 +165,21 @@ class Report:
             f"Growth: {kind}{rate}; evidence, not a proof: {based_on}",
         ]
 
-    def _lines_of_planar_entropy(self) -> list[str]:
-        planar = self.planar
+    def _lines_of_entropy(self) -> list[str]:
+        D, planar = self.map.dimension, self.planar or self.on_level
+        if self._levels_are_curves:
+            return ["Entropy (proved): 0, because the levels of the integrals are curves"]
         if planar is None:
             return []
+        # In three dimensions that on the generic level is that of the map.
+        where = " on a level" * (D > 3)
         if planar.entropy is None:
-            return [f"Entropy: none, {planar.reason}"]
+            return [f"Entropy{where}: none, {planar.reason}"]
         root = f", log of the largest root of {planar.minimal}" if planar.entropy else ""
         lengths = ", ".join("not confined" if n is None else str(n) for n in planar.lengths)
         orbits = f"; lengths of the orbits of contracted curves: {lengths}" if lengths else ""
-        return [f"Entropy ({planar.certainty}): {planar.entropy:.6g}{root}{orbits}"]
+        entropy = f"Entropy{where} ({planar.certainty}): {planar.entropy:.6g}{root}"
+        return [f"{entropy}; on {self.level.how}" if self.level else f"{entropy}{orbits}"]
 
     def _lines_of_implicit_integrals(self) -> list[str]:
         """Return how many integrals are written, and the degrees of the others."""

@@ -33,6 +33,7 @@ from .polynomials import (
     without_content,
 )
 from .relations import count_relations, integrals_of_relations
+from .surfaces import Level, entropy_on_levels
 from .symmetries import Reversor, reversing_symmetries
 from .tasks import LATE, Queue, Task
 
@@ -65,6 +66,8 @@ class Search:
         self.relations: int | None = None
         self.symmetries: tuple[Reversor, ...] = ()
         self.planar: PlanarEntropy | None = None
+        self.level: Level | None = None
+        self.on_level: PlanarEntropy | None = None  # the entropy of the map there
         self.version = 0  # of the polynomials, from which integrals and measures follow
         self._normal_forms = NormalForms(self.invariants)
         self._levels: dict[int, int] = {}  # the degree of the latest task of each cofactor
@@ -81,6 +84,7 @@ class Search:
             setattr(report, name, tuple(f.renamed(*names) for f in getattr(self.known, name)))
         report.implicit = self.known.implicit
         report.symmetries = self.symmetries
+        report.level, report.on_level = self.level, self.on_level
         report.planar = proved_by_integral(self.planar, self.known.integrals)
         report.searched = [*self._searched()]
         if self.map.is_symbolic:
@@ -397,6 +401,7 @@ _INTEGRALS = Search._hamiltonian, Search._relations, Search._simple_cofactors, S
 _OTHERS: tuple[Callable[[Any], Tasks], ...] = (
     degrees_of_iterates,
     entropy_of_planar_maps,
+    entropy_on_levels,
     reversing_symmetries,
 )
 _TEXTS = {
@@ -405,6 +410,7 @@ _TEXTS = {
     "simple": "polynomials up to degree {k} with the cofactors 1, -1, det DPhi and -det DPhi",
     "products": "polynomials up to degree {k} with products of known cofactors, and minus these",
     "planar entropy": "the orbits of contracted curves",
+    "levels": "the map on the generic level of the integrals",
     "symmetries": "affine involutions that take the map to its inverse",
     "all": "Darboux polynomials up to degree {k} with products of powers of the factors of "
     "det DPhi as cofactors",

@@ -1,0 +1,247 @@
+"""Maps on levels of their integrals: entropies, against degrees of iterates and papers."""
+
+import math
+import pickle
+from fractions import Fraction as F
+
+import numpy as np
+import pytest
+
+from suslov_fast import QuadraticField, SuslovND
+
+pytest.importorskip("flint")
+
+from suslov_fast.integrability import (
+    degrees,
+    growth,
+    kahan,
+    on_level,
+    planar_entropy,
+    rational_map,
+    report,
+    zoo,
+)
+
+field_of = QuadraticField.from_function
+SILVER = math.log(1 + math.sqrt(2))
+ZOO = zoo()
+
+
+def total(x):
+    return x[0] + x[1] + x[2]
+
+
+def lotka_volterra(a, b, c):
+    """The sum of the three variables is an integral."""
+    return field_of(
+        lambda x: (
+            x[0] * (a * x[1] - b * x[2]),
+            x[1] * (c * x[2] - a * x[0]),
+            x[2] * (b * x[0] - c * x[1]),
+        ),
+        3,
+    )
+
+
+def rotors(a, b):
+    """The gyrostat of Zhukovsky and Volterra."""
+    products = lambda x: (x[1] * x[2], x[2] * x[0], x[0] * x[1])  # noqa: E731
+    return field_of(lambda x: np.array(a) * products(x) + np.cross(x, b), 3)
+
+
+def nambu(A, B):
+    """The cross product of the gradients of the quadratic forms x A x / 2 and x B x / 2."""
+    return field_of(lambda x: np.cross(np.array(A) @ x, np.array(B) @ x), 3)
+
+
+def third_order(z):
+    """The map of a recurrence x_(n+3) = z(x_n, x_(n+1), x_(n+2)) that is the same backwards."""
+    return rational_map(
+        lambda x: (x[1], x[2], z(*x)), 3, inverse=lambda x: (z(*x[::-1]), x[0], x[1])
+    )
+
+
+def entropy_by_degrees(map, n):
+    found = growth(degrees(map, n))
+    return found.entropy, max(found.entropy_error, 1e-9)
+
+
+def with_memory(z, h):
+    """The map of x_(n+1) = z(x_(n-1), x_n, h), third order for the integral h(x1, x2, x3)."""
+    return third_order(lambda *x: z(x[1], x[2], h(*x))), [lambda x: h(*x)]
+
+
+LATE = with_memory(  # Hietarinta and Viallet
+    lambda x, y, h: y - x + h / y**2, lambda x, y, z: (z + x - y) * y**2
+)
+HENON = rational_map(
+    lambda x: (x[1], x[2], x[2] ** 2 + x[2] - x[1] ** 2 + 2 * x[0] - 2 * x[1]),
+    3,
+    inverse=lambda x: ((x[2] - x[1] - x[1] ** 2 + x[0] ** 2) / 2 + x[0], x[0], x[1]),
+)
+BETAS = kahan(rotors((1, 2, -3), (1, 2, 0)), F(1, 2))
+OF_BETAS = [lambda x: (4 * x[0] ** 2 - 2 * x[1] ** 2 + 4 * x[0] + 8 * x[1] - 7) / (x[2] ** 2 - 8)]
+EQUAL = [([2, 2, 2], [1, 2, -1]), ([3, 3, 3], [1, 0, 2]), ([2, 2, 2, 2], [1, 2, -1, 3])]
+
+slow = pytest.mark.slow
+CASES = [  # a map, its integrals, the entropy
+    *((kahan(lotka_volterra(*k), F(1, 2)), [total], 0) for k in ((1, 1, 1), (1, 1, 0), (1, 2, -2))),
+    *((kahan(lotka_volterra(*k), F(1, 3)), [total], 0) for k in ((1, -3, 3), (2, 3, -2))),
+    *(
+        (kahan(lotka_volterra(*k), F(1, 2)), [total], math.log(2))
+        for k in ((1, 2, 3), (2, 1, 3), (3, 1, 1), (1, 2, 0), (4, 1, 1), (0, 1, 2))
+    ),
+    (BETAS, OF_BETAS, SILVER),
+    (*LATE, math.log((3 + math.sqrt(5)) / 2)),
+    (HENON, [lambda x: x[2] - x[1] ** 2 + 2 * x[0]], math.log(2)),
+    (
+        third_order(lambda x, y, z: (y * z + 3) / x),
+        [lambda x: x[0] / x[2] + x[2] / x[0] + 3 / (x[1] * x[2]) + 3 / (x[0] * x[1])],
+        0,
+    ),
+    *(
+        pytest.param(kahan(rotors(a, b), F(1, 2)), None, entropy, marks=slow)
+        for a, b, entropy in (
+            ((1, 2, -3), (1, 1, 0), SILVER),
+            ((3, -5, 2), (2, 0, 1), SILVER),
+            ((2, 1, -3), (1, 0, 3), SILVER),
+            ((1, 1, -2), (2, 1, 0), SILVER),
+            ((5, -2, -3), (0, 1, 1), SILVER),
+            ((1, 4, -5), (0, 3, 0), 0),
+        )
+    ),
+    pytest.param(
+        kahan(nambu(np.diag([1, 2, 3]), np.diag([2, 1, 0])), F(1, 4)), None, 0, marks=slow
+    ),
+    pytest.param(*(kahan(*ZOO["Kharlamova"]), None, SILVER), marks=slow),
+    *(
+        pytest.param(kahan(QuadraticField.of(SuslovND(*each)), F(1, 4)), None, 0, marks=slow)
+        for each in EQUAL
+    ),
+]
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize(("map", "integrals", "entropy"), CASES)
+def test_entropies_on_the_generic_level(map, integrals, entropy):
+    """They are those that the degrees of the map itself show, and proved."""
+    level = on_level(map, integrals)
+    found = planar_entropy(level.map)
+    assert found.proved, found
+    assert found.entropy == pytest.approx(entropy, abs=1e-12)
+    by_degrees = growth(degrees(map, 8))
+    assert by_degrees.entropy == pytest.approx(entropy, abs=max(by_degrees.entropy_error, 1e-9))
+
+
+@pytest.mark.parametrize(
+    ("map", "integrals", "point"),
+    [
+        (kahan(lotka_volterra(1, 2, 3), F(1, 2)), [total], (1, 2, 4)),
+        (BETAS, OF_BETAS, (1, F(1, 3), 2)),
+        (HENON, [lambda x: x[2] - x[1] ** 2 + 2 * x[0]], (F(2, 7), 1, -1)),
+    ],
+)
+def test_a_level_through_a_point(map, integrals, point):
+    """Chart and embedding are inverse to each other, and take the map to that of the level."""
+    level = on_level(map, integrals, point=point)
+    assert level.map == pickle.loads(pickle.dumps(level)).map
+    assert not level.map.is_symbolic
+    (integral,) = integrals
+    u = (F(3, 5), F(-7, 11))
+    x = [f(u) for f in level.embedding]
+    assert integral(x) == integral([F(a) for a in point])
+    assert tuple(f(x) for f in level.chart) == u
+    assert tuple(f(map(x)) for f in level.chart) == level.map(u)
+    assert level.map.inverse(level.map(u)) == u
+    # The same with a letter, at its value for this level.
+    generic = on_level(map, integrals)
+    assert planar_entropy(generic.map).entropy == planar_entropy(level.map).entropy
+    y = [f(u, h=F(5, 3)) for f in generic.embedding]
+    after = [f(map(y), F(5, 3)) for f in generic.chart]
+    assert tuple(after) == generic.map.subs(h=F(5, 3))(u)
+
+
+def test_eps_stays_symbolic():
+    """And is the letter of the level through a point."""
+    map = kahan(lotka_volterra(1, 2, 3))
+    level = on_level(map, [total], point=(1, 2, 4))
+    assert (level.map.letter, planar_entropy(level.map).proved) == ("eps", True)
+    at_number = on_level(map.subs(eps=F(1, 2)), [total], point=(1, 2, 4))
+    assert level.map.subs(eps=F(1, 2))((3, 5)) == at_number.map((3, 5))
+    with pytest.raises(ValueError, match=r"^point .*eps"):
+        on_level(map, [total])
+
+
+def test_the_integrals_of_a_report_are_taken():
+    map = kahan(lotka_volterra(1, 2, 3), F(1, 2))
+    level = on_level(map)
+    assert level.map == on_level(map, [total]).map
+    assert "x1 + x2 + x3 = h" in repr(level)
+
+
+CYCLE = kahan(lotka_volterra(1, 1, 1), 1)  # with the integral x1 x2 x3 / (...), too
+PRODUCT = third_order(lambda x, y, z: y * z / x)  # with x1 / x3
+SCALED = rational_map(
+    lambda x: (2 * x[0], x[1] / 2, x[2] + 1), 3, lambda x: (x[0] / 2, 2 * x[1], x[2] - 1)
+)
+
+
+@pytest.mark.parametrize(
+    ("map", "integrals", "given", "argument"),
+    [
+        # x1 / x3 is 0 / 0 there.
+        (PRODUCT, [lambda x: x[0] / x[2]], {"point": (0, 1, 0)}, "point"),
+        # The vertex of a cone, and a point where two planes meet.
+        (BETAS, OF_BETAS, {"point": (F(-1, 2), 2, 0)}, "point"),
+        (SCALED, [lambda x: x[0] * x[1]], {"point": (0, 0, 1)}, "point"),
+        # Not conserved; too many; none; dependent; no functions; of other variables.
+        (CYCLE, [lambda x: x[0] + 2 * x[1]], {}, "integrals"),
+        (CYCLE, [total, total], {}, "integrals"),
+        (CYCLE, [], {}, "integrals"),
+        (CYCLE, [lambda x: 0 * x[0] + 3], {}, "integrals"),
+        (CYCLE, [3.0], {}, "integrals"),
+        (CYCLE, [total], {"point": (1, 2)}, "point"),
+        (CYCLE, [total], {"letter": "2h"}, "letter"),
+        (CYCLE, [total], {"letter": "x2"}, "letter"),
+        (kahan(*ZOO["Lotka-Volterra"]), [], {}, "map"),
+        (rational_map(lambda x: (x[1], x[2], x[1] * x[2] / x[0]), 3), [], {}, "map"),
+    ],
+)
+def test_hostile_arguments(map, integrals, given, argument):
+    with pytest.raises((ValueError, TypeError), match=f"^{argument}"):
+        on_level(map, integrals, **given)
+
+
+def test_components_of_levels():
+    """The one through the point counts, if it is taken to itself."""
+    squared = on_level(CYCLE, [lambda x: total(x) ** 2])
+    assert (squared.map.degree, planar_entropy(squared.map).entropy) == (2, 0)
+    on_plane = on_level(SCALED, [lambda x: x[0] * x[1]], point=(0, 3, 1))
+    assert on_plane.map((3, 1)) == (F(3, 2), 2)
+    with pytest.raises(ArithmeticError, match="to poles"):  # the plane x3 = 0 goes to a line
+        on_level(PRODUCT, [lambda x: x[0] / x[2]], point=(1, 2, 0))
+    swapped = rational_map(
+        lambda x: (-x[0], x[1] + 1, x[2] * x[1]), 3, lambda x: (-x[0], x[1] - 1, x[2] / (x[1] - 1))
+    )
+    with pytest.raises(ArithmeticError, match="to itself"):
+        on_level(swapped, [lambda x: x[0] ** 2], point=(1, 2, 3))
+
+
+@pytest.mark.slow
+def test_a_level_without_a_rule():
+    with pytest.raises(ValueError, match=r"^integrals .* degree 2, \d in x1"):
+        on_level(kahan(*ZOO["Suslov, Lagrange axis"]))
+
+
+@pytest.mark.slow
+def test_reports_say_the_entropy_on_the_generic_level():
+    found = report(*ZOO["Zhukovsky-Volterra, two betas"])
+    assert (found.on_level.entropy, found.on_level.proved) == (pytest.approx(SILVER), True)
+    assert "Entropy (proved): 0.881374, log of the largest root of x^2 - 2*x - 1" in repr(found)
+    assert found.level.how in repr(found)
+    assert found.to_dict()["on_level"]["proved"] is True
+    in_five = report(*ZOO["Kharlamova"])
+    assert "Entropy on a level (proved): 0.881374" in repr(in_five)
+    assert "Entropy (proved): 0, because" in repr(report(*ZOO["Euler top"]))
+    no_rule = report(*ZOO["Suslov, Lagrange axis"])
+    assert "Entropy on a level: none, integrals" in repr(no_rule)

@@ -20,7 +20,9 @@ from work import MACHINE, NUMPY, OTHERS, OURS, C, Work
 
 import suslov_fast as sf
 from suslov_fast import exact, iterate
+from suslov_fast.core import numba as compiling
 
+compiling.PATIENCE = -1.0  # small calls compile, and do not run as Python first
 CASES: list[work.Case] = []
 
 

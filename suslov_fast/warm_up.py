@@ -12,6 +12,7 @@ import numpy as np
 import suslov_fast as sf
 
 from .compiled import step
+from .core import numba as compiling
 from .core.cache import folder_of
 from .core.steps_3d import steps
 from .engine import threads
@@ -33,7 +34,8 @@ def call_all() -> None:
     ]
     for map in MAPS.values():
         problems += [(map, make(rng, ()), 0.5, FEW) for make in map.random]
-    crossover = threads.CROSSOVER
+    crossover, patience = threads.CROSSOVER, compiling.PATIENCE
+    compiling.PATIENCE = -1.0  # nothing runs as Python
     for map, body, pole, count in problems:
         threads.CROSSOVER = 0 if count == MANY else crossover
         states = rng.uniform(0.1, 1.0, (count, body.dimension))
@@ -50,9 +52,10 @@ def call_all() -> None:
                 positional = [keywords.pop(k) for k in ("body", *_STATES) if k in keywords]
                 if "I3" in names:  # `step_full`, whose states have three components
                     positional[1] = np.pad(states, [(0, 0), (0, 1)], constant_values=0.5)
-                with suppress(ValueError, TypeError):  # some functions do not take this body
+                # Some functions do not take this body; drawings need an extra.
+                with suppress(ValueError, TypeError, ImportError):
                     function(*positional, **keywords)
-    threads.CROSSOVER = crossover
+    threads.CROSSOVER, compiling.PATIENCE = crossover, patience
 
 
 def where_code_is_kept() -> str:

@@ -320,16 +320,19 @@ def test_ctrl_c_at_random_moments_of_a_field(in_loop, monkeypatch):
     x = np.random.default_rng(1).uniform(-1, 1, (900, 3))
     expected = sf.iterate(field, x, 0.1, 30, threads=1).states
     sf.iterate(field, x, 0.1, 30, threads=2)  # compiles
+    began = time.perf_counter()
+    sf.iterate(field, x, 0.1, 30, threads=2)
+    seconds = time.perf_counter() - began
     with interrupts(lambda *_: signal.raise_signal(signal.SIGINT)):
         for _ in range(300):
             try:
-                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, 5e-3))
+                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, seconds))
                 sf.iterate(field, x, 0.1, 30, threads=2)
                 signal.setitimer(signal.ITIMER_REAL, 0)
             except KeyboardInterrupt:
                 heard += 1
             assert not threads._one_at_a_time._is_owned()
-    assert heard > 100
+    assert heard > 50
     assert (sf.iterate(field, x, 0.1, 30, threads=2).states == expected).all()
 
 

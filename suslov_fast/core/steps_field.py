@@ -17,8 +17,6 @@ States are in lines of W lanes, x[line, component, lane]. After a failure a traj
 """
 
 import functools
-from contextlib import suppress
-from time import perf_counter
 
 import numpy as np
 from numba import config
@@ -290,11 +288,12 @@ class FieldSteps(Kernel):
             with np.errstate(all="ignore"):
                 _carry_out(parts, functools.partial(call_together, loop))
             return
-        abandoned, began = [], perf_counter()
-        in_parts(
-            threads, lambda part: self(part, threads, *arguments, abandoned=abandoned), abandoned
-        )
-        self.seconds += perf_counter() - began
+        abandoned = []
+
+        def work(part):
+            self(part, threads, *arguments, abandoned=abandoned)
+
+        self.in_python(in_parts, threads, work, abandoned)
 
 
 def call_each(calls):
@@ -308,9 +307,11 @@ def _carry_out(parts, make_calls):
     while parts:
         left, calls = [], []
         for part, result in zip(parts, results, strict=True):
-            with suppress(StopIteration):
+            try:
                 calls.append(part.send(result))
-                left.append(part)
+            except StopIteration:
+                continue
+            left.append(part)
         parts, results = left, make_calls(calls) if calls else []
 
 

@@ -45,7 +45,7 @@ _ELSEWHERE = {
     "iterate(...).plot()": "phaseportrait plot",
     "lyapunov_exponents": "lyapunov lyapunovs lyapunovspectrum maxlyapunov lyapunovexponent",
     "fixed_points": "fixedpoints equilibria equilibrium",
-    "QuadraticField.from_function, or LiftedField.from_function": "fromfunction field system",
+    "QuadraticField.from_function, or Field.from_function": "fromfunction field system",
     _OF_SYMPY: "fromsympy fromexpressions fromequations",
     "QuadraticField.from_hamiltonian": "fromhamiltonian hamiltonianfield hamiltonian",
     "suslov_fast.integrability.report": "report conservedquantities integrals firstintegrals",

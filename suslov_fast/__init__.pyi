@@ -4,7 +4,6 @@
 from .bodies.classes import body_from_dict as body_from_dict
 from .bodies.field import QuadraticField as QuadraticField
 from .bodies.general import Field as Field
-from .bodies.lifted import LiftedField as LiftedField
 from .bodies.nd import NotIntegrableError as NotIntegrableError
 from .bodies.nd import SuslovND as SuslovND
 from .bodies.rigid import Suslov3D as Suslov3D
@@ -39,13 +38,14 @@ from .runs.ensemble import ensemble as ensemble
 from .runs.ensemble import open_ensemble as open_ensemble
 from .runs.failures import SingularStepError as SingularStepError
 from .runs.find_crossings import crossings as crossings
+from .runs.flow import flow as flow
 from .runs.iterate import iterate as iterate
 from .runs.iterate import step as step
 from .runs.iterate import step_full as step_full
+from .runs.motion import Motion as Motion
 from .runs.periodic import PeriodicOrbit as PeriodicOrbit
 from .runs.periodic import periodic_orbit as periodic_orbit
 from .runs.solution import exact as exact
-from .runs.solution import flow as flow
 from .runs.solution import limits as limits
 from .runs.trajectories import Trajectories as Trajectories
 from .space import attitude as attitude

@@ -62,12 +62,12 @@ def wrong(name: str, expected: str, received: object = None, error: Any = ValueE
 # Titles of the pages that errors point to, which have no address yet.
 _TITLES = {
     "howto/body": "Start from your inertia tensor",
-    "howto/smooth": "Equations that are not quadratic",
+    "howto/motion": "Any equations, to a tolerance",
 }
 
 
 def page(name: str) -> str:
-    """Return in words a page of the documentation, such as "howto/smooth"."""
+    """Return in words a page of the documentation, such as "howto/motion"."""
     return f'the page "{_TITLES[name]}" of the documentation'
 
 
@@ -345,7 +345,7 @@ def in_place_of(value: Any) -> str:
     if type(value).__module__.startswith((f"{__package__}.core.", f"{__package__}.compiled")):
         return ": pass the body or field itself; frames and systems are for loops of your own"
     if callable(value) and not instead:
-        return ": pass LiftedField.from_function(f, names), or QuadraticField if f is quadratic"
+        return ": pass QuadraticField.from_function(f, names), or Field if f is not quadratic"
     return instead
 
 

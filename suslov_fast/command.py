@@ -20,7 +20,7 @@ from typing import Any
 import suslov_fast as sf
 
 from .keywords import missing_file
-from .options import PARAMETERS, check_method, parsed, reading, writing
+from .options import PARAMETERS, check_method, parsed
 from .summary import facts_in, facts_of, is_complete, lines_of, result_in
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
@@ -348,13 +348,6 @@ def report(options: argparse.Namespace) -> None:
     limit = _NO_LIMIT if options.time_limit is None else options.time_limit
     try:
         body, eps = _body_and_step(options, needs_step=False)
-        if isinstance(body, sf.LiftedField):
-            make = writing(f"{reading(options.body)}.lifted", "lifted.json")
-            then = "suslov-fast report --body lifted.json"
-            raise ValueError(
-                f"{options.body}: the equations of a LiftedField are not quadratic; for the map of "
-                f"all variables {make}, and then {then}"
-            )
         show(report_of(body, eps, options.degree, time_limit=limit))
     except KeyboardInterrupt as error:
         if hasattr(error, "report"):  # results so far

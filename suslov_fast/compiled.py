@@ -37,7 +37,6 @@ from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
 from .core import map_3d, quantities
 from .core.arrays import uncounted
 from .core.field_system import FieldSystem
-from .core.lifted_system import LiftedSystem
 from .core.llvm import select
 from .core.numba import for_users, formula, of_kind
 from .core.steps_nd import GaussSystem, NDSystem
@@ -49,7 +48,6 @@ __all__ = [
     "Frame",
     "GaussSystem",
     "GyrostatFrame",
-    "LiftedSystem",
     "NDSystem",
     "advance",
     "energy",
@@ -279,14 +277,12 @@ def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -
 
 
 @public
-def system(
-    body: Body, /, eps: ArrayLike, *, method: str = "auto"
-) -> NDSystem | FieldSystem | LiftedSystem:
+def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem | FieldSystem:
     """Return the constants of one body or field and one step size, for loops in n dimensions.
 
     Parameters
     ----------
-    body : SuslovND, QuadraticField, LiftedField, or a body in three dimensions
+    body : SuslovND, QuadraticField, or a body in three dimensions
         A single body, or a field. For bodies in three dimensions a :func:`frame` is faster.
     eps
         As in :func:`frame`.
@@ -297,13 +293,7 @@ def system(
     -------
     NamedTuple of arrays and numbers
         Pass it to compiled functions as an argument. Numba does not cache a function in which the
-        system of a field is a global, because it contains an address of this process. That of a
-        LiftedField cannot be pickled.
-
-    Raises
-    ------
-    RuntimeError
-        For a LiftedField, if there is no machine code, as under NUMBA_DISABLE_JIT.
+        system of a field is a global, because it contains an address of this process.
 
     Examples
     --------
@@ -328,14 +318,14 @@ def system(
 
 
 @for_users
-def work(system: NDSystem | FieldSystem | LiftedSystem) -> tuple[Any, ...]:
+def work(system: NDSystem | FieldSystem) -> tuple[Any, ...]:
     """Return the memory that :func:`step_system` needs in one thread; steps allocate no more."""
     return system.dimension, _memory(system)
 
 
 @for_users
 def step_system(
-    system: NDSystem | FieldSystem | LiftedSystem,
+    system: NDSystem | FieldSystem,
     x: FloatArray,
     out: FloatArray,
     work: tuple[Any, ...],

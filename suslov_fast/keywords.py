@@ -84,8 +84,7 @@ _IN_BODIES = {
     "dim ndim D N": "dimension",
     "x omega states": "the states of a run, as iterate returns it",
     "rhs f func fun": "field(x), the right-hand side at states x",
-    "quadratic linear constant terms": "QuadraticField.of(body), or field.lifted, which has it",
-    "lifted": "the field itself, because it is quadratic",
+    "quadratic linear constant terms": "QuadraticField.of(body), whose terms they are",
     "jac jacobian Df df Dx eigenvalues eigvals derivative": "QuadraticField.of(body).jacobian(x), "
     "the derivative of the right-hand side; suslov_fast.jacobian is that of a step",
     "dt h t": "eps, an argument of iterate",
@@ -134,7 +133,9 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     others += ["parameters, such as a=1"] * takes_any
     stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
     required = [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
-    whole = f"({', '.join(required[is_method:])})" if len(required) > 1 + is_method else ""
+    written = [f"{a.name}=..." if a.kind is a.KEYWORD_ONLY else a.name for a in parameters]
+    written = [name for name in written if name.removesuffix("=...") in required]
+    whole = f"({', '.join(written[is_method:])})" if len(required) > 1 + is_method else ""
     *_, owner, called = ("", *function.__qualname__.split("."))
     called = owner if called.startswith("__") else called
 

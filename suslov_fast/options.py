@@ -53,7 +53,7 @@ _OTHERS = {
 _OTHERS = {word: name for words, name in _OTHERS.items() for word in words.split()}
 # What --steps has in place of times.
 _SPAN = "a run ends at the time eps * steps"
-_TOLERANCE = "there is no tolerance: pass --method extrapolated, or call suslov_fast.flow in Python"
+_TOLERANCE = "a map has steps, --eps and --steps: call suslov_fast.flow in Python for a tolerance"
 _SPANS = {"t", "t-span", "t-end", "t-max", "tmax", "tend", "tf", "time", "duration"}
 # What to do with a file that stands where a command belongs.
 _FOR_FILE = {
@@ -249,10 +249,7 @@ def _run(parser: Any) -> None:
     add = parser.add_argument_group("run").add_argument
     add("--eps", type=fraction, metavar="X", help="step size (default: that of the figure)")
     add("--steps", type=integer, metavar="N", default=1000, help="number of steps (default 1000)")
-    methods = (
-        "auto (default); of fields order4, order6, order8, extrapolated; "
-        "in n dimensions gauss, rank2"
-    )
+    methods = "auto (default); of fields order4, order6, order8; in n dimensions gauss, rank2"
     add("--method", default="auto", help=methods)
     add("--threads", type=integer, metavar="N", help="number of threads (default: all)")
     every = "save every K-th state (default: the last one only)"

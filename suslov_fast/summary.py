@@ -13,7 +13,6 @@ _NAMES_OF_ARRAYS = "tiled", "shared"
 # Attributes of stores of fields: the number of variables and their terms, and those of H.
 _TERMS = "dimension", "indices", "values"
 _LISTS = *_TERMS, "indices of H", "H", "K"
-_LISTS_OF_LIFTED = "numbers", "values"
 
 
 def facts_in(path: Path) -> dict[str, Any]:
@@ -150,8 +149,7 @@ def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
         del shown["method"]
     if record.variable == "x":
         body = facts["body"]
-        is_lifted = "definitions" in facts  # the attributes of a store, with equations as text
-        lists = [n for n in (_LISTS_OF_LIFTED if is_lifted else _LISTS) if n in facts]
+        lists = [n for n in _LISTS if n in facts]
         if not isinstance(body, dict) and "dimension" in facts:  # the attributes of a store
             body = {"body": body} | {k: facts[k] for k in (*_TERMS, "names") if k in facts}
             # For a long list a store has a text, size and range, in place of numbers.

@@ -28,7 +28,7 @@ _VECTOR = {"X", "Y", "Z", "U", "V", "W", "state", "states", "vec"}
 _NUMBERED = re.compile(r"[A-Za-z]+_?\d+")
 _WITH_RATES = re.compile(r"([pvd]_?)?[xyz](_?dot)?")
 _RUNS = "xyzw", "xyzuvw", "xyuv", "xv", "uvw", "qp", "pq", "XYZW", "UVW"
-CUBIC = "howto/smooth"
+GENERAL = "howto/motion"
 _OURS = {"suslov_fast", "numpy", "numba"}  # packages whose errors are told otherwise
 _LAMBDIFIED = "_lambdifygenerated"  # the name of functions of SymPy, which users do not see
 # Functions of `math` with another name in NumPy.
@@ -137,7 +137,7 @@ def check_arguments(
             )
             advice = _adapted(f_name, f, names, given, states, maker)
         if is_timed:
-            advice += f"; for a forcing see {page(CUBIC)}"
+            advice += f"; for a forcing see {page(GENERAL)}"
         must = "must take the state alone, as one tuple, and parameters by name"
         received = f"{f_name}({', '.join(arguments)})"
         raise TypeError(f"{argument} {must}, not {received}: {advice}")
@@ -291,8 +291,8 @@ def _value(name: str, given: Mapping[str, Any], missing: str = "") -> Any:
     return value if isinstance(value, (int, float)) else name
 
 
-def general_call(f: Any, argument: str, names: Sequence[str], parameters: Mapping[str, Any]) -> str:
-    """Return the call that makes a `LiftedField` of a function f, or of a Hamiltonian."""
+def field_call(f: Any, argument: str, names: Sequence[str], parameters: Mapping[str, Any]) -> str:
+    """Return the call that makes a `Field` of a function f, or of a Hamiltonian."""
     maker = "from_hamiltonian" if argument == "H" else "from_function"
     size = len(names) if tuple(names) == labels(len(names)) else repr(" ".join(names))
     values = (f", {name}={_value(name, parameters)}" for name in parameters)
@@ -315,7 +315,7 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         how = "call its Python function, g.py_func(*x) in place of g(*x)"
         return f"{f_name} calls a function compiled by Numba, which takes no symbols: {how}"
     if says(text, "time is None"):
-        how = f"make time a variable, whose derivative is 1, see {page(CUBIC)}"
+        how = f"make time a variable, whose derivative is 1, see {page(GENERAL)}"
         return f"{text}: if you pass None for t, the right-hand side depends on t: {how}"
     if is_family and says(text, "array of a number"):
         how = "pass each number by its own name, such as sigma=10, rho=28"
@@ -328,10 +328,10 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         return f"numpy.linalg cannot compute with symbols ({text}): {how}"
     if says(text, "number of a symbol"):
         if isinstance(error, AttributeError):
-            return f"{text}: x holds symbols, for + - * / and ** alone; see {page(CUBIC)}"
+            return f"{text}: x holds symbols, for + - * / and ** alone; see {page(GENERAL)}"
         why = "x holds symbols, so f cannot use if or float of them, or store them in an array"
         how = "return a tuple of expressions, or fill np.zeros(n, dtype=object)"
-        return f"{text}: {why} of floats: {how}; see {page(CUBIC)}"
+        return f"{text}: {why} of floats: {how}; see {page(GENERAL)}"
     if len(names) == 1 and len(names[0]) > 1 and re.search("to unpack|but the dimension", text):
         return f"{text}: {names[0]!r} is one name, write {' '.join(names[0])!r} for {len(names[0])}"
     if says(text, "unpacking"):

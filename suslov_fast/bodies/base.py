@@ -141,7 +141,7 @@ class Body(Members):
         Raises
         ------
         TypeError
-            If the body is a `LiftedField`, whose equations are not quadratic.
+            If the body is a `Field`, whose equations need not be quadratic.
 
         Examples
         --------
@@ -242,8 +242,8 @@ class Body(Members):
         """Return the class and the exact parameters as a dictionary for JSON.
 
         A coefficient that no float equals becomes a string "p/q". A field has its terms, or with a
-        Hamiltonian those of H and the entries of K, as lists of indices and of values. A lifted
-        field has its equations as texts.
+        Hamiltonian those of H and the entries of K, as lists of indices and of values. A `Field`
+        has its equations as texts.
 
         Returns
         -------

@@ -9,19 +9,18 @@ from .base import Body
 from .field import QuadraticField
 from .field_of_terms import FieldOfFunction
 from .general import Field
-from .lifted import LiftedField
 from .nd import SuslovND
 from .rigid import Suslov3D, SuslovGyrostat
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
-BodyOrField = AnyBody | QuadraticField | Field | LiftedField
+BodyOrField = AnyBody | QuadraticField | Field
 
 
 def class_named(name: Any) -> type[Any]:
     """Return the class of bodies with this name; those of the package come first."""
     classes: list[Any] = [Suslov3D, SuslovND, SuslovGyrostat, QuadraticField, Field]
-    classes += [LiftedField, Body]
+    classes += [Body]
     for class_ in classes:  # the list grows meanwhile, until it has all descendants
         classes.extend(class_.__subclasses__())
     kinds: dict[Any, type[Any]] = {}
@@ -45,7 +44,7 @@ def body_from_dict(parameters: Mapping[str, Any]) -> BodyOrField:
 
     Returns
     -------
-    QuadraticField, Field, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
+    QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
         The class that the entry ``"body"`` names.
 
     Raises

@@ -299,7 +299,7 @@ class QuadraticField(_FieldOfTerms):
         Raises
         ------
         TypeError
-            If `body` is no body, or a `LiftedField`, whose equations are not quadratic.
+            If `body` is no body, or a `Field`, whose equations need not be quadratic.
 
         Examples
         --------

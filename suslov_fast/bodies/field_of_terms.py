@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, ClassVar
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
 from ..checks import FloatArray
+from ..core.lists.dense import DenseRightHandSide, dense_parameters
 from ..core.lists.quadratic import parameters_of, right_hand_side_of
 from ..keywords import public
 from .base import Body, Parameters, frozen
@@ -28,6 +30,16 @@ _OF_STORES = frozenset(
     "H K body coords dims eps format functions indices map method names omega0 save_every shared "
     "steps tiled title values version attitude".split()
 )
+
+_LONG = 4000  # terms, above which a dense field is taken by loops
+
+
+class OfMembers(NamedTuple):
+    """The right-hand side of some members of a family, or of a single field."""
+
+    members: NDArray[np.int64]  # their numbers (K,)
+    f: Any  # a `RightHandSide`
+    table: FloatArray  # its numbers (K, n), see `RightHandSide.table_of`
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -53,6 +65,19 @@ class FieldOfFunction(Body):
             how = "for solve_ivp pass lambda t, x: field(x)"
             raise TypeError(f"a field takes the state alone, field(x): {how}")
         return self._value_at(x)
+
+    @cached_property
+    def _right_hand_sides(self) -> list[OfMembers]:
+        """f for the motion, and its table, for groups of members with the same operations."""
+        f, parameters = self._right_hand_side
+        count = math.prod(self.shape)
+        table = f.table_of(parameters).reshape(len(f.table), count)
+        return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
+
+    @property
+    def _listed_right_hand_sides(self) -> list[OfMembers]:
+        """The same, as lists of operations."""
+        return self._right_hand_sides
 
     @public
     def jacobian(self, x: Any) -> FloatArray:
@@ -168,12 +193,31 @@ class _FieldOfTerms(FieldOfFunction):
 
     @cached_property
     def _right_hand_side(self) -> tuple[Any, FloatArray]:
-        """f as a `RightHandSide`, and its parameters (P, ...) of all members."""
+        return _quadratic(*self._terms, self.dimension, _LONG)
+
+    @cached_property
+    def _right_hand_sides(self) -> list[OfMembers]:
+        return self._by_terms(_LONG)
+
+    @property
+    def _listed_right_hand_sides(self) -> list[OfMembers]:
+        return self._by_terms(None)
+
+    def _by_terms(self, longest: int | None) -> list[OfMembers]:
+        """Return the right-hand sides of members; dense ones of more terms are no lists."""
         indices, values = self._terms
         rows = values.reshape(-1, values.shape[-1])
-        units = (rows == 1).all(axis=0), (rows == -1).all(axis=0)
-        own: FloatArray = parameters_of(values, *units)
-        return right_hand_side_of(indices, self.dimension, *units), own
+        exists = rows != 0.0
+        patterns, which = exists[:1], np.zeros(len(rows), np.int64)
+        if not exists.all():  # what a step tests depends on the terms
+            patterns, which = np.unique(exists, axis=0, return_inverse=True)
+        found = []
+        for k, pattern in enumerate(patterns):
+            members = np.flatnonzero(which.reshape(-1) == k)
+            own = rows[np.ix_(members, pattern)]
+            f, parameters = _quadratic(indices[:, pattern], own, self.dimension, longest)
+            found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
+        return found
 
     @property
     def _exact(self) -> Terms:
@@ -221,6 +265,29 @@ class _FieldOfTerms(FieldOfFunction):
         """c (..., D)."""
         table: NDArray[Any] = self._table("constant", 1)
         return table
+
+
+def _quadratic(
+    indices: NDArray[np.int64], values: FloatArray, D: int, longest: int | None
+) -> tuple[Any, FloatArray]:
+    """Return the right-hand side of terms, and its parameters (P, ...)."""
+    T = indices.shape[1]
+    if longest and longest < T and 4 * T > D**3:
+        return _dense(D), dense_parameters(indices, values, D)
+    rows = values.reshape(-1, T)
+    units = (rows == 1.0).all(axis=0), (rows == -1.0).all(axis=0)
+    parameters: FloatArray = parameters_of(values, *units)
+    return _of_terms(indices.tobytes(), D, *(each.tobytes() for each in units)), parameters
+
+
+_dense = lru_cache(16)(DenseRightHandSide)
+
+
+@lru_cache(256)
+def _of_terms(indices: bytes, D: int, *units: bytes) -> Any:
+    """Return the right-hand side that fields of the same form share."""
+    places = np.frombuffer(indices, np.int64).reshape(3, -1)
+    return right_hand_side_of(places, D, *(np.frombuffer(each, bool) for each in units))
 
 
 def parts_of(terms: Terms | None, names: Sequence[str]) -> dict[str, Any]:

@@ -23,7 +23,7 @@ _TAKEN = {
     **dict.fromkeys(
         (
             *("n", "final", "status", "failed_at", "first_pole", "attitude", "trajectory", "space"),
-            *("component", "local_error"),
+            "component",
             *("crossing", "before", "after", "fraction", "over_pole"),
         ),
         "a name in datasets of runs and crossings",

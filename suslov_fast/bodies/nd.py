@@ -37,8 +37,8 @@ _ROUNDING = 1e-14
 # What to use, in place of these functions, for bodies without a known formula.
 _INSTEAD = {
     "exact": "iterate",
+    "flow": "flow, which computes it to a tolerance",
     "limits": "iterate",
-    "flow": "flow(QuadraticField.of(body), ...)",
     "first_integral": "modified_energy",
     "criticality": "iterate, and compare with half the step size",
     "invariant_density": "the determinant of jacobian",
@@ -266,6 +266,8 @@ class NotIntegrableError(SuslovError, ValueError):
     use modified_energy
     """
 
+    known: Any = False  # for which members of a batch a formula is known
+
 
 def check_known(body: SuslovND, function: str) -> None:
     """Raise NotIntegrableError unless the formula of a function is known for all bodies."""
@@ -280,4 +282,7 @@ def check_known(body: SuslovND, function: str) -> None:
         which = f"body {spell(first_index(~known))}" if known.ndim else "this body"
         known_for = f"only for bodies that SuslovND.reduced takes to {expected}"
         how = f"use {_INSTEAD[function]}"
-        raise NotIntegrableError(f"{function} has no known formula for {which}, {known_for}: {how}")
+        text = f"{function} has no known formula for {which}, {known_for}: {how}"
+        error = NotIntegrableError(text)
+        error.known = known
+        raise error

@@ -138,24 +138,6 @@ def from_text(text: str) -> Fraction:
         raise ValueError(text) from error
 
 
-# How to write functions without a rule by functions that have one.
-HOW = {
-    "arctan2": "np.arctan(y/x) for np.arctan2(y, x) where x > 0; or make the angle a variable, "
-    "with the derivative (x*y' - y*x')/(x**2 + y**2) and the first value np.arctan2(y, x)",
-    "expit": "1/(1 + np.exp(-x)) for expit(x)",
-    "logistic": "1/(1 + np.exp(-x))",
-    "sinc": "np.sin(np.pi*x)/(np.pi*x) for np.sinc(x), without a value at x = 0",
-    "deg2rad": "np.pi/180 * x for np.deg2rad(x)",
-    "rad2deg": "180/np.pi * x for np.rad2deg(x)",
-    "arcsin": "np.arctan(x/np.sqrt(1 - x**2)) for np.arcsin(x)",
-    "arccos": "np.pi/2 - np.arctan(x/np.sqrt(1 - x**2)) for np.arccos(x)",
-    "arcsinh": "np.log(x + np.sqrt(x**2 + 1)) for np.arcsinh(x)",
-    "arccosh": "np.log(x + np.sqrt(x**2 - 1)) for np.arccosh(x)",
-    "arctanh": "(np.log1p(x) - np.log1p(-x))/2 for np.arctanh(x)",
-    "logaddexp": "np.log(np.exp(x) + np.exp(y)) for np.logaddexp(x, y)",
-}
-
-
 class NoPolynomial(TypeError):
     """An operation on a polynomial whose result is not a polynomial."""
 

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from .field import QuadraticField
-from .lifted import LiftedField
 from .nd import SuslovND
 from .rigid import Suslov3D
 
@@ -38,16 +37,3 @@ def random_nd(
 def random_field(rng: np.random.Generator, shape: tuple[int, ...], D: int = 5) -> QuadraticField:
     """Return fields with normally distributed coefficients."""
     return QuadraticField(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))
-
-
-def random_lifted(rng: np.random.Generator, shape: tuple[int, ...]) -> LiftedField:
-    """Return random lifted fields, with a quotient, an exponential and an angle."""
-
-    def f(x: Any, a: float, b: float) -> Any:
-        u, v = x
-        return a * np.sin(3 * v) - u / (1 + v**2), b * np.exp(-2 * u) - v
-
-    a, b = rng.uniform(0.5, 1.5, (2, *shape))
-    return LiftedField.from_function(
-        f, "u v", a=a if shape else float(a), b=b if shape else float(b)
-    )

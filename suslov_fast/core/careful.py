@@ -16,8 +16,6 @@ from .elimination import solve
 from .numba import c_function, function
 from .operations import SIGNIFICANT
 
-# A component may change its sign by this part of the sum of moduli of its terms, times eps / 2.
-OF_TERMS = 2.0**-45
 ENDED, PASSED = range(2)  # rows of `LineArrays.marks`
 CHANGED = 8  # place of the bits of lanes in which a component changed its sign, after det A < 0
 
@@ -78,24 +76,6 @@ def changes_sign(indices, x, after):
     return False
 
 
-@function
-def of_rounding(indices, half, words, i, after):
-    """Return whether rounding may leave this of component i of a lifted field, after a whole step.
-
-    Terms of a component that decays cancel, as in x' = 0.6 u - 2 with u = 1 / (x + 0.3). `half` is
-    eps / 2 times the values of the terms, `words` those before the step.
-    """
-    total = 0.0
-    for t in range(indices.shape[1]):
-        if indices[0, t] == i:
-            term = half[t]
-            for factor in range(1, 3):
-                j = indices[factor, t]
-                term *= words[j] if j < len(words) else 1.0
-            total += abs(term)
-    return abs(after) <= OF_TERMS * total
-
-
 class LineArrays(NamedTuple):
     """The arrays of trajectories in lines of W lanes."""
 
@@ -108,9 +88,6 @@ class LineArrays(NamedTuple):
     poles: Any  # (B,), the first state beyond a pole, negative if a change of sign told it
     marks: Any  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
     memory: Any  # (D (D + 4) + T,)
-    tells: Any  # (1,), 1 if stages tell poles and signs; those of lifted fields do not
-    signs: Any  # components of a lifted field that keep their signs along the motion
-    columns: Any  # of a lifted field (lines, rows, D, W), rows of columns, first the state before
 
 
 @function
@@ -119,7 +96,6 @@ def step_carefully(arrays, first, line, bad, negative, n):
 
     A step is one stage; steps are counted from state `first` on. Bits in `negative` mark lanes that
     took this step from det A < 0, and from CHANGED on lanes in which a component changed its sign.
-    Where rounding changed it, of lifted fields, the component gets its sign back.
     """
     D, W, T = arrays.x.shape[1], arrays.x.shape[2], arrays.halves.shape[1]
     stages = len(arrays.fractions)
@@ -136,23 +112,11 @@ def step_carefully(arrays, first, line, bad, negative, n):
                 state[j] = arrays.x[line, j, l]
             for t in range(T):
                 half[t] = fraction * halves[line % len(halves), t, l % halves.shape[2]]
-            status, negative_here = solve_lane(arrays.indices, half, state, system, units)
-            beyond = negative_here if arrays.tells[0] else beyond
-            if stages == 1 and arrays.tells[0]:
+            status, beyond = solve_lane(arrays.indices, half, state, system, units)
+            if stages == 1:
                 changed = changes_sign(arrays.indices, arrays.x[line, :, l], state)
             for j in range(D):
                 arrays.x[line, j, l] = state[j]
-        elif changed and len(arrays.signs):
-            changed = False
-            for t in range(T):
-                half[t] = halves[line % len(halves), t, l % halves.shape[2]]
-            for j in arrays.signs:
-                before, after = arrays.columns[line, 0, :, l], arrays.x[line, j, l]
-                if crosses_0(before[j], after):
-                    if of_rounding(arrays.indices, half, before, j, after):
-                        arrays.x[line, j, l] = -after
-                    else:
-                        changed = True
         if status != OK:
             arrays.status[i], arrays.failed_at[i] = status, n
             arrays.marks[ENDED, line] |= bit
@@ -165,7 +129,7 @@ def step_carefully(arrays, first, line, bad, negative, n):
 
 # Integers of the array that `careful` takes: addresses of `LineArrays`, lengths, 1 if lanes have
 # parameters of their own and 0 if not, and the number of the state before the first step.
-_NUMBERS = ("lines", "D", "W", "T", "for_each", "stages", "B", "first", "signs_count", "rows")
+_NUMBERS = ("lines", "D", "W", "T", "for_each", "stages", "B", "first")
 Arguments = namedtuple("Arguments", (*LineArrays._fields, *_NUMBERS))
 PLACE = Arguments(*range(len(Arguments._fields)))
 _COUNT = len(PLACE)
@@ -184,8 +148,6 @@ def arguments_of(arrays, first):
         stages=len(arrays.fractions),
         B=len(arrays.status),
         first=first,
-        signs_count=len(arrays.signs),
-        rows=arrays.columns.shape[1],
     )
     return np.array(arguments, np.int64)
 
@@ -206,8 +168,5 @@ def careful(address, line, bad, negative, n):
         array_at(a[PLACE.poles], (B,), np.float64),
         array_at(a[PLACE.marks], (2, count), np.uint8),
         array_at(a[PLACE.memory], (D * (D + 4) + T,), np.float64),
-        array_at(a[PLACE.tells], (1,), np.int64),
-        array_at(a[PLACE.signs], (a[PLACE.signs_count],), np.int64),
-        array_at(a[PLACE.columns], (count, a[PLACE.rows], D, W), np.float64),
     )
     step_carefully(lines, a[PLACE.first], line, bad, negative, n)

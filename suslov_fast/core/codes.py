@@ -5,3 +5,7 @@ SUPERCRITICAL = 1  # finished; |T| = |e A| >= 1: the step is too long to follow 
 PASSED_POLE = 2  # finished; a step was from a state with det A < 0
 SINGULAR = -1  # there is no next state, because the state is on a pole
 NONFINITE = -2  # the next state is out of the range of float64, or state 0 is NaN
+# Along a motion:
+ENDED = -3  # the solution ends: a pole or an escape
+SLIDING = -4  # it slides along a condition
+TOO_MANY_STEPS = -5  # it takes too many steps from one time to the next

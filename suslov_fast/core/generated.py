@@ -9,24 +9,15 @@ from .generated_lines import add_table, loader, piece_function, save
 from .generated_stages import (
     SLOT,
     CodeArguments,
-    add_lift,
     call_careful,
-    end_column,
     end_composition,
     marks_of,
     others,
-    state_of,
 )
-from .lift import LiftedStep
 from .machine_code import Text
 
 WIDTH = 8  # lanes of a line
 OF_HALVES = 2  # a value of `for_each`: the code computes the tables of stages
-
-
-def text_of_extrapolated_steps(*arguments):
-    """Return the text of `text_of_steps` for extrapolated steps."""
-    return text_of_steps(*arguments, in_columns=True)
 
 
 def text_of_compositions(*arguments):
@@ -34,7 +25,7 @@ def text_of_compositions(*arguments):
     return text_of_steps(*arguments, tells_signs=True)
 
 
-def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=False):
+def text_of_steps(step, name, W, for_each, align, tells_signs=False):
     """Return the text of i64 name(arguments): steps of lines of W lanes, see `CodeArguments`.
 
     It returns 1; or 0 at a step that needs `careful` while that is not ready. The table is common
@@ -42,7 +33,7 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     multiples of `align` bytes, and go past the caches if that is more than 8; 0 means that none are
     saved.
     """
-    return _Steps(step, name, W, for_each, align, in_columns, tells_signs).finished()
+    return _Steps(step, name, W, for_each, align, tells_signs).finished()
 
 
 class _Steps:
@@ -57,13 +48,11 @@ class _Steps:
               the store before it
     """
 
-    def __init__(self, step, name, W, for_each, align, in_columns, tells_signs):
+    def __init__(self, step, name, W, for_each, align, tells_signs):
         self.text, self.step, self.name, self.for_each = Text(W), step, name, for_each
-        self.align, self.in_columns, self.tells_signs = align, in_columns, tells_signs
-        self.is_lifted, self.size = isinstance(step, LiftedStep), 8 * W  # bytes of a row
-        self.given = step.lift[0].given if self.is_lifted else step.D
+        self.align, self.tells_signs, self.size = align, tells_signs, 8 * W  # bytes of a row
         (*self.before, self.usual), _ = step.pieces
-        self.single = [f"%x{i}" for i in range(step.D if W == 1 and not self.is_lifted else 0)]
+        self.single = [f"%x{i}" for i in range(step.D if W == 1 else 0)]
 
     def finished(self):
         """Return the whole text."""
@@ -117,13 +106,10 @@ class _Steps:
         for i, component in enumerate(single):
             text.add(f"  %x{i} = phi {text.V} [ {component}, %blocks ], [ %state{i}, %more ]")
         self.saves = text.compare_integers("eq", "%until", 0)
-        self.plan = text.integer("add", of.plan, text.integer("mul", "%stage", 32))
+        self.plan = text.integer("add", of.plan, text.integer("mul", "%stage", 16))
         self.table = text.load("i64", self.plan)
         self.next_stage = text.integer("add", "%stage", 1)
         self.is_last = text.compare_integers("eq", self.next_stage, of.stages)
-        self.weights = [
-            text.load("double", text.plus(self.plan, 8 + 8 * k)) for k in range(2 * self.in_columns)
-        ]
         text.jump("lines")
 
     def begin_line(self):
@@ -140,30 +126,25 @@ class _Steps:
         if self.for_each:
             numbers = step.T if self.for_each == OF_HALVES else len(step.table)
             table = text.integer("add", table, text.integer("mul", "%line", numbers * self.size))
-        if self.is_lifted:
-            load = loader(text, step, self.for_each, state, table, of.kept)
-            add_lift(text, step, of, places, load, self.in_columns or self.tells_signs)
         x = self.single or self.state_at(places)
         for k in range(len(self.before)):
             text.add(f"  call void @{self.name}_{k}(i64 {state}, i64 {table}, i64 {of.kept})")
         if self.for_each == OF_HALVES:
-            fraction = text.load("double", text.plus(self.plan, 24))
+            fraction = text.load("double", text.plus(self.plan, 8))
             add_table(text, step, table, fraction, fixed)
         return places, x, loader(text, step, self.for_each, state, table, of.kept, fixed)
 
     def take_usual_step(self, x, load):
-        """Return all values, and the next state with the increments of columns, by component."""
+        """Return all values, and the next state."""
         text, step = self.text, self.step
         values = dict(enumerate(x))
         text.carry_out(self.usual, values, load)
         after = [values[k] if k in values else load(k) for k in step.after]
-        increments = step.increments if self.in_columns else {}
-        added = {k: values[n] if n in values else load(n) for k, n in increments.items()}
         text.branch(text.all_true(values[step.good]), "finish", "rare", likely=True)
-        return values, (after, added)
+        return values, after
 
     def take_rare_step(self, places, x, values, load):
-        """Return the next state and increments by other operations, and after a call of `careful`.
+        """Return the next state by other operations, and after a call of `careful`.
 
         It takes lanes where these do not suffice either, and notes poles.
         """
@@ -188,7 +169,6 @@ class _Steps:
         if step.changed is not None:
             changed = text.integer("and", text.bits(values[step.changed]), told)
             negative = text.integer("or", negative, text.integer("shl", changed, CHANGED))
-        added = increments_of(text, step, values, load, x) if self.in_columns else {}
         is_any = text.compare_integers("ne", text.integer("or", bad, negative), 0)
         text.branch(is_any, "careful", "finish")
 
@@ -198,40 +178,25 @@ class _Steps:
         text.add("  ret i64 0")
         text.label("call")
         solved = call_careful(text, of, bad, negative, places)
-        carefully = {
-            k: text.select(accurate, made, text.operate("fsub", solved[k], x[k]))
-            for k, made in added.items()
-        }
         text.jump("finish")
-        return (after, added), (solved, carefully)
+        return after, solved
 
     def joined(self, places, usual, rare, carefully):
         """Join the three ways; store and return the state of a line after a step."""
         text, step = self.text, self.step
         text.label("finish")
-        names = [f"%final{k}" for k in range(step.D)] if self.in_columns else state_of(step.D)
-        blocks = ["lifted" if self.is_lifted else "lines", "rare", "call"]
-
-        def join(name, *values):
+        names = [f"%state{k}" for k in range(step.D)]
+        for name, *values in zip(names, usual, rare, carefully, strict=True):
             ways = ", ".join(
-                f"[ {value}, %{block} ]" for value, block in zip(values, blocks, strict=True)
+                f"[ {value}, %{block} ]"
+                for value, block in zip(values, ("lines", "rare", "call"), strict=True)
             )
             text.add(f"  {name} = phi {text.V} {ways}")
-
-        (after, added), (after_rare, rarely), (solved, made) = usual, rare, carefully
-        for name, *ways in zip(names, after, after_rare, solved, strict=True):
-            join(name, *ways)
-        for k in added:
-            join(f"%added{k}", added[k], rarely[k], made[k])
-        if self.in_columns:
-            added = {k: f"%added{k}" for k in added}
-            end_column(text, step, self.of, places, names, added, self.weights, self.is_last)
-            return state_of(step.D)
         for k, n in enumerate(step.after):
             if n != k:
                 text.store(text.V, names[k], places[k])
         if self.tells_signs:
-            return end_composition(text, step, self.of, places, names, self.is_last)
+            end_composition(text, step, self.of, places, names, self.is_last)
         return names
 
     # -------------------------------------------------------------------------------- ends of loops
@@ -240,7 +205,7 @@ class _Steps:
         text = self.text
         if self.align:
             text.branch(self.saves, "save", "next")
-            save(text, state[: self.given], self.given, self.of.trajectories, self.align)
+            save(text, state, self.step.D, self.of.trajectories, self.align)
         else:
             text.jump("next")
         text.label("next")
@@ -282,34 +247,10 @@ class _Steps:
         text.add("  ret i64 1")
 
 
-def increments_of(text, step, values, load, x):
-    """Return the increments of states x in which `Step.accurate` is true, by component.
-
-    They are differences of states where the list did not add `Step.increments`.
-    """
-    found = {}
-    for k, number in step.increments.items():
-        made, after, other = (
-            values[n] if n in values else load(n)
-            for n in (number, step.after[k], step.after_rare[k])
-        )
-        found[k] = made
-        if other != after:
-            difference = text.operate("fsub", other, x[k])
-            found[k] = text.select(text.compare("oeq", other, after), made, difference)
-    return found
-
-
-def text_of_stage(*arguments):
-    """Return the text of `text_of_step` for extrapolated steps."""
-    return text_of_step(*arguments, in_columns=True)
-
-
-def text_of_step(step, name, *_, in_columns=False):
+def text_of_step(step, name, *_):
     """Return the text of i64 name(x, table): one step of a state (D,), in place.
 
-    It returns 1, and leaves the state, if the step is not accurate; else 2 if det A < 0, or 0. In
-    columns it adds the increments to D numbers after the state.
+    It returns 1, and leaves the state, if the step is not accurate; else 2 if det A < 0, or 0.
     """
     text = Text(1)
     text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
@@ -321,10 +262,6 @@ def text_of_step(step, name, *_, in_columns=False):
         return text.load("double", text.plus("%table", 8 * step.places[number]))
 
     text.carry_out(step.usual, values, of_table)
-    added = {
-        k: values[n] if n in values else of_table(n)
-        for k, n in (step.increments.items() if in_columns else ())
-    }
     text.branch(values[step.good], "finish", "rare", likely=True)
     text.label("rare")
     rare = dict(values)
@@ -334,14 +271,9 @@ def text_of_step(step, name, *_, in_columns=False):
     text.add("  ret i64 1")
     text.label("accurate")
     sign = text.integer("mul", 2, text.bits(rare[step.negative]))
-    rarely = increments_of(text, step, rare, of_table, values) if in_columns else {}
     text.jump("finish")
     text.label("finish")
     text.add(f"  %code = phi i64 [ 0, %entry ], [ {sign}, %accurate ]")
-    made = {
-        k: text.new(f"phi double [ {added[k]}, %entry ], [ {value}, %accurate ]")
-        for k, value in rarely.items()
-    }
     both = [*zip(step.after, step.after_rare, strict=True)]
     final = {
         k: text.new(f"phi double [ {values[usual]}, %entry ], [ {rare[other]}, %accurate ]")
@@ -350,8 +282,5 @@ def text_of_step(step, name, *_, in_columns=False):
     }
     for k, value in final.items():
         text.store("double", value, places[k])
-    for k, value in made.items():
-        place = text.plus("%x", 8 * (step.D + k))
-        text.store("double", text.operate("fadd", text.load("double", place), value), place)
     text.add("  ret i64 %code")
     return text.finished()

@@ -6,13 +6,12 @@ import numpy as np
 
 from .careful import CHANGED, arguments_of, careful
 from .dense import dense_steps, spans_of
-from .generated_stages import BASE
 from .lines import zeros
 from .listed import programs_of
 from .listed_code import SLOT, ListArguments
 from .machine_code import call, call_procedure
 from .sparse import is_sparse, pattern_of, size_of, sparse_steps
-from .stages import distinct, weights_of
+from .stages import distinct
 
 
 def in_calls(lines, take, arrays, start, steps, saved, until, between, abandoned):
@@ -22,63 +21,46 @@ def in_calls(lines, take, arrays, start, steps, saved, until, between, abandoned
     many it took, with bits of lanes: bad + 256 negative, as of `step_carefully`, in the last. Other
     arguments are those of `_Lines.take` and `CodeArguments`; `arrays` are those of `careful`.
     """
-    stages, W, own = lines.scheme.stages, lines.W, arguments_of(arrays, start)
-    weights, ended = weights_of(stages), lines.marks[0]
-    lifts = lines.given < lines.D and _words_in_code(lines) is None
-    at_once = _stages_at_once(lines, 1 if lifts else steps)
+    W, own, at_once = lines.W, arguments_of(arrays, start), _stages_at_once(lines, steps)
+    stages = len(at_once)
     for line in range(lines.count):
         n, row, saves_at = 0, 0, until
         lanes = slice(line * W, min((line + 1) * W, lines.B))
         while n < steps and not abandoned:
-            stage = n % len(weights)
-            if lifts and stage == 0:
-                lines.lift(arrays, start, n, slice(line, line + 1))
+            stage = n % stages
             most = min(at_once[stage], steps - n)
             if saves_at >= 0:
                 most = min(most, saves_at - n + 1)
             taken, bits = take(line, stage, most)
             n += taken
-            stage = (n - 1) % len(weights)
+            stage = (n - 1) % stages
             if bits >> 8:  # first, because a lane may also be one of those that took no step
                 call_procedure(careful.address, own, line, 0, bits >> 8, n - 1)
             if bits & 255:
                 call_procedure(careful.address, own, line, bits & 255, 0, n - 1)
-            is_whole = lines.columns is not None and stage == len(weights) - 1
-            if weights[stage, 0]:
-                of = slice(line, line + 1)
-                [finite] = lines.end_column(weights[stage], stage == len(weights) - 1, of)
-                bad = int(~(finite | ended[line])) & (2**W - 1)
-                if bad:
-                    call_procedure(careful.address, own, line, bad, 0, n - 1)
-            if is_whole:
+            if lines.bases is not None and stage == stages - 1:
                 [told] = lines.changed(slice(line, line + 1))
                 if told:
                     call_procedure(careful.address, own, line, 0, int(told) << CHANGED, n - 1)
-                lines.columns[line, BASE] = lines.x[line]
+                lines.bases[line] = lines.x[line]
             if n - 1 == saves_at:
-                saved[row, lanes] = lines.x[line, : lines.given].T[: lanes.stop - lanes.start]
+                saved[row, lanes] = lines.x[line].T[: lanes.stop - lanes.start]
                 row, saves_at = row + 1, saves_at + between + 1
-
-
-def _words_in_code(lines):
-    """Return `Words` if the code of a long list computes them in its steps, else None."""
-    is_simple = lines.scheme.step.usual and lines.columns is None
-    return lines.words if lines.given < lines.D and is_simple else None
 
 
 def _stages_at_once(lines, steps):
     """Return, for each stage, how many may be taken at once from there on.
 
-    They have the same fraction if loops over terms take them, and end with the whole step if lines
-    have columns.
+    They have the same fraction if loops over terms take them, and end with the whole step if signs
+    are compared over it.
     """
-    fractions, columns = lines.scheme.stages
+    fractions = lines.scheme.stages.fractions
     count, has_lists = len(fractions), bool(lines.scheme.step.usual)
-    if count == 1 or (has_lists and lines.columns is None):
+    if count == 1 or (has_lists and lines.bases is None):
         return [steps] * count
     counts = [1] * count
     for k in range(count - 2, -1, -1):
-        if fractions[k] == fractions[k + 1] or (has_lists and not columns):
+        if fractions[k] == fractions[k + 1] or has_lists:
             counts[k] += counts[k + 1]
     return counts
 
@@ -91,8 +73,7 @@ def taker_without_plan(lines):
     (step, stages), (ended, passed) = lines.scheme, lines.marks
     W, D = lines.W, lines.D
     (fractions, places), kept = distinct(stages.fractions), {}
-    tells, taken = lines.given == D, np.zeros(2, np.int64)  # `lift` tells poles of lifted fields
-    tells_signs = int(tells and len(stages.fractions) == 1)
+    tells_signs, taken = int(len(stages.fractions) == 1), np.zeros(2, np.int64)
     if is_sparse(step):
         pattern = pattern_of(step.indices.tobytes(), D)
         steps, memory = sparse_steps, np.empty(size_of(pattern))
@@ -113,7 +94,7 @@ def taker_without_plan(lines):
             if lines.for_each:
                 kept.clear()  # coefficients of all members would fill the memory
             kept[of_line, place] = prepared(fractions[place] * lines.halves[of_line])
-        marks = int(ended[line]), int(passed[line]) if tells else 2**W - 1, tells_signs
+        marks = int(ended[line]), int(passed[line]), tells_signs
         taken[:] = most, 0
         steps.serial(*kept[of_line, place], marks, lines.x[line], memory, taken)
         return map(int, taken)
@@ -134,31 +115,21 @@ def taker_of(lines, address):
     arguments |= zip(ListArguments._fields[2:10], addresses, strict=True)
     arguments |= {
         "rows": rows.ctypes.data, "changed": 2 if step.changed is None else 3, "D": D,
-        "stages": len(places), "given": lines.given,
+        "stages": len(places),
     }  # fmt: skip
-    words = _words_in_code(lines)
-    if words is not None:
-        (heads, of_runs), results = words.program.runs, words.program.results
-        arguments |= {
-            "lift_runs": len(heads), "lift_heads": heads.ctypes.data,
-            "lift_places": of_runs.ctypes.data, "lift_rows": words.rows.ctypes.data,
-            "lift_results": results.ctypes.data,
-        }  # fmt: skip
     arguments = np.array(ListArguments(**arguments), np.int64)
 
     @functools.lru_cache(1)  # of one line, because those of all may fill the memory
     def numbers(line):
         tables = [programs.numbers.of(table[line]) for table in lines.table]
         of_stages = np.array([tables[place].ctypes.data for place in places], np.int64)
-        return of_stages, tables, words and words.numbers.of(words.table[line])
+        return of_stages, tables
 
     # `programs_of` may forget them, and does not keep those of all threads that begin at once.
     def take(line, stage, most, _kept_alive=programs):
         rows[:D] = lines.x[line]
-        of_stages, _, of_words = numbers(line % lines.table.shape[1])
+        of_stages, _ = numbers(line % lines.table.shape[1])
         arguments[SLOT.tables], arguments[SLOT.stage] = of_stages.ctypes.data, stage
-        if of_words is not None:
-            arguments[SLOT.lift_table] = of_words.ctypes.data
         arguments[SLOT.ended], arguments[SLOT.passed] = ended[line], passed[line]
         arguments[SLOT.steps] = most
         bits = call(address, arguments)

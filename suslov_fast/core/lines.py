@@ -54,16 +54,10 @@ def tables_of(scheme, values, eps, W):
     step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
     if len(eps) == len(values) == 1:
         return common_table(*scheme, eps.tobytes(), values.tobytes())
-    values, others = values[:, : step.T], values[:, step.T :]  # of a lift, which eps does not scale
     halves = halves_of(values, eps, W)
-    others = in_lines(np.broadcast_to(others, (max(len(eps), len(others)), others.shape[1])), W)
     fractions = fractions[:, np.newaxis, np.newaxis]
     of_stages = np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions
-    others_of = np.broadcast_to(
-        np.moveaxis(others, 1, 0)[:, np.newaxis], (others.shape[1], *of_stages.shape[1:])
-    )
-    table = step.table_of(np.concatenate([of_stages, others_of]))
-    return halves, _copy(np.moveaxis(table, 0, 2))
+    return halves, _copy(np.moveaxis(step.table_of(of_stages), 0, 2))
 
 
 def packed(truths):

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .lift import needed_for
+from .lists.right_hand_side import needed_for
 from .operations import OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES
 
 # An operation is (instruction, kinds of its operands): "r" is a row, "t" a number of the table.
@@ -287,7 +287,7 @@ def program_of(rows, table, operations, results):
         renamed.append((instruction, first + len(renamed), operands))
         return renamed[-1][1]
 
-    for instruction, number, operands in needed_for(results, operations):
+    for instruction, number, operands in needed_for(operations, results):
         operands = (a if isinstance(a, float) else names[a] for a in operands)
         names[number] = add(instruction, *operands)
     results = [names[number] for number in results]
@@ -316,13 +316,3 @@ def programs_of(step):
     results += [] if step.changed is None else [step.changed]
     rare = Program(step, [*step.usual, *step.rare], results, numbers)
     return Programs(usual, rare, numbers, max(usual.rows, rare.rows))
-
-
-@functools.lru_cache(8)
-def words_program(step):
-    """Return the `Program` of the words of a `lift.LiftedStep`, and its `Numbers`.
-
-    Its results are the words, and `turned`.
-    """
-    results = [*step.lifted, step.turned]
-    return program_of(range(step.given), step.table, step.prologue, results)

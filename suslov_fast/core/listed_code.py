@@ -1,6 +1,5 @@
 """Machine code that carries out any `listed.Program`, for lines of W lanes."""
 
-import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -11,12 +10,10 @@ from .listed import (
     JOINING,
     KINDS,
     REGULAR,
-    called_by,
     operand_kinds,
     programs_of,
-    words_program,
 )
-from .machine_code import Text, call, code_of, pointer
+from .machine_code import Text, code_of, pointer
 from .operations import OF_NUMBERS, Step
 
 
@@ -40,14 +37,6 @@ class ListArguments(NamedTuple):
     steps: int  # stages to take
     stages: int  # of a whole step
     stage: int  # the next one
-    # Runs of the words of a lifted field, for its first stages; 0 of them where others write words.
-    lift_runs: int
-    lift_rows: int  # addresses as above
-    lift_table: int
-    lift_heads: int
-    lift_places: int
-    lift_results: int  # of the words, and `turned`
-    given: int
     n: int  # stages taken
     is_rare: int  # 1 if the last step was; a step after it begins with the rare runs
 
@@ -96,29 +85,6 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
     text.add("  %n = phi i64 [ 0, %entry ], [ %n1, %taken ]")
     text.add(f"  %stage = phi i64 [ {a.stage}, %entry ], [ %stage1, %taken ]")
     text.add(f"  %was_rare = phi i64 [ {a.is_rare}, %entry ], [ %is_rare, %taken ]")
-    is_first = text.compare_integers("eq", "%stage", 0)
-    has_words = text.compare_integers("ne", a.lift_runs, 0)
-    text.branch(text.new(f"and i1 {is_first}, {has_words}"), "lift", "lifted")
-    text.label("lift")
-    moved = integer("mul", a.given, size)
-    _copy(text, "state", a.rows, a.lift_rows, integer("mul", a.given, W))
-    run(a.lift_rows, a.lift_table, a.lift_heads, a.lift_places, a.lift_runs)
-    words = integer("sub", a.D, a.given)
-
-    def found(k):
-        row = text.load("i64", integer("add", a.lift_results, integer("mul", k, 8)))
-        return text.load(V, integer("add", a.lift_rows, integer("mul", row, size)))
-
-    with text.loop("word", words) as k:
-        at = integer("add", integer("add", a.rows, moved), integer("mul", k, size))
-        text.store(V, found(k), at)
-    of_words = integer("and", text.bits(_truth(text, found(words))),
-                       integer("xor", a.passed, all_lanes))  # fmt: skip
-    of_words = integer("shl", of_words, 8)
-    from_lift = text.block
-    text.jump("lifted")
-    text.label("lifted")
-    text.add(f"  %turned = phi i64 [ 0, %step ], [ {of_words}, %{from_lift} ]")
     table = text.load("i64", integer("add", a.tables, integer("mul", "%stage", 8)))
     text.branch(text.compare_integers("eq", "%was_rare", 0), "try_usual", "rare_from")
     text.label("try_usual")
@@ -142,9 +108,8 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
          lambda value, at: text.select(accurate, value, text.load(V, at)))  # fmt: skip
 
     text.label("taken")
-    text.add(f"  %own = phi i64 [ 0, %usual ], [ {rare}, %rare ]")
+    text.add(f"  %bits = phi i64 [ 0, %usual ], [ {rare}, %rare ]")
     text.add(f"  %is_rare = phi i64 [ 0, %usual ], [ {remains_rare}, %rare ]")
-    text.add("  %bits = or i64 %own, %turned")
     text.add("  %n1 = add i64 %n, 1")
     following = integer("add", "%stage", 1)
     is_last = text.compare_integers("eq", following, a.stages)
@@ -341,33 +306,6 @@ def text_of_listed_step(step, name, *_):
     return "\n".join([*constants, *text.lines, "}", steps])
 
 
-def text_of_listed_lift(step, name, *_):
-    """Return the text of `lifted_system.text_of_lift` for a long list, on its own table."""
-    (program, _), text, constants = words_program(step), Text(1), []
-    _add_runs(text, f"{name}_runs", False, called_by(step.prologue))
-    text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
-    text.label("entry")
-    rows = _memory(text, program.rows)
-    arrays = (*program.runs, program.results)
-    heads, places, results = (
-        _constant(text, f"{name}_{k}", array, constants) for k, array in enumerate(arrays)
-    )
-    _copy(text, "before", "%x", rows, step.given)
-    numbers = ", ".join(f"i64 {value}" for value in (rows, "%table", heads, places))
-    text.add(f"  call void @{name}_runs({numbers}, i64 {len(program.runs.heads)})")
-
-    def result(k):
-        row = text.load("i64", text.integer("add", results, text.integer("mul", k, 8)))
-        return text.load("double", text.integer("add", rows, text.integer("mul", row, 8)))
-
-    words = text.plus("%x", 8 * step.given)
-    with text.loop("word", len(step.lifted)) as k:
-        text.store("double", result(k), text.integer("add", words, text.integer("mul", k, 8)))
-    turned = text.bits(_truth(text, result(len(step.lifted))))
-    text.add(f"  ret i64 {text.integer('mul', 2, turned)}")
-    return "\n".join([*constants, text.finished()])
-
-
 def _constant(text, name, array, constants):
     """Return the address of an array of integers, whose text is added to `constants`."""
     kind = f"[{array.size} x i{8 * array.itemsize}]"
@@ -403,35 +341,3 @@ _ANY = Step(np.empty((3, 0), np.int64), 1)  # the code does not depend on it
 def listed_code(W, for_each):
     """Return the address of the code of `text_of_listed_steps`, None where LLVM refuses it."""
     return code_of(text_of_listed_steps, _ANY, W, for_each)
-
-
-@functools.cache
-def _runs_with(called):
-    """Return the function that returns the text of `runs_code`."""
-
-    def text_of_runs(_, name, W, for_each, *_others):
-        text = Text(W)
-        _add_runs(text, f"{name}_runs", for_each, called)
-        text.add(f"define i64 @{name}(i64 %arguments) #0 {{")
-        text.label("entry")
-        numbers = [text.load("i64", text.plus("%arguments", 8 * k)) for k in range(5)]
-        text.add(f"  call void @{name}_runs({', '.join(f'i64 {number}' for number in numbers)})")
-        text.add("  ret i64 0")
-        return text.finished()
-
-    return text_of_runs
-
-
-def runs_code(W, operations=()):
-    """Return the address of code that carries out runs once, None where LLVM refuses it.
-
-    Of elementary functions and those of the C library, runs may have those among `operations`. Its
-    arguments are the first five integers of `ListArguments`; it returns 0.
-    """
-    return code_of(_runs_with(called_by(operations)), _ANY, W, W > 1)
-
-
-def carry_out(address, runs, rows, table):
-    """Carry out `listed.Runs` on rows of lanes, with numbers (-, W) of a table."""
-    of_runs = runs.heads.ctypes.data, runs.places.ctypes.data, len(runs.heads)
-    call(address, np.array([rows.ctypes.data, table.ctypes.data, *of_runs], np.int64))

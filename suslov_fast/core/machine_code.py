@@ -304,16 +304,25 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
     It is None with NUMBA_DISABLE_JIT, and where LLVM refuses the text. Code that `lasts` stays
     until the process ends.
     """
+    kind = type(step), getattr(step, "keeps_signs", None)
+    key = text_of, step.indices.tobytes(), step.D, kind, W, for_each, align
+    level = 0 if step.is_long else 2
+    return compiled(key, lambda name: text_of(step, name, W, for_each, align), level, lasts)
+
+
+def compiled(key, text_of, level=2, lasts=False):
+    """Return the `Address` of the machine code of the text `text_of(name)`, or None, see `code_of`.
+
+    `key` tells the text from others; `level` is that of LLVM's optimisation.
+    """
     if config.DISABLE_JIT:
         return None
-    kind = type(step), getattr(step, "lift", None), getattr(step, "keeps_signs", None)
-    key = text_of, step.indices.tobytes(), step.D, kind, W, for_each, align, lasts
+    key = key, lasts
     with _lock:
         if key not in _codes:
             _free_old()
             name = f"code_{next(_numbers)}"
-            level = 0 if step.is_long else 2
-            text = text_of(step, name, W, for_each, align)  # an error here is the package's own
+            text = text_of(name)  # an error here is the package's own
             try:
                 _codes[key] = _compile(text, name, level, lasts)
             # LLVM cannot read the text, or llvmlite has a function no more, or in another form.

@@ -212,7 +212,6 @@ class Step:
     usual       operations for all states
     rare        operations for states where `good` is false
     after       the next state
-    increments  the values that are added to components for it, by component
     after_rare  the next state after the operations `rare`; the same where `after` keeps its digits
     good        true if `after` is accurate and all pivots are positive
     accurate    true if `after_rare` is accurate; a value of `rare`
@@ -220,23 +219,19 @@ class Step:
     changed     true if a component that keeps its sign along the motion does not; a value of
                 `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
-    lift, prologue  None, (); of lifted fields see `lift.Lifting`, as for the next two
-    given, parameters   the numbers of components of the state, and of values of a field
     is_long     true if loops carry out the operations, because there are more than MANY
     of_one_sign   components that keep their signs along the motion
     keeps_signs   true if the operations are a whole step, so that they test these signs
     """
 
     good = accurate = negative = changed = factors = None  # without a plan
-    lift, prologue = None, ()
 
     def __init__(self, indices, D, carried=0, keeps_signs=False):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
         self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
-        values = self.values = Values(D + self.T + carried, range(D, D + self.parameters))
+        values = self.values = Values(D + self.T + carried, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
-        self.increments = {}
         pattern, varying = places_of(indices, D)
         order, right = elimination_order(pattern, D), {}
         work, of_state = work_of(pattern, order, varying)
@@ -250,14 +245,11 @@ class Step:
             right[k] = self.factors.backward(k, right)
         halves = {k: half for k, half in sorted(right.items()) if half is not None}
         for k, half in halves.items():
-            self.increments[k] = values.emit("fmul", 2.0, half)
-            self.after[k] = values.emit("fadd", k, self.increments[k])
+            self.after[k] = values.emit("fadd", k, values.emit("fmul", 2.0, half))
         self._add_tests(halves)
         self._separate_fixed()
 
-    given = property(lambda self: self.D)
-    parameters = property(lambda self: self.T)
-    is_long = property(lambda self: len(self.prologue) + len(self.usual) > MANY)
+    is_long = property(lambda self: len(self.usual) > MANY)
 
     def _add_tests(self, halves):
         """Add the tests that increments do not cancel the state, and that pivots are not small.
@@ -368,10 +360,7 @@ class Step:
         return pieces, {number: row for row, number in enumerate(kept)}
 
     def table_of(self, halves):
-        """Return the values of the table (n, ...), for h v of the terms (T, ...).
-
-        After them come values that do not depend on h, if there are any.
-        """
+        """Return the values of the table (n, ...), for h v of the terms (T, ...)."""
         values = dict(enumerate(halves, self.D))
         with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
             evaluate(self.fixed, values)

@@ -8,11 +8,10 @@ from array import array
 
 import numpy as np
 
-from .generated import text_of_compositions, text_of_extrapolated_steps, text_of_steps
-from .generated_stages import BASE, LARGEST, ROWS, SLOT, CodeArguments
-from .lift import LiftedStep
+from .generated import text_of_compositions, text_of_steps
+from .generated_stages import SLOT, CodeArguments
 from .machine_code import address_of, code_of
-from .stages import distinct, weights_of
+from .stages import distinct
 
 PLANS = 32  # of fields, whose tables are kept
 SHORT = 256  # steps of a short run
@@ -22,18 +21,17 @@ SHORT = 256  # steps of a short run
 def common_table(step, stages, eps, values):
     """Return the halves and the table (fractions, 1, n, 1) of one field, from bytes of numbers."""
     values, fractions = np.frombuffer(values), distinct(stages.fractions)[0]
-    halves = 0.5 * np.frombuffer(eps) * values[: step.T]
-    others = np.outer(values[step.T :], np.ones(len(fractions)))  # of a lift
-    table = step.table_of(np.concatenate([np.outer(halves, fractions), others]))
+    halves = 0.5 * np.frombuffer(eps) * values
+    table = step.table_of(np.outer(halves, fractions))
     return halves[np.newaxis, :, np.newaxis], np.ascontiguousarray(table.T)[
         :, np.newaxis, :, np.newaxis
     ]
 
 
 def plan_of(stages, table, halves=None):
-    """Return the plan (stages, 4) of `CodeArguments`, with the halves h v if there is no table."""
-    plan = np.empty((len(stages.fractions), 4))
-    plan[:, 1:3], plan[:, 3] = weights_of(stages), stages.fractions
+    """Return the plan (stages, 2) of `CodeArguments`, with the halves h v if there is no table."""
+    plan = np.empty((len(stages.fractions), 2))
+    plan[:, 1] = stages.fractions
     if table is None:
         plan.view(np.int64)[:, 0] = halves.ctypes.data
     else:
@@ -42,18 +40,17 @@ def plan_of(stages, table, halves=None):
     return plan
 
 
-def _has_columns(step, stages):
-    """Return whether steps need the rows of `generated_stages.ROWS`."""
-    return bool(stages.columns or (step.of_one_sign and not step.keeps_signs))
+def compares_signs(step):
+    """Return whether signs are compared over whole steps of several stages."""
+    return bool(step.of_one_sign and not step.keeps_signs)
 
 
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values, saves):
     """Return code and arguments for one orbit, and what has to stay alive; None if it has none."""
-    if not step.usual or step.is_long or step.pieces[1] or isinstance(step, LiftedStep):
+    if not step.usual or step.is_long or step.pieces[1]:
         return None
-    text_of = text_of_compositions if _has_columns(step, stages) else text_of_steps
-    text_of = text_of_extrapolated_steps if stages.columns else text_of
+    text_of = text_of_compositions if compares_signs(step) else text_of_steps
     address = code_of(text_of, step, 1, False, 8 if saves else 0)
     if address is None:
         return None
@@ -67,11 +64,8 @@ def _prepared(step, stages, eps, values, saves):
     return address, array("q", [*CodeArguments(**numbers), marks]), (table, plan)
 
 
-def take_one(arguments, state, status, errors, final, steps, saved):
-    """Take the steps of a short run of one orbit; return False if others have to take them.
-
-    `errors` are its largest estimated errors, (D, 1), or empty.
-    """
+def take_one(arguments, state, status, final, steps, saved):
+    """Take the steps of a short run of one orbit; return False if others have to take them."""
     ((step, stages), values, eps), (start, stop, every, row) = arguments, steps
     if not 0 < stop - start <= SHORT or status.item():
         return False
@@ -79,15 +73,12 @@ def take_one(arguments, state, status, errors, final, steps, saved):
     if found is None:
         return False
     (address, template, _), count = found, len(stages.fractions)
-    x, numbers, columns = array("d", state.tobytes()), template[:], None
+    x, numbers, bases = array("d", state.tobytes()), template[:], None
     at, _ = numbers.buffer_info()
     numbers[SLOT.x], _ = x.buffer_info()
-    if _has_columns(step, stages):
-        columns, D = array("d", bytes(8 * ROWS * len(x))), len(x)
-        columns[BASE * D : BASE * D + D] = x
-        if len(errors):
-            columns[LARGEST * D : LARGEST * D + D] = array("d", errors.tobytes())
-        numbers[SLOT.columns], _ = columns.buffer_info()
+    if compares_signs(step):
+        bases = x[:]
+        numbers[SLOT.bases], _ = bases.buffer_info()
     numbers[SLOT.marks], numbers[SLOT.steps] = at + 8 * len(SLOT), (stop - start) * count
     numbers[SLOT.first_until] = numbers[SLOT.until] = -1
     if every:
@@ -102,6 +93,4 @@ def take_one(arguments, state, status, errors, final, steps, saved):
     if not address.call(at):  # a step needs `careful`
         return False
     final[0] = x
-    if len(errors):
-        errors[:, 0] = columns[LARGEST * len(x) :]
     return True

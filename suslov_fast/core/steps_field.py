@@ -11,9 +11,7 @@ step of other methods consists of several stages, which are steps with fractions
 arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
 final       (B, D), the states that a run continues from
 carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none; negative if a
-            component that keeps its sign along the motion changed it, while det A > 0; of
-            extrapolated steps (1 + D, B), also the largest estimated errors of a step, NaN if there
-            was no step
+            component that keeps its sign along the motion changed it, while det A > 0
 
 States are in lines of W lanes, x[line, component, lane]. After a failure a trajectory is NaN.
 """
@@ -26,26 +24,17 @@ import numpy as np
 from numba import config
 
 from .careful import CHANGED, ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
-from .column_stage import column_stage_of
-from .generated import (
-    OF_HALVES,
-    WIDTH,
-    text_of_compositions,
-    text_of_extrapolated_steps,
-    text_of_steps,
-)
-from .generated_stages import BASE, CHANGE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
+from .generated import OF_HALVES, WIDTH, text_of_compositions, text_of_steps
+from .generated_stages import SLOT, CodeArguments
 from .in_calls import in_calls, taker_of, taker_without_plan
-from .lift import LiftedStep
 from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
 from .listed_code import listed_code
 from .machine_code import call, call_together, code_of
 from .numba import STREAM_FROM, Kernel, as_python, loop_over_parts
 from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
-from .single_orbit import PLANS, plan_of, take_one
-from .stages import WHOLE, Scheme, distinct, weights_of
+from .single_orbit import PLANS, compares_signs, plan_of, take_one
+from .stages import WHOLE, Scheme, distinct
 from .threads import in_parts
-from .words import Words
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
@@ -58,14 +47,9 @@ def _step_of(places, D, is_whole):
     return Step(np.frombuffer(places, np.int64).reshape(3, -1), D, keeps_signs=is_whole)
 
 
-def scheme_of(indices, D, stages=WHOLE, lift=None):
-    """Return the scheme for fields of D words with terms at these indices (3, T)."""
+def scheme_of(indices, D, stages=WHOLE):
+    """Return the scheme for fields of D variables with terms at these indices (3, T)."""
     places = np.ascontiguousarray(indices, np.int64).tobytes()
-    if lift is not None:
-        longest = max(map(abs, stages.fractions)) / stages.fractions[0]
-        return Scheme(_lifted_step_of(places, D, lift, longest), stages)
-    if stages.columns:
-        return Scheme(column_stage_of(places, D), stages)
     is_whole = len(stages.fractions) == 1 and _has_signs(places)
     return Scheme(_step_of(places, D, is_whole), stages)
 
@@ -73,11 +57,6 @@ def scheme_of(indices, D, stages=WHOLE, lift=None):
 @functools.lru_cache(PLANS)
 def _has_signs(places):
     return bool(of_one_sign(np.frombuffer(places, np.int64).reshape(3, -1)))
-
-
-@functools.lru_cache(PLANS)
-def _lifted_step_of(places, D, lift, longest):
-    return LiftedStep(np.frombuffer(places, np.int64).reshape(3, -1), D, lift, longest)
 
 
 # ------------------------------------------------------------------------------------------- lines
@@ -89,27 +68,27 @@ class _Lines:
     marks     (2, lines), bits of lanes that have ended, and that have passed a pole or ended; lanes
               of no trajectory have ended
     notes     status, failed_at and the first state beyond a pole, of each trajectory
-    columns   (lines, ROWS, D, W), see `generated_stages.ROWS`; None if steps are not extrapolated,
-              and no components have signs to compare over several stages
+    bases     states before the whole step (lines, D, W); None if no components have signs to
+              compare over several stages
     """
 
-    def __init__(self, arguments, states, notes, errors, W):
+    def __init__(self, arguments, states, notes, W):
         (self.scheme, *parameters), self.notes, self.W = arguments, notes, W
         self.B, self.count = len(states), -(-len(states) // W)
-        self.D, self.given = self.scheme.step.D, states.shape[1]
-        self.for_each, self.columns = max(map(len, parameters)) > 1, None
+        self.D = self.scheme.step.D
+        self.for_each, self.bases = max(map(len, parameters)) > 1, None
         self.parameters = parameters
         if self.for_each and self._computes_tables():
             self.for_each, self.halves = OF_HALVES, halves_of(*parameters, W)
         else:
             self.halves, self.table = tables_of(self.scheme, *parameters, W)
         self.marks = np.zeros((2, self.count), np.uint8)
-        self.start_from(states, errors)
+        self.start_from(states)
 
     def _computes_tables(self):
         """Return whether machine code computes the tables of stages, which takes less memory."""
         step, stages = self.scheme
-        has_tables = not step.usual or step.is_long or isinstance(step, LiftedStep)
+        has_tables = not step.usual or step.is_long
         if len(stages.fractions) == 1 or has_tables or config.DISABLE_JIT:
             return False
         return len(step.pieces[0]) == 1  # others would need the tables, too
@@ -119,32 +98,18 @@ class _Lines:
         """The values of `Step.table` (fractions, lines, n, W), where they are not given."""
         return tables_of(self.scheme, *self.parameters, self.W)[1]
 
-    @functools.cached_property
-    def words(self):
-        """The words of a lifted field, by the table of the first stage."""
-        table = self.table[distinct(self.scheme.stages.fractions)[1][0]]
-        return Words(self.scheme.step, self.W, table)
-
-    def start_from(self, states, errors):
-        """Set the states, to NaN where trajectories have ended, and the largest errors (D, B)."""
-        self.x = in_lines(self._padded(states), self.W)
+    def start_from(self, states):
+        """Set the states, to NaN where trajectories have ended."""
+        self.x = in_lines(states, self.W)
         status, _, poles = self.notes
         if status.any() or self.count * self.W > self.B:
             ended = status < 0
             self.x.swapaxes(1, 2)[self._of_lanes(ended, False)] = np.nan
             self.marks[ENDED] = packed(self._of_lanes(ended, True))
             self.marks[PASSED] = packed(self._of_lanes(ended | (poles != 0.0), True))
-        step, stages = self.scheme
-        if stages.columns or (step.of_one_sign and not step.keeps_signs):
-            self.columns = zeros(self.count, ROWS, self.D, self.W)
-            self.columns[:, BASE] = self.x
-        if stages.columns:
-            self.columns[:, LARGEST] = in_lines(self._padded(errors.T), self.W)
-
-    def _padded(self, rows):
-        """Return rows (B, given) with the words of a lifted field, whose lift comes later."""
-        missing = self.D - self.given
-        return np.hstack([rows, np.zeros((len(rows), missing))]) if missing else rows
+        if compares_signs(self.scheme.step):
+            self.bases = zeros(self.count, self.D, self.W)
+            self.bases[:] = self.x
 
     def _of_lanes(self, truths, unused):
         """Return truth values of trajectories as (lines, W), `unused` for lanes of none."""
@@ -152,13 +117,9 @@ class _Lines:
         padded[: self.B] = truths
         return padded.reshape(self.count, self.W)
 
-    def rows(self, lines):
-        """Return the rows (B, given) of lines (-, D, W), such as the states."""
-        return lines.swapaxes(1, 2).reshape(-1, self.D)[: self.B, : self.given]
-
     def states(self):
         """Return the states (B, D)."""
-        return self.rows(self.x)
+        return self.x.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
 
     def take(self, start, stop, saved, every, is_large, abandoned, again=False):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
@@ -177,10 +138,7 @@ class _Lines:
                 in_calls(self, take, self._line_arrays(), start, steps, *rows, abandoned)
                 return True
         else:
-            text_of = text_of_steps
-            if self.columns is not None:
-                in_columns = self.scheme.stages.columns
-                text_of = text_of_extrapolated_steps if in_columns else text_of_compositions
+            text_of = text_of_steps if self.bases is None else text_of_compositions
             align = alignment(saved, self.W, is_large)
             address = code_of(text_of, step, self.W, self.for_each, align)
         if address is None:
@@ -210,13 +168,9 @@ class _Lines:
     def _line_arrays(self):
         """Return the arrays for `careful`."""
         step, stages = self.scheme
-        is_lifted = isinstance(step, LiftedStep)
         return LineArrays(
             self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes, self.marks,
             np.empty(self.D * (self.D + 4) + step.T),
-            np.array([not is_lifted], np.int64),
-            np.array(sorted(step.of_one_sign) if is_lifted else [], np.int64),
-            np.empty((0, 0, 0, 0)) if self.columns is None else self.columns,
         )  # fmt: skip
 
     def _code_arguments(self, start, steps, saved, until, between, is_ready):
@@ -227,9 +181,9 @@ class _Lines:
             own = arguments_of(arrays, start)
         # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
         # a short block waits for the one before it.
-        blocks = -(-8 * self.x.size * (1 + self.scheme.sums_increments) // 2**15)
+        blocks = -(-8 * self.x.size // 2**15)
         block = -(-self.count // min(blocks, -(-self.count // 4)))
-        first_row, columns = saved.ctypes.data, self.columns
+        first_row, bases = saved.ctypes.data, self.bases
         table = None if self.for_each == OF_HALVES else self.table
         plan = plan_of(self.scheme.stages, table, self.halves)
         arguments = CodeArguments(
@@ -239,7 +193,7 @@ class _Lines:
             steps=steps,
             plan=plan.ctypes.data,
             stages=len(plan),
-            columns=0 if columns is None else columns.ctypes.data,
+            bases=0 if bases is None else bases.ctypes.data,
             first_row=first_row,
             row_bytes=saved.strides[0],
             first_until=until,
@@ -258,21 +212,10 @@ class _Lines:
         )
         return np.array(arguments, np.int64), (kept, arrays, own, plan)
 
-    def lift(self, arrays, start, n, of=slice(None), step_carefully=step_carefully):
-        """Compute the words of a lifted field from the states of lines, and tell poles."""
-        x, lines = self.x[of], range(self.count)[of]
-        x[:, self.given :], turned = self.words.at(x, lines)
-        if self.columns is not None:
-            self.columns[of, BASE, self.given :] = x[:, self.given :]
-        turned = packed(turned) & ~self.marks[PASSED][of]
-        for k in np.flatnonzero(turned):
-            step_carefully(arrays, start, lines[k], 0, int(turned[k]), n)
-
     def _carry_out(self, stage):
         """Carry out the operations of a stage where that is accurate.
 
-        Return the bits of these lanes, of lanes with det A < 0, and of those with a changed sign,
-        and the increments (lines, D, W) that were added to states, NaN where none was.
+        Return the bits of these lanes, of lanes with det A < 0, and of those with a changed sign.
         """
         (step, stages), shape = self.scheme, (self.count, self.W)
         values = dict(enumerate(self.x.swapaxes(0, 1)))
@@ -280,27 +223,21 @@ class _Lines:
         values.update(zip(step.table, table, strict=True))
         evaluate(step.usual, values)
         evaluate(step.rare, values)
-        accurate, made = np.broadcast_to(values[step.accurate], shape), np.full_like(self.x, np.nan)
-        for k, number in step.increments.items():
-            is_made = accurate & (values[step.after_rare[k]] == values[step.after[k]])
-            made[:, k] = np.where(is_made, values[number], np.nan)
+        accurate = np.broadcast_to(values[step.accurate], shape)
         for k, number in enumerate(step.after_rare):
             self.x[:, k] = np.where(accurate, values[number], self.x[:, k])
         told = (False if each is None else values[each] for each in (step.negative, step.changed))
         told = (packed(np.broadcast_to(each, shape)) for each in told)
-        return packed(accurate), *told, made
+        return packed(accurate), *told
 
     def _take_in_numpy(self, start, steps, saved, until, between, step_carefully):
         """Carry out the operations by NumPy: the reference, where there is no machine code."""
         (ended, passed), row, arrays = self.marks, 0, self._line_arrays()
-        weights = weights_of(self.scheme.stages)
+        stages = len(self.scheme.stages.fractions)
         for n in range(steps):
-            stage = n % len(weights)
-            if stage == 0 and self.given < self.D:
-                self.lift(arrays, start, n, step_carefully=step_carefully)
+            stage = n % stages
             if self.scheme.step.usual:
-                before = self.x.copy()
-                accurate, negative, changed, made = self._carry_out(stage)
+                accurate, negative, changed = self._carry_out(stage)
             else:
                 accurate, negative, changed = np.zeros((3, self.count), np.uint8)
             bad = ~(accurate | ended) & np.uint8(2**self.W - 1)
@@ -308,18 +245,11 @@ class _Lines:
             told &= (accurate & ~passed).astype(np.int64) * (1 | 1 << CHANGED)
             for line in np.flatnonzero(bad | told):
                 step_carefully(arrays, start, line, int(bad[line]), int(told[line]), n)
-            if self.scheme.sums_increments:
-                self.columns[:, CHANGE] += np.where(np.isnan(made), self.x - before, made)
-            if weights[stage, 0]:
-                finite = self.end_column(weights[stage], stage == len(weights) - 1)
-                bad = ~(finite | ended) & np.uint8(2**self.W - 1)
-                for line in np.flatnonzero(bad):
-                    step_carefully(arrays, start, line, int(bad[line]), 0, n)
-            if self.columns is not None and stage == len(weights) - 1:
+            if self.bases is not None and stage == stages - 1:
                 changed = self.changed()
                 for line in np.flatnonzero(changed):
                     step_carefully(arrays, start, line, 0, int(changed[line]) << CHANGED, n)
-                self.columns[:, BASE] = self.x
+                self.bases[:] = self.x
             if n == until:
                 saved[row] = self.states()
                 row, until = row + 1, until + between + 1
@@ -327,35 +257,12 @@ class _Lines:
     def changed(self, of=slice(None)):
         """Return the bits of lanes in which a component changed its sign over a whole step.
 
-        Lanes that have ended are left out, and but for lifted fields, whose components get their
-        signs back, those that have passed a pole. `of` is a slice of lines.
+        Lanes that have ended or passed a pole are left out. `of` is a slice of lines.
         """
-        step = self.scheme.step
-        signs, marks = sorted(step.of_one_sign), self.marks[PASSED if step.lift is None else ENDED]
-        base, x = self.columns[of, BASE][:, signs], self.x[of][:, signs]
+        signs = sorted(self.scheme.step.of_one_sign)
+        base, x = self.bases[of][:, signs], self.x[of][:, signs]
         rises, falls = (base < 0.0) & (x > SIGNIFICANT), (base > 0.0) & (x < -SIGNIFICANT)
-        return packed((rises | falls).any(axis=1)) & ~marks[of]
-
-    def end_column(self, weights, is_last, of=slice(None)):
-        """End a column, as the machine code does; return the bits of lanes with finite states.
-
-        `of` is a slice of lines.
-        """
-        x, columns = self.x[of], self.columns[of]
-        base, total, second, sums, largest = columns.swapaxes(0, 1)
-        change = sums.copy() if self.scheme.sums_increments else x - base
-        sums[:] = 0.0
-        total += weights[0] * change
-        second += weights[1] * change
-        x[:] = base
-        if not is_last:
-            return np.full(len(x), 255, np.uint8)
-        x += total
-        errors, finite = abs(total - second), (abs(x) < np.inf).all(axis=1)
-        errors = np.where(largest > errors, largest, errors)
-        largest[:] = np.where(finite[:, np.newaxis], errors, largest)
-        columns[:, SUM : SECOND + 1] = 0.0
-        return packed(finite)
+        return packed((rises | falls).any(axis=1)) & ~self.marks[PASSED][of]
 
 
 class FieldSteps(Kernel):
@@ -424,23 +331,20 @@ def _iterate_part(
     for low in range(first, last, CHUNK):
         chunk = slice(low, min(low + CHUNK, last))
         own = scheme, *(array[chunk] if len(array) > 1 else array for array in parameters)
-        states, errors = starts[chunk], carry[1:, chunk]
+        states = starts[chunk]
         notes = status[chunk], failed_at[chunk], carry[0, chunk]
         if steps[0] == 0:
             note_undefined(states, notes)
-            errors[:] = np.nan
-        one = own, states, notes[0], errors, final[chunk], steps, saved[:, chunk]
+        one = own, states, notes[0], final[chunk], steps, saved[:, chunk]
         if W == 1 and take_one(*one):
             continue
-        lines = _Lines(own, states, notes, errors, W)
-        yield from _take_steps(lines, states, errors, steps, saved[:, chunk], is_large, abandoned)
+        lines = _Lines(own, states, notes, W)
+        yield from _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
         final[chunk] = lines.states()
-        if len(errors):
-            errors[:] = lines.rows(lines.columns[:, LARGEST]).T
 
 
-def _take_steps(lines, states, errors, steps, saved, is_large, abandoned):
-    """Take the steps of a run from these states and largest errors, and save states."""
+def _take_steps(lines, states, steps, saved, is_large, abandoned):
+    """Take the steps of a run from these states, and save states."""
     start, stop, every, row = steps
     if every and start == 0:
         saved[row] = lines.states()
@@ -452,7 +356,7 @@ def _take_steps(lines, states, errors, steps, saved, is_large, abandoned):
         step, stages = lines.scheme
         work = (stop - start) * len(stages.fractions) * (len(step.usual) + lines.B * step.D**2)
         careful.compile(_IN_PYTHON * work)  # only now, because few runs need it
-        lines.start_from(states, errors)
+        lines.start_from(states)
         yield from lines.take(*arguments, again=True)
 
 

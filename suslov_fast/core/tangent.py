@@ -49,7 +49,7 @@ from .machine_code import code_of
 from .numba import function, inlined, kernel, share
 from .operations import Tangent
 from .sparse import is_sparse
-from .stages import distinct, weights_of
+from .stages import distinct
 from .steps_field import Scheme, scheme_of, tables_of
 
 # Operations of a step, and of one with columns if the field is dense, above which the loops of
@@ -75,7 +75,6 @@ class Arguments(NamedTuple):
     halves: Any  # (1 or lines, T, 1 or W)
     fractions: Any  # (stages,)
     tables: Any  # (stages,), places in `table`
-    weights: Any  # (stages,), at the ends of columns, else 0
     has_signs: int  # 1 if components keep their signs along the motion
     unable: Any  # (1,), 1 after a lane needed `solve`
     solves: Any  # True if the kernels compute such lanes, None if they are compiled without `solve`
@@ -102,7 +101,7 @@ def arguments_of(scheme, values, eps, count, in_lines=False):
     With `in_lines` each row of the values is for a whole line of trajectories, and the rows repeat.
     """
     (step, stages), fractions = scheme, scheme.stages.fractions
-    of_stages = np.array(fractions), distinct(fractions)[1], weights_of(stages)[:, 0].copy()
+    of_stages = np.array(fractions), distinct(fractions)[1]
     of_stages = *of_stages, int(bool(step.of_one_sign)), np.zeros(1, np.int64), None
     if _is_long(step):
         fixed, kept = sparse_tangent.arguments_of(step, values, eps, distinct(fractions)[0])
@@ -257,28 +256,13 @@ def jacobians(part, parts, arguments, x, out):
     for place in range(begin, end):
         fill_line(W, room, memory.line, x, place)
         ignored = lanes_beyond(W, B, place)
-        # Columns become -DPhi q at each stage, and the number of stages is odd, except those of a
-        # column of an extrapolated step, whose derivative is 1 + sum_n w_n (DPhi_n - 1).
-        is_first = True
-        for stage in range(stages):
+        for stage in range(stages):  # columns become -DPhi q, and the number of stages is odd
             take_steps(arguments, memory, place, stage, ignored, np.int64(1), arguments.solves)
-            weight, is_last = arguments.weights[stage], stage == stages - 1
-            if weight == 0.0 and not is_last:
-                continue
-            for l in range(lesser(W, B - place * W)):
-                for i in range(D):
-                    for r in range(D):
-                        value = memory.line[first + i * arguments.room + r, l]
-                        if weight == 0.0:
-                            value = -value
-                        else:
-                            unit = 1.0 if i == r else 0.0
-                            before = unit if is_first else out[place * W + l, i, r]
-                            value = before + weight * (value - unit)
-                        out[place * W + l, i, r] = 0.0 * memory.line[i, l] + value
-            is_first = False
-            if not is_last:
-                fill_line(W, room, memory.line, x, place)
+        for l in range(lesser(W, B - place * W)):
+            for i in range(D):
+                for r in range(D):
+                    value = memory.line[first + i * room + r, l]
+                    out[place * W + l, i, r] = 0.0 * memory.line[i, l] - value
     keep(counted)
 
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, require
 from ..core.field_system import FieldSystem, system_of
-from ..core.lifted_system import LiftedSystem, lifted_system_of
 from ..core.stages import WHOLE, Stages
 from ..core.steps_field import scheme_of
 from ..core.steps_nd import FAR_FROM_0, GaussSystem, NDSystem
@@ -63,16 +62,8 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
 
 
 def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
-    """Return the arguments of kernels that take the field of a body: its terms, and eps.
-
-    After the values of the terms come the coefficients of a lift, if there are any.
-    """
+    """Return the arguments of kernels that take the field of a body: its terms, and eps."""
     indices, values = body._terms
-    if lift_of(body) is not None:
-        numbers = body._numbers
-        shape = np.broadcast_shapes(values.shape[:-1], numbers.shape[:-1])
-        parts = [np.broadcast_to(a, (*shape, a.shape[-1])) for a in (values, numbers)]
-        values = np.concatenate(parts, axis=-1)
     if not body.shape:  # for speed in small calls
         return indices, values[np.newaxis], flat_parameter(eps, batch)
     return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
@@ -89,16 +80,13 @@ def alike(
     The operations of a step, and so its rounding errors, depend on which terms are zero. Without
     groups, the bits of a trajectory would depend on the fields of others.
     """
-    T = indices.shape[1]
-    if len(values) == 1 or (nonzero := values[:, :T] != 0.0).all():
+    if len(values) == 1 or (nonzero := values != 0.0).all():
         yield ALL, indices, values, eps
         return
     patterns, which = np.unique(nonzero, axis=0, return_inverse=True)
-    others = np.ones(values.shape[1] - T, bool)  # coefficients of a lift
     for k, pattern in enumerate(patterns):
         [where] = np.nonzero(which.ravel() == k)
-        columns = (indices, pattern), (values[where], np.append(pattern, others))
-        terms = [np.ascontiguousarray(a[:, kept]) for a, kept in columns]
+        terms = [np.ascontiguousarray(a[:, pattern]) for a in (indices, values[where])]
         yield where, terms[0], terms[1], eps[where] if len(eps) > 1 else eps
 
 
@@ -120,23 +108,7 @@ def with_scheme(
     body: Any, stages: Stages, indices: NDArray[Any], values: FloatArray, eps: FloatArray
 ) -> Any:
     """Return arguments with the operations of a step in place of the indices of its terms."""
-    return scheme_of(indices, words_of(body), stages, lift_of(body)), values, eps
-
-
-def is_lifted(body: Any) -> bool:
-    """Return whether this is a lifted field; its class tells it without advice on attributes."""
-    return hasattr(type(body), "lifted")
-
-
-def lift_of(body: Any) -> Any:
-    """Return the `Lift` of a lifted field; None for other bodies, and if no variable is added."""
-    lift = body._structure.lift if is_lifted(body) else None
-    return lift if lift is not None and lift.words else None
-
-
-def words_of(body: Any) -> int:
-    """Return the number of variables of the field of a body, those of a lift included."""
-    return int(body.lifted.dimension if is_lifted(body) else body.dimension)
+    return scheme_of(indices, body.dimension, stages), values, eps
 
 
 def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
@@ -146,8 +118,7 @@ def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
         if where is ALL:
             yield where, arguments
             continue
-        lift = None if step.lift is None else step.lift[0]
-        yield where, (scheme_of(of_group[0], step.D, stages, lift), *of_group[1:])
+        yield where, (scheme_of(of_group[0], step.D, stages), *of_group[1:])
 
 
 def nd_system(body: Any, eps: float) -> NDSystem:
@@ -162,25 +133,9 @@ def gauss_system(body: Any, eps: float) -> GaussSystem:
     return GaussSystem(*nd_system(body, eps))
 
 
-def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem | LiftedSystem:
+def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:
     """Return the constants of a single body with a field, for `compiled`."""
     indices, [values], _ = by_field(body, eps, ())
-    if (lift := lift_of(body)) is not None:
-        found: LiftedSystem | None = lifted_system_of(
-            indices, values, 0.5 * eps, stages, words_of(body), lift
-        )
-        if found is None:
-            how = "use step or iterate, which need none"
-            raise RuntimeError(f"body: steps of a LiftedField need machine code here: {how}")
-        return found
     halves = np.outer(stages.fractions, 0.5 * eps * values)
-    system: FieldSystem = system_of(indices, halves, stages, body.dimension)
+    system: FieldSystem = system_of(indices, halves, body.dimension)
     return system
-
-
-def _no_pickle(self: object) -> str:
-    how = "call compiled.system there"
-    raise TypeError(f"the system of a LiftedField is of use in its own process alone: {how}")
-
-
-LiftedSystem.__reduce__ = _no_pickle  # type: ignore[method-assign]

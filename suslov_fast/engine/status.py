@@ -23,7 +23,9 @@ class Status(IntEnum):
     no next state, or none in the range of float64. `SUPERCRITICAL` and `PASSED_POLE` are positive:
     the orbit need not follow the continuous motion. `SUPERCRITICAL` is for bodies in three
     dimensions, where the :func:`criticality` is 1 or more; `PASSED_POLE` is for all others, see
-    :class:`PoleWarning`. `message` explains the status.
+    :class:`PoleWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING` and `TOO_MANY_STEPS` are
+    solutions that stop before the last time, and `NONFINITE` those without a value at the start.
+    `message` explains the status.
 
     Examples
     --------
@@ -41,6 +43,9 @@ class Status(IntEnum):
     PASSED_POLE = codes.PASSED_POLE
     SINGULAR = codes.SINGULAR
     NONFINITE = codes.NONFINITE
+    ENDED = codes.ENDED
+    SLIDING = codes.SLIDING
+    TOO_MANY_STEPS = codes.TOO_MANY_STEPS
 
     @property
     def message(self) -> str:
@@ -66,6 +71,12 @@ _MESSAGES = {
     ),
     Status.SINGULAR: "singular step: the state lies on a pole of the map and has no next state",
     Status.NONFINITE: "non-finite step: the next state is beyond the range of float64",
+    Status.ENDED: "the solution ends: it escapes to infinity, or reaches a pole of the equations",
+    Status.SLIDING: "the solution slides along a condition, where the equations do not continue it",
+    Status.TOO_MANY_STEPS: (
+        "stopped before the last time: too many steps from one time to the next, or progress "
+        "returned False"
+    ),
 }
 
 
@@ -105,7 +116,8 @@ class PoleWarning(RuntimeWarning):
     the eigenvector of mu. Orders 4 to 8 contain steps backwards in time, for which a mode that
     decays fast looks like a pole.
 
-    For fields :func:`flow` warns of solutions that end, and says when the first of them ends.
+    :func:`flow` warns of solutions that stop before the last time, once for a whole batch, and says
+    when the first of them does; see :class:`Status`.
 
     Examples
     --------

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, extra, instance, integer, is_false, kind_of, require, short, wrong
 from ..core import codes, orientations
 from ..core.field_system import FieldSystem
-from ..core.lifted_system import LiftedSystem
 from ..core.numba import Kernel
 from ..core.one_step import KernelOfStep
 from ..core.steps_nd import NDSystem
@@ -101,7 +100,7 @@ class Steps(NamedTuple):
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
     # Returns the constants of `compiled.step_system` for (body, eps). None: it refuses the body.
-    system: Callable[[Any, float], NDSystem | FieldSystem | LiftedSystem] | None = None
+    system: Callable[[Any, float], NDSystem | FieldSystem] | None = None
     # Yields groups of trajectories, as indices, and the arguments of each, for (D, arguments).
     divide: Callable[[int, Arguments], Iterator[tuple[Any, Arguments]]] | None = None
     # True if carry[0] is the number of the first state after a step from det A < 0, else 0;
@@ -109,12 +108,6 @@ class Steps(NamedTuple):
     notes_poles: bool = False
     # True if a part of a step goes backwards, so that modes that decay fast look like poles.
     goes_back: bool = False
-    # True if the last D rows of `carry` are the largest estimated errors of a step so far.
-    estimates: bool = False
-
-    def rows_carried(self, D: int) -> int:
-        """Return the number of rows of `carry` for states of D components."""
-        return self.carried + D * self.estimates
 
 
 def check_steps(name: str, steps: Any) -> None:
@@ -140,11 +133,6 @@ class Checkpoint(NamedTuple):
     failed_at: NDArray[np.int64]  # (...)
     carry: FloatArray  # (carried, B)
     turned: FloatArray | None  # (B, n, n), orientations after n steps
-
-
-def largest_errors(carry: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Return the largest estimated errors of a step in `carry`, of the shape of states (..., D)."""
-    return carry[-shape[-1] :].T.reshape(shape)
 
 
 class March:
@@ -178,7 +166,7 @@ class March:
             self.turned = None if earlier.turned is None else earlier.turned.copy()
             return
         self.n = 0
-        self.carry = np.zeros((self.steps.rows_carried(D), size))
+        self.carry = np.zeros((self.steps.carried, size))
         if problem.orientation is not None:
             self.turned = flat_arrays(problem.orientation, batch, 2).copy()
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
@@ -194,11 +182,6 @@ class March:
         first, status = self.noted()
         passed = (first > 0) & (status == codes.PASSED_POLE)
         return np.where(passed, first, -1).reshape(self.problem.batch)
-
-    @property
-    def local_error(self) -> FloatArray:
-        """The largest estimated errors of a step so far (..., D), if the steps have estimates."""
-        return largest_errors(self.carry, self.final.shape)
 
     @property
     def told_by_signs(self) -> Any:

@@ -18,7 +18,6 @@ import numpy as np
 
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
-from ..bodies.lifted import LiftedField
 from ..bodies.names import labels
 from ..bodies.terms import Terms
 from ..checks import in_place_of, kind_of, wrong
@@ -270,7 +269,6 @@ def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
     """
     if not isinstance(field, QuadraticField):
         how = ": use QuadraticField.of(body)" if isinstance(field, Body) else in_place_of(field)
-        how = ": pass field.lifted" if isinstance(field, LiftedField) else how
         raise wrong("field", "a QuadraticField", f"{kind_of(field)}{how}", TypeError)
     if field.shape:
         raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")

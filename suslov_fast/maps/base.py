@@ -23,7 +23,7 @@ from .formulas import INSTEAD, KAHAN, PARTS, SERVED, Formula, Plane, check_formu
 from .methods import with_notes
 
 # The methods of the package; `str` stands for those that `maps.register` adds.
-Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8", "extrapolated"] | str
+Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"] | str
 
 
 Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
@@ -66,8 +66,8 @@ class Map:
     conserved : tuple of str
         Names of formulas: the first one that a body has is conserved, exactly or nearly.
     stages : Stages
-        Stages of a composition, or of an extrapolated step: a step consists of Kahan steps by these
-        fractions of eps. WHOLE for Kahan's map itself, and for maps that are not made of it.
+        Stages of a composition: a step consists of Kahan steps by these fractions of eps. WHOLE for
+        Kahan's map itself, and for maps that are not made of it.
     order : int
         The order of the method: the error of a step is O(eps**(order + 1)).
     attitude : {"axial", "in_rows"} or None
@@ -75,8 +75,6 @@ class Map:
         if they do not.
     plane : Plane or None
         How `exact`, `flow` and `limits` reduce a problem to a solved one in three dimensions.
-    integrates : bool
-        True if `flow` integrates the equations of motion to a tolerance, by `core.flow`.
     growth : callable or None
         ``growth(problem, steps, transient, report)`` returns the `Growth` of `engine.derivatives`,
         for `lyapunov_exponents`. By default that of Kahan's map if ``"jacobian"`` is that of
@@ -146,7 +144,6 @@ class Map:
     order: int = 2
     attitude: Literal["axial", "in_rows"] | None = None
     plane: Plane | None = None
-    integrates: bool = False
     growth: Callable[[Problem, int, int, Report | None], Growth] | None = None
     eigenvalues: Eigenvalues | None = None
     serves: tuple[str, ...] = ()
@@ -330,7 +327,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
     is_of_fields = str(method) in methods_of(QuadraticField) or str(method).startswith("order")
     instead *= is_of_fields and "order8" not in by_method
     if "order8" in by_method and not is_of_fields:
-        instead = ": Kahan's map is 'auto'; flow(field, x0, time) integrates to a tolerance"
+        instead = ": Kahan's map is 'auto'; flow(field, x0, time=...) integrates to a tolerance"
     return by_method[checks.one_of("method", method, by_method, instead)]
 
 

@@ -126,43 +126,6 @@ _NOT_OF_ORDERS = "matrix", "modified_energy", "invariant_density"  # these are f
 OF_ORDER = {name: formula for name, formula in KAHAN.items() if name not in _NOT_OF_ORDERS}
 
 
-# ------------------------------------------------------------------------------- of lifted fields
-def _of_lifted(problem: Problem) -> Problem:
-    """Return the problem of the lifted field, at the states with their added variables."""
-    body = problem.body
-    return problem._replace(body=body.lifted, omega=body._lift(problem.omega))
-
-
-def _lifted_vector_field(problem: Problem) -> Any:
-    values = KAHAN["vector_field"].compute(_of_lifted(problem))
-    return values[..., : problem.body.dimension]
-
-
-def _lifted_jacobian(problem: Problem) -> Any:
-    """Return the derivative of a whole step: of the lift, of the stages, and of what is kept."""
-    of_stages = jacobian(_of_lifted(problem))[..., : problem.body.dimension, :]
-    with np.errstate(all="ignore"):
-        return of_stages @ problem.body._slopes(problem.omega)
-
-
-def _lifted_energy(problem: Problem) -> Any:
-    return np.broadcast_to(problem.body._energy(problem.omega), problem.batch)
-
-
-def _check_lifted_hamiltonian(body: Any) -> None:
-    """Raise TypeError for a lifted field without a Hamiltonian."""
-    if body.H is None:
-        how = "make it by LiftedField.from_hamiltonian"
-        raise TypeError(f"body: this field has no Hamiltonian: {how}")
-
-
-LIFTED = {
-    "vector_field": Formula(_lifted_vector_field),
-    "jacobian": Formula(_lifted_jacobian),
-    "energy": Formula(_lifted_energy, _check_lifted_hamiltonian),
-}
-
-
 # ------------------------------------------------------------------------------ in three dimensions
 def eigenvalues_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     """Return `eigenvalues`; the one along a line of steady states is exactly 0."""

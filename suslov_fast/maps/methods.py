@@ -7,7 +7,7 @@ from typing import Any
 from ..checks import integer, kind_of, wrong
 from ..core import one_step, steps_3d, steps_field, steps_nd
 from ..core.numba import Kernel
-from ..core.stages import Stages, extrapolation
+from ..core.stages import Stages
 from ..engine.arguments import (
     by_constants,
     by_scheme,
@@ -81,9 +81,6 @@ FRACTIONS = {order: (*first, *first[-2::-1]) for order, first in _TO_THE_MIDDLE.
 
 
 COMPOSITIONS = {order: Stages(fractions) for order, fractions in FRACTIONS.items()}
-# Columns 2 to 10 take 30 steps of the map. Of all lists of up to six columns they take the least
-# time at equal error, with columns 1 to 5, which multiply fast decaying modes by -12.7.
-EXTRAPOLATION = extrapolation(2, 4, 6, 8, 10)
 
 
 def field_in(stages: Stages) -> Steps:
@@ -92,7 +89,6 @@ def field_in(stages: Stages) -> Steps:
     return FIELD._replace(
         arguments=in_stages(stages),
         system=system,
-        estimates=bool(stages.columns),
         goes_back=min(stages.fractions) < 0.0,
     )
 

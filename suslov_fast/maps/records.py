@@ -1,12 +1,10 @@
 """The records of the maps of the package, which are registered on import."""
 
 from ..bodies.field import QuadraticField
-from ..bodies.lifted import LiftedField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from ..bodies.samples import random_3d, random_field, random_lifted, random_nd, random_with_I3
-from ..core.stages import WHOLE
-from ..engine.derivatives import growth, growth_by_jacobian
+from ..bodies.samples import random_3d, random_field, random_nd, random_with_I3
+from ..engine.derivatives import growth
 from .base import Map, register
 from .formulas import (
     GYROSTAT,
@@ -14,7 +12,6 @@ from .formulas import (
     IN_ND,
     IN_PLANE,
     KAHAN,
-    LIFTED,
     OF_ORDER,
     SERVED,
     SOLVED_ALREADY,
@@ -24,7 +21,6 @@ from .formulas import (
 )
 from .methods import (
     COMPOSITIONS,
-    EXTRAPOLATION,
     FIELD,
     FRACTIONS,
     GAUSS,
@@ -91,7 +87,6 @@ for _record in (
         formulas=KAHAN,
         random=(random_field,),
         pole=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
-        integrates=True,
         conserved=("modified_energy",),
         variable="x",
         meaning="state",
@@ -112,47 +107,6 @@ for _record in (
             meaning="state",
         )
         for order in COMPOSITIONS
-    ),
-    Map(
-        name="Kahan, extrapolated",
-        title="Extrapolated Kahan map",
-        body=QuadraticField,
-        methods={"extrapolated": field_in(EXTRAPOLATION)},
-        formulas=OF_ORDER,
-        random=(random_field,),
-        pole=(QuadraticField([[[1]]]), (2.0,)),
-        conserved=("energy",),
-        stages=EXTRAPOLATION,
-        order=10,
-        growth=growth_by_jacobian,
-        variable="x",
-        meaning="state",
-    ),
-    *(
-        Map(
-            name=f"Lifted, {method}",
-            title=title,
-            body=LiftedField,
-            methods={method: field_in(stages)},
-            formulas=LIFTED,
-            random=(random_lifted,),
-            pole=None,
-            conserved=("energy",),
-            stages=stages,
-            order=order,
-            growth=growth_by_jacobian,
-            integrates=method == "auto",
-            variable="x",
-            meaning="state",
-        )
-        for method, stages, order, title in (
-            ("auto", WHOLE, 2, "Kahan map of a lifted field"),
-            *(
-                (f"order{n}", stages, n, f"Composition of Kahan maps of a lifted field, order {n}")
-                for n, stages in COMPOSITIONS.items()
-            ),
-            ("extrapolated", EXTRAPOLATION, 10, "Extrapolated Kahan map of a lifted field"),
-        )
     ),
 ):
     register(_record)

@@ -123,8 +123,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
     Raises
     ------
     TypeError, ValueError
-        If `body` is a `LiftedField`, whose step is not the solution of one linear system (use
-        :func:`jacobian`), or no body or field; if shapes do not broadcast.
+        If `body` is no body or quadratic field; if shapes do not broadcast.
 
     Examples
     --------
@@ -144,12 +143,11 @@ def jacobian(
     """Derivative of the map: row i, column j holds the derivative of (x_next)_i by x_j.
 
     For Kahan's map it is A(x; eps)**-1 A(x_next; -eps), with the A of :func:`matrix`; for the
-    methods of order 4, 6 and 8 the product over all sub-steps; for "extrapolated" the sum of w_n
-    times the products over n sub-steps, with the weights w_n of the columns of n sub-steps.
+    methods of order 4, 6 and 8 the product over all sub-steps.
 
     Parameters
     ----------
-    body : QuadraticField, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
+    body : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
         A single field or body, or a batch.
     omega : array_like(float, shape=(..., D))
         States x of a field, or angular velocities of a body. NaN gives NaN.
@@ -192,9 +190,8 @@ def multipliers(
 
     A fixed point is stable if all moduli are below 1. Multipliers of Kahan's map are
     (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f', those of order 4, 6 and 8 the
-    products of these over all sub-steps, and those of "extrapolated" the sum of w_n
-    ((1 + eps mu / (2 n)) / (1 - eps mu / (2 n)))**n over the columns of n sub-steps. For a body in
-    n dimensions mu = c s at omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
+    products of these over all sub-steps. For a body in n dimensions mu = c s at omega = c I, for s
+    in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Parameters
     ----------

@@ -1,15 +1,24 @@
-"""Lyapunov exponents of the map."""
+"""Lyapunov exponents of the map and of the motion."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import checks
+from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray, integer
+from ..bodies.field_of_terms import FieldOfFunction
+from ..checks import FloatArray, integer, one_of, short, wrong
+from ..engine.motion_growth import exponents_of
+from ..engine.motions import threads_for
 from ..engine.problem import warn_of_times
+from ..engine.starts import checked_settings, checked_starts, warn_of_ends
 from ..engine.status import report_poles
 from ..engine.stretches import Progress, reporter
+from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import Method, problem
 from .evaluation import mask_and_warn
@@ -17,52 +26,64 @@ from .evaluation import mask_and_warn
 
 @public
 def lyapunov_exponents(
-    body: BodyOrField,
-    omega0: ArrayLike,
+    system: BodyOrField,
+    x0: ArrayLike,
     /,
-    eps: ArrayLike,
-    steps: int,
-    transient: int = 0,
+    eps: ArrayLike | None = None,
+    steps: int | None = None,
+    transient: float = 0,
     *,
+    time: float | None = None,
+    rtol: float = 1e-9,
     method: Method = "auto",
     threads: int | None = None,
     progress: Progress = None,
 ) -> FloatArray:
-    """Lyapunov exponents of orbits over a finite number of steps; chaos shows as positive ones.
+    """Lyapunov exponents over a finite time; chaos shows as positive ones.
 
-    They are per step; divide by eps for exponents per unit of time.
-    The derivatives of the map along the orbit are multiplied, and decomposed as Q R before columns
-    lose digits (Benettin's method). The exponents are the mean logarithms of the diagonals of R.
-    Their sum equals the mean of ``log |det DPhi|`` (relative error 1e-10). The exponents of an
-    orbit are bit-identical whatever else is in the batch.
+    With `eps` and `steps` they are those of orbits of the map, per step; divide by eps for those
+    per unit of time. With `time` they are those of the motion, as :func:`flow` computes it, per
+    unit of time. Derivatives along the orbit, those of the map or the variational equations, are
+    decomposed as Q R before columns lose digits (Benettin's method), and the exponents are the mean
+    logarithms of the diagonals of R. Their sum equals the mean of ``log |det DPhi|``, or of the
+    trace of f' (relative error 1e-10 for maps). The exponents of an orbit are bit-identical
+    whatever else is in the batch.
 
     Parameters
     ----------
-    body, omega0, eps
-        As in :func:`iterate`.
-    steps : int
+    system, x0
+        As in :func:`iterate` and :func:`flow`.
+    eps : array_like(float, shape=(...)), optional
+        Step size of the map, in time.
+    steps : int, optional
         Number of steps averaged over, after the transient; 1 or more.
-    transient : int
-        Number of steps before averaging begins. They also align the tangent vectors; without them
-        the mean has an error of order 1 / steps.
+    transient : int or float
+        Number of steps, or time, before averaging begins. It also aligns the tangent vectors;
+        without it the mean has an error of order 1 / steps, or 1 / time.
+    time : float, optional
+        The time to average over, positive, in place of eps and steps.
+    rtol : float
+        With `time`, the relative tolerance of :func:`flow`, for states and tangent vectors.
     method, threads
-        As in :func:`iterate`.
+        As in :func:`iterate`; a motion has no method.
     progress : bool or callable, optional
-        True shows a bar (needs tqdm). A function is called as ``progress(done, transient +
-        steps)``; if it returns False, the exponents are means over the steps done, or NaN if the
-        transient was not over.
+        True shows a bar (needs tqdm). A function is called as ``progress(done, total)`` with
+        numbers of steps, the transient included, or with thousandths of the time; if it returns
+        False, the exponents are means over what is done, or NaN if the transient was not over.
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Exponents per step, the largest first. ``-inf`` if a step is not invertible; NaN, with one
-        :class:`SingularStepWarning`, if an orbit fails. If an orbit passed a pole (one
-        :class:`PoleWarning`), they are those of the map, not of the motion.
+        Exponents, the largest first. ``-inf`` if a step is not invertible; NaN, with one
+        :class:`SingularStepWarning`, if an orbit of the map fails, or with one
+        :class:`PoleWarning`, if a motion ends. If an orbit passed a pole (one
+        :class:`PoleWarning`), they are those of the map, not of the motion. Those of a motion leave
+        out the directions of variables whose rate is constant, such as time.
 
     Raises
     ------
     TypeError, ValueError
-        As :func:`iterate`.
+        As :func:`iterate` or :func:`flow`; if both eps and time are given, or neither.
 
     Examples
     --------
@@ -73,12 +94,24 @@ def lyapunov_exponents(
     ...     lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
     ...     "x y z",
     ... )
+    >>> lyapunov_exponents(lorenz, [1, 1, 20], time=400, transient=20, rtol=1e-6).round(1)
+    array([  0.9,   0. , -14.6])
     >>> eps = 1 / 128
     >>> exponents = lyapunov_exponents(lorenz, [1, 1, 20], eps, 50_000, transient=2000) / eps
     >>> exponents.round(1)
     array([  0.9,   0. , -14.6])
     """
-    checked = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
+    if time is not None:
+        for name, value in (("eps", eps), ("steps", steps)):
+            if value is not None:
+                raise wrong(name, "left out beside time", short(value), TypeError)
+        one_of("method", method, ["auto"], ": a motion, with time=, has no method")
+        return _of_motion(system, x0, time, transient, rtol, threads, progress)
+    if eps is None or steps is None:
+        missing = "eps" if eps is None else "steps"
+        how = "pass eps and steps, for the map, or time=, for the motion"
+        raise TypeError(f"lyapunov_exponents needs {missing}: {how}")
+    checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)
     with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
@@ -89,7 +122,7 @@ def lyapunov_exponents(
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
     exponents = -np.sort(-sums / max(growth.steps, 1), axis=1).reshape(
-        (*checked.batch, body.dimension)
+        (*checked.batch, system.dimension)
     )
     notes = growth.status, growth.failed_at, growth.by_signs
     status, failed_at, by_signs = (each.reshape(checked.batch) for each in notes)
@@ -99,3 +132,28 @@ def lyapunov_exponents(
     if growth.steps == 0:  # `progress` ended the run in its transient
         return exponents
     return mask_and_warn(checked, exponents, poles=True)
+
+
+def _of_motion(
+    system: Any,
+    x0: Any,
+    time: Any,
+    transient: Any,
+    rtol: Any,
+    threads: int | None,
+    progress: Progress,
+) -> FloatArray:
+    """Return the exponents of the motion."""
+    checks.instance("system", system, Body)
+    time, before = checks.positive("time", time), checks.real_number("transient", transient)
+    if not isinstance(before, float) or before < 0.0:
+        raise wrong("transient", "a time, 0 or more", short(transient))
+    settings = checked_settings(system, rtol, None, None, None)
+    x, batch = checked_starts(system, x0, 1)
+    field = system if isinstance(system, FieldOfFunction) else system.field()
+    count = threads_for(len(x), thread_count(threads))
+    with reporter(progress, 1000) as report:
+        arguments = time, before, settings, count, report
+        exponents, found = exponents_of(field, x, batch, *arguments)
+    warn_of_ends(found, x, batch)
+    return exponents.reshape(*batch, -1)

@@ -30,7 +30,6 @@ class Column(NamedTuple):
     fill: float = math.nan  # value in a store where a tile is not computed yet
     when: str = ""  # the condition, of `conditions_of`, under which results have it
     is_last: bool = False  # whether tiles write it last, so that it marks them as done
-    in_files: bool = True  # False for what `_carry` holds, too
 
     @property
     def is_public(self) -> bool:
@@ -51,14 +50,6 @@ RUN = (
         "failed_at", "int64", "batch", "first state missing or beyond a pole, or -1", fill=PENDING
     ),
     Column("first_pole", "int64", "batch", "first state beyond a pole, or -1", fill=PENDING),
-    Column(
-        "local_error",
-        "float64",
-        "batch component",
-        "largest estimated error of a step",
-        when="estimates",
-        in_files=False,
-    ),
     Column("status", "int8", "batch", fill=PENDING, is_last=True),
     Column("_carry", "float64", "carried trajectory"),
     Column("_turned", "float64", "trajectory space body", when="turns"),
@@ -74,22 +65,31 @@ CROSSINGS = (
     Column("_carry", "float64", "carried trajectory"),
     Column("_last", "float64", "trajectory", when="surface"),
 )
+MOTION = (
+    Column("states", "float64", "time batch component"),
+    Column("time", "float64", "time"),
+    Column("status", "int8", "batch"),
+    Column("end", "float64", "batch"),
+    Column("steps", "int64", "batch"),
+)
 OF_KIND = {
-    "Trajectories": [column for column in RUN if column.in_files],
+    "Trajectories": [*RUN],
     "Crossings": [*CROSSINGS],
+    "Motion": [*MOTION],
 }  # of files
-# The arguments of the functions that made a result: texts, and integers or None.
+# The arguments of the functions that made a result: texts, numbers or None.
 ARGUMENTS = {
     "Trajectories": ("method", "steps", "save_every"),
     "Crossings": ("method", "steps", "transient", "direction", "most"),
+    "Motion": ("rtol", "atol", "max_step", "stiff"),
 }
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`
 
 
-def conditions_of(steps: Any, turns: bool) -> set[str]:
-    """Return the values of `Column.when` that hold for a run by these `Steps`."""
-    return {name for name, holds in (("turns", turns), ("estimates", steps.estimates)) if holds}
+def conditions_of(turns: bool) -> set[str]:
+    """Return the values of `Column.when` that hold for a run."""
+    return {"turns"} if turns else set()
 
 
 def present(table: Iterable[Column], conditions: Collection[str]) -> list[Column]:
@@ -97,9 +97,9 @@ def present(table: Iterable[Column], conditions: Collection[str]) -> list[Column
     return [column for column in table if not column.when or column.when in conditions]
 
 
-def of_runs(steps: Any, turns: bool) -> list[Column]:
-    """Return the columns that datasets and stores of runs by these `Steps` have."""
-    return [column for column in present(RUN, conditions_of(steps, turns)) if column.is_public]
+def of_runs(turns: bool) -> list[Column]:
+    """Return the columns that datasets and stores of runs have."""
+    return [column for column in present(RUN, conditions_of(turns)) if column.is_public]
 
 
 def sizes_of(batch: tuple[int, ...], D: int, **others: int) -> Sizes:

@@ -156,7 +156,7 @@ class Crossings(Result):
                 if name in self.body._labels:
                     column = f"crossings.states[:, {self.body._labels.index(name)}]"
                     both = f"crossings.states, or {column} for the variable {name}"
-                    instead = both if name == self.map.variable else column
+                    instead = both if name == self._variable else column
                 elif name in self.body.parameters:
                     instead = f"crossings.body.parameters[{name!r}]"
             if instead or (instead := nearest(name, dir(self))):
@@ -381,7 +381,7 @@ class Crossings(Result):
         steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n))
         if not n.size:
             steps = {1: "none upwards", -1: "none downwards", 0: "none"}[self.direction]
-        return f"Crossings({self.map.variable}: {self.before.shape}, n: {steps}, {in_short(self)})"
+        return f"Crossings({self._variable}: {self.before.shape}, n: {steps}, {in_short(self)})"
 
 
 def searched(

@@ -1,6 +1,6 @@
 """Runs and crossings as an `xarray.Dataset`: dimensions, coordinates, coefficients of fields."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ TAKEN = (
     *_OF_TERMS,
     *(c.name for c in _VARIABLES),
     *ARGUMENTS["Trajectories"],
+    "end",
 )
 
 
@@ -33,30 +34,73 @@ def to_xarray(
     With `with_terms`, the coefficients of a field stay one list, because a store should have few
     arrays; `as_columns` divides it when it is opened.
     """
+    map = run.map
+    special = {"states": {"long_name": map.meaning}, "status": flags()}
+
+    def variables(batch: tuple[str, ...]) -> dict[str, Any]:
+        found: dict[str, Any] = {
+            (map.variable if column.name == "states" else column.name): (
+                dims_of(column, batch),
+                values,
+                special.get(column.name, {"long_name": column.meaning}),
+            )
+            for column in _VARIABLES
+            if (values := getattr(run, column.name, None)) is not None
+        }
+        return found | {"n": ("n", run.n, {"long_name": "number of steps"})}
+
+    attributes = {"title": map.title, "map": map.name, **_arguments_of(run)}
+    of_steps = {"eps": np.asarray(run.eps)}
+    dataset = with_time(_labelled(run, variables, of_steps, attributes, dims, coords))
+    return dataset if with_terms else as_columns(dataset)
+
+
+def motion_to_xarray(
+    motion: Any,
+    dims: str | Sequence[str] | None = None,
+    coords: Mapping[Any, Any] | None = None,
+) -> Any:
+    """Return a motion as a dataset; see `Motion.to_xarray`."""
+    meaning = {"long_name": "state" if motion._variable == "x" else "angular velocity"}
+
+    def variables(batch: tuple[str, ...]) -> dict[str, Any]:
+        return {
+            motion._variable: (("time", *batch, "component"), motion.states, meaning),
+            "end": (batch, motion.end, {"long_name": "time at which a solution ends"}),
+            "steps": (batch, motion.steps, {"long_name": "number of steps"}),
+            "status": (batch, motion.status, flags()),
+            "time": ("time", motion.time, {"long_name": "time"}),
+        }
+
+    attributes = {"title": f"Motion of a {type(motion.body).__name__}", **_arguments_of(motion)}
+    return as_columns(_labelled(motion, variables, {}, attributes, dims, coords))
+
+
+def flags() -> dict[str, Any]:
+    """Return the attributes of statuses."""
+    return {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
+
+
+def _labelled(
+    run: Any,
+    variables_along: Callable[[tuple[str, ...]], dict[str, Any]],
+    of_steps: dict[str, Any],
+    attributes: dict[str, Any],
+    dims: str | Sequence[str] | None,
+    coords: Mapping[Any, Any] | None,
+) -> Any:
+    """Return variables along the axes of the batch, with parameters and coordinates."""
     from .. import __version__
 
-    xarray = extra("xarray", "xarray")
-    map, body, count = run.map, run.body, run.status.ndim
-    axes = {**body._axes, _VALUES: 1}
-    arrays = {"eps": np.asarray(run.eps), **body._arrays}
+    xarray, body, count = extra("xarray", "xarray"), run.body, run.status.ndim
+    axes, arrays = {**body._axes, _VALUES: 1}, {**of_steps, **body._arrays}
     if body._lists_terms:
         indices, arrays[_VALUES] = body.terms
     parameters = {  # with all axes of the batch
         name: np.array(array, ndmin=count + axes.get(name, 0)) for name, array in arrays.items()
     }
     batch = _batch_names(run, dims, parameters)
-    flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
-    special = {"states": {"long_name": map.meaning}, "status": flags}
-    variables: dict[str, Any] = {
-        (map.variable if column.name == "states" else column.name): (
-            dims_of(column, batch),
-            values,
-            special.get(column.name, {"long_name": column.meaning}),
-        )
-        for column in _VARIABLES
-        if (values := getattr(run, column.name, None)) is not None
-    }
-    variables["n"] = "n", run.n, {"long_name": "number of steps"}
+    variables = variables_along(batch)
     # Strings of variable length, because Zarr format 3 has none of fixed length.
     variables["component"] = "component", np.array(body._labels, object)
     coordinates = [*body._coordinates, *({*batch} & {*parameters})]
@@ -68,8 +112,7 @@ def to_xarray(
         coordinates += [name] if axes.get(name) else []
     if body._lists_terms:
         variables[_INDICES] = _OF_TERMS, indices
-    attributes = {"title": map.title, "map": map.name, "version": __version__}
-    attributes |= _arguments_of(run)
+    attributes = {**attributes, "version": __version__}
     dataset = xarray.Dataset(variables, attrs=attributes).set_coords(coordinates)
     if coords is not None:
         instance("coords", coords, Mapping)
@@ -79,8 +122,7 @@ def to_xarray(
         for dim, length in xarray.Dataset(coords={name: values}).sizes.items():
             if length != (expected := dataset.sizes.get(dim, length)):
                 raise wrong("coords", f"have {expected} values along {dim}", f"{length}, {name}")
-    dataset = with_time(dataset.assign_coords(coords or {}))
-    return dataset if with_terms else as_columns(dataset)
+    return dataset.assign_coords(coords or {})
 
 
 def _inner(name: str, axes: int) -> tuple[str, ...]:
@@ -91,7 +133,11 @@ def _inner(name: str, axes: int) -> tuple[str, ...]:
 def _arguments_of(result: Any) -> dict[str, Any]:
     """Return the attributes of a dataset for the arguments of a run or of crossings."""
     arguments = {name: getattr(result, name) for name in ARGUMENTS[type(result).__name__]}
-    return {name: value for name, value in arguments.items() if value is not None}
+    return {
+        name: int(value) if isinstance(value, bool) else value  # files have no truth values
+        for name, value in arguments.items()
+        if value is not None
+    }
 
 
 def with_time(data: Any) -> Any:
@@ -162,7 +208,7 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
         if count == 0:
             raise wrong("dims", "left out for one trajectory, which has no batch axis", repr(dims))
         raise wrong("dims", f"{count} different names, one for each axis of the batch", repr(dims))
-    if clashing := sorted({*TAKEN, run.map.variable} & {*names}):
+    if clashing := sorted({*TAKEN, run._variable} & {*names}):
         raise wrong("dims", "names that are not taken", ", ".join(map(repr, clashing)))
     for axis, name in enumerate(names):
         if name in parameters and run.status.shape[axis] > 1 and axis_of.get(name) != axis:

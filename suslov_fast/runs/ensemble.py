@@ -264,7 +264,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     (map, body, omega0, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
     rows, D = 1 if every is None else steps // every + 1, body.dimension
     require(24 * rows, "raise save_every")
-    sizes, columns = sizes_of(batch, D, n=rows), of_runs(map.methods[method], turns is not None)
+    sizes, columns = sizes_of(batch, D, n=rows), of_runs(turns is not None)
     filled: dict[str, Any] = {
         column.name: np.broadcast_to(np.array(column.fill, column.type), shape_of(column, sizes))
         for column in columns

@@ -105,7 +105,7 @@ def iterate(
 
     Parameters
     ----------
-    body : QuadraticField, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
+    body : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
         A single field or body, or a batch.
     omega0 : array_like(float, shape=(..., D)) or RandomStarts
         Initial states: states x of a field; angular velocities (Omega1, Omega2) of a body in three
@@ -120,11 +120,9 @@ def iterate(
     method : str
         "auto" is Kahan's method, of order 2. For fields "order4", "order6" and "order8" compose 7,
         13 and 21 of its steps: more digits for the same work, but quantities that the map conserves
-        vary. "extrapolated" combines 30 of its steps to order 10: the most digits for the same
-        work, and an estimate of the error (`Trajectories.local_error`); modes that decay fast stay
-        bounded at any step size, and there is no exact inverse. For bodies in n dimensions "gauss"
-        eliminates the matrix A at every step; "auto", also called "rank2", uses that A is diagonal
-        plus rank two, and eliminates only where digits would be lost.
+        vary. For bodies in n dimensions "gauss" eliminates the matrix A at every step; "auto", also
+        called "rank2", uses that A is diagonal plus rank two, and eliminates only where digits
+        would be lost.
     attitude : bool or array_like(float, shape=(..., n, n))
         True, or rotation matrices at state 0, to compute the orientation of a body as well:
         :func:`attitude`.

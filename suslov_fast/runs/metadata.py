@@ -195,13 +195,13 @@ def _check_arrays(contents: Contents) -> None:
     if (total := sum(math.prod(array.counts) for array in arrays.values())) > MOST_CHUNKS:
         raise wrong("store", f"at most {MOST_CHUNKS} chunks", total)
     map = named(attributes["map"])
-    method = checks.one_of("method", attributes["method"], map.methods)
+    checks.one_of("method", attributes["method"], map.methods)
     every = attributes.get("save_every")
     rows = 1 if every is None else attributes["steps"] // every + 1
     status, (D,) = arrays["status"], arrays["component"].shape
     if D > _MOST_COMPONENTS:
         raise wrong("component", f"at most {_MOST_COMPONENTS} names", D)
-    columns = of_runs(map.methods[method], "attitude" in attributes)
+    columns = of_runs("attitude" in attributes)
     of_run = arrays_of(columns, sizes_of(status.shape, D, n=rows))
     functions = dict.fromkeys(contents.tiled, ("float64", (rows, *status.shape)))
     expected = functions | {map.variable: of_run.pop("states")} | of_run

@@ -1,201 +1,210 @@
-"""The motion of a field at given times, to a tolerance: `flow` of fields."""
+"""`Motion`, the result of `flow`: states at the times that were asked for, and how motions end."""
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .. import checks
-from ..checks import FloatArray, first_index, require, spell, wrong
-from ..core.flow import Motion, flow_kernel
-from ..core.single_motion import motion_of_one
-from ..core.tolerance import MOST_STEPS, stage_of
-from ..engine.arguments import ALL, alike, by_field, flat_arrays, lift_of, words_of
-from ..engine.problem import Problem, part_of
-from ..engine.status import PoleWarning
-from ..engine.stretches import Progress, Report, reporter
-from ..engine.threads import available, call_kernel
+from ..bodies.classes import BodyOrField
+from ..checks import FloatArray
+from ..keywords import public, unchanging
+from .results import INSTEAD_IN_MOTIONS, QUANTITIES, States
 
-DEFAULT, LEAST, MOST = 1e-9, 1e-13, 1e-2
-# Trajectories of a `Motion`, and steps of the map for one, by which threads are chosen.
-_CHUNK, _USUAL = 2**12, 600
-# An added variable above it is worth a word if steps become ever shorter; the part of the time up
-# to there at which it is computed; and the most words of a field for which it is.
-_STEEP, _SHORTLY_BEFORE, _FEW_WORDS = 1e6, 1 - 1e-6, 50
+if TYPE_CHECKING:
+    import xarray
+
+# Quantities that take a step size, which is 0 along the motion.
+_OF_STEPS = {"first_integral"}
 
 
-def checked_tolerance(rtol: Any) -> float:
-    """Return `rtol`, or its default for None."""
-    if rtol is None:
-        return DEFAULT
-    number = checks.real_number("rtol", rtol)
-    if not isinstance(number, float) or not LEAST <= number <= MOST:
-        raise wrong("rtol", f"a number from {LEAST:g} to {MOST:g}", checks.short(rtol))
-    return number
+@unchanging
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(States):
+    """Solutions of the equations of motion at given times: the result of :func:`flow`.
 
+    Attributes
+    ----------
+    states : ndarray(float, shape=(n, ..., D))
+        The states at the n times, in the order of `time`; NaN after the end of a solution.
+        ``motion.x`` for a field, or ``motion.omega`` for a body, and ``np.asarray(motion)`` are the
+        same array.
+    time : ndarray(float, shape=(n,))
+        The times.
+    names : tuple of str
+        Names of the components.
+    status : ndarray(int8, shape=(...))
+        The :class:`Status` of each trajectory: OK, or negative if it has no state at the last time.
+    end : ndarray(float, shape=(...))
+        The time at which a solution ends, or up to which it was computed; NaN if it reaches the
+        last time.
+    steps : ndarray(int, shape=(...))
+        Number of steps that were taken; 0 where the solution is exact.
+    ok : bool
+        True if all solutions reach the last time.
+    body, rtol, atol, max_step, stiff
+        The arguments of :func:`flow`.
 
-def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress) -> FloatArray:
-    """Return the states (N, ..., D) at times (N,), NaN where a solution has ended."""
-    x0, D = flat_arrays(problem.omega, problem.batch), problem.body.dimension
-    require(8 * (len(times) + 8) * x0.size, "compute fewer states at a time")
-    if len(x0) == 1 and not progress:
-        one: FloatArray | None = _of_one(problem, x0[0].tolist(), times.tolist(), rtol)
-        if one is not None:
-            return one.reshape(len(times), *problem.batch, D)
-    states = np.full((len(times), *x0.shape), np.nan)
-    undefined = np.asarray(np.isnan(x0).any(axis=1))
-    ended, ends, are_long = _no_ends(len(x0))
-    done = int(np.count_nonzero(times == 0.0))
-    if done:
-        states[times == 0.0] = np.where(undefined[:, np.newaxis], np.nan, x0)
-    goes_on = True
+    Notes
+    -----
+    ``len(motion)``, ``motion[k]`` and iteration are those of `states`. Two motions are equal if all
+    attributes are equal; NaN equals NaN. Arrays are read-only: change a copy.
 
-    def told(count: int) -> bool:
-        """Report that so many more times are done; return whether to go on."""
-        nonlocal done, goes_on
-        done += count
-        goes_on = report is None or report(done)
-        return goes_on
+    Examples
+    --------
+    An orbit in a cubic potential, along which the energy is constant:
 
-    with reporter(progress, len(times)) as report:
-        for direction in (1, -1):
-            rows = np.flatnonzero(direction * times > 0.0)
-            if not rows.size or not goes_on:
-                continue
-            where: Any = slice(None)
-            later, counts = abs(times[rows]), [1] * len(rows) if report else []
-            if (later[1:] <= later[:-1]).any():
-                later, where, number = np.unique(later, return_inverse=True, return_counts=True)
-                counts = number.tolist() if report else []
-            arguments = problem, x0, later, direction, rtol
-            found, now_ended, at, now_long = _in_direction(*arguments, counts, told)
-            states[rows] = found[where]
-            ends = np.where(now_ended & ~ended, direction * at, ends)
-            are_long |= now_long & ~ended
-            ended |= now_ended
-    if ended.any():
-        last = float(times[np.argmax(abs(times))])
-        _warn_of_ends(problem, last, rtol, ended & ~undefined, ends, are_long)
-    return states.reshape(len(times), *problem.batch, D)
-
-
-def _of_one(problem: Problem, x: list[float], times: list[float], rtol: float) -> FloatArray | None:
-    """Return the states (N, D) of one trajectory at ascending times, None for other times."""
-    if lift_of(problem.body) or not times or times[0] <= 0.0 or any(map(math.isnan, x)):
-        return None
-    if any(later <= time for time, later in itertools.pairwise(times)):
-        return None
-    indices, values, _ = by_field(problem.body, 1.0, problem.batch)
-    step = stage_of(indices, len(x))
-    found = motion_of_one(step, values[0], x, rtol, 1, times) if len(values) == 1 else None
-    if found is None:
-        return None
-    states, (ended, end, is_long) = found
-    if ended:
-        _warn_of_ends(problem, times[-1], rtol, *map(np.atleast_1d, (ended, end, is_long)))
-    return np.frombuffer(states).copy()
-
-
-def _in_direction(
-    problem: Problem,
-    x0: FloatArray,
-    times: FloatArray,
-    direction: int,
-    rtol: float,
-    counts: Sequence[int],
-    told: Report,
-) -> tuple[FloatArray, Any, FloatArray, Any]:
-    """Return states at ascending moduli of times, and those of `Motion.ends`.
-
-    With `counts`, all trajectories reach a time before the next one, and `told` takes its count; if
-    it returns False, states at later times are NaN.
+    >>> import numpy as np
+    >>> from suslov_fast import QuadraticField, flow
+    >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, "q p")
+    >>> motion = flow(well, [0.9, 0.0], time=np.linspace(0, 20, 101))
+    >>> motion
+    Motion(x: (101, 2), time: 0 to 20, rtol: 1e-09, ended: 0 of 1)
+    >>> motion.x[-1].round(6), bool(np.ptp(motion.energy()) < 1e-8)
+    (array([0.325746, 0.490267]), True)
     """
-    indices, values, eps = by_field(problem.body, 1.0, problem.batch)
-    out, groups = np.full((len(times), *x0.shape), np.nan), []
-    motions: list[Any] = []
-    outs: list[FloatArray] = []
-    threads = problem.threads or available()
-    words, lift = words_of(problem.body), lift_of(problem.body)
-    for where, own, v, _ in alike(indices, values, eps):
-        step, x = stage_of(own, words, lift), x0[where]
-        states = out if where is ALL else np.full((len(times), *x.shape), np.nan)
-        size = min(max(-(-len(x) // (8 * threads)) * 8, 8), _CHUNK)
-        parts = [slice(first, min(first + size, len(x))) for first in range(0, len(x), size)]
-        for part in parts:
-            of_part = v[part] if len(v) > 1 else v
-            motions.append(Motion(step, of_part, x[part], rtol, direction, times[-1]))
-            outs.append(states[:, part])
-        groups.append((where, states, len(parts)))
-    cost = sum(m.B * max(len(m.step.usual), m.step.D**3) for m in motions) // 10
-    if not counts:
-        call_kernel(flow_kernel, cost * _USUAL, problem.threads, motions, times, outs)
-    else:
-        for k, count in enumerate(counts):
-            at_once, work = [each[k : k + 1] for each in outs], cost * _USUAL // len(times)
-            call_kernel(flow_kernel, work, problem.threads, motions, times[k : k + 1], at_once)
-            if not told(count):
-                break
-    all_ends = _no_ends(len(x0))
-    left = iter(motions)
-    for where, states, count in groups:
-        of_parts = [next(left).ends() for _ in range(count)]
-        if of_parts:
-            for of_all, each in zip(all_ends, zip(*of_parts, strict=True), strict=True):
-                of_all[where] = np.concatenate(each)
-        if where is not ALL:
-            out[:, where] = states
-    return out, *all_ends
+
+    _table = INSTEAD_IN_MOTIONS
+
+    states: FloatArray
+    time: FloatArray
+    body: BodyOrField
+    status: NDArray[np.int8]
+    end: FloatArray
+    steps: NDArray[np.int64]
+    rtol: float
+    atol: float | tuple[float, ...] | None
+    max_step: float | None
+    stiff: bool | None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the components of a state."""
+        return tuple(self.body._labels)
+
+    @property
+    def _variable(self) -> str:
+        return variable_of(self.body)
+
+    @property
+    def _functions(self) -> list[str]:
+        from ..maps import map_of, methods_of
+
+        if methods_of(type(self.body)):
+            return [name for name in map_of(self.body).functions(self.body) if name in QUANTITIES]
+        return ["energy"] if getattr(self.body, "H", None) is not None else []
+
+    @property
+    def _conserved(self) -> str | None:
+        return "energy" if "energy" in self._functions else None
+
+    @property
+    def _is_whole(self) -> bool:
+        return True
+
+    @property
+    def _heading(self) -> tuple[str, str, int]:
+        last = max(self.time, key=abs, default=0.0)
+        return f"Motion of a {type(self.body).__name__}", f"to t = {last:g}", len(self.time)
+
+    def _value(self, name: str, states: FloatArray) -> FloatArray:
+        """Return the values of a public function for states of this motion."""
+        function = getattr(import_module("suslov_fast"), name)
+        values: FloatArray = function(self.body, states, *[0.0] * (name in _OF_STEPS))
+        return values
+
+    @public
+    def plot(
+        self,
+        *names: int | str | Sequence[int | str],
+        components: Sequence[int | str] = (0, 1),
+        lines: bool | None = None,
+        color: Any = None,
+        title: str | bool | None = True,
+        ax: Any = None,
+    ) -> Any:
+        """Draw the states over two components, over time, or in space (extra `plots`).
+
+        Parameters
+        ----------
+        *names, components, lines, color, title, ax
+            As in :meth:`Trajectories.plot`. States are joined in the order of time.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no such component or colour, or `ax` has the wrong kind.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import QuadraticField, flow
+        >>> predators = lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1])
+        >>> field = QuadraticField.from_function(predators, "prey predator")
+        >>> motion = flow(field, [1.0, 0.5], time=np.linspace(0, 20, 401))
+        >>> motion.plot("time", "prey").figure.savefig("prey.png")  # doctest: +SKIP
+        """
+        from . import plot  # which imports Matplotlib
+
+        order = np.argsort(self.time, kind="stable")
+        drawn = replace(self, states=self.states[order], time=self.time[order])
+        chosen = names[0] if len(names) == 1 else names or components
+        return plot.plot_run(drawn, chosen, lines, color, title, ax)
+
+    @public
+    def to_xarray(
+        self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
+    ) -> xarray.Dataset:
+        """Return the motion as a labelled `xarray.Dataset` (extra `xarray`).
+
+        Parameters
+        ----------
+        dims, coords
+            As in :meth:`Trajectories.to_xarray`.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions: "time", those of the batch, and "component".
+
+        Raises
+        ------
+        ValueError
+            If the number of names is not that of the axes, or a name is taken.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField, flow
+        >>> field = QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
+        >>> data = flow(field, [1.0, 0.0], time=[0.0, 1.0, 2.0]).to_xarray()
+        >>> data.x.sel(time=1.0, component="q").round(6).item()
+        0.540302
+        """
+        from .datasets import motion_to_xarray
+
+        return motion_to_xarray(self, dims, coords)
+
+    def __repr__(self) -> str:
+        time = self.time
+        times = (
+            f"{time[0]:g} to {time[-1]:g}" if len(time) > 1 else " ".join(f"{t:g}" for t in time)
+        )
+        states = f"{self._variable}: {self.states.shape}"
+        ended = f"{np.count_nonzero(self.status < 0)} of {self.status.size}"
+        return f"Motion({states}, time: {times}, rtol: {self.rtol:g}, ended: {ended})"
 
 
-def _no_ends(count: int) -> tuple[Any, FloatArray, Any]:
-    """Return what `Motion.ends` returns before the first step."""
-    return np.zeros(count, bool), np.zeros(count), np.zeros(count, bool)
+def variable_of(body: Any) -> str:
+    """Return the name of the states of a system, "omega" or "x"."""
+    from ..maps import methods_of
 
-
-def _warn_of_ends(
-    problem: Problem, last: float, rtol: float, ended: Any, ends: FloatArray, are_long: Any
-) -> None:
-    """Warn of solutions that end, and of those that take too many steps."""
-    if (which := ended & ~are_long).any():
-        text = _first_of(which, "end", "near", problem, ends)
-        at_once = (which & (ends == 0.0)).reshape(problem.batch)
-        if at_once.any():
-            why = problem.body._without_value(problem.omega, at_once)
-            of_first = f"at the start of trajectory {spell(first_index(at_once))}"
-            why = why or f"{of_first} the field overflows, or is too fast for any step"
-            text += f"; {why}"
-        checks.warn(text, PoleWarning)
-    if (which := ended & are_long).any():
-        verb = f"take more than {MOST_STEPS:,} steps from one time to the next"
-        text = _first_of(which, verb, "at", problem, ends)
-        how = f"increase rtol, or pass times between: np.linspace(0, {last:g}, 101)"
-        first = int(np.argmax(which))
-        why = _steepness(problem, float(ends[first]), first, rtol)
-        checks.warn(f"{text}; later states are NaN: {why or how}", RuntimeWarning)
-
-
-def _steepness(problem: Problem, end: float, b: int, rtol: float) -> str:
-    """Return which definition of a lifted field is very large where a solution ends, or "".
-
-    It takes the motion again, which would take minutes for many words.
-    """
-    if lift_of(problem.body) is None or words_of(problem.body) > _FEW_WORDS:
-        return ""
-    place = np.unravel_index(b, problem.batch)
-    one = part_of(problem, tuple(slice(int(k), int(k) + 1) for k in place))
-    x0, before = flat_arrays(one.omega, one.batch), np.array([abs(end) * _SHORTLY_BEFORE])
-    states, *_ = _in_direction(one, x0, before, int(np.sign(end)), rtol, [], lambda _: True)
-    definition, size = problem.body._steepest(states[0, 0], place, problem.batch)
-    how = "the equations are not smooth where it is infinite; pass times before that"
-    return f"{definition} grows to {size:.2g}: {how}" if size > _STEEP else ""
-
-
-def _first_of(which: Any, verb: str, where: str, problem: Problem, ends: FloatArray) -> str:
-    """Return what so many solutions do, and where the first of them does it."""
-    first, time = spell(first_index(which.reshape(problem.batch))), ends[int(np.argmax(which))]
-    text = f"{np.count_nonzero(which)} of {which.size} solutions {verb}"
-    return f"{text}; first: {first} {where} t = {time:.9g}"
+    records = methods_of(type(body))
+    return next(iter(records.values())).variable if records else "x"

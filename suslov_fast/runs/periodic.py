@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.field import QuadraticField
-from ..bodies.lifted import LiftedField
 from ..checks import FloatArray, integer, real_number, short, warn, wrong
 from ..keywords import answers, public
 from ..maps import Method, map_of, problem
@@ -70,7 +69,7 @@ class PeriodicOrbit(NamedTuple):
 
 @public
 def periodic_orbit(
-    field: QuadraticField | LiftedField,
+    field: QuadraticField,
     /,
     start: ArrayLike,
     period: float,
@@ -87,7 +86,7 @@ def periodic_orbit(
 
     Parameters
     ----------
-    field : QuadraticField or LiftedField
+    field : QuadraticField
         A single field.
     start : array_like(float, shape=(D,))
         A state near the orbit, such as a near return of :func:`crossings`.
@@ -153,14 +152,13 @@ def periodic_orbit(
 
 def _check_return(field: Any) -> None:
     """Raise an error if a variable has a constant rate, as time has: no orbit returns then."""
-    own = getattr(field, "lifted", field)
-    if not hasattr(own, "terms"):  # a body
+    if not hasattr(field, "terms"):  # a body
         return
-    i, j, k = own.terms[0]
-    is_constant = (j == own.dimension) & (k == own.dimension)
+    i, j, k = field.terms[0]
+    is_constant = (j == field.dimension) & (k == field.dimension)
     growing = sorted({*i[is_constant].tolist()} - {*i[~is_constant].tolist()})
     if growing:
-        name = own.names[growing[0]]
+        name = field.names[growing[0]]
         received = f"one in which {name} grows at a constant rate"
         how = "write a force cos(w t) by two variables, c' = -w s and s' = w c, from (1, 0)"
         raise wrong("field", "a field whose orbits can return", f"{received}: {how}")

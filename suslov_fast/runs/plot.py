@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ..bodies.names import latex
 from ..checks import FloatArray, extra, instance, integer, real_array, short, wrong
-from ..quantities.evaluation import evaluate
 from .datasets import varying
+from .results import States
 
 try:
     import matplotlib.pyplot as plt
@@ -95,7 +95,7 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: A
     chosen = _components(run, components)
     if lines not in (None, True, False):
         raise wrong("lines", "True, False or None", repr(lines))
-    B, is_whole = math.prod(run.status.shape), run.n[-1] == len(run) - 1
+    B = math.prod(run.status.shape)
     colours = _colours(run, color, run.status.shape)
     if colours.values is None and color is None:
         colours = _levels(run, run.states[0])
@@ -103,16 +103,16 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: A
     states = _drawn(run, run.states, chosen).reshape(len(run), B, len(chosen))
     pieces, orbits = _pieces(states)
     if lines is None:
-        lines = is_whole and (_are_near(pieces) or _TIME in chosen)
+        lines = run._is_whole and (_are_near(pieces) or _TIME in chosen)
     if not lines:
         pieces, orbits = states, np.arange(B)
     most = _MOST_OVER_TIME if _TIME in chosen else _MOST_ON_LINES
     drawn, count = _draw(axes, pieces, colours, orbits, lines, most)
     colours.explain(axes, drawn)
     _label(axes, run, chosen)
-    N = int(run.n[-1])
-    shown = f", {count:,} of their states" if count < B * (N + 1) else ""
-    _entitle(axes, title, f"{_title(run)}\n{_orbits(B)} of {N:,} steps{shown}")
+    what, reach, total = run._heading
+    shown = f", {count:,} of their states" if count < B * total else ""
+    _entitle(axes, title, f"{what}\n{_orbits(B)} {reach}{shown}")
     return axes
 
 
@@ -129,7 +129,7 @@ def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any
     colours.explain(axes, drawn)
     _label(axes, points, chosen)
     shown = f"{count:,} of {K:,}" if count < K else f"{K:,}"
-    _entitle(axes, title, f"{_title(points)}\n{shown} crossings by {_orbits(points.count.size)}")
+    _entitle(axes, title, f"{titled(points)}\n{shown} crossings by {_orbits(points.count.size)}")
     return axes
 
 
@@ -146,8 +146,8 @@ def _in_place_of(run: Any, components: Any) -> str:
             return ": draw one after the other, on the axes that the first plot returns"
         for name in filter(run.body.parameters.__contains__, components):
             values = f"body.parameters[{name!r}]"
-            drawn = f"run.{values}, run.{run.map.variable}[-1, :, 0]"
-            if not hasattr(run, "save_every"):
+            drawn = f"run.{values}, run.{run._variable}[-1, :, 0]"
+            if not isinstance(run, States):
                 drawn = f"points.{values}[points.trajectory], points.states[:, 0]"
             return f": draw a parameter by ax.plot({drawn}, '.')"
         for name in quantities:
@@ -211,8 +211,8 @@ def _colours(
     """
     of_crossings = of_crossings or {}
     parameters = {k: array for k, array in varying(run.body).items() if k not in run.body._axes}
-    if np.ndim(run.eps):
-        parameters["eps"] = np.asarray(run.eps)
+    if np.ndim(eps := vars(run).get("eps", 0.0)):
+        parameters["eps"] = np.asarray(eps)
     if color is None:
         color = next((name for name, values in parameters.items() if values.size > 1), None)
         if color is None:
@@ -248,9 +248,9 @@ def _colours(
 
 def _levels(run: Any, states: FloatArray) -> _Colours:
     """Return the values of the conserved quantity as colours; one colour if all are equal."""
-    name = run.map.conserves(run.body)
+    name = run._conserved
     if name and states.size:
-        values = evaluate(name, run.body, states, run.eps, map=run.map).ravel()
+        values = run._value(name, states).ravel()
         finite = values[np.isfinite(values)]
         if finite.size and np.ptp(finite) > _LEAST_SPREAD * abs(finite).max():
             return _Colours(values, f"level of the {name.replace('_', ' ')}")
@@ -360,7 +360,7 @@ def _symbol(label: str) -> str:
     return f"${formula}$" if (formula := latex(label)) else label.replace("$", r"\$")
 
 
-def _title(run: Any) -> str:
+def titled(run: Any) -> str:
     """Return the title of the map, with the step size if there is one only."""
     eps = rf", $\epsilon$ = {spelled(float(run.eps))}" if np.ndim(run.eps) == 0 else ""
     return f"{run.map.title}{eps}"

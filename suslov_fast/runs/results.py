@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Self, TypeVar
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..engine.status import count_in_words
-from ..keywords import public
+from ..keywords import nearest, public
 
 T = TypeVar("T", bound=np.generic)
 
@@ -35,7 +36,6 @@ INSTEAD_IN_RUNS = {
     **dict.fromkeys(("last", "end"), "run.final"),
     **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
     "shape": "run.{x}.shape",
-    "local_error": "iterate(..., method='extrapolated'), whose steps estimate their errors",
     "to_numpy": "run.{x}, or np.asarray(run)",
     "parameters": "run.body.parameters",
     "savefig": "run.plot().figure.savefig(path)",
@@ -76,19 +76,38 @@ INSTEAD_IN_CROSSINGS = {
     "parameters": "crossings.body.parameters, or the coordinates of crossings.to_xarray()",
 }
 
+# The same for motions.
+INSTEAD_IN_MOTIONS = {
+    **{
+        name: INSTEAD_IN_RUNS[name]
+        for name in (
+            "sel isel y u X values data trajectory trajectories solution sol T shape to_numpy "
+            "parameters savefig select to_netcdf to_zarr F"
+        ).split()
+    },
+    **dict.fromkeys(("t", "times", "n"), "run.time"),
+    **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
+    **dict.fromkeys(("message", "error", "errors", "failed_at"), "run.status and run.end"),
+    **dict.fromkeys(("final", "last"), "run.{x}[-1]"),
+    **dict.fromkeys(("nfev", "nsteps", "n_steps"), "run.steps"),
+    **dict.fromkeys(("dt", "h", "eps"), "run.steps, the number of steps, whose lengths vary"),
+    **dict.fromkeys(("extend", "resume"), "flow again, from run.{x}[-1] and with later times"),
+    **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
+}
+
 # Names of the methods of `quantity`; `dir(run)` hides those that its map does not have.
 QUANTITIES: set[str] = set()
-_DOCUMENTED = """Return :func:`suslov_fast.{name}` of the saved states.
+_DOCUMENTED = """Return :func:`suslov_fast.{name}` of the states.
 
 Returns
 -------
 ndarray(float)
-    The values, in the units of the function; time is the first axis, (n_saved, ...).
+    The values, in the units of the function; time is the first axis, (n, ...).
 
 Raises
 ------
 TypeError, ValueError
-    If the map of the run does not have this quantity.
+    If the system does not have this quantity.
 
 Examples
 --------
@@ -97,13 +116,13 @@ Examples
 
 
 def quantity(name: str) -> Callable[[Any], FloatArray]:
-    """Return a method of `Trajectories` that evaluates a public function for the saved states."""
+    """Return a method that evaluates a public function for the states of a result."""
 
     def method(self: Any) -> FloatArray:
         values: FloatArray = self._value(name, self.states)
         return values
 
-    method.__name__, method.__qualname__ = name, f"Trajectories.{name}"
+    method.__name__, method.__qualname__ = name, f"States.{name}"
     method.__doc__ = _DOCUMENTED.format(name=name)
     QUANTITIES.add(name)
     return public(method)
@@ -111,9 +130,30 @@ def quantity(name: str) -> Callable[[Any], FloatArray]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """The base of `Trajectories` and `Crossings`, frozen dataclasses whose arrays are read-only."""
+    """The base of the results of runs, frozen dataclasses whose arrays are read-only.
+
+    `_variable`, `_conserved` and `_value` are those of results of a map.
+    """
 
     _instead: ClassVar[str] = ": pass its body, run.body"
+
+    @property
+    def _variable(self: Any) -> str:
+        """The name of the states, "omega" or "x"."""
+        name: str = self.map.variable
+        return name
+
+    @property
+    def _conserved(self: Any) -> str | None:
+        """The name of a conserved, or nearly conserved, quantity."""
+        name: str | None = self.map.conserves(self.body)
+        return name
+
+    def _value(self: Any, name: str, states: FloatArray) -> FloatArray:
+        """Return the values of a public function of the system for states."""
+        from ..quantities.evaluation import evaluate
+
+        return evaluate(name, self.body, states, self.eps, map=self.map)
 
     @staticmethod
     def _remade(name: str, value: object) -> str:
@@ -182,7 +222,7 @@ class Result:
     @classmethod
     @public
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Return the result in a file of `save`, which `extend` can continue.
+        """Return the result in a file of `save`; `extend` can continue those of maps.
 
         Parameters
         ----------
@@ -191,7 +231,7 @@ class Result:
 
         Returns
         -------
-        Trajectories or Crossings
+        Trajectories, Crossings or Motion
             An instance of the class whose method this is, equal to the saved one.
 
         Raises
@@ -209,6 +249,96 @@ class Result:
         from .storage import load
 
         return cls._of(load(path, cls.__name__))
+
+
+class States(Result):
+    """The base of `Trajectories` and `Motion`, which have states with time on the first axis.
+
+    Subclasses have the attributes `states`, `body` and `status`, and for plots `_is_whole`, whether
+    states follow one another, and `_heading`: what they are, how far orbits go, and the number of
+    states of one.
+    """
+
+    states: FloatArray
+    body: Any
+    status: NDArray[np.int8]
+    _is_whole: Any
+    _heading: Any
+    _functions: Any  # the names of the quantities that the system has
+    _table: ClassVar[dict[str, str]] = {}  # attributes that it lacks, and what to use
+
+    @property
+    def omega(self) -> FloatArray:
+        """The states of a body, its angular velocities, shape (n, ..., D)."""
+        return self._states_called("omega")
+
+    @property
+    def x(self) -> FloatArray:
+        """The states of a field, shape (n, ..., D)."""
+        return self._states_called("x")
+
+    def _states_called(self, name: str) -> FloatArray:
+        if name != self._variable:
+            raise AttributeError  # `__getattr__` words the message
+        return self.states
+
+    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise an AttributeError that names the attribute to use instead, if there is one."""
+            if "states" in vars(self):
+                x = self._variable
+                if name in ("omega", "x"):
+                    raise AttributeError(
+                        f"no attribute {name!r}: the states of this run are run.{x}"
+                    )
+                instead = self._table.get(name, "").format(x=x)
+                labels = [*self.body._labels]
+                alike = [k for k, label in enumerate(labels) if label.lower() == name.lower()]
+                if name in labels or (alike and not instead):
+                    instead = f"run.{x}[..., {labels.index(name) if name in labels else alike[0]}]"
+                elif name in import_module("suslov_fast").__all__:
+                    instead = f"suslov_fast.{name}(run.body, run.{x}, ...)"
+                elif name in self.body.parameters:
+                    instead = f"run.body.parameters[{name!r}]"
+                here = "" if name.startswith("_") else import_module("suslov_fast")._here(name)
+                if instead := instead or here or nearest(name, dir(self)):
+                    raise AttributeError(f"no attribute {name!r}: use {instead}")
+            raise AttributeError(f"a run has no attribute {name!r}", name=name, obj=self)
+
+    def __dir__(self) -> list[str]:
+        other = "x" if self._variable == "omega" else "omega"
+        hidden = {other, *QUANTITIES} - {*self._functions}
+        return [name for name in super().__dir__() if name not in hidden]
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def __getitem__(self, index: Any) -> FloatArray:
+        if isinstance(index, str):
+            labels = self.body._labels
+            part = f"{self._variable}[..., {labels.index(index) if index in labels else 'k'}]"
+            is_attribute = index in dir(self) and index not in labels
+            raise TypeError(f"run[{index!r}]: use run.{index if is_attribute else part}")
+        states: FloatArray = self.states[index]
+        return states
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        return iter(self.states)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is None:  # NumPy 1.26 does not accept None
+            return np.asarray(self.states, dtype)
+        return np.array(self.states, dtype, copy=copy)
+
+    @property
+    def ok(self) -> bool:
+        """True if no trajectory failed; a passed pole is not a failure."""
+        return bool((self.status >= 0).all())
+
+    first_integral = quantity("first_integral")
+    energy = quantity("energy")
+    reaction = quantity("reaction")
 
 
 def read_only(array: NDArray[T]) -> NDArray[T]:

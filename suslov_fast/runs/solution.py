@@ -1,27 +1,22 @@
-"""The closed form of the map (Theorem 1), of the flow, and of the limits of orbits.
+"""The closed form of the map (Theorem 1) and of the motion, and the limits of orbits.
 
 An integrable body in n dimensions is reduced to one in three first, see `bodies.reduction`.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..bodies.classes import AnyBody, BodyOrField
-from ..bodies.nd import NotIntegrableError
-from ..checks import FloatArray, real_number, require, short, warn, wrong
+from ..bodies.classes import AnyBody
+from ..checks import FloatArray, real_number, require, warn, wrong
 from ..core import closed_form
 from ..engine.arguments import by_constants, flat_arrays
-from ..engine.problem import check
+from ..engine.problem import Problem
 from ..engine.status import SingularStepWarning
-from ..engine.stretches import Progress
 from ..engine.threads import call_kernel
 from ..keywords import public
-from ..maps import map_of, problem
-from .motion import checked_tolerance, motion
+from ..maps import problem
 
 # States per call of the kernel: Python handles Ctrl-C between two calls.
 _SLICE = 2**21
@@ -87,109 +82,13 @@ def exact(
     array([[-0.791446,  1.319077],
            [ 0.791446, -1.319077]])
     """
-    return _states_at("exact", body, omega0, eps, "n", n, threads)
-
-
-@public
-def flow(
-    body: BodyOrField,
-    omega0: ArrayLike,
-    /,
-    time: ArrayLike,
-    *,
-    rtol: float | None = None,
-    threads: int | None = None,
-    progress: Progress = None,
-) -> FloatArray:
-    """Return the solution of the equations of motion at given times, starting at time 0.
-
-    For a field ``x' = f(x)`` it is computed to a tolerance, by extrapolated steps of order 10. Each
-    trajectory chooses the lengths of its steps by its own estimate of the error. Stiff fields are
-    solved by the same steps. For a body the solution is exact.
-
-    Parameters
-    ----------
-    body : QuadraticField, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
-        A single field or body, or a batch; a body in n dimensions must be integrable.
-    omega0 : array_like(float, shape=(..., D))
-        Initial states: states x of a field, or angular velocities.
-    time : array_like(float, shape=() or (N,))
-        Times in any order, positive or negative.
-    rtol : float, optional
-        Tolerance for fields, from 1e-13 to 1e-2, by default 1e-9. In each component the estimated
-        error of a step stays below `rtol` times the largest absolute value of this component on the
-        trajectory so far, or below what rounding allows. This value counts as at least 1e-6 of that
-        of the largest component. So there is no absolute tolerance: scale components that differ by
-        more than a factor of 1e6.
-    threads : int, optional
-        As in :func:`iterate`; a solution is bit-identical on any number of threads, in any batch.
-    progress : bool or callable, optional
-        For fields: called as ``progress(done, total)`` with numbers of times, at each time and not
-        between two. If it returns False, the states at later times are NaN. To end a long solution
-        early, pass times before its last one, such as ``np.linspace(0, 300, 301)``.
-
-    Returns
-    -------
-    ndarray(float, shape=(..., D) or (N, ..., D))
-        The states. A solution of a field that ends, because it escapes to infinity, or overflows,
-        is NaN from there on, with one :class:`PoleWarning` that tells when. So is one that takes
-        more than 250,000 steps from one time to the next, with a `RuntimeWarning`; then pass more
-        times. NaN for a state that contains NaN.
-
-    Raises
-    ------
-    NotIntegrableError
-        If no solution is known for this body: pass its field, :meth:`QuadraticField.of`.
-    TypeError, ValueError
-        If an argument is out of range, or `rtol` is given for a body.
-
-    Examples
-    --------
-    Predators and prey (Lotka-Volterra) for three rates, at two times:
-
-    >>> from suslov_fast import QuadraticField, Suslov3D, exact, flow
-    >>> family = QuadraticField.from_function(
-    ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
-    ... )
-    >>> flow(family, [1.0, 0.5], [5.0, 10.0]).shape
-    (2, 3, 2)
-
-    How large is the error of the map of a body at time 5, and does half the step size give a
-    quarter of it?
-
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> motion = flow(body, [1.0, 0.5], time=5.0)
-    >>> motion.round(6)
-    array([ 0.873751, -1.093725])
-    >>> for eps, n in (0.2, 25), (0.1, 50):
-    ...     print(abs(exact(body, [1.0, 0.5], eps, n) - motion).max().round(6))
-    0.000632
-    0.000158
-    """
-    map = map_of(body)
-    if not map.integrates:
-        if map.plane is None:
-            raise NotIntegrableError(
-                f"flow has no exact solution for a {type(body).__name__}: "
-                "use flow(QuadraticField.of(body), ...)"
-            )
-        for name, value in (("rtol", rtol), ("progress", progress)):
-            if value is not None:
-                problem("flow", body, omega0, 0.0)  # of a body without a solution, says so
-                received = f"a {type(body).__name__}, whose solution is exact"
-                how = "pass it for fields alone"
-                raise TypeError(f"{name} needs a field, not {received}: {how}")
-        return _states_at("flow", body, omega0, 0.0, "time", time, threads)
-    times, tolerance = _checked_times("time", time), checked_tolerance(rtol)
-    try:
-        start = check(map, body, omega0, 0.0, threads, name="x")
-    except ValueError:
-        if times.shape == (len(body._labels),) != np.shape(omega0)[-1:]:
-            how = "pass the state first, flow(field, x0, time)"
-            raise wrong("x", "the initial state", f"{short(omega0)}, a time: {how}") from None
-        raise
-    states = motion(start, times.reshape(-1), tolerance, progress)
-    return states.reshape(*times.shape, *states.shape[1:])
+    if np.ndim(n) == 0 and n in (np.inf, -np.inf):
+        raise wrong("n", "finite", f"{n}: limits returns the limits of an orbit")
+    numbers = np.asarray(real_number("n", n))
+    if numbers.ndim > 1:
+        raise wrong("n", "a number or a 1-D array", f"an array of shape {numbers.shape}")
+    start = problem("exact", body, omega0, eps, threads, name="omega0")
+    return states_at(start, numbers, is_number=True)
 
 
 @public
@@ -237,29 +136,15 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatAr
     return from_plane(minus), from_plane(plus)
 
 
-def _checked_times(name: str, value: Any) -> FloatArray:
-    """Return a number, or an array of one axis."""
-    if name == "n" and np.ndim(value) == 0 and value in (np.inf, -np.inf):
-        raise wrong("n", "finite", f"{value}: limits returns the limits of an orbit")
-    times = np.asarray(real_number(name, value))
-    if times.ndim > 1:
-        raise wrong(name, "a number or a 1-D array", f"an array of shape {times.shape}")
-    return times
+def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArray:
+    """Return states of the map or of the flow, and warn of missing ones.
 
-
-def _states_at(
-    function: str, body: Any, omega0: Any, eps: Any, name: str, value: Any, threads: int | None
-) -> FloatArray:
-    """Return states of the map or the flow, and warn of missing ones.
-
-    `name` is that of the argument `value`: "n" for the map, "time" for the flow.
+    `times` (N,) or () are numbers of states of the map, or times of the flow.
     """
-    times = _checked_times(name, value)
-    start = problem(function, body, omega0, eps, threads, name="omega0")
-    plane, from_plane = start.map.plane.reduce(start)
+    plane, from_plane = problem.map.plane.reduce(problem)
     batch, threads, flat_times = plane.batch, plane.threads, flat_arrays(times, times.shape, 0)
     starts = flat_arrays(plane.omega, batch)
-    orbits = by_constants(plane.body, plane.eps, batch), starts, float(name == "n")
+    orbits = by_constants(plane.body, plane.eps, batch), starts, float(is_number)
     require(8 * times.size * starts.size, "compute fewer states at a time")
     states, reasons = np.empty((times.size, *starts.shape)), np.zeros((3, len(starts)), bool)
     rows = max(_SLICE // max(len(starts), 1), 1)
@@ -274,6 +159,6 @@ def _states_at(
             if flags.any():
                 warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {reason}", category)
     states = np.asarray(from_plane(states.reshape(*times.shape, *batch, 2)))
-    if plane is not start:  # exactly, because the reduction rounds
-        states[times == 0.0] = start.omega
+    if plane is not problem:  # exactly, because the reduction rounds
+        states[times == 0.0] = problem.omega
     return states

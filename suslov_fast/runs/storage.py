@@ -52,6 +52,7 @@ PathLike = str | os.PathLike[str]
 _NUMBERS = ARGUMENTS | {"Crossings": (*ARGUMENTS["Crossings"], "_n")}
 _ROOM = "make room, or raise save_every"
 _TEXTS = "about", "body"
+_OF_MAPS = "Trajectories", "Crossings"
 # Largest sizes in bytes: of the header of an entry, of the text `about`, and of the text `body`,
 # which may be larger if its compressed size is at least 1/64: JSON is never compressed so much.
 _MOST_HEADER, _MOST_ABOUT, _MOST_BODY, _RATIO = 2**14, 2**20, 2**24, 64
@@ -70,15 +71,16 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     if target.exists() and not overwrite:
         raise _exists(path)
     kind, described = type(result).__name__, result.body.to_dict()
-    if result._carry is None:
+    if kind in _OF_MAPS and result._carry is None:
         raise ValueError(
             "save: this is a part or a copy of a result: save the result of the run itself"
         )
-    about = {"format": FORMAT, "version": __version__, "kind": kind, "map": result.map.name}
+    about = {"format": FORMAT, "version": __version__, "kind": kind}
+    about |= {"map": result.map.name} if kind in _OF_MAPS else {}
     about |= {name: getattr(result, name) for name in _NUMBERS[kind]}
     if class_named(described["body"]) is not type(result.body):
         raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
-    names = "eps", *(column.name for column in OF_KIND[kind])
+    names = *["eps"] * (kind in _OF_MAPS), *(column.name for column in OF_KIND[kind])
     arrays = {name: getattr(result, name, None) for name in names}
     arrays = {name: array for name, array in arrays.items() if array is not None}
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
@@ -185,9 +187,8 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
             about, texts = _about(entries)
             kind = checks.one_of("kind", about["kind"], OF_KIND)
             if not kinds or kind in kinds:
-                return _read(entries, kind, about, texts["body"]) | (
-                    {} if kinds else {"kind": kind}
-                )
+                read = _read if kind in _OF_MAPS else _read_motion
+                return read(entries, kind, about, texts["body"]) | ({} if kinds else {"kind": kind})
     except FileNotFoundError as error:
         raise FileNotFoundError(error.errno, missing_file(name), name) from None
     except (OSError, MemoryError):
@@ -223,11 +224,11 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> di
     batch, steps = headers["status"][1], map.methods[numbers["method"]]
     if kind == "Trajectories":
         own = {"n": _rows_of_run(numbers)}
-        conditions = conditions_of(steps, "attitude" in headers or "_turned" in headers)
+        conditions = conditions_of("attitude" in headers or "_turned" in headers)
     else:
         own = {"crossing": _rows_of_crossings(numbers, headers)}
         conditions = {"surface"} & {column.when for column in table if column.name in headers}
-    sizes = sizes_of(batch, body.dimension, carried=steps.rows_carried(body.dimension), **own)
+    sizes = sizes_of(batch, body.dimension, carried=steps.carried, **own)
     expected = arrays_of(present(table, conditions), sizes)
     if "eps" in headers:  # of any shape that broadcasts to the batch
         shapes = {"body": body.shape, "eps": headers["eps"][1], "status": batch}
@@ -244,6 +245,25 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> di
     else:
         attributes["trajectory"] = _check_crossings(attributes)
     return attributes | {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
+
+
+def _read_motion(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> dict[str, Any]:
+    """Return the attributes of a motion, after checks that they agree."""
+    body, table = body_from_dict(json.loads(body_text)), OF_KIND[kind]
+    all_headers = {column.name: _header(entries, column.name) for column in table}
+    headers = {name: header for name, header in all_headers.items() if header is not None}
+    batch, (count,) = headers["status"][1], headers["time"][1]
+    if common_shape({"body": body.shape, "status": batch}) != batch:
+        raise wrong("status", "have the shape of a batch of the body", batch)
+    expected = arrays_of(table, sizes_of(batch, body.dimension, time=count))
+    check_arrays(headers, expected)
+    attributes = {name: _entry(entries, name) for name in expected}
+    if not np.isin(attributes["status"], [*Status]).all():
+        raise wrong("status", "have values of Status", "others")
+    numbers = {name: about[name] for name in _NUMBERS[kind]}
+    if isinstance(numbers["atol"], list):
+        numbers["atol"] = tuple(numbers["atol"])
+    return attributes | numbers | {"body": body}
 
 
 def _rows_of_run(numbers: dict[str, Any]) -> int:

@@ -123,7 +123,7 @@ def _compute(
         piece = {map.variable: states}
         piece |= {} if turns is None else {"attitude": turns}
         write(piece | {name: checked_values(name, f, states) for name, f in functions.items()})
-    kept = [column for column in of_runs(march.steps, False) if not column.is_saved]
+    kept = [column for column in of_runs(False) if not column.is_saved]
     for is_last in (False, True):
         names = [column.name for column in kept if column.is_last == is_last]
         write({name: getattr(march, name) for name in names})

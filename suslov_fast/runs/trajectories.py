@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,12 +14,12 @@ from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, integer, one_of
 from ..engine.problem import Problem, checked_out
 from ..engine.status import first_beyond
-from ..engine.stretches import Checkpoint, March, Progress, largest_errors, reporter
+from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
-from ..keywords import nearest, public, unchanging
+from ..keywords import public, unchanging
 from ..maps import Map
 from .failures import ON_SINGULAR, OnSingular, report_failures
-from .results import INSTEAD_IN_RUNS, QUANTITIES, Result, in_short, quantity, read_only
+from .results import INSTEAD_IN_RUNS, States, in_short, quantity, read_only
 
 if TYPE_CHECKING:
     import xarray
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 
 @unchanging
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectories(Result):
+class Trajectories(States):
     """Orbits of a batch, with the status of each: the result of :func:`iterate`.
 
     Attributes
@@ -74,6 +73,8 @@ class Trajectories(Result):
     >>> f"{np.ptp(orbit.energy()):.0e}", bool(np.ptp(orbit.modified_energy()) < 1e-14)
     ('2e-03', True)
     """
+
+    _table = INSTEAD_IN_RUNS
 
     states: FloatArray
     eps: float | FloatArray
@@ -142,77 +143,20 @@ class Trajectories(Result):
             march, self.method, total, self.save_every, on_singular, progress, earlier=self
         )
 
-    def _value(self, name: str, states: FloatArray) -> FloatArray:
-        """Return the values of a public function for states of this run."""
-        from ..quantities.evaluation import evaluate
-
-        return evaluate(name, self.body, states, self.eps, map=self.map)
+    @property
+    def _is_whole(self) -> bool:
+        return bool(self.n[-1] == len(self) - 1)
 
     @property
-    def omega(self) -> FloatArray:
-        """The saved states of a body, its angular velocities, shape (n_saved, ..., D)."""
-        return self._states_called("omega")
+    def _heading(self) -> tuple[str, str, int]:
+        from .plot import titled
+
+        N = int(self.n[-1])
+        return titled(self), f"of {N:,} steps", N + 1
 
     @property
-    def x(self) -> FloatArray:
-        """The saved states of a field, shape (n_saved, ..., D)."""
-        return self._states_called("x")
-
-    def _states_called(self, name: str) -> FloatArray:
-        if name != self.map.variable:
-            raise AttributeError  # `__getattr__` words the message
-        return self.states
-
-    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
-
-        def __getattr__(self, name: str) -> Any:
-            """Raise an AttributeError that names the attribute to use instead, if there is one."""
-            if "states" in vars(self):
-                x = self.map.variable
-                if name in ("omega", "x"):
-                    raise AttributeError(
-                        f"no attribute {name!r}: the states of this run are run.{x}"
-                    )
-                instead = INSTEAD_IN_RUNS.get(name, "").format(x=x)
-                labels = [*self.body._labels]
-                alike = [k for k, label in enumerate(labels) if label.lower() == name.lower()]
-                if name in labels or (alike and not instead):
-                    instead = f"run.{x}[..., {labels.index(name) if name in labels else alike[0]}]"
-                elif name in import_module("suslov_fast").__all__:
-                    instead = f"suslov_fast.{name}(run.body, run.{x}, ...)"
-                elif name in self.body.parameters:
-                    instead = f"run.body.parameters[{name!r}]"
-                here = "" if name.startswith("_") else import_module("suslov_fast")._here(name)
-                if instead := instead or here or nearest(name, dir(self)):
-                    raise AttributeError(f"no attribute {name!r}: use {instead}")
-            raise AttributeError(f"a run has no attribute {name!r}", name=name, obj=self)
-
-    def __dir__(self) -> list[str]:
-        other = "x" if self.map.variable == "omega" else "omega"
-        hidden = {other, *QUANTITIES} - {*self.map.functions(self.body)}
-        if not self.map.methods[self.method].estimates:
-            hidden.add("local_error")
-        return [name for name in super().__dir__() if name not in hidden]
-
-    def __len__(self) -> int:
-        return len(self.states)
-
-    def __getitem__(self, index: Any) -> FloatArray:
-        if isinstance(index, str):
-            labels = self.body._labels
-            part = f"{self.map.variable}[..., {labels.index(index) if index in labels else 'k'}]"
-            is_attribute = index in dir(self) and index not in labels
-            raise TypeError(f"run[{index!r}]: use run.{index if is_attribute else part}")
-        states: FloatArray = self.states[index]
-        return states
-
-    def __iter__(self) -> Iterator[FloatArray]:
-        return iter(self.states)
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        if copy is None:  # NumPy 1.26 does not accept None
-            return np.asarray(self.states, dtype)
-        return np.array(self.states, dtype, copy=copy)
+    def _functions(self) -> list[str]:
+        return self.map.functions(self.body)
 
     @cached_property
     def n(self) -> NDArray[np.int64]:
@@ -228,25 +172,6 @@ class Trajectories(Result):
         times: FloatArray = read_only(n * np.asarray(self.eps))
         return times
 
-    @cached_property
-    def local_error(self) -> FloatArray:
-        """The largest estimated error of a step so far in each component, shape (..., D).
-
-        Only runs of method="extrapolated" have it. NaN for a trajectory that has taken no step. The
-        estimate is the difference between the step, of order 10, and a step of order 8 from the
-        same columns without the first. So it is larger than the error of the step if the step is
-        accurate. How large the error of a later state is depends on how the motion amplifies the
-        errors of all steps.
-        """
-        if self._carry is None or not self.map.methods[self.method].estimates:
-            raise AttributeError  # `__getattr__` words the message
-        return read_only(largest_errors(self._carry, self.final.shape))
-
-    @property
-    def ok(self) -> bool:
-        """True if no trajectory failed; a passed pole is not a failure."""
-        return bool((self.status >= 0).all())
-
     @property
     def valid(self) -> NDArray[np.bool_]:
         """True for saved states before the first failure or pole, shape (n_saved, ...).
@@ -256,12 +181,9 @@ class Trajectories(Result):
         n = self.n.reshape(-1, *(1,) * self.status.ndim)
         return read_only(n < first_beyond(self.failed_at, self.first_pole))
 
-    first_integral = quantity("first_integral")
-    energy = quantity("energy")
     modified_energy = quantity("modified_energy")
     criticality = quantity("criticality")
     to_xy = quantity("to_xy")
-    reaction = quantity("reaction")
 
     @public
     def plot(
@@ -365,7 +287,7 @@ class Trajectories(Result):
     def __repr__(self) -> str:
         n = self.n
         steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
-        states = f"{self.map.variable}: {self.states.shape}"
+        states = f"{self._variable}: {self.states.shape}"
         return f"Trajectories({states}, n: {steps}, {in_short(self)})"
 
 

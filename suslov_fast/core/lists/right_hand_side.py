@@ -11,6 +11,7 @@ from .derivative import gradients
 from .grouped import Groups
 from .records import RECORDS, same
 
+
 # Lists of more operations are carried out in groups, at fewer than MANY states.
 _FEW, _MANY = 32, 1024
 
@@ -148,12 +149,16 @@ class RightHandSide:
     key          what tells this right-hand side from others
     """
 
-    def __init__(self, values, results, P=0):
-        """Take `Expressions` whose operations are those of f, and the operands that are f."""
+    def __init__(self, values, results, P=0, slopes=None):
+        """Take `Expressions` whose operations are those of f, and the operands that are f.
+
+        `slopes` are the entries of each row of f', by column, or others that may stand for them.
+        """
         self.D, self.P = len(results), P
         self._results = [*results]
         of_f = [*values.operations]
-        slopes = gradients(values, of_f, results, self.D)
+        if slopes is None:
+            slopes = gradients(values, of_f, results, self.D)
         self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.pattern]
         fixed = values.fixed
@@ -167,6 +172,10 @@ class RightHandSide:
         self.fixed = needed_for(of_parameters, self.table)
         self._fixed = fixed
         self._find_properties()
+
+    is_dense = False
+    work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
+    entries = property(lambda self: len(self.pattern))
 
     @functools.cached_property
     def key(self):
@@ -221,9 +230,18 @@ class RightHandSide:
         """Return f (D, ...) at states (D, ...)."""
         return self._carried_out(self.f, "_groups_of_f", x, table)
 
+    def value_and_denominators(self, x, table):
+        """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
+        both = List(self.f.operations, [*self.f.results, *self.denominators])
+        return self._carried_out(both, None, x, table)
+
+    def derivative_entries(self, x, table):
+        """Return the entries of f' (entries, ...) at states (D, ...)."""
+        return self._carried_out(self.derivative, "_groups_of_derivative", x, table)
+
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states (D, ...)."""
-        entries = self._carried_out(self.derivative, "_groups_of_derivative", x, table)
+        entries = self.derivative_entries(x, table)
         matrix = np.zeros((self.D, self.D, *entries.shape[1:]))
         for place, entry in zip(self.pattern, entries, strict=True):
             matrix[place] = entry
@@ -240,7 +258,7 @@ class RightHandSide:
     def _carried_out(self, list_, groups, x, table):
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
         with np.errstate(all="ignore"):
-            if len(list_.operations) > _FEW and math.prod(shape) < _MANY:
+            if groups and len(list_.operations) > _FEW and math.prod(shape) < _MANY:
                 return getattr(self, groups).carried_out([*x, *table], shape)
             values = dict(enumerate(x)) | dict(zip(self.table, table, strict=True))
             evaluate(list_.operations, values)

@@ -18,8 +18,9 @@ from ...checks import real_number, wrong
 from ...engine.status import Status
 from ...quantities.conserved import rotation_number
 from ...quantities.derivatives import vector_field
+from ...runs.flow import flow
 from ...runs.iterate import iterate
-from ...runs.solution import flow, limits
+from ...runs.solution import limits
 from ...space import scattering_angle
 from ..animation import ellipsoid
 from ..phase import Plane
@@ -113,7 +114,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         "version": __version__,
         "parameters": parameters._asdict(),
         "omega": run.omega,
-        "flow": flow(body, start, run.time),
+        "flow": flow(body, start, time=run.time).omega,
         "attitude": run.attitude.reshape(-1, 9),
         "line": plane.steady_line(),
         "levels": {

@@ -161,7 +161,7 @@ def explore(
 
     Parameters
     ----------
-    field : QuadraticField, LiftedField, SuslovND, Suslov3D or SuslovGyrostat, optional
+    field : QuadraticField, Field, SuslovND, Suslov3D or SuslovGyrostat, optional
         A field or a family of fields, or a single body. Without it, a body in three dimensions.
     x0 : array_like(float, shape=(D,)), optional
         The start, (Omega1, Omega2) of a body in three dimensions; for a field also several, (B, D),

@@ -1,0 +1,366 @@
+"""Functions of rows, of which the steps of the motion are made: f, f', elimination, products.
+
+Each is a function void name(from, table, to, scratch) of a text: it reads rows at one address, and
+writes rows at another. Short lists of operations are straight-line code, long ones are runs
+(`listed`), and dense matrices have loops. `numbers(table)` are those that a function reads after
+the table of f, and `scratch` the rows that it needs for itself.
+"""
+
+import math
+from collections import defaultdict
+
+import numpy as np
+
+from ..listed import program_of
+from ..listed_code import _add_runs
+from ..operations import evaluate
+
+BLOCK = 64  # operations of a block of straight-line code
+LONGEST = 4000  # operations of straight-line code: a longer list takes seconds to compile
+
+
+def carried_out(list_, rows):
+    """Return the results (-, ...) of a list for its inputs (-, ...), by NumPy."""
+    values = dict(enumerate(rows))
+    evaluate(list_.operations, values)
+    shape = np.shape(rows[0])
+    return np.array([np.full(shape, a) if isinstance(a, float) else values[a]
+                     for a in list_.results])  # fmt: skip
+
+
+class OfList:
+    """A list of operations as straight-line code; its first values are rows."""
+
+    scratch = 0
+
+    def __init__(self, list_, inputs, places):
+        self.list_, self.inputs, self.places = list_, inputs, places
+        self.length = len(list_.operations)
+
+    def numbers(self, table):
+        return table[:0]
+
+    def in_numpy(self, rows):
+        """Return the results (-, ...) for rows (-, ...), without a table."""
+        return carried_out(self.list_, rows)
+
+    def values(self, text, row, table, for_each):
+        """Return the results, where row(k) is the k-th input."""
+        found = {}
+        load = self._loader(text, row, table, for_each)
+        text.carry_out(self.list_.operations, found, load)
+        return [self._result(text, a, found, load) for a in self.list_.results]
+
+    def _loader(self, text, row, table, for_each):
+        def load(number):
+            if number < self.inputs:
+                return row(number)
+            place = self.places[number]
+            return text.row(table, place) if for_each else text.shared(text.plus(table, 8 * place))
+
+        return load
+
+    def _result(self, text, a, found, load):
+        if isinstance(a, float):
+            return text.constant(a)
+        return found[a] if a in found else load(a)
+
+    def add(self, text, name, for_each, first):
+        """Add the function, in blocks of operations: LLVM's time grows with the square of a block.
+
+        Inputs are read anew in each block, and results written where they are found.
+        """
+        operations, results = self.list_.operations, self.list_.results
+        rows = defaultdict(list)
+        for k, a in enumerate(results):
+            rows[a].append(k)
+        with text.function(name):
+            found, load = {}, self._loader(text, lambda k: text.row("%from", k), "%table", for_each)
+            for begin in range(0, len(operations), BLOCK):
+                block = operations[begin : begin + BLOCK]
+                if begin:
+                    text.next_block()
+                    found = {number: found[number] for number in found if number in kept}
+                kept = found.keys() | {number for _, number, _ in block}
+                text.carry_out(block, found, load)
+                kept = {number for number in found if number in kept}
+                for _, number, _ in block:
+                    for k in rows.pop(number, ()):
+                        text.put(found[number], "%to", k)
+            for a, places in rows.items():
+                for k in places:
+                    text.put(self._result(text, a, {}, load), "%to", k)
+
+
+class OfLongList:
+    """A list of operations that runs carry out, on rows of their own."""
+
+    length = np.inf  # it has no code of its own
+
+    def __init__(self, list_, inputs, places):
+        self.list_, self.inputs, self.results = list_, inputs, list_.results
+        of_values = [*dict.fromkeys(a for a in self.results if not isinstance(a, float))]
+        table = sorted(places, key=places.get)
+        self.program, self._numbers = program_of(range(inputs), table, list_.operations, of_values)
+        self._row = dict(zip(of_values, self.program.results.tolist(), strict=True))
+        self.scratch, self.in_table = self.program.rows, len(table)
+
+    def numbers(self, table):
+        shape = table.shape[1:]
+        own = table[: self.in_table].reshape(self.in_table, math.prod(shape))
+        return self._numbers.of(own).reshape(-1, *shape)
+
+    def in_numpy(self, rows):
+        return carried_out(self.list_, rows)
+
+    def add(self, text, name, for_each, first):
+        if not text.has_runs:
+            text.has_runs = True
+            _add_runs(text, "runs", for_each)
+        runs, size = self.program.runs, text.size if for_each else 8
+        with text.function(name):
+            heads, places = (text.integers(f"{name}_{k}", array) for k, array in enumerate(runs))
+            table = text.plus("%table", size * first)
+            text.copy("%from", "%scratch", self.inputs)
+            numbers = ", ".join(f"i64 {a}" for a in ("%scratch", table, heads, places))
+            text.add(f"  call void @runs({numbers}, i64 {len(runs.heads)})")
+            is_value = [not isinstance(a, float) for a in self.results]
+            if all(is_value):
+                rows = np.array([self._row[a] for a in self.results])
+                rows = text.integers(f"{name}_rows", rows)
+
+                def move(k):
+                    row = text.load("i64", text.at(rows, k))
+                    text.put(text.row("%scratch", 0, row), "%to", 0, k)
+
+                text.fold(len(self.results), {}, move)
+                return
+            for k, a in enumerate(self.results):
+                constant = isinstance(a, float)
+                value = text.constant(a) if constant else text.row("%scratch", self._row[a])
+                text.put(value, "%to", k)
+
+
+def of_list(list_, inputs, places=None):
+    """Return the function of a list of any length."""
+    kind = OfList if len(list_.operations) <= LONGEST else OfLongList
+    return kind(list_, inputs, places or {})
+
+
+class _Loops:
+    """A function that is written as loops."""
+
+    length, scratch = np.inf, 0
+
+    def numbers(self, table):
+        return table[:0]
+
+
+class DenseFactors(_Loops):
+    """The factors of 1 - s J in a dense matrix, by rows, for entries of J in some places.
+
+    After the matrix (D D) come the inverses of pivots (D).
+    """
+
+    def __init__(self, pattern, D):
+        self.places, self.D = np.array([i * D + j for i, j in pattern], np.int64), D
+
+    def in_numpy(self, rows):
+        """Return the factors for entries of J and s, as rows."""
+        D, (*entries, s) = self.D, rows
+        a = np.zeros((D, D, *np.shape(s)))
+        for place, entry in zip(self.places.tolist(), entries, strict=True):
+            a[divmod(place, D)] = 0.0 - s * entry
+        inverse = np.empty((D, *np.shape(s)))
+        for i in range(D):
+            a[i, i] = 1.0 + a[i, i]
+            for k in range(i):
+                a[i, k] = a[i, k] * inverse[k]
+                a[i, k + 1 :] = a[i, k + 1 :] - a[i, k] * a[k, k + 1 :]
+            inverse[i] = 1.0 / a[i, i]
+        return np.concatenate([a.reshape(D * D, *np.shape(s)), inverse])
+
+    def add(self, text, name, for_each, first):
+        D, zero, one = self.D, text.constant(0.0), text.constant(1.0)
+        integer = text.integer
+
+        def entry(i, j):
+            return text.place("%to", 0, integer("add", integer("mul", i, D), j))
+
+        with text.function(name):
+            text.fold(D * D, {}, lambda k: text.put(zero, "%to", 0, k))
+            if len(self.places):
+                s = text.row("%from", len(self.places))
+                places = text.integers(f"{name}_places", self.places)
+
+                def put(k):
+                    place = text.load("i64", text.at(places, k))
+                    product = text.operate("fmul", s, text.row("%from", 0, k))
+                    text.put(text.operate("fsub", zero, product), "%to", 0, place)
+
+                text.fold(len(self.places), {}, put)
+
+            def row(i):
+                diagonal = entry(i, i)
+                text.store(text.V, text.operate("fadd", one, text.load(text.V, diagonal)), diagonal)
+
+                def eliminate(k):
+                    place = entry(i, k)
+                    inverse = text.row("%to", D * D, k)
+                    factor = text.operate("fmul", text.load(text.V, place), inverse)
+                    text.store(text.V, factor, place)
+                    own, other = entry(i, k), entry(k, k)
+
+                    def subtract(j):
+                        offset = integer("mul", integer("add", j, 1), text.size)
+                        at = integer("add", own, offset)
+                        a = text.load(text.V, integer("add", other, offset))
+                        product = text.operate("fmul", factor, a)
+                        value = text.operate("fsub", text.load(text.V, at), product)
+                        text.store(text.V, value, at)
+
+                    text.fold(integer("sub", D - 1, k), {}, subtract)
+
+                with text.when(text.compare_integers("ne", i, 0)):
+                    text.fold(i, {}, eliminate)
+                inverse = text.operate("fdiv", one, text.load(text.V, entry(i, i)))
+                text.put(inverse, "%to", D * D, i)
+
+            text.fold(D, {}, row)
+
+
+class DenseSolution(_Loops):
+    """The solution of (1 - s J) v = g from dense factors, in place of g."""
+
+    def __init__(self, D):
+        self.D = D
+
+    def in_numpy(self, rows):
+        """Return v for the factors and g, as rows."""
+        D = self.D
+        a, inverse, v = rows[: D * D], rows[D * D : D * D + D], np.array(rows[D * D + D :])
+        for i in range(1, D):
+            for j in range(i):
+                v[i] = v[i] - a[i * D + j] * v[j]
+        for i in reversed(range(D)):
+            for j in range(i + 1, D):
+                v[i] = v[i] - a[i * D + j] * v[j]
+            v[i] = v[i] * inverse[i]
+        return v
+
+    def add(self, text, name, for_each, first):
+        D, integer = self.D, text.integer
+
+        def less(i, start, count, begin):
+            """Return g_i less the products of a row, from its column `begin` on."""
+
+            def product(k, total):
+                j = integer("add", begin, k)
+                place = integer("add", integer("mul", i, D), j)
+                a = text.operate("fmul", text.row("%from", 0, place), text.row("%to", 0, j))
+                return {"total": text.operate("fsub", total, a)}
+
+            return text.fold(count, {"total": start}, product)["total"]
+
+        def forward(n):
+            i = integer("add", n, 1)
+            text.put(less(i, text.row("%to", 0, i), i, 0), "%to", 0, i)
+
+        def backward(n):
+            i = integer("sub", D - 2, n)
+            count = integer("add", n, 1)
+            value = less(i, text.row("%to", 0, i), count, integer("add", i, 1))
+            text.put(text.operate("fmul", value, text.row("%from", D * D, i)), "%to", 0, i)
+
+        with text.function(name):
+            if D > 1:
+                text.fold(D - 1, {}, forward)
+            last = text.operate("fmul", text.row("%to", D - 1), text.row("%from", D * D + D - 1))
+            text.put(last, "%to", D - 1)
+            if D > 1:
+                text.fold(D - 1, {}, backward)
+
+
+class DenseQuadratic(_Loops):
+    """f, or f', of a dense quadratic field: sums over all its coefficients.
+
+    f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k) with symmetric q; in the table each component has
+    c_i, l_ij for all j, and q_ijk for all j and k.
+    """
+
+    def __init__(self, D, is_derivative):
+        self.D, self.is_derivative = D, is_derivative
+
+    def add(self, text, name, for_each, first):
+        D, size, integer = self.D, text.size if for_each else 8, text.integer
+        load = (lambda at: text.load(text.V, at)) if for_each else text.shared
+
+        def component(i):
+            start = integer("mul", integer("mul", i, 1 + D + D * D), size)
+            start = integer("add", "%table", start)
+
+            def inner(j):
+                at = integer("add", start, integer("mul", integer("add", j, 1), size))
+                offset = integer("mul", integer("add", integer("mul", j, D), 1 + D), size)
+                products = integer("add", start, offset)
+
+                def add(k, total):
+                    q = load(integer("add", products, integer("mul", k, size)))
+                    product = text.operate("fmul", q, text.row("%from", 0, k))
+                    return {"total": text.operate("fadd", total, product)}
+
+                total = text.fold(D, {"total": text.constant(0.0)}, add)["total"]
+                return load(at), total
+
+            if self.is_derivative:
+
+                def entry(j):
+                    linear, total = inner(j)
+                    value = text.operate("fadd", linear, text.operate("fadd", total, total))
+                    place = integer("add", integer("mul", i, D), j)
+                    text.put(value, "%to", 0, place)
+
+                text.fold(D, {}, entry)
+                return
+
+            def term(j, f):
+                linear, total = inner(j)
+                value = text.operate("fadd", linear, total)
+                product = text.operate("fmul", value, text.row("%from", 0, j))
+                return {"f": text.operate("fadd", f, product)}
+
+            text.put(text.fold(D, {"f": load(start)}, term)["f"], "%to", 0, i)
+
+        with text.function(name):
+            text.fold(D, {}, component)
+
+
+class DenseProduct(_Loops):
+    """f' times a vector, for all entries of f' in rows, s, and the vector."""
+
+    def __init__(self, D):
+        self.D = D
+
+    def in_numpy(self, rows):
+        """Return the products, as rows."""
+        D, totals = self.D, []
+        for i in range(D):
+            total = 0.0
+            for j in range(D):
+                total = total + rows[i * D + j] * rows[D * D + 1 + j]
+            totals.append(total)
+        return np.array(totals)
+
+    def add(self, text, name, for_each, first):
+        D, integer = self.D, text.integer
+
+        def component(i):
+            def add(j, total):
+                a = text.row("%from", 0, integer("add", integer("mul", i, D), j))
+                product = text.operate("fmul", a, text.row("%from", D * D + 1, j))
+                return {"total": text.operate("fadd", total, product)}
+
+            text.put(text.fold(D, {"total": text.constant(0.0)}, add)["total"], "%to", 0, i)
+
+        with text.function(name):
+            text.fold(D, {}, component)

@@ -1,0 +1,107 @@
+"""The two halves of the motion of a right-hand side: the functions that their code is made of."""
+
+import functools
+
+import numpy as np
+
+from ..lists.elimination import Elimination, work_of_elimination
+from ..lists.right_hand_side import List
+from ..operations import Values
+from .columns import EXPLICIT, IMPLICIT
+from .functions import (
+    DenseFactors,
+    DenseProduct,
+    DenseQuadratic,
+    DenseSolution,
+    of_list,
+)
+from .rows import rows_of, work_of
+
+# Products of a planned elimination. For more, planning takes longer than loops over a dense matrix.
+PLANNED = 40_000
+
+
+class Half:
+    """The explicit or the implicit half of the motion of a right-hand side.
+
+    functions    by name: `f` with the denominators of clocks; in the implicit half also `j`, the
+                 entries of f'; `factor`, from these and s; `solve`; and `power`, f' times a vector
+                 after the entries and s
+    rows, work   `Rows` of a line and `Work`
+    """
+
+    def __init__(self, f, is_implicit, has_atol):
+        self.f, self.is_implicit, self.has_atol = f, is_implicit, has_atol
+        D, extended = f.D, len(f.denominators)
+        self.rows = rows_of(D, extended)
+        if f.is_dense:
+            self.functions = {"f": DenseQuadratic(D, False)}
+        else:
+            self.functions = {
+                "f": of_list(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
+            }
+        columns, entries, factors = len(EXPLICIT), 0, 0
+        if is_implicit:
+            columns, entries = len(IMPLICIT), f.entries + 1 + D
+            factors = self._add_implicit()
+        scratch = max(function.scratch for function in self.functions.values())
+        self.work = work_of(D, extended, columns, entries, factors, scratch)
+
+    def _add_implicit(self):
+        """Add the functions of the implicit half; return the number of factors."""
+        f, D = self.f, self.f.D
+        if f.is_dense:
+            self.functions["j"] = DenseQuadratic(D, True)
+            self.functions["power"] = DenseProduct(D)
+        else:
+            self.functions["j"] = of_list(f.derivative, D, f.places)
+            self.functions["power"] = of_list(_product(f), f.entries + 1 + D)
+        if f.is_dense or work_of_elimination(f.pattern, D) > PLANNED:
+            self.functions["factor"] = DenseFactors(f.pattern, D)
+            self.functions["solve"] = DenseSolution(D)
+            return D * D + D
+        elimination = Elimination(f.pattern, D)
+        count = len(elimination.factors.results)
+        self.functions["factor"] = of_list(elimination.factors, f.entries + 1)
+        self.functions["solve"] = of_list(elimination.solution, count + D)
+        return count
+
+    @functools.cached_property
+    def key(self):
+        """What tells the code of this half from others."""
+        return self.f.key, self.is_implicit, self.has_atol
+
+    def factors_in_numpy(self, entries, s):
+        """Return the factors of 1 - s J, for entries (-, lanes)."""
+        return self.functions["factor"].in_numpy([*entries, s])
+
+    def solve_in_numpy(self, factors, right):
+        """Return (1 - s J)**-1 times vectors (D, lanes)."""
+        return self.functions["solve"].in_numpy([*factors, *right])
+
+    def product_in_numpy(self, entries, vector):
+        """Return f' times vectors (D, lanes)."""
+        return self.functions["power"].in_numpy([*entries, np.zeros_like(vector[0]), *vector])
+
+    def table_of(self, table):
+        """Return the table (n, ...) of f with the numbers that functions read after it."""
+        numbers = [function.numbers(table) for function in self.functions.values()]
+        return np.concatenate([table, *numbers])
+
+    def firsts(self):
+        """Return the places of these numbers, by names of functions."""
+        first, places = len(self.f.table), {}
+        table = np.zeros(first)
+        for name, function in self.functions.items():
+            places[name] = first
+            first += len(function.numbers(table))
+        return places
+
+
+def _product(f):
+    """Return the `List` of f' times a vector."""
+    values, totals = Values(f.entries + 1 + f.D, ()), {}
+    for k, (i, j) in enumerate(f.pattern):
+        product = values.emit("fmul", k, f.entries + 1 + j)
+        totals[i] = values.emit("fadd", totals[i], product) if i in totals else product
+    return List(values.operations, [totals.get(i, 0.0) for i in range(f.D)])

@@ -1,0 +1,281 @@
+"""The steps of the motion in NumPy: the reference of machine code, with the same bits.
+
+They are taken where there is no machine code. All lanes of all lines are columns of the arrays.
+"""
+
+import numpy as np
+
+from ..operations import evaluate
+from . import rules
+from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors, weights_of_few
+from .rows import BEGINS, State
+from .text import NUMBER, Numbers
+
+
+class StepsInNumPy:
+    """Steps of one half of lines (lines, rows, W), as long as a lane is in this half."""
+
+    def __init__(self, half, motion, lines, table):
+        self.half, self.motion, self.lines, self.f = half, motion, lines, half.f
+        self.rows, self.D = half.rows, half.f.D
+        self.extended = self.D + len(half.f.denominators)
+        # Rows of all lanes; a copy, which is written back at the end.
+        self.lanes = np.moveaxis(lines, 1, 0).reshape(half.rows.size, -1).copy()
+        count = len(half.f.table)
+        if table.ndim > 1:
+            lanes = self.lanes.shape[1]
+            self.table = np.moveaxis(table[:, :count], 1, 0).reshape(count, lanes)
+        else:
+            self.table = table[:count, np.newaxis]
+        self.columns = IMPLICIT if half.is_implicit else EXPLICIT
+        self.p = 1 if half.is_implicit else 2
+        self.own = weights(self.columns, self.p)
+        self.of_error = weights_of_errors(self.columns, self.p)
+
+    def run(self, abandoned):
+        """Take all steps, unless something is in the list `abandoned`."""
+        with np.errstate(all="ignore"):
+            if (self.row("state") < 0.0).any():
+                self._begin()
+            while not abandoned:
+                mode = State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
+                length = self._apply(rules.LENGTH, mode=float(mode))
+                if not (length["taken"] > 0.0).any():
+                    break
+                self._step(**length)
+        shape = self.lines.shape
+        self.lines[:] = np.moveaxis(self.lanes.reshape(shape[1], shape[0], shape[2]), 0, 1)
+
+    def row(self, name):
+        """Return the row of a line with this name."""
+        return self.lanes[getattr(self.rows, name)]
+
+    def _rows(self, name, count):
+        first = getattr(self.rows, name)
+        return self.lanes[first : first + count]
+
+    def _apply(self, rule, **inputs):
+        """Carry out a rule; inputs that are not given are rows of the line and numbers."""
+        values = {}
+        for k, name in enumerate(rule.inputs):
+            if name in inputs:
+                values[k] = inputs[name]
+            elif name in Numbers._fields:
+                values[k] = self.motion.numbers[getattr(NUMBER, name)]
+            else:
+                values[k] = self.row(name)
+        evaluate(rule.operations, values)
+        shape = self.lanes.shape[1:]
+        return {
+            name: np.broadcast_to(a if isinstance(a, float) else values[a], shape).copy()
+            for name, a in rule.results.items()
+        }
+
+    def _keep(self, found):
+        for name, value in found.items():
+            self.row(name)[:] = value
+
+    def _value(self, x):
+        """Return f, and the denominators of clocks, at states (D, lanes)."""
+        return self.f.value_and_denominators(x, self.table)
+
+    def _begin(self):
+        x = self._rows("x", self.D)
+        self._rows("f", self.extended)[:] = f = self._value(x)
+        self._rows("largest", self.D)[:], self._rows("mode", self.D)[:] = abs(x), 1.0
+        sums = dict.fromkeys(("size", "rate", "total"), 0.0)
+        for i in range(self.D):
+            sums = self._apply(
+                rules.BEGIN_COMPONENT, x=x[i], f=f[i], counts=self.motion.counts[i], **sums
+            )
+        found = self._apply(rules.BEGIN, **sums)
+        found["state"] = np.where(self.row("state") == BEGINS, found["state"], State.DONE)
+        self._keep(found)
+
+    # ------------------------------------------------------------------------------------- columns
+    def _ends(self, x, f, signed, count):
+        """Return y_c - x at the ends of the first columns; the last y_N and f there are kept."""
+        column = self._implicit_column if self.half.is_implicit else self._explicit_column
+        return [column(x, f, signed * (1.0 / N), N) for N in self.columns[:count]]
+
+    def _explicit_column(self, x, f, s, N):
+        a, b, double = x, x + s * f[: self.D], s + s
+        for m in range(1, N // 2 + 1):
+            a = a + double * self._value(b)[: self.D]
+            self.f_last = self._value(a)[: self.D]
+            b = b + (s if m == N // 2 else double) * self.f_last
+        self.last = a
+        return (a + b) * 0.5 - x
+
+    def _implicit_column(self, x, f, s, N):
+        factors = self.half.factors_in_numpy(self.entries, s)
+        change = self.half.solve_in_numpy(factors, s * f[: self.D])
+        for _ in range(N - 1):
+            right = s * self._value(x + change)[: self.D]
+            change = change + self.half.solve_in_numpy(factors, right)
+        return change
+
+    @staticmethod
+    def _sum(factors, ends):
+        total = factors[0] * ends[0]
+        for factor, end in zip(factors[1:], ends[1:], strict=True):
+            total = total + factor * end
+        return total
+
+    # ------------------------------------------------------------------------------------ one step
+    def _step(self, taken, signed):
+        is_implicit, D, motion = self.half.is_implicit, self.D, self.motion
+        x, f = self._rows("x", D).copy(), self._rows("f", self.extended).copy()
+        if is_implicit:
+            rate = self._derive(x)
+        ends = self._ends(x, f, signed, len(self.columns))
+        new, error = x + self._sum(self.own, ends), self._sum(self.of_error, ends)
+        largest, sizes, kept = self._rows("largest", D), {"top": 0.0, "moved": 0.0}, 1.0
+        for i in range(D):
+            sizes = self._apply(
+                rules.LARGEST,
+                x=x[i],
+                new=new[i],
+                largest=largest[i],
+                counts=motion.counts[i],
+                **sizes,
+            )
+            if self.f.of_one_sign:
+                keeps = motion.keeps[i]
+                found = self._apply(rules.KEPT, x=x[i], new=new[i], keeps=keeps, kept=kept)
+                kept = found["kept"]
+        f_new = self._value(new)
+        for k in range(D, self.extended):
+            found = self._apply(rules.KEPT, x=f[k], new=f_new[k], keeps=1.0, kept=kept)
+            kept = found["kept"]
+        sums = ["ratio", "total"] + ([] if is_implicit else ["rates", "states"])
+        sums, inverse = dict.fromkeys(sums, 0.0), np.empty_like(x)
+        with_atol = rules.IMPLICIT_ERROR_WITH_ATOL if is_implicit else rules.ERROR_WITH_ATOL
+        rule = rules.IMPLICIT_ERROR if is_implicit else rules.ERROR
+        noise = self._sum([abs(w) for w in self.own], [abs(end) for end in ends])
+        for i in range(D):
+            inputs = dict(
+                x=x[i], new=new[i], error=error[i], largest=largest[i], noise=noise[i],
+                f_new=f_new[i], extra=motion.extra[i], **sizes, **sums,
+            )  # fmt: skip
+            if not is_implicit:
+                inputs |= {"last": self.last[i], "f_last": self.f_last[i]}
+            sums = self._apply(with_atol if self.half.has_atol else rule, **inputs)
+            inverse[i] = sums.pop("inverse")
+        if is_implicit:
+            sums["rate"] = rate
+            rule = rules.CHOOSE_IMPLICIT
+        else:
+            rule = rules.CHOOSE_EXPLICIT
+        before = self.row("t").copy()
+        found = self._apply(rule, taken=taken, kept=kept, **sums)
+        accepted = found.pop("accepted")
+        self._keep(found)
+        passed = Passed(before, taken, x, f, new, f_new, inverse, ends, accepted)
+        self._save_inside(passed)
+        is_taken = passed.accepted > 0.0
+        self._rows("x", D)[:] = np.where(is_taken, new, x)
+        self._rows("f", self.extended)[:] = np.where(is_taken, f_new, f)
+        modulus = abs(new)
+        largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
+
+    def _derive(self, x):
+        """Find the entries of f'; return its rate by a step of the power iteration."""
+        D, largest, mode = self.D, self._rows("largest", self.D), self._rows("mode", self.D)
+        entries = self.f.derivative_entries(x, self.table)
+        self.entries = np.where(abs(entries) < np.inf, entries, 0.0)
+        top, size = 0.0, 0.0
+        for a in largest:
+            top = self._apply(rules.SIZE, modulus=a, top=top)["top"]
+        pairs = zip(largest, mode, strict=True)
+        scales = [self._apply(rules.SCALE, largest=a, top=top, mode=m) for a, m in pairs]
+        scaled = np.array([found["scaled"] for found in scales])
+        products = self.half.product_in_numpy(self.entries, scaled)
+        own = np.empty_like(x)
+        for i in range(D):
+            found = self._apply(
+                rules.RATE, product=products[i], scale=scales[i]["scale"], size=size
+            )
+            own[i], size = found["product"], found["size"]
+        for i in range(D):
+            seed = self.motion.seeds[i]
+            found = self._apply(rules.MODE, product=own[i], size=size, mode=mode[i], seed=seed)
+            mode[i] = found["mode"]
+        return size
+
+    # ----------------------------------------------------------------------------------- the times
+    def _save_inside(self, passed):
+        """Save the states at times that the step has passed."""
+        ratios = None
+        while (pending := (passed.accepted > 0.0) & (self.row("t") >= self.row("next"))).any():
+            if self.half.is_implicit:
+                states = self._shorter_implicit_step(passed)
+                pending = (passed.accepted > 0.0) & (self.row("t") >= self.row("next"))
+            else:
+                ratios = ratios or self._ratios_of_few(passed)
+                states = self._shorter_step(passed, ratios)
+            for lane in np.flatnonzero(pending):
+                self._save(lane, states[:, lane])
+
+    def _save(self, lane, state):
+        place, trajectory = (self.row(name).view(np.int64) for name in ("place", "trajectory"))
+        times = self.motion.times
+        self.motion.states[place[lane], trajectory[lane]] = state
+        place[lane] += 1
+        following = place[lane]
+        self.row("next")[lane] = times[following] if following < len(times) else np.inf
+        self.row("tries")[lane] = 0.0
+
+    def _ratios_of_few(self, passed):
+        table, ratios = weights_of_few(EXPLICIT, 2), {}
+        for k in range(3):
+            factors = [few - w for few, w in zip(table[k], self.own, strict=True)]
+            error, ratio = self._sum(factors, passed.ends), 0.0
+            for i in range(self.D):
+                ratio = self._apply(
+                    rules.LARGER_RATIO, error=error[i], inverse=passed.inverse[i], ratio=ratio
+                )["ratio"]
+            ratios[f"ratio{k + 1}"] = ratio
+        return ratios
+
+    def _inside(self, rule, passed):
+        return self._apply(rule, t=passed.before, after=self.row("t"), taken=passed.taken,
+                           accepted=passed.accepted)  # fmt: skip
+
+    def _shorter_step(self, passed, ratios):
+        found = self._inside(rules.INSIDE, passed)
+        few = self._apply(rules.FEW, part=found["part"], **ratios)["few"]
+        forward = found["forward"] > 0.0
+        start = np.where(forward, passed.x, passed.new)
+        ends = self._ends(start, np.where(forward, passed.f, passed.f_new), found["signed"], 4)
+        table, total = weights_of_few(EXPLICIT, 2), None
+        for c, end in enumerate(ends):
+            factor = table[few.astype(int) - 1, c]
+            end = end if c == 0 else np.where(few > c, end, 0.0)
+            total = factor * end if total is None else total + factor * end
+        return start + total
+
+    def _shorter_implicit_step(self, passed):
+        found = self._inside(rules.INSIDE_IMPLICIT, passed)
+        ends = self._ends(passed.x, passed.f, found["signed"], len(self.columns))
+        is_inside, total, ratio = found["length"] > 0.0, 0.0, 0.0
+        states = np.where(is_inside, passed.x + self._sum(self.own, ends), passed.new)
+        errors = abs(self._sum(self.of_error, ends)) * passed.inverse
+        for own in errors:
+            ratio = self._apply(rules.LARGER_RATIO, error=own, inverse=1.0, ratio=ratio)["ratio"]
+            total = total + own
+        fails = is_inside & ~((ratio <= 1.0) & (total < np.inf))
+        for name, value in (("wanted", found["length"]), ("t", passed.before),
+                            ("state", float(State.IMPLICIT)), ("longer", 1.0)):  # fmt: skip
+            self.row(name)[:] = np.where(fails, value, self.row(name))
+        passed.accepted = np.where(fails, 0.0, passed.accepted)
+        return states
+
+
+class Passed:
+    """What is known of a step, to find the states inside it."""
+
+    def __init__(self, before, taken, x, f, new, f_new, inverse, ends, accepted):
+        self.before, self.taken, self.x, self.f = before, taken, x, f
+        self.new, self.f_new, self.inverse, self.ends = new, f_new, inverse, ends
+        self.accepted = accepted

@@ -1,0 +1,82 @@
+"""The motion of one trajectory without NumPy's objects, which cost more than its steps.
+
+What is prepared beside the state, its code and arguments, is kept from call to call. Steps and bits
+are those of `engine.Motion`.
+"""
+
+import functools
+from array import array
+from collections import namedtuple
+
+import numpy as np
+
+from .engine import BUDGET, code_of_half, constants_of, half_of, numbers_of
+from .rows import BEGINS, State
+from .text import LANE_ROWS, NUMBER, SLOT, Arguments
+
+PLANS = 256  # that are kept
+_SIZE = 8  # bytes of a number
+
+End = namedtuple("End", "t steps state")
+
+
+@functools.lru_cache(PLANS)
+def _plan(f, table, settings, sign):
+    """Return code, arguments, numbers and rows of one trajectory; None without machine code.
+
+    `table` has the bytes of the table of f. The arguments point to arrays that the plan keeps.
+    """
+    half = half_of(f, bool(settings.stiff), settings.atol is not None)
+    code = code_of_half(half, 1, False)
+    if code is None:
+        return None
+    atol = None if settings.atol is None else np.array(settings.atol)
+    arrays = constants_of(f, atol)
+    own = half.table_of(np.frombuffer(table))
+    extra, counts, keeps, seeds = (each.ctypes.data for each in arrays)
+    arguments = Arguments(
+        rows=0, lines=1, line=0, budget=0, table=own.ctypes.data, table_bytes=0, work=0, numbers=0,
+        extra=extra, counts=counts, keeps=keeps, seeds=seeds, times=0, count=0, states=0,
+        state_bytes=_SIZE * f.D,
+    )  # fmt: skip
+    numbers = array("d", numbers_of(f, settings, sign, 1.0, 1.0))
+    rows = array("d", bytes(_SIZE * half.rows.size))
+    rows[half.rows.state] = BEGINS
+    work = bytes(_SIZE * (half.work.size + LANE_ROWS * f.D))
+    budget = max(BUDGET // f.work, 1)
+    return code, array("q", arguments), numbers, rows, work, half.rows, budget, (arrays, own)
+
+
+def motion_of_one(f, table, x, times, sign, settings):
+    """Return the states at ascending moduli of times, as one array of numbers, and the `End`.
+
+    `x` and `times` are lists of numbers, `table` has the bytes of the table of f. The result is
+    None if a step would be implicit and the trajectory has to choose, or without machine code: then
+    `engine.Motion` computes the motion.
+    """
+    plan = _plan(f, table, settings, sign)
+    if plan is None:
+        return None
+    code, arguments, numbers, rows, work, places, budget, _ = plan
+    arguments, numbers, rows, work = arguments[:], numbers[:], rows[:], bytearray(work)
+    work = array("d", work)
+    rows[: f.D] = array("d", x)
+    last = times[-1]
+    numbers[NUMBER.last], numbers[NUMBER.first_next] = last, times[0]
+    if f.clocks:
+        numbers[NUMBER.longest] = min(settings.longest, last / 32.0)
+    times, states = array("d", times), array("d", bytes(_SIZE * len(times) * f.D))
+    arguments[SLOT.rows] = rows.buffer_info()[0]
+    arguments[SLOT.work] = work.buffer_info()[0]
+    arguments[SLOT.numbers] = numbers.buffer_info()[0]
+    arguments[SLOT.times], arguments[SLOT.count] = times.buffer_info()
+    arguments[SLOT.states] = states.buffer_info()[0]
+    at = arguments.buffer_info()[0]
+    while True:
+        arguments[SLOT.budget] = budget
+        if code.call(at):
+            break
+    state = int(rows[places.state])
+    if state in (State.EXPLICIT, State.IMPLICIT):  # the other half goes on
+        return None
+    return states, End(rows[places.t], int(rows[places.steps]), state)

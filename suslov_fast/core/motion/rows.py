@@ -1,0 +1,86 @@
+"""The rows of a line of lanes along a motion, by name.
+
+A row has one number of each lane: in memory a line is (rows, W). What a step needs for a moment
+stands in rows of its own, which all lines share (`Work`).
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+
+class State(IntEnum):
+    """What a lane does next; the numbers stand in `Rows.state`."""
+
+    EXPLICIT = 0
+    IMPLICIT = 1
+    DONE = 2  # it has reached the last time
+    ENDED = 3  # steps become too short
+    TOO_MANY = 4  # steps from one time to the next
+    NO_VALUE = 5  # f has none at the start
+
+
+# Before the first step; FILLING is for lanes that no trajectory needs.
+BEGINS, FILLING = -1.0, -2.0
+
+
+class Rows(NamedTuple):
+    """The first rows of the parts of a line; a part has one row unless a comment tells."""
+
+    x: int  # the state (D)
+    f: int  # f(x), and its denominators of clocks (D + denominators)
+    largest: int  # moduli of components so far (D)
+    mode: int  # a vector of the power iteration on f' (D)
+    t: int  # modulus of the time
+    wanted: int  # length of the next step
+    longer: int  # the largest factor between this length and the one after it
+    next: int  # modulus of the next time that is asked for, infinity after the last
+    state: int  # a `State`
+    stiff: int  # steps that look stiff; explicit steps that would do, of an implicit lane
+    easy: int  # steps in a row that do not look stiff
+    patience: int  # how many stiff steps it takes to become implicit
+    trial: int  # implicit steps that are left of the first ones
+    steps: int  # that were taken
+    tries: int  # steps, also refused ones, since the last time that was asked for
+    place: int  # number of the next time, an integer
+    trajectory: int  # number of the trajectory, an integer
+    size: int  # number of all rows
+
+
+def rows_of(D, denominators):
+    """Return the rows of a line."""
+    first = [0, D, 2 * D + denominators, 3 * D + denominators]
+    scalars = 4 * D + denominators
+    return Rows(*first, *range(scalars, scalars + len(Rows._fields) - 4))
+
+
+class Work(NamedTuple):
+    """The rows that a step needs for a moment."""
+
+    start: int  # the state that columns start from, where it is not that of the line (D)
+    f: int  # f there (D + denominators)
+    a: int  # states of a column, and y_N after it (D)
+    b: int  # (D)
+    ends: int  # y_c - x at the ends of columns (columns D)
+    f_last: int  # f(y_N) (D)
+    new: int  # the next state (D)
+    f_new: int  # f there (D + denominators)
+    error: int  # (D)
+    jacobian: int  # entries of f', s, and a vector (D)
+    factors: int  # of 1 - s f'
+    right: int  # (D)
+    taken: int  # length of this step
+    signed: int  # the same with the sign of time
+    accepted: int  # 1 where the step is taken, else 0
+    t: int  # time before the step
+    scratch: int  # rows that functions need
+    size: int
+
+
+def work_of(D, denominators, columns, entries, factors, scratch):
+    """Return the rows of `Work`."""
+    sizes = [D, D + denominators, D, D, columns * D, D, D, D + denominators, D,
+             entries, factors, D, *[1] * 4, scratch]  # fmt: skip
+    firsts = [0]
+    for size in sizes:
+        firsts.append(firsts[-1] + size)
+    return Work(*firsts)

@@ -1,0 +1,151 @@
+"""Motions of systems at times: the right-hand side of each trajectory, and calls of the engine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray
+from ..core.motion.engine import Motion as Engine
+from ..core.motion.engine import Settings
+from ..core.motion.one import motion_of_one
+from ..core.motion.rows import State
+from .arguments import ALL
+from .status import Status
+from .threads import available
+
+# Trajectories from which on threads are started, unless the user gives their number.
+_MANY = 64
+_STATUS = np.full(len(State), Status.TOO_MANY_STEPS, np.int8)  # also of a run that was ended
+_STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
+_STATUS[State.NO_VALUE] = Status.NONFINITE
+
+
+class Found(NamedTuple):
+    """What the engine found of B trajectories."""
+
+    states: FloatArray  # (n, B, D), NaN where a solution has ended
+    t: FloatArray  # (B,), the time at which a trajectory ended, or the last one
+    steps: NDArray[np.int64]  # (B,)
+    status: NDArray[np.int8]  # (B,)
+    is_stopped: bool = False  # whether `report` ended the run
+
+
+def nothing_found(starts: FloatArray, count: int) -> Found:
+    """Return what is found of trajectories at `count` times before the first step."""
+    B = len(starts)
+    states = np.full((count, *starts.shape), np.nan)
+    status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
+    return Found(states, np.zeros(B), np.zeros(B, np.int64), status)
+
+
+def right_hand_sides(
+    groups: Any, shape: tuple[int, ...], batch: tuple[int, ...]
+) -> Iterator[tuple[Any, Any, FloatArray]]:
+    """Yield groups of trajectories of a batch: indices, or ALL, the right-hand side, its table.
+
+    `groups` are those of the members of a field of this shape.
+    """
+    if not shape:
+        yield ALL, groups[0].f, groups[0].table[0]
+        return
+    if shape == batch and len(groups) == 1:
+        yield ALL, groups[0].f, groups[0].table
+        return
+    count = math.prod(shape)
+    numbers = np.broadcast_to(np.arange(count).reshape(shape), batch).ravel()
+    for members, f, table in groups:
+        place = np.full(count, -1)
+        place[members] = np.arange(len(members))
+        places = place[numbers]
+        where = np.flatnonzero(places >= 0)
+        if len(where):
+            yield where, f, table[places[where]]
+
+
+def solve(
+    field: Any,
+    starts: FloatArray,
+    batch: tuple[int, ...],
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    threads: int | None,
+    report: Callable[[int], bool] | None = None,
+) -> Found:
+    """Return what is found of the motion from `starts` (B, D) at ascending moduli of times.
+
+    `report` takes the number of states that are done; if it returns False, the others stay NaN.
+    """
+    B, found = len(starts), nothing_found(starts, len(times))
+    if not B:
+        return found
+    if B == 1 and report is None and _of_one(field, starts, times, sign, settings, found):
+        return found
+    count = threads_for(B, threads)
+    done = 0
+    for where, f, table in right_hand_sides(field._right_hand_sides, field.shape, batch):
+        x0, states = starts, found.states
+        if where is not ALL:
+            x0 = starts[where]
+            states = np.full((len(times), *x0.shape), np.nan)
+        before = done
+        own = None if report is None else lambda now, before=before: report(before + now)
+        arguments = f, table, x0, times, sign, settings, states
+        is_stopped, t, steps, status = call_engine(*arguments, count, own)
+        if where is not ALL:
+            found.states[:, where] = states
+        found.t[where], found.steps[where], found.status[where] = t, steps, status
+        done += len(times) * len(x0)
+        if is_stopped:
+            return found._replace(is_stopped=True)
+    return found
+
+
+def call_engine(
+    f: Any,
+    table: FloatArray,
+    x0: FloatArray,
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    states: FloatArray,
+    threads: int,
+    report: Callable[[int], bool] | None = None,
+) -> tuple[bool, FloatArray, NDArray[np.int64], NDArray[np.int8]]:
+    """Write states (n, B, D); return whether `report` ended the run, ends, steps and statuses."""
+    engine = Engine(f, table, x0, times, sign, settings, states)
+    engine.run(threads, report)
+    return engine.is_stopped, sign * engine.t, engine.steps, _STATUS[engine.state]
+
+
+def threads_for(B: int, threads: int | None) -> int:
+    """Return how many threads take B trajectories."""
+    return threads or (available() if B > _MANY else 1)
+
+
+def _of_one(
+    field: Any,
+    starts: FloatArray,
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    found: Found,
+) -> bool:
+    """Find the motion of one trajectory in few microseconds; return whether that is possible."""
+    _, f, table = field._right_hand_sides[0]
+    table = table[0]
+    x, of_times = starts[0].tolist(), times.tolist()
+    result = motion_of_one(f, table.tobytes(), x, of_times, sign, settings)
+    if result is None:
+        return False
+    states, (t, steps, state) = result
+    found.states[:] = np.frombuffer(states).reshape(found.states.shape)
+    if state != State.DONE:
+        found.states[~(times <= t)] = np.nan
+    found.t[0], found.steps[0], found.status[0] = sign * t, steps, _STATUS[state]
+    return True

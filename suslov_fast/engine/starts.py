@@ -1,0 +1,99 @@
+"""Arguments of the functions that compute motions, and the warning of those that end."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..checks import FloatArray, common_shape, first_index, require, short, spell, wrong
+from ..core.motion.engine import Settings
+from ..core.motion.rules import MOST_STEPS
+from .arguments import flat_arrays
+from .motions import Found
+from .problem import MANY
+from .random_starts import RandomStarts
+from .status import PoleWarning, Status
+
+_LEAST, _MOST = 1e-13, 1e-2  # of rtol
+# What solutions do that stop.
+_CAUSES = {
+    Status.ENDED: "end: they escape to infinity, or reach a pole",
+    Status.SLIDING: "slide along a condition",
+    Status.TOO_MANY_STEPS: (
+        f"take more than {MOST_STEPS:,} steps from one time to the next (pass more times, or a "
+        "larger rtol)"
+    ),
+    Status.NONFINITE: "have no value",
+}
+
+
+def checked_times(value: Any) -> tuple[FloatArray, int]:
+    """Return the times (n,), and whether they are forward, 1, or backward, -1."""
+    time = checks.real_number("time", value)
+    if isinstance(time, float):
+        return np.array([time]), -1 if time < 0.0 else 1
+    if time.ndim > 1:
+        raise wrong("time", "a number or a 1-D array", f"an array of shape {time.shape}")
+    low, high = (time.min(), time.max()) if time.size else (0.0, 0.0)
+    if low < 0.0 < high:
+        how = "call flow twice, forward and backward"
+        raise wrong("time", "all 0 or later, or all 0 or earlier", f"{low:g} and {high:g}: {how}")
+    return np.array(time), -1 if low < 0.0 else 1  # a copy, which the motion keeps
+
+
+def checked_settings(system: Any, rtol: Any, atol: Any, max_step: Any, stiff: Any) -> Settings:
+    """Return what the engine takes."""
+    number = checks.real_number("rtol", rtol)
+    if not isinstance(number, float) or not _LEAST <= number <= _MOST:
+        raise wrong("rtol", f"a number from {_LEAST:g} to {_MOST:g}", short(rtol))
+    if atol is not None:
+        D = system.dimension
+        atol = checks.real_number("atol", atol)
+        if not isinstance(atol, float) and atol.shape != (D,):
+            raise wrong("atol", f"a number, or {D}, one for each component", f"{atol.shape}")
+        if np.min(atol) < 0.0:
+            raise wrong("atol", "0 or more", short(float(np.min(atol))))
+        atol = atol if isinstance(atol, float) else tuple(atol.tolist())
+    longest = math.inf if max_step is None else checks.positive("max_step", max_step)
+    if stiff not in (None, True, False):
+        raise wrong("stiff", "True, False or None", short(stiff), TypeError)
+    return Settings(number, atol, longest, stiff)
+
+
+def checked_starts(system: Any, x0: Any, n: int) -> tuple[FloatArray, tuple[int, ...]]:
+    """Return the initial states (B, D) and the batch shape, if memory holds n states of each."""
+    labels, how = system._labels, "compute fewer states at a time"
+    if isinstance(x0, RandomStarts):
+        size = math.prod(x0.shape)
+        require(8 * len(labels) * size * (n + 2), how)
+        x = x0.states(size, 0, len(labels)).reshape(*x0.shape, len(labels))
+    else:
+        if type(x0) is np.ndarray and x0.size > MANY:
+            require(8 * x0.size * (n + 2), how)
+        x = checks.states("x0", x0, labels)
+    batch = common_shape({"system": system.shape, "x0": x.shape[:-1]})
+    size = math.prod(batch) * len(labels)
+    if n * size > MANY:
+        require(8 * (n + 2) * size, how)
+    return flat_arrays(x, batch), batch
+
+
+def warn_of_ends(found: Found, x: FloatArray, batch: tuple[int, ...]) -> None:
+    """Warn once of all solutions that stop before the last time, but for starts of NaN."""
+    if not np.count_nonzero(found.status):  # all but OK are negative
+        return
+    texts, exists = [], ~np.isnan(x[:, 0])
+    for status, text in _CAUSES.items():
+        which = (found.status == status) & exists
+        if (status == Status.TOO_MANY_STEPS and found.is_stopped) or not which.any():
+            continue
+        first = int(np.argmax(which))
+        index = spell(first_index(which.reshape(batch)))
+        at = "" if math.isnan(found.t[first]) else f" at t = {found.t[first]:.9g}"
+        count = f"{np.count_nonzero(which)} of {which.size} solutions"
+        texts.append(f"{count} {text}, first: trajectory {index}{at}")
+    if texts:
+        checks.warn("; ".join(texts), PoleWarning)

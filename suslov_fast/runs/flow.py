@@ -1,0 +1,236 @@
+"""`flow`: the motion of a system at given times, exact or to a tolerance."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks
+from ..bodies.base import Body
+from ..bodies.classes import BodyOrField
+from ..bodies.field_of_terms import FieldOfFunction
+from ..bodies.nd import NotIntegrableError
+from ..checks import FloatArray
+from ..core.motion.engine import Settings
+from ..engine.motions import Found, nothing_found, solve
+from ..engine.problem import Problem
+from ..engine.starts import checked_settings, checked_starts, checked_times, warn_of_ends
+from ..engine.status import Status
+from ..engine.stretches import Progress, Report, reporter
+from ..engine.threads import thread_count
+from ..keywords import public
+from ..maps import map_of
+from .motion import Motion
+from .solution import states_at
+
+
+@public
+def flow(
+    system: BodyOrField,
+    x0: ArrayLike,
+    /,
+    *,
+    time: ArrayLike,
+    rtol: float = 1e-9,
+    atol: ArrayLike | None = None,
+    max_step: float | None = None,
+    stiff: bool | None = None,
+    threads: int | None = None,
+    progress: Progress = None,
+) -> Motion:
+    """Return the motion: the solution of the equations at given times, from x0 at time 0.
+
+    Each trajectory takes steps of its own, by extrapolation of order 10, or of order 7 where the
+    equations are stiff. Their lengths follow from its own estimate of the error, and the times do
+    not shorten them. The motion of a body whose closed form is known is exact.
+
+    Parameters
+    ----------
+    system : QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
+        A single field or body, or a batch.
+    x0 : array_like(float, shape=(..., D))
+        Initial states: states x of a field, or angular velocities.
+    time : array_like(float, shape=() or (n,))
+        Times in any order, all 0 or later, or all 0 or earlier. A number is one time, n = 1.
+    rtol : float
+        Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
+        times the largest absolute value that the component has had on the trajectory, or 2**-20 of
+        the largest component's if that is more.
+    atol : float or array_like(float, shape=(D,)), optional
+        Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
+        below ``atol[i] + rtol * abs(x[i])``, so that small components have digits of their own.
+    max_step : float, optional
+        The longest step in time, for pulses that are short beside the steps.
+    stiff : bool, optional
+        True or False takes all steps by the method for stiff equations, or by the other one. By
+        default each trajectory chooses, from step to step.
+    threads : int, optional
+        As in :func:`iterate`; a solution has the same bits on any number of threads, in any batch.
+    progress : bool or callable, optional
+        True shows a bar (needs tqdm). A function is called as ``progress(done, total)`` with
+        numbers of states, now and then; if it returns False, the states that are not computed yet
+        are NaN.
+
+    Returns
+    -------
+    Motion
+        The states (n, ..., D), with the status of each trajectory. A solution that ends, because it
+        escapes to infinity or reaches a pole, is NaN from there on; so is one that takes more than
+        250,000 steps from one time to the next, and a solution of equations without a value at x0.
+        One :class:`PoleWarning` counts them, and says when the first one ends. NaN for a state that
+        contains NaN, without a warning.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has the wrong type or shape, or is out of range.
+    MemoryError
+        If the states exceed the free memory.
+
+    Examples
+    --------
+    Predators and prey (Lotka-Volterra) for three rates, at two times:
+
+    >>> from suslov_fast import QuadraticField, Suslov3D, exact, flow
+    >>> family = QuadraticField.from_function(
+    ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
+    ... )
+    >>> motion = flow(family, [1.0, 0.5], time=[5.0, 10.0])
+    >>> motion.x.shape, motion.ok
+    ((2, 3, 2), True)
+
+    How large is the error of the map of a body at time 5, and does half the step size give a
+    quarter of it?
+
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> motion = flow(body, [1.0, 0.5], time=5.0)
+    >>> motion.omega.round(6)
+    array([[ 0.873751, -1.093725]])
+    >>> for eps, n in (0.2, 25), (0.1, 50):
+    ...     print(abs(exact(body, [1.0, 0.5], eps, n) - motion.omega).max().round(6))
+    0.000632
+    0.000158
+    """
+    checks.instance("system", system, Body)
+    times, sign = checked_times(time)
+    settings = checked_settings(system, rtol, atol, max_step, stiff)
+    x, batch = checked_starts(system, x0, len(times))
+    with reporter(progress, len(times) * math.prod(batch)) as report:
+        arguments = times, sign, settings, thread_count(threads), report
+        found = _motion_of(system, x, batch, *arguments)
+    ends = np.where(found.status < 0, found.t, np.nan)
+    warn_of_ends(found, x, batch)
+    return Motion._of(
+        {
+            "states": found.states.reshape(len(times), *batch, -1),
+            "time": times,
+            "body": system,
+            "status": found.status.reshape(batch),
+            "end": ends.reshape(batch),
+            "steps": found.steps.reshape(batch),
+            "rtol": settings.rtol,
+            "atol": settings.atol,
+            "max_step": max_step if max_step is None else settings.longest,
+            "stiff": stiff,
+        }
+    )
+
+
+# ------------------------------------------------------------------------------------------ motions
+def _motion_of(
+    system: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    threads: int | None,
+    report: Report | None,
+) -> Found:
+    """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
+    if isinstance(system, FieldOfFunction):
+        return _to_tolerance(system, x, batch, times, sign, settings, threads, report)
+    is_exact = _are_exact(system)
+    if is_exact is True:
+        found = _exact(system, x, batch, times, threads)
+        if report is not None:
+            report(found.states[..., 0].size)
+        return found
+    arguments: Any = times, sign, settings, threads, report
+    if is_exact is False:
+        return _to_tolerance(system.field(), x, batch, *arguments)
+    is_exact = np.broadcast_to(is_exact, batch).ravel()
+    found = nothing_found(x, len(times))
+    for exact in (True, False):
+        where = np.flatnonzero(is_exact == exact)
+        members, count = _members(system, batch, where), (len(where),)
+        part = _motion_of(members, x[where], count, *arguments)
+        found.states[:, where], found.t[where] = part.states, part.t
+        found.steps[where], found.status[where] = part.steps, part.status
+    return found
+
+
+def _are_exact(body: Any) -> Any:
+    """Return whether the closed form of a body is known: True, False, or for each member."""
+    record = map_of(body)
+    if record.plane is None:
+        return False
+    try:
+        record.require("flow", body)
+    except NotIntegrableError as error:
+        known = error.known
+        return known if np.any(known) else False
+    return True
+
+
+def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:
+    """Return the members (K,) of a body that trajectories `where` of the batch have."""
+    parts = {}
+    for name, value in body._parts.items():
+        array = np.asarray(value)
+        inner = array.shape[array.ndim - body._axes.get(name, 0) :]
+        parts[name] = np.broadcast_to(array, (*batch, *inner)).reshape(-1, *inner)[where]
+    return body._with(parts)
+
+
+def _exact(
+    body: Any, x: FloatArray, batch: tuple[int, ...], times: FloatArray, threads: int | None
+) -> Found:
+    """Return the exact motion of a body; NaN where the closed form is out of range."""
+    omega = x.reshape(*batch, -1)
+    problem = Problem(map_of(body), body, omega, 0.0, batch, threads, "x0")
+    found = nothing_found(x, len(times))
+    states = states_at(problem, times, is_number=False).reshape(found.states.shape)
+    status = np.where(np.isnan(states).any(axis=(0, 2)), Status.NONFINITE, Status.OK)
+    status[np.isnan(x[:, 0])] = Status.NONFINITE
+    return found._replace(states=states, status=status.astype(np.int8), t=np.full(len(x), np.nan))
+
+
+def _to_tolerance(
+    field: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    threads: int | None,
+    report: Report | None,
+) -> Found:
+    """Return the motion of a field at times in any order."""
+    moduli = abs(times)
+    if len(moduli) and moduli[0] > 0.0 and (moduli[1:] > moduli[:-1]).all():
+        return solve(field, x, batch, moduli, sign, settings, threads, report)
+    later = moduli > 0.0
+    ascending, places = np.unique(moduli[later], return_inverse=True)
+    if not len(ascending):
+        found = nothing_found(x, len(times))
+        found.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
+    else:
+        found = solve(field, x, batch, ascending, sign, settings, threads, report)
+    states = np.empty((len(times), *x.shape))
+    states[later] = found.states[places]
+    states[~later] = x
+    return found._replace(states=states)

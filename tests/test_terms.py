@@ -266,7 +266,7 @@ def test_what_sympy_and_complex_variables_need():
     field = of_function(lambda x: f(x).ravel(), 3)
     assert field == of_function(sympy.lambdify([names], rows), 3)
     for given in (rows, sympy.Matrix(rows), lambda _: rows, lambda _: sympy.Matrix(rows)):
-        with pytest.raises(TypeError, match=r"sympy\.lambdify\(\[names\], list\(expressions\)\)"):
+        with pytest.raises(TypeError, match="lambdify"):
             of_function(given, 3)
     for g in (
         lambda a: (1j * a[0], a[1]), lambda a: (a[0].conjugate(), a[1]), lambda a: (1j, a[1]),

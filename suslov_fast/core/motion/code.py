@@ -6,7 +6,6 @@ import numpy as np
 
 from ..machine_code import Text, pointer
 
-
 WRITTEN_OUT = 4  # indices of which loops are written out
 
 
@@ -24,8 +23,12 @@ class Code(Text):
         self.has_runs, self.constants = False, []
 
     def _name(self, kind):
-        self.blocks += 1
-        return f"{kind}{self.blocks}"
+        self.target.blocks += 1
+        return f"{kind}{self.target.blocks}"
+
+    def label(self, name):
+        self.target.lines.append(f"{name}:")
+        self.block = self.target.block = name
 
     @contextmanager
     def function(self, name):
@@ -48,14 +51,14 @@ class Code(Text):
         """Return the address of an array of integers, which is part of the text."""
         kind = f"[{array.size} x i{8 * array.itemsize}]"
         values = ", ".join(f"i{8 * array.itemsize} {value}" for value in array.ravel().tolist())
-        self.constants.append(f"@{name} = private constant {kind} [{values}]")
+        self.target.constants.append(f"@{name} = private constant {kind} [{values}]")
         return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
 
     def numbers(self, name, array):
         """Return the address of an array of numbers, which is part of the text."""
         kind = f"[{array.size} x double]"
         values = ", ".join(f"double {bits_of(number)}" for number in array.ravel())
-        self.constants.append(f"@{name} = private constant {kind} [{values}], align 64")
+        self.target.constants.append(f"@{name} = private constant {kind} [{values}], align 64")
         return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
 
     def copy(self, source, target, count):
@@ -98,15 +101,15 @@ class Code(Text):
             for i in range(count):
                 found = body(i, **found) or {}
             return found
-        name, index = self._name("fold"), f"%fold{self.blocks}_index"
-        before = self.block
+        name, before = self._name("fold"), self.target.block
+        index = f"%{name}_index"
         self.jump(name)
         self.label(name)
         self.add(f"  {index} = phi i64 [ 0, %{before} ], [ {index}1, %{name}_end ]")
-        place, phis = len(self.lines), {key: f"%{name}_{key}" for key in carried}
+        place, phis = len(self.target.lines), {key: f"%{name}_{key}" for key in carried}
         found = body(index, **phis) or {}
         # The next values have names only now.
-        self.lines[place:place] = [
+        self.target.lines[place:place] = [
             f"  {phi} = phi {self.V} [ {carried[key]}, %{before} ], [ {found[key]}, %{name}_end ]"
             for key, phi in phis.items()
         ]

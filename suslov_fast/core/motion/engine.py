@@ -13,7 +13,7 @@ from .half import Half
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, FILLING, State
 from .rules import first_part, limit_of
-from .text import LANE_ROWS, SLOT, Arguments, Numbers, text_of_half
+from .text import SLOT, Arguments, Numbers, lane_numbers, text_of_half
 
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
@@ -159,7 +159,7 @@ class Motion:
         W = lines.shape[2]
         for_each = table.ndim > 1
         code = code_of_half(half, W, for_each)
-        work = zeros(half.work.size + (LANE_ROWS * half.f.D if W == 1 else 0), W)
+        work = zeros(half.work.size + (lane_numbers(half.f) if W == 1 else 0), W)
         arguments = np.array(Arguments(
             rows=lines.ctypes.data, lines=len(lines), line=0, budget=0, table=table.ctypes.data,
             table_bytes=table[0].nbytes if for_each else 0, work=work.ctypes.data,

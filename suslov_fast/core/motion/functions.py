@@ -75,16 +75,15 @@ class OfList:
         for k, a in enumerate(results):
             rows[a].append(k)
         with text.function(name):
-            found, load = {}, self._loader(text, lambda k: text.row("%from", k), "%table", for_each)
+            load = self._loader(text, lambda k: text.row("%from", k), "%table", for_each)
+            computed = {}
             for begin in range(0, len(operations), BLOCK):
-                block = operations[begin : begin + BLOCK]
                 if begin:
                     text.next_block()
-                    found = {number: found[number] for number in found if number in kept}
-                kept = found.keys() | {number for _, number, _ in block}
+                block, found = operations[begin : begin + BLOCK], computed.copy()
                 text.carry_out(block, found, load)
-                kept = {number for number in found if number in kept}
                 for _, number, _ in block:
+                    computed[number] = found[number]
                     for k in rows.pop(number, ()):
                         text.put(found[number], "%to", k)
             for a, places in rows.items():

@@ -253,13 +253,22 @@ class StepsInNumPy:
             factor = table[few.astype(int) - 1, c]
             end = end if c == 0 else np.where(few > c, end, 0.0)
             total = factor * end if total is None else total + factor * end
-        return start + total
+        return self._with_signs(start + total, passed)
+
+    def _with_signs(self, states, passed):
+        if self.f.of_one_sign:
+            for i, x in enumerate(passed.x):
+                keeps = self.motion.keeps[i]
+                found = self._apply(rules.WITH_SIGN, value=states[i], x=x, keeps=keeps)
+                states[i] = found["value"]
+        return states
 
     def _shorter_implicit_step(self, passed):
         found = self._inside(rules.INSIDE_IMPLICIT, passed)
         ends = self._ends(passed.x, passed.f, found["signed"], len(self.columns))
         is_inside, total, ratio = found["length"] > 0.0, 0.0, 0.0
         states = np.where(is_inside, passed.x + self._sum(self.own, ends), passed.new)
+        states = self._with_signs(states, passed)
         errors = abs(self._sum(self.of_error, ends)) * passed.inverse
         for own in errors:
             ratio = self._apply(rules.LARGER_RATIO, error=own, inverse=1.0, ratio=ratio)["ratio"]

@@ -12,7 +12,7 @@ import numpy as np
 
 from .engine import BUDGET, code_of_half, constants_of, half_of, numbers_of
 from .rows import BEGINS, State
-from .text import LANE_ROWS, NUMBER, SLOT, Arguments
+from .text import NUMBER, SLOT, Arguments, lane_numbers
 
 PLANS = 256  # that are kept
 _SIZE = 8  # bytes of a number
@@ -42,7 +42,7 @@ def _plan(f, table, settings, sign):
     numbers = array("d", numbers_of(f, settings, sign, 1.0, 1.0))
     rows = array("d", bytes(_SIZE * half.rows.size))
     rows[half.rows.state] = BEGINS
-    work = bytes(_SIZE * (half.work.size + LANE_ROWS * f.D))
+    work = bytes(_SIZE * (half.work.size + lane_numbers(f)))
     budget = max(BUDGET // f.work, 1)
     return code, array("q", arguments), numbers, rows, work, half.rows, budget, (arrays, own)
 

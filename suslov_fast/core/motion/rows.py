@@ -59,9 +59,9 @@ class Work(NamedTuple):
     start: int  # the state that columns start from, where it is not that of the line (D)
     f: int  # f there (D + denominators)
     a: int  # states of a column, and y_N after it (D)
-    b: int  # (D)
+    b: int  # another one, or f of it (D + denominators)
     ends: int  # y_c - x at the ends of columns (columns D)
-    f_last: int  # f(y_N) (D)
+    f_last: int  # f(y_N) (D + denominators)
     new: int  # the next state (D)
     f_new: int  # f there (D + denominators)
     error: int  # (D)
@@ -78,7 +78,8 @@ class Work(NamedTuple):
 
 def work_of(D, denominators, columns, entries, factors, scratch):
     """Return the rows of `Work`."""
-    sizes = [D, D + denominators, D, D, columns * D, D, D, D + denominators, D,
+    extended = D + denominators
+    sizes = [D, extended, D, extended, columns * D, extended, D, extended, D,
              entries, factors, D, *[1] * 4, scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:

@@ -8,8 +8,9 @@ if f has a value at the next state, and if no component changes a sign that the 
 default the allowed error is rtol max(s_i, 2**-20 max_j s_j), where s_i is the largest |x_i| so far:
 a component that is reached through m others begins as t**m, and no step has relative digits of it
 for m > 10. Clocks, which have constant rates, have no error, and count there with their change in
-the step, because time may be large where all others are small. With `atol` it is atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the
-weighted sum of columns, if that is more.
+the step, because time may be large where all others are small. With `atol` it is
+atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the weighted sum of columns, if
+that is more.
 
 The next length is 0.8 ratio**(-1/8) times this one, by square roots, which have the same bits on
 every processor. A step that is refused is taken again with it, and a step after that is not longer.
@@ -290,6 +291,13 @@ def FEW(part, ratio1, ratio2, ratio3):
     more = (ratio3 * (fifth * square) <= OF_ALLOWED).select(3.0, 4.0)
     more = (ratio2 * fifth <= OF_ALLOWED).select(2.0, more)
     return {"few": (ratio1 * cube <= OF_ALLOWED).select(1.0, more)}
+
+
+@_rule
+def WITH_SIGN(value, x, keeps):
+    """A component inside a step: 0 may lie within its error, but it keeps the sign of x."""
+    signed = x.equals(0.0).select(0.0, abs(value).then("copysign", x))
+    return {"value": (keeps > 0.0).select(signed, value)}
 
 
 @_rule

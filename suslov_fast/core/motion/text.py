@@ -59,7 +59,6 @@ class Numbers(NamedTuple):
 
 
 LANES = 4  # of columns of one trajectory
-LANE_ROWS = 8 * LANES  # numbers for each component, after the rows of `Work`
 # For each pair of sub-steps: the inverse lengths of the columns in lanes, the factor of the second
 # sub-step, 1 where a column begins, and for each column the pair and the lane in which it ends.
 _PARTS = [[1 / 10, 1 / 8, 1 / 6, 1 / 10]] * 3 + [
@@ -70,6 +69,11 @@ _LAST = [[2, 2, 2, 2], [2, 2, 2, 2], [2, 2, 1, 2], [2, 1, 2, 2], [1, 1, 1, 1]]
 _BEGIN = [[1, 1, 1, 1], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0]]
 _ENDS = [(4, 1), (4, 2), (2, 2), (3, 1), (4, 0)]
 SLOT, NUMBER = Arguments(*range(len(Arguments._fields))), Numbers(*range(len(Numbers._fields)))
+
+
+def lane_numbers(f):
+    """Return how many numbers columns in lanes need, after the rows of `Work` of one trajectory."""
+    return LANES * (8 * f.D + len(f.denominators))
 
 
 def text_of_half(half, name, W, for_each):
@@ -160,7 +164,7 @@ class _Steps:
             for name, table in (("parts", _PARTS), ("last", _LAST), ("begin", _BEGIN))
         )
         rows = text.place("%work", work.size)  # a, b and f of all lanes, then ends
-        first_a, first_b, first_f, ends = 0, D, 2 * D, 3 * D
+        first_a, first_b, first_f, ends = 0, D, 2 * D, 2 * D + self.extended
         signed = inner.splat(text.row("%work", work.signed), LANES)
 
         def shared(base, i):
@@ -490,10 +494,13 @@ class _Steps:
             "rtol": lambda: self.number("rtol"),
             "noise": lambda: self.noise(own, i),
         }
-        for name in ("new", "error", "f_new", "f_last"):
-            inputs[name] = lambda first=getattr(work, name): text.row(base, first, i)
-        inputs = {name: sums[name] if name in sums else inputs[name]() for name in rule.inputs}
-        found = text.apply(rule, **inputs)
+
+        def value(name):
+            if name in sums:
+                return sums[name]
+            return inputs[name]() if name in inputs else text.row(base, getattr(work, name), i)
+
+        found = text.apply(rule, **{name: value(name) for name in rule.inputs})
         text.put(found.pop("inverse"), base, work.error, i)
         return found
 
@@ -613,7 +620,7 @@ class _Steps:
         return text.fold(self.D, dict.fromkeys(names, text.constant(0.0)), component)
 
     def shorter_step(self, ratios):
-        """Compute the states at the next times, by shorter steps from the nearer end, in `start`."""
+        """Compute the states at the next times, in `start`, by steps from the nearer end."""
         text, rows, work, D = self.text, self.rows, self.work, self.D
         base = self.of.work
         found = text.apply(rules.INSIDE, **self.inputs(
@@ -652,9 +659,17 @@ class _Steps:
                 end = text.select(needs[c - 1], end, text.constant(0.0))
                 total = text.operate("fadd", total, text.operate("fmul", factors[c], end))
             value = text.operate("fadd", text.row(base, work.start, i), total)
-            text.put(value, base, work.start, i)
+            text.put_chosen(self.with_sign(value, i), base, work.start, i)
 
         text.fold(D, {}, add)
+
+    def with_sign(self, value, i):
+        """Return a component inside a step, with its sign if the motion keeps it."""
+        text = self.text
+        if not self.f.of_one_sign:
+            return value
+        x, keeps = text.row(self.line, self.rows.x, i), text.shared(text.at(self.of.keeps, i))
+        return text.apply(rules.WITH_SIGN, value=value, x=x, keeps=keeps)["value"]
 
     def shorter_implicit_step(self):
         """Compute the states at the next times by shorter steps; refuse the step if they fail.
@@ -677,7 +692,7 @@ class _Steps:
         def component(i, total, ratio):
             value = text.operate("fadd", text.row(self.line, rows.x, i), self.sum_of_ends(own, i))
             value = text.select(is_inside, value, text.row(base, work.new, i))
-            text.put_chosen(value, base, work.start, i)
+            text.put_chosen(self.with_sign(value, i), base, work.start, i)
             own_ratio = text.operate("fmul", text.absolute(self.sum_of_ends(of_error, i)),
                                      text.row(base, work.error, i))  # fmt: skip
             larger = text.apply(rules.LARGER_RATIO, error=own_ratio, inverse=one, ratio=ratio)
@@ -704,7 +719,7 @@ class _Steps:
         return "true" if W == 1 else f"<{', '.join(['i1 true'] * W)}>"
 
     def save_lanes(self, pending):
-        """Save the state in the rows `start` of the lanes with these bits, and go to their next time."""
+        """Save the state in `start` of the lanes with these bits, and go to their next time."""
         text, rows, work, of = self.text, self.rows, self.work, self.of
         with text.times(text.W) as lane:
             bit = text.integer("and", text.integer("lshr", pending, lane), 1)

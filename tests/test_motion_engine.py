@@ -46,7 +46,13 @@ def lattice(s):
     return [s[i - 1] * (s[(i + 1) % D] - s[i - 2]) - s[i] + 8.0 for i in range(D)]
 
 
+def functions_of(s):
+    x, y = s
+    return y.then("sin") * 0.5, x.then("exp") * -0.1 - (x * x + 1.0).then("log") * y
+
+
 CASES = {
+    "functions_of": (functions_of, np.random.default_rng(4).uniform(-1.0, 1.0, (3, 2)), 5.0),
     "henon_heiles": (henon_heiles, np.random.default_rng(0).uniform(-0.2, 0.2, (11, 4)), 20.0),
     "van_der_pol": (van_der_pol, np.array([[2.0, 0.0], [1.0, 1.0], [np.nan, 1.0]]), 900.0),
     "robertson": (robertson, np.array([[1.0, 0.0, 0.0], [0.5, 1e-5, 0.1]]), 4e4),

@@ -20,7 +20,7 @@ class Code(Text):
     def __init__(self, W, target=None):
         super().__init__(W, target)
         self.blocks, self.size = 0, 8 * W
-        self.has_runs, self.constants = False, []
+        self.has_runs, self.called, self.constants = False, frozenset(), []
 
     def _name(self, kind):
         self.target.blocks += 1

@@ -31,7 +31,7 @@ def carried_out(list_, rows):
 class OfList:
     """A list of operations as straight-line code; its first values are rows."""
 
-    scratch = 0
+    scratch, called = 0, frozenset()
 
     def __init__(self, list_, inputs, places):
         self.list_, self.inputs, self.places = list_, inputs, places
@@ -103,6 +103,7 @@ class OfLongList:
         self.program, self._numbers = program_of(range(inputs), table, list_.operations, of_values)
         self._row = dict(zip(of_values, self.program.results.tolist(), strict=True))
         self.scratch, self.in_table = self.program.rows, len(table)
+        self.called = {instruction for instruction, *_ in list_.operations}
 
     def numbers(self, table):
         shape = table.shape[1:]
@@ -115,7 +116,7 @@ class OfLongList:
     def add(self, text, name, for_each, first):
         if not text.has_runs:
             text.has_runs = True
-            _add_runs(text, "runs", for_each)
+            _add_runs(text, "runs", for_each, text.called)
         runs, size = self.program.runs, text.size if for_each else 8
         with text.function(name):
             heads, places = (text.integers(f"{name}_{k}", array) for k, array in enumerate(runs))
@@ -149,7 +150,7 @@ def of_list(list_, inputs, places=None):
 class _Loops:
     """A function that is written as loops."""
 
-    length, scratch = np.inf, 0
+    length, scratch, called = np.inf, 0, frozenset()
 
     def numbers(self, table):
         return table[:0]

@@ -100,6 +100,7 @@ class _Steps:
     def finished(self):
         """Return the whole text."""
         firsts, W = self.half.firsts(), self.text.W
+        self.text.called = {a for each in self.half.functions.values() for a in each.called}
         for name, function in self.half.functions.items():
             function.add(self.text, f"{self.name}_{name}", self.for_each, firsts[name])
         function = self.half.functions["f"]

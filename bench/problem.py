@@ -80,8 +80,7 @@ SMOOTH = {
 def smooth_field(name):
     f = SMOOTH[name][0]
     names = f.__code__.co_varnames[: f.__code__.co_argcount]
-    lifted = suslov_fast.LiftedField  # a class that earlier revisions, to compare with, lack
-    return lifted.from_function(lambda x: f(*x), [*names])
+    return suslov_fast.Field.from_function(lambda x: f(*x), [*names])
 
 
 @functools.cache
@@ -89,7 +88,7 @@ def motions_of_smooth(name):
     """Starts and their states at the time of a motion, to rounding."""
     _, starts, time = SMOOTH[name]
     x = starts(np.random.default_rng(11), 1024)
-    return x, flow(smooth_field(name), x, time, rtol=1e-13)
+    return x, flow(smooth_field(name), x, time=time, rtol=1e-13).x[0]
 
 
 def lorenz_96(x):

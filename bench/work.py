@@ -196,7 +196,7 @@ def by_order(method, count):
 def by_flow(tolerance):
     """A function of starts, by `flow` with a tolerance, on one thread."""
     run = problem.sparse_field(4), TIME_OF_MOTIONS
-    return lambda x: suslov_fast.flow(run[0], x, run[1], rtol=tolerance, threads=1)
+    return lambda x: suslov_fast.flow(run[0], x, time=run[1], rtol=tolerance, threads=1).x[0]
 
 
 def at_equal_error(function, argument, below, size, motions=motions_of_henon_heiles):
@@ -216,9 +216,9 @@ def at_equal_error(function, argument, below, size, motions=motions_of_henon_hei
 
 
 def smooth_by_flow(name, tolerance):
-    """A function of starts of a lifted field, by `flow` with a tolerance, on one thread."""
+    """A function of starts of a field, by `flow` with a tolerance, on one thread."""
     field, time = problem.smooth_field(name), problem.SMOOTH[name][2]
-    return lambda x: suslov_fast.flow(field, x, time, rtol=tolerance, threads=1)
+    return lambda x: suslov_fast.flow(field, x, time=time, rtol=tolerance, threads=1).x[0]
 
 
 def sections(kept, batch, steps, size):

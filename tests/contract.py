@@ -98,7 +98,7 @@ def _run(
     (saved, *a), (final, *b), (carry, *c), (status, *d), (failed_at, *e) = (
         _guarded((rows, B, D), _UNTOUCHED),
         _guarded((B, D), _UNTOUCHED),
-        _guarded((steps.rows_carried(D), B), _UNTOUCHED),
+        _guarded((steps.carried, B), _UNTOUCHED),
         _guarded((B,), 0, np.int8),
         _guarded((B,), -1, np.int64),
     )

@@ -36,7 +36,7 @@ def test_each_column_is_everywhere(tmp_path):
     found, data = entries(tmp_path / "run.npz"), run.to_xarray()
     store = tmp_path / "run.zarr"
     stored = sf.ensemble(FIELD, STARTS, 0.1, 60, save_every=20, store=store, chunk=1)
-    public = columns.of_runs(run.map.methods["auto"], turns=False)
+    public = columns.of_runs(turns=False)
     assert {column.name for column in public} == NAMES - {"attitude"}
     for column in public:
         values, name = getattr(run, column.name), column.name.replace("states", "x")

@@ -454,3 +454,64 @@ def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian
     assert sf.lyapunov_exponents(family, np.empty((0, 1, 2)), 0.1, 4).size == 0
     with pytest.raises(TypeError, match=r"^progress must be True"):
         sf.lyapunov_exponents(family, starts, 0.1, 40, progress=len)
+
+
+# -------------------------------------------------------------------------------- along the motion
+@pytest.mark.parametrize("rates", [(-1.0, -1e4), (0.5, -2.0), (3.0, 1e-9)])
+def test_motion_of_linear_fields(rates):
+    """The exponents are the rates, the largest first, whatever the size of the state."""
+    a, b = rates
+    field = sf.QuadraticField.from_function(lambda x: (a * x[0], x[0] + b * x[1]), 2)
+    for size in (1e-8, 1.0, 1e8):
+        found = sf.lyapunov_exponents(field, [size, 0.0], time=10.0, transient=20.0, rtol=1e-8)
+        np.testing.assert_allclose(found, sorted(rates, reverse=True), rtol=1e-5, atol=1e-5)
+
+
+def test_motion_of_lorenz(rng):
+    lorenz = sf.QuadraticField.from_function(
+        lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
+    )
+    x = rng.normal(size=(64, 3)) * 5 + [0, 0, 20]
+    found = sf.lyapunov_exponents(lorenz, x, time=50.0, transient=10.0, rtol=1e-6)
+    assert abs(found.sum(axis=1) + 41 / 3).max() < 1e-6  # the trace of f'
+    assert abs(found.mean(axis=0) - [0.9056, 0.0, -14.5723]).max() < 0.02
+    for k in (0, 63):
+        alone = sf.lyapunov_exponents(lorenz, x[k], time=50.0, transient=10.0, rtol=1e-6)
+        assert (alone == found[k]).all()
+
+
+def test_motion_leaves_clocks_out():
+    """A damped oscillator with a force cos t: the real parts of the eigenvalues are -0.1."""
+    forced = sf.Field.from_function(
+        lambda s: (s[1], -s[0] - 0.2 * s[1] + np.cos(s[2]), 1.0), "q p t"
+    )
+    found = sf.lyapunov_exponents(forced, [0.0, 0.0, 0.0], time=2000.0, transient=20.0, rtol=1e-6)
+    assert found.shape == (2,)
+    assert abs(found + 0.1).max() < 1e-3
+
+
+def test_motion_of_families_that_end():
+    family = sf.QuadraticField.from_function(lambda x, a: (a * x[0] ** 2 - x[0],), 1, a=[0, 2])
+    with pytest.warns(sf.PoleWarning):
+        found = sf.lyapunov_exponents(family, [1.0], time=3.0)
+    assert found[0] == pytest.approx(-1.0)
+    assert np.isnan(found[1])
+    stopped = sf.lyapunov_exponents(family, [0.1], time=3.0, progress=lambda done, total: False)
+    assert np.isfinite(stopped).any()
+
+
+@pytest.mark.parametrize(
+    ("error", "name", "options"),
+    [
+        (TypeError, "eps", {"time": 1.0, "eps": 0.1}),
+        (TypeError, "steps", {"time": 1.0, "steps": 3}),
+        (TypeError, "eps", {}),
+        (ValueError, "time", {"time": -1.0}),
+        (ValueError, "transient", {"time": 1.0, "transient": -1.0}),
+        (ValueError, "rtol", {"time": 1.0, "rtol": 1.0}),
+        (ValueError, "method", {"time": 1.0, "method": "order4"}),
+    ],
+)
+def test_bad_arguments_of_motions(error, name, options):
+    with pytest.raises(error, match=name):
+        sf.lyapunov_exponents(sf.QuadraticField([[[1.0]]]), [0.1], **options)

@@ -266,14 +266,12 @@ def test_what_sympy_and_complex_variables_need():
     field = of_function(lambda x: f(x).ravel(), 3)
     assert field == of_function(sympy.lambdify([names], rows), 3)
     for given in (rows, sympy.Matrix(rows), lambda _: rows, lambda _: sympy.Matrix(rows)):
-        with pytest.raises(TypeError, match=r"sympy\.lambdify\(\[names\], list\(expressions\)\)"):
+        with pytest.raises(TypeError, match="lambdify"):
             of_function(given, 3)
-    for g in (
-        lambda a: (1j * a[0], a[1]), lambda a: (a[0].conjugate(), a[1]), lambda a: (1j, a[1]),
-    ):  # fmt: skip
-        with pytest.raises(TypeError, match="into real and imaginary parts") as told:
+    for g in (lambda a: (1j * a[0], a[1]), lambda a: (1j, a[1])):
+        with pytest.raises(TypeError, match="into real and imaginary parts"):
             of_function(g, 2)
-        assert "Field.from" not in str(told.value)  # which has no complex variables either
+    assert of_function(lambda a: (a[0].conjugate(), np.vdot(a, [1, 2])), 2)([3, 4]) == (3, 11)
 
 
 def test_names_that_do_not_fit_what_f_unpacks():

@@ -126,7 +126,9 @@ def energy_and_integral(states, eps):
 def largest_error(orbit, steps):
     """Largest distance from the exact motion at the same time, until time 30."""
     times = np.linspace(0, duration, steps + 1)
-    return np.hypot(*(orbit(omega0, duration / steps, steps) - flow(body, omega0, time=times).omega).T).max()
+    return np.hypot(
+        *(orbit(omega0, duration / steps, steps) - flow(body, omega0, time=times).omega).T
+    ).max()
 
 
 _, final = limits(body, omega0, 1e-9)

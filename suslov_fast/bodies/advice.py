@@ -291,7 +291,7 @@ def _value(name: str, given: Mapping[str, Any], missing: str = "") -> Any:
     return value if isinstance(value, (int, float)) else name
 
 
-def general_call(f: Any, argument: str, names: Sequence[str], parameters: Mapping[str, Any]) -> str:
+def field_call(f: Any, argument: str, names: Sequence[str], parameters: Mapping[str, Any]) -> str:
     """Return the call that makes a `Field` of a function f, or of a Hamiltonian."""
     maker = "from_hamiltonian" if argument == "H" else "from_function"
     size = len(names) if tuple(names) == labels(len(names)) else repr(" ".join(names))

@@ -184,7 +184,7 @@ class QuadraticField(_FieldOfTerms):
         Parameters
         ----------
         f : callable
-            Takes the state as a tuple x of D variables, and returns D polynomials of degree 2 or
+            Takes the state x, an array of D variables, and returns D polynomials of degree 2 or
             less. It is called with symbols, so coefficients are exact: 0.1 is the double nearest
             to 1/10.
         dimension : int, str or sequence of str
@@ -238,7 +238,7 @@ class QuadraticField(_FieldOfTerms):
         Parameters
         ----------
         H : callable
-            Takes the state as a tuple x of D variables, and returns a polynomial of degree 3 or
+            Takes the state x, an array of D variables, and returns a polynomial of degree 3 or
             less.
         dimension : int, str or sequence of str
             As in :meth:`from_function`.

@@ -55,7 +55,7 @@ class Tracer:
 
     def is_truth(self, operand: Any) -> bool:
         of: Mapping[Any, Any] = self.values.of
-        return type(operand) is int and of.get(operand, ("",))[0] in OF_TRUTH_VALUES
+        return bool(type(operand) is int and of.get(operand, ("",))[0] in OF_TRUTH_VALUES)
 
     def operand(self, value: Any) -> Any:
         """Return the operand that a symbolic number, or a number, is; a truth value as it is."""
@@ -150,7 +150,7 @@ def applied(name: str, *values: Any) -> Any:
 
 def _is_truth(value: Any) -> bool:
     if isinstance(value, Symbol):
-        return value.tracer.is_truth(value.operand)
+        return bool(value.tracer.is_truth(value.operand))
     return isinstance(value, (bool, np.bool_))
 
 
@@ -433,7 +433,7 @@ class Symbol:
         return _function("round")
 
     def __repr__(self) -> str:
-        return self.tracer.text(self.operand)
+        return str(self.tracer.text(self.operand))
 
 
 _METHODS = {*FUNCTIONS, *OTHER_NAMES, *_SHORTER}

@@ -19,7 +19,7 @@ from .advice import (
     check_arguments,
     check_callable,
     explained,
-    general_call,
+    field_call,
     name_of,
     prefixed,
     raise_explained,
@@ -57,9 +57,9 @@ class _Call(NamedTuple):
         return np.broadcast_shapes(*map(np.shape, self.parameters.values()))
 
     @property
-    def general(self) -> str:
+    def as_field(self) -> str:
         """The call that makes a `Field` of f, for messages."""
-        return general_call(self.f, self.argument, self.names, self.parameters)
+        return field_call(self.f, self.argument, self.names, self.parameters)
 
     def __call__(self, tracer: Exact) -> Any:
         return self.f(tracer.state.copy(), **tracer.parameters)
@@ -198,7 +198,7 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
         cause = explained(error, f_name, call.names, is_family)
         if hasattr(error, "in_words") or says(str(error), "function of math"):
             cause += f": QuadraticField takes polynomials of degree {call.degree}, for any formula "
-            cause += f"use {call.general}"
+            cause += f"use {call.as_field}"
         raise_explained(call.argument, error, cause)
     try:
         if call.degree == 3:
@@ -234,6 +234,6 @@ def _terms_of(value: Any, name: str, call: _Call, row: tuple[int, ...] = ()) -> 
         raise TypeError(f"{name} must be a polynomial, not {short(value)}{how}") from None
     if max(map(len, terms), default=0) > call.degree:
         degree = max(map(len, terms))
-        raise ValueError(f"{name} has degree {degree}, above {call.degree}: use {call.general}")
+        raise ValueError(f"{name} has degree {degree}, above {call.degree}: use {call.as_field}")
     one = (call.D,) * call.degree
     return {(*row, *indices, *one[len(indices) :]): c for indices, c in terms.items()}

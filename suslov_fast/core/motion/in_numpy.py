@@ -132,22 +132,24 @@ class StepsInNumPy:
         new, error = x + self._sum(self.own, ends), self._sum(self.of_error, ends)
         largest, sizes, kept = self._rows("largest", D), {"top": 0.0, "moved": 0.0}, 1.0
         for i in range(D):
-            sizes = self._apply(
-                rules.LARGEST,
-                x=x[i],
-                new=new[i],
-                largest=largest[i],
-                counts=motion.counts[i],
-                **sizes,
-            )
             if self.f.of_one_sign:
-                keeps = motion.keeps[i]
-                found = self._apply(rules.KEPT, x=x[i], new=new[i], keeps=keeps, kept=kept)
-                kept = found["kept"]
+                found = self._apply(
+                    rules.KEPT,
+                    x=x[i],
+                    new=new[i],
+                    keeps=motion.keeps[i],
+                    kept=kept,
+                    extra=motion.extra[i],
+                    size=abs(x[i]) if self.half.has_atol else largest[i],
+                )
+                new[i], kept = found["new"], found["kept"]
+            counts = motion.counts[i]
+            sizes = self._apply(
+                rules.LARGEST, x=x[i], new=new[i], largest=largest[i], counts=counts, **sizes
+            )
         f_new = self._value(new)
         for k in range(D, self.extended):
-            found = self._apply(rules.KEPT, x=f[k], new=f_new[k], keeps=1.0, kept=kept)
-            kept = found["kept"]
+            kept = self._apply(rules.SAME_SIGN, x=f[k], new=f_new[k], kept=kept)["kept"]
         sums = ["ratio", "total"] + ([] if is_implicit else ["rates", "states"])
         sums, inverse = dict.fromkeys(sums, 0.0), np.empty_like(x)
         with_atol = rules.IMPLICIT_ERROR_WITH_ATOL if is_implicit else rules.ERROR_WITH_ATOL

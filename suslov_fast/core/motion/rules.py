@@ -84,10 +84,22 @@ def BEGIN_COMPONENT(x, f, counts, size, rate, total):
 
 
 @_rule
-def KEPT(x, new, keeps, kept):
-    """Whether all components have their sign that have one to keep."""
+def KEPT(x, new, keeps, kept, extra, rtol, size):
+    """Whether all components have their sign that have one to keep; `new` gets it back.
+
+    A component that has decayed below its tolerance may have any sign after a long step.
+    """
     changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
-    return {"kept": (changes & (keeps > 0.0)).select(0.0, kept)}
+    changes = changes & (keeps > 0.0)
+    is_large = abs(new) > extra + rtol * size
+    return {"kept": (changes & is_large).select(0.0, kept), "new": changes.select(-new, new)}
+
+
+@_rule
+def SAME_SIGN(x, new, kept):
+    """Whether a denominator that depends on clocks alone has kept its sign."""
+    changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
+    return {"kept": changes.select(0.0, kept)}
 
 
 @_rule

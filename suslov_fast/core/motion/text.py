@@ -436,17 +436,23 @@ class _Steps:
         own, of_error = weights(self.columns, self.p), weights_of_errors(self.columns, self.p)
 
         def next_state(i, top, moved, kept):
-            start = text.row(self.line, rows.x, i)
+            start, largest = text.row(self.line, rows.x, i), text.row(self.line, rows.largest, i)
             new = text.operate("fadd", start, self.sum_of_ends(own, i))
-            text.put(new, base, work.new, i)
+            counts = text.shared(text.at(self.of.counts, i))
+            if self.f.of_one_sign:
+                found = text.apply(
+                    rules.KEPT, x=start, new=new, kept=kept, rtol=self.number("rtol"),
+                    keeps=text.shared(text.at(self.of.keeps, i)),
+                    extra=text.shared(text.at(self.of.extra, i)),
+                    size=text.absolute(start) if self.half.has_atol else largest,
+                )  # fmt: skip
+                new, kept = found["new"], found["kept"]
+            text.put_chosen(new, base, work.new, i)
             text.put(self.sum_of_ends(of_error, i), base, work.error, i)
             found = text.apply(
-                rules.LARGEST, x=start, new=new, largest=text.row(self.line, rows.largest, i),
-                counts=text.shared(text.at(self.of.counts, i)), top=top, moved=moved,
+                rules.LARGEST, x=start, new=new, largest=largest, counts=counts, top=top,
+                moved=moved,
             )  # fmt: skip
-            if self.f.of_one_sign:
-                kept = text.apply(rules.KEPT, x=start, new=new, kept=kept,
-                                  keeps=text.shared(text.at(self.of.keeps, i)))["kept"]  # fmt: skip
             return found | {"kept": kept}
 
         sizes = text.fold(D, {"top": zero, "moved": zero, "kept": one}, next_state)
@@ -454,7 +460,7 @@ class _Steps:
         self.call("f", text.place(base, work.new), self.table, text.place(base, work.f_new))
         for k in range(D, self.extended):  # denominators of clocks
             of_old, of_new = text.row(self.line, rows.f, k), text.row(base, work.f_new, k)
-            kept = text.apply(rules.KEPT, x=of_old, new=of_new, keeps=one, kept=kept)["kept"]
+            kept = text.apply(rules.SAME_SIGN, x=of_old, new=of_new, kept=kept)["kept"]
         sums = ["ratio", "total"] + ([] if self.half.is_implicit else ["rates", "states"])
         sums = text.fold(
             D, dict.fromkeys(sums, zero), lambda i, **sums: self.add_error(i, own, sizes, sums)

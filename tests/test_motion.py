@@ -187,8 +187,8 @@ def test_populations_stay_positive(rtol):
     field = of(lambda x: (x[0] * (1 - x[1] / 2), x[1] * (x[0] / 2 - 1)), 2)
     times = np.linspace(0, 300, 61)
     found = flow(field, [[100.0, 50.0], [2.0, 1e-250], [-100.0, 50.0]], time=times, rtol=rtol).x
-    small = rtol * np.maximum.accumulate(abs(found), axis=0).max(axis=2, keepdims=True)
-    assert (found * [[1, 1], [1, 1], [-1, 1]] >= -small).all()
+    assert (found[:, :2] > 0).all()
+    assert (found[:, 2] * [-1, 1] >= 0).all()  # one of them below the least number
     [exact] = np.exp(
         solve_ivp(
             lambda t, u: (1 - np.exp(u[1]) / 2, np.exp(u[0]) / 2 - 1),
@@ -199,9 +199,11 @@ def test_populations_stay_positive(rtol):
 
 
 def test_fast_decay():
-    family = of(lambda x, a: (-a * x[0],), 1, a=np.logspace(-1, 4, 21))
-    wanted = np.exp(-np.outer([0.1, 1.0], np.logspace(-1, 4, 21)))
-    assert abs(flow(family, [1.0], time=[0.1, 1.0]).x[..., 0] - wanted).max() < 2e-9
+    family = of(lambda x, a: (-a * x[0],), 1, a=np.logspace(-1, 9, 41))
+    wanted = np.exp(-np.outer([0.1, 1.0], np.logspace(-1, 9, 41)))
+    run = flow(family, [1.0], time=[0.1, 1.0])
+    assert abs(run.x[..., 0] - wanted).max() < 2e-9
+    assert run.steps.max() < 200
 
 
 # -------------------------------------------------------------------------- clocks, jumps, max_step

@@ -1,6 +1,5 @@
 """Periodic orbits against published values, and against integration by SciPy."""
 
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -201,7 +201,7 @@ def _on_arrays(name: str) -> Any:
 
 def _holds_symbols(value: Any) -> bool:
     if isinstance(value, np.ndarray):
-        return value.dtype == object
+        return bool(value.dtype == object)
     return isinstance(value, Symbol)
 
 

@@ -83,7 +83,7 @@ def exact(
            [ 0.791446, -1.319077]])
     """
     if np.ndim(n) == 0 and n in (np.inf, -np.inf):
-        raise wrong("n", "finite", f"{n}: limits returns the limits of an orbit")
+        raise wrong("n", "finite", f"{n!r}: limits returns the limits of an orbit")
     numbers = np.asarray(real_number("n", n))
     if numbers.ndim > 1:
         raise wrong("n", "a number or a 1-D array", f"an array of shape {numbers.shape}")

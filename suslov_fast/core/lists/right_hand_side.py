@@ -11,7 +11,6 @@ from .derivative import gradients
 from .grouped import Groups
 from .records import RECORDS, same
 
-
 # Lists of more operations are carried out in groups, at fewer than MANY states.
 _FEW, _MANY = 32, 1024
 

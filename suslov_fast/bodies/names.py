@@ -172,7 +172,7 @@ def check_parameter(name: str, names: Collection[str], *, has_eps: bool = True) 
         how = f"is {plain!r} to Python, which normalizes names: call it {plain}"
         raise ValueError(f"parameters: {name!r} {how}")
     if name in TIME:
-        how = f"fields have no time; to make it a variable see {page('howto/smooth')}"
+        how = f"fields have no time; to make it a variable see {page('howto/motion')}"
         raise ValueError(f"parameters: {name!r}: {how}")
     what = clash(name, names)
     if what and (has_eps or name != "eps" or name in names):

@@ -81,6 +81,17 @@ def reference(step, x, halves, fractions, steps):
     return np.array(states)
 
 
+def carried_out(calls):
+    """Make the calls of machine code that a generator asks for; return its result."""
+    found = None
+    while True:
+        try:
+            address, array = calls.send(found)
+        except StopIteration as end:
+            return end.value
+        found = machine_code.call(address, array)
+
+
 def same_bits(found, expected):
     """Return whether numbers are equal, with their signs, or both are NaN."""
     same = (found == expected) & (np.signbit(found) == np.signbit(expected))
@@ -107,17 +118,17 @@ def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
             x[rng.random(x.shape) < 0.1] = rng.choice(CONSTANTS)
             values, eps = rng.normal(size=(count, T)), rng.uniform(0.1, 1.0, count)
             notes = np.zeros(B, np.int8), np.zeros(B, np.int64), np.zeros(B)
-            lines = steps_field._Lines((scheme, values, eps), x, notes, np.zeros((D, B)), W)
+            lines = steps_field._Lines((scheme, values, eps), x, notes, W)
             memory = np.empty((steps + 2) * B * D + 16)
             shift = -(memory.ctypes.data // 8) % 8 + (0, 1, 2)[(seed + count) % 3]
             rows = steps // every if every else 0
             saved = memory[shift : shift + rows * B * D].reshape(rows, B, D)
-            assert lines.take(0, steps, saved, every, True, ())
+            assert carried_out(lines.take(0, steps, saved, every, True, ()))
             halves = 0.5 * eps[:, None] * values
             states = reference(step, x, halves, stages, steps)
             assert same_bits(lines.states(), states[-1])
             assert same_bits(saved, states[every::every] if every else states[:0])
-    kinds = {each[4:7] for each in machine_code._codes}
+    kinds = {key[4:7] for key, _ in machine_code._codes}
     assert {W} == {each[0] for each in kinds}
     assert len(kinds) >= (2 if B == 1 else 4)
     assert None not in machine_code._codes.values()
@@ -143,81 +154,12 @@ def test_the_loop_over_regular_runs_does_what_numpy_does(rng, monkeypatch, W, co
     x[0, 0] = -fractions[0] * eps[0]  # of which the first stage leaves 0: rare operations
     notes = np.zeros(B, np.int8), np.zeros(B, np.int64), np.zeros(B)
     given = steps_field.Scheme(step, Stages(fractions)), np.tile(values, (count, 1)), eps
-    lines = steps_field._Lines(given, x, notes, np.zeros((D, B)), W)
+    lines = steps_field._Lines(given, x, notes, W)
     saved = np.empty((steps, B, D))
-    assert lines.take(0, steps, saved, 1, True, ())
+    assert carried_out(lines.take(0, steps, saved, 1, True, ()))
     states = reference(step, x, 0.5 * eps[:, None] * values, fractions, steps)
     assert same_bits(saved, states[1:])
     assert same_bits(lines.states(), states[-1])
-
-
-@pytest.mark.parametrize("W", [1, 8])
-def test_long_lists_do_what_numpy_does(W):
-    """Random ones, whose products have constants or numbers of a table as factors, or neither."""
-    code = listed_code.runs_code(W)
-
-    def found(program, inputs, numbers):
-        rows = np.empty((program.rows, W))
-        rows[: len(inputs)] = inputs
-        listed_code.carry_out(code, program.runs, rows, numbers)
-        return rows[program.results]
-
-    for seed in range(5):
-        rng = np.random.default_rng(seed)
-        step, x, given = (
-            RandomStep(rng, 4, 3, 200),
-            rng.normal(size=(4, W)),
-            rng.normal(size=(3, 1)),
-        )
-        values = dict(enumerate([*x, *given]))
-        with np.errstate(all="ignore"):
-            operations.evaluate([*step.fixed, *step.usual, *step.rare], values)
-        expected = np.array([np.broadcast_to(values[number], W) for number in step.after_rare])
-        numbers = listed.Numbers(step)
-        program = listed.Program(step, [*step.usual, *step.rare], step.after_rare, numbers)
-        table = np.broadcast_to(step.table_of(given), (len(step.table), W))
-        assert same_bits(found(program, x, numbers.of(table)), expected)
-        # The same list without a table, and sums of numbers alone, which have no regular runs.
-        names = {number: k for k, number in enumerate([*range(4), *step.table])}
-        inputs, renamed = [np.broadcast_to(values[number], W) for number in names], []
-        for instruction, number, operands in [*step.usual, *step.rare]:
-            operands = tuple(a if isinstance(a, float) else names[a] for a in operands)
-            names[number] = len(names)
-            renamed.append((instruction, names[number], operands))
-        one, two, mixed, *sums = range(len(names), len(names) + listed.LEAST + 4)
-        renamed += [("fmul", one, (0.5, 0)), ("fmul", two, (1, 2)), ("fadd", mixed, (one, two))]
-        renamed += [("fadd", number, (float(number), 0.5)) for number in sums]
-        results = [*(names[number] for number in step.after_rare), mixed, *sums]
-        program, numbers = listed.program_of(range(len(inputs)), (), renamed, results)
-        last = [0.5 * x[0] + x[1] * x[2], *(np.full(W, number + 0.5) for number in sums)]
-        expected = np.concatenate([expected, last])
-        found_again = found(program, inputs, numbers.of(np.empty((0, W))))
-        assert same_bits(found_again, expected)
-
-
-@pytest.mark.parametrize("W", [1, 8])
-def test_long_lists_call_functions(rng, W):
-    """Those of which the code knows, of rows and of constants; 0 and -0 are two constants."""
-    x = rng.normal(size=(2, W)) + 3.0
-    listed_operations = [
-        ("sin", 2, (0,)),
-        ("pow", 3, (0, 1)),
-        ("pow", 4, (2.5, 1)),
-        ("hypot", 5, (2, 3)),
-        ("atan2", 6, (4, -1.5)),
-        ("floor", 7, (3,)),
-        ("copysign", 8, (7, -0.0)),
-        ("copysign", 9, (7, 0.0)),
-    ]
-    results = [*range(2, 10)]
-    program, numbers = listed.program_of(range(2), (), listed_operations, results)
-    rows = np.empty((program.rows, W))
-    rows[:2] = x
-    values = dict(enumerate(x))
-    operations.evaluate(listed_operations, values)
-    code = listed_code.runs_code(W, listed_operations)
-    listed_code.carry_out(code, program.runs, rows, numbers.of(np.empty((0, W))))
-    assert same_bits(rows[program.results], np.array([values[number] for number in results]))
 
 
 def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
@@ -229,7 +171,7 @@ def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
     scheme, x = steps_field.scheme_of(indices, 3), np.full((8, 3), 0.5)
     notes = np.zeros(8, np.int8), np.zeros(8, np.int64), np.zeros(8)
     given = scheme, np.atleast_2d(values), np.array([0.1])
-    lines = steps_field._Lines(given, x, notes, np.zeros((3, 8)), 8)
+    lines = steps_field._Lines(given, x, notes, 8)
     take = in_calls.taker_of(lines, listed_code.listed_code(8, False))
     heads = weakref.ref(listed.programs_of(scheme.step).usual.runs.heads)
     listed.programs_of.cache_clear()

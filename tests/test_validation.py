@@ -220,7 +220,7 @@ FIELDS = [
     (field(lambda x, p: (len(p), 1), p=[1, 2]), TypeError, "f.* an array is a family"),
     (field(lambda x, A: A @ np.array(x), A=ID[:2, :2]), ValueError, "f.* an array is a family.* inside f"),
     (field(lambda x: x, names="u v"), TypeError, "names.* in place of the dimension"),
-    (field(lambda x, a, t: (1, 2), a=1, t=1), ValueError, "f"),
+    (field(lambda x, a, t: (1, 2), a=1, t=1), ValueError, "parameters"),
     (lambda: sf.integrability.rational_map(lambda t, y: y, 2), TypeError, r"f.* rational_map\(lambda x: f\(None, x\), 2\)"),
     (lambda: sf.integrability.kahan(lambda x: x), TypeError, "field.*from_function"),
     (lambda: sf.integrability.kahan(BODY), TypeError, r"field.*QuadraticField.of\(body\)"),

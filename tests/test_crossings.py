@@ -612,7 +612,7 @@ def test_dataset(rng):
     points = sf.crossings(family, starts, eps, 200, first)
     data = points.to_xarray()
     assert dict(data.sizes) == {"crossing": len(points), "component": 2}
-    assert {*data.data_vars} == {"before", "after", "fraction", "x"}
+    assert {*data.data_vars} == {"before", "after", "fraction", "over_pole", "x"}
     assert {*data.coords} == {"trajectory", "n", "time", "eps", "a", "component"}
     about = {"method": "auto", "steps": 200, "transient": 0, "direction": 1}
     assert {**data.attrs, **about} == data.attrs

@@ -1006,8 +1006,8 @@ def test_a_finished_store_takes_few_requests():
 def test_tiles_take_neither_long_nor_much_memory(steps):
     """Of 2**24 states of 3 numbers, 5 of them saved; of a long run 2**12 trajectories at least."""
     sizes = {"n": 5, "component": 3}
-    status = SimpleNamespace(sizes={"a": 2**12, "b": 2**12})
-    data = SimpleNamespace(sizes=sizes, status=status, attrs={"steps": steps})
+    status = SimpleNamespace(sizes={"a": 2**12, "b": 2**12}, size=2**24)
+    data = SimpleNamespace(sizes=sizes, status=status, attrs={"steps": steps, "tiled": "[]"})
     found = _sizes(data, None)
     count = found["a"] * found["b"]
     assert 24 * count * found["n"] <= 2**24

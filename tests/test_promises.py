@@ -129,7 +129,7 @@ ROWS = {
     "crossings": Row(first_crossings, threads=True),
     "exact": Row(solutions, timed=(1,), threads=True),
     "flow": Row(
-        lambda b, w, **o: sf.flow(b, w, time=TIMES / 8, **o).states,
+        lambda b, w, **o: sf.flow(b, w, time=abs(TIMES) / 8, **o).states,
         timed=(0,),
         eps=False,
         threads=True,
@@ -256,13 +256,13 @@ def test_any_input(rng, name, kind):
 @cases()
 def test_bad_input(rng, name, kind):
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (2,), (), name)
-    state = "x" if RECORDS[kind].variable == "x" else "omega0?|xy"
+    state = "x|x0" if RECORDS[kind].variable == "x" else "omega0?|xy|x0"
     omega[1, 1] = -np.inf
     with pytest.raises(ValueError, match=rf"^({state}) must be .* -inf at index \(1, 1\)"):
         list(row.values(body, omega, eps))
     with pytest.raises(ValueError, match=f"^({state}) must "):
         list(row.values(body, np.ones(9), eps))
-    with pytest.raises(TypeError, match=r"^body must"):
+    with pytest.raises(TypeError, match=r"^(body|system) must"):
         row.call(1, omega, *(eps,) * row.eps)
     with pytest.raises(ValueError, match="broadcast"):
         row.call(part(body, ..., (3,)), np.ones_like(omega), *(eps,) * row.eps)

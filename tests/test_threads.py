@@ -427,7 +427,7 @@ def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
     """Ctrl-C is heard between calls: their operations are counted, and not done."""
     operations, D = [], 20
 
-    def count(kernel, work, threads, parameters, states, carry, span, *results):
+    def count(kernel, work, threads, parameters, states, carry, span, *results, **_):
         *some, start, stop = span[:4] if len(span) > 3 else span[:2]
         begin, end = some or (0, len(states))
         operations.append((end - begin) * (stop - start) * D**3)
@@ -446,9 +446,9 @@ def test_stretches_are_as_long_as_calls_are_fast(seconds, lengths, body, monkeyp
     """Ctrl-C waits for one call; the estimate of costs is that of the slowest steps."""
     clock, found, call = count(0.0, seconds), [], stretches.call_kernel
 
-    def note(kernel, work, threads, arguments, omega0, carry, span, *results):
+    def note(kernel, work, threads, arguments, omega0, carry, span, *results, **options):
         found.append(span[3] - span[2])
-        call(kernel, work, threads, arguments, omega0, carry, span, *results)
+        call(kernel, work, threads, arguments, omega0, carry, span, *results, **options)
 
     monkeypatch.setattr(stretches, "_STRETCH", 128 * lengths[0])
     monkeypatch.setattr(stretches, "perf_counter", lambda: next(clock))
@@ -463,11 +463,11 @@ def test_stretches_are_as_long_as_calls_are_fast(seconds, lengths, body, monkeyp
 def test_a_jacobian_of_many_states_takes_several_calls(monkeypatch):
     widths, D = [], 16
 
-    def count(parameters, states, out):
+    def count(seconds, parameters, states, out):
         widths.append(len(states))
         out[:] = 0.0
 
-    monkeypatch.setattr(derivatives.tangent, "jacobians", SimpleNamespace(serial=count))
+    monkeypatch.setattr(derivatives.tangent, "jacobians", SimpleNamespace(briefly=count))
     squares = sf.QuadraticField.from_function(lambda x: [a * a for a in x], D)
     sf.jacobian(squares, np.ones((20_000, D)), 0.1)
     assert sum(widths) == 20_000
@@ -498,7 +498,9 @@ def test_progress(body, capsys, monkeypatch):
     assert capsys.readouterr().err == "", "a bar begins with the work"
     call = stretches.call_kernel
     calls = iter([call, call])
-    monkeypatch.setattr(stretches, "call_kernel", lambda *given: next(calls)(*given))
+    monkeypatch.setattr(
+        stretches, "call_kernel", lambda *given, **options: next(calls)(*given, **options)
+    )
     with pytest.raises(StopIteration) as held:  # as Ctrl-C, whose traceback a notebook holds
         sf.iterate(body, omega, 0.2, 700, progress=True)
     assert capsys.readouterr().err.endswith("\n"), "the bar is closed"

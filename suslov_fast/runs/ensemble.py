@@ -363,7 +363,7 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
         sizes[name] = math.ceil(length / parts) or 1
         left = max(1, left // sizes[name])
     chunks = math.prod(math.ceil(length / sizes[name]) for name, length in lengths.items())
-    if chunks * arrays > metadata.MOST_CHUNKS:
+    if chunk is not None and chunks * arrays > metadata.MOST_CHUNKS:
         expected = f"so large that a store has at most {metadata.MOST_CHUNKS} chunks"
         raise wrong("chunk", expected, f"{chunk}, for {chunks} tiles")
     return sizes

@@ -126,7 +126,7 @@ def energy_and_integral(states, eps):
 def largest_error(orbit, steps):
     """Largest distance from the exact motion at the same time, until time 30."""
     times = np.linspace(0, duration, steps + 1)
-    return np.hypot(*(orbit(omega0, duration / steps, steps) - flow(body, omega0, times)).T).max()
+    return np.hypot(*(orbit(omega0, duration / steps, steps) - flow(body, omega0, time=times).omega).T).max()
 
 
 _, final = limits(body, omega0, 1e-9)
@@ -177,7 +177,7 @@ for (name, orbit), marker in zip(methods.items(), "os^v", strict=True):
     errors = [largest_error(orbit, n) for n in counts.tolist()]
     axes.loglog(1e6 * counts * seconds[name], errors, marker + "-", fillstyle="none", label=name)
 many = np.tile(omega0, (20_000, 1))
-state = best_time(lambda: flow(body, many, duration, threads=1)) / len(many)
+state = best_time(lambda: flow(body, many, time=duration, threads=1)) / len(many)
 print(f"{'exact flow':20s} {1e9 * state:5.0f} ns a state")
 axes.set(xlabel="processor time (microseconds)", ylabel="largest error until time 30")
 axes.set_title("error and cost of one orbit of 64 to 32,768 steps")

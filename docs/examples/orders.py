@@ -1,10 +1,9 @@
 """Work and precision of all methods.
 
-Steps of order 2, 4, 6 and 8, and `flow` beside SciPy's DOP853 and LSODA, the
-method of Runge and Kutta in Numba and, where it is installed, heyoka's Taylor integrator, all on
-one thread, for the system of Hénon and Heiles until time 100: one orbit, and 1024 side by side. The
-figure shows the largest error over processor time; the page "Which discretization?" has the printed
-tables.
+Steps of order 2, 4, 6 and 8 and `flow` beside SciPy's DOP853 and LSODA, the method of Runge and
+Kutta in Numba and, where it is installed, heyoka's Taylor integrator, all on one thread, for the
+system of Hénon and Heiles until time 100: one orbit, and 1024 side by side. The figure shows the
+largest error over processor time; the page "Which discretization?" has the printed tables.
 """
 
 import time
@@ -157,7 +156,7 @@ for panel, batch in zip(panels, (1, BATCH), strict=True):
         times, results = zip(*[cost(run, x) for run in runs], strict=True)
         times = [1e6 * each / batch for each in times]
         errors = [abs(each - reference[:batch]).max() for each in results]
-        style = {"marker": "osD^*XvP<>"[k], "color": f"C{k}", "fillstyle": "none"}
+        style = {"marker": "osD^XvP<>"[k], "color": f"C{k}", "fillstyle": "none"}
         panel.loglog(times, errors, label=name, **style)
         order = np.argsort(errors)
         found = np.exp(

@@ -181,6 +181,11 @@ class Field(FieldOfFunction):
     def field(self) -> Any:
         """Refuse, because the equations need not be quadratic.
 
+        Returns
+        -------
+        QuadraticField
+            Never.
+
         Raises
         ------
         TypeError

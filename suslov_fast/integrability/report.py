@@ -15,7 +15,6 @@ from typing import Any
 
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
-from ..bodies.nd import SuslovND
 from ..checks import integer, is_false, kind_of, real_number, wrong
 from ..keywords import answers, public
 from .arguments import check_unknowns, progress_function
@@ -364,6 +363,6 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
         exact = in_decimals(field)
         eps = as_decimal(eps) if isinstance(eps, float) else eps
     notes = []
-    if isinstance(field, SuslovND) and (count := field.reduced()[0].dimension) < field.dimension:
+    if hasattr(field, "reduced") and (count := field.reduced()[0].dimension) < field.dimension:
         notes.append(f"J has equal entries: SuslovND.reduced leaves {count} coordinates.")
     return kahan(exact, eps), notes

@@ -27,9 +27,9 @@ BODIES = {
     "`QuadraticField`, other": [
         sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
     ],
-    "`LiftedField`": [
-        sf.LiftedField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), 2),
-        sf.LiftedField.from_function(lambda x: (x[1], -np.sin(x[0]) - x[1]), 2),
+    "`Field`": [
+        sf.Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), 2),
+        sf.Field.from_function(lambda x: (x[1], -np.sin(x[0]) - x[1]), 2),
     ],
     "`Suslov3D`": [sf.Suslov3D(4, 2, -0.5, -0.3)],
     "`SuslovGyrostat`": [sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)],

@@ -12,7 +12,7 @@ from results import BENCH
 TABLE = re.compile(r"^<!-- ([\w ]+?)(?: by (.*?))?: (.*) -->$", re.M)
 # README has these rows of some tables.
 SHORT = " in short"
-HEADLINES = "iterate", "flow", "extrapolated", "order8", "c", "heyoka", "numpy", "scipy"
+HEADLINES = "iterate", "flow", "order8", "c", "heyoka", "numpy", "scipy"
 BEGIN, END = "<!-- begin of the tables -->", "<!-- end of the tables -->"
 
 

@@ -20,9 +20,7 @@ from work import MACHINE, NUMPY, OTHERS, OURS, C, Work
 
 import suslov_fast as sf
 from suslov_fast import exact, iterate
-from suslov_fast.core import numba as compiling
 
-compiling.PATIENCE = -1.0  # small calls compile, and do not run as Python first
 CASES: list[work.Case] = []
 
 
@@ -113,7 +111,7 @@ for key, label, batch, numbers in (
     ("scattered-1", "`exact`, 1,000,000 scattered n", 1, partial(scattered, 1_000_000)),
 ):
     add("jumps", key, OURS, label, work.jumps, at, batch, numbers)
-moved = lambda omega0, time: sf.flow(BODY, omega0, time=time).omega  # noqa: E731
+moved = lambda omega0, time: sf.flow(BODY, omega0, time=time).omega[0]  # noqa: E731
 for key, whose, label, function, part in (
     ("flow", OURS, "`flow`, the closed form", moved, 1),
     ("numpy", NUMPY, "NumPy, Suslov's solution by `tanh` and `cosh`", "numpy_batch.flow", 1),
@@ -268,26 +266,6 @@ for key, (whose, label, function, method, needed) in AT_ERRORS.items():
         label = label or f'`iterate(..., method="{key}")`'
         arguments = work.at_equal_error, function, argument, below
         add("orders", key, whose, label, *arguments, x=below, one_thread=True)
-
-# Tolerances with which the largest error is below 1e-9.
-for name, said, needed in (
-    ("kepler", "Kepler's problem, e = 0.6, a period", (9.8e-11, 2.4e-10, 1e-11)),
-    ("pendulum", "a pendulum, to time 20", (3.6e-12, 3.5e-11, 2.8e-12)),
-    ("rosenzweig", "Rosenzweig and MacArthur, K = 4, to time 50", (5.3e-12, 2.4e-10, 1.2e-10)),
-):
-    for (key, whose, label, function), number in zip(
-        (
-            ("flow", OURS, "`flow` of a `Field`", work.smooth_by_flow),
-            ("heyoka", OTHERS, "heyoka, Taylor integrator, 16 at once", "integrators.smooth"),
-            ("scipy", OTHERS, "SciPy, DOP853, compiled", "integrators.smooth_by_scipy"),
-        ),
-        needed,
-        strict=True,
-    ):
-        more = {"motions": partial(problem.motions_of_smooth, name)}
-        arguments = partial(work.at_equal_error, **more), function, (name, number), 1e-9
-        label = f"{label}: {said}"
-        add("smooth right sides", f"{key}-{name}", whose, label, *arguments, one_thread=True)
 
 motions.add_cases(add)
 

@@ -8,29 +8,33 @@ import numpy as np
 import problem
 from work import OTHERS, OURS, Work, load
 
-from suslov_fast import QuadraticField, flow, iterate
+from suslov_fast import Field, QuadraticField, flow, iterate
 
 
 class System(NamedTuple):
-    """Equations x' = f(x) in D variables, states at time 0 as (batch, D), and the last time."""
+    """Equations x' = f(x, m) in D variables, where m has the functions sin and sqrt, as NumPy.
+
+    `starts(batch)` are states at time 0, (batch, D), and `time` is the last one.
+    """
 
     title: str
     f: Callable
     D: int
     starts: Callable[[int], np.ndarray]
     time: float
+    kind: type = QuadraticField
 
 
-def henon_heiles(z):
+def henon_heiles(z, m):
     x, y, u, v = z
     return u, v, -x - 2 * x * y, y * y - x * x - y
 
 
-def euler_top(x):
+def euler_top(x, m):
     return x[1] * x[2] / 2, -(x[2] * x[0]), x[0] * x[1] / 3
 
 
-def hires(y):
+def hires(y, m):
     pair = 280 * y[5] * y[7]
     return (
         -1.71 * y[0] + 0.43 * y[1] + 8.32 * y[2] + 0.0007,
@@ -44,9 +48,43 @@ def hires(y):
     )
 
 
-def robertson(x):
+def robertson(x, m):
     slow, back, fast = 0.04 * x[0], 1e4 * x[1] * x[2], 3e7 * x[1] * x[1]
     return back - slow, slow - back - fast, fast
+
+
+def van_der_pol(x, m):
+    return x[1], 1000 * (1 - x[0] * x[0]) * x[1] - x[0]
+
+
+def kepler(z, m):
+    x, y, u, v = z
+    square = x * x + y * y
+    cube = square * m.sqrt(square)
+    return u, v, -x / cube, -y / cube
+
+
+def pendulum(x, m):
+    return x[1], -m.sin(x[0])
+
+
+def rosenzweig_macarthur(x, m):
+    n, p = x
+    eaten = n * p / (1 + n)
+    return n * (1 - n / 4) - eaten, eaten - p / 3
+
+
+def on_an_ellipse(batch):
+    """States on an orbit of eccentricity 0.6 and semi-axis 1, which returns after 2 pi."""
+    angle = problem.starts(batch, 1, 0, 2 * np.pi)[:, 0]
+    r, side = 1 - 0.6 * np.cos(angle), 0.8
+    position = np.cos(angle) - 0.6, side * np.sin(angle)
+    return np.stack([*position, -np.sin(angle) / r, side * np.cos(angle) / r], axis=-1)
+
+
+def lattice(f):
+    """A right-hand side of `problem`, which needs no functions."""
+    return lambda x, m: f(x)
 
 
 def near(start, part=0.05):
@@ -54,49 +92,60 @@ def near(start, part=0.05):
     return lambda batch: start * problem.starts(batch, len(start), 1 - part, 1 + part)
 
 
+def between(D, low, high):
+    return lambda batch: problem.starts(batch, D, low, high)
+
+
 SYSTEMS = {
     "henon-heiles": System(
         "Hénon and Heiles", henon_heiles, 4, lambda batch: problem.starts_field(batch, 4), 20.0
     ),
-    "euler": System("Euler's top", euler_top, 3, lambda batch: problem.starts(batch, 3), 20.0),
+    "euler": System("Euler's top", euler_top, 3, between(3, -2, 2), 20.0),
     "lorenz": System(
         "Lorenz",
-        problem.lorenz_system,
+        lattice(problem.lorenz_system),
         3,
         lambda batch: problem.starts(batch, 3, -8, 8) + np.array([0, 0, 20]),
         2.0,
     ),
+    "kepler": System("Kepler, e = 0.6", kepler, 4, on_an_ellipse, 2 * np.pi, Field),
     "fput": System(
-        "FPUT of 6 oscillators",
-        problem.fermi_pasta_ulam_tsingou,
-        12,
-        lambda batch: problem.starts(batch, 12, -0.3, 0.3),
-        20.0,
+        "FPUT of 6", lattice(problem.fermi_pasta_ulam_tsingou), 12, between(12, -0.3, 0.3), 20.0
+    ),
+    "pendulum": System("A pendulum", pendulum, 2, between(2, -2.5, 2.5), 20.0, Field),
+    "rosenzweig": System(
+        "Rosenzweig and MacArthur", rosenzweig_macarthur, 2, between(2, 0.3, 2), 50.0, Field
     ),
     "hires": System("HIRES", hires, 8, near(np.array([1, 0, 0, 0, 0, 0, 0, 0.0057])), 321.8122),
     "robertson": System("Robertson", robertson, 3, near(np.array([1.0, 0, 0])), 4e5),
+    "van-der-pol": System(
+        "Van der Pol, 1000", van_der_pol, 2, near(np.array([2.0, 0.0])), 2000.0, Field
+    ),
 }
+for D in (40, 128, 512):
+    SYSTEMS[f"lorenz-96-{D}"] = System(
+        f"Lorenz-96 of {D}", lattice(problem.lorenz_96), D, between(D, 7, 9), 1.0
+    )
+STIFF = "hires", "robertson", "van-der-pol"
 
 
 @functools.cache
 def field_of(name):
     system = SYSTEMS[name]
-    return QuadraticField.from_function(system.f, system.D)
+    return system.kind.from_function(lambda x: system.f(x, np), system.D)
 
 
 @functools.cache
 def reference(name, batch):
     """States at the last time, by `flow`; of stiff systems at a tolerance that it reaches soon."""
-    rtol = 1e-11 if name in ("hires", "robertson") else 1e-13
-    return flow(field_of(name), SYSTEMS[name].starts(batch), time=SYSTEMS[name].time, rtol=rtol).x[
-        0
-    ]
+    rtol = 1e-11 if name in STIFF else 1e-13
+    return by_flow(name, rtol)(SYSTEMS[name].starts(batch))
 
 
 def by_flow(name, tolerance):
     """A function of starts, on one thread, as of the other methods."""
-    time = SYSTEMS[name].time
-    return lambda x: flow(field_of(name), x, time=time, rtol=tolerance, threads=1).x[0]
+    field, time = field_of(name), SYSTEMS[name].time
+    return lambda x: flow(field, x, time=time, rtol=tolerance, threads=1).x[0]
 
 
 def by_steps(name, method, count):
@@ -122,88 +171,62 @@ def at_equal_error(function, name, arguments, batch, below, size):
     return Work(lambda: call(x), len(x), "trajectory", check)
 
 
-def add_cases(add):
-    """Add motions by other methods to the orders; one orbit; other systems, and stiff ones.
+# About the largest tolerances with which the largest error is below 1e-3, 1e-6 and 1e-9.
+BELOW = 1e-3, 1e-6, 1e-9
+TOLERANCES = {
+    ("euler", "flow"): (9e-6, 2.2e-7, 3.9e-10),
+    ("euler", "heyoka"): (1e-3, 5.8e-6, 2e-9),
+    ("lorenz", "flow"): (8e-6, 8.8e-9, 5.5e-11),
+    ("lorenz", "heyoka"): (1e-4, 1.1e-7, 2.6e-10),
+    ("fput", "flow"): (3e-4, 9.8e-7, 2.9e-9),
+    ("fput", "heyoka"): (1.8e-3, 5.8e-6, 1e-7),
+}
+STIFF_TOLERANCES = {
+    ("hires", "flow"): 1.3e-6,
+    ("hires", "lsoda"): 1e-7,
+    ("robertson", "flow"): 1e-3,
+    ("robertson", "lsoda"): 6.9e-5,
+}
+METHODS = {
+    "flow": (OURS, "`flow`", by_flow),
+    "heyoka": (OTHERS, "heyoka, Taylor integrator, 16 at once", "motions.by_heyoka"),
+    "lsoda": (OTHERS, "SciPy, `odeint`, f by Numba", "motions.by_odeint"),
+}
 
-    Counts and tolerances are about the least, and largest, with which the error is below its bound.
-    """
+
+def add_cases(add):
+    """Add motions by other methods to the orders; one orbit; other systems, and stiff ones."""
     by_heyoka, by_scipy = "motions.by_heyoka", "motions.by_scipy"
-    for below, runge_kutta, ensemble in (
-        (1e-3, 100, 2e-3),
-        (1e-6, 450, 5.7e-6),
-        (1e-9, 2753, 1.4e-8),
+    by_runge_kutta = "motions.by_runge_kutta"
+    for below, steps, tolerance in zip(
+        BELOW, (100, 450, 2753), (2e-3, 5.7e-6, 1.4e-8), strict=True
     ):
         for key, label, function, argument in (
-            (
-                "rk4",
-                "Numba, order 4 of Runge and Kutta, one by one",
-                "motions.by_runge_kutta",
-                runge_kutta,
-            ),
-            ("ensemble", "heyoka, ensemble of 16 at once", "motions.by_ensemble", ensemble),
+            ("rk4", "Numba, order 4 of Runge and Kutta, one by one", by_runge_kutta, steps),
+            ("ensemble", "heyoka, ensemble of 16 at once", "motions.by_ensemble", tolerance),
         ):
             arguments = at_equal_error, function, "henon-heiles", (argument,), 1024, below
             add("orders", key, OTHERS, label, *arguments, x=below, one_thread=True)
-    for below, order8, rtol, tolerance, scipy, lsoda, runge_kutta in (
-        (1e-6, 20, 2e-6, 5.8e-6, 3.8e-7, 4.1e-7, 449),
-        (1e-9, 44, 5e-9, 1.4e-8, 6.4e-10, 2.5e-10, 2478),
+    for key, whose, label, function, *arguments in (
+        ("order8", OURS, '`iterate(..., method="order8")`', by_steps, ("order8",), (20, 44)),
+        ("flow", OURS, "`flow`", by_flow, (), (4.7e-7, 5e-9)),
+        ("heyoka", OTHERS, "heyoka, integrator held", by_heyoka, (), (5.8e-6, 1.4e-8)),
+        ("rk4", OTHERS, "Numba, order 4 of Runge and Kutta", by_runge_kutta, (), (449, 2478)),
+        ("dop853", OTHERS, "SciPy, DOP853, compiled f", by_scipy, ("DOP853",), (3.8e-7, 6.4e-10)),
+        ("lsoda", OTHERS, "SciPy, LSODA, compiled f", by_scipy, ("LSODA",), (4.1e-7, 2.5e-10)),
     ):
-        for key, whose, label, function, *arguments in (
-            ("order8", OURS, '`iterate(..., method="order8")`', by_steps, "order8", order8),
-            ("flow", OURS, "`flow`", by_flow, rtol),
-            ("heyoka", OTHERS, "heyoka, Taylor integrator", by_heyoka, tolerance),
-            (
-                "rk4",
-                OTHERS,
-                "Numba, order 4 of Runge and Kutta",
-                "motions.by_runge_kutta",
-                runge_kutta,
-            ),
-            (
-                "dop853",
-                OTHERS,
-                "SciPy, DOP853, compiled right-hand side",
-                by_scipy,
-                "DOP853",
-                scipy,
-            ),
-            ("lsoda", OTHERS, "SciPy, LSODA, compiled right-hand side", by_scipy, "LSODA", lsoda),
-        ):
-            arguments = at_equal_error, function, "henon-heiles", arguments, 1, below
+        given, numbers = arguments
+        for below, number in zip(BELOW[1:], numbers, strict=True):
+            arguments = at_equal_error, function, "henon-heiles", (*given, number), 1, below
             add("one motion", key, whose, label, *arguments, x=below, one_thread=True)
-    for name, below, rtol, tolerance in (
-        ("euler", 1e-6, 2.2e-7, 5.8e-6),
-        ("euler", 1e-9, 3.9e-10, 2e-9),
-        ("lorenz", 1e-6, 8.8e-9, 1.1e-7),
-        ("lorenz", 1e-9, 5.5e-11, 2.6e-10),
-        ("fput", 1e-6, 9.8e-7, 5.8e-6),
-        ("fput", 1e-9, 2.9e-9, 1e-7),
-    ):
-        for key, whose, label, function, *arguments in (
-            ("flow", OURS, "`flow`", by_flow, rtol),
-            ("heyoka", OTHERS, "heyoka, Taylor integrator, 16 at once", by_heyoka, tolerance),
-        ):
-            arguments = at_equal_error, function, name, arguments, 1024, below
-            label = f"{SYSTEMS[name].title}: {label}"
+    for (name, key), numbers in TOLERANCES.items():
+        whose, label, function = METHODS[key]
+        label = f"{SYSTEMS[name].title}: {label}"
+        for below, number in zip(BELOW, numbers, strict=True):
+            arguments = at_equal_error, function, name, (number,), 1024, below
             add("more motions", f"{name}-{key}", whose, label, *arguments, x=below, one_thread=True)
-    for name, below, rtol, lsoda in (
-        ("hires", 1e-6, 2.1e-6, 1e-7),
-        ("robertson", 1e-6, 1e-3, 6.9e-5),
-    ):
-        for key, whose, label, batch, function, *arguments in (
-            ("flow", OURS, "`flow`", 1024, by_flow, rtol),
-            (
-                "lsoda",
-                OTHERS,
-                "SciPy, LSODA, compiled right-hand side",
-                16,
-                by_scipy,
-                "LSODA",
-                lsoda,
-            ),
-        ):
-            arguments = at_equal_error, function, name, arguments, batch, below
-            label = f"{SYSTEMS[name].title}: {label}"
-            add(
-                "stiff motions", f"{name}-{key}", whose, label, *arguments, x=below, one_thread=True
-            )
+    for (name, key), number in STIFF_TOLERANCES.items():
+        whose, label, function = METHODS[key]
+        arguments = at_equal_error, function, name, (number,), 1024 if key == "flow" else 16, 1e-6
+        label = f"{SYSTEMS[name].title}: {label}"
+        add("stiff motions", f"{name}-{key}", whose, label, *arguments, x=1e-6, one_thread=True)

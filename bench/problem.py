@@ -11,8 +11,7 @@ import formulas
 import numpy as np
 from formulas import Formulas
 
-import suslov_fast
-from suslov_fast import QuadraticField, Suslov3D, SuslovND, flow
+from suslov_fast import QuadraticField, Suslov3D, SuslovND
 
 BODY = Suslov3D(*formulas.BODY)
 PRECISE = Formulas(np.longdouble)
@@ -42,53 +41,6 @@ def sparse_field(D):
     if D == 4:
         return QuadraticField.from_hamiltonian(henon_heiles, D)
     return QuadraticField.from_function(lorenz_system if D == 3 else volterra_chain, D)
-
-
-def kepler(x, y, u, v):
-    cube = (x * x + y * y) * np.sqrt(x * x + y * y)
-    return u, v, -x / cube, -y / cube
-
-
-def pendulum(q, p):
-    return p, -np.sin(q)
-
-
-def rosenzweig_macarthur(n, p):
-    eaten = n * p / (1 + n)
-    return n * (1 - n / 4) - eaten, eaten - p / 3
-
-
-def on_an_ellipse(rng, count):
-    """States on an orbit of eccentricity 0.6 and semi-axis 1, which returns after 2 pi."""
-    angle = rng.uniform(0, 2 * np.pi, count)
-    r, side = 1 - 0.6 * np.cos(angle), 0.8
-    position = np.cos(angle) - 0.6, side * np.sin(angle)
-    return np.stack([*position, -np.sin(angle) / r, side * np.cos(angle) / r], axis=-1)
-
-
-# Right-hand sides of components that are not quadratic, random states, and the time of a motion.
-SMOOTH = {
-    "kepler": (kepler, on_an_ellipse, 2 * np.pi),
-    "pendulum": (pendulum, lambda rng, count: rng.uniform(-2.5, 2.5, (count, 2)), 20.0),
-    "rosenzweig": (
-        rosenzweig_macarthur, lambda rng, count: rng.uniform(0.3, 2.0, (count, 2)), 50.0
-    ),
-}  # fmt: skip
-
-
-@functools.cache
-def smooth_field(name):
-    f = SMOOTH[name][0]
-    names = f.__code__.co_varnames[: f.__code__.co_argcount]
-    return suslov_fast.Field.from_function(lambda x: f(*x), [*names])
-
-
-@functools.cache
-def motions_of_smooth(name):
-    """Starts and their states at the time of a motion, to rounding."""
-    _, starts, time = SMOOTH[name]
-    x = starts(np.random.default_rng(11), 1024)
-    return x, flow(smooth_field(name), x, time=time, rtol=1e-13).x[0]
 
 
 def lorenz_96(x):

@@ -199,13 +199,12 @@ def by_flow(tolerance):
     return lambda x: suslov_fast.flow(run[0], x, time=run[1], rtol=tolerance, threads=1).x[0]
 
 
-def at_equal_error(function, argument, below, size, motions=motions_of_henon_heiles):
+def at_equal_error(function, argument, below, size):
     """Motions whose largest error is below a bound; `function(*argument)` makes a function of their
-    starts, which `motions` returns with the states at the end. In place of an error it has 0, or by
-    how much the bound is exceeded.
+    starts. In place of an error it has 0, or by how much the bound is exceeded.
     """
     call = load(function)(*argument)
-    x, wanted = motions()
+    x, wanted = motions_of_henon_heiles()
     some = x[: size(len(x), 32)]
 
     def check():
@@ -213,12 +212,6 @@ def at_equal_error(function, argument, below, size, motions=motions_of_henon_hei
         return np.array([max(error / below, 1.0)]), np.ones(1)
 
     return Work(lambda: call(some), len(some), "trajectory", check)
-
-
-def smooth_by_flow(name, tolerance):
-    """A function of starts of a field, by `flow` with a tolerance, on one thread."""
-    field, time = problem.smooth_field(name), problem.SMOOTH[name][2]
-    return lambda x: suslov_fast.flow(field, x, time=time, rtol=tolerance, threads=1).x[0]
 
 
 def sections(kept, batch, steps, size):

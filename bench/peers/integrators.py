@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 from formulas import Formulas
-from problem import EPS_FIELD, SMOOTH, lorenz_system
+from problem import EPS_FIELD, lorenz_system
 from work import TIME_OF_MOTIONS
 
 SIDE_BY_SIDE = 16  # the fastest number of those tried
@@ -78,59 +78,3 @@ def henon_heiles(tolerance):
 
 def henon_heiles_by_scipy(tolerance):
     return lambda x: _by_scipy(_henon_heiles, x, TIME_OF_MOTIONS, tolerance)
-
-
-def _smooth_in_heyoka(name, *x):
-    """Return the right-hand side of a problem of SMOOTH in heyoka's own functions."""
-    import heyoka as hy
-
-    if name == "kepler":
-        cube = (x[0] * x[0] + x[1] * x[1]) ** -1.5
-        return x[2], x[3], -x[0] * cube, -x[1] * cube
-    return (x[1], -hy.sin(x[0])) if name == "pendulum" else SMOOTH[name][0](*x)
-
-
-_right_of = functools.cache(lambda name: functools.partial(_smooth_in_heyoka, name))
-
-
-def smooth(name, tolerance):
-    """A function of starts of a problem of SMOOTH, by heyoka with a tolerance."""
-    return lambda x: _by_heyoka(_right_of(name), x, SMOOTH[name][2], tol=tolerance)
-
-
-@functools.cache
-def _compiled(name):
-    """Return f(t, x) of all trajectories of a problem of SMOOTH as one system, by Numba."""
-    from numba import njit
-
-    f = njit(SMOOTH[name][0], error_model="numpy")
-
-    @njit(error_model="numpy")
-    def of_two(t, x):
-        B, out = len(x) // 2, np.empty_like(x)
-        for i in range(B):
-            out[i], out[i + B] = f(x[i], x[i + B])
-        return out
-
-    @njit(error_model="numpy")
-    def of_four(t, x):
-        B, out = len(x) // 4, np.empty_like(x)
-        for i in range(B):
-            rates = f(x[i], x[i + B], x[i + 2 * B], x[i + 3 * B])
-            out[i], out[i + B], out[i + 2 * B], out[i + 3 * B] = rates
-        return out
-
-    return of_four if name == "kepler" else of_two
-
-
-def smooth_by_scipy(name, tolerance):
-    """The same by DOP853 for all trajectories as one system, with a compiled right-hand side."""
-    from scipy.integrate import solve_ivp
-
-    settings = {"method": "DOP853", "rtol": tolerance, "atol": tolerance / 10}
-
-    def call(x):
-        ends = solve_ivp(_compiled(name), (0, SMOOTH[name][2]), x.T.ravel(), **settings)
-        return ends.y[:, -1].reshape(x.shape[::-1]).T
-
-    return call

@@ -1,30 +1,76 @@
 """Motions to a tolerance by others: heyoka, SciPy, and Runge and Kutta's method in Numba.
 
 Each function makes a function of starts (batch, D), which returns the states at the last time.
-Right-hand sides are compiled, by heyoka, or by Numba from the terms of the field.
+Right-hand sides are compiled, by heyoka, by Numba or by gcc.
 """
 
 import functools
+import math
 
 import numba
 import numpy as np
-from motions import SYSTEMS, field_of
-from scipy.integrate import solve_ivp
+from motions import SYSTEMS
+from scipy.integrate import odeint, solve_ivp
 
 SIDE_BY_SIDE = 16
 
 
+class _Symbol:
+    """A number in a program: its operations append lines that name their results."""
+
+    def __init__(self, name, lines):
+        self.name, self.lines = name, lines
+
+    def _line(self, text):
+        result = f"t{len(self.lines)}"
+        self.lines.append((result, text))
+        return _Symbol(result, self.lines)
+
+    def sqrt(self):
+        return self._line(f"sqrt({self.name})")
+
+    def sin(self):
+        return self._line(f"sin({self.name})")
+
+    def __neg__(self):
+        return self._line(f"-{self.name}")
+
+    def __pow__(self, power):
+        return functools.reduce(lambda a, b: a * b, [self] * power)
+
+
+def _add_operation(method, sign):
+    def text(each):
+        return each.name if isinstance(each, _Symbol) else repr(float(each))
+
+    forward = lambda a, b: a._line(f"{text(a)} {sign} {text(b)}")  # noqa: E731
+    setattr(_Symbol, f"__{method}__", forward)
+    setattr(_Symbol, f"__r{method}__", lambda a, b: a._line(f"{text(b)} {sign} {text(a)}"))
+
+
+for _method, _sign in (("add", "+"), ("sub", "-"), ("mul", "*"), ("truediv", "/")):
+    _add_operation(_method, _sign)
+
+
+def program(name):
+    """Return lines (result, expression), and the names of the derivatives; variables are x0, x1 …
+
+    The text is valid in Python and in C.
+    """
+    system, lines = SYSTEMS[name], []
+    found = system.f([_Symbol(f"x{i}", lines) for i in range(system.D)], np)
+    return lines, [each.name for each in found]
+
+
 @functools.cache
 def _rates(name):
-    """Return a compiled function that writes f(x) to `out`, with a line for each component."""
-    (rows, j, k), values = field_of(name).terms
-    factors = [f"x[{n}]" for n in range(SYSTEMS[name].D)] + ["1.0"]
-    lines = {}
-    for i, a, b, value in zip(*(a.tolist() for a in (rows, j, k, values)), strict=True):
-        lines.setdefault(i, []).append(f"{float(value)!r} * {factors[a]} * {factors[b]}")
-    text = [f"    out[{i}] = {' + '.join(terms)}" for i, terms in lines.items()]
-    names = {}
-    exec("def rates(x, out):\n" + "\n".join(text), names)
+    """Return a compiled function that writes f(x) to `out`."""
+    lines, results = program(name)
+    text = ["def rates(x, out):"] + [f"    x{i} = x[{i}]" for i in range(len(results))]
+    text += [f"    {result} = {value}" for result, value in lines]
+    text += [f"    out[{i}] = {result}" for i, result in enumerate(results)]
+    names = {"sqrt": math.sqrt, "sin": math.sin}
+    exec("\n".join(text), names)
     return numba.njit(error_model="numpy")(names["rates"])
 
 
@@ -83,11 +129,18 @@ def by_scipy(name, method, tolerance):
     return lambda x: np.array([solve_ivp(right, (0, time), s, **settings).y[:, -1] for s in x])
 
 
+def by_odeint(name, tolerance):
+    """SciPy's `odeint`, LSODA, orbits one after the other."""
+    settings = {"rtol": tolerance, "atol": 1e-3 * tolerance, "tfirst": True, "mxstep": 100_000}
+    times, right = [0.0, SYSTEMS[name].time], _right(name)
+    return lambda x: np.array([odeint(right, s, times, **settings)[-1] for s in x])
+
+
 def _system(name):
     import heyoka
 
     variables = heyoka.make_vars(*(f"x{i}" for i in range(SYSTEMS[name].D)))
-    return [*zip(variables, SYSTEMS[name].f(variables), strict=True)]
+    return [*zip(variables, SYSTEMS[name].f(variables, heyoka), strict=True)]
 
 
 def by_heyoka(name, tolerance):

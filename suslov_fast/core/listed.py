@@ -51,11 +51,6 @@ REGULAR = [
 ]
 
 
-def called_by(operations):
-    """Return the names of the functions in CALLED among operations."""
-    return tuple(sorted({instruction for instruction, *_ in operations} & {*CALLED}))
-
-
 def operand_kinds(kind, n=2):
     """Return the kinds of the operands of an operation of a kind; a long sum has n of them."""
     instruction, kinds = KINDS[kind]

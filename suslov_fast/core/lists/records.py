@@ -63,11 +63,6 @@ def _square(emit, a):
     return emit("fmul", a, a)
 
 
-def _root_of_sum(emit, a, sign, b):
-    """Return 1 / sqrt(a + b), or of a - b."""
-    return (_inverse(emit, emit("sqrt", emit("fadd" if sign > 0 else "fsub", a, b))),)
-
-
 def _root_of_product(emit, a, b):
     """Return 1 / (sqrt(a) sqrt(b)), whose digits do not go where a is near 0."""
     return (_inverse(emit, emit("fmul", emit("sqrt", a), emit("sqrt", b))),)

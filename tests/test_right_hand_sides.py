@@ -632,3 +632,13 @@ def test_dictionaries_of_strangers_are_refused():
             read(["x"], **others)
     with pytest.raises(TypeError, match="definitions"):
         read(["x"], definitions=["u"])
+
+
+def test_a_parameter_may_be_called_eps(tmp_path):
+    """No step has a size here, so datasets have room for it."""
+    field = Field.from_function(lambda x, eps: (x[1], -eps * x[0]), "u v", eps=[0.25, 1.0])
+    motion = sf.flow(field, [1.0, 0.0], time=[1.0, 2.0])
+    np.testing.assert_allclose(motion.x[:, 1, 0], np.cos([1.0, 2.0]), atol=1e-8)
+    motion.save(tmp_path / "motion.npz")
+    assert sf.Motion.load(tmp_path / "motion.npz") == motion
+    assert Field.from_dict(field[0].to_dict()) == field[0]

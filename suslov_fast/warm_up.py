@@ -20,8 +20,8 @@ from .maps import MAPS
 
 FEW, MANY = 3, 256  # states of calls in one thread, and in parallel: blocks for two threads
 # Names of the second argument, which is positional only.
-_STATES = "omega", "omega0", "xy", "x"
-_NO_KERNELS = "animate_body", "compiled", "explore", "integrability"
+_STATES = "omega", "omega0", "xy", "x", "x0"
+_NO_KERNELS = "animate_body", "compiled", "explore", "integrability", "show_versions"
 
 
 def call_all() -> None:
@@ -40,16 +40,21 @@ def call_all() -> None:
         threads.CROSSOVER = 0 if count == MANY else crossover
         states = rng.uniform(0.1, 1.0, (count, body.dimension))
         states[1::2] = pole
-        values = {"body": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
+        values = {"body": body, "system": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
         values["surface"] = lambda x: x[..., 0] - 0.5
         values |= {"omega": states, "omega0": states, "xy": states, "x": 0.0 * states}
+        values["x0"] = states
         variants: list[dict[str, Any]] = [{"method": name} for name in map.methods]
         variants += [{}, {"save_every": None}, {"attitude": True}, {"n": [0, 40]}]
         for function, options in product(filter(inspect.isfunction, public), variants):
             names, known = inspect.signature(function).parameters, values | options
+            if "steps" in names:  # along the map, not along the motion
+                del known["time"]
             if options.keys() <= names.keys():
                 keywords = {name: known[name] for name in names if name in known}
-                positional = [keywords.pop(k) for k in ("body", *_STATES) if k in keywords]
+                positional = [
+                    keywords.pop(k) for k in ("body", "system", *_STATES) if k in keywords
+                ]
                 if "I3" in names:  # `step_full`, whose states have three components
                     positional[1] = np.pad(states, [(0, 0), (0, 1)], constant_values=0.5)
                 # Some functions do not take this body; drawings need an extra.

@@ -43,12 +43,12 @@ ROWS = (
         (
             "step",
             "crossings",
-            "vector_field",
             "jacobian",
-            "lyapunov_exponents",
             "multipliers",
         ),
     ),
+    ("", ("vector_field",)),
+    ("of the map; for a `Field` of the motion alone", ("lyapunov_exponents",)),
     ("", ("matrix",)),
     ("all fixed points, where there are finitely many", ("fixed_points",)),
     ("the motion: to a tolerance for fields, in closed form for bodies", ("flow",)),
@@ -75,10 +75,12 @@ def call(name, body, state):
     function = attrgetter(name)(sf)
     _, *parameters = signature(function).parameters.values()
     needed = [each.name for each in parameters if each.default is each.empty]
+    keywords = {each.name: GIVEN["time"] for each in parameters if each.name == "time"}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            return function(body, *(GIVEN.get(each, state) for each in needed))
+            given = (GIVEN.get(each, state) for each in needed if each != "time")
+            return function(body, *given, **keywords)
         except (TypeError, ValueError):
             return None
 
@@ -90,6 +92,8 @@ def answer(name, body):
     first = call(name, body, state)
     if first is None or name not in CONSERVED:
         return "no" if first is None else "yes"
+    if isinstance(body, sf.Field):  # it has no map that could conserve it
+        return "yes"
     last = call(name, body, sf.iterate(body, state, GIVEN["eps"], 20).final)
     return "yes" if abs(last / first - 1) < 1e-13 else "varies"
 

@@ -303,6 +303,7 @@ def test_an_interrupt_while_careful_steps_are_compiled(monkeypatch, batch):
             raise KeyboardInterrupt
         return compile_with(*signature, **options)
 
+    monkeypatch.setattr(core_numba, "PATIENCE", -1.0)
     monkeypatch.setattr(core_numba.numba, "cfunc", interrupted)
     monkeypatch.setattr(steps_field, "careful", fresh)
     with pytest.raises(KeyboardInterrupt):

@@ -27,10 +27,6 @@ BODIES = {
     "`QuadraticField`, other": [
         sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
     ],
-    "`Field`": [
-        sf.Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), 2),
-        sf.Field.from_function(lambda x: (x[1], -np.sin(x[0]) - x[1]), 2),
-    ],
     "`Suslov3D`": [sf.Suslov3D(4, 2, -0.5, -0.3)],
     "`SuslovGyrostat`": [sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)],
     "`SuslovND`, integrable": [sf.SuslovND([2, 2, 2], I), sf.SuslovND([2, 2, 3], [0, 0, 0.5])],
@@ -48,7 +44,7 @@ ROWS = (
         ),
     ),
     ("", ("vector_field",)),
-    ("of the map; for a `Field` of the motion alone", ("lyapunov_exponents",)),
+    ("", ("lyapunov_exponents",)),
     ("", ("matrix",)),
     ("all fixed points, where there are finitely many", ("fixed_points",)),
     ("the motion: to a tolerance for fields, in closed form for bodies", ("flow",)),
@@ -92,8 +88,6 @@ def answer(name, body):
     first = call(name, body, state)
     if first is None or name not in CONSERVED:
         return "no" if first is None else "yes"
-    if isinstance(body, sf.Field):  # it has no map that could conserve it
-        return "yes"
     last = call(name, body, sf.iterate(body, state, GIVEN["eps"], 20).final)
     return "yes" if abs(last / first - 1) < 1e-13 else "varies"
 

@@ -156,13 +156,6 @@ maps.register(maps.Map(name="euler", title="Euler", body=sf.QuadraticField, meth
 from suslov_fast.integrability import report
 top = sf.QuadraticField.from_function(lambda x: (x[1]*x[2], x[2]*x[0], x[0]*x[1]), 3)
 text.append(str(report(top, degree=2)))""",
-    "command": """
-from suslov_fast.command import main
-from pathlib import Path
-with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(None):
-    path = Path(folder, "run.npz")
-    main(["run", "--trajectories", "5000", "--steps", "400", "-o", str(path)])
-    found.append(sf.Trajectories.load(path).final)""",
 }  # fmt: skip
 BEGIN = """
 import contextlib, hashlib, tempfile, warnings

@@ -171,8 +171,9 @@ def at_equal_error(function, name, arguments, batch, below, size):
     return Work(lambda: call(x), len(x), "trajectory", check)
 
 
-# Tolerances for errors below 1e-3, 1e-6 and 1e-9. A search found the largest for `flow` of euler and
-# fput at 1e-3, and for heyoka of fput there; the others are not searched anew for today's `flow`.
+# Tolerances for errors below 1e-3, 1e-6 and 1e-9. A search found the largest for `flow` of euler
+# and fput at 1e-3, and for heyoka of fput there; the others are not searched anew for today's
+# `flow`.
 BELOW = 1e-3, 1e-6, 1e-9
 TOLERANCES = {
     ("euler", "flow"): (9e-6, 2.2e-7, 3.9e-10),

@@ -94,7 +94,7 @@ def as_in_an_empty_process(monkeypatch):
             if isinstance(each, core_numba.Patient):
                 monkeypatch.setattr(each, "seconds", 0.0)
                 names = ["briefly", "serial", "_compiled"]
-                names += ["compiled"] * isinstance(each, core_numba.Universal)
+                names += ["compiled", "_is_kept"] * isinstance(each, core_numba.Universal)
                 for name in names:
                     monkeypatch.delitem(vars(each), name, raising=False)
         for name in ("is_kept", "has_files"):

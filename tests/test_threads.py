@@ -324,7 +324,7 @@ def test_ctrl_c_at_random_moments_of_a_field(in_loop, monkeypatch):
     sf.iterate(field, x, 0.1, 30, threads=2)
     seconds = time.perf_counter() - began
     with interrupts(lambda *_: signal.raise_signal(signal.SIGINT)):
-        for _ in range(300):
+        while heard < 50:  # a busy machine hears few of them
             try:
                 signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, seconds))
                 sf.iterate(field, x, 0.1, 30, threads=2)
@@ -332,7 +332,6 @@ def test_ctrl_c_at_random_moments_of_a_field(in_loop, monkeypatch):
             except KeyboardInterrupt:
                 heard += 1
             assert not threads._one_at_a_time._is_owned()
-    assert heard > 50
     assert (sf.iterate(field, x, 0.1, 30, threads=2).states == expected).all()
 
 

@@ -19,8 +19,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.command import main as command
-from suslov_fast.command import summary, warm_up
+from suslov_fast.command import main as command, summary, warm_up
 from suslov_fast.command.main import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
@@ -65,9 +64,10 @@ def test_help():
     for name in ("run", "info", "plot", "report", "pictures", "explore", "warm-up"):
         assert f"    {name} " in text
         assert f"usage: suslov-fast {name} " in succeed(f"{name} --help")
-    code = "import sys, suslov_fast.command.main as c, atexit as a; a.register(lambda: print(*sys.modules))"
+    code = "import sys, suslov_fast.command.main as c, atexit as a"
     for words in (["run", "--help"], ["run", "--stpes", "3"]):
-        command = [sys.executable, "-c", f"{code}; c.main({words})"]
+        calls = f"a.register(lambda: print(*sys.modules)); c.main({words})"
+        command = [sys.executable, "-c", f"{code}; {calls}"]
         done = subprocess.run(command, capture_output=True, text=True)
         assert "--save-every" in done.stdout + done.stderr
         assert not {"numba", "numpy", "matplotlib"} & set(done.stdout.split())

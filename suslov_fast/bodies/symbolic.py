@@ -423,6 +423,16 @@ class Symbol:
     def __bool__(self) -> bool:
         raise self.tracer.asked(self.operand)
 
+    def _converted(self, *_: Any) -> Any:
+        how = (
+            "write np.sin in place of math.sin, np.floor of int, np.zeros(n, object) of np.zeros(n)"
+        )
+        raise Untraceable(
+            f"{self} is a symbol, which has no value as float, int or math want: {how}"
+        )
+
+    __float__ = __int__ = __index__ = __complex__ = _converted
+
     def __floor__(self) -> Any:
         return applied("floor", self)
 

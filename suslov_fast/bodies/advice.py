@@ -72,7 +72,16 @@ def check_arguments(
         return
     f_name = name_of(f, argument)
     if is_timed:
-        how = f"leave time out; to make it a variable see {page(GENERAL)}"
+        own = [a.name for a in parameters if a.name not in TIME]
+        texts = dict.fromkeys(TIME, "None") | dict.fromkeys(own[:1], "x")
+        passed = [
+            f"{a.name}=" * (a.kind is a.KEYWORD_ONLY) + texts.get(a.name, a.name)
+            for a in parameters
+        ]
+        how = (
+            f"pass lambda {', '.join(['x', *own[1:]])}: {f_name}({', '.join(passed)}), if it uses "
+        )
+        how += f"no time; to make time a variable see {page(GENERAL)}"
     elif not takes_state:
         how = f"pass lambda x: {f_name}(*x)" if first else "write lambda x: ..."
     elif missing:

@@ -424,12 +424,9 @@ class Symbol:
         raise self.tracer.asked(self.operand)
 
     def _converted(self, *_: Any) -> Any:
-        how = (
-            "write np.sin in place of math.sin, np.floor of int, np.zeros(n, object) of np.zeros(n)"
-        )
-        raise Untraceable(
-            f"{self} is a symbol, which has no value as float, int or math want: {how}"
-        )
+        why = "is a symbol without a value, so float, int and math cannot convert it"
+        how = "write np.sin for math.sin, np.floor for int, np.zeros(n, object) for np.zeros(n)"
+        raise Untraceable(f"{self} {why}: {how}")
 
     __float__ = __int__ = __index__ = __complex__ = _converted
 

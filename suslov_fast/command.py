@@ -260,19 +260,20 @@ def _motion(path: Path | None, force: bool, work: Any, settings: Any) -> dict[st
     """Solve the equations of motion from 0 to a time, as `_in_memory` computes a run."""
     import numpy as np
 
-    from .checks import integer
+    from .checks import integer, real_number
 
     _check_writable(path, force)
     body, starts = work
     starts = _states_of(starts, body)
-    end, points = settings["time"], integer("points", settings.get("points", 101), 1)
+    end, points = real_number("time", settings["time"]), settings.get("points", 101)
     named = {name: settings[name] for name in settings.keys() - {"time", "points"}}
     if len(named.get("atol", ())) == 1:
         [named["atol"]] = named["atol"]
+    times = np.linspace(0.0, end, integer("points", points, 1))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", sf.SingularStepWarning)  # the summary counts them
+        warnings.simplefilter("ignore", sf.PoleWarning)  # the summary counts them
         begin = time.perf_counter()
-        result = sf.flow(body, starts, time=np.linspace(0.0, end, points), **named)
+        result = sf.flow(body, starts, time=times, **named)
         seconds = time.perf_counter() - begin
     return _saved(result, path, force, facts_of_motion(result) | {"seconds": seconds})
 

@@ -94,7 +94,8 @@ _WORDS = {word: (names.split(), how) for words, names, how in _TABLE for word in
 def instead(word: str, known: Collection[str]) -> str:
     """Return what to use for a word: a known name, or a sentence, or nothing."""
     names, how = _WORDS.get(word.lower().replace("_", ""), ((), ""))
-    found = [name for name in names if name in known]
+    found = [each for each in known if each.lower() == word.lower()]
+    found += [name for name in names if name in known]
     near = get_close_matches(word, known, 1, 0.75)
     return (found or [how] * bool(how) or near or [""])[0]
 

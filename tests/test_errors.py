@@ -363,7 +363,8 @@ ATTRIBUTES = [
     (POINTS, "x1", r"crossings\.states\[:, 0\]"), (BODY, "energy", r"suslov_fast\.energy"),
     (BODY, "trajectory", r"suslov_fast\.iterate"), (BODY, "dim", "dimension"),
     (NAMED, "rho", "parameters"), (NAMED, "to_latex", "str"), (FIELD, "sigma", ""),
-    (sf, "odeint", "flow"), (sf, "zoo", "integrability"), (sf, "pictures", r"Suslov3D\.figure"), (sf, "nothing", ""), (sf.integrability, "nothing", ""),
+    (sf, "odeint", "flow"), (sf, "zoo", "integrability"),
+    (sf, "pictures", r"Suslov3D\.figure"), (sf, "nothing", ""), (sf.integrability, "nothing", ""),
 ]  # fmt: skip
 
 

@@ -1,0 +1,557 @@
+"""The command `suslov-fast`."""
+
+import contextlib
+import errno
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from pathlib import Path
+from types import SimpleNamespace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.command import main as command, summary, warm_up
+from suslov_fast.command.main import main
+
+posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
+COMMAND = [sys.executable, "-m", "suslov_fast"]
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def run(line):
+    """Run the command in this process, where all modules and kernels are loaded."""
+    output, errors = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        try:
+            code = main(line.split())
+        except SystemExit as stopped:  # of argparse
+            code = stopped.code
+    return SimpleNamespace(code=code, out=output.getvalue(), err=errors.getvalue())
+
+
+def succeed(line):
+    """Run a command that must succeed without messages, and return its output."""
+    done = run(line)
+    assert (done.code, done.err) == (0, "")
+    return done.out
+
+
+def facts_of(line):
+    return json.loads(succeed(f"{line} --json"))
+
+
+def start(line, **pipes):
+    return subprocess.Popen([*COMMAND, *line.split()], stderr=subprocess.PIPE, text=True, **pipes)
+
+
+def test_help():
+    """It needs no kernels, nor does the message of a usage error."""
+    assert succeed("-V") == f"suslov-fast {sf.__version__}\n"
+    text = succeed("--help")
+    for name in ("run", "info", "plot", "report", "figures", "explore", "warm-up"):
+        assert f"    {name} " in text
+        assert f"usage: suslov-fast {name} " in succeed(f"{name} --help")
+    code = "import sys, suslov_fast.command.main as c, atexit as a"
+    for words in (["run", "--help"], ["run", "--stpes", "3"]):
+        calls = f"a.register(lambda: print(*sys.modules)); c.main({words})"
+        command = [sys.executable, "-c", f"{code}; {calls}"]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert "--save-every" in done.stdout + done.stderr
+        assert not {"numba", "numpy", "matplotlib"} & set(done.stdout.split())
+
+
+BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
+UNIT = "run --I1 1 --I2 1 --I13 1 --I23 0 --eps 1 --steps 20"
+
+
+def test_failures_are_counted():
+    """The rate is that of the steps computed; it is an error that no trajectory is left."""
+    line = f"{UNIT} --omega0 .3,.1 --omega0 1,-3 --omega0 .5,-40"
+    text, facts = succeed(line), facts_of(line)
+    for status in sf.Status.OK, sf.Status.SUPERCRITICAL, sf.Status.SINGULAR:
+        assert f"1 {status.name}: {status.message}" in text
+    assert facts["steps_per_second"] * facts["seconds"] == pytest.approx(20 + 1 + 20)
+    assert 0 < facts["drift"]["first_integral"] < 1e-12
+    done = run(f"{UNIT} --omega0 1,-3")
+    assert (done.code, done.err) == (1, "suslov-fast: run: all trajectories failed\n")
+    assert "1 SINGULAR" in done.out
+    assert "drift" not in done.out
+
+
+@pytest.mark.parametrize("suffix", ["npz", "zarr"])
+def test_run_and_info(suffix):
+    name = f"result.{suffix}"
+    facts = facts_of(f"run --trajectories 1e2 --steps 2e1 --save-every 10 -o {name}")
+    expected = {"trajectories": 100, "steps": 20, "written": name, "status": {"OK": 100}}
+    assert {**facts, **expected} == facts
+    found = [json.loads(line) for line in succeed(f"info {name} {name} --json").splitlines()]
+    assert [{**facts, "file": name, **each} for each in found] == [{**facts, "file": name}] * 2
+    mixed = run(f"info {name} missing.npz {name} text.txt")
+    assert (mixed.code, mixed.out) == (1, succeed(f"info {name} {name}"))
+    assert [line.split(":")[1] for line in mixed.err.splitlines()] == [" missing.npz", " text.txt"]
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_warning_is_one_line():
+    line = "run --I1 4 --I2 1 --I13 -.5 --I23 -.3 --I3 50 --eps .1 --omega0 1,2 --steps 2"
+    done = run(line)
+    assert done.code == 0
+    assert done.err.startswith("suslov-fast: warning: no body has I3 = 50")
+    assert done.err.count("\n") == 1
+
+
+def lotka():
+    f = lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1))  # noqa: E731
+    return sf.QuadraticField.from_function(f, 2)
+
+
+# What is passed to `iterate`, beside these.
+DEFAULTS = {
+    "body": sf.Suslov3D(4, 3, -0.4, -0.2), "omega0": sf.RandomStarts(65_536, 2.0), "eps": 0.2,
+    "steps": 4, "save_every": None,
+}  # fmt: skip
+STARTS = [[0.3, 0.1], [1.0, -3.0], [0.5, -40.0]]
+RUNS = {
+    "": {},
+    "--figure 4 --eps -1/4": {"body": sf.Suslov3D(3, 3, -0.2, -0.2), "eps": -0.25},
+    "--I1 4 --I2 1 --I13 -.5 --I23 -3e-1 --eps -1e-3": {
+        "body": sf.Suslov3D(4, 1, -0.5, -0.3), "eps": -1e-3,
+    },
+    "--I1 4 --I2 1 --I13 -.5 --I23 0 --I3 4 --k -.5 --eps 1": {
+        "body": sf.SuslovGyrostat(4, 1, -0.5, 0, -0.5, 4), "eps": 1.0,
+    },
+    "--J 5,6,7 --I -0.4,-0.7,5e-1 --eps 1 --method gauss": {
+        "body": sf.SuslovND([5, 6, 7], [-0.4, -0.7, 0.5]), "eps": 1.0, "method": "gauss",
+    },
+    "--body b.json --eps 1 --trajectories 300": {
+        "body": lotka(), "eps": 1.0, "omega0": sf.RandomStarts(300, 2.0),
+    },
+    "--omega0 -1,.5 --omega0 2,-3": {"omega0": [[-1.0, 0.5], [2.0, -3.0]]},
+    "--trajectories 3 --extent 0.5 --seed 4": {"omega0": sf.RandomStarts(3, 0.5, 4)},
+    "--initial s.npy --figure 1 --threads 1 --save-every 2 --attitude": {
+        "body": sf.Suslov3D(4, 1, -0.5, -0.3), "omega0": STARTS, "save_every": 2, "attitude": True,
+    },
+}  # fmt: skip
+
+
+@pytest.mark.compiled  # 65,536 trajectories are the default
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("options", RUNS)
+def test_run_is_iterate(options):
+    Path("b.json").write_text(json.dumps(lotka().to_dict()))
+    np.save("s.npy", STARTS)
+    given = DEFAULTS | RUNS[options]
+    body, omega0 = given.pop("body"), given.pop("omega0")
+    expected = sf.iterate(body, omega0, **given, on_singular="ignore")
+    facts = facts_of(f"run {options} --steps 4 -o o.npz")
+    assert sf.Trajectories.load("o.npz") == expected
+    assert (facts["body"], facts["eps"]) == (expected.body.to_dict(), expected.eps)
+    assert "status" in succeed("info o.npz")
+    succeed(f"run {options} --steps 4 -o o.zarr")
+    stored = sf.open_ensemble("o.zarr")
+    for name in (expected.map.variable, "final"):
+        np.testing.assert_array_equal(stored[name], getattr(expected, name))
+
+
+def pendulum():
+    return sf.Field.from_function(lambda x, a: (x[1], -a * np.sin(x[0])), "q p", a=[1.0, 2.0])
+
+
+def test_a_motion_is_flow():
+    Path("b.json").write_text(json.dumps(pendulum().to_dict()))
+    line = "run --body b.json --time 5 --points 11 --rtol 1e-6 --atol 1e-8 --trajectories 3"
+    facts = facts_of(f"{line} -o m.npz")
+    family = sf.Field.from_dict(pendulum().to_dict() | {"parameters": {"a": [[1.0], [2.0]]}})
+    states = sf.RandomStarts(3, 2.0).states(3, dimension=2)
+    expected = sf.flow(family, states, time=np.linspace(0, 5, 11), rtol=1e-6, atol=1e-8)
+    assert sf.Motion.load("m.npz") == expected
+    assert facts["steps"] == expected.steps.sum() > 0
+    assert (facts["trajectories"], facts["time"], facts["saved_states"]) == (6, 5, 11)
+    assert facts["status"] == {"OK": 6}
+    found = facts_of("info m.npz")
+    assert {**facts, **found} == facts | {"file": "m.npz"}
+    assert "Field of shape (2, 1)" in succeed("info m.npz")
+    assert succeed("plot m.npz -o m.png --components time,q") == "m.png\n"
+
+
+def test_a_motion_of_a_body_keeps_its_energy():
+    facts = facts_of("run --figure 1 --time 2 --trajectories 9")
+    assert facts["drift"]["energy"] < 1e-12
+    done = run("run --body b.json --time 2 --omega0 1")
+    assert (done.code, done.out) == (1, "")
+    Path("b.json").write_text(json.dumps(sf.QuadraticField([[[1]]]).to_dict()))
+    done = run("run --body b.json --time 2 --omega0 1 --omega0 .1")
+    assert done.code == 0
+    assert "1 ENDED" in done.out
+
+
+@pytest.mark.parametrize("suffix", ["npz", "zarr"])
+def test_summaries_show_formulas_and_all_digits(suffix):
+    """A field is its equations; a method is shown where there are others."""
+
+    def f(x, a):
+        return x[1], -a * x[0] - x[0] ** 2
+
+    Path("b.json").write_text(json.dumps(sf.QuadraticField.from_function(f, 2, a=0.125).to_dict()))
+    line = f"run --body b.json --eps 1/128 --trajectories 9 --steps 3 -o r.{suffix} --extent 0.1"
+    for text in (succeed(line), succeed(f"info r.{suffix}")):
+        assert "QuadraticField(x1' = x2, x2' = -x1^2 - 1/8*x1)" in text
+        assert "a = 0.125" in text or "a                0.125\n" in text
+        assert "eps              0.0078125\n" in text
+        assert "quadratic" not in text.replace("of a quadratic field", "")
+        assert "method           auto\n" in text
+    line = f"run --J 5,6,7 --I -.4,-.7,.123456789 --eps 1 --trajectories 9 --steps 3 -o n.{suffix}"
+    assert "method           auto\n" in succeed(line)
+    assert "0.123456789" in succeed(f"info n.{suffix}")
+
+
+def lorenz(rho):
+    f = lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2])  # noqa: E731
+    return sf.QuadraticField.from_function(f, "u v w", rho=rho)
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("members", [1, 38, 400])
+def test_summaries_of_families(members):
+    """Of large tables a store has no numbers; values of a parameter take one line."""
+    family = lorenz(np.linspace(20, 30, members))
+    sf.ensemble(family, np.ones(3), 1 / 128, 3, store="f.zarr")
+    sf.iterate(family, np.ones(3), 1 / 128, 3).save("f.npz")
+    Path("b.json").write_text(json.dumps(family.to_dict()))
+    line = "run --body b.json --eps 1/128 --omega0 1,1,1 --steps 3 -o c.zarr"
+    for text in (succeed("info f.zarr"), succeed("info f.npz"), succeed(line)):
+        assert f"trajectories     {members}\n" in text
+        assert "QuadraticField" in text
+        assert max(map(len, text.splitlines())) < 120
+        assert members == 1 or f"{members} values from 20 to 30" in text
+        assert "linear" not in text
+
+
+@pytest.mark.slow
+def test_info_and_plot_of_crossings():
+    points = sf.crossings(
+        lorenz(28), [[1, 1, 20], [2, 1, 20]], 1 / 64, 3000, lambda x: x[..., 2] - 27
+    )
+    points.save("p.npz")
+    facts = facts_of("info p.npz")
+    expected = {"crossings": len(points), "trajectories": 2, "direction": 1, "transient": 0}
+    assert {**facts, **expected, "status": {"OK": 2}, "steps": 3000} == facts
+    assert "most" not in facts
+    assert f"crossings        {len(points)}\n" in succeed("info p.npz")
+    sf.iterate(BODY, [1.0, 0.5], 0.2, 30).save("r.npz")
+    for name, suffix, start in (
+        ("p", "png", b"\x89PNG"),
+        ("r", "png", b"\x89PNG"),
+        ("r", "pdf", b"%PDF"),
+        ("p", "svg --components u,v", b"<?xml"),
+        ("r", "svg --components time,1", b"<?xml"),
+    ):
+        suffix, _, options = suffix.partition(" ")
+        assert succeed(f"plot {name}.npz -o {name}.{suffix} {options}") == f"{name}.{suffix}\n"
+        assert Path(f"{name}.{suffix}").read_bytes().startswith(start)
+    succeed("plot p.npz -o r.png --force")
+    assert Path("r.png").read_bytes() == Path("p.png").read_bytes()
+    assert not plt.get_fignums()
+
+
+def test_a_family_and_a_box_of_starts(tmp_path, monkeypatch):
+    """From standard input, in the encodings that editors and PowerShell write."""
+    field = sf.QuadraticField.from_function(
+        lambda x, a: (x[0] * (a - x[1]), x[1] * (x[0] - 1)), "prey predator", a=[1.0, 2.0, 3.0]
+    )
+    text = json.dumps(field.to_dict())
+    options = "--eps 1/64 --steps 9 --low 0.5,1 --high 2 --trajectories 5 --method order4"
+    starts = sf.RandomStarts(5, low=(0.5, 1.0), high=2.0)
+    for encoding in ("utf-8", "utf-8-sig", "utf-16"):
+        (tmp_path / "family.json").write_bytes(text.encode(encoding))
+        output = tmp_path / f"{encoding}.npz"
+        with open(tmp_path / "family.json", "rb") as file:
+            wrapped = io.TextIOWrapper(file)
+            monkeypatch.setattr(sys, "stdin", wrapped)
+            assert main(["run", "--body", "-", *options.split(), "-o", str(output)]) == 0
+        family = sf.Trajectories.load(output)
+        assert family.status.shape == (3, 5)
+        for k, a in enumerate([1.0, 2.0, 3.0]):
+            one = sf.iterate(field.sel(a=a), starts, 1 / 64, 9, save_every=None, method="order4")
+            np.testing.assert_array_equal(family.final[k], one.final)
+
+
+def test_states_from_standard_input(monkeypatch):
+    np.save("s.npy", [[1.0, 0.5], [0.2, -0.7]])
+    for name in ("s.npy", os.devnull):
+        with open(name, "rb") as file:
+            monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(file))
+            done = run("run --initial - --steps 9 -o piped.npz --force")
+    assert (done.code, done.err.count("\n")) == (1, 1)
+    assert done.err.startswith("suslov-fast: standard input: not a complete file of numpy.save")
+    succeed("run --initial s.npy --steps 9 -o read.npz")
+    assert sf.Trajectories.load("piped.npz") == sf.Trajectories.load("read.npz")
+
+
+def test_a_log_shows_signs_of_life(monkeypatch):
+    seen = threading.Event()
+    monkeypatch.setattr(command, "_BEAT", 0.01)
+    monkeypatch.setattr(command, "_tell", lambda text: seen.set())
+    monkeypatch.setattr(os, "isatty", lambda _: False)
+    monkeypatch.setattr(warm_up, "call_all", lambda: seen.wait(60))
+    assert main(["warm-up"]) == 0
+    assert seen.is_set()
+
+
+def test_a_store_is_finished_or_refused():
+    line = "run --trajectories 100 --steps 40 --save-every 4 -o run.zarr"
+    succeed(line)
+    Path("run.zarr/status/c/0").unlink()
+    assert "100 PENDING: not computed yet" in succeed("info run.zarr")
+    assert facts_of(line)["status"] == {"OK": 100}
+    again = facts_of(line)
+    assert again["complete_already"] == "run.zarr"
+    assert not {"seconds", "written"} & again.keys()
+    refused = run(f"{line} --eps 0.3")
+    assert (refused.code, refused.err.count("\n")) == (1, 1)
+    assert "eps: 0.3, the store has 0.2" in refused.err
+
+
+def test_force_replaces_a_run(monkeypatch):
+    for name in ("run.npz", "run.zarr"):
+        for eps in (0.2, 0.3):
+            line = f"run --omega0 1,2 --steps 3 --eps {eps} -o {name} --force"
+            assert facts_of(line)["eps"] == eps == facts_of(f"info {name}")["eps"]
+
+    def refuse(path):
+        raise PermissionError(errno.EACCES, "Permission denied", "0")  # an entry in the store
+
+    monkeypatch.setattr("shutil.rmtree", refuse)
+    refused = run(line)
+    assert refused.err == "suslov-fast: run.zarr: not replaced: Permission denied\n"
+
+
+def test_long_names_in_a_summary_end_with_a_blank():
+    facts = summary.facts_of(sf.iterate(BODY, [1.0, 0.5], 0.2, 3), None)
+    text = summary.lines_of(facts | {"failed_after_a_pole": 42}, False)
+    assert "failed after a pole 42" in text
+
+
+# Exit status, command line, and what the message on stderr names.
+MISTAKES = """
+2 | | command
+2 | rum | run
+2 | simulate | run
+2 | run --stpes 3 | --steps
+2 | run --dt 3 | --eps
+2 | run --x0 1,2 | --omega0
+2 | run --overwrite | --force
+2 | run --i1 3 | --I1
+2 | run --workers 2 | --threads
+2 | run --rho 28 | --rho
+2 | run good.json | good.json
+2 | report --body good.json --timeout 3 | --time-limit
+2 | --json run | --json comes after the command
+2 | run --steps 1.5 | --steps
+2 | run --steps abc | --steps
+2 | run --steps 1e-99999999 | --steps
+2 | run --omega0 1,x | --omega0
+2 | run --omega0 1 2 | 2
+2 | run --I1 4.5 | --I2, --I13, --I23, --eps
+2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k
+2 | run --I1 4 --figure 1 | --I1
+2 | run --figure one | --figure
+2 | run --omega0 1,2 --seed 0 | --seed
+2 | run --omega0 1,2 --low 1 | --low
+2 | run --low 1 | --high
+2 | run --low 1 --high 2 --extent 3 | --extent
+2 | run --save-every 3 | --save-every
+2 | run -o o.csv | o.csv
+2 | run --body good.json | --eps
+2 | run --body - --initial - --eps 1 | standard input
+2 | run --body field.json --eps 1 | --time
+2 | run --time 3 --eps 1 | --eps
+2 | run --time 3 --save-every 2 | --save-every
+2 | run --rtol 1e-3 | --rtol
+2 | run --time 3 -o o.zarr | o.zarr
+2 | report --body good.json --eps 1/0 | --eps
+2 | report --body good.json --eps 1e99999999 | --eps
+2 | explore --port 65536 | --port
+2 | plot good.npz | --output
+2 | plot run.npz -o o.docx | o.docx
+1 | run --omega0 1,2,3 | --omega0
+1 | run --J 1,-2 --I 1,1 --eps 1 | --J
+1 | run --trajectories 0 | --trajectories
+1 | run --trajectories 1e12 --steps 9 | memory
+1 | run --trajectories 1e12 -o o.zarr | o.zarr
+1 | run --threads 0 | --threads
+1 | run --threads 100000 | --threads
+1 | run --steps -1 | --steps
+1 | run --method order9 | --method
+1 | run --low 1 --high 0 | --low
+1 | run --low 1,2,3 --high 4 | low and high
+1 | run --time 3 --points 0 | --points
+1 | run --time inf | time
+1 | run --time 3 --rtol 1 | --rtol
+1 | run --time 3 --atol -1 | --atol
+1 | report --body good.json --degree 0 | --degree
+1 | run --body missing.json --eps 1 | missing.json
+1 | run --body nowhere/good.json --eps 1 | nowhere/good.json
+1 | run --body cut.json --eps 1 | cut.json
+1 | run --body good.npz --eps 1 | good.npz
+1 | run --body wrong.json --eps 1 | wrong.json
+1 | run --initial cut.npy | cut.npy
+1 | run --initial part.npy | part.npy
+1 | run --initial nan.npy | nan.npy
+1 | run -o good.npz | good.npz exists
+1 | run --time 3 -o good.npz | good.npz exists
+1 | run -o missing/o.npz | missing/o.npz
+1 | run -o folder.zarr --force | folder.zarr
+1 | info wrong.json | wrong.json
+1 | info foreign.npz | foreign.npz
+1 | info folder.zarr | folder.zarr
+1 | plot missing.npz -o o.png | missing.npz
+1 | plot foreign.npz -o o.png | foreign.npz
+1 | plot folder.zarr -o o.png | folder.zarr
+1 | plot run.npz -o figure1.png | figure1.png exists
+1 | plot run.npz --components Omega1,p -o o.png | --components
+1 | figures | figure1.png exists
+"""
+
+
+@pytest.fixture(scope="module")
+def bad_files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bad")
+    (folder / "folder.zarr").mkdir()
+    (folder / "folder.zarr" / "thesis.tex").touch()
+    np.save(folder / "good.npy", np.ones((4, 2)))
+    np.save(folder / "nan.npy", [[1, 2], [3, 4], [5, np.nan]])
+    np.savez(folder / "foreign.npz", x=np.ones(3))
+    (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
+    (folder / "part.npy").write_bytes((folder / "good.npy").read_bytes()[:-8])
+    sf.iterate(BODY, [1.0, 0.5], 0.2, 3).save(folder / "run.npz")
+    body = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": 0, "I23": 1}
+    texts = {"good.json": json.dumps(body), "wrong.json": json.dumps(body | {"I1": -4})}
+    texts |= {"cut.json": '{"body": ', "good.npz": "precious", "figure1.png": "precious"}
+    texts["field.json"] = json.dumps(pendulum().to_dict())
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    return folder
+
+
+@posix
+@pytest.mark.parametrize("mistake", MISTAKES.strip("\n").splitlines())
+def test_mistakes(bad_files, monkeypatch, mistake):
+    """An error has the right exit status, names what is wrong, and writes no file."""
+    status, line, message = (each.strip() for each in mistake.split("|"))
+    monkeypatch.chdir(bad_files)
+    before = set(os.listdir())
+    done = run(line)
+    assert (done.code, done.out) == (int(status), "")
+    last = done.err.splitlines()[-1]
+    assert last.startswith("suslov-fast")
+    assert message in last, last
+    assert int(status) == 2 or done.err.count("\n") == 1
+    foreign = ("Traceback", "sys.exit", "pickle=", "Errno", "mmap")
+    assert not any(word in done.err for word in foreign)
+    assert set(os.listdir()) == before
+    assert Path("good.npz").read_text() == "precious"
+
+
+@pytest.mark.compiled
+@posix
+@pytest.mark.slow
+def test_ctrl_c():
+    """A run of hours ends at once; a store keeps its tiles, and the same command goes on."""
+    # Numba may lose a signal while it compiles: what follows finds the kernels compiled.
+    assert run("run --trajectories 1000 --steps 2").code == 0
+    line = "run --trajectories 1000 --steps 1e10 -o"
+    for name, words in (("o.npz", "o.npz was not written"), ("o.zarr", "goes on")):
+        with start(f"{line} {name}") as process:
+            while not (name == "o.npz" or Path("o.zarr/zarr.json").exists()):
+                assert process.poll() is None
+                time.sleep(0.05)
+            time.sleep(3.0 if name == "o.npz" else 1.0)
+            process.send_signal(signal.SIGINT)
+            try:
+                errors = process.communicate(timeout=10)[1]
+            finally:
+                process.kill()  # one that does not end
+        assert process.returncode == 130
+        # Zarr 3.1.3 tells first that it uses the old crc32c.
+        assert "suslov-fast: interrupted: " in errors
+        assert words in errors
+    assert os.listdir() == ["o.zarr"]
+
+
+@posix
+@pytest.mark.slow
+def test_streams():
+    reading, writing = os.pipe()
+    os.close(reading)  # nobody reads
+    with start("run --trajectories 5 --steps 5", stdout=writing) as process:
+        assert (process.communicate(timeout=60)[1], process.returncode) == ("", 141)
+    os.close(writing)
+    line = f"'{COMMAND[0]}' -m suslov_fast run --trajectories 5 --steps 5 > /dev/full"
+    for unbuffered in ("", "1"):
+        done = subprocess.run(
+            ["sh", "-c", line], capture_output=True, text=True, timeout=60,
+            env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+        )  # fmt: skip
+        assert (done.returncode, done.stderr) == (1, "suslov-fast: No space left on device\n")
+
+
+def test_warm_up_says_where_code_is_kept(monkeypatch):
+    for folders, words in (
+        ([("/a/b/c", True), ("/a/b", True)], "compiled code is kept in /a/b"),
+        ([("/a/b/c", False), ("/a/d", True)], "compiled code is kept in /a, which cannot be"),
+        ([(None, False), ("/a/b", True)], "nothing is kept: no folder can be written"),
+    ):
+        given = iter(folders)
+        monkeypatch.setattr(warm_up, "folder_of", lambda compiled, given=given: next(given))
+        assert warm_up.where_code_is_kept().startswith(words)
+
+
+def test_report():
+    Path("b.json").write_text(json.dumps(lotka().to_dict()))
+    line = "report --body b.json --eps 1/3 --degree 1"
+    assert "degree" in succeed(line)
+    assert facts_of(line)
+    lemma = "25*(4*x1^2 + x2^2)/(25*x1^2 + 30*x1*x2 + 9*x2^2 + 40000)"
+    for system in ("--figure 1", "--I1 4 --I2 1 --I13 -0.5 --I23 -0.3"):
+        found = facts_of(f"report {system} --eps 0.2 --degree 2 --json")
+        assert [each["formula"] for each in found["integrals"]] == [lemma]
+
+
+def test_a_report_that_is_interrupted(monkeypatch):
+    """Ctrl-C prints what was found so far."""
+    Path("b.json").write_text(json.dumps(lotka().to_dict()))
+
+    def stopped(*_, **__):
+        error = KeyboardInterrupt()
+        error.report = SimpleNamespace(to_dict=lambda: {"degrees": [2, 4]})
+        raise error
+
+    monkeypatch.setattr("suslov_fast.integrability.report", stopped)
+    done = run("report --body b.json --json")
+    assert (done.code, json.loads(done.out)) == (130, {"degrees": [2, 4]})
+    assert done.err == "suslov-fast: interrupted\n"
+
+
+@posix
+def test_explore():
+    with start("explore --no-browser", stdout=subprocess.PIPE) as process:
+        address = process.stdout.readline().strip()
+        with urllib.request.urlopen(address) as page:
+            assert b"<html" in page.read()
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=10)[1] == ""
+    assert process.returncode == 0

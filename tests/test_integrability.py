@@ -161,6 +161,8 @@ def test_the_map_its_inverse_and_its_derivative(n):
     symbolic = kahan(field)
     assert tuple(f.subs(eps)([]) for f in symbolic(x)) == image
     assert symbolic.subs(eps) == map == pickle.loads(pickle.dumps(map))
+    assert symbolic.inverse.subs(eps) == map.inverse != symbolic.subs(eps)
+    assert pickle.loads(pickle.dumps(symbolic.inverse)).inverse == symbolic != symbolic.inverse
 
 
 def test_rational_maps():
@@ -1363,7 +1365,6 @@ class Quantity(float):
         (lambda: kahan(CUBIC, Quantity(1)), TypeError, "eps.*without a unit, not a Quantity"),
         (lambda: kahan(QuadraticField([[[1]]]), 1)([1]), ZeroDivisionError, r"\(1\) has no image"),
         (lambda: kahan(CUBIC, "1/0"), ValueError, "eps must be numbers or strings.*'1/0'"),
-        (lambda: kahan(CUBIC).inverse, TypeError, "eps.*subs"),
         (lambda: kahan(CUBIC).jacobian([1, 2]), TypeError, "eps"),
         (lambda: reported(BODY).integrals[0]([1, 2]), TypeError, "eps"),
         (lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1), TypeError, "cofactor"),

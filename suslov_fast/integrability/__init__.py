@@ -14,9 +14,9 @@ The files, in an order in which each uses only those before it:
   checks, and floats as decimals.
 - `maps`, `kahan`: birational maps, and the Kahan maps of fields. `zoo`: examples.
 - `tasks`: the queue of a search. `growth`: degrees of iterates.
-- `reducible`: reducible polynomials of a space. `contracted`, `confinement`, `never_confined`,
-  `monomials`, `planar`: the entropy of maps of the plane, from the curves that they contract, and
-  of monomial maps. `surfaces`: maps on levels of integrals, which may be maps of the plane.
+- `reducible`: reducible polynomials of a space. `contracted`, `confinement`, `planar`: the entropy
+  of maps of the plane, from the curves that they contract, and of monomial maps. `surfaces`: maps
+  on levels of integrals, which may be maps of the plane.
 - `relations`: linear relations along orbits. `implicit`: integrals by them, without a formula.
   `locus`: parameters with more of them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures

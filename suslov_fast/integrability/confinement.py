@@ -1,26 +1,33 @@
-"""Proofs that the orders of a passage across a contracted curve are exact.
+"""Proofs of what becomes of a contracted curve: its singularity is confined, or never is.
 
-`contracted` computes them modulo primes, at random points of the curve. Here they are computed at
-its general point, with a parameter s: of a line, of one of several conjugate lines, or of a conic.
-The coordinates of the germ are polynomials in s, in eps if it is symbolic, and in r, an algebraic
-number: that of one of the lines, or of a point of the conic. Orders of a curve that is no line are
-exact, too, if the forms have them as multiplicities at the points of the orbit of one point.
+`contracted` computes the orders of a passage modulo primes, at random points of the curve. Here
+they are computed at its general point, with a parameter s: of a line, of one of several conjugate
+lines, or of a conic. The coordinates of the germ are polynomials in s, in eps if it is symbolic,
+and in r, an algebraic number: that of one of the lines, or of a point of the conic. Orders of a
+curve that is no line are exact, too, if the forms have them as multiplicities at the points of the
+orbit of one point. An orbit never comes to another point without an image if it is periodic modulo
+a small prime, and all of its points there have images.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import random
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import flint
 
-from .contracted import Passage, Plane
-from .polynomials import irreducible_factors
+from .contracted import Passage, Plane, PlaneModulo
+from .polynomials import coefficients_in, irreducible_factors, value_at
 
 _TERMS = 4, 8, 16, 32  # of power series in t, until they suffice
-_BITS = 20_000  # of the coefficients of coordinates, at most
+_BITS = 20_000  # of coordinates, at most
 _MONOMIALS = 2_000  # of coordinates, at most
 _NUMBERS = range(1, 9)  # in place of s
+_SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
+_TRIES = 3  # points and numbers in place of eps for each of these
+_STEPS = 12  # of an orbit over the rationals
 
 
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
@@ -75,13 +82,11 @@ class _Germs:
             return [a * unit + b * self._r for a, b in ((2, 3), (5, 7), (11, -4))]
 
         P = self._curve.compose(*self._eps, *on_line(self._ring.constant(1)), ctx=self._ring)
-        factor = next(f for f, _ in irreducible_factors(P) if _degree(f, -3) > 0)
-        n = _degree(factor, -3)
-        leading = _coefficient(factor, -3, n)
-        lower = (
-            _coefficient(factor, -3, k) * leading ** (n - 1 - k) * self._r**k for k in range(n)
-        )
-        self._modulus = sum(lower, self._r**n)  # of r times the leading coefficient
+        every = (coefficients_in(f, -3) for f, _ in irreducible_factors(P))
+        *lower, leading = next(coefficients for coefficients in every if len(coefficients) > 1)
+        n = len(lower)
+        terms = (c * leading ** (n - 1 - k) * self._r**k for k, c in enumerate(lower))
+        self._modulus = sum(terms, self._r**n)  # of r times the leading coefficient
         return on_line(leading)
 
     def _across_line(self, line: list[Any]) -> list[Any]:
@@ -113,9 +118,9 @@ class _Germs:
 
     def _reduced(self, P: Any) -> Any:
         """Return a polynomial modulo that of r."""
-        n = _degree(self._modulus, -3)
-        for k in range(_degree(P, -3), n - 1, -1):
-            P -= _coefficient(P, -3, k) * self._r ** (k - n) * self._modulus
+        n = len(coefficients_in(self._modulus, -3)) - 1
+        while len(coefficients := coefficients_in(P, -3)) > n:
+            P -= coefficients[-1] * self._r ** (len(coefficients) - 1 - n) * self._modulus
         return P
 
     def orders(
@@ -176,21 +181,6 @@ class _Germs:
         return False
 
 
-def _degree(P: Any, variable: int) -> int:
-    return max((int(e[variable]) for e in P.monoms()), default=-1)
-
-
-def _coefficient(P: Any, variable: int, k: int) -> Any:
-    """Return the coefficient of a power of a variable, given by its place from the end."""
-    terms = {}
-    for e, c in P.to_dict().items():
-        if e[variable] == k:
-            others = [*e]
-            others[variable] = 0
-            terms[*others] = c
-    return P.context().from_dict(terms)
-
-
 def _cut(P: Any, terms: int) -> Any:
     """Return a polynomial without powers of t from a number of terms on."""
     return P.context().from_dict({e: c for e, c in P.to_dict().items() if e[-1] < terms})
@@ -224,3 +214,88 @@ def _is_large(x: Sequence[Any]) -> bool:
     """Return True if coordinates have too many terms, or too long ones, to go on."""
     bits = max((int(abs(c)).bit_length() for P in x for c in P.coeffs()), default=0)
     return bits > _BITS or sum(map(len, x)) > _MONOMIALS
+
+
+# Orbits that never end.
+
+
+def why_never(plane: Plane, number: int, passage: Passage) -> str:
+    """Return why an orbit never ends after its last point without an image; "" if unknown."""
+    for p in _SMALL_PRIMES:
+        rng = random.Random(p)
+        for _ in range(_TRIES):
+            eps = rng.randrange(1, p)
+            residues = PlaneModulo(plane, p, eps, rng.randrange(99))
+            if _is_periodic_modulo(residues, number, passage):
+                at = f" and eps = {eps}" if plane.symbolic else ""
+                return f"never, since modulo {p}{at} the orbit is periodic"
+    points = [] if passage.common_orders else [*_points_of_line(plane, number, 1 + _STEPS)]
+    if len({*points}) == len(points):
+        return ""
+    return "never, since the orbit is periodic"
+
+
+def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) -> bool:
+    """Return True if the orbit modulo a prime is periodic, and all its points have images.
+
+    A point of the curve modulo p at which the curve is smooth is that of one over p-adic numbers;
+    if images do not vanish modulo p, they are those of the true orbit.
+    """
+    if any(P == 0 for P in (*residues.forms, residues.curves[number])):
+        return False
+    germ, terms = residues.germ(residues.curves[number]), 1 + sum(passage.common_orders)
+    for expected in (0, *passage.common_orders):
+        if germ is None or (step := residues.step(germ, terms)) is None:
+            return False
+        germ, order, _ = step
+        terms -= order
+        if order != expected:
+            return False
+    x = [P[0] for P in germ or ()]
+    visited = set()
+    while any(x):
+        pivot = next(a for a in x if a)
+        point = tuple(int(a / pivot) for a in x)
+        if point in visited:
+            return True
+        visited.add(point)
+        x = [F(*point) for F in residues.forms]
+    return False
+
+
+def orbit_of_line(plane: Plane, number: int, length: int | None) -> tuple[tuple[int, ...], ...]:
+    """Return the first points to which a line with rational coefficients goes, without repetition.
+
+    At most `length` points, or some. Other curves, and a symbolic eps, have none.
+    """
+    return tuple(dict.fromkeys(_points_of_line(plane, number, length or 1 + _STEPS)))
+
+
+def _points_of_line(plane: Plane, number: int, most: int) -> Iterator[tuple[int, ...]]:
+    """Yield the points to which a line goes, up to one without an image."""
+    if plane.symbolic or plane.degrees[number] != 1:
+        return
+    line = [int(plane.curves[number].derivative(j).leading_coefficient() or 0) for j in range(3)]
+    rng, x = random.Random(0), None
+    while x is None:
+        on_line = _cross(line, [rng.randrange(-50, 50) for _ in range(3)])
+        x = _image(plane, on_line) if any(on_line) else None
+    for _ in range(most):
+        if x is None or max(map(abs, x)).bit_length() > _BITS:
+            return
+        yield x
+        x = _image(plane, x)
+
+
+def _image(plane: Plane, x: Sequence[int]) -> tuple[int, ...] | None:
+    """Return the image of a point with integer coordinates; None if it has none."""
+    y = [int(value_at(F, x)) for F in plane.forms]
+    if not (common := math.gcd(*y)):
+        return None
+    sign = 1 if next(a for a in y if a) > 0 else -1
+    return tuple(sign * a // common for a in y)
+
+
+def _cross(a: Sequence[int], b: Sequence[int]) -> list[int]:
+    """Return the line through two points, or the point on two lines."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

@@ -22,7 +22,7 @@ from .polynomials import (
     decoded,
     degree_of,
     determinant,
-    exponents_in_x,
+    homogenized,
     irreducible_factors,
     modulo,
     monomial_values,
@@ -85,15 +85,12 @@ class Plane:
     def __init__(self, map: RationalMap) -> None:
         self.map, self.symbolic, self.degree = map, map.is_symbolic, map.degree
         self.ring = polynomial_ring(3, self.symbolic)
-        self.forms = [self._homogeneous(F) for F in map.forms]
+        x = self.ring.gens()[self.symbolic :]
+        self.forms = [homogenized(F, self.degree, x, self.ring) for F in map.forms]
         derivatives = [[F.derivative(self.symbolic + j) for j in range(3)] for F in self.forms]
         powers = irreducible_factors(determinant(derivatives)) if self.degree > 1 else []
         self.curves = [P for P, _ in powers if degree_of(P)]
         self.degrees = [degree_of(P) for P in self.curves]
-
-    def _homogeneous(self, F: Any) -> Any:
-        terms = zip(F.monoms(), exponents_in_x(F), F.coeffs(), strict=True)
-        return self.ring.from_dict({(*e, self.degree - sum(in_x)): c for e, in_x, c in terms})
 
     def text(self, number: int) -> str:
         """Return the equation of a curve."""
@@ -105,8 +102,8 @@ class Plane:
         return max(1, count_factors(self._affine(number)))
 
     def _affine(self, number: int) -> Any:
-        terms = self.curves[number].to_dict().items()
-        return primitive(self.map.ring.from_dict({e[:-1]: c for e, c in terms}))
+        ring = self.map.ring
+        return primitive(self.curves[number].compose(*ring.gens(), ring.constant(1), ctx=ring))
 
 
 class PlaneModulo:

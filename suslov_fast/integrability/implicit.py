@@ -115,7 +115,7 @@ def _text(exponents: Sequence[int], names: Sequence[str]) -> str:
 
 def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:
     """Return points of an orbit around x, where numbers are shorter; after x without an inverse."""
-    before = (length - 1) // 2 if map.has_inverse else 0
+    before = (length - 1) // 2 if map.inverse else 0
     backward = [*map.inverse.orbit(x, before + 1)] if before else [x]
     return [*backward[:0:-1], *map.orbit(x, length - before)]
 

@@ -124,6 +124,17 @@ def sort_key(P: Any) -> tuple[Any, ...]:
     return degree_of(P), len(monomials), monomials, str(P)
 
 
+def coefficients_in(P: Any, place: int) -> list[Any]:
+    """Return the coefficients of the powers of the variable at a place, the constant one first."""
+    terms: list[dict[Any, Any]] = []
+    for e, c in P.to_dict().items():
+        others = [*e]
+        power, others[place] = int(e[place]), 0
+        terms += [{} for _ in range(len(terms), power + 1)]
+        terms[power][*others] = c
+    return [P.context().from_dict(of_power) for of_power in terms]
+
+
 # Factors.
 
 
@@ -154,13 +165,14 @@ def irreducible_factors(P: Any) -> list[tuple[Any, int]]:
     rationals = flint.fmpq_mpoly_ctx.get(P.context().names(), ordering="deglex")
     powers = rationals.from_dict(P.to_dict()).factor()[1]
     powers = sorted(powers, key=lambda pair: (int(pair[1]), [*pair[0].terms()]))
-    return [(primitive(cleared(factor)), int(power)) for factor, power in powers]
+    return [(primitive(*cleared(factor)), int(power)) for factor, power in powers]
 
 
-def cleared(P: Any) -> Any:
-    """Return the least multiple of a rational polynomial that has integer coefficients."""
-    scale = math.lcm(*(int(c.q) for c in P.coeffs()))
-    return _from_terms(P.context().names(), {e: (c * scale).p for e, c in P.to_dict().items()})
+def cleared(*polynomials: Any) -> list[Any]:
+    """Return rational polynomials times the least number that makes all coefficients integers."""
+    scale = math.lcm(*(int(c.q) for P in polynomials for c in P.coeffs()))
+    names, terms = polynomials[0].context().names(), [P.to_dict() for P in polynomials]
+    return [_from_terms(names, {e: (c * scale).p for e, c in each.items()}) for each in terms]
 
 
 def without_content(P: Any) -> Any:

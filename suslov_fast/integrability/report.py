@@ -90,7 +90,7 @@ class Report:
         if planar is None or planar.entropy is None or by_degrees.entropy_error > 0:
             return by_degrees
         error = abs(planar.entropy - by_degrees.entropy)
-        if error <= max(0.0, planar.entropy_error) + _ROUNDING:  # which may be NaN
+        if error <= _ROUNDING:
             return by_degrees
         based_on = f"{by_degrees.based_on}, by accident, as the contracted curves show"
         return by_degrees._replace(entropy_error=error, based_on=based_on)
@@ -353,7 +353,7 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
         if eps is not None:
             raise wrong("eps", "left out, because a map has its own", eps)
         note = "No inverse was given: it is not checked that the map is birational."
-        return field, [] if field.has_inverse else [note]
+        return field, [] if field.inverse else [note]
     if callable(field) and not isinstance(field, Body):
         how = "QuadraticField.from_function(f, names), with numbers as parameters; for symbols "
         how += "see integrability.locus, which finds the values of one with more integrals"

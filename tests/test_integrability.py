@@ -36,8 +36,8 @@ from suslov_fast.integrability import (
     degrees,
     functions,
     hk_bases,
+    invariants,
     kahan,
-    normal_form,
     planar_entropy,
     polynomials,
     rational_map,
@@ -47,8 +47,7 @@ from suslov_fast.integrability import (
 )
 from suslov_fast.integrability import growth as growth_of
 from suslov_fast.integrability.functions import MODULAR
-from suslov_fast.integrability.invariants import Invariants
-from suslov_fast.integrability.normal_form import NormalForms
+from suslov_fast.integrability.invariants import Invariants, NormalForms
 from suslov_fast.integrability.report import Report
 from suslov_fast.integrability.search import Search
 from suslov_fast.integrability.tasks import Queue, Task
@@ -1440,7 +1439,7 @@ def test_echelon_form_is_that_of_the_matrix_of_coefficients():
     def matrix(some):
         return sympy.Matrix([[int(P.to_dict().get(e, 0)) for e in columns] for P in some])
 
-    found = matrix(normal_form.in_echelon_form(space))
+    found = matrix(invariants.in_echelon_form(space))
     assert found.rank() == found.col_join(matrix(space)).rank() == len(space)
     for k, row in enumerate(found.tolist()):
         first, *_, last = (n for n, c in enumerate(row) if c)

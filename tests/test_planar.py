@@ -18,7 +18,6 @@ pytest.importorskip("flint")
 from suslov_fast.integrability import (
     Contraction,
     PlanarEntropy,
-    confinement,
     contracted,
     degrees,
     growth,
@@ -27,6 +26,7 @@ from suslov_fast.integrability import (
     planar_entropy,
     rational_map,
     report,
+    search,
     zoo,
 )
 from suslov_fast.integrability.contracted import Passage, Plane
@@ -204,7 +204,7 @@ def test_an_integral_proves_entropy_0(monkeypatch):
 
 def test_a_periodic_orbit_is_never_confined(monkeypatch):
     """Over the rationals, where no small prime decides it."""
-    monkeypatch.setattr(confinement, "_SMALL_PRIMES", ())
+    monkeypatch.setattr(contracted, "_SMALL_PRIMES", ())
     lyness = rational_map(
         lambda x: (x[1], (x[0] + x[1] + 1) / x[0]), 2, lambda x: ((x[0] + 1) / (x[1] - 1), x[0])
     )
@@ -219,15 +219,15 @@ def test_a_wrong_passage_is_no_proof():
     plane = Plane(map)
     passages = planar.passages_across(plane, 80, 0)
     for number, right in enumerate(passages):
-        assert confinement.is_proved(plane, number, right)
+        assert contracted.is_proved(plane, number, right)
         longer = Passage(
             (0, *right.common_orders), (right.curve_orders[0], *right.curve_orders), right.steps + 1
         )
         *before, last = right.curve_orders
         tangent = right._replace(curve_orders=(*before, tuple(2 * k for k in last)))
         for wrong in (longer, tangent, right._replace(steps=None)):
-            assert not confinement.is_proved(plane, number, wrong)
-        assert confinement.why_never(plane, number, longer) == ""
+            assert not contracted.is_proved(plane, number, wrong)
+        assert contracted.why_never(plane, number, longer) == ""
 
 
 @pytest.mark.slow
@@ -245,7 +245,7 @@ def test_reports_list_it_beside_the_growth(monkeypatch):
     assert late.growth.entropy_error == pytest.approx(math.log(2) - 0.6759746921034222)
     assert "by accident" in late.growth.based_on
     wrong = planar.planar_entropy(kahan(three_lines(2, 2), THIRD))
-    monkeypatch.setattr(planar, "planar_entropy", lambda map, seed: wrong)
+    monkeypatch.setattr(search, "planar_entropy", lambda map, seed: wrong)
     with pytest.raises(ArithmeticError, match="an error of the package"):
         report(field, eps, 1)
 
@@ -425,7 +425,7 @@ def test_an_entropy_that_contradicts_degrees(monkeypatch):
     assert right.contradiction(degrees(map, 9)) == right.contradiction(()) == ""
     assert right.contradiction([2, 3, 5, 9])
     wrong = replace(right, degrees=(2, 3, 5, 9))
-    monkeypatch.setattr(planar, "planar_entropy", lambda map, seed: wrong)
+    monkeypatch.setattr(search, "planar_entropy", lambda map, seed: wrong)
     with pytest.raises(ArithmeticError):
         report(map, degree=1)
     # A rule that the orders do not have.

@@ -33,13 +33,13 @@ from .polynomials import (
     letter_of,
     modulo,
     polynomial_ring,
+    polynomials_with,
     prime_of,
     renamed,
     sort_key,
     value_at,
     variables_of,
 )
-from .reconstruction import polynomials_with
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 _NAME = r"[^\W\d]\w*"

@@ -17,19 +17,16 @@ import numpy as np
 
 from ..checks import integer, wrong
 from ..keywords import answers, public
-from .confinement import is_proved, orbit_of_line, why_never
-from .contracted import Passage, Plane, passages_across
+from .contracted import Passage, Plane, is_proved, orbit_of_line, passages_across, why_never
 from .functions import IDENTITY, RationalFunction
-from .growth import agreed_degrees, check_degrees, rational_series
+from .growth import agreed_degrees, rational_series
 from .maps import RationalMap, check_map
 from .polynomials import determinant, exponents_in_x
-from .tasks import Task
 
 _STEPS = 80  # of an orbit that are computed
 _DEGREES = 24  # that are predicted
 _HIGHEST = 1_000  # of degrees that are compared with those on random lines
 _TERMS = 60  # degrees of a monomial map from which their recurrence follows
-_COST = 0.2  # seconds, roughly
 _ROUNDING = 1e-9  # of the modulus of a root
 
 
@@ -213,18 +210,6 @@ def _few_degrees(map: RationalMap, seed: int) -> Iterator[int]:
         yield degree
         if degree > _HIGHEST:
             break
-
-
-def entropy_of_planar_maps(search: Any) -> Iterator[Task]:
-    """Yield the task of a search for the entropy of a birational map of the plane."""
-
-    def run() -> list[Task]:
-        search.planar = planar_entropy(search.map, seed=search.seed)
-        check_degrees(search)
-        return []
-
-    if search.map.is_planar:
-        yield Task(_COST, run, "planar entropy")
 
 
 def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:

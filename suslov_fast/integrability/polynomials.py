@@ -17,7 +17,7 @@ from typing import Any
 
 import flint
 
-from .arithmetic import EPS, prime_for
+from .arithmetic import EPS, Rows, prime_for
 
 Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
@@ -320,6 +320,20 @@ def cramer(system: list[list[Any]]) -> list[Any]:
 def determinant(rows: Sequence[Sequence[Any]]) -> Any:
     """Return the determinant of a matrix of polynomials, if it is not 0."""
     return cramer([[*row, 0] for row in rows])[-1]
+
+
+def polynomials_with(rows: Rows, exponents: Exponents, symbolic: bool = False) -> Polynomials:
+    """Return primitive polynomials with the same span; with a number eps they are short."""
+    ring, integers = polynomial_ring(len(exponents[0]), symbolic), []
+    for row in rows:
+        scale = math.lcm(*(c.denominator for entry in row for c in entry))
+        integers.append([int(c * scale) for entry in row for c in entry])
+    if integers and not symbolic:
+        integers = flint.fmpz_mat(integers).lll().tolist()
+    powers = range(len(rows[0][0]) if rows else 0)
+    monomials = [(*[k] * symbolic, *e) for e in exponents for k in powers]
+    terms = (dict(zip(monomials, row, strict=True)) for row in integers)
+    return tuple(primitive(ring.from_dict(of_one)) for of_one in terms)
 
 
 # Limits for eps to 0.

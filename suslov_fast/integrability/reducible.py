@@ -15,7 +15,7 @@ from typing import Any
 
 import flint
 
-from .arithmetic import EPS, Residues
+from .arithmetic import EPS, Residues, over_rationals
 from .functions import RationalFunction, rational_roots
 from .polynomials import (
     degree_of,
@@ -28,7 +28,6 @@ from .polynomials import (
     variables_of,
     without_content,
 )
-from .reconstruction import over_rationals
 
 _LARGEST = 3  # dimension of a space whose reducible members are sought
 _HIGHEST = 6  # degree of its polynomials

@@ -9,7 +9,7 @@ times a polynomial in the letter.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -30,7 +30,6 @@ from .functions import (
     without_constant,
 )
 from .maps import RationalMap
-from .planar import PlanarEntropy, planar_entropy
 from .polynomials import (
     coefficients_in,
     coprime,
@@ -43,11 +42,9 @@ from .polynomials import (
     value_at,
     variables_of,
 )
-from .tasks import LATE, Task
 
 _OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of points of the generic level, but one
 _WIDTH = 60  # characters of a polynomial in the text
-_COST = 5.0  # seconds, roughly, of a level and the entropy on it
 
 
 @answers("a level")
@@ -84,24 +81,6 @@ def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = 
         start = [equations.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
         return equations.through(start, f"through ({', '.join([str(a) for a in x])})")
     return equations.by_value() or equations.through(*equations.generic_point())
-
-
-def entropy_on_levels(search: Any) -> Iterator[Task]:
-    """Yield the task of a search for the entropy on the generic level of D - 2 integrals."""
-    map = search.map
-
-    def run() -> list[Task]:
-        integrals = search.known.integrals
-        if len(integrals) == map.dimension - 2:
-            try:
-                search.level = level_of(map, integrals)
-                search.on_level = planar_entropy(search.level.map, seed=search.seed)
-            except (ArithmeticError, ValueError) as error:
-                search.on_level = PlanarEntropy(reason=str(error))
-        return []
-
-    if map.dimension > 2 and map.inverse and map.is_invertible and not map.is_symbolic:
-        yield Task(LATE + _COST, run, "levels")
 
 
 class _Solved(NamedTuple):

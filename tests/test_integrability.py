@@ -1262,35 +1262,16 @@ def test_a_search_that_cannot_be_interrupted(monkeypatch):
         report(CYCLE, EPS, time_limit=1000)
 
 
-@pytest.mark.slow
-def test_ctrl_c_without_a_limit(monkeypatch):
-    """A long search goes on in another process, from which Ctrl-C does not have to wait."""
-    from suslov_fast.integrability import process
-
-    calls = []
-    here = report(CUBIC, EPS, progress=lambda *done: calls.append(done))
-    monkeypatch.setattr(process, "_BRIEF", 0.0)
-    again = []
-    there = report(CUBIC, EPS, progress=lambda *done: again.append(done))
-    assert repr(there) == repr(here)
-    assert again == sorted(again)
-    assert {*again} <= {*calls}
-    monkeypatch.setattr(process.sys, "frozen", True, raising=False)
-    monkeypatch.setattr(process, "_START", "1 / 0")
-    assert repr(report(CUBIC, EPS)) == repr(here)  # an application cannot start Python
-
-
 def test_ctrl_c_while_another_process_searches(monkeypatch):
     """Windows only notes Ctrl-C, as `interrupt_main` does; it ends no system call."""
     from suslov_fast.integrability import process
 
-    monkeypatch.setattr(process, "_BRIEF", 0.0)
     monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
     timer = threading.Timer(0.2, _thread.interrupt_main)
     timer.start()
     with pytest.raises(KeyboardInterrupt) as stopped:
-        report(CYCLE, EPS)
+        report(CYCLE, EPS, time_limit=1000)
     timer.join()
     signal.signal(signal.SIGINT, before)
     assert not stopped.value.report.finished
@@ -1300,7 +1281,6 @@ def test_errors_of_the_process_that_searches(monkeypatch):
     """Its own error is not one of the pipe to it."""
     from suslov_fast.integrability import process
 
-    monkeypatch.setattr(process, "_BRIEF", 0.0)
     text = "import pickle, sys; pickle.dump(OSError('of its own'), sys.stdout.buffer)"
     for start, error, message in (
         (text, OSError, "^of its own$"),
@@ -1308,7 +1288,7 @@ def test_errors_of_the_process_that_searches(monkeypatch):
     ):
         monkeypatch.setattr(process, "_START", start)
         with pytest.raises(error, match=message):
-            report(CYCLE, EPS)
+            report(CYCLE, EPS, time_limit=1000)
 
 
 def test_a_search_ends_with_the_process_that_waits_for_it(monkeypatch):

@@ -19,7 +19,7 @@ The files, in an order in which each uses only those before it:
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them, in normal form. `symmetries`: reversing ones.
 - `tasks`, `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `process`: a search
-  that can be interrupted. `report`: the results in one object. `levels`: the function of levels.
+  with a time limit. `report`: the results in one object. `levels`: the function of levels.
 """
 
 import sys

@@ -26,7 +26,7 @@ from .growth import Growth, growth
 from .kahan import KahanMap, kahan
 from .maps import RationalMap, check_map
 from .planar import PlanarEntropy
-from .process import search_until, search_with_interrupts
+from .process import search, search_until
 from .relations import ImplicitIntegral
 from .surfaces import Level
 from .symmetries import Reversor
@@ -308,8 +308,8 @@ def report(
         map of a field is 0 everywhere, so that the image is a curve, for example. Without `eps`,
         such step sizes are in `special_eps`.
     KeyboardInterrupt
-        After Ctrl-C, within about a second, or where `progress` returns False; its attribute
-        `report` has what was found so far.
+        After Ctrl-C, when the operation at hand ends, or where `progress` returns False; its
+        attribute `report` has what was found so far.
 
     Examples
     --------
@@ -333,7 +333,7 @@ def report(
     report_progress = progress_function(progress)
     latest = Report(map, degree, notes=notes)
     if time_limit is None:
-        parts: Any = search_with_interrupts(latest, seed)
+        parts: Any = search(latest, seed)
     else:
         seconds = float(real_number("time_limit", time_limit))
         if seconds < 0:

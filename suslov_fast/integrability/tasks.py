@@ -80,12 +80,6 @@ class Queue:
         heapq.heappush(self._heap, (task.cost, self._pushed, task))
 
     @property
-    def next_cost(self) -> float:
-        """The estimated seconds of the next task, without those added to let others run first."""
-        cost = self._heap[0][0] if self._heap else 0.0
-        return cost - LATE if cost >= LATE else cost
-
-    @property
     def has_set_aside(self) -> bool:
         """True if tasks are set aside."""
         return bool(self._aside)

@@ -115,6 +115,17 @@ class Plane:
         return primitive(self.curves[number].compose(*ring.gens(), ring.constant(1), ctx=ring))
 
 
+class Step(NamedTuple):
+    """The image of a germ without its common factor, the order of this, and those of curves.
+
+    The latter are at most the number of terms.
+    """
+
+    germ: list[Any]
+    common_order: int
+    curve_orders: tuple[int, ...]
+
+
 class PlaneModulo:
     """The forms and curves of a `Plane` modulo a prime, and at a number in place of eps."""
 
@@ -158,13 +169,8 @@ class PlaneModulo:
                     return [flint.nmod_poly([c, self.rng.randrange(p)], p) for c in point]
         return None
 
-    def step(
-        self, germ: Sequence[Any], terms: int
-    ) -> tuple[list[Any], int, tuple[int, ...]] | None:
-        """Return the next germ, the order of its common factor, and those of contracted curves.
-
-        None if all terms of the next germ are 0. Orders of curves are at most the number of terms.
-        """
+    def step(self, germ: Sequence[Any], terms: int) -> Step | None:
+        """Return the next step of a germ; None if all terms of the next germ are 0."""
         values = monomial_values(self._monomials, germ)
         by_monomial = dict(zip(self._monomials, values, strict=True))
         series = [
@@ -175,7 +181,7 @@ class PlaneModulo:
         if common_order == terms:
             return None
         divided = [flint.nmod_poly(P.coeffs()[common_order:terms], self.p) for P in image]
-        return divided, common_order, curve_orders
+        return Step(divided, common_order, curve_orders)
 
     def passage(self, component: Any, most: int) -> Passage | None:
         """Return the passage of a germ across a curve; None if two germs disagree."""
@@ -206,15 +212,15 @@ class PlaneModulo:
             if first is None or second is None:
                 has_terms = False
                 break
-            if first[1:] != second[1:]:
+            if first._replace(germ=second.germ) != second:
                 return None
-            germs, order, orders = (first[0], second[0]), first[1], first[2]
+            germs = first.germ, second.germ
             if k:
-                if exact == k - 1 and max(orders) < terms:
+                if exact == k - 1 and max(first.curve_orders) < terms:
                     exact = k
-                common_orders.append(order)
-                curve_orders.append(orders)
-            terms -= order
+                common_orders.append(first.common_order)
+                curve_orders.append(first.curve_orders)
+            terms -= first.common_order
         # After k = last steps the germ is at the last point without an image.
         last = max((k for k, order in enumerate(common_orders, start=1) if order), default=0)
         never_stops = steps is None and last > len(common_orders) // 2
@@ -485,9 +491,9 @@ def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) ->
     for expected in (0, *passage.common_orders):
         if germ is None or (step := residues.step(germ, terms)) is None:
             return False
-        germ, order, _ = step
-        terms -= order
-        if order != expected:
+        germ = step.germ
+        terms -= step.common_order
+        if step.common_order != expected:
             return False
     x = [P[0] for P in germ or ()]
     visited = set()

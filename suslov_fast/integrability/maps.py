@@ -40,7 +40,6 @@ from .polynomials import (
 TERMS = 300_000  # of the largest polynomial that is factored
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
 _POINTS = 3  # random points, whose common roots in eps are those of all points
-_SHAPES = {0: "a point", 1: "a curve", 2: "a surface"}  # by dimension
 
 
 @answers("a map", {"iterate step": "map(x), the next point", "to_latex latex": "str(map)"})
@@ -247,23 +246,14 @@ class RationalMap(WithLetter):
 
     # Kinds of maps.
 
-    def _random_derivative(self) -> Any:
-        """Return the matrix of derivatives at a random point modulo a prime."""
-        return self.at_eps(EPS).derivative(arithmetic.random_point(self.dimension, self.prime))
-
     @cached_property
     def is_invertible(self) -> bool:
         """True if det DPhi is not 0 at a random point modulo a prime; False without a map."""
         try:
-            return bool(self._random_derivative().det() != 0)
+            x = arithmetic.random_point(self.dimension, self.prime)
+            return bool(self.at_eps(EPS).derivative(x).det() != 0)
         except ZeroDivisionError:
             return False
-
-    @property
-    def shape_of_image(self) -> str:
-        """The kind of the image, by its dimension: the rank of DPhi at a random point."""
-        rank = int(self._random_derivative().rank())
-        return _SHAPES.get(rank, f"of dimension {rank}")
 
     @cached_property
     def is_planar(self) -> bool:
@@ -455,5 +445,4 @@ def check_map(map: Any) -> None:
     try:
         at_number.image(image)
     except ZeroDivisionError:
-        shape = map.shape_of_image
-        raise ArithmeticError(f"{map}: the image is {shape}, and it consists of poles") from None
+        raise ArithmeticError(f"{map}: its image consists of poles") from None

@@ -32,12 +32,12 @@ Parts = Iterator[tuple[Any, int, int]]
 def search(report: Any, seed: int) -> Parts:
     """Fill a `Report`; yield it after each task, with the numbers of tasks done and known."""
     facts = Search(report.map, report.degree, seed)
-    queue = facts.queue
-    for _ in queue:
+    tasks = facts.queue
+    for _ in tasks:
         facts.fill(report)
-        yield report, queue.done, queue.done + len(queue)
+        yield report, tasks.done, tasks.done + len(tasks)
     report.finished = True
-    known = queue.done + len(queue)
+    known = tasks.done + len(tasks)
     yield report, known, known
 
 

@@ -327,8 +327,7 @@ def report(
     map, notes = _map_of(field, eps, decimals)
     check_map(map)
     if isinstance(map, KahanMap) and not map.is_invertible:
-        shape = map.shape_of_image
-        raise ArithmeticError(f"{map} has no inverse: det DPhi = 0, and the image is {shape}")
+        raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
     check_unknowns("degree", degree, map.dimension)
     report_progress = progress_function(progress)
     latest = Report(map, degree, notes=notes)

@@ -77,7 +77,7 @@ class Search:
         self.on_level: PlanarEntropy | None = None  # the entropy of the map there
         self.version = 0  # of the polynomials, from which integrals and measures follow
         self._normal_forms = NormalForms(self.invariants)
-        self._levels: dict[int, int] = {}  # the degree of the latest task of each cofactor
+        self._searched_to: dict[int, int] = {}  # the degree of the latest task of each cofactor
         self._waiting: list[Polynomials] = []  # spaces found before the factors of the map
         self._of_relations: list[ImplicitIntegral] = []  # between few monomials
         self._known, self._version_of_known = Known(), self.version
@@ -115,19 +115,19 @@ class Search:
         enough = self.relations or self.map.dimension
         return bool(self.known.measures) and len(self.known.integrals) >= enough
 
-    def _is_wanted(self, level: int) -> bool:
+    def _is_wanted(self, degree: int) -> bool:
         """Return True if polynomials up to a degree may add integrals or replace known ones.
 
         When as many integrals are known as relations show, polynomials of lower degree than these
         can still replace them. Degrees above that of the report are searched for norms: products
         of conjugate polynomials with irrational coefficients, which have rational ones.
         """
-        is_small = self._unknowns(level) <= _FEW
-        if level > self.degree:
+        is_small = self._unknowns(degree) <= _FEW
+        if degree > self.degree:
             return is_small and len(self.known.integrals) < (self.relations or 0)
         highest = max((f.degree for f in self.known.integrals), default=0)
         if self.is_complete:
-            return highest > self.degree or (is_small and level <= highest)
+            return highest > self.degree or (is_small and degree <= highest)
         return True
 
     def _unknowns(self, degree: int) -> int:
@@ -323,9 +323,9 @@ class Search:
         if cofactor is not None:
             cofactor, sign = sign * cofactor, 1
             value = self.invariants.value(cofactor)
-            if self._levels.get(value, 0) >= k:
+            if self._searched_to.get(value, 0) >= k:
                 return []
-            self._levels[value] = k
+            self._searched_to[value] = k
             known = self.invariants.products.get(value, [])
         try:
             dimension = nullity(self.map, k, cofactor, sign)
@@ -398,7 +398,7 @@ class Search:
             lowest[value] = min(degree, lowest.get(value, degree))
         for value, degree in lowest.items():
             for sign in (1, -1):
-                if self._levels.get(sign * value % self.map.prime, 0) < degree <= self.degree:
+                if self._searched_to.get(sign * value % self.map.prime, 0) < degree <= self.degree:
                     yield self._polynomials_of(known.cofactors[value], sign, degree, "products")
 
     def _proof(self, g: RationalFunction) -> Task:
@@ -441,16 +441,16 @@ class Search:
 
     def _searched(self) -> Iterator[str]:
         """Yield what was searched, in words."""
-        levels = self.queue.finished()
+        degrees = self.queue.finished()
         if self.degrees:
             yield f"degrees of {len(self.degrees)} iterates"
         if not self.map.is_invertible:
             yield "nothing else: the map has no inverse, since det DPhi = 0"
         for kind, text in _TEXTS.items():
-            if (k := levels.get(kind)) is not None:
+            if (k := degrees.get(kind)) is not None:
                 count = self._unknowns(k)
                 yield text.format(k=k, count=count)
-        if "factors" in levels and not self.invariants.has_factors:
+        if "factors" in degrees and not self.invariants.has_factors:
             yield "no other Darboux polynomials, since det DPhi is too long"
         if self.is_complete and self.queue.has_set_aside:
             yield "no more, since as many integrals as relations show are known"

@@ -12,7 +12,7 @@ from fractions import Fraction
 from functools import cache
 from typing import Any, NamedTuple
 
-from ..bodies.field import QuadraticField
+from ..bodies.fields.field import QuadraticField
 from ..checks import integer, kind_of, wrong
 from ..keywords import answers, public
 from . import arithmetic

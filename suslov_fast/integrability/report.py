@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..bodies.base import Body
-from ..bodies.field import QuadraticField
-from ..bodies.field_of_terms import H_VALUES, MATRIX, VALUES
+from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.field_of_terms import H_VALUES, MATRIX, VALUES
 from ..checks import integer, is_false, kind_of, real_number, wrong
 from ..keywords import answers, public
 from .arguments import check_unknowns, progress_function

@@ -22,14 +22,8 @@ The files, in an order in which each uses only those before it:
   with a time limit. `report`: the results in one object. `levels`: the function of levels.
 """
 
-import sys
-from typing import NoReturn
-
-import suslov_fast
-
 from ..bodies.fields.field import QuadraticField
 from ..checks import extra
-from ..keywords import refuse
 
 try:
     import flint  # noqa: F401
@@ -78,11 +72,6 @@ __all__ = [
     "report",
     "zoo",
 ]
-
-
-def __getattr__(name: str) -> NoReturn:
-    """Say where a public name is that is not in this module."""
-    refuse(sys.modules[__name__], name, f"suslov_fast.{name}" * (name in dir(suslov_fast)))
 
 
 def __dir__() -> list[str]:

@@ -21,7 +21,7 @@ from ..bodies.fields.advice import check_arguments
 from ..bodies.fields.names import labels, latex
 from ..bodies.fields.polynomials import from_lists
 from ..checks import extra, short, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS
 from .polynomials import (
@@ -109,10 +109,6 @@ class WithLetter:
         return self.letter  # type: ignore[no-any-return]
 
 
-@answers(
-    "a rational function",
-    {"simplify factor expand latex to_latex to_sympy expr": "sympy.sympify(str(f), f.symbols())"},
-)
 @dataclass(frozen=True, repr=False)
 class RationalFunction(WithLetter):
     """A product of powers of polynomials and a constant, exact.

@@ -16,7 +16,7 @@ import flint
 import numpy as np
 
 from ..checks import integer, short, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from .arithmetic import DRAWS, random_prime
 from .maps import RationalMap, check_map
 from .polynomials import random_line
@@ -90,7 +90,6 @@ def _degrees_on_a_line(map: RationalMap, p: int, eps: int) -> Iterator[int]:
         yield max(x.degree() for x in line)
 
 
-@answers("a growth", {"rate": "entropy", "degrees": "degrees(map, n)"})
 class Growth(NamedTuple):
     """Growth of a sequence of degrees, as `growth` returns it: evidence, never a proof.
 

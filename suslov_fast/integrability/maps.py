@@ -18,7 +18,7 @@ import numpy as np
 
 from ..bodies.fields.names import labels
 from ..checks import integer
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, Point
 from .functions import RationalFunction, WithLetter, check_letter, factored, traced
@@ -42,7 +42,6 @@ LONGEST = 6.0  # seconds that a pullback may take, as estimated
 _POINTS = 3  # random points, whose common roots in eps are those of all points
 
 
-@answers("a map", {"iterate step": "map(x), the next point", "to_latex latex": "str(map)"})
 class RationalMap(WithLetter):
     """A birational map, exact, with components F_i / F_0; made by `rational_map`.
 

@@ -16,7 +16,7 @@ import flint
 import numpy as np
 
 from ..checks import integer, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from .contracted import Passage, Plane, is_proved, orbit_of_line, passages_across, why_never
 from .functions import IDENTITY, RationalFunction
 from .growth import agreed_degrees, rational_series
@@ -30,7 +30,6 @@ _TERMS = 60  # degrees of a monomial map from which their recurrence follows
 _ROUNDING = 1e-9  # of the modulus of a root
 
 
-@answers("a contraction")
 @dataclass(frozen=True)
 class Contraction:
     """A curve that a map contracts to a point, and what becomes of it.
@@ -56,7 +55,6 @@ class Contraction:
         return f"{self.curve}{curves}: {confined}{self.how}"
 
 
-@answers("a planar entropy", {"value": "entropy"})
 @dataclass(frozen=True, repr=False)
 class PlanarEntropy:
     """The algebraic entropy of a birational map of the plane, as `planar_entropy` returns it.

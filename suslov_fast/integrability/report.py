@@ -19,7 +19,7 @@ from ..bodies.base import Body
 from ..bodies.fields.field import QuadraticField
 from ..bodies.fields.field_of_terms import H_VALUES, MATRIX, VALUES
 from ..checks import integer, is_false, kind_of, real_number, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from .arguments import check_unknowns, progress_function
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
@@ -39,19 +39,6 @@ _ODD = 1000  # factors of denominators of fractions of floats
 Functions = tuple[RationalFunction, ...]
 
 
-_INSTEAD = {
-    "entropy kind": "growth.entropy and growth.kind",
-    "integrable is_integrable": "integrals and growth, which are evidence, and no verdict",
-    "first_integrals conserved invariants": "integrals",
-    "densities density": "measures",
-    "cofactors": "[P.cofactor for P in report.polynomials]",
-    "bases basis": "hk_bases(map, degree); each integral has a basis of its own",
-    "save to_json": "json.dump(report.to_dict(), file)",
-    "to_latex latex": "str of each integral; in a notebook integrals are typeset",
-}
-
-
-@answers("a report", _INSTEAD)
 @dataclasses.dataclass(repr=False)
 class Report:
     """Results of `report` for a map.

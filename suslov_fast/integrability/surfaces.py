@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 from ..bodies.fields.names import labels
 from ..checks import short, wrong
-from ..keywords import answers
 from . import arithmetic
 from .arithmetic import EPS
 from .functions import (
@@ -47,7 +46,6 @@ _OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of points of the generic level, but
 _WIDTH = 60  # characters of a polynomial in the text
 
 
-@answers("a level")
 @dataclass(frozen=True, repr=False)
 class Level:
     """A map on a level of its integrals, as `on_level` returns it.

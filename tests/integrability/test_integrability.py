@@ -25,7 +25,7 @@ from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
 pytest.importorskip("flint")
 
 import flint
-from test_planar import three_lines
+from papers import three_lines
 
 from suslov_fast.integrability import (
     RationalFunction,

@@ -9,7 +9,7 @@ from suslov_fast import QuadraticField, Suslov3D
 
 pytest.importorskip("flint")
 
-from test_planar import three_lines
+from papers import three_lines
 
 from suslov_fast.integrability import kahan, locus, rational_map
 from suslov_fast.integrability.polynomials import exponents_up_to

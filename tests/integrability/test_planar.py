@@ -10,6 +10,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from papers import three_lines
 
 from suslov_fast import QuadraticField
 
@@ -35,17 +36,6 @@ from suslov_fast.integrability.growth import agreed_degrees
 field_of = QuadraticField.from_function
 THIRD = F(1, 3)
 ZOO = zoo()
-
-
-def three_lines(a, b):
-    """Zander (2021): exponents (a, b, 1)."""
-    return field_of(
-        lambda x: (
-            b * x[0] * (x[0] + x[1]) + x[0] * x[1],
-            -a * x[1] * (x[0] + x[1]) - x[0] * x[1],
-        ),
-        2,
-    )
 
 
 HALF = F(5, 2)

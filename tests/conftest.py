@@ -92,7 +92,7 @@ def rng():
 
 @pytest.fixture
 def body():
-    """Body of the paper's first picture."""
+    """Body of the paper's first figure."""
     return sf.Suslov3D(4, 1, -0.5, -0.3)
 
 

@@ -18,6 +18,7 @@ import random
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import flint
@@ -44,6 +45,7 @@ from .polynomials import (
     limit,
     modulo,
     rank,
+    selected,
     sort_key,
     variables_of,
     with_independent_limits,
@@ -183,11 +185,7 @@ class Invariants:
         functions = [self.power_product(product.powers) for product in products]
         pairs = [(f, self.polynomial(f)) for f in functions]
         pairs.sort(key=lambda pair: sort_key(pair[1]))
-        chosen: list[tuple[RationalFunction, Any]] = []
-        for f, P in pairs:
-            if rank([P, *(Q for _, Q in chosen)]) > len(chosen):
-                chosen.append((f, P))
-        return [f for f, _ in chosen]
+        return [f for f, _ in selected(pairs, of=itemgetter(1))]
 
     def polynomial(self, f: RationalFunction) -> Any:
         """Return a product of generators as one polynomial."""
@@ -377,12 +375,8 @@ class NormalForms:
         # Products of generators of other cofactors stay; the others are replaced.
         texts = known.texts(value)
         kept = [P for f, P in zip(elements, space, strict=True) if str(f) not in texts]
-        generators: list[Any] = []
-        for P in basis:
-            if rank([*kept, *generators, P]) > len(kept) + len(generators):
-                generators.append(P)
         proved = all(f.basis == IDENTITY for f in elements)
-        new = known.replace(value, generators, IDENTITY if proved else MODULAR)
+        new = known.replace(value, [*selected(basis, kept)], IDENTITY if proved else MODULAR)
         known.forms[value] = functions
         elements = known.elements(value, known.highest(value))
         self._done[value] = str([*map(known.polynomial, elements)])
@@ -478,11 +472,7 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[An
 
     ordered = sorted(candidates.values(), key=order)
     denominator = min(ordered, key=_order_of_denominator)
-    result = [denominator]
-    for P in ordered:
-        if rank([*map(limit, result), limit(P)]) > len(result):
-            result.append(P)
-    return result
+    return [denominator, *selected(ordered, [denominator], of=limit)]
 
 
 def _order_of_denominator(P: Any) -> tuple[Any, ...]:

@@ -10,10 +10,10 @@ import copyreg
 import math
 import random
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache, reduce
 from itertools import combinations_with_replacement
-from typing import Any
+from typing import Any, TypeVar
 
 import flint
 
@@ -21,6 +21,7 @@ from .arithmetic import EPS, Rows, prime_for
 
 Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
+A = TypeVar("A")
 
 _LETTER = "_letter_"  # before the name of a letter other than eps
 
@@ -295,6 +296,17 @@ def rank(polynomials: Sequence[Any]) -> int:
     monomials = {e for of_one in terms for e in of_one}
     rows = [[int(of_one.get(e, 0)) for e in monomials] for of_one in terms]
     return int(flint.nmod_mat(rows, p).rank()) if monomials else 0
+
+
+def selected(
+    candidates: Iterable[A], known: Iterable[A] = (), of: Callable[[A], Any] = lambda P: P
+) -> Iterator[A]:
+    """Yield candidates whose polynomials are independent of known and earlier ones."""
+    basis = [*map(of, known)]
+    for each in candidates:
+        if rank([*basis, of(each)]) > len(basis):
+            basis.append(of(each))
+            yield each
 
 
 def cramer(system: list[list[Any]]) -> list[Any]:

@@ -4,7 +4,7 @@ python-flint holds the interpreter for as long as an operation takes, so that no
 end it in this process.
 """
 
-import os
+import contextlib
 import pickle
 import queue
 import subprocess
@@ -82,21 +82,15 @@ def _exchange(process: Any, request: Any, answers: Any) -> None:
 
 
 def serve() -> None:
-    """Run the search with arguments from stdin, and write what it yields to stdout.
-
-    It ends with the process that waits for it, if this is killed.
-    """
-    parent = os.getppid()
-    out = sys.stdout.buffer
-    written = b""
+    """Run the search with arguments from stdin, and write what it yields to stdout."""
+    out, written = sys.stdout.buffer, b""
     try:
         for result in search(*pickle.load(sys.stdin.buffer)):
             report, _, _ = result
-            if os.getppid() != parent:
-                return
             if (pickled := pickle.dumps(report)) != written or report.finished:
                 written = pickled
                 pickle.dump(result, out)
                 out.flush()
     except Exception as error:
-        pickle.dump(error, out)
+        with contextlib.suppress(OSError):  # the process that waits may have ended
+            pickle.dump(error, out)

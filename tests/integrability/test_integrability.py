@@ -2,7 +2,6 @@
 
 import _thread
 import functools
-import io
 import json
 import math
 import pickle
@@ -13,7 +12,6 @@ import threading
 from fractions import Fraction as F
 from itertools import pairwise, permutations, product
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -41,6 +39,7 @@ from suslov_fast.integrability import (
     kahan,
     planar_entropy,
     polynomials,
+    process,
     rational_map,
     reducible,
     report,
@@ -294,6 +293,7 @@ def test_growth_of_sequences(sequence, kind, entropy, error):
         ([2, 3, 5, 7, 10, 14, 18, 23, 30, 39, 49, 60, 71, 83, 95, 108], "quadratic"),
         ([3, 7, 13, 20, 27, 34, 43, 54], "quadratic"),
         ([2, 2, 3, 4, 4, 5, 6, 7, 7, 8, 8], "linear"),
+        ([2, 4, 7, 10, 14, 18], "quadratic"),  # 1, 0, 1, 0 may go on in any way
         # The recurrence of four-dimensional Lyness: of order 16.
         ([2, 3, 4, 4, 5, 7, 10, 13, 16, 19, 22, 26, 31, 36, 40, 44, 50, 57, 64, 70], "quadratic"),
     ],
@@ -302,7 +302,6 @@ def test_bounded_second_differences_without_a_period(sequence, order):
     """They are no evidence of any kind, but suggest an order. Periodic ones show it."""
     found = growth_of(sequence)
     assert found.kind == "unclear"
-    assert "not yet periodic" in found.based_on
     assert found.based_on.endswith(order)
     assert math.isnan(found.entropy)
     steps = np.cumsum([10, *[10, 8] * 3])
@@ -347,11 +346,6 @@ def test_recurrences_that_are_refused():
     late = [2, 3, 5, 9, 14, 7, 7, 7, 7, 7]
     assert growth_of(late).entropy_error > 0
     assert growth_of([*late, 7, 7])[1:3] == (0, 0)
-
-
-def test_the_shortest_recurrence_counts():
-    """The least transient plus order, then the least order: not d(k+3) = d(k+2) for all degrees."""
-    assert growth_of([5, 7, 4, 4, 4, 4, 4, 4]).based_on.endswith("all 8 degrees but the first 2")
 
 
 # Relations along orbits, and polynomials of one cofactor.
@@ -1246,24 +1240,28 @@ def test_every_report_on_the_way_has_a_text():
     assert {f.basis for f in early} == {MODULAR}
 
 
-def test_a_search_that_cannot_be_interrupted(monkeypatch):
-    """The limit holds whatever the search does: here its first part never ends."""
-    from suslov_fast.integrability import process
-
-    monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
-    found = report(CYCLE, EPS, time_limit=0.05)
-    assert not found.finished
-    assert "nothing yet" in repr(found)
-    monkeypatch.setattr(process, "_START", "pass")
-    with pytest.raises(RuntimeError):
+@pytest.mark.parametrize(
+    ("code", "error"),
+    [
+        ("import pickle, sys; pickle.dump(OSError('of its own'), sys.stdout.buffer)", OSError),
+        ("pass", RuntimeError),
+    ],
+)
+def test_errors_of_the_process_that_searches(monkeypatch, code, error):
+    """Its own error is not one of the pipe to it."""
+    monkeypatch.setattr(process, "_START", code)
+    with pytest.raises(error):
         report(CYCLE, EPS, time_limit=1000)
 
 
-def test_ctrl_c_while_another_process_searches(monkeypatch):
-    """Windows only notes Ctrl-C, as `interrupt_main` does; it ends no system call."""
-    from suslov_fast.integrability import process
+def test_a_search_that_never_ends(monkeypatch):
+    """The limit holds whatever the search does, and so does Ctrl-C.
 
+    Windows only notes Ctrl-C, as `interrupt_main` does; it ends no system call.
+    """
     monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
+    found = report(CYCLE, EPS, time_limit=0.05)
+    assert (found.finished, found.searched) == (False, [])
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
     timer = threading.Timer(0.2, _thread.interrupt_main)
     timer.start()
@@ -1272,37 +1270,6 @@ def test_ctrl_c_while_another_process_searches(monkeypatch):
     timer.join()
     signal.signal(signal.SIGINT, before)
     assert not stopped.value.report.finished
-
-
-def test_errors_of_the_process_that_searches(monkeypatch):
-    """Its own error is not one of the pipe to it."""
-    from suslov_fast.integrability import process
-
-    text = "import pickle, sys; pickle.dump(OSError('of its own'), sys.stdout.buffer)"
-    for start, error, message in (
-        (text, OSError, "^of its own$"),
-        ("", RuntimeError, "^the process of the search ended$"),
-    ):
-        monkeypatch.setattr(process, "_START", start)
-        with pytest.raises(error, match=message):
-            report(CYCLE, EPS, time_limit=1000)
-
-
-def test_a_search_ends_with_the_process_that_waits_for_it(monkeypatch):
-    """A process that is killed leaves none behind: nobody reads what the search writes."""
-    from suslov_fast.integrability import process
-
-    def closed(data):
-        raise BrokenPipeError
-
-    given = io.BytesIO(pickle.dumps((Report(MAP, 1), 0)))
-    ended = SimpleNamespace(write=closed, flush=closed)
-    monkeypatch.setattr(process.sys, "stdin", SimpleNamespace(buffer=given))
-    for out, count in ((io.BytesIO(), 1000), (ended, 0)):
-        given.seek(0)
-        monkeypatch.setattr(process.sys, "stdout", SimpleNamespace(buffer=out))
-        process.serve()
-        assert not count or len(out.getvalue()) > count
 
 
 def test_the_order_of_files():
@@ -1333,60 +1300,45 @@ class Quantity(float):
 
 
 @pytest.mark.parametrize(
-    ("call", "error", "message"),
+    ("error", "argument", "call"),
     [
-        (lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1), ValueError, "field must"),
-        (lambda: kahan(CUBIC, [1]), TypeError, "eps.*the list"),
-        (lambda: kahan(CUBIC, Quantity(1)), TypeError, "eps.*without a unit, not a Quantity"),
-        (lambda: kahan(QuadraticField([[[1]]]), 1)([1]), ZeroDivisionError, r"\(1\) has no image"),
-        (lambda: kahan(CUBIC, "1/0"), ValueError, "eps must be numbers or strings.*'1/0'"),
-        (lambda: kahan(CUBIC).jacobian([1, 2]), TypeError, "eps"),
-        (lambda: reported(BODY).integrals[0]([1, 2]), TypeError, "eps"),
-        (lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1), TypeError, "cofactor"),
-        (lambda: degrees(CUBIC, 3), TypeError, r"map is a QuadraticField: .*kahan\(field, eps\)"),
-        (lambda: growth_of(CUBIC), TypeError, r"degrees\(map, n\).*QuadraticField"),
-        (lambda: hk_bases(MAP, 999), ValueError, "at most 30 for 2 variables .*999 .500500 coef"),
-        (lambda: degrees(MAP, -1), ValueError, "n.*not -1"),
-        (lambda: growth_of([1, 2.5]), TypeError, "degrees.*2.5"),
-        (lambda: growth_of([1, -2]), ValueError, "degrees.*not -2"),
-        (lambda: growth_of([1, 2], planar=2), TypeError, "planar.*not 2"),
-        (lambda: hk_bases(MAP, 2.5), TypeError, "monomials.*a degree or a list.*2.5"),
-        (lambda: hk_bases(MAP, [(1, 0), (1, 0)]), ValueError, "monomials.*different"),
-        (lambda: hk_bases(MAP, [(1, 0, 0)]), ValueError, r"monomials must.* 2 .*\(1, 0, 0\)"),
-        (lambda: report(BODY, EPS, 0), ValueError, "degree.*not 0"),
-        (lambda: report(CLEBSCH, degree=5), ValueError, "at most 4 for 6 variables .*210.*462"),
-        (lambda: report(MAP, EPS), ValueError, "eps must"),
-        (
-            lambda: report(BODY, EPS, time_limit=-1),
-            ValueError,
-            "time_limit must be 0 seconds or more.* not -1",
-        ),
-        (lambda: report(BODY, EPS, progress=3), TypeError, "progress.*not int"),
-        (lambda: darboux_polynomials(MAP, 1, "x"), TypeError, "cofactor.*the str"),
-        (lambda: darboux_polynomials(MAP, 1, lambda x: 0.5), TypeError, "cofactor .*the float"),
-        (lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0)), ArithmeticError, "undefined"),
-        (lambda: rational_map(3, 2), TypeError, "f.*not int"),
-        (lambda: rational_map(lambda x: (x[0],), 2), ValueError, "f must return 2 .* not 1"),
-        (lambda: rational_map(lambda x: (np.sin(x[0]), 1), 2), TypeError, "f must return 2.*sin"),
-        (lambda: rational_map(lambda x: (1 / (x[0] - x[0]), 1), 2), ValueError, "f.*is 0"),
-        (lambda: rational_map(lambda x: (x[0] ** 0.5, 1), 2), TypeError, "f.*integer"),
-        (
-            lambda: rational_map(lambda x: (x[1], x[0]), 2, lambda x: x),
-            ValueError,
-            "inverse is not",
-        ),
+        (ValueError, "field", lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1)),
+        (TypeError, "eps", lambda: kahan(CUBIC, [1])),
+        (TypeError, "eps", lambda: kahan(CUBIC, Quantity(1))),
+        (ValueError, "eps", lambda: kahan(CUBIC, "1/0")),
+        (ZeroDivisionError, r"\(1\)", lambda: kahan(QuadraticField([[[1]]]), 1)([1])),
+        (TypeError, "eps", lambda: kahan(CUBIC).jacobian([1, 2])),
+        (TypeError, "eps", lambda: reported(BODY).integrals[0]([1, 2])),
+        (TypeError, "map", lambda: degrees(CUBIC, 3)),
+        (ValueError, "n", lambda: degrees(MAP, -1)),
+        (TypeError, "degrees", lambda: growth_of(CUBIC)),
+        (TypeError, "degrees", lambda: growth_of([1, 2.5])),
+        (ValueError, "degrees", lambda: growth_of([1, -2])),
+        (TypeError, "planar", lambda: growth_of([1, 2], planar=2)),
+        (ValueError, "monomials .* 30 .*999", lambda: hk_bases(MAP, 999)),
+        (TypeError, "monomials", lambda: hk_bases(MAP, 2.5)),
+        (ValueError, "monomials", lambda: hk_bases(MAP, [(1, 0), (1, 0)])),
+        (ValueError, "monomials", lambda: hk_bases(MAP, [(1, 0, 0)])),
+        (ValueError, "degree", lambda: report(BODY, EPS, 0)),
+        (ValueError, "degree .* 4 .*462", lambda: report(CLEBSCH, degree=5)),
+        (ValueError, "eps", lambda: report(MAP, EPS)),
+        (ValueError, "time_limit", lambda: report(BODY, EPS, time_limit=-1)),
+        (TypeError, "progress", lambda: report(BODY, EPS, progress=3)),
+        (TypeError, "cofactor", lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1)),
+        (TypeError, "cofactor", lambda: darboux_polynomials(MAP, 1, "x")),
+        (TypeError, "the cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 0.5)),
+        (ArithmeticError, "the cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0))),
+        (TypeError, "f", lambda: rational_map(3, 2)),
+        (ValueError, "f", lambda: rational_map(lambda x: (x[0],), 2)),
+        (TypeError, "f", lambda: rational_map(lambda x: (np.sin(x[0]), 1), 2)),
+        (ValueError, "f", lambda: rational_map(lambda x: (1 / (x[0] - x[0]), 1), 2)),
+        (TypeError, "f", lambda: rational_map(lambda x: (x[0] ** 0.5, 1), 2)),
+        (ValueError, "inverse", lambda: rational_map(lambda x: (x[1], x[0]), 2, lambda x: x)),
     ],
 )
-def test_bad_input(call, error, message):
-    with pytest.raises(error, match=message):
+def test_bad_input(error, argument, call):
+    with pytest.raises(error, match=f"^{argument}"):
         call()
-
-
-def test_two_periods_of_second_differences_are_too_few():
-    """1, 0, 1, 0 may go on in any way."""
-    found = growth_of([2, 4, 7, 10, 14, 18])
-    assert found.kind == "unclear"
-    assert "not yet periodic" in found.based_on
 
 
 def test_the_normal_form_at_a_number_is_that_of_a_symbolic_eps():
@@ -1421,8 +1373,3 @@ def test_echelon_form_is_that_of_the_matrix_of_coefficients():
         first, *_, last = (n for n, c in enumerate(row) if c)
         assert not any(found[k + 1 :, first])
         assert not any(found[:k, last])
-
-
-def test_a_recurrence_that_holds_from_the_identity_on_says_so():
-    text = "d(k+1) = 2 d(k), all 5 degrees and that of the identity"
-    assert growth_of([2, 4, 8, 16, 32]).based_on == text

@@ -273,7 +273,7 @@ def test_headers_of_docstrings_are_underlined():
 WITH_EXAMPLES = [name for name, path in FILES.items() if ">>>" in TEXTS[path]]
 # Long reports, and loops and steps of users that take long to compile.
 LONG = [f"suslov_fast.{name}" for name in ("compiled", "maps.base")]
-LONG += [f"suslov_fast.integrability.{name}" for name in ("implicit", "locus")]
+LONG += [f"suslov_fast.integrability.{name}" for name in ("relations", "locus")]
 
 
 @pytest.mark.sampled(10)

@@ -218,6 +218,8 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     """
     import xarray
 
+    from .chunks import NamingStore
+
     contents = metadata.read_contents(store)
     if contents is None or not contents.arrays:
         raise FileNotFoundError(f"store: there is no store of ensemble at {store}")
@@ -228,21 +230,14 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     if is_finished and lost.pending:
         received = f"{store} without {len(lost.pending)} of the tiles that were computed"
         raise wrong("client", "have workers that write to the store", received)
-    foreign = access.run(access.members(access.reader(store), contents.arrays))
-    source = metadata.overlaid(store, contents)
+    source = NamingStore(access.reader(store))
     data = xarray.open_zarr(source, consolidated=True, zarr_format=3, chunks=None)
-    data = data.assign_attrs(contents.added)
     lazy = {
         name: data.variables[name].chunk(_parts(array), name=f"{name}-{uuid4().hex}")
         for name, array in contents.arrays.items()
         if array.shape and name not in data.indexes
     }
-    data = with_time(as_columns(data.assign(lazy)))
-    if others := foreign - {*data.variables}:  # xarray writes coordinates made here with a variable
-        names = ", ".join(sorted(others))
-        how = "keep derived variables in a store of their own"
-        checks.warn(f"store: {store} also has {names}, which ensemble did not write: {how}")
-    return data
+    return with_time(as_columns(data.assign(lazy)))
 
 
 def _parts(array: metadata.Stored) -> dict[Any, int]:

@@ -31,21 +31,13 @@ from ..engine.random_starts import RandomStarts
 from ..engine.status import Status
 from . import access
 from .columns import RUN
-from .metadata import (
-    COPY,
-    Contents,
-    Stored,
-    Tile,
-    digest_of,
-    overlaid,
-    read_contents,
-    stored_in,
-)
+from .metadata import Contents, Stored, Tile, read_contents, stored_in
 
 # Values that unwritten chunks show, by the name of a column; others are NaN, or Zarr's default.
 _FILLS = {column.name: column.fill for column in RUN}
-# What to use for files with a suffix that no folder has.
-# What to do with a folder of others.
+# Attributes that only some runs have.
+_OPTIONAL = "save_every", "attitude", "functions", "coords"
+# What to use for files with a suffix that no folder has, and what to do with a folder of others.
 _NEW = "pass a new name"
 _LABELLED = "the result of ensemble has to_netcdf(path), which writes one file"
 _OF_FILES = {
@@ -167,10 +159,10 @@ def prepare(store: Any, data: Any, sizes: dict[str, int]) -> tuple[list[Tile], C
         _check_new(store, data)
     else:
         _require_same(store, data, contents.attributes)
-    if contents is not None and contents.arrays and contents.is_consolidated:
+    if contents is not None and contents.arrays:
         _restore_shared(store, data, contents)
     else:
-        create(store, data, sizes, contents and contents.copy)
+        create(store, data, sizes)
         contents = read_contents(store)
         assert contents is not None
     lacks = lost(store, contents)
@@ -180,7 +172,7 @@ def prepare(store: Any, data: Any, sizes: dict[str, int]) -> tuple[list[Tile], C
 def _require_same(store: Any, data: Any, theirs: dict[str, Any]) -> None:
     """Raise an error that names what differs if the attributes in a store are of another run."""
     ours, differences = data.attrs, []
-    for name in {**ours, **theirs} if theirs else ():
+    for name in {**ours, **dict.fromkeys(_OPTIONAL)} if theirs else ():  # others may add some
         if name not in ("version", "coordinates") and ours.get(name) != theirs.get(name):
             here, there = _in_words(ours.get(name)), _in_words(theirs.get(name))
             differences.append(
@@ -195,7 +187,7 @@ def passed_poles(store: Any, contents: Contents) -> tuple[int, tuple[tuple[int, 
     """Return how many trajectories passed a pole, and the index and `failed_at` of the first."""
     import zarr
 
-    arrays = zarr.open_group(overlaid(store, contents), mode="r", zarr_format=3)
+    arrays = zarr.open_group(access.reader(store), mode="r", zarr_format=3)
     count, first, status = 0, None, contents.arrays["status"]
     begins = [range(0, n, m) for n, m in zip(status.shape, status.chunks, strict=True)]
     for begin in product(*begins):
@@ -272,15 +264,12 @@ def _in_words(value: Any) -> str:
     return text.partition(", sha256")[0]
 
 
-def create(store: Any, data: Any, sizes: dict[str, int], copy: str | None = None) -> None:
-    """Create the arrays of a store, except those that an earlier call or another process made.
-
-    With `copy`, the metadata are restored from it.
-    """
+def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
+    """Create the arrays of a store, except those that an earlier call or another process made."""
     target, made = access.reader(store, read_only=False), _made(data, sizes)
     group = access.run(access.put_new(target, "zarr.json", made["zarr.json"]))
-    if copy is None:  # another process may have begun another run meanwhile
-        _require_same(store, data, json.loads(group)["attributes"])
+    # Another process may have begun another run meanwhile.
+    _require_same(store, data, json.loads(group)["attributes"])
     # The array of states is made first: its chunks tell the tiles, which all arrays share.
     batch = data["status"].dims
     states = next(name for name in data if data[name].dims == ("n", *batch, "component"))
@@ -288,15 +277,9 @@ def create(store: Any, data: Any, sizes: dict[str, int], copy: str | None = None
     if (found := access.run(access.put_new(target, key, made[key]))) != made[key]:
         array = stored_in(states, json.loads(found))
         made = _made(data, dict(zip(array.dims, array.chunks, strict=True)))
-    chunks = {key: made.pop(key) for key in list(made) if not key.endswith("zarr.json")}
     there = access.run(access.existing(target, list(made)))
     access.run(access.put(target, {key: [made[key]] for key in made if key not in there}))
-    access.run(access.put_where_different(target, chunks))
-    if copy is not None:
-        access.run(access.put(target, {"zarr.json": [copy.encode()]}))
-        return
-    attributes = json.loads(made.pop("zarr.json"))["attributes"]
-    access.run(_consolidate(target, attributes, sorted(made)))
+    access.run(_consolidate(target, sorted(key for key in made if key.endswith("/zarr.json"))))
 
 
 def _made(data: Any, sizes: dict[str, int]) -> dict[str, bytes]:
@@ -330,18 +313,14 @@ def _made(data: Any, sizes: dict[str, int]) -> dict[str, bytes]:
     return {key: value.to_bytes() for key, value in made.items()}
 
 
-async def _consolidate(target: Any, attributes: Any, keys: list[str]) -> None:
-    """Write consolidated metadata as Zarr does, with a digest, and their copy."""
+async def _consolidate(target: Any, keys: list[str]) -> None:
+    """Write consolidated metadata, as Zarr does, with which a store is complete."""
     texts = await access.texts(target, ["zarr.json", *keys])
     group, *documents = (json.loads(text or "") for text in texts)
-    group |= {"attributes": attributes}
-    names = (key.partition("/")[0] for key in keys)
-    arrays = dict(zip(names, documents, strict=True))
-    digest = digest_of(attributes, arrays)
-    metadata = {"kind": "inline", "must_understand": False, "sha256": digest, "metadata": arrays}
+    arrays = {key.partition("/")[0]: each for key, each in zip(keys, documents, strict=True)}
+    metadata = {"kind": "inline", "must_understand": False, "metadata": arrays}
     text = json.dumps(group | {"consolidated_metadata": metadata}, indent=2)
-    for key in (COPY, "zarr.json"):
-        await access.put(target, {key: [text.encode()]})
+    await access.put(target, {"zarr.json": [text.encode()]})
 
 
 def _restore_shared(store: Any, data: Any, contents: Contents) -> None:

@@ -19,7 +19,6 @@ from typing import Any
 
 import suslov_fast as sf
 
-from .keywords import missing_file
 from .options import PARAMETERS, check_method, parsed
 from .summary import facts_in, facts_of, is_complete, lines_of, result_in
 
@@ -95,7 +94,6 @@ def _text_of(error: Exception, subject: object = "") -> str:
     text = str(error) or type(error).__name__
     if isinstance(error, OSError) and error.strerror:
         subject, text = error.filename or subject, error.strerror
-        text = missing_file(str(subject)) if isinstance(error, FileNotFoundError) else text
     for words, here in _IN_A_SHELL.items():
         text = text.replace(words, here)
     if argument := _ARGUMENT.match(text):

@@ -16,7 +16,7 @@ from ..checks import FloatArray
 from ..core.lists.derivative import gradients
 from ..core.lists.right_hand_side import RightHandSide, in_order
 from ..core.operations import evaluate
-from ..keywords import public, unchanging
+from ..keywords import public
 from .base import frozen, summary
 from .calls import called_by_name, traced
 from .coefficients import structure_matrix
@@ -104,7 +104,6 @@ def _restored(names: Any, parameters: Any, operations: Any, texts: Any, *others:
     return Equations(names, parameters, values, *others)
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Field(FieldOfFunction):
     """A field with any right-hand side, ``x' = f(x)``, whose motion :func:`flow` computes.

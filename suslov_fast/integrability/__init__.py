@@ -25,14 +25,8 @@ The files, in an order in which each uses only those before it:
   interrupted. `report`: the results in one object. `levels`: the function for them.
 """
 
-import sys
-from typing import NoReturn
-
-import suslov_fast
-
 from ..bodies.field import QuadraticField
 from ..checks import extra
-from ..keywords import refuse
 
 try:
     import flint  # noqa: F401
@@ -81,11 +75,6 @@ __all__ = [
     "report",
     "zoo",
 ]
-
-
-def __getattr__(name: str) -> NoReturn:
-    """Say where a public name is that is not in this module."""
-    refuse(sys.modules[__name__], name, f"suslov_fast.{name}" * (name in dir(suslov_fast)))
 
 
 def __dir__() -> list[str]:

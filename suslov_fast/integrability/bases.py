@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import integer
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arguments import exponents_of
 from .arithmetic import Point, Residues
@@ -26,7 +26,6 @@ from .search import Search
 Matrix = tuple[Point, ...]
 
 
-@answers("a Hirota-Kimura basis")
 @dataclass(frozen=True)
 class HKBasis:
     """Linear relations between `monomials` along orbits, as `hk_bases` returns them.

@@ -21,7 +21,7 @@ from ..bodies.advice import check_arguments
 from ..bodies.names import labels, latex
 from ..bodies.polynomials import from_lists
 from ..checks import extra, short, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS
 from .polynomials import (
@@ -55,10 +55,6 @@ class Differentiable(Protocol):
 F = TypeVar("F", bound=Differentiable)
 
 
-@answers(
-    "a rational function",
-    {"simplify factor expand latex to_latex to_sympy expr": "sympy.sympify(str(f), f.symbols())"},
-)
 @dataclass(frozen=True, repr=False)
 class RationalFunction:
     """A product of powers of polynomials and a constant, exact.

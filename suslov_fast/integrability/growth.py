@@ -16,7 +16,7 @@ import flint
 import numpy as np
 
 from ..checks import integer, short, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from .arithmetic import DRAWS, random_prime
 from .maps import RationalMap, check_map
 from .polynomials import random_line
@@ -127,7 +127,6 @@ def check_degrees(search: Any) -> None:
         raise ArithmeticError(f"{search.map}: {text}: this is an error of the package")
 
 
-@answers("a growth", {"rate": "entropy", "degrees": "degrees(map, n)"})
 class Growth(NamedTuple):
     """Growth of a sequence of degrees, as `growth` returns it: evidence, never a proof.
 

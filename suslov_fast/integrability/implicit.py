@@ -20,7 +20,7 @@ from typing import Any
 import flint
 
 from ..bodies.polynomials import Polynomial
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, EXTRA
 from .functions import MODULAR, RationalFunction, quotient_of
@@ -35,7 +35,6 @@ _DEGREES = 5, 11, 23  # quotients of a higher degree than the last are left out
 _TERMS = 300  # of a formula that is written out, at most
 
 
-@answers("an implicit integral")
 @dataclass(frozen=True, repr=False)
 class ImplicitIntegral:
     """A first integral of a map, given by a relation between monomials along orbits.

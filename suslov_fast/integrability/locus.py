@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from ..bodies.field import QuadraticField
 from ..checks import integer, kind_of, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arguments import exponents_of, progress_function
 from .kahan import KahanMap, kahan
@@ -27,7 +27,6 @@ _STEP_SIZES = 3  # modulo each of these
 _STARTS = 3  # orbits at each of these
 
 
-@answers("a special value")
 class Special(NamedTuple):
     """A value of a parameter with more relations than a general one.
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..bodies.names import labels
 from ..checks import integer
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, Point
 from .functions import RationalFunction, check_letter, factored, traced, value_of
@@ -42,7 +42,6 @@ _POINTS = 3  # random points, whose common roots in eps are those of all points
 _SHAPES = {0: "a point", 1: "a curve", 2: "a surface"}  # by dimension
 
 
-@answers("a map", {"iterate step": "map(x), the next point", "to_latex latex": "str(map)"})
 class RationalMap:
     """A birational map, exact, with components F_i / F_0; made by `rational_map`.
 

@@ -15,7 +15,7 @@ from typing import Any
 import flint
 
 from ..checks import integer, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from .confinement import is_proved
 from .contracted import Passage, Plane, passages_across
 from .functions import IDENTITY, RationalFunction
@@ -34,7 +34,6 @@ _COST = 0.2  # seconds, roughly
 _ROUNDING = 1e-9  # of the modulus of a root
 
 
-@answers("a contraction")
 @dataclass(frozen=True)
 class Contraction:
     """A curve that a map contracts to a point, and what becomes of it.
@@ -60,7 +59,6 @@ class Contraction:
         return f"{self.curve}{curves}: {confined}{self.how}"
 
 
-@answers("a planar entropy", {"value": "entropy"})
 @dataclass(frozen=True, repr=False)
 class PlanarEntropy:
     """The algebraic entropy of a birational map of the plane, as `planar_entropy` returns it.

@@ -16,7 +16,7 @@ from typing import Any
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
 from ..checks import integer, is_false, kind_of, real_number, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from .arguments import check_unknowns, progress_function
 from .decimals import as_decimal, in_decimals
 from .functions import IDENTITY, MODULAR, RationalFunction
@@ -35,19 +35,6 @@ _ROUNDING = 1e-12  # of an entropy
 Functions = tuple[RationalFunction, ...]
 
 
-_INSTEAD = {
-    "entropy kind": "growth.entropy and growth.kind",
-    "integrable is_integrable": "integrals and growth, which are evidence, and no verdict",
-    "first_integrals conserved invariants": "integrals",
-    "densities density": "measures",
-    "cofactors": "[P.cofactor for P in report.polynomials]",
-    "bases basis": "hk_bases(map, degree); each integral has a basis of its own",
-    "save to_json": "json.dump(report.to_dict(), file)",
-    "to_latex latex": "str of each integral; in a notebook integrals are typeset",
-}
-
-
-@answers("a report", _INSTEAD)
 @dataclasses.dataclass(repr=False)
 class Report:
     """Results of `report` for a map.

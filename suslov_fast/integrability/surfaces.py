@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 from ..bodies.names import labels
 from ..checks import short, wrong
-from ..keywords import answers
 from . import arithmetic
 from .arithmetic import EPS
 from .functions import (
@@ -49,7 +48,6 @@ _WIDTH = 60  # characters of a polynomial in the text
 _COST = 5.0  # seconds, roughly, of a level and the entropy on it
 
 
-@answers("a level")
 @dataclass(frozen=True, repr=False)
 class Level:
     """A map on a level of its integrals, as `on_level` returns it.

@@ -18,18 +18,17 @@ from ..engine.problem import Problem
 from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
-from ..keywords import nearest, public, unchanging
+from ..keywords import lacking, public
 from ..maps import Map
 from .columns import ARGUMENTS, CROSSINGS
 from .failures import ON_SINGULAR, OnSingular, report_failures
-from .results import INSTEAD_IN_CROSSINGS, Result, in_short, read_only
+from .results import Result, in_short, read_only
 from .search import Search, Surface, check_surface
 
 if TYPE_CHECKING:
     import xarray
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False)
 class Crossings(Result):
     """Points where orbits of a batch cross a surface: the result of :func:`crossings`.
@@ -151,18 +150,10 @@ class Crossings(Result):
 
         def __getattr__(self, name: str) -> Any:
             """Raise an AttributeError that names the attribute to use instead, if there is one."""
-            instead = INSTEAD_IN_CROSSINGS.get(name, "")
-            if "body" in vars(self):
-                if name in self.body._labels:
-                    column = f"crossings.states[:, {self.body._labels.index(name)}]"
-                    both = f"crossings.states, or {column} for the variable {name}"
-                    instead = both if name == self._variable else column
-                elif name in self.body.parameters:
-                    instead = f"crossings.body.parameters[{name!r}]"
-            if instead or (instead := nearest(name, dir(self))):
-                raise AttributeError(f"no attribute {name!r}: use {instead}")
-            text = f"crossings have no attribute {name!r}"
-            raise AttributeError(text, name=name, obj=self)
+            here = ""
+            if "body" in vars(self) and name in self.body._labels:
+                here = f"crossings.states[:, {self.body._labels.index(name)}]"
+            raise lacking(self, name, "crossings", here)
 
         def __getitem__(self, index: Any) -> Any:
             labels = self.body._labels

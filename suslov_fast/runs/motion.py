@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray
-from ..keywords import public, unchanging
-from .results import INSTEAD_IN_MOTIONS, QUANTITIES, States
+from ..keywords import public
+from .results import QUANTITIES, States
 
 if TYPE_CHECKING:
     import xarray
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 _OF_STEPS = {"first_integral"}
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False)
 class Motion(States):
     """Solutions of the equations of motion at given times: the result of :func:`flow`.
@@ -67,8 +66,6 @@ class Motion(States):
     >>> motion.x[-1].round(6), bool(np.ptp(motion.energy()) < 1e-8)
     (array([0.325746, 0.490267]), True)
     """
-
-    _table = INSTEAD_IN_MOTIONS
 
     states: FloatArray
     time: FloatArray

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
@@ -13,87 +12,9 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..engine.status import count_in_words
-from ..keywords import nearest, public
+from ..keywords import lacking, public
 
 T = TypeVar("T", bound=np.generic)
-
-# Attributes that a run lacks, such as those of other packages, and what to use; {x} is omega or x.
-INSTEAD_IN_RUNS = {
-    **dict.fromkeys(
-        ("sel", "isel"),
-        "run.to_xarray().sel(...), which finds trajectories by the value of a parameter, or "
-        "run.{x}[:, k], the states of trajectory k",
-    ),
-    "t": "run.time, the times of the saved states; t of the paper is run.criticality()",
-    "F": "run.first_integral()",
-    **dict.fromkeys(
-        ("y", "u", "X", "values", "data", "trajectory", "trajectories", "solution", "sol"),
-        "run.{x}, the states with time on the first axis, so that y of solve_ivp is run.{x}.T",
-    ),
-    **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
-    **dict.fromkeys(("dt", "h", "step_size"), "run.eps, the step size"),
-    "T": "run.{x}.T, or run.time",
-    **dict.fromkeys(("last", "end"), "run.final"),
-    **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
-    "shape": "run.{x}.shape",
-    "to_numpy": "run.{x}, or np.asarray(run)",
-    "parameters": "run.body.parameters",
-    "savefig": "run.plot().figure.savefig(path)",
-    **dict.fromkeys(
-        ("resume", "continue_", "continue_run", "restart", "run_more"),
-        "run.extend(steps), which continues the run",
-    ),
-    "select": "run.{x}[:, k], the states of trajectory k",
-    **dict.fromkeys(("summary", "info"), "print(run), or suslov-fast info for a saved run"),
-    **dict.fromkeys(
-        ("message", "error", "errors", "status_counts", "status_text"),
-        "run.status and run.failed_at, with a Status for each trajectory",
-    ),
-    **dict.fromkeys(
-        ("to_netcdf", "to_zarr"),
-        "run.to_xarray(), whose Dataset has them",
-    ),
-}
-# Attributes of runs and of SciPy's results, and what crossings have.
-INSTEAD_IN_CROSSINGS = {
-    **dict.fromkeys(
-        "x omega y u sol points y_events values data shape to_numpy".split(),
-        "crossings.states, the points, or .before and .after",
-    ),
-    **dict.fromkeys(
-        "index idx indices i orbit orbits which member".split(),
-        "crossings.trajectory, the index of the trajectory of each crossing; n is the step",
-    ),
-    **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),
-    **dict.fromkeys(("success", "retcode"), "crossings.ok, or crossings.status"),
-    **dict.fromkeys(("dt", "h", "step_size"), "crossings.eps, the step size"),
-    "energy": "suslov_fast.energy(crossings.body, crossings.states)",
-    "message": "crossings.status and crossings.failed_at, with a Status for each trajectory",
-    **dict.fromkeys(
-        ("to_netcdf", "to_zarr"),
-        "crossings.to_xarray(), whose Dataset has them",
-    ),
-    "parameters": "crossings.body.parameters, or the coordinates of crossings.to_xarray()",
-}
-
-# The same for motions.
-INSTEAD_IN_MOTIONS = {
-    **{
-        name: INSTEAD_IN_RUNS[name]
-        for name in (
-            "sel isel y u X values data trajectory trajectories solution sol T shape to_numpy "
-            "parameters savefig select to_netcdf to_zarr F"
-        ).split()
-    },
-    **dict.fromkeys(("t", "times", "n"), "run.time"),
-    **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
-    **dict.fromkeys(("message", "error", "errors", "failed_at"), "run.status and run.end"),
-    **dict.fromkeys(("final", "last"), "run.{x}[-1]"),
-    **dict.fromkeys(("nfev", "nsteps", "n_steps"), "run.steps"),
-    **dict.fromkeys(("dt", "h", "eps"), "run.steps, the number of steps, whose lengths vary"),
-    **dict.fromkeys(("extend", "resume"), "flow again, from run.{x}[-1] and with later times"),
-    **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
-}
 
 # Names of the methods of `quantity`; `dir(run)` hides those that its map does not have.
 QUANTITIES: set[str] = set()
@@ -154,10 +75,6 @@ class Result:
         from ..quantities.evaluation import evaluate
 
         return evaluate(name, self.body, states, self.eps, map=self.map)
-
-    @staticmethod
-    def _remade(name: str, value: object) -> str:
-        return "change a copy of an array, such as run.final.copy()"
 
     def __post_init__(self) -> None:
         """Make arrays read-only: views of them, because a caller may go on writing to their own."""
@@ -265,7 +182,6 @@ class States(Result):
     _is_whole: Any
     _heading: Any
     _functions: Any  # the names of the quantities that the system has
-    _table: ClassVar[dict[str, str]] = {}  # attributes that it lacks, and what to use
 
     @property
     def omega(self) -> FloatArray:
@@ -286,25 +202,12 @@ class States(Result):
 
         def __getattr__(self, name: str) -> Any:
             """Raise an AttributeError that names the attribute to use instead, if there is one."""
-            if "states" in vars(self):
-                x = self._variable
-                if name in ("omega", "x"):
-                    raise AttributeError(
-                        f"no attribute {name!r}: the states of this run are run.{x}"
-                    )
-                instead = self._table.get(name, "").format(x=x)
-                labels = [*self.body._labels]
-                alike = [k for k, label in enumerate(labels) if label.lower() == name.lower()]
-                if name in labels or (alike and not instead):
-                    instead = f"run.{x}[..., {labels.index(name) if name in labels else alike[0]}]"
-                elif name in import_module("suslov_fast").__all__:
-                    instead = f"suslov_fast.{name}(run.body, run.{x}, ...)"
-                elif name in self.body.parameters:
-                    instead = f"run.body.parameters[{name!r}]"
-                here = "" if name.startswith("_") else import_module("suslov_fast")._here(name)
-                if instead := instead or here or nearest(name, dir(self)):
-                    raise AttributeError(f"no attribute {name!r}: use {instead}")
-            raise AttributeError(f"a run has no attribute {name!r}", name=name, obj=self)
+            if "states" not in vars(self):
+                raise AttributeError(name)
+            x, labels = self._variable, self.body._labels
+            here = f"run.{x}[..., {labels.index(name)}]" if name in labels else ""
+            here = f"run.{x}" if name in ("omega", "x") else here
+            raise lacking(self, name, "a run", here)
 
     def __dir__(self) -> list[str]:
         other = "x" if self._variable == "omega" else "omega"

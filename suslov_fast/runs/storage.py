@@ -32,7 +32,6 @@ from ..checks import (
     wrong,
 )
 from ..engine.status import Status
-from ..keywords import missing_file
 from ..maps import map_of, named
 from .columns import (
     ARGUMENTS,
@@ -189,8 +188,6 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
             if not kinds or kind in kinds:
                 read = _read if kind in _OF_MAPS else _read_motion
                 return read(entries, kind, about, texts["body"]) | ({} if kinds else {"kind": kind})
-    except FileNotFoundError as error:
-        raise FileNotFoundError(error.errno, missing_file(name), name) from None
     except (OSError, MemoryError):
         raise
     except OtherFormat as error:

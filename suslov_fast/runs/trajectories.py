@@ -16,16 +16,15 @@ from ..engine.problem import Problem, checked_out
 from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
-from ..keywords import public, unchanging
+from ..keywords import public
 from ..maps import Map
 from .failures import ON_SINGULAR, OnSingular, report_failures
-from .results import INSTEAD_IN_RUNS, States, in_short, quantity, read_only
+from .results import States, in_short, quantity, read_only
 
 if TYPE_CHECKING:
     import xarray
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectories(States):
     """Orbits of a batch, with the status of each: the result of :func:`iterate`.
@@ -73,8 +72,6 @@ class Trajectories(States):
     >>> f"{np.ptp(orbit.energy()):.0e}", bool(np.ptp(orbit.modified_energy()) < 1e-14)
     ('2e-03', True)
     """
-
-    _table = INSTEAD_IN_RUNS
 
     states: FloatArray
     eps: float | FloatArray

@@ -163,7 +163,7 @@ def test_every_initial_state_identifies_a_run(tmp_path):
     for place in ((0, 0), (350, 1), (699, 1)):
         other = array.copy()
         other[place] = np.nextafter(other[place], 0.0)
-        with pytest.raises(ValueError, match=r"omega0.*, the store has others"):
+        with pytest.raises(ValueError, match=r"x0.*, the store has others"):
             ensemble(BODY, other, 0.2, 2, store=store)
     large = np.arange(2.0**21 + 5)[:, None]  # in two parts
     text = described("omega0", large)
@@ -214,7 +214,7 @@ def oscillator(constant):
     ("asked", "change", "words"),
     [
         (ASKED, {"body": Suslov3D(4, 1, -0.5, -0.31)}, "I23: -0.31, the store has -0.3"),
-        (ASKED, {"omega0": [[1.0, 0.5 + 1e-12]]}, "omega0.*, the store has others"),
+        (ASKED, {"omega0": [[1.0, 0.5 + 1e-12]]}, "x0.*, the store has others"),
         (ASKED, {"save_every": None}, "save_every: None, the store has 2"),
         (ASKED, {"attitude": True}, "attitude: 9 values from 0 to 1, the store has None"),
         (ASKED, {"functions": {"radius": radius}}, "functions: radius, the store has None"),
@@ -238,8 +238,8 @@ def test_stores_of_other_runs_are_refused_in_words(store, asked, change, words):
 UNKNOWN = dask.array.ones((5, 2))
 UNKNOWN = UNKNOWN[UNKNOWN[:, 0] > 0]
 BAD = [
-    ({"omega0": "starts.txt"}, TypeError, "omega0"), ({"omega0": UNKNOWN}, ValueError, "omega0"),
-    ({"omega0": dask.array.full((9, 2), np.inf)}, ValueError, "omega0"),
+    ({"omega0": "starts.txt"}, TypeError, "x0"), ({"omega0": UNKNOWN}, ValueError, "x0"),
+    ({"omega0": dask.array.full((9, 2), np.inf)}, ValueError, "x0"),
     ({"chunk": 0}, ValueError, "chunk"), ({"chunk": {"time": 3}}, ValueError, "chunk.*time"),
     ({"chunk": "many"}, TypeError, "chunk"), ({"dims": ("a", "b")}, ValueError, "dims"),
     *[({"coords": {name: 3}}, ValueError, "coords") for name in ("a/b", "omega", "zarr.json")],

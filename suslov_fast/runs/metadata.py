@@ -9,10 +9,12 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from .. import checks
+from ..bodies.classes import class_named
 from ..checks import wrong
 from ..maps import named
 from . import access
-from .columns import FORMAT, OtherFormat, arrays_of, check_arrays, of_runs, sizes_of
+from .columns import FORMAT, OtherFormat, arrays_of, check_arrays, in_stores, sizes_of
+from .motion import variable_of
 
 # Codecs of our stores; metadata with others are refused, because codecs can run commands.
 _CODECS = {"bytes", "vlen-utf8", "crc32c"}
@@ -139,25 +141,36 @@ def stored_in(name: str, metadata: dict[str, Any]) -> Stored:
     return Stored(shape, str(metadata["data_type"]), tuple(grid), dims)
 
 
+def _kind_of(contents: Contents) -> tuple[str, str, int, str]:
+    """Return of which kind a run is, the axis of its states, their number, and their name."""
+    attributes = contents.attributes
+    if "map" not in attributes:
+        variable = variable_of(class_named(attributes["body"]))
+        return "Motion", "time", contents.arrays["time"].shape[0], variable
+    map, every = named(attributes["map"]), attributes.get("save_every")
+    checks.one_of("method", attributes["method"], map.methods)
+    rows = 1 if every is None else attributes["steps"] // every + 1
+    return "Trajectories", "n", rows, map.variable
+
+
 def _check_arrays(contents: Contents) -> None:
     """Check that a store has all arrays of its run, with their types, shapes and chunks."""
     attributes, arrays, *_ = contents
     if (total := sum(math.prod(array.counts) for array in arrays.values())) > MOST_CHUNKS:
         raise wrong("store", f"at most {MOST_CHUNKS} chunks", total)
-    map = named(attributes["map"])
-    checks.one_of("method", attributes["method"], map.methods)
-    every = attributes.get("save_every")
-    rows = 1 if every is None else attributes["steps"] // every + 1
+    kind, axis, rows, states = _kind_of(contents)
     status, (D,) = arrays["status"], arrays["component"].shape
     if D > _MOST_COMPONENTS:
         raise wrong("component", f"at most {_MOST_COMPONENTS} names", D)
-    columns = of_runs("attitude" in attributes)
-    of_run = arrays_of(columns, sizes_of(status.shape, D, n=rows))
+    columns = in_stores(kind, turns="attitude" in attributes)
+    of_run = arrays_of(columns, sizes_of(status.shape, D, **{axis: rows}))
     functions = dict.fromkeys(contents.tiled, ("float64", (rows, *status.shape)))
-    expected = functions | {map.variable: of_run.pop("states")} | of_run
-    expected |= {"n": ("int64", (rows,)), "component": ("string", (D,))}
+    expected = functions | {states: of_run.pop("states")} | of_run
+    expected |= {"component": ("string", (D,))}
+    if kind == "Trajectories":
+        expected["n"] = "int64", (rows,)
     check_arrays({name: (array.dtype, array.shape) for name, array in arrays.items()}, expected)
-    ours = {*contents.shared, *contents.tiled, "eps"}
+    ours = {*contents.shared, *contents.tiled}
     if absent := ours - {*arrays}:
         raise ValueError(f"the array {min(absent)} is missing")
     if others := {*arrays} - ours:

@@ -25,7 +25,7 @@ The files, in an order in which each uses only those before it:
   interrupted. `report`: the results in one object. `levels`: the function for them.
 """
 
-from ..bodies.field import QuadraticField
+from ..bodies.fields.field import QuadraticField
 from ..checks import extra
 
 try:

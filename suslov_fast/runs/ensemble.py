@@ -28,12 +28,12 @@ from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
-from . import access, metadata, stores
 from .columns import FORMAT, in_stores, shape_of, sizes_of
-from .datasets import as_columns, columns_of, to_xarray, with_time
+from .files import access, metadata, stores
+from .files.datasets import as_columns, columns_of, to_xarray, with_time
+from .files.tiles import Functions, Steps, Task, Times, checked_values, count_in, finish, place_of
 from .iterate import checked_counts
 from .motion import Motion, variable_of
-from .tiles import Functions, Steps, Task, Times, checked_values, count_in, finish, place_of
 from .trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -262,7 +262,7 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     """
     import xarray
 
-    from .chunks import NamingStore
+    from .files.chunks import NamingStore
 
     contents = metadata.read_contents(store)
     if contents is None or not contents.arrays:

@@ -197,7 +197,7 @@ class Result:
         ...     Trajectories.load(f"{folder}/run.npz") == run
         True
         """
-        from .storage import save
+        from .files.storage import save
 
         save(self, path, overwrite)
 
@@ -228,7 +228,7 @@ class Result:
         >>> from suslov_fast import Trajectories
         >>> later = Trajectories.load("run.npz").extend(1000)  # doctest: +SKIP
         """
-        from .storage import load
+        from .files.storage import load
 
         return cls._of(load(path, cls.__name__))
 
@@ -351,7 +351,7 @@ class States(Result):
         >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
         -0.7
         """
-        from .datasets import to_xarray
+        from .files.datasets import to_xarray
 
         return to_xarray(self, dims, coords)
 

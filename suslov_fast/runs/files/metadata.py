@@ -1,0 +1,188 @@
+"""Metadata of the Zarr stores of runs: the arrays and attributes that a store should have."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from itertools import product
+from typing import Any, NamedTuple
+
+from ... import checks
+from ...bodies.classes import class_named
+from ...checks import wrong
+from ...maps import named
+from ..columns import FORMAT, OtherFormat, arrays_of, check_arrays, in_stores, sizes_of
+from ..motion import variable_of
+from . import access
+
+# Codecs of our stores; metadata with others are refused, because codecs can run commands.
+_CODECS = {"bytes", "vlen-utf8", "crc32c"}
+# Bytes of a number, and of the checksum that follows the numbers in the file of a chunk.
+_BYTES, _CHECKSUM = {"float64": 8, "int64": 8, "int8": 1}, 4
+# Chunks of a store, each of which opening it looks for, and components of a state.
+MOST_CHUNKS, _MOST_COMPONENTS = 2**21, 2**20
+# What to do with data of others.
+_ELSEWHERE = "pass a new name; xarray.open_zarr reads them"
+_OTHERS = f"other data: {_ELSEWHERE}"
+
+Tile = tuple[int, ...]  # position of a tile along each axis of the batch
+
+
+class Stored(NamedTuple):
+    """The metadata of an array."""
+
+    shape: tuple[int, ...]
+    dtype: str
+    chunks: tuple[int, ...]
+    dims: tuple[str, ...]
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """The numbers of chunks along each axis."""
+        return tuple(math.ceil(n / m) for n, m in zip(self.shape, self.chunks, strict=True))
+
+    @property
+    def nbytes(self) -> int | None:
+        """Size of the file of a chunk; None for texts, whose size varies."""
+        width = _BYTES.get(self.dtype)
+        return None if width is None else width * math.prod(self.chunks) + _CHECKSUM
+
+    def key(self, name: str, position: Mapping[str, int]) -> str:
+        """Return the key of the chunk at a position along each axis, 0 where it has none."""
+        return "/".join([name, "c", *(str(position.get(dim, 0)) for dim in self.dims)])
+
+    def keys(self, name: str) -> Iterator[tuple[tuple[int, ...], str]]:
+        """Yield the index and the key of each chunk."""
+        for index in product(*map(range, self.counts)):
+            yield index, "/".join([name, "c", *map(str, index)])
+
+
+class Contents(NamedTuple):
+    """The metadata of a store; `arrays` is empty until all arrays of the run are created."""
+
+    attributes: dict[str, Any]
+    arrays: dict[str, Stored]
+
+    @property
+    def tiled(self) -> list[str]:
+        """Names of the arrays that are written tile by tile."""
+        return [*json.loads(self.attributes["tiled"])]
+
+    @property
+    def shared(self) -> list[str]:
+        """Names of the arrays that are written at once: parameters, step sizes, labels."""
+        return [*json.loads(self.attributes["shared"])]
+
+
+def read_contents(store: Any) -> Contents | None:
+    """Return the metadata of a store, or None if there is no store; ValueError for other data.
+
+    They are checked before Zarr reads them: only format 3 and our own codecs are accepted.
+    """
+    from ... import __version__
+
+    source = access.reader(store)
+    text = access.run(access.text(source, "zarr.json"))
+    if text is None:
+        if access.run(access.existing(source, [".zgroup", ".zarray"])):
+            raise _foreign(store, f"data of Zarr format 2: {_ELSEWHERE}")
+        return None
+    document = _document(store, text)
+    attributes = dict(document["attributes"])
+    if (number := attributes.get("format")) != FORMAT:
+        version = attributes.get("version") or attributes.get("source")
+        if number is None and version == __version__:
+            raise _foreign(store, "a dataset of to_xarray(): open it by xarray.open_zarr")
+        if version:
+            raise ValueError(f"store: {store} is {OtherFormat(number, version)}")
+        raise _foreign(store, _OTHERS)
+    try:
+        metadata = (document.get("consolidated_metadata") or {"metadata": {}})["metadata"]
+        contents = Contents(attributes, {k: stored_in(k, array) for k, array in metadata.items()})
+        if metadata:
+            _check_arrays(contents)
+        return contents
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
+        raise _foreign(store, f"damaged metadata: {error}") from error
+
+
+def _document(store: Any, text: str) -> dict[str, Any]:
+    """Return the metadata of a group from their JSON text."""
+    try:
+        document: dict[str, Any] = json.loads(text)
+        _ = dict(document["attributes"])
+        if document["zarr_format"] != 3 or document["node_type"] != "group":
+            raise KeyError("zarr_format")
+    except (KeyError, TypeError):
+        raise _foreign(store, _OTHERS) from None
+    except (ValueError, RecursionError) as error:
+        raise _foreign(store, f"damaged metadata: {error}") from error
+    return document
+
+
+def _foreign(store: Any, data: str) -> Any:
+    """Return the error of a store that holds other data."""
+    return wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {data}")
+
+
+def stored_in(name: str, metadata: dict[str, Any]) -> Stored:
+    """Return the metadata of an array, or raise an error if Zarr must not open it."""
+    if (metadata["zarr_format"], metadata.get("node_type")) != (3, "array"):
+        raise wrong(name, "an array of Zarr format 3", metadata["zarr_format"])
+    codecs = {codec["name"] for codec in metadata["codecs"]}
+    separator = metadata["chunk_key_encoding"].get("configuration", {}).get("separator", "/")
+    grid = metadata["chunk_grid"]["configuration"]["chunk_shape"]
+    if not codecs <= _CODECS or separator != "/" or metadata.get("storage_transformers"):
+        raise wrong(name, "an array as ensemble makes it", ", ".join(sorted(codecs)))
+    shape, dims = tuple(metadata["shape"]), tuple(metadata.get("dimension_names") or ())
+    if len(dims) != len(shape) or len(grid) != len(shape) or min((*grid, 1)) < 1:
+        raise wrong(name, "have chunks and a name for each axis", f"{shape}, {grid}, {dims}")
+    return Stored(shape, str(metadata["data_type"]), tuple(grid), dims)
+
+
+def _kind_of(contents: Contents) -> tuple[str, str, int, str]:
+    """Return of which kind a run is, the axis of its states, their number, and their name."""
+    attributes = contents.attributes
+    if "map" not in attributes:
+        variable = variable_of(class_named(attributes["body"]))
+        return "Motion", "time", contents.arrays["time"].shape[0], variable
+    map, every = named(attributes["map"]), attributes.get("save_every")
+    checks.one_of("method", attributes["method"], map.methods)
+    rows = 1 if every is None else attributes["steps"] // every + 1
+    return "Trajectories", "n", rows, map.variable
+
+
+def _check_arrays(contents: Contents) -> None:
+    """Check that a store has all arrays of its run, with their types, shapes and chunks."""
+    attributes, arrays, *_ = contents
+    if (total := sum(math.prod(array.counts) for array in arrays.values())) > MOST_CHUNKS:
+        raise wrong("store", f"at most {MOST_CHUNKS} chunks", total)
+    kind, axis, rows, states = _kind_of(contents)
+    status, (D,) = arrays["status"], arrays["component"].shape
+    if D > _MOST_COMPONENTS:
+        raise wrong("component", f"at most {_MOST_COMPONENTS} names", D)
+    columns = in_stores(kind, turns="attitude" in attributes)
+    of_run = arrays_of(columns, sizes_of(status.shape, D, **{axis: rows}))
+    functions = dict.fromkeys(contents.tiled, ("float64", (rows, *status.shape)))
+    expected = functions | {states: of_run.pop("states")} | of_run
+    expected |= {"component": ("string", (D,))}
+    if kind == "Trajectories":
+        expected["n"] = "int64", (rows,)
+    check_arrays({name: (array.dtype, array.shape) for name, array in arrays.items()}, expected)
+    ours = {*contents.shared, *contents.tiled}
+    if absent := ours - {*arrays}:
+        raise ValueError(f"the array {min(absent)} is missing")
+    if others := {*arrays} - ours:
+        how = "keep derived variables in a store of their own"
+        raise ValueError(f"{min(others)} is none of its arrays: {how}")
+    sizes = dict(zip(status.dims, status.shape, strict=True))
+    chunks = dict(zip(status.dims, status.chunks, strict=True))
+    for name, array in arrays.items():
+        if name in contents.tiled and not {*status.dims} <= {*array.dims}:
+            raise wrong(name, f"have the axes {', '.join(status.dims)}", ", ".join(array.dims))
+        for dim, length, chunk in zip(array.dims, array.shape, array.chunks, strict=True):
+            if length != sizes.setdefault(dim, length):
+                raise wrong(name, f"have the length {sizes[dim]} along {dim}", length)
+            if name in contents.tiled and chunk != chunks.setdefault(dim, chunk):
+                raise wrong(name, f"have chunks of {chunks[dim]} along {dim}", chunk)

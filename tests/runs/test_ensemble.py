@@ -28,6 +28,7 @@ from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
 from suslov_fast.runs.ensemble import _sizes
 from suslov_fast.runs.files import access, stores, tiles as computed
 from suslov_fast.runs.files.stores import described
+from suslov_fast.runs.files.tiles import Steps, Times
 
 BODY = Suslov3D(4, 1, -0.5, -0.3)
 BODY_4D = sf.SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
@@ -874,17 +875,17 @@ def test_a_finished_store_takes_few_requests():
     assert_same(dataset, iterate(*run, save_every=None))
 
 
-@pytest.mark.parametrize("steps", [10, 10**6, 10**9])
+@pytest.mark.parametrize("steps", [12, 10**6, 10**9])
 def test_tiles_take_neither_long_nor_much_memory(steps):
     """Of 2**24 states of 3 numbers, 5 of them saved; of a long run 2**12 trajectories at least."""
-    sizes = {"n": 5, "component": 3}
     status = SimpleNamespace(sizes={"a": 2**12, "b": 2**12}, size=2**24)
-    data = SimpleNamespace(sizes=sizes, status=status, attrs={"steps": steps, "tiled": "[]"})
-    found = _sizes(data, None)
-    count = found["a"] * found["b"]
-    assert 24 * count * found["n"] <= 2**24
-    assert count * steps <= max(2**31, 2**12 * steps)
-    assert count >= 2**12
+    data = SimpleNamespace(sizes={"component": 3}, status=status, attrs={"tiled": "[]"})
+    for task in (Steps("auto", steps, steps // 4), Times(np.arange(5.0), 1, None)):
+        found = _sizes(data, task, None)
+        count = found["a"] * found["b"]
+        assert 24 * count * found[task.axis] <= 2**24
+        assert count >= task.fewest
+        assert count <= max(task.most, task.fewest)
 
 
 def test_tasks_read_as_many_chunks_as_fill_one(store, monkeypatch):

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.command import main as command, summary, warm_up
-from suslov_fast.command.main import main
+from suslov_fast.command import summary
+from suslov_fast.command.main import main, main as command, warm_up
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
 COMMAND = [sys.executable, "-m", "suslov_fast"]

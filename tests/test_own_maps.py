@@ -32,7 +32,7 @@ from suslov_fast.command import main
 from suslov_fast.core import cache, one_step
 from suslov_fast.core.numba import kernel
 from suslov_fast.core.stages import Stages
-from suslov_fast.engine import threads, trial
+from suslov_fast.engine import threads
 from suslov_fast.engine.problem import check
 from suslov_fast.maps import KAHAN, Formula, Steps, by_field
 from suslov_fast.maps.methods import field_in
@@ -211,7 +211,7 @@ def test_steps_whose_functions_write_beyond_arrays_do_not_run():
         out[0] = x[0]
         return 0
 
-    with pytest.raises(ValueError, match=r"^step must stay .*: numbers beside them were written$"):
+    with pytest.raises(ValueError, match=r"^step must stay .*: numbers beside them were written"):
         iterate(counter(helped, 2), [0.0], 0.1, 3)
 
 
@@ -541,25 +541,12 @@ class Top(own.Body):
         return sf.QuadraticField(q)
 
 
-class ByIndex(Top):
-    """The same, which a number as its parameter shows."""
-
-    def field(self):
-        return sf.QuadraticField([[[self.I[0]]]])
-
-
-def test_a_vector_among_the_parameters_needs_its_axes(monkeypatch):
+def test_a_vector_among_the_parameters_needs_its_axes():
     """Without them its components would be the members of a batch."""
-    new = dataclasses.replace(own.SLEIGH, name="top", body=Top, formulas={}, pole=None, random=())
     random = (lambda rng, shape: Top(rng.uniform(1, 2, (*shape, 3))),)
-    with pytest.raises(
-        ValueError, match=r"random\[0\] made a batch \(3,\) .*axes of I in Top._axes"
-    ):
-        maps.register(dataclasses.replace(new, random=random))
-    with pytest.raises(ValueError, match=r"^body.*ByIndex._axes.*not TypeError: 'float'"):
-        maps.register(dataclasses.replace(new, body=ByIndex))
-    monkeypatch.setattr(ByIndex, "_axes", {"I": 1})
-    maps.register(dataclasses.replace(new, body=ByIndex))
+    new = {"name": "top", "body": Top, "formulas": {}, "pole": None, "random": random}
+    with pytest.raises(ValueError, match=r"random\[0\] made a batch \(3,\) .*Top.axes"):
+        maps.register(dataclasses.replace(own.SLEIGH, **new))
 
 
 def test_records_of_bodies_that_warn_are_registered_quietly():
@@ -968,7 +955,7 @@ def test_states_whose_multiples_overflow_are_tried_without_a_warning():
 def test_arguments_of_kernels_are_checked():
     wrong = {
         "a tuple of arrays, not list": lambda *given: [*by_field(*given)],
-        "1 or 19 rows.*not 3": lambda *given: (np.ones(3), *by_field(*given)),
+        "1 or 1 rows.*not 3": lambda *given: (np.ones(3), *by_field(*given)),
         "an array of float64, not float32": lambda *given: (np.float32([1]), *by_field(*given)),
     }
     for words, arguments in wrong.items():
@@ -982,17 +969,6 @@ def test_arguments_of_kernels_are_checked():
     with_steps(arguments=of_first_axis)()
     with pytest.raises(ValueError, match=r"^arguments\[2\] must have 1 or 6 rows.*not 2"):
         iterate(HENON, np.zeros((2, 3, 4)), 0.1, 1, method="new")
-
-
-def test_families_of_trials_are_those_of_the_field():
-    """What all members share, such as the places of terms, has no batch shape."""
-    for field in (
-        sf.QuadraticField.from_function(lambda x: (x[1], -x[0] * x[1]), 2),
-        sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 2 + x[1] ** 3, 2),
-    ):
-        family = trial.family_like(field, 3)
-        assert family.shape == (3,)
-        assert [family[k] == field for k in range(3)] == [True] * 3
 
 
 def test_the_first_status_above_0_is_kept_until_a_failure():

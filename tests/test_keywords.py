@@ -12,6 +12,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import maps
+from suslov_fast.bodies.base import OF_AUTHORS
 from suslov_fast.keywords import advice, public
 from suslov_fast.runs.periodic import PeriodicOrbit
 
@@ -238,7 +239,8 @@ def callables():
         for name in IN_LABORATORY if in_laboratory else dir(thing):
             method = getattr(thing, name, None)
             ours = (getattr(method, "__module__", "") or "").startswith("suslov_fast")
-            if ours and inspect.isroutine(method) and (in_laboratory or not name.startswith("_")):
+            for_users = not name.startswith("_") and name not in OF_AUTHORS
+            if ours and inspect.isroutine(method) and (in_laboratory or for_users):
                 called = method.__qualname__.split(".")[0] if name == "__call__" else name
                 yield f"{thing.__name__}.{called}", method
 

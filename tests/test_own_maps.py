@@ -95,7 +95,7 @@ def counting(x, out, eps, work, values):
 
 def counter(step=counting, work=0, values=(1.0,)):
     """A map by this step, and a body for it."""
-    kind = type("Counter", (own.Sleigh,), {"dimension": 1, "_labels": ("x",)})
+    kind = type("Counter", (own.Sleigh,), {"dimension": 1, "labels": ("x",)})
     steps = Steps(
         maps.steps_of(step, work), lambda body, eps, batch: (np.array(values), np.atleast_1d(eps))
     )
@@ -531,7 +531,7 @@ class Top(own.Body):
     """A free body, whose moments are one parameter."""
 
     I: Any
-    dimension, _labels = 3, ("w_1", "w_x_dot", "100 % $")
+    dimension, labels = 3, ("w_1", "w_x_dot", "100 % $")
 
     def field(self):
         of_rows = np.broadcast_to(self.I, (*self.shape, 3))
@@ -561,7 +561,7 @@ def test_records_of_bodies_that_warn_are_registered_quietly():
 
 
 def test_labels_may_hold_anything(tmp_path, monkeypatch):
-    monkeypatch.setattr(Top, "_axes", {"I": 1})
+    monkeypatch.setattr(Top, "axes", {"I": 1})
     random = (lambda rng, shape: Top(rng.uniform(1, 2, (*shape, 3))),)
     new = {"name": "top", "body": Top, "formulas": KAHAN, "pole": None, "random": random}
     maps.register(dataclasses.replace(own.SLEIGH, **new))
@@ -635,8 +635,8 @@ def test_another_discretization_as_the_map_of_a_class():
     ("changes", "words"),
     [
         ({"field": lambda body: 5}, r"^field\(\) must be a body or a field, not int"),
-        ({"dimension": 3}, "^_labels must have 3 entries, the dimension of Wrong"),
-        ({"dimension": 1, "_labels": ("x",)}, r"^field\(\) must have 1 components"),
+        ({"dimension": 3}, "^labels must have 3 entries, the dimension of Wrong"),
+        ({"dimension": 1, "labels": ("x",)}, r"^field\(\) must have 1 components"),
         (
             {"field": lambda body: SLEIGHS.field()},
             r"^field\(\) must have the shape \(\) of the body",
@@ -651,7 +651,7 @@ def test_bodies_that_contradict_themselves(changes, words):
 
 
 def test_orientations_of_other_states_than_two_are_refused():
-    kind = type("Wrong", (own.Sleigh,), {"dimension": 3, "_labels": ("a", "b", "c")})
+    kind = type("Wrong", (own.Sleigh,), {"dimension": 3, "labels": ("a", "b", "c")})
     new = {"name": "new", "body": kind, "attitude": "axial", "pole": None}
     maps.register(dataclasses.replace(own.SLEIGH, **new))
     with pytest.raises(ValueError, match=r"^attitude of the map 'new' must be 'in_rows', "):

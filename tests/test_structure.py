@@ -83,7 +83,7 @@ ARROWS = {
     "errors": "",
     "versions": "keywords",
     "bodies": "core checks keywords errors",
-    "engine": "core checks keywords bodies",
+    "engine": "core checks keywords",
     "maps": "core checks keywords bodies engine",
     "quantities": "checks keywords bodies engine maps",
     "space": "core checks keywords bodies engine maps",

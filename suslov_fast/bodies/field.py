@@ -91,7 +91,7 @@ class QuadraticField(_FieldOfTerms):
     QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
     """
 
-    _texts: ClassVar[Any] = ("names",)
+    texts: ClassVar[Any] = ("names",)
 
     @public
     def __init__(
@@ -311,8 +311,8 @@ class QuadraticField(_FieldOfTerms):
         field: QuadraticField = body.field()
         return field
 
-    @property
-    def _field(self) -> QuadraticField:
+    @public
+    def field(self) -> QuadraticField:
         return self
 
     @property
@@ -403,7 +403,7 @@ class QuadraticField(_FieldOfTerms):
         return {**size, **to_lists(found | values), **texts}
 
     @classmethod
-    def _read(
+    def read(
         cls,
         dimension: Any,
         indices: Any = None,

@@ -48,16 +48,16 @@ class FieldOfFunction(Body):
 
     names: tuple[str, ...]
     _value_at: ClassVar[Any]  # f(x)
-    _right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
+    right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
 
     @property
-    def _arrays(self) -> dict[str, FloatArray]:
+    def arrays(self) -> dict[str, FloatArray]:
         return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
 
     @property
     def parameters(self) -> dict[str, Any]:
         """The named parameters of the function: numbers as they were given, and arrays."""
-        return Parameters({name: self._parts[name] for name in self._coordinates})
+        return Parameters({name: self._parts[name] for name in self.coordinates})
 
     def __call__(self, x: Any, *others: Any, **named: Any) -> Any:
         """Return f(x): fractions if all numbers of a quadratic field are exact, else floats."""
@@ -67,17 +67,17 @@ class FieldOfFunction(Body):
         return self._value_at(x)
 
     @cached_property
-    def _right_hand_sides(self) -> list[OfMembers]:
+    def right_hand_sides(self) -> list[OfMembers]:
         """f for the motion, and its table, for groups of members with the same operations."""
-        f, parameters = self._right_hand_side
+        f, parameters = self.right_hand_side
         count = math.prod(self.shape)
         table = f.table_of(parameters).reshape(len(f.table), count)
         return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
 
     @property
-    def _listed_right_hand_sides(self) -> list[OfMembers]:
+    def listed_right_hand_sides(self) -> list[OfMembers]:
         """The same, as lists of operations."""
-        return self._right_hand_sides
+        return self.right_hand_sides
 
     @public
     def jacobian(self, x: Any) -> FloatArray:
@@ -110,7 +110,7 @@ class FieldOfFunction(Body):
                [-1.,  0.]])
         """
         x = checks.states("x", x, self.names, later=True)
-        right_hand_side, inputs = self._right_hand_side
+        right_hand_side, inputs = self.right_hand_side
         table = right_hand_side.table_of(inputs)
         found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)
         return np.moveaxis(found, (0, 1), (-2, -1))
@@ -120,8 +120,8 @@ class FieldOfFunction(Body):
 class _FieldOfTerms(FieldOfFunction):
     """The parts of a field: its terms, those of H, the matrix K, names and named parameters."""
 
-    _axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
-    _lists_terms: ClassVar[bool] = True
+    axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
+    lists_terms: ClassVar[bool] = True
 
     H: Hamiltonian | None
 
@@ -144,11 +144,11 @@ class _FieldOfTerms(FieldOfFunction):
         parts = {name: frozen(value) for name, value in kept.items()}
         vars(self).update(
             _parts=parts,
-            _coordinates=tuple(name for name in parts if name not in self._axes),
+            coordinates=tuple(name for name in parts if name not in self.axes),
             H=H,
             dimension=len(names),
             names=names,
-            _labels=names,
+            labels=names,
         )
 
     def _with(self, parts: Mapping[str, Any]) -> Any:
@@ -162,12 +162,12 @@ class _FieldOfTerms(FieldOfFunction):
         return self.dimension, *super()._key
 
     @property
-    def _described(self) -> dict[str, Any]:
+    def described(self) -> dict[str, Any]:
         parts = self._parts
         arrays = {"dimension": self.dimension, "indices": parts[INDICES], "values": parts[VALUES]}
         if self.H is not None:
             arrays |= {"indices of H": parts[H_INDICES], "H": parts[H_VALUES], "K": parts[MATRIX]}
-        names = (f"parameter {n}" if n in _OF_STORES else n for n in self._coordinates)
+        names = (f"parameter {n}" if n in _OF_STORES else n for n in self.coordinates)
         arrays |= dict(zip(names, self.parameters.values(), strict=True))
         texts = {} if self.names == labels(self.dimension) else {"names": ", ".join(self.names)}
         kinds = {"dimension": np.int64, "indices": np.int64, "indices of H": np.int64}
@@ -184,7 +184,7 @@ class _FieldOfTerms(FieldOfFunction):
         return table_of("K", shape, matrix[:2].astype(np.int64), matrix[2])
 
     @property
-    def _may_escape(self) -> bool:  # type: ignore[override]
+    def may_escape(self) -> bool:
         return bool((self._parts[INDICES][2] < self.dimension).any())
 
     @cached_property
@@ -192,16 +192,16 @@ class _FieldOfTerms(FieldOfFunction):
         return Terms(self._parts[INDICES], self._parts[VALUES]).floats
 
     @cached_property
-    def _right_hand_side(self) -> tuple[Any, FloatArray]:
+    def right_hand_side(self) -> tuple[Any, FloatArray]:
         indices, values = self._terms
         return _quadratic(indices, values, self.dimension, _LONG)
 
     @cached_property
-    def _right_hand_sides(self) -> list[OfMembers]:
+    def right_hand_sides(self) -> list[OfMembers]:
         return self._by_terms(_LONG)
 
     @property
-    def _listed_right_hand_sides(self) -> list[OfMembers]:
+    def listed_right_hand_sides(self) -> list[OfMembers]:
         return self._by_terms(None)
 
     def _by_terms(self, longest: int | None) -> list[OfMembers]:

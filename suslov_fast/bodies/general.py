@@ -133,10 +133,10 @@ class Field(FieldOfFunction):
     array([ 2.   , -0.479])
     """
 
-    _axes: ClassVar[Any] = {}
-    _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
-    _called: ClassVar[str] = "a field without a map"
-    _may_escape = True
+    axes: ClassVar[Any] = {}
+    texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
+    called: ClassVar[str] = "a field without a map"
+    may_escape = True
 
     H: Energy | None
     _equations: Equations
@@ -150,10 +150,10 @@ class Field(FieldOfFunction):
         vars(self).update(
             _parts=kept,
             _equations=equations,
-            _coordinates=tuple(kept),
+            coordinates=tuple(kept),
             dimension=len(parts[NAMES]),
             names=parts[NAMES],
-            _labels=parts[NAMES],
+            labels=parts[NAMES],
             H=None if equations.H is None else Energy(self),
         )
 
@@ -170,12 +170,12 @@ class Field(FieldOfFunction):
         return self._equations.key, each
 
     @property
-    def _described(self) -> dict[str, Any]:
+    def described(self) -> dict[str, Any]:
         definitions, equations = self._equations.texts
         texts = {"names": ", ".join(self.names), "equations": "; ".join(equations)}
         texts["definitions"] = "; ".join(f"{n} = {text}" for n, text in definitions.items())
         arrays = {} if self.K is None else {"K": self.K}
-        return arrays | self._arrays | texts
+        return arrays | self.arrays | texts
 
     @public
     def field(self) -> Any:
@@ -218,13 +218,13 @@ class Field(FieldOfFunction):
         return np.array(rows).reshape(len(rows), *self.shape)
 
     @property
-    def _right_hand_side(self) -> tuple[RightHandSide, FloatArray]:
+    def right_hand_side(self) -> tuple[RightHandSide, FloatArray]:
         """f, and its parameters (P, ...) of all members."""
         return self._equations.right_hand_side, self._inputs
 
     def _value_at(self, x: Any) -> FloatArray:
         x = checks.states("x", x, self.names, later=True)
-        right_hand_side, inputs = self._right_hand_side
+        right_hand_side, inputs = self.right_hand_side
         found = right_hand_side.value(np.moveaxis(x, -1, 0), right_hand_side.table_of(inputs))
         return np.moveaxis(found, 0, -1)
 
@@ -379,7 +379,7 @@ class Field(FieldOfFunction):
         return self._with(self._parts | named(parameters, self.names, has_eps=False))
 
     @property
-    def _remake(self) -> Any:
+    def remake(self) -> Any:
         return self.with_parameters
 
     def __repr__(self) -> str:
@@ -412,7 +412,7 @@ class Field(FieldOfFunction):
         return found | ({"parameters": to_lists(self.parameters)} if self.parameters else {})
 
     @classmethod
-    def _read(
+    def read(
         cls,
         names: Any,
         equations: Any = None,
@@ -446,7 +446,7 @@ class Field(FieldOfFunction):
 class Energy:
     """The Hamiltonian of a field, or of a family; H(x) is its value (...) at states x (..., D)."""
 
-    _instead = ": pass the field, whose Hamiltonian this is"
+    instead = ": pass the field, whose Hamiltonian this is"
 
     def __init__(self, field: Field) -> None:
         self._of = field

@@ -200,7 +200,7 @@ class Map:
             if isinstance(body, tuple(having)):
                 received += f", whose map ({self.title}) has no {name}"
             else:
-                received += INSTEAD.get(name) or body._instead
+                received += INSTEAD.get(name) or body.instead
             raise checks.wrong("body", checks.either(names or ["another one"]), received, TypeError)
         if name in self.formulas and (check := self.formulas[name].check):
             check(body)
@@ -242,7 +242,7 @@ def register(record: Map) -> None:
     TypeError, ValueError
         If the name or a method is taken, a part of the record does not have the type that `Map`
         says, a formula has a name that no public function has, or a parameter of a body is a vector
-        and `_axes` does not say so.
+        and `axes` does not say so.
 
     Examples
     --------
@@ -343,7 +343,7 @@ def methods_of(kind: Any) -> dict[str, Map]:
 
 
 # A class that defines one of these attributes has equations of its own.
-_EQUATIONS = {"field", "_field", "_terms", "constants"}
+_EQUATIONS = {"field", "_terms", "constants"}
 
 
 @lru_cache(maxsize=64)  # for speed in small calls

@@ -153,8 +153,8 @@ class Crossings(Result):
             """Raise an AttributeError that names the attribute to use instead, if there is one."""
             instead = INSTEAD_IN_CROSSINGS.get(name, "")
             if "body" in vars(self):
-                if name in self.body._labels:
-                    column = f"crossings.states[:, {self.body._labels.index(name)}]"
+                if name in self.body.labels:
+                    column = f"crossings.states[:, {self.body.labels.index(name)}]"
                     both = f"crossings.states, or {column} for the variable {name}"
                     instead = both if name == self._variable else column
                 elif name in self.body.parameters:
@@ -165,7 +165,7 @@ class Crossings(Result):
             raise AttributeError(text, name=name, obj=self)
 
         def __getitem__(self, index: Any) -> Any:
-            labels = self.body._labels
+            labels = self.body.labels
             how = "crossings.states[k], or of(i)"
             if isinstance(index, str):
                 how = f"crossings.states[:, {labels.index(index) if index in labels else 'k'}]"

@@ -134,7 +134,7 @@ def ensemble(
     whole = check(map, body, RandomStarts((), 1.0), eps, threads, attitude=attitude)
     is_random = isinstance(omega0, RandomStarts)
     if not (is_random or isinstance(omega0, np.memmap) or hasattr(omega0, "dask")):
-        omega0 = checks.states("omega0", omega0, body._labels)
+        omega0 = checks.states("omega0", omega0, body.labels)
     shape = (*omega0.shape, body.dimension) if is_random else omega0.shape
     if shape[-1:] != (body.dimension,) or np.isnan(shape).any():
         raise wrong("omega0", f"have a known shape (..., {body.dimension})", shape)
@@ -269,7 +269,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
         column.name: np.broadcast_to(np.array(column.fill, column.type), shape_of(column, sizes))
         for column in columns
     }
-    arguments = {**body._described, "eps": np.asarray(eps)}
+    arguments = {**body.described, "eps": np.asarray(eps)}
     if turns is not None:
         arguments["attitude"] = turns
     run = {

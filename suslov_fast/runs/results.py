@@ -135,7 +135,7 @@ class Result:
     `_variable`, `_conserved` and `_value` are those of results of a map.
     """
 
-    _instead: ClassVar[str] = ": pass its body, run.body"
+    instead: ClassVar[str] = ": pass its body, run.body"
 
     @property
     def _variable(self: Any) -> str:
@@ -293,7 +293,7 @@ class States(Result):
                         f"no attribute {name!r}: the states of this run are run.{x}"
                     )
                 instead = self._table.get(name, "").format(x=x)
-                labels = [*self.body._labels]
+                labels = [*self.body.labels]
                 alike = [k for k, label in enumerate(labels) if label.lower() == name.lower()]
                 if name in labels or (alike and not instead):
                     instead = f"run.{x}[..., {labels.index(name) if name in labels else alike[0]}]"
@@ -316,7 +316,7 @@ class States(Result):
 
     def __getitem__(self, index: Any) -> FloatArray:
         if isinstance(index, str):
-            labels = self.body._labels
+            labels = self.body.labels
             part = f"{self._variable}[..., {labels.index(index) if index in labels else 'k'}]"
             is_attribute = index in dir(self) and index not in labels
             raise TypeError(f"run[{index!r}]: use run.{index if is_attribute else part}")

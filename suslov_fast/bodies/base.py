@@ -12,10 +12,16 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import INSTEAD_IN_BODIES, nearest, public
-from .bounds import check_axes
+from .fields.bounds import check_axes
+from .fields.polynomials import from_lists, to_lists
 from .members import Members
-from .polynomials import from_lists, to_lists
 
+<<<<<<< HEAD
+=======
+if TYPE_CHECKING:
+    from .fields.field import QuadraticField
+
+>>>>>>> main
 Kind = TypeVar("Kind", bound="Body")
 
 # Names of other packages for functions of this one.

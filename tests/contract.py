@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suslov_fast import Status
-from suslov_fast.bodies.field_of_terms import SHARED
+from suslov_fast.bodies.fields.field_of_terms import SHARED
 from suslov_fast.checks import FloatArray, short
 from suslov_fast.core.compiling import codes
 from suslov_fast.engine.arguments import flat_arrays

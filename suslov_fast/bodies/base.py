@@ -16,12 +16,6 @@ from .fields.bounds import check_axes
 from .fields.polynomials import from_lists, to_lists
 from .members import Members
 
-<<<<<<< HEAD
-=======
-if TYPE_CHECKING:
-    from .fields.field import QuadraticField
-
->>>>>>> main
 Kind = TypeVar("Kind", bound="Body")
 
 # Names of other packages for functions of this one.

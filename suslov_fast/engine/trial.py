@@ -11,18 +11,10 @@ from typing import Any
 import numba
 import numpy as np
 
-<<<<<<< HEAD
-from ..checks import FloatArray, integer, short, wrong
-from ..core.numba import rows_of
-from ..core.one_step import KernelOfStep
-from .arguments import Arguments
-=======
-from ..bodies.fields.field_of_terms import SHARED
 from ..checks import FloatArray, integer, short, wrong
 from ..core.compiling.numba import rows_of
 from ..core.users.own_map import KernelOfStep
-from .arguments import Arguments, flat_arrays
->>>>>>> main
+from .arguments import Arguments
 from .problem import Problem
 from .status import Status
 

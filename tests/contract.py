@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suslov_fast import Status
-from suslov_fast.bodies.fields.field_of_terms import SHARED
+from suslov_fast.bodies.fields.field_of_terms import H_INDICES, INDICES, MATRIX
 from suslov_fast.checks import FloatArray, short
 from suslov_fast.core.compiling import codes
 from suslov_fast.engine.arguments import flat_arrays
@@ -195,7 +195,7 @@ def family_like(body: Any, size: int) -> Any:
     """Return a batch of `size` copies of a single body."""
     parts = dict(body._parts)
     for name, value in parts.items():
-        if np.asarray(value).dtype.kind in "iufO" and name not in SHARED:
+        if np.asarray(value).dtype.kind in "iufO" and name not in (INDICES, H_INDICES, MATRIX):
             parts[name] = np.broadcast_to(value, (size, *np.shape(value)))
     return body._with(parts)
 

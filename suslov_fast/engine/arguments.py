@@ -111,7 +111,7 @@ def with_scheme(
     return scheme_of(indices, body.dimension, stages), values, eps
 
 
-def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
+def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
     """Group trajectories as `alike` does, with arguments as of `by_scheme`."""
     (step, stages), values, eps = arguments
     for where, *of_group in alike(step.indices, values, eps):

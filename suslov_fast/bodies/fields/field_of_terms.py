@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -16,7 +17,7 @@ from ...checks import FloatArray
 from ...core.lists.dense import DenseRightHandSide, dense_parameters
 from ...core.lists.quadratic import parameters_of, right_hand_side_of
 from ...keywords import public
-from ..base import Body, Parameters, frozen
+from ..base import Body, Parameters, frozen, summary
 from .names import labels
 from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
 
@@ -24,13 +25,13 @@ from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
 # parameter can have any name that Python accepts.
 INDICES, VALUES, NAMES = "indices of f", "values of f", "names of variables"
 H_INDICES, H_VALUES, MATRIX = "indices of H", "values of H", "matrix K"
-SHARED = {INDICES, H_INDICES, MATRIX}  # by all members of a family
 # Attributes of stores. A parameter with one of these names gets another one there.
 _OF_STORES = frozenset(
     "H K body coords dims eps format functions indices map method names omega0 save_every shared "
     "steps tiled title values version attitude".split()
 )
 
+LONGEST = 300  # characters of a repr
 _LONG = 4000  # terms, above which a dense field is taken by loops
 
 
@@ -47,8 +48,12 @@ class FieldOfFunction(Body):
     """A field whose parts include named parameters, those of the function that it is made of."""
 
     names: tuple[str, ...]
-    _value_at: ClassVar[Any]  # f(x)
+    H: Any
     right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
+    _shared: ClassVar[dict[str, Any]]  # parts that all members share, beside arrays
+    _value_at: ClassVar[Any]  # f(x)
+    _slopes_at: ClassVar[Any]  # f'(x) (..., D, D) at checked states
+    _formulas: ClassVar[Any]  # the texts of f, component by component
 
     @property
     def arrays(self) -> dict[str, FloatArray]:
@@ -109,11 +114,30 @@ class FieldOfFunction(Body):
         array([[ 5.,  2.],
                [-1.,  0.]])
         """
-        x = checks.states("x", x, self.names, later=True)
-        right_hand_side, inputs = self.right_hand_side
-        table = right_hand_side.table_of(inputs)
-        found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)
-        return np.moveaxis(found, (0, 1), (-2, -1))
+        slopes: FloatArray = self._slopes_at(checks.states("x", x, self.names))
+        return slopes
+
+    def _with(self, parts: Mapping[str, Any]) -> Any:
+        return self._of({**parts, **self._shared})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, ({**self._parts, **self._shared},)
+
+    def __repr__(self) -> str:
+        kind, length = type(self).__name__, 0
+        if self.shape:
+            is_named = self.names != labels(self.dimension)
+            names = f"variables {' '.join(self.names)}" if is_named else f"D={self.dimension}"
+            values = [summary(name, each) for name, each in self.parameters.items()]
+            return f"<{kind} of shape {self.shape}: {', '.join([names, *values])}>"
+        equations, formulas = [], iter(self._formulas)
+        for name in self.names:
+            equations.append(f"{name}' = {next(formulas)}")
+            length += len(equations[-1])
+            if length > LONGEST:
+                break
+        equations += [] if self.H is None else [f"H = {self.H}"]
+        return f"{kind}({textwrap.shorten(', '.join(equations), LONGEST, placeholder=' ...')})"
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -122,8 +146,6 @@ class _FieldOfTerms(FieldOfFunction):
 
     axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
     lists_terms: ClassVar[bool] = True
-
-    H: Hamiltonian | None
 
     def _take(self, parts: Mapping[str, Any]) -> None:
         """Store the terms of f, or those of H and K with or without them, names and parameters."""
@@ -151,11 +173,9 @@ class _FieldOfTerms(FieldOfFunction):
             labels=names,
         )
 
-    def _with(self, parts: Mapping[str, Any]) -> Any:
-        return self._of({**parts, NAMES: self.names})
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, ({**self._parts, NAMES: self.names},)
+    @property
+    def _shared(self) -> dict[str, Any]:  # type: ignore[override]
+        return {NAMES: self.names}
 
     @property
     def _key(self) -> tuple[Any, ...]:

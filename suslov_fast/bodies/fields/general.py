@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -17,17 +16,16 @@ from ...core.lists.derivative import gradients
 from ...core.lists.right_hand_side import RightHandSide, in_order
 from ...core.lists.step import evaluate
 from ...keywords import public, unchanging
-from ..base import frozen, summary
+from ..base import frozen
 from .calls import called_by_name, traced
 from .coefficients import structure_matrix
-from .field_of_terms import FieldOfFunction
+from .field_of_terms import LONGEST, NAMES, FieldOfFunction
 from .names import variables
 from .polynomials import named, to_lists
 from .symbolic import Tracer
 from .texts import brief, values_of, written
 
-EQUATIONS, NAMES = "equations", "names of variables"
-_LONGEST = 300  # characters of a repr
+EQUATIONS = "equations"
 NO_MAP = (
     "a Field has a motion, flow(field, x0, time=...), and no map: for equations of degree 2 use "
     "QuadraticField.from_function(f, names), and for equilibria "
@@ -80,7 +78,7 @@ class Equations:
 
     def shown(self, operand: Any) -> str:
         """Return the text of f_i or H for readers."""
-        return brief(self.values, operand, self.all_names, _LONGEST)
+        return brief(self.values, operand, self.all_names, LONGEST)
 
     def energy(self, x: Any, parameters: Any) -> Any:
         """Return H (...) at states (D, ...)."""
@@ -157,11 +155,9 @@ class Field(FieldOfFunction):
             H=None if equations.H is None else Energy(self),
         )
 
-    def _with(self, parts: Mapping[str, Any]) -> Field:
-        return self._of({**parts, NAMES: self.names, EQUATIONS: self._equations})
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, ({**self._parts, NAMES: self.names, EQUATIONS: self._equations},)
+    @property
+    def _shared(self) -> dict[str, Any]:  # type: ignore[override]
+        return {NAMES: self.names, EQUATIONS: self._equations}
 
     @property
     def _key(self) -> tuple[Any, ...]:
@@ -227,6 +223,12 @@ class Field(FieldOfFunction):
         right_hand_side, inputs = self.right_hand_side
         found = right_hand_side.value(np.moveaxis(x, -1, 0), right_hand_side.table_of(inputs))
         return np.moveaxis(found, 0, -1)
+
+    def _slopes_at(self, x: FloatArray) -> FloatArray:
+        right_hand_side, inputs = self.right_hand_side
+        table = right_hand_side.table_of(inputs)
+        found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)
+        return np.moveaxis(found, (0, 1), (-2, -1))
 
     def _value_of(self, name: str, x: Any) -> FloatArray:
         """Return the value of `vector_field` or of `energy` at states."""
@@ -376,26 +378,16 @@ class Field(FieldOfFunction):
         if unknown := [name for name in parameters if name not in known]:
             how = f"it has {', '.join(known)}" if known else "it has none"
             raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
-        return self._with(self._parts | named(parameters, self.names, has_eps=False))
+        values = self._parts | named(parameters, self.names, has_eps=False)
+        return self._of({**values, **self._shared})
 
     @property
     def remake(self) -> Any:
         return self.with_parameters
 
-    def __repr__(self) -> str:
-        if self.shape:
-            values = [summary(name, each) for name, each in self.parameters.items()]
-            parts = [f"variables {' '.join(self.names)}", *values]
-            return f"<Field of shape {self.shape}: {', '.join(parts)}>"
-        shared, equations, length = self._equations, [], 0
-        for name, operand in zip(self.names, shared.results, strict=True):
-            if length > _LONGEST:
-                break
-            equations.append(f"{name}' = {shared.shown(operand)}")
-            length += len(equations[-1])
-        equations += [] if self.H is None else [f"H = {self.H}"]
-        short = textwrap.shorten(", ".join(equations), _LONGEST, placeholder=" ...")
-        return f"Field({short})"
+    @property
+    def _formulas(self) -> Iterator[str]:
+        return map(self._equations.shown, self._equations.results)
 
     @public
     def to_dict(self) -> dict[str, Any]:

@@ -140,7 +140,7 @@ def check_order(names: Sequence[str]) -> None:
         )
 
 
-def clash(name: str, names: Collection[str] = (), maker: str = "") -> str:
+def clash(name: str, names: Collection[str], maker: str = "") -> str:
     """Return what the name of a parameter already stands for; "" if it is free.
 
     `names` are those of the variables, and `maker` is the function that makes the field.
@@ -154,7 +154,7 @@ def clash(name: str, names: Collection[str] = (), maker: str = "") -> str:
     return _TAKEN.get(name, "")
 
 
-def free(name: str, names: Collection[str] = (), maker: str = "") -> str:
+def free(name: str, names: Collection[str], maker: str = "") -> str:
     """Return a free name for a parameter: this one, or this one with underscores after it."""
     while iskeyword(name) or clash(name, names, maker):
         name += "_"

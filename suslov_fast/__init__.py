@@ -1,4 +1,4 @@
-"""Kahan (Hirota-Kimura) maps of quadratic fields and of the nonholonomic Suslov problem.
+"""Hirota-Kimura (Kahan) maps of the Suslov problem and of quadratic equations; motion of any.
 
 Iterate the orbits of a body from two initial angular velocities::
 

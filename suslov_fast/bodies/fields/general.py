@@ -291,8 +291,8 @@ class Field(FieldOfFunction):
         >>> field[0].with_parameters(least=22.0)
         Field(T' = where(T < least, 1, 0) - 0.1*T)
         """
-        names = variables("dimension", dimension, has_eps=False)
-        values = named(parameters, names, has_eps=False)
+        names = variables("dimension", dimension, has_map=False)
+        values = named(parameters, names, has_map=False)
         tracer, rows = traced("f", f, names, values, f"{cls.__name__}.from_function")
         equations = Equations(names, [*values], tracer.values, rows)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
@@ -341,8 +341,8 @@ class Field(FieldOfFunction):
         >>> float(energy(pendulum, [0.0, 1.0]))
         -0.5
         """
-        names = variables("dimension", dimension, has_eps=False)
-        values = named(parameters, names, has_eps=False)
+        names = variables("dimension", dimension, has_map=False)
+        values = named(parameters, names, has_map=False)
         matrix = structure_matrix(K, len(names), names)
         tracer, [energy] = traced("H", H, names, values, f"{cls.__name__}.from_hamiltonian")
         equations = _of_hamiltonian(tracer, names, [*values], energy, matrix)
@@ -378,7 +378,7 @@ class Field(FieldOfFunction):
         if unknown := [name for name in parameters if name not in known]:
             how = f"it has {', '.join(known)}" if known else "it has none"
             raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
-        values = self._parts | named(parameters, self.names, has_eps=False)
+        values = self._parts | named(parameters, self.names, has_map=False)
         return self._of({**values, **self._shared})
 
     @property
@@ -413,10 +413,10 @@ class Field(FieldOfFunction):
         K: Any = None,
         parameters: Any = None,
     ) -> Field:
-        names = variables("names", names, has_eps=False)
+        names = variables("names", names, has_map=False)
         checks.instance("parameters", parameters or {}, Mapping)
         checks.instance("definitions", definitions or {}, Mapping)
-        values = named(parameters or {}, names, has_eps=False)
+        values = named(parameters or {}, names, has_map=False)
         rows = [H] if H is not None else equations
         is_list = isinstance(rows, (list, tuple)) and (H is not None or len(rows) == len(names))
         if not is_list or (H is None) == (equations is None):

@@ -85,7 +85,7 @@ class Crossings(Result):
     array([ 4.72, 11.01, 17.3 , 23.59])
     """
 
-    _called = "a result of crossings"
+    called = "a result of crossings"
 
     trajectory: NDArray[np.int64]
     n: NDArray[np.int64]

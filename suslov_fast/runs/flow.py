@@ -195,7 +195,7 @@ def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any
     parts = {}
     for name, value in body._parts.items():
         array = np.asarray(value)
-        inner = array.shape[array.ndim - body._axes.get(name, 0) :]
+        inner = array.shape[array.ndim - body.axes.get(name, 0) :]
         parts[name] = np.broadcast_to(array, (*batch, *inner)).reshape(-1, *inner)[where]
     return body._with(parts)
 

@@ -76,7 +76,7 @@ class Motion(States):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the components of a state."""
-        return tuple(self.body._labels)
+        return tuple(self.body.labels)
 
     @property
     def _variable(self) -> str:

@@ -240,7 +240,7 @@ def _problem_of(whole: Problem, where: Where) -> Problem:
     tile = part_of(whole, where)
     if isinstance(tile.omega, RandomStarts):
         return tile
-    return tile._replace(omega=checks.states("x0", np.asarray(tile.omega), tile.body._labels))
+    return tile._replace(omega=checks.states("x0", np.asarray(tile.omega), tile.body.labels))
 
 
 def place_of(tile: Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> Where:

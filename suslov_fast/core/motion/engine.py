@@ -12,7 +12,7 @@ from ..threads import in_parts
 from .half import Half
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, FILLING, State
-from .rules import first_part, limit_of
+from .rules import MOST_STEPS, first_part, limit_of
 from .text import SLOT, Arguments, Numbers, lane_numbers, text_of_half
 
 WIDTH = 8  # lanes of a line
@@ -54,6 +54,7 @@ def numbers_of(f, settings, sign, first, last):
         float(settings.stiff is None),
         first,
         float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
+        MOST_STEPS,
     )
 
 

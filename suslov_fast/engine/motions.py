@@ -120,7 +120,13 @@ def call_engine(
     """Write states (n, B, D); return whether `report` ended the run, ends, steps and statuses."""
     engine = Engine(f, table, x0, times, sign, settings, states)
     engine.run(threads, report)
-    return engine.is_stopped, sign * engine.t, engine.steps, _STATUS[np.maximum(engine.state, 0)]
+    return engine.is_stopped, sign * engine.t, engine.steps, status_of(engine.state)
+
+
+def status_of(state: Any) -> NDArray[np.int8]:
+    """Return the `Status` of trajectories with these states of the engine."""
+    found: NDArray[np.int8] = _STATUS[np.maximum(state, 0)]
+    return found
 
 
 def threads_for(B: int, threads: int | None) -> int:

@@ -1,0 +1,82 @@
+"""The base of crossings of maps and of motions: points on a surface, and their trajectories."""
+
+from __future__ import annotations
+
+import operator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bodies.classes import BodyOrField
+from ..checks import FloatArray, short, wrong
+from ..keywords import nearest
+from .results import INSTEAD_IN_CROSSINGS, Result
+
+
+class Points(Result):
+    """Points in the order of trajectories; subclasses are dataclasses with these attributes."""
+
+    trajectory: NDArray[np.int64]
+    states: Any
+    time: Any
+    count: NDArray[np.int64]
+    status: NDArray[np.int8]
+    final: FloatArray
+    body: BodyOrField
+
+    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise an AttributeError that names the attribute to use instead, if there is one."""
+            instead = INSTEAD_IN_CROSSINGS.get(name, "")
+            if "body" in vars(self):
+                if name in self.body._labels:
+                    column = f"crossings.states[:, {self.body._labels.index(name)}]"
+                    both = f"crossings.states, or {column} for the variable {name}"
+                    instead = both if name == self._variable else column
+                elif name in self.body.parameters:
+                    instead = f"crossings.body.parameters[{name!r}]"
+            if instead or (instead := nearest(name, dir(self))):
+                raise AttributeError(f"no attribute {name!r}: use {instead}")
+            text = f"crossings have no attribute {name!r}"
+            raise AttributeError(text, name=name, obj=self)
+
+        def __getitem__(self, index: Any) -> Any:
+            labels = self.body._labels
+            how = "crossings.states[k], or of(i)"
+            if isinstance(index, str):
+                how = f"crossings.states[:, {labels.index(index) if index in labels else 'k'}]"
+            raise TypeError(f"crossings[{short(index)}]: use {how}")
+
+    @property
+    def ok(self) -> bool:
+        """True if no trajectory failed before it ended; a passed pole is not a failure."""
+        return bool((self.status >= 0).all())
+
+    def _at_crossings(self, values: Any, axes: int = 0) -> Any:
+        """Return for each crossing the value (...) of its trajectory, an array of `axes` axes."""
+        inner = values.shape[values.ndim - axes :]
+        by_trajectory = np.broadcast_to(values, (*self.count.shape, *inner)).reshape(-1, *inner)
+        return by_trajectory[self.trajectory]
+
+    def __len__(self) -> int:
+        return len(self.trajectory)
+
+    def _place(self, index: Any) -> tuple[tuple[int, ...], Any, int, Any]:
+        """Return where in the batch a trajectory is, its body, its number, its crossings."""
+        batch = self.count.shape
+        try:
+            numbers = tuple(index) if np.ndim(index) else (index,)
+            pairs = zip(numbers, batch, strict=True)
+            place = tuple(range(size)[operator.index(k)] for k, size in pairs)
+        except (IndexError, TypeError, ValueError) as error:
+            expected = f"an index of one trajectory of a batch of shape {batch}"
+            kind = TypeError if isinstance(error, TypeError) else IndexError
+            raise wrong("index", expected, short(index), kind) from None
+        body: Any = self.body
+        if body.shape:
+            body_place = zip(place[len(batch) - len(body.shape) :], body.shape, strict=True)
+            body = body[tuple(k if size > 1 else 0 for k, size in body_place)]
+        i = int(np.ravel_multi_index(place, batch)) if place else 0
+        return place, body, i, np.searchsorted(self.trajectory, [i, i + 1])

@@ -21,8 +21,8 @@ from ..core.motion.engine import Settings
 from ..core.motion.rows import State
 from ..core.motion.rules import MOST_STEPS
 from ..core.motion.stepping import Stepping
-from ..engine.motions import right_hand_sides, status_of, threads_for
 from ..engine.arguments import ALL
+from ..engine.motions import right_hand_sides, status_of, threads_for
 from ..engine.status import Status
 from ..engine.stretches import Report
 from .functions import returned_at, values_at
@@ -31,6 +31,8 @@ from .search import Surface
 
 PARTS = 8  # of a step, between which signs of surfaces are compared
 _NUDGES = 12  # how often the end of a bracket moves on, to lie beyond the surface
+# Steps of the first stretch between two looks; each has twice as many, up to a limit.
+_STEPS, _MOST, _NUMBERS = 4, 64, 2**20
 
 Indices = NDArray[np.int64]
 
@@ -39,17 +41,17 @@ class Group(NamedTuple):
     """Trajectories with one right-hand side."""
 
     where: Indices  # of the batch
-    steps: Stepping
+    engine: Stepping
 
 
-class Taken(NamedTuple):
+class Steps(NamedTuple):
     """Steps that trajectories of a group have taken."""
 
     group: Group
-    own: Indices  # in the group
+    own: Indices  # the trajectory in the group
+    number: Indices  # of the step of a trajectory in this stretch
     before: FloatArray  # rows
     after: FloatArray
-    length: FloatArray
 
 
 class MotionSearch:
@@ -106,34 +108,37 @@ class MotionSearch:
 
     def run(self, report: Report | None) -> None:
         """Take all steps; `report` takes the number of trajectories that are done."""
-        told = -1
+        told, longest = -1, _STEPS
+        most = min(max(_NUMBERS // max(PARTS * self.final.size, 1), 1), _MOST)
         while self.active.any() and not self.is_stopped:
-            steps = [taken for group in self.groups if len((taken := self._step(group)).own)]
-            if steps:
-                self._look(steps)
+            longest = min(longest, most)
+            groups = [group for group in self.groups if self.active[group.where].any()]
+            self._look([self._stretch(group, longest) for group in groups])
             for group in self.groups:
                 self._end(group, np.flatnonzero(self.active[group.where]))
-            done = len(self.active) - int(self.active.sum())
+            done, longest = len(self.active) - int(self.active.sum()), 2 * longest
             if report is not None and done > told:
                 told, self.is_stopped = done, not report(done)
         left = self.active
         self.status[left], self.final[left] = Status.TOO_MANY_STEPS, np.nan
 
-    def _step(self, group: Group) -> Taken:
-        """Let the active trajectories of a group try a step each; return the steps taken."""
-        own, rows = np.flatnonzero(self.active[group.where]), group.steps.rows
-        before = group.steps.flat[own]
-        after = before.copy()
-        group.steps.attempt(after, own, self.last)
-        group.steps.flat[own] = after
-        taken = after[:, rows.steps] > before[:, rows.steps]
-        length = after[:, rows.t] - before[:, rows.t]
-        self.tries[group.where[own]] += 1
-        return Taken(group, own[taken], before[taken], after[taken], length[taken])
+    def _stretch(self, group: Group, attempts: int) -> Steps:
+        """Let the active trajectories of a group try some steps; return the steps taken."""
+        engine, pieces = group.engine, []
+        own = np.flatnonzero(self.active[group.where])
+        for k, rows in engine.attempts(engine.flat[own], own, self.last, attempts):
+            engine.flat[own[k]] = rows[-1]
+            self.tries[group.where[own[k]]] += len(rows) - 1
+            is_taken = np.diff(rows[:, :, engine.rows.steps], axis=0) > 0.0
+            which, number = np.nonzero(is_taken)[1], np.cumsum(is_taken, axis=0)[is_taken] - 1
+            pieces.append((own[k[which]], number, rows[:-1][is_taken], rows[1:][is_taken]))
+        if len(pieces) == 1:
+            return Steps(group, *pieces[0])
+        return Steps(group, *map(np.concatenate, zip(*pieces, strict=True)))
 
     def _end(self, group: Group, own: Indices) -> None:
         """Note what has become of trajectories of a group, and end those that are done."""
-        rows, flat, where = group.steps.rows, group.steps.flat[own], group.where[own]
+        rows, flat, where = group.engine.rows, group.engine.flat[own], group.where[own]
         self.t[where], self.steps[where] = flat[:, rows.t], flat[:, rows.steps]
         state = flat[:, rows.state]
         state[(self.tries[where] >= MOST_STEPS) & (state <= State.IMPLICIT)] = State.TOO_MANY
@@ -143,94 +148,108 @@ class MotionSearch:
         self.final[where] = np.where((state == State.DONE)[:, None], flat[:, : self.D], np.nan)
 
     # ------------------------------------------------------------------------------- inside a step
-    def _look(self, steps: list[Taken]) -> None:
-        """Find the crossings in steps of different trajectories."""
-        B, inside = len(self.active), np.full((PARTS, len(self.active), self.D), np.nan)
-        for taken in steps:
-            inside[:, taken.group.where[taken.own]] = self._between(taken)
-        values = np.concatenate([self.values[:, np.newaxis], self._values_of(inside)], axis=1)
-        moved = np.concatenate([taken.group.where[taken.own] for taken in steps])
-        self.values[:, moved] = values[:, -1, moved]
-        changes = _changes(values)
+    def _look(self, steps: list[Steps]) -> None:
+        """Find the crossings in some steps."""
+        lane = np.concatenate([each.group.where[each.own] for each in steps])
+        if not lane.size:
+            return
+        number = np.concatenate([each.number for each in steps])
+        rows, B, D = int(number.max()) + 1, len(self.active), self.D
+        inside = np.full((rows, PARTS, B, D), np.nan)
+        inside[number, :, lane] = np.concatenate([self._between(each) for each in steps])
+        values = self._values_of(inside.reshape(-1, B, D)).reshape(-1, rows, PARTS, B)
+        # Those of a step, at its start and at the ends of its parts.
+        own = np.empty((len(values), PARTS + 1, len(lane)))
+        own[:, 1:] = values[:, number, :, lane].transpose(1, 2, 0)
+        before = values[:, number - 1, -1, lane]
+        own[:, 0] = np.where(number == 0, self.values[:, lane], before)
+        order = np.argsort(number, kind="stable")  # the last step of a trajectory is the last here
+        self.values[:, lane[order]] = own[:, -1, order]
+        changes = _changes(own)
         which = np.flatnonzero((np.count_nonzero(changes, axis=1) > 1).any(axis=0))
         if which.size:  # the cubic says where to look closer
-            fractions = np.arange(1, PARTS) / PARTS
-            lanes, parts = np.repeat(which, PARTS - 1), np.tile(fractions, len(which))
-            states = np.full((PARTS - 1, B, self.D), np.nan)
-            of_lanes, _ = self._states(steps, lanes, parts)
-            states[np.tile(np.arange(PARTS - 1), len(which)), lanes] = of_lanes
-            values[:, 1:PARTS, which] = self._values_of(states)[:, :, which]
-            changes = _changes(values)
-        if not changes.any():
-            return
-        positive = values[:, 1:] >= 0.0
-        wanted = changes & (positive if self.direction > 0 else ~positive)
-        lane, surface, part = np.nonzero((wanted if self.direction else changes).transpose(2, 0, 1))
-        if lane.size:
-            once = np.count_nonzero(changes, axis=1)[surface, lane] == 1
-            self._refine(steps, values, lane, surface, part, once)
+            m, part = np.repeat(which, PARTS - 1), np.tile(np.arange(PARTS - 1), len(which))
+            inside[:] = np.nan
+            inside[number[m], part, lane[m]] = self._states(steps, m, (part + 1) / PARTS)[0]
+            values = self._values_of(inside.reshape(-1, B, D)).reshape(values.shape)
+            own[:, part + 1, m] = values[:, number[m], part, lane[m]]
+            changes = _changes(own)
+        wanted = changes
+        if self.direction:
+            wanted = changes & ((own[:, 1:] >= 0.0) == (self.direction > 0))
+        surface, part, m = np.nonzero(wanted)
+        if m.size:
+            order = np.lexsort((part, number[m], lane[m]))
+            surface, part, m = surface[order], part[order], m[order]
+            once = np.count_nonzero(changes, axis=1)[surface, m] == 1
+            self._refine(steps, own, lane[m], m, surface, part, once)
 
-    def _between(self, taken: Taken) -> FloatArray:
-        """Return the states (PARTS, K, D) at the ends of the parts of steps."""
-        D, rows = self.D, taken.group.steps.rows
-        x, f = taken.before[:, :D], taken.before[:, D : 2 * D]
-        new, f_new = taken.after[:, :D], taken.after[:, D : 2 * D]
-        u = (np.arange(1, PARTS + 1) / PARTS)[:, np.newaxis, np.newaxis]
+    def _between(self, steps: Steps) -> FloatArray:
+        """Return the states (K, PARTS, D) at the ends of the parts of steps."""
+        D, rows = self.D, steps.group.engine.rows
+        x, f, new, f_new = (
+            each[:, np.newaxis, i : i + D] for each in (steps.before, steps.after) for i in (0, D)
+        )
+        u = (np.arange(1, PARTS + 1) / PARTS)[:, np.newaxis]
+        h = (
+            self.sign
+            * (steps.after[:, rows.t] - steps.before[:, rows.t])[:, np.newaxis, np.newaxis]
+        )
         with np.errstate(over="ignore", invalid="ignore"):
-            change, h = new - x, (self.sign * taken.length)[:, np.newaxis]
+            change = new - x
             bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (h * f) + u * (h * f_new)
             bend *= u * (u - 1.0)
-            bend[:, taken.before[:, rows.state] == State.IMPLICIT] = 0.0
+            bend[steps.before[:, rows.state] == State.IMPLICIT] = 0.0
             states = x + u * change + bend
-        states[-1] = new
+        states[:, -1] = new[:, 0]
         return states
 
     def _states(
-        self, steps: list[Taken], lanes: Indices, fractions: FloatArray
+        self, steps: list[Steps], m: Indices, fractions: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return states (K, D) and moduli of times (K,) inside the steps of some trajectories."""
-        states, times = np.empty((len(lanes), self.D)), np.empty(len(lanes))
-        for taken in steps:
-            place = np.full(len(self.active), -1)
-            place[taken.group.where[taken.own]] = np.arange(len(taken.own))
-            k = np.flatnonzero(place[lanes] >= 0)
-            own, rows = place[lanes[k]], taken.group.steps.rows
-            lengths = fractions[k] * taken.length[own]
-            found = taken.group.steps.after(taken.before[own], taken.own[own], lengths)
-            at_end = (fractions[k] == 1.0)[:, np.newaxis]
-            found = np.where(at_end, taken.after[own], found)
+        """Return states (K, D) and moduli of times (K,) inside steps m of all these steps."""
+        states, times, first = np.empty((len(m), self.D)), np.empty(len(m)), 0
+        for each in steps:
+            k = np.flatnonzero((m >= first) & (m < first + len(each.own)))
+            own, rows = m[k] - first, each.group.engine.rows
+            before, after = each.before[own], each.after[own]
+            lengths = fractions[k] * (after[:, rows.t] - before[:, rows.t])
+            found = each.group.engine.after(before, each.own[own], lengths)
+            found = np.where((fractions[k] == 1.0)[:, np.newaxis], after, found)
             states[k], times[k] = found[:, : self.D], found[:, rows.t]
+            first += len(each.own)
         return states, times
 
     def _refine(
         self,
-        steps: list[Taken],
+        steps: list[Steps],
         values: FloatArray,
         lane: Indices,
+        m: Indices,
         surface: Indices,
         part: Indices,
         once: NDArray[np.bool_],
     ) -> None:
-        """Find crossings of surfaces by trajectories: in a part of a step, or anywhere if `once`.
+        """Find crossings in steps m: in a part of the step, or anywhere inside it if `once`.
 
-        They are ordered by trajectory.
+        They are in the order of trajectories, and of their steps.
         """
         B, row = len(self.active), np.arange(len(lane)) - np.searchsorted(lane, lane)
-        inner, size = part / PARTS, np.where(once, 1.0, 1.0 / PARTS)
-        low = np.where(once, 0.0, inner)
-        a, b = values[surface, part, lane], values[surface, part + 1, lane]
+        inner, low = part / PARTS, np.where(once, 0.0, part / PARTS)
+        size = np.where(once, 1.0, 1.0 / PARTS)
+        a, b = values[surface, part, m], values[surface, part + 1, m]
         with np.errstate(all="ignore"):
             guess = (inner + a / (a - b) / PARTS - low) / size
         guess = np.where(np.isfinite(guess), np.clip(guess, 0.0, 1.0), 0.5)
-        a = values[surface, np.where(once, 0, part), lane]
-        b = values[surface, np.where(once, PARTS, part + 1), lane]
+        a = values[surface, np.where(once, 0, part), m]
+        b = values[surface, np.where(once, PARTS, part + 1), m]
 
-        def look(which: Indices, fractions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        def look(k: Indices, fractions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
             """Return values of the surfaces, states and times at fractions of the brackets."""
-            found, times = self._states(steps, lane[which], low[which] + size[which] * fractions)
-            states = np.full((int(row[which].max()) + 1, B, self.D), np.nan)
-            states[row[which], lane[which]] = found
-            return self._values_of(states)[surface[which], row[which], lane[which]], found, times
+            found, times = self._states(steps, m[k], low[k] + size[k] * fractions)
+            states = np.full((int(row[k].max()) + 1, B, self.D), np.nan)
+            states[row[k], lane[k]] = found
+            return self._values_of(states)[surface[k], row[k], lane[k]], found, times
 
         fractions, over_pole = crossing_fractions(lambda *where: look(*where)[0], guess, a, b)
         # The point that is kept lies beyond the surface, so that a motion from it does not cross.
@@ -253,6 +272,8 @@ class MotionSearch:
         self.pieces.append((lane[keep], surface[keep], times[keep], states[keep]))
         ends = keep[number + 1 == self.limit]
         self.final[lane[ends]], self.t[lane[ends]] = states[ends], times[ends]
+        taken = np.concatenate([each.after[:, each.group.engine.rows.steps] for each in steps])
+        self.steps[lane[ends]] = taken[m[ends]]
         self.active[lane[ends]] = False
 
     def found(self) -> dict[str, Any]:
@@ -276,7 +297,7 @@ class MotionSearch:
 
 
 def _changes(values: FloatArray) -> NDArray[np.bool_]:
-    """Return where values (S, PARTS + 1, B) change their sign; 0 counts as positive.
+    """Return where values (S, PARTS + 1, M) change their sign; 0 counts as positive.
 
     Values that are not finite at an end of the step make no change; inside it they are left out.
     """

@@ -248,14 +248,15 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> di
 
 
 def _read_motion(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> dict[str, Any]:
-    """Return the attributes of a motion, after checks that they agree."""
+    """Return the attributes of a motion, or of crossings along it, after checks that they agree."""
     body, table = body_from_dict(json.loads(body_text)), OF_KIND[kind]
     all_headers = {column.name: _header(entries, column.name) for column in table}
     headers = {name: header for name, header in all_headers.items() if header is not None}
     batch, (count,) = headers["status"][1], headers["time"][1]
     if common_shape({"body": body.shape, "status": batch}) != batch:
         raise wrong("status", "have the shape of a batch of the body", batch)
-    expected = arrays_of(table, sizes_of(batch, body.dimension, time=count))
+    sizes = sizes_of(batch, body.dimension, time=count, crossing=count)
+    expected = arrays_of(table, sizes)
     check_arrays(headers, expected)
     attributes = {name: _entry(entries, name) for name in expected}
     if not np.isin(attributes["status"], [*Status]).all():
@@ -263,6 +264,11 @@ def _read_motion(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str
     numbers = {name: about[name] for name in _NUMBERS[kind]}
     if isinstance(numbers["atol"], list):
         numbers["atol"] = tuple(numbers["atol"])
+    if kind == "MotionCrossings":
+        counts = attributes["count"].ravel()
+        if (counts < 0).any() or counts.sum() != count:
+            raise wrong("count", "the numbers of crossings of trajectories", "others")
+        attributes["trajectory"] = np.repeat(np.arange(len(counts)), counts)
     return attributes | numbers | {"body": body}
 
 

@@ -33,30 +33,50 @@ class Stepping(Motion):
         StepsInNumPy(half, self, lines, self._table(half, slice(None), which, len(which))).begin()
         flat[:] = lines[0].T
 
-    def attempt(self, flat, which, last=np.inf):
-        """Let trajectories try one step each, not beyond the time `last`; change their rows."""
+    def attempts(self, flat, which, last, count):
+        """Let trajectories `which` with these rows try some steps each, not beyond a time.
+
+        Return pairs: numbers of trajectories in `flat`, and their rows (1 + attempts, K, rows), of
+        which the first are those of `flat`. A trajectory that turns to the other half waits.
+        """
         self.numbers[NUMBER.last] = last
-        modes, parts, abandoned = flat[:, self.rows.state].copy(), [], []
+        state, parts, abandoned = flat[:, self.rows.state], [], []
         for mode in (State.EXPLICIT, State.IMPLICIT):
-            k = np.flatnonzero(modes == mode)
+            k = np.flatnonzero(state == mode)
             parts += [(k[i : i + BLOCK], mode) for i in range(0, len(k), BLOCK)]
+        found = [None] * len(parts)
 
         def take(number):
             k, mode = parts[number]
-            lines = self._lines(flat, k, self.W)
             half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
-            table = self._table(half, slice(None), which[k], self.W)
-            self._steps(half, lines, table, np.zeros(len(which), np.int64), k, abandoned)
-            back = lines.transpose(0, 2, 1).reshape(-1, self.rows.size)[: len(k)]
-            state = back[:, self.rows.state]
-            state[state == State.TOO_MANY] = mode  # it has made its one attempt
-            flat[k] = back
+            lines = self._lines(flat, k, self.W)
+            step = self._taker(half, lines, self._table(half, slice(None), which[k], self.W))
+            of_lines, states, copies = (
+                lines.transpose(0, 2, 1),
+                lines[:, self.rows.state],
+                [flat[k]],
+            )
+            for _ in range(count):
+                if not (states == mode).any() or abandoned:
+                    break
+                while not step(abandoned) and not abandoned:
+                    pass
+                states[states == State.TOO_MANY] = mode  # it has made its one attempt
+                rows = np.array(of_lines).reshape(-1, self.rows.size)
+                copies.append(rows[: len(k)])
+            found[number] = k, np.array(copies)
 
         if self.threads == 1 or len(parts) == 1:
             for number in range(len(parts)):
                 take(number)
         else:
             in_parts(len(parts), take, abandoned)
+        return found
+
+    def attempt(self, flat, which, last=np.inf):
+        """Let trajectories try one step each, not beyond the time `last`; change their rows."""
+        for k, copies in self.attempts(flat, which, last, 1):
+            flat[k] = copies[-1]
 
     def after(self, flat, which, lengths):
         """Return the rows of trajectories `which` a time later: after a step of this length.

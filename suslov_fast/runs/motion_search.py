@@ -30,7 +30,7 @@ from .refine import crossing_fractions
 from .search import Surface
 
 PARTS = 8  # of a step, between which signs of surfaces are compared
-_NUDGES = 12  # how often the end of a bracket moves on, to lie beyond the surface
+_NUDGES = 28  # how often the end of a bracket moves on, to lie beyond the surface
 # Steps of the first stretch between two looks; each has twice as many, up to a limit.
 _STEPS, _MOST, _NUMBERS = 4, 64, 2**20
 

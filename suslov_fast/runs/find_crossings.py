@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
-from ..bodies.field_of_terms import FieldOfFunction
+from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..checks import FloatArray, instance, integer, one_of, real_number, short, warn, wrong
 from ..core.motion.engine import Settings
 from ..engine.problem import check, warn_of_times

@@ -159,7 +159,7 @@ class MotionCrossings(Points):
         --------
         >>> points.to_xarray().where(data.rho > 24.74, drop=True)  # doctest: +SKIP
         """
-        from .datasets import motion_crossings_to_xarray
+        from .files.datasets import motion_crossings_to_xarray
 
         return motion_crossings_to_xarray(self)
 

@@ -110,8 +110,8 @@ class Points(Result):
         >>> points = Crossings.load("section.npz")  # doctest: +SKIP
         """
         from .crossings import Crossings
+        from .files.storage import load
         from .motion_crossings import MotionCrossings
-        from .storage import load
 
         attributes = load(path, "Crossings", "MotionCrossings")
         kind: Any = Crossings if "map" in attributes else MotionCrossings

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..threads import in_parts
+from ..compiling.threads import in_parts
 from .engine import BLOCK, WIDTH, Motion, half_of
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, State

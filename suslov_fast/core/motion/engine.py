@@ -193,7 +193,7 @@ class Motion:
             states=self.states.ctypes.data, state_bytes=self.states.strides[0],
         ), np.int64)  # fmt: skip
 
-        def take(_, work=work):  # the arguments point there
+        def take(_, kept=(lines, table, work)):  # the arguments point there
             arguments[SLOT.budget] = max(BUDGET // half.f.work, 1)
             if is_done := call(code, arguments):
                 arguments[SLOT.line] = 0

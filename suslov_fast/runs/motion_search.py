@@ -305,4 +305,5 @@ def _changes(values: FloatArray) -> NDArray[np.bool_]:
     for k in range(1, values.shape[1] - 1):
         positive[:, k] = np.where(finite[:, k], positive[:, k], positive[:, k - 1])
     changes = positive[:, 1:] != positive[:, :-1]
-    return changes & (finite[:, :1] & finite[:, -1:])
+    found: NDArray[np.bool_] = changes & (finite[:, :1] & finite[:, -1:])
+    return found

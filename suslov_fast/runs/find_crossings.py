@@ -167,7 +167,7 @@ def crossings(
     >>> section = crossings(
     ...     field, starts, surface=lambda x: x[..., 2] - 27, time=30.0, transient=8.0
     ... )
-    >>> bool(abs(section.states[:, 2] - 27).max() < 1e-13)
+    >>> bool(abs(section.states[:, 2] - 27).max() < 1e-12)
     True
     >>> peaks = crossings(field, starts, surface=lambda x: -field(x)[..., 2], time=3.0)
     >>> peaks.of(0).states[:3, 2].round(3)

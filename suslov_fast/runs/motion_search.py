@@ -1,10 +1,9 @@
 """The search for crossings of surfaces along motions: inside each step, and by shorter steps.
 
-Between its ends a step is a cubic with the values and rates there, whose accuracy is enough for
-signs of a surface at points inside; a step of the implicit half is a straight line. If signs change
-once, a crossing lies between the ends. If they change more often, the states at these points are
-computed by shorter steps. Each crossing is then a root of the surface along shorter steps of the
-method from the state before.
+Inside a step `Stepping.inside` is accurate enough for signs of a surface. If they change once, a
+crossing lies between the ends. If they change more often, the states at these points are computed
+by shorter steps. Each crossing is then a root of the surface along shorter steps of the method from
+the state before.
 """
 
 from __future__ import annotations
@@ -17,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
+from ..core.motion.choosing import stepping_of
 from ..core.motion.engine import Settings
+from ..core.motion.refine import crossing_fractions
 from ..core.motion.rows import State
 from ..core.motion.rules import MOST_STEPS
 from ..core.motion.stepping import Stepping
@@ -26,7 +27,6 @@ from ..engine.motions import right_hand_sides, status_of, threads_for
 from ..engine.status import Status
 from ..engine.stretches import Report
 from .functions import returned_at, values_at
-from .refine import crossing_fractions
 from .search import Surface
 
 PARTS = 8  # of a step, between which signs of surfaces are compared
@@ -86,7 +86,7 @@ class MotionSearch:
             own = np.arange(B) if where is ALL else where
             states = np.empty((1, len(own), self.D))
             arguments = f, table, x[own], [last], sign, settings, states, count
-            self.groups.append(Group(own, Stepping(*arguments)))
+            self.groups.append(Group(own, stepping_of(*arguments)))
         self.counts, self.steps, self.tries = np.zeros((3, B), np.int64)
         self.status = np.full(B, Status.OK, np.int8)
         self.t, self.final, self.is_stopped = np.zeros(B), x.copy(), False
@@ -156,7 +156,9 @@ class MotionSearch:
         number = np.concatenate([each.number for each in steps])
         rows, B, D = int(number.max()) + 1, len(self.active), self.D
         inside = np.full((rows, PARTS, B, D), np.nan)
-        inside[number, :, lane] = np.concatenate([self._between(each) for each in steps])
+        inside[number, :, lane] = np.concatenate(
+            [each.group.engine.inside(each.before, each.after, PARTS) for each in steps]
+        )
         values = self._values_of(inside.reshape(-1, B, D)).reshape(-1, rows, PARTS, B)
         # Those of a step, at its start and at the ends of its parts.
         own = np.empty((len(values), PARTS + 1, len(lane)))
@@ -183,26 +185,6 @@ class MotionSearch:
             surface, part, m = surface[order], part[order], m[order]
             once = np.count_nonzero(changes, axis=1)[surface, m] == 1
             self._refine(steps, own, lane[m], m, surface, part, once)
-
-    def _between(self, steps: Steps) -> FloatArray:
-        """Return the states (K, PARTS, D) at the ends of the parts of steps."""
-        D, rows = self.D, steps.group.engine.rows
-        x, f, new, f_new = (
-            each[:, np.newaxis, i : i + D] for each in (steps.before, steps.after) for i in (0, D)
-        )
-        u = (np.arange(1, PARTS + 1) / PARTS)[:, np.newaxis]
-        h = (
-            self.sign
-            * (steps.after[:, rows.t] - steps.before[:, rows.t])[:, np.newaxis, np.newaxis]
-        )
-        with np.errstate(over="ignore", invalid="ignore"):
-            change = new - x
-            bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (h * f) + u * (h * f_new)
-            bend *= u * (u - 1.0)
-            bend[steps.before[:, rows.state] == State.IMPLICIT] = 0.0
-            states = x + u * change + bend
-        states[:, -1] = new[:, 0]
-        return states
 
     def _states(
         self, steps: list[Steps], m: Indices, fractions: FloatArray

@@ -75,15 +75,41 @@ class Stepping(Motion):
 
     def attempt(self, flat, which, last=np.inf):
         """Let trajectories try one step each, not beyond the time `last`; change their rows."""
-        for k, copies in self.attempts(flat, which, last, 1):
+        for k, copies in Stepping.attempts(self, flat, which, last, 1):
             flat[k] = copies[-1]
 
-    def after(self, flat, which, lengths):
+    def inside(self, before, after, parts):
+        """Return the states (K, parts, D) at the ends of equal parts of steps between these rows.
+
+        They are a cubic with the values and rates at both ends, or a straight line in an implicit
+        step, whose rates tell of fast modes.
+        """
+        D, rows = self.f.D, self.rows
+        x, f, new, f_new = (
+            each[:, np.newaxis, i : i + D] for each in (before, after) for i in (0, D)
+        )
+        u = (np.arange(1, parts + 1) / parts)[:, np.newaxis]
+        h = (after[:, rows.t] - before[:, rows.t])[:, np.newaxis, np.newaxis]
+        h = self.numbers[NUMBER.sign] * h
+        with np.errstate(over="ignore", invalid="ignore"):
+            change = new - x
+            bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (h * f) + u * (h * f_new)
+            bend *= u * (u - 1.0)
+            bend[before[:, rows.state] == State.IMPLICIT] = 0.0
+            states = x + u * change + bend
+        states[:, -1] = new[:, 0]
+        return states
+
+    def after(self, flat, which, lengths, saves=False):
         """Return the rows of trajectories `which` a time later: after a step of this length.
 
-        Where such a step is refused, there are shorter ones; without any they are NaN.
+        Where such a step is refused, there are shorter ones; without any they are NaN. States at
+        times that are asked for are saved with `saves` alone.
         """
         rows, flat = self.rows, flat.copy()
+        following = flat[:, rows.next].copy()
+        if not saves:
+            flat[:, rows.next] = np.inf
         goal = flat[:, rows.t] + lengths
         flat[:, rows.wanted], k = lengths, np.flatnonzero(lengths > 0.0)
         while k.size:
@@ -99,4 +125,6 @@ class Stepping(Motion):
             rest = goal[k] - now[:, rows.t]
             flat[k, rows.wanted] = np.minimum(now[:, rows.wanted], rest)
             k = k[~(arrives | fails | (rest <= 0.0))]
+        if not saves:
+            flat[:, rows.next] = following
         return flat

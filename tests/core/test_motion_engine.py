@@ -8,7 +8,7 @@ from suslov_fast.core.lists.elimination import Elimination
 from suslov_fast.core.lists.numbers import Number
 from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
 from suslov_fast.core.lists.step import evaluate
-from suslov_fast.core.motion import columns, engine, functions, half, one
+from suslov_fast.core.motion import columns, engine, functions, half, one, stepping
 from suslov_fast.core.motion.rows import State
 
 needs_code = pytest.mark.compiled
@@ -266,3 +266,19 @@ def test_populations_keep_their_sign():
         states, *_ = motion(f, x0, np.linspace(1.0, 60.0, 60), 1e-3, stiff=stiff)
         assert (states[:, :2] > 0.0).all()
         assert (states[:, 2, 0] == 0.0).all()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
+    f, x0, T = CASES[name]
+    f, states = right_hand_side(f, x0.shape[1]), np.full((1, *x0.shape), np.nan)
+    settings = engine.Settings(1e-6, None, np.inf, None)
+    steps = stepping.Stepping(f, np.zeros(0), x0, [T], 1.0, settings, states, 1)
+    state = steps.flat[:, steps.rows.state]
+    while (k := np.flatnonzero(state < State.DONE)).size:
+        some = steps.flat[k]
+        steps.attempt(some, k, T)
+        steps.flat[k] = some
+    rows = steps.rows
+    found = states, *(steps.flat[:, row] for row in (rows.t, rows.steps, rows.state))
+    assert_equal(found, motion(f, x0, [T]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -12,6 +13,7 @@ import numpy as np
 
 from ... import checks
 from ...checks import FloatArray
+from ...core.lists.conditions import with_fixed_choices
 from ...core.lists.derivative import gradients
 from ...core.lists.right_hand_side import RightHandSide, in_order
 from ...core.lists.step import evaluate
@@ -19,7 +21,7 @@ from ...keywords import public
 from ..base import frozen
 from .calls import called_by_name, traced
 from .coefficients import structure_matrix
-from .field_of_terms import LONGEST, NAMES, FieldOfFunction
+from .field_of_terms import LONGEST, NAMES, FieldOfFunction, OfMembers
 from .names import variables
 from .polynomials import named, to_lists
 from .symbolic import Tracer
@@ -69,6 +71,13 @@ class Equations:
     def right_hand_side(self) -> RightHandSide:
         values, results = in_order(self.values, self.results)
         return RightHandSide(values, results, len(self.parameters))
+
+    @cached_property
+    def for_motion(self) -> RightHandSide:
+        """The right-hand side whose choices are fixed within a step, if it has any."""
+        values, results = in_order(self.values, self.results)
+        fixed = with_fixed_choices(values, results, len(self.parameters))
+        return self.right_hand_side if fixed is None else fixed
 
     @cached_property
     def texts(self) -> tuple[dict[str, str], list[str]]:
@@ -216,6 +225,22 @@ class Field(FieldOfFunction):
     def right_hand_side(self) -> tuple[RightHandSide, FloatArray]:
         """f, and its parameters (P, ...) of all members."""
         return self._equations.right_hand_side, self._inputs
+
+    @cached_property
+    def right_hand_sides(self) -> list[OfMembers]:
+        return self._of_members(self._equations.for_motion)
+
+    @cached_property
+    def listed_right_hand_sides(self) -> list[OfMembers]:
+        """The same without fixed choices, for variational equations."""
+        return self._of_members(self._equations.right_hand_side)
+
+    def _of_members(self, f: RightHandSide) -> list[OfMembers]:
+        count = math.prod(self.shape)
+        inputs = self._inputs.reshape(-1, count)
+        choices = np.zeros((f.P - len(inputs), count))  # of no state yet
+        table = f.table_of(np.concatenate([inputs, choices]))
+        return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
 
     def _value_at(self, x: Any) -> FloatArray:
         x = checks.states("x", x, self.names, later=True)

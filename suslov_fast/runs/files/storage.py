@@ -234,7 +234,7 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> di
     attributes |= {name: _entry(entries, name) for name in expected} | {"body": body}
     if is_of_map and attributes["eps"].ndim == 0:
         attributes["eps"] = float(attributes["eps"])
-    if kind == "Crossings":
+    if "crossing" in lengths:
         count = attributes["count"].ravel()
         if count.sum() != lengths["crossing"]:
             raise wrong("count", f"have the sum {lengths['crossing']}", count.sum())

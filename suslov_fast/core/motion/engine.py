@@ -159,7 +159,7 @@ class Motion:
         W = lines.shape[2]
         for_each = table.ndim > 1
         code = code_of_half(half, W, for_each)
-        work = zeros(half.work.size + (lane_numbers(half.f) if W == 1 else 0), W)
+        work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
         arguments = np.array(Arguments(
             rows=lines.ctypes.data, lines=len(lines), line=0, budget=0, table=table.ctypes.data,
             table_bytes=table[0].nbytes if for_each else 0, work=work.ctypes.data,

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..keywords import public, unchanging
 from .base import frozen, summary
 from .calls import called_by_name, traced
 from .coefficients import structure_matrix
-from .field_of_terms import FieldOfFunction
+from .field_of_terms import FieldOfFunction, OfMembers
 from .names import variables
 from .polynomials import named, to_lists
 from .symbolic import Tracer
@@ -221,6 +221,10 @@ class Field(FieldOfFunction):
     def _right_hand_side(self) -> tuple[RightHandSide, FloatArray]:
         """f, and its parameters (P, ...) of all members."""
         return self._equations.right_hand_side, self._inputs
+
+    def _derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
+        """The same as `_right_hand_sides`, with the derivatives of f by parameters."""
+        return self._of_members(_with_derivatives(self._equations, names), self._inputs)
 
     def _value_at(self, x: Any) -> FloatArray:
         x = checks.states("x", x, self.names, later=True)
@@ -441,6 +445,14 @@ class Field(FieldOfFunction):
             matrix = structure_matrix(K, len(names))
             shared = _of_hamiltonian(tracer, names, [*values], operands[0], matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: shared})
+
+
+@lru_cache(64)
+def _with_derivatives(equations: Equations, names: tuple[str, ...]) -> RightHandSide:
+    """Return f with its derivatives by parameters."""
+    values, results = in_order(equations.values, equations.results)
+    by = [len(equations.names) + equations.parameters.index(name) for name in names]
+    return RightHandSide(values, results, len(equations.parameters), by)
 
 
 class Energy:

@@ -71,6 +71,7 @@ MOTION = (
     Column("status", "int8", "batch"),
     Column("end", "float64", "batch"),
     Column("steps", "int64", "batch"),
+    Column("_derivatives", "float64", "time batch component direction", when="derivatives"),
 )
 OF_KIND = {
     "Trajectories": [*RUN],
@@ -81,7 +82,7 @@ OF_KIND = {
 ARGUMENTS = {
     "Trajectories": ("method", "steps", "save_every"),
     "Crossings": ("method", "steps", "transient", "direction", "most"),
-    "Motion": ("rtol", "atol", "max_step", "stiff"),
+    "Motion": ("rtol", "atol", "max_step", "stiff", "derivatives"),
 }
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`

@@ -255,12 +255,16 @@ def _read_motion(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str
     batch, (count,) = headers["status"][1], headers["time"][1]
     if common_shape({"body": body.shape, "status": batch}) != batch:
         raise wrong("status", "have the shape of a batch of the body", batch)
-    expected = arrays_of(table, sizes_of(batch, body.dimension, time=count))
+    numbers = {name: about[name] for name in _NUMBERS[kind]}
+    numbers["derivatives"] = asked = tuple(numbers["derivatives"])
+    directions = sum(body.dimension if name == "x0" else 1 for name in asked)
+    sizes = sizes_of(batch, body.dimension, time=count, direction=directions)
+    expected = arrays_of(present(table, ["derivatives"] if asked else []), sizes)
     check_arrays(headers, expected)
     attributes = {name: _entry(entries, name) for name in expected}
     if not np.isin(attributes["status"], [*Status]).all():
         raise wrong("status", "have values of Status", "others")
-    numbers = {name: about[name] for name in _NUMBERS[kind]}
+    attributes.setdefault("_derivatives", None)
     if isinstance(numbers["atol"], list):
         numbers["atol"] = tuple(numbers["atol"])
     return attributes | numbers | {"body": body}

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
-from ..bodies.field import QuadraticField
-from ..bodies.field_of_terms import FieldOfFunction
-from ..bodies.general import Field
+from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.field_of_terms import FieldOfFunction
+from ..bodies.fields.general import Field
 from ..bodies.nd import NotIntegrableError
 from ..checks import FloatArray, short, wrong
 from ..core.motion.engine import Settings

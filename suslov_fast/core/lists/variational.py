@@ -5,7 +5,7 @@ import itertools
 
 import numpy as np
 
-from ..operations import evaluate
+from .step import evaluate
 from .right_hand_side import List
 
 

@@ -5,12 +5,12 @@ import functools
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from series import solution_and_derivatives
 
 import suslov_fast as sf
 from suslov_fast import Field, QuadraticField, flow
 from suslov_fast.core.lists.variational import variational
 from suslov_fast.core.motion import engine, functions
-from series import solution_and_derivatives
 
 
 def _of(name):

@@ -5,8 +5,8 @@ import itertools
 
 import numpy as np
 
-from .step import evaluate
 from .right_hand_side import List
+from .step import evaluate
 
 
 class Variational:

@@ -11,16 +11,10 @@ from collections import defaultdict
 
 import numpy as np
 
-<<<<<<< HEAD
-from ..listed import program_of
-from ..listed_code import _add_runs
-from ..operations import evaluate
-from .text import INLINED
-=======
 from ..code.runs import program_of
 from ..code.runs_code import _add_runs
 from ..lists.step import evaluate
->>>>>>> main
+from .text import INLINED
 
 BLOCK = 64  # operations of a block of straight-line code
 LONGEST = 4000  # operations of straight-line code: a longer list takes seconds to compile

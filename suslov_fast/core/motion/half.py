@@ -6,12 +6,8 @@ import numpy as np
 
 from ..lists.elimination import Elimination, work_of_elimination
 from ..lists.right_hand_side import List
-<<<<<<< HEAD
-from ..lists.variational import Variational
-from ..operations import Values
-=======
 from ..lists.step import Values
->>>>>>> main
+from ..lists.variational import Variational
 from .columns import EXPLICIT, IMPLICIT
 from .functions import (
     Blocks,

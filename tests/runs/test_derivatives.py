@@ -1,4 +1,4 @@
-"""Derivatives of motions by starts and parameters, against power series of 80 digits."""
+"""Derivatives of motions by starts and parameters, against power series of 60 digits."""
 
 import json
 from pathlib import Path

@@ -8,6 +8,7 @@ from suslov_fast.core.lists.elimination import Elimination
 from suslov_fast.core.lists.numbers import Number
 from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
 from suslov_fast.core.lists.step import evaluate
+from suslov_fast.core.lists.variational import variational
 from suslov_fast.core.motion import columns, engine, functions, half, one, stepping
 from suslov_fast.core.motion.rows import State
 
@@ -113,6 +114,46 @@ def test_runs_have_the_bits_of_straight_line_code(case, monkeypatch):
     monkeypatch.setattr(functions, "LONGEST", -1)
     again.__dict__["key"] = f"runs of {case}"
     assert_equal(usual, motion(again, x0, [0.3 * last, last]))
+
+
+@pytest.mark.parametrize("case", ["robertson", "pole_of_a_clock"])
+@pytest.mark.parametrize("is_stiff", [None, True])
+@needs_code
+def test_variational_equations_have_the_same_bits(case, is_stiff, monkeypatch):
+    """Of a batch, of one, by runs, and by NumPy."""
+    function, x0, last = CASES[case]
+    x0, last = x0[:2], 0.02 * last
+    of, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
+    f, by_runs = (variational(each, of.D, True) for each in (of, again))
+    start = np.zeros((len(x0), f.D))
+    start[:, : of.D], start[:, of.D : -2 : of.D + 1], start[:, -2] = x0, 1.0, 0.5
+    run = start, [0.3 * last, last]
+    usual = motion(f, *run, stiff=is_stiff)
+    for k in range(len(x0)):
+        alone = motion(f, start[k : k + 1], run[1], stiff=is_stiff)
+        np.testing.assert_array_equal(alone[0][:, 0], usual[0][:, k])
+    monkeypatch.setattr(functions, "LONGEST", -1)
+    by_runs.key = f"runs of variational {case}"
+    assert_equal(usual, motion(by_runs, *run, stiff=is_stiff))
+    monkeypatch.setattr(engine, "compiled", lambda *_, **__: None)
+    assert_equal(usual, motion(f, *run, stiff=is_stiff))
+
+
+@needs_code
+def test_a_component_and_a_constant_with_its_number():
+    """In a function that is called: x' = y, y' = a long sum, t' = 1."""
+
+    def long(s):
+        x, y, t = s
+        total = -x
+        for k in range(1, 90):
+            total = total + (0.1 * k * t).then("sin") * 1e-3 * x
+        return y, total, 1.0
+
+    f = right_hand_side(long, 3)
+    assert len(f.f.operations) > 160
+    states, *_ = motion(f, np.array([[1.0, 0.0, 0.0]] * 2), [2.0])
+    np.testing.assert_allclose(states[0, :, 2], 2.0, rtol=1e-15)
 
 
 @pytest.mark.parametrize("case", ["van_der_pol", "robertson", "lattice"])

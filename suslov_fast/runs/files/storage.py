@@ -223,6 +223,9 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> di
     else:
         first = table[0]
         (lengths[first.axes],) = headers[first.name][1]
+    if kind == "Motion":
+        attributes["derivatives"] = asked = tuple(about["derivatives"])
+        lengths["direction"] = sum(body.dimension if name == "x0" else 1 for name in asked)
     if common_shape(shapes) != batch:
         raise wrong("status", f"have the shape {common_shape(shapes)}", batch)
     conditions = {column.when for column in table if column.name in headers}

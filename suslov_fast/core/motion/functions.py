@@ -71,9 +71,9 @@ class OfList:
         Inputs are read anew in each block, and results written where they are found.
         """
         operations, results = self.list_.operations, self.list_.results
-        rows = defaultdict(list)
-        for k, a in enumerate(results):
-            rows[a].append(k)
+        rows, constants = defaultdict(list), []
+        for k, a in enumerate(results):  # the constant 1.0 is not the value of number 1
+            constants.append((k, a)) if isinstance(a, float) else rows[a].append(k)
         with text.function(name):
             load = self._loader(text, lambda k: text.row("%from", k), "%table", for_each)
             computed = {}
@@ -88,7 +88,9 @@ class OfList:
                         text.put(found[number], "%to", k)
             for a, places in rows.items():
                 for k in places:
-                    text.put(self._result(text, a, {}, load), "%to", k)
+                    text.put(load(a), "%to", k)
+            for k, a in constants:
+                text.put(text.constant(a), "%to", k)
 
 
 class OfLongList:

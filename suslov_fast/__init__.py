@@ -1,4 +1,4 @@
-"""Kahan (Hirota-Kimura) maps of quadratic fields and of the nonholonomic Suslov problem.
+"""Hirota-Kimura (Kahan) maps of the Suslov problem and of quadratic equations; motion of any.
 
 Iterate the orbits of a body from two initial angular velocities::
 
@@ -61,7 +61,7 @@ _ELSEWHERE = {
 
 def _imported(name: str) -> ModuleType:
     """Import a module of the package; Ctrl-C waits until then."""
-    interrupts = import_module(".core.interrupts", __name__)
+    interrupts = import_module(".core.compiling.interrupts", __name__)
     with interrupts.uninterrupted():
         return import_module(name, __name__)
 

@@ -27,6 +27,9 @@ class _Symbol:
         self.lines.append((result, text))
         return _Symbol(result, self.lines)
 
+    def __pow__(self, power):
+        return functools.reduce(lambda a, b: a * b, [self] * power)
+
     def __neg__(self):
         return self.line(f"-{self.name}")
 

@@ -172,6 +172,10 @@ def oregonator(y, m):
     )
 
 
+# Between spikes two components are small, and have digits of their own with atol alone.
+add(IVP, "OREGO, atol", (1, 2, 3), 360, size=1.0, known=PROBLEMS[-1].known)(oregonator)
+
+
 @add(
     IVP, "ROBER", (1, 0, 0), 1e11, size=1e-14,
     known=(0.2083340149701255e-7, 0.8333360770334713e-13, 0.9999999791665050),
@@ -187,7 +191,14 @@ def e5(y, m):
     return -slow - third, slow - fast, slow - third + fourth - fast, third - fourth
 
 
-add(IVP, "E5", (1.76e-3, 0, 0, 0), 1e10, size=1e-20)(e5)
+add(
+    IVP,
+    "E5",
+    (1.76e-3, 0, 0, 0),
+    1e13,
+    size=1e-22,
+    known=(0.1152903278711829e-290, 0.8867655517642120e-22, 0.8854814626268838e-22, 0),
+)(e5)
 
 
 @add(

@@ -1,4 +1,4 @@
-"""DOP853 in 8 lanes in C, with steps of its own in each: the method of Hairer, written for a system.
+"""DOP853 in 8 lanes in C, with steps of its own in each lane, written for a system.
 
 The text of C is made of the coefficients that SciPy has, and of the right-hand side. Lanes are
 vectors of gcc; sines are those of glibc's vector library. Lengths change by err**(-1/8), as three
@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from motions import SYSTEMS
 from native import FLAGS
-from peers.motions import program
 from scipy.integrate._ivp import dop853_coefficients as method
+
+from peers.motions import program
 
 STAGES = method.N_STAGES
 

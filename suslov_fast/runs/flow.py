@@ -120,7 +120,7 @@ def flow(
     x, batch = checked_starts(system, x0, len(times))
     with reporter(progress, len(times) * math.prod(batch)) as report:
         arguments = times, sign, settings, thread_count(threads), report
-        found = _motion_of(system, x, batch, *arguments)
+        found = motion_of(system, x, batch, *arguments)
     warn_of_ends(found, x, batch)
     return Motion._of(
         {
@@ -139,7 +139,7 @@ def flow(
 
 
 # ------------------------------------------------------------------------------------------ motions
-def _motion_of(
+def motion_of(
     system: Any,
     x: FloatArray,
     batch: tuple[int, ...],
@@ -166,7 +166,7 @@ def _motion_of(
     for exact in (True, False):
         where = np.flatnonzero(is_exact == exact)
         members, count = _members(system, batch, where), (len(where),)
-        part = _motion_of(members, x[where], count, *arguments)
+        part = motion_of(members, x[where], count, *arguments)
         found.states[:, where], found.t[where] = part.states, part.t
         found.steps[where], found.status[where] = part.steps, part.status
     return found
@@ -190,7 +190,7 @@ def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any
     parts = {}
     for name, value in body._parts.items():
         array = np.asarray(value)
-        inner = array.shape[array.ndim - body._axes.get(name, 0) :]
+        inner = array.shape[array.ndim - body.axes.get(name, 0) :]
         parts[name] = np.broadcast_to(array, (*batch, *inner)).reshape(-1, *inner)[where]
     return body._with(parts)
 

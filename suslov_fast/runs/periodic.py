@@ -156,7 +156,7 @@ def _checked_period(motion: OfMotion, x: FloatArray, period: Any, names: Any) ->
     if motion.is_forced:
         expected = f"given, because the equations depend on {clocks[0]}, which has a constant rate"
         raise wrong("period", expected, None)
-    T, distance = shooting.near_return(motion, x)
+    T, _ = shooting.near_return(motion, x)
     if np.isfinite(T):
         return T
     where = f"the motion from start = {short(x.tolist())}"

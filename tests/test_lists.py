@@ -145,11 +145,12 @@ def test_the_loop_over_regular_runs_does_what_numpy_does(rng, monkeypatch, W, co
     )
     indices, values = field.terms
     step = steps_field.scheme_of(indices, D, Stages(fractions)).step
-    for program in listed.programs_of(step)[:2]:
+    programs = listed.programs_of(step)
+    for program in (programs.usual, programs.rare):
         regular = program.runs.heads[:, 0] >= len(listed.KINDS)
         assert 0 < regular.sum() < len(regular)
         assert (program.runs.heads[regular, 1] % 4).any()  # a single lane takes four at once
-        assert program.rows < len(step.usual) / 4  # sums of products are one operation
+        assert program.rows < step.length / 4  # sums of products are one operation
     x, eps = rng.normal(size=(B, D)), rng.uniform(0.05, 0.1, count)
     x[0, 0] = -fractions[0] * eps[0]  # of which the first stage leaves 0: rare operations
     notes = np.zeros(B, np.int8), np.zeros(B, np.int64), np.zeros(B)

@@ -5,6 +5,7 @@
 
 from .generated_lines import loader, piece_function
 from .machine_code import Text, numbers_in_register
+from .operations import length_of
 
 # Rows of a line: the state; the numbers below; the products of the lengths of D columns; columns.
 # VOLUME is abs(det) of the columns, and (1 + NEAR_1) FAR_FROM_1 is the product of abs(det DPhi).
@@ -44,7 +45,7 @@ def columns_at_once(D, W, operations):
     """Return how many columns are multiplied at once, by these operations for each."""
     if W == 1:
         return min(4, 1 << (D - 1).bit_length())
-    length = len(operations) * W // min(numbers_in_register(), W)
+    length = length_of(operations) * W // min(numbers_in_register(), W)
     fitting = [n for n in (4, 3, 2) if n * length <= MOST_IN_LOOP and D > 1]
     return min(fitting, key=lambda n: -(-D // n) * n, default=1)
 

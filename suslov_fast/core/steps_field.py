@@ -355,7 +355,7 @@ def _take_steps(lines, states, steps, saved, is_large, abandoned):
     arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
     if not (yield from lines.take(*arguments)):
         step, stages = lines.scheme
-        work = (stop - start) * len(stages.fractions) * (len(step.usual) + lines.B * step.D**2)
+        work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
         careful.compile(_IN_PYTHON * work)  # only now, because few runs need it
         lines.start_from(states)
         yield from lines.take(*arguments, again=True)

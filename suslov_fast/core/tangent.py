@@ -47,7 +47,7 @@ from .lengths import orthonormalise, take_logarithms
 from .llvm import call_code, for_size, lesser
 from .machine_code import code_of
 from .numba import function, inlined, kernel, share
-from .operations import Tangent
+from .operations import Tangent, length_of
 from .sparse import is_sparse
 from .stages import distinct
 from .steps_field import Scheme, scheme_of, tables_of
@@ -87,12 +87,12 @@ def _tangent_of(places, D, keeps_signs=False):
 
 def _is_long(step):
     """Return whether the loops of `sparse_tangent` take the steps of a field with columns."""
-    if config.DISABLE_JIT or 0 < len(step.usual) <= MOST:
+    if config.DISABLE_JIT or 0 < step.length <= MOST:
         return False
     if not step.usual or is_sparse(step):
         return True
     tangent = _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
-    return len(tangent.usual + tangent.columns) > MOST_OF_DENSE
+    return tangent.length + length_of(tangent.columns) > MOST_OF_DENSE
 
 
 def arguments_of(scheme, values, eps, count, in_lines=False):
@@ -133,7 +133,7 @@ def operations_of(scheme):
     if _is_long(step):
         return sparse_tangent.operations_of(step) + D**3 // 4
     tangent = _tangent_of(step.indices.tobytes(), D, step.keeps_signs)
-    return len(tangent.usual) + D * len(tangent.columns) + D**3 // 4
+    return tangent.length + D * length_of(tangent.columns) + D**3 // 4
 
 
 # ------------------------------------------------------------------------------------ single lanes

@@ -61,6 +61,11 @@ class Code(Text):
         self.target.constants.append(f"@{name} = private constant {kind} [{values}], align 64")
         return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
 
+    def memory(self, count):
+        """Return the address of memory for so many numbers, on the stack."""
+        place = self.new(f"alloca double, i64 {count}")
+        return self.new(f"ptrtoint {pointer('double')} {place} to i64")
+
     def copy(self, source, target, count):
         """Add a loop that copies rows."""
         self.fold(count, {}, lambda k: self.put(self.row(source, 0, k), target, 0, k))

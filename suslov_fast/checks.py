@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .core.interrupts import uninterrupted
+from .core.compiling.interrupts import uninterrupted
 
 FloatArray = NDArray[np.float64]
 

@@ -34,12 +34,12 @@ from numpy.typing import ArrayLike
 from .bodies.base import Body
 from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
-from .core import map_3d, quantities
-from .core.arrays import uncounted
-from .core.field_system import FieldSystem
-from .core.llvm import select
-from .core.numba import for_users, formula, of_kind
-from .core.steps_nd import GaussSystem, NDSystem
+from .core.compiling.arrays import uncounted
+from .core.compiling.llvm import select
+from .core.compiling.numba import for_users, formula, of_kind
+from .core.suslov import map as map_3d, quantities
+from .core.suslov.n_dimensions import GaussSystem, NDSystem
+from .core.users.system import FieldSystem
 from .keywords import public
 from .maps import map_of
 
@@ -67,9 +67,9 @@ def __dir__() -> list[str]:
     return __all__
 
 
-# Without a rotor u and v are X and Y of `core.map_3d`, and steps with T < 1 have the bits of its
-# plain form. With a rotor, X = K + ... would lose digits of ell where K is large. There u and v are
-# (omega1, omega2 / back) in the unit of time eps / 2, and the frame is that of the body in this
+# Without a rotor u and v are X and Y of `core.suslov.map`, and steps with T < 1 have the bits of
+# its plain form. With a rotor, X = K + ... would lose digits of ell where K is large. There u and v
+# are (omega1, omega2 / back) in the unit of time eps / 2, and the frame is that of the body in this
 # unit.
 
 

@@ -12,7 +12,7 @@ from . import checks
 from .bodies.classes import AnyBody, BodyIn3D
 from .bodies.rigid import Suslov3D, rotations, square_matrices
 from .checks import FloatArray, common_shape, first_index, spell, wrong
-from .core import orientations
+from .core.suslov import orientations
 from .engine.arguments import flat_arrays, flat_parameter
 from .engine.problem import Problem
 from .engine.stretches import states_after

@@ -10,6 +10,7 @@ import pytest
 from numba import config
 
 HERE = Path(__file__).parent
+ROOT = HERE.parent  # of the checkout
 # The number of threads of a parallel call where there are two, else the default.
 TWO_THREADS = 2 if config.NUMBA_NUM_THREADS > 1 else None
 

@@ -2,15 +2,15 @@
 
     steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at)
 
-A kernel is decorated with `core.numba.kernel`; `core/one_step.py` has a short one. It neither
-validates nor raises, and allocates nothing inside loops over steps.
+A kernel is decorated with `core.compiling.numba.kernel`; `core/users/own_map.py` has a short one.
+It neither validates nor raises, and allocates nothing inside loops over steps.
 
 1. `arguments` is the tuple of arrays that `Steps.arguments(body, eps, batch)` returned, once for a
    run; a kernel only reads it. An array has one row if all B trajectories share it, else B rows:
    ``array[i % len(array)]`` belongs to trajectory i. A negative eps steps back.
 2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
    begin <= i < end from state `start` to state `stop`. A thread computes part number `part` of
-   `parts`; `core.numba.share` returns its trajectories.
+   `parts`; `core.compiling.numba.share` returns its trajectories.
 3. State 0 is `omega0` (B, D), read only if start = 0. It counts as a saved state and, if it is NaN,
    as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do nothing else.
 4. A run can be cut into calls anywhere, in time and in the batch, and all cuts give the same bits:
@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from suslov_fast import Status
 from suslov_fast.checks import FloatArray, short
-from suslov_fast.core import codes
+from suslov_fast.core.compiling import codes
 from suslov_fast.engine.arguments import flat_arrays
 from suslov_fast.engine.problem import Problem
 from suslov_fast.engine.trial import check_arguments, family_like
@@ -48,7 +48,7 @@ from suslov_fast.engine.trial import check_arguments, family_like
 _SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, those of a wide batch, and steps
 # Runs from these states must have the bits of a run from state 0; they pass state 64, and a round
 # number beyond 32 bits, where kernels that do something every so many steps might differ. No state
-# on the way is a multiple of 512, at which the kernel of `core/steps_3d.py` restores R.
+# on the way is a multiple of 512, at which the kernel of `core/suslov/steps.py` restores R.
 _LATE = 61, 43 * 10**8 - 3
 _CUTS = 0, 2, 3, 3, _STEPS  # ends of calls; the third call takes no step
 _GUARD, _UNTOUCHED = -99, 1.2345678901234e-99  # values around arrays, and in them before a run

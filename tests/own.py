@@ -7,7 +7,7 @@ import numpy as np
 
 import suslov_fast as sf
 from suslov_fast import maps
-from suslov_fast.core.codes import OK
+from suslov_fast.core.compiling.codes import OK
 from suslov_fast.maps import KAHAN, Body, Formula, Steps, by_field, function
 
 

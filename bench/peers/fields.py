@@ -9,11 +9,10 @@ from unittest import mock
 import numpy as np
 from native import call
 from numba import get_num_threads
-from problem import EPS_FIELD as EPS
-from problem import sparse_field
+from problem import EPS_FIELD as EPS, sparse_field
 
 import suslov_fast
-from suslov_fast.core import steps_field
+from suslov_fast.core.fields import steps as steps_field
 
 WRITTEN = {3: "lorenz", 4: "henon_heiles"}  # for these fields, by their dimensions
 

@@ -12,12 +12,12 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import INSTEAD_IN_BODIES, nearest, public
-from .bounds import check_axes
+from .fields.bounds import check_axes
+from .fields.polynomials import from_lists, to_lists
 from .members import Members
-from .polynomials import from_lists, to_lists
 
 if TYPE_CHECKING:
-    from .field import QuadraticField
+    from .fields.field import QuadraticField
 
 Kind = TypeVar("Kind", bound="Body")
 

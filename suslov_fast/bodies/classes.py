@@ -6,9 +6,9 @@ from typing import Any
 from ..checks import instance, short, wrong
 from ..keywords import public
 from .base import Body
-from .field import QuadraticField
-from .field_of_terms import FieldOfFunction
-from .general import Field
+from .fields.field import QuadraticField
+from .fields.field_of_terms import FieldOfFunction
+from .fields.general import Field
 from .nd import SuslovND
 from .rigid import Suslov3D, SuslovGyrostat
 

@@ -24,13 +24,13 @@ from ..checks import (
 from ..errors import SuslovError
 from ..keywords import public, public_class
 from .base import Body
-from .field import QuadraticField
-from .field_of_terms import parts_of
-from .names import labels
-from .polynomials import numbers
+from .fields.field import QuadraticField
+from .fields.field_of_terms import parts_of
+from .fields.names import labels
+from .fields.polynomials import numbers
+from .fields.terms import collected
 from .reduction import Reduction, first_of_equal
 from .rigid import adapted
-from .terms import collected
 
 # Relative rounding error of J and I after the rotation by from_mass_tensor.
 _ROUNDING = 1e-14

@@ -17,10 +17,10 @@ from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import public, public_class
 from .base import Body
-from .field import QuadraticField
-from .field_of_terms import parts_of
-from .names import labels
-from .terms import collected
+from .fields.field import QuadraticField
+from .fields.field_of_terms import parts_of
+from .fields.names import labels
+from .fields.terms import collected
 
 # Tolerance of the triangle inequality of moments, relative to the largest one: flat bodies have
 # equality, and the parallel axis theorem loses a few digits.

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .field import QuadraticField
+from .fields.field import QuadraticField
 from .nd import SuslovND
 from .rigid import Suslov3D
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, require
-from ..core.field_system import FieldSystem, system_of
-from ..core.stages import WHOLE, Stages
-from ..core.steps_field import scheme_of
-from ..core.steps_nd import FAR_FROM_0, GaussSystem, NDSystem
+from ..core.fields.stages import WHOLE, Stages
+from ..core.fields.steps import scheme_of
+from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
+from ..core.users.system import FieldSystem, system_of
 from .problem import MANY
 
 

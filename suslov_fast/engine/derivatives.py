@@ -1,6 +1,6 @@
 """Derivatives of Kahan's map at states, and the growth of tangent vectors along orbits.
 
-These are the calls of `core.tangent`, and `growth_by_jacobian` for other maps.
+These are the calls of `core.fields.tangent`, and `growth_by_jacobian` for other maps.
 """
 
 import math
@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, common_shape
-from ..core import tangent
-from ..core.density import densities
-from ..core.generated import WIDTH
-from ..core.products import growth_of_products
+from ..core.fields import tangent
+from ..core.fields.density import densities
+from ..core.fields.generated import WIDTH
+from ..core.users.products import growth_of_products
 from .arguments import ALL, by_zeros, flat_arrays, in_stages
 from .problem import Problem
 from .stretches import March, Report

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.motion.engine import Motion as Engine
-from ..core.motion.engine import Settings
+from ..core.motion.engine import Motion as Engine, Settings
 from ..core.motion.one import motion_of_one
 from ..core.motion.rows import State
 from .arguments import ALL

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import first_index, spell, warn
-from ..core import codes
+from ..core.compiling import codes
 
 # Status in a store of trajectories that are not computed yet; `Status` has only those of runs.
 PENDING = -128

@@ -15,12 +15,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import core
 from ..checks import FloatArray, extra, instance, integer, is_false, kind_of, require, short, wrong
-from ..core import codes, orientations
-from ..core.field_system import FieldSystem
-from ..core.numba import Kernel
-from ..core.one_step import KernelOfStep
-from ..core.steps_nd import NDSystem
+from ..core.compiling import codes
+from ..core.compiling.numba import Kernel
+from ..core.suslov import orientations
+from ..core.suslov.n_dimensions import NDSystem
+from ..core.users.own_map import KernelOfStep
+from ..core.users.system import FieldSystem
 from ..keywords import public_class
 from .arguments import ALL, Arguments, flat_arrays, flat_parameter
 from .problem import MANY, Problem
@@ -114,7 +116,7 @@ def check_steps(name: str, steps: Any) -> None:
     """Raise an error, which calls the steps `name`, unless a run can take them."""
     instance(name, steps, Steps)
     instance(f"{name}.kernel", steps.kernel, Kernel)
-    if not steps.kernel.py_func.__module__.startswith(Kernel.__module__.rpartition(".")[0]):
+    if not steps.kernel.py_func.__module__.startswith(f"{core.__name__}."):
         raise wrong(f"{name}.kernel", "made by maps.steps_of", "written by hand", TypeError)
     for part in ("arguments", "cost"):
         if not callable(getattr(steps, part)):

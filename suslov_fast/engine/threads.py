@@ -9,7 +9,7 @@ import numba
 import suslov_fast
 
 from ..checks import integer
-from ..core.numba import Kernel
+from ..core.compiling.numba import Kernel
 
 # Steps of all trajectories together below which a call is serial. Measured on two cores: threads
 # that are awake gain from about 10,000 on, but less than 0.1 ms up to this number, and a sleeping

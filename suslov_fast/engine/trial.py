@@ -16,10 +16,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodies.field_of_terms import SHARED
+from ..bodies.fields.field_of_terms import SHARED
 from ..checks import FloatArray, integer, short, wrong
-from ..core.numba import rows_of
-from ..core.one_step import KernelOfStep
+from ..core.compiling.numba import rows_of
+from ..core.users.own_map import KernelOfStep
 from .arguments import Arguments, flat_arrays
 from .problem import Problem
 from .status import Status

@@ -30,7 +30,7 @@ from typing import NoReturn
 
 import suslov_fast
 
-from ..bodies.field import QuadraticField
+from ..bodies.fields.field import QuadraticField
 from ..checks import extra
 from ..keywords import refuse
 

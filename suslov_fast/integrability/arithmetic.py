@@ -11,8 +11,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.polynomials import exact as as_fraction
-from ..bodies.polynomials import from_lists
+from ..bodies.fields.polynomials import exact as as_fraction, from_lists
 from ..checks import refuse, wrong
 
 Point = tuple[Fraction, ...]

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.field import QuadraticField
-from ..bodies.field_of_terms import H_VALUES, MATRIX, VALUES
+from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.field_of_terms import H_VALUES, MATRIX, VALUES
 
 _LONG = 2**20  # denominators of floats such as 0.1
 _ODD = 1000  # factors of denominators of fractions of floats

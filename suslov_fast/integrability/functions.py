@@ -17,9 +17,9 @@ from typing import Any, Protocol, TypeVar
 
 import flint
 
-from ..bodies.advice import check_arguments
-from ..bodies.names import labels, latex
-from ..bodies.polynomials import from_lists
+from ..bodies.fields.advice import check_arguments
+from ..bodies.fields.names import labels, latex
+from ..bodies.fields.polynomials import from_lists
 from ..checks import extra, short, wrong
 from ..keywords import answers, public
 from . import arithmetic

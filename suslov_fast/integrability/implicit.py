@@ -19,7 +19,7 @@ from typing import Any
 
 import flint
 
-from ..bodies.polynomials import Polynomial
+from ..bodies.fields.polynomials import Polynomial
 from ..keywords import answers, public
 from . import arithmetic
 from .arithmetic import EPS, EXTRA

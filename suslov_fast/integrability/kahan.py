@@ -16,9 +16,9 @@ import flint
 import numpy as np
 
 from ..bodies.base import Body
-from ..bodies.field import QuadraticField
-from ..bodies.names import labels
-from ..bodies.terms import Terms
+from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.names import labels
+from ..bodies.fields.terms import Terms
 from ..checks import in_place_of, kind_of, wrong
 from ..keywords import public
 from .arithmetic import matrix, moduli, step_size

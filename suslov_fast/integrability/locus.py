@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from ..bodies.field import QuadraticField
+from ..bodies.fields.field import QuadraticField
 from ..checks import integer, kind_of, wrong
 from ..keywords import answers, public
 from . import arithmetic

@@ -16,7 +16,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.names import labels
+from ..bodies.fields.names import labels
 from ..checks import integer
 from ..keywords import answers, public
 from . import arithmetic

@@ -14,7 +14,7 @@ from fractions import Fraction
 from typing import Any
 
 from ..bodies.base import Body
-from ..bodies.field import QuadraticField
+from ..bodies.fields.field import QuadraticField
 from ..checks import integer, is_false, kind_of, real_number, wrong
 from ..keywords import answers, public
 from .arguments import check_unknowns, progress_function

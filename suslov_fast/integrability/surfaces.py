@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from ..bodies.names import labels
+from ..bodies.fields.names import labels
 from ..checks import short, wrong
 from ..keywords import answers
 from . import arithmetic

@@ -21,9 +21,9 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.field import QuadraticField
-from ..bodies.names import labels
-from ..bodies.polynomials import Polynomial
+from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.names import labels
+from ..bodies.fields.polynomials import Polynomial
 from . import arithmetic
 from .arithmetic import Point
 from .kahan import KahanMap

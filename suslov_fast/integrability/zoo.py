@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ..bodies.field import QuadraticField
+from ..bodies.fields.field import QuadraticField
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..keywords import public
 from .maps import RationalMap, rational_map

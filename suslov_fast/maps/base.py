@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from .. import checks
 from ..bodies.base import Body
-from ..bodies.field import QuadraticField
-from ..bodies.general import NO_MAP, Field
+from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.general import NO_MAP, Field
 from ..checks import FloatArray
-from ..core.stages import WHOLE, Stages
+from ..core.fields.stages import WHOLE, Stages
 from ..engine.derivatives import Growth, growth, growth_by_jacobian
 from ..engine.problem import Problem, check
 from ..engine.stretches import Report, Steps, check_steps
@@ -94,18 +94,19 @@ class Map:
 
     Notes
     -----
-    A method is a function that steps one state, compiled by `core.numba.function` or `numba.njit`:
+    A method is a function that steps one state, compiled by `core.compiling.numba.function` or
+    `numba.njit`:
 
         step(x, out, eps, work, *row) -> Status as an int
 
     ``Steps(steps_of(step), arguments)`` makes runs of it, which can be cut anywhere, in time and in
     the batch. The step writes the state after x (D,) to `out` (D,) and returns a status: 0, or a
-    negative one, which ends the trajectory (SINGULAR of `core.codes` if there is no next state). A
-    state that is not finite ends it, too; an exception, such as that of ``np.linalg.solve`` for a
-    singular matrix, ends the whole run. The first positive status is kept, with its n. The step
-    writes to `out` and `work` alone; `work` is scratch memory of n numbers, with
-    ``steps_of(step, work=n)``, whose contents do not survive the step. The next step of a state
-    must depend on nothing else: not on n, and not on steps before.
+    negative one, which ends the trajectory (SINGULAR of `core.compiling.codes` if there is no next
+    state). A state that is not finite ends it, too; an exception, such as that of
+    ``np.linalg.solve`` for a singular matrix, ends the whole run. The first positive status is
+    kept, with its n. The step writes to `out` and `work` alone; `work` is scratch memory of n
+    numbers, with ``steps_of(step, work=n)``, whose contents do not survive the step. The next step
+    of a state must depend on nothing else: not on n, and not on steps before.
 
     `Steps.arguments(body, eps, batch)` returns a tuple of arrays, once for a run: of float64, with
     one row if all B trajectories share it, else B rows, the last of them eps (1 or B,); a negative

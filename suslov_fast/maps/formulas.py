@@ -1,7 +1,7 @@
 """Formulas of maps: a `Formula` for each public function of a state, by its name.
 
 A formula takes a checked problem and returns the values. Records list the formulas of their map.
-The equations are in `core.quantities` and `core.quantities_field`.
+The equations are in `core.suslov.quantities` and `core.fields.quantities`.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from ..bodies.nd import check_known
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, instance, kind_of, wrong
-from ..core import quantities, quantities_field
-from ..core.numba import Universal
+from ..core.compiling.numba import Universal
+from ..core.fields import quantities as quantities_field
+from ..core.suslov import quantities
 from ..engine.derivatives import density, jacobian
 from ..engine.problem import Problem
 from ..engine.stretches import states_after
@@ -78,7 +79,7 @@ def values_by_terms(
 
 
 def formulas_named(names: str, **options: Any) -> dict[str, Formula]:
-    """Return the formulas with these names in `core.quantities`, by the names of the functions."""
+    """Return the formulas with these names in `core.suslov.quantities`, by their names."""
     functions = {name: getattr(quantities, name) for name in names.split()}
     return {n: Formula(partial(values_by_constants, f), **options) for n, f in functions.items()}
 

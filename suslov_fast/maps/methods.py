@@ -5,9 +5,11 @@ from functools import partial
 from typing import Any
 
 from ..checks import integer, kind_of, wrong
-from ..core import one_step, steps_3d, steps_field, steps_nd
-from ..core.numba import Kernel
-from ..core.stages import Stages
+from ..core.compiling.numba import Kernel
+from ..core.fields import steps as steps_field
+from ..core.fields.stages import Stages
+from ..core.suslov import n_dimensions as steps_nd, steps as steps_3d
+from ..core.users import own_map as one_step
 from ..engine.arguments import (
     by_constants,
     by_scheme,
@@ -102,7 +104,7 @@ def steps_of(step: Callable[..., int], work: int | Callable[[int], int] = 0) -> 
     ----------
     step : compiled function
         ``step(x, out, eps, work, *row)`` writes the state after x (D,) to `out` (D,) and returns a
-        `Status` as an int: see `Map`. It may be decorated with `core.numba.function` or
+        `Status` as an int: see `Map`. It may be decorated with `core.compiling.numba.function` or
         `numba.njit`; a plain function is compiled here.
     work : int or callable
         The length of `work`, scratch memory of float64 for each thread: a number, or a function of

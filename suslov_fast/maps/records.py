@@ -1,6 +1,6 @@
 """The records of the maps of the package, which are registered on import."""
 
-from ..bodies.field import QuadraticField
+from ..bodies.fields.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..bodies.samples import random_3d, random_field, random_nd, random_with_I3

@@ -1,1 +1,1 @@
-"""Functions of a state: each checks its arguments and calls a formula of `core.quantities`."""
+"""Functions of a state: each checks its arguments and calls a formula of the map."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.general import Field
+from ..bodies.fields.general import Field
 from ..checks import FloatArray, first_index, real_array, spell, warn
 from ..engine.problem import Problem, check, part_of
 from ..engine.status import SingularStepWarning

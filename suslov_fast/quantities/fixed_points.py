@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.base import Body
-from ..bodies.field import QuadraticField
+from ..bodies.fields.field import QuadraticField
 from ..checks import FloatArray, OneOrEach, extra, warn, wrong
 from ..keywords import public
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
-from ..bodies.field_of_terms import FieldOfFunction
+from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..checks import FloatArray, integer, one_of, short, wrong
 from ..engine.motion_growth import exponents_of
 from ..engine.motions import threads_for

@@ -324,7 +324,7 @@ class Crossings(Result):
         >>> data = points.to_xarray()  # doctest: +SKIP
         >>> chaotic = data.where(data.rho > 24.74, drop=True)  # doctest: +SKIP
         """
-        from .datasets import crossings_to_xarray
+        from .files.datasets import crossings_to_xarray
 
         return crossings_to_xarray(self)
 

@@ -25,11 +25,11 @@ from ..engine.status import PENDING, warn_of_poles
 from ..engine.stretches import Progress, reporter
 from ..keywords import public
 from ..maps import map_of
-from . import access, metadata, stores
 from .columns import FORMAT, of_runs, shape_of, sizes_of
-from .datasets import as_columns, columns_of, to_xarray, with_time
+from .files import access, metadata, stores
+from .files.datasets import as_columns, columns_of, to_xarray, with_time
+from .files.tiles import Functions, Options, checked_values, count_in, finish, place_of
 from .iterate import checked_counts
-from .tiles import Functions, Options, checked_values, count_in, finish, place_of
 from .trajectories import Trajectories
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
-from ..bodies.field_of_terms import FieldOfFunction
+from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.nd import NotIntegrableError
 from ..checks import FloatArray
 from ..core.motion.engine import Settings

@@ -188,7 +188,7 @@ class Motion(States):
         >>> data.x.sel(time=1.0, component="q").round(6).item()
         0.540302
         """
-        from .datasets import motion_to_xarray
+        from .files.datasets import motion_to_xarray
 
         return motion_to_xarray(self, dims, coords)
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..bodies.field import QuadraticField
+from ..bodies.fields.field import QuadraticField
 from ..checks import FloatArray, integer, real_number, short, warn, wrong
 from ..keywords import answers, public
 from ..maps import Method, map_of, problem

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodies.names import latex
+from ..bodies.fields.names import latex
 from ..checks import FloatArray, extra, instance, integer, real_array, short, wrong
-from .datasets import varying
+from .files.datasets import varying
 from .results import States
 
 try:

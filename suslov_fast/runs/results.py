@@ -215,7 +215,7 @@ class Result:
         ...     Trajectories.load(f"{folder}/run.npz") == run
         True
         """
-        from .storage import save
+        from .files.storage import save
 
         save(self, path, overwrite)
 
@@ -246,7 +246,7 @@ class Result:
         >>> from suslov_fast import Trajectories
         >>> later = Trajectories.load("run.npz").extend(1000)  # doctest: +SKIP
         """
-        from .storage import load
+        from .files.storage import load
 
         return cls._of(load(path, cls.__name__))
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..bodies.advice import arguments_of
+from ..bodies.fields.advice import arguments_of
 from ..checks import FloatArray, require, wrong
-from ..core.sign_changes import sort_by_orbit, write_crossings
+from ..core.users.sign_changes import sort_by_orbit, write_crossings
 from ..engine.arguments import flat_parameter
 from ..engine.status import Status
 from ..engine.stretches import March, Report

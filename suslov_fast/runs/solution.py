@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import AnyBody
 from ..checks import FloatArray, real_number, require, warn, wrong
-from ..core import closed_form
+from ..core.suslov import closed_form
 from ..engine.arguments import by_constants, flat_arrays
 from ..engine.problem import Problem
 from ..engine.status import SingularStepWarning

@@ -280,7 +280,7 @@ class Trajectories(States):
         >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
         -0.7
         """
-        from .datasets import to_xarray
+        from .files.datasets import to_xarray
 
         return to_xarray(self, dims, coords)
 

@@ -94,7 +94,7 @@ def test_commands_that_need_an_extra_name_it(command, tmp_path, extra, arguments
 
 
 WARM_UP = """
-from suslov_fast import command, warm_up
+from suslov_fast.command import main as command, warm_up
 warm_up.MANY, (first, *_) = 2, warm_up.MAPS
 warm_up.MAPS = {first: warm_up.MAPS[first]}
 command.main(["warm-up"])

@@ -1,7 +1,7 @@
 """Derivatives of lists of operations, as lists: the chain rule from the state to the results."""
 
-from ..operations import OF_TRUTH_VALUES
 from .records import RECORDS, power, same
+from .step import OF_TRUTH_VALUES
 
 
 def gradients(values, operations, results, D):

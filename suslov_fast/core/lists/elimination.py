@@ -9,9 +9,9 @@ A small pivot shows as a value that is not finite, or as an error of the step, w
 
 from collections import defaultdict
 
-from ..operations import Values
-from ..planned_elimination import elimination_order, filled, work_of
+from .planned_elimination import elimination_order, filled, work_of
 from .right_hand_side import List, needed_for
+from .step import Values
 
 
 class Elimination:

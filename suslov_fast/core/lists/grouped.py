@@ -5,7 +5,7 @@ For one state of many variables, a call of NumPy for each operation would take m
 
 import numpy as np
 
-from ..operations import FUNCTIONS
+from .step import FUNCTIONS
 
 _JOINING = ("and", "or", "xor")
 

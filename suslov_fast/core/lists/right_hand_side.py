@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..operations import FUNCTIONS, OF_NUMBERS, OF_TRUTH_VALUES, Values, evaluate
 from .derivative import gradients
 from .grouped import Groups
 from .records import RECORDS, same
+from .step import FUNCTIONS, OF_NUMBERS, OF_TRUTH_VALUES, Values, evaluate
 
 # Lists of more operations are carried out in groups, at fewer than MANY states.
 _FEW, _MANY = 32, 1024

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..lines import in_lines, zeros
-from ..machine_code import call, compiled
-from ..threads import in_parts
+from ..code.compiler import call, compiled
+from ..compiling.threads import in_parts
+from ..fields.lines import in_lines, zeros
 from .half import Half
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, FILLING, State

@@ -11,9 +11,9 @@ from collections import defaultdict
 
 import numpy as np
 
-from ..listed import program_of
-from ..listed_code import _add_runs
-from ..operations import evaluate
+from ..code.runs import program_of
+from ..code.runs_code import _add_runs
+from ..lists.step import evaluate
 
 BLOCK = 64  # operations of a block of straight-line code
 LONGEST = 4000  # operations of straight-line code: a longer list takes seconds to compile

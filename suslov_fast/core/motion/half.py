@@ -6,7 +6,7 @@ import numpy as np
 
 from ..lists.elimination import Elimination, work_of_elimination
 from ..lists.right_hand_side import List
-from ..operations import Values
+from ..lists.step import Values
 from .columns import EXPLICIT, IMPLICIT
 from .functions import (
     DenseFactors,

@@ -5,7 +5,7 @@ They are taken where there is no machine code. All lanes of all lines are column
 
 import numpy as np
 
-from ..operations import evaluate
+from ..lists.step import evaluate
 from . import rules
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors, weights_of_few
 from .rows import BEGINS, State

@@ -27,7 +27,7 @@ from math import inf, sqrt
 from typing import NamedTuple
 
 from ..lists.numbers import Number, larger, smaller
-from ..operations import Values
+from ..lists.step import Values
 from .rows import State
 
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..code.text import Code, bits_of
 from . import rules
-from .code import Code, bits_of
 from .columns import (
     EXPLICIT,
     IMPLICIT,

@@ -1,0 +1,426 @@
+"""Quadratic vector fields, whose Kahan maps the package iterates and analyses.
+
+A field is a list of terms: with x_D = 1, component i is the sum of v x_j x_k over its terms. A
+Hamiltonian of degree 3 is a list of terms v x_i x_j x_k. The values of a single field are floats or
+fractions, those of a family floats.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ... import checks
+from ...checks import FloatArray, short, wrong
+from ...keywords import public, unchanging
+from ..base import Body, summary
+from .coefficients import of_array, of_file, of_hamiltonian, of_terms, structure_matrix, with_arrays
+from .field_of_terms import (
+    H_INDICES,
+    H_VALUES,
+    INDICES,
+    MATRIX,
+    NAMES,
+    VALUES,
+    _FieldOfTerms,
+    parts_of,
+)
+from .names import labels, variables
+from .polynomials import as_given, named, to_lists
+from .terms import (
+    Terms,
+    polynomial_in,
+    rows_of,
+    slopes_at,
+    values_at,
+)
+from .tracing import traced
+
+
+@unchanging
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class QuadraticField(_FieldOfTerms):
+    """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
+
+    Make it with :meth:`from_function` or :meth:`from_hamiltonian`; the constructor takes arrays.
+    Functions with an argument `body` take a field; its state is x. Its map is Kahan's
+    discretization, (x_next - x) / eps = f with (x_j x_next_k + x_next_j x_k) / 2 for each x_j x_k
+    and (x_j + x_next_j) / 2 for each x_j.
+
+    Parameters
+    ----------
+    quadratic : array_like(shape=(..., D, D, D))
+        q, of which only the part symmetric in j and k counts. Coefficients are 0 or between 1e-60
+        and 1e60 in modulus, in any units. A single field keeps integers, fractions and floats
+        exactly: 0.1 is the double nearest to 1/10, which is ``Fraction(1, 10)``. A batch of fields
+        has floats.
+    linear : array_like(shape=(..., D, D)), optional
+        l, by default 0.
+    constant : array_like(shape=(..., D)), optional
+        c, by default 0.
+    names : str or sequence of str, optional
+        Names of the D variables, by default x1, ..., xD: ``"u v w"``, ``"u, v, w"`` or a list.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the variables in equations, plots, datasets and reports. ``==`` ignores them.
+    terms : tuple of ndarray(int, shape=(3, T)) and ndarray(float, shape=(..., T))
+        i, j, k and v of the terms v x_j x_k of x_i', with D for a factor 1; see :meth:`from_terms`.
+    quadratic, linear, constant : ndarray
+        q, l and c, made when they are first used. MemoryError if D is too large for q. Exact
+        fractions, if given so: ``field.linear.astype(float)`` is an array for NumPy.
+    H, K : Hamiltonian and ndarray(shape=(D, D)), or None
+        Of :meth:`from_hamiltonian`: the Hamiltonian, a function of a state, and the matrix K.
+    parameters : dict
+        Named parameters, which are coordinates of datasets and stores. ``==`` ignores them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If shapes do not match, or a coefficient is not a number in its range.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField
+    >>> QuadraticField([[[0, 1], [0, 0]], [[-1, 0], [0, 0]]], constant=[0, 0.5])
+    QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
+    """
+
+    _texts: ClassVar[Any] = ("names",)
+
+    @public
+    def __init__(
+        self, quadratic: Any, linear: Any = None, constant: Any = None, names: Any = None
+    ) -> None:
+        if callable(quadratic):
+            received = "a function: use QuadraticField.from_function(f, dimension)"
+            raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
+        array = as_given("quadratic", quadratic)
+        D = (0, *array.shape)[-1]
+        if any(isinstance(each, str) for each in array.flat):
+            received = f"{short(quadratic)}: use from_function(f, dimension) for equations"
+            raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
+        if array.ndim == 2:
+            how = f"for x' = A x pass QuadraticField.from_function(lambda x: A @ x, {D})"
+            raise wrong("quadratic", "have the shape (..., D, D, D)", f"{array.shape}: {how}")
+        terms = with_arrays({"quadratic": of_array("quadratic", array, 3, D)}, linear, constant, D)
+        self._take(parts_of(terms, variables("names", names, D)))
+
+    @classmethod
+    @public
+    def from_terms(
+        cls,
+        indices: Any,
+        values: Any,
+        dimension: int | str | Sequence[str],
+        *,
+        linear: Any = None,
+        constant: Any = None,
+    ) -> QuadraticField:
+        """Return the field with given terms, such as one of many variables with few terms.
+
+        Time and memory grow with the number of terms, not with D**3 as for arrays of coefficients.
+
+        Parameters
+        ----------
+        indices : array_like(int, shape=(3, T))
+            i, j, k of each term v x_j x_k of the derivative of x_i, counted from 0. The index D
+            stands for a factor 1: (i, j, D) is a linear term, (i, D, D) a constant. The order of j
+            and k does not matter, and repeated terms are added.
+        values : array_like(shape=(..., T))
+            v of each term. A single field keeps integers, fractions and floats exactly.
+        dimension : int, str or sequence of str
+            The number of variables, D, or their names.
+        linear : array_like(shape=(..., D, D)) or scipy.sparse matrix (D, D), optional
+            Coefficients of linear terms, which are added.
+        constant : array_like(shape=(..., D)), optional
+            Constants, which are added.
+
+        Returns
+        -------
+        QuadraticField
+            Its coefficients are the sums of the terms, rounded once in a batch.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If indices are no integers in their range, shapes do not match, or a value is not a
+            number in the range of coefficients.
+
+        Examples
+        --------
+        A lattice of 1000 variables, with the derivative x_(i-1) (x_(i+1) - x_(i-2)) - x_i + 8:
+
+        >>> import numpy as np
+        >>> from suslov_fast import QuadraticField
+        >>> D = 1000
+        >>> i = np.arange(D)
+        >>> products = [[*i, *i], [*(i - 1) % D] * 2, [*(i + 1) % D, *(i - 2) % D]]
+        >>> values, damping = np.repeat([1, -1], D), [i, i, np.full(D, D)]
+        >>> indices = np.hstack([products, damping])
+        >>> field = QuadraticField.from_terms(
+        ...     indices, [*values, *-np.ones(D)], D, constant=np.full(D, 8)
+        ... )
+        >>> field.terms[0].shape
+        (3, 4000)
+        """
+        names = variables("dimension", dimension)
+        D = len(names)
+        terms = with_arrays({"values": of_terms(indices, values, D)}, linear, constant, D)
+        return cls._of(parts_of(terms, names))
+
+    @classmethod
+    @public
+    def from_function(
+        cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
+    ) -> QuadraticField:
+        """Return the field ``x' = f(x, **parameters)``, or a family of fields.
+
+        Parameters
+        ----------
+        f : callable
+            Takes the state x, an array of D variables, and returns D polynomials of degree 2 or
+            less. It is called with symbols, so coefficients are exact: 0.1 is the double nearest
+            to 1/10.
+        dimension : int, str or sequence of str
+            The number of variables, D, or their names, such as ``"u v w"``.
+        **parameters : float or array_like(float, shape=(...))
+            Named parameters of f. Numbers remain exact; arrays broadcast, and make a batch of
+            fields. Names of variables, eps, t and those of datasets are refused.
+
+        Returns
+        -------
+        QuadraticField
+            A single field, or a batch of the shape of the parameters.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If f does not take the state as one tuple, lacks a parameter, or a component is not such
+            a polynomial. The message says how to change f.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> def lotka_volterra(x, a):
+        ...     return x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])
+        >>> QuadraticField.from_function(lotka_volterra, "u v", a=0.5)
+        QuadraticField(u' = -u*v + u, v' = 1/2*u*v - 1/2*v)
+        >>> family = QuadraticField.from_function(lotka_volterra, "u v", a=[0.5, 1, 2])
+        >>> family.shape, family.sel(a=2)
+        ((3,), QuadraticField(u' = -u*v + u, v' = 2*u*v - 2*v))
+        """
+        names = variables("dimension", dimension)
+        values = named(parameters, names)
+        terms, _ = traced("f", f, names, values)
+        field = cls._of({**parts_of(terms, names), **values})
+        return field._made_by(cls.from_function, f, names)
+
+    @classmethod
+    @public
+    def from_hamiltonian(
+        cls,
+        H: Callable[..., Any],
+        /,
+        dimension: int | str | Sequence[str],
+        K: Any = None,
+        **parameters: Any,
+    ) -> QuadraticField:
+        """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
+
+        Its map conserves :func:`modified_energy` exactly, so the energy does not drift.
+
+        Parameters
+        ----------
+        H : callable
+            Takes the state x, an array of D variables, and returns a polynomial of degree 3 or
+            less.
+        dimension : int, str or sequence of str
+            As in :meth:`from_function`.
+        K : array_like(shape=(D, D)), optional
+            A constant antisymmetric matrix, of any rank. By default D is even, and K is the
+            canonical matrix of x = (q1, ..., qm, p1, ..., pm): first all coordinates, then all
+            momenta.
+        **parameters : float or array_like(float, shape=(...))
+            As in :meth:`from_function`.
+
+        Returns
+        -------
+        QuadraticField
+            It has the attributes `H` and `K`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`from_function`; also if K is not antisymmetric, or D odd without K.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+        QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
+        """
+        names = variables("dimension", dimension)
+        values = named(parameters, names)
+        matrix = structure_matrix(K, len(names), names)
+        energy, terms = traced("H", H, names, values, matrix)
+        field = cls._of_hamiltonian(energy, matrix, {**parts_of(terms, names), **values})
+        return field._made_by(cls.from_hamiltonian, H, names, K)
+
+    @classmethod
+    def _of_hamiltonian(cls, H: Terms, K: Any, others: Mapping[str, Any]) -> QuadraticField:
+        """Return the field of the exact terms of H and a matrix K, if its terms are in range."""
+        field = cls._of({H_INDICES: H.indices, H_VALUES: H.values, MATRIX: K, **others})
+        checks.within("H", field._parts[VALUES], checks.OTHERS)
+        return field
+
+    @classmethod
+    @public
+    def of(cls, body: Any) -> QuadraticField:
+        """Return the equations of motion of a body, or of a batch, as a field.
+
+        Coefficients of a single body are exact functions of its parameters, which are doubles.
+
+        Parameters
+        ----------
+        body : Suslov3D, SuslovGyrostat, SuslovND or QuadraticField
+            The body, or a batch; a field is returned as it is.
+
+        Returns
+        -------
+        QuadraticField
+            In the variables x1, ..., xD, the components of the angular velocity.
+
+        Raises
+        ------
+        TypeError
+            If `body` is no body, or a `Field`, whose equations need not be quadratic.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField, Suslov3D
+        >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25))
+        QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
+        """
+        checks.instance("body", body, Body)
+        field: QuadraticField = body.field()
+        return field
+
+    @property
+    def _field(self) -> QuadraticField:
+        return self
+
+    @property
+    def components(self) -> tuple[Any, ...]:
+        """The components as ``flint.fmpq_mpoly`` in the variables; needs python-flint.
+
+        If a name is not ASCII, which flint refuses, the variables are x1, ..., xD.
+        """
+        flint = checks.extra("flint", "algebra")
+        names = self.names if all(map(str.isascii, self.names)) else labels(self.dimension)
+        context = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
+        D = self.dimension
+        rows: list[dict[Any, Any]] = [{} for _ in names]
+        for (i, *factors), c in self._exact.members():
+            powers = tuple(factors.count(m) for m in range(D))
+            rows[i][powers] = flint.fmpq(*c.as_integer_ratio())
+        return tuple(map(context.from_dict, rows))
+
+    def _value_at(self, x: Any) -> Any:
+        """Return f(x): a tuple of fractions if all numbers are exact, else floats (..., D)."""
+        terms = Terms(self._parts[INDICES], self._parts[VALUES])
+        found = values_at(terms, x, self.names, 2)
+        return tuple(found) if isinstance(found, list) else found
+
+    @public
+    def jacobian(self, x: Any) -> FloatArray:
+        """Return the derivative of the right-hand side, f'(x).
+
+        Its formula is exact. :func:`suslov_fast.jacobian` is the derivative of a step of the map.
+
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States, which broadcast with a family.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D, D))
+            The derivative of component i of f by x_j at [..., i, j]; NaN for a state that is NaN.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If x has another shape, or numbers that are infinite or not real.
+
+        Examples
+        --------
+        Is the equilibrium (1, 1) stable?
+
+        >>> import numpy as np
+        >>> from suslov_fast import QuadraticField
+        >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] - x[1]), 2)
+        >>> field.jacobian([1, 1])
+        array([[ 0., -1.],
+               [ 1., -1.]])
+        >>> np.linalg.eigvals(field.jacobian([1, 1])).real.round(3)
+        array([-0.5, -0.5])
+        """
+        return slopes_at(self._exact, checks.states("x", x, self.names))
+
+    def __repr__(self) -> str:
+        if self.shape:
+            names = f"D={self.dimension}"
+            if self.names != labels(self.dimension):
+                names = f"variables {' '.join(self.names)}"
+            values = [summary(name, each) for name, each in self.parameters.items()]
+            return f"<QuadraticField of shape {self.shape}: {', '.join([names, *values])}>"
+        equations: list[str] = []
+        rows = zip(self.names, rows_of(self._exact, self.dimension), strict=True)
+        while sum(map(len, equations)) <= 300 and (row := next(rows, None)):
+            polynomial = polynomial_in(row[1], self.dimension)
+            equations.append(f"{row[0]}' = {polynomial.text(self.names)}")
+        equations += [] if self.H is None else [f"H = {self.H}"]
+        short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
+        return f"QuadraticField({short})"
+
+    @public
+    def to_dict(self) -> dict[str, Any]:
+        parts = self._parts
+        found = {"indices": parts[INDICES], "values": parts[VALUES]}
+        if self.H is not None:
+            H = {"indices": parts[H_INDICES], "values": parts[H_VALUES]}
+            indices, values = parts[MATRIX][:2].astype(np.int64), parts[MATRIX][2]
+            found = {"H": H, "K": {"indices": indices, "values": values}}
+        values = {"parameters": self.parameters} if self.parameters else {}
+        texts = {} if self.names == labels(self.dimension) else {"names": [*self.names]}
+        size = {"body": type(self).__name__, "dimension": self.dimension}
+        return {**size, **to_lists(found | values), **texts}
+
+    @classmethod
+    def _read(
+        cls,
+        dimension: Any,
+        indices: Any = None,
+        values: Any = None,
+        H: Any = None,
+        K: Any = None,
+        parameters: Any = None,
+        names: Any = None,
+    ) -> QuadraticField:
+        checks.instance("parameters", parameters or {}, Mapping)
+        D = len(variables("dimension", dimension))
+        names = variables("names", names, D)
+        named_values = named(parameters or {}, names)
+        if H is None and K is None:
+            terms = with_arrays({"values": of_file(indices, values, D)}, None, None, D)
+            return cls._of({**parts_of(terms, names), **named_values})
+        if indices is not None or values is not None:
+            raise ValueError("the parameters hold both coefficients and H: keep one of them")
+        energy, matrix = of_hamiltonian(H, D), structure_matrix(K, D)
+        return cls._of_hamiltonian(energy, matrix, {NAMES: names, **named_values})

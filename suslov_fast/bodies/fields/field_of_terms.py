@@ -1,0 +1,297 @@
+"""The terms that a field keeps, and tables of its coefficients, made where someone asks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import checks
+from ...checks import FloatArray
+from ...core.lists.dense import DenseRightHandSide, dense_parameters
+from ...core.lists.quadratic import parameters_of, right_hand_side_of
+from ...keywords import public
+from ..base import Body, Parameters, frozen
+from .names import labels
+from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
+
+# Names of the parts of a field other than its named parameters. They hold spaces, because a named
+# parameter can have any name that Python accepts.
+INDICES, VALUES, NAMES = "indices of f", "values of f", "names of variables"
+H_INDICES, H_VALUES, MATRIX = "indices of H", "values of H", "matrix K"
+SHARED = {INDICES, H_INDICES, MATRIX}  # by all members of a family
+# Attributes of stores. A parameter with one of these names gets another one there.
+_OF_STORES = frozenset(
+    "H K body coords dims eps format functions indices map method names omega0 save_every shared "
+    "steps tiled title values version attitude".split()
+)
+
+_LONG = 4000  # terms, above which a dense field is taken by loops
+
+
+class OfMembers(NamedTuple):
+    """The right-hand side of some members of a family, or of a single field."""
+
+    members: NDArray[np.int64]  # their numbers (K,)
+    f: Any  # a `RightHandSide`
+    table: FloatArray  # its numbers (K, n), see `RightHandSide.table_of`
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class FieldOfFunction(Body):
+    """A field whose parts include named parameters, those of the function that it is made of."""
+
+    names: tuple[str, ...]
+    _value_at: ClassVar[Any]  # f(x)
+    _right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
+
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The named parameters of the function: numbers as they were given, and arrays."""
+        return Parameters({name: self._parts[name] for name in self._coordinates})
+
+    def __call__(self, x: Any, *others: Any, **named: Any) -> Any:
+        """Return f(x): fractions if all numbers of a quadratic field are exact, else floats."""
+        if others or named:
+            how = "for solve_ivp pass lambda t, x: field(x)"
+            raise TypeError(f"a field takes the state alone, field(x): {how}")
+        return self._value_at(x)
+
+    @cached_property
+    def _right_hand_sides(self) -> list[OfMembers]:
+        """f for the motion, and its table, for groups of members with the same operations."""
+        f, parameters = self._right_hand_side
+        count = math.prod(self.shape)
+        table = f.table_of(parameters).reshape(len(f.table), count)
+        return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
+
+    @property
+    def _listed_right_hand_sides(self) -> list[OfMembers]:
+        """The same, as lists of operations."""
+        return self._right_hand_sides
+
+    @public
+    def jacobian(self, x: Any) -> FloatArray:
+        """Return the exact derivative f'(x) of the right-hand side.
+
+        :func:`suslov_fast.jacobian` is the derivative of a step of a map.
+
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States, which broadcast with the batch of the field.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D, D))
+            The derivative of component i by variable j at [..., i, j]. Where f chooses, as
+            ``np.where`` does, it is that of what f takes.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If x has another shape, or numbers that are infinite or not real.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> field = QuadraticField.from_function(lambda x: (x[0] * x[1], 3 - x[0]), 2)
+        >>> field.jacobian([2.0, 5.0])
+        array([[ 5.,  2.],
+               [-1.,  0.]])
+        """
+        x = checks.states("x", x, self.names, later=True)
+        right_hand_side, inputs = self._right_hand_side
+        table = right_hand_side.table_of(inputs)
+        found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)
+        return np.moveaxis(found, (0, 1), (-2, -1))
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class _FieldOfTerms(FieldOfFunction):
+    """The parts of a field: its terms, those of H, the matrix K, names and named parameters."""
+
+    _axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
+    _lists_terms: ClassVar[bool] = True
+
+    H: Hamiltonian | None
+
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        """Store the terms of f, or those of H and K with or without them, names and parameters."""
+        names, H = parts[NAMES], None
+        kept = {name: value for name, value in parts.items() if name != NAMES}
+        if H_VALUES in kept:
+            energy = without_zeros(kept[H_INDICES], np.asarray(kept[H_VALUES]))
+            kept |= {H_INDICES: energy.indices, H_VALUES: energy.values}
+            H = Hamiltonian(energy, names)
+            # The terms of f follow from H and K, unless a family has rounded ones.
+            if VALUES not in kept or energy.values.ndim == 1:
+                terms = rates(energy, kept[MATRIX], len(names))
+                kept |= {INDICES: terms.indices, VALUES: terms.values}
+        indices, values = without_zeros(kept[INDICES], np.asarray(kept[VALUES]))
+        if values.ndim > 1:
+            values = values.astype(np.float64)
+        kept |= {INDICES: indices, VALUES: values}
+        parts = {name: frozen(value) for name, value in kept.items()}
+        vars(self).update(
+            _parts=parts,
+            _coordinates=tuple(name for name in parts if name not in self._axes),
+            H=H,
+            dimension=len(names),
+            names=names,
+            _labels=names,
+        )
+
+    def _with(self, parts: Mapping[str, Any]) -> Any:
+        return self._of({**parts, NAMES: self.names})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, ({**self._parts, NAMES: self.names},)
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        return self.dimension, *super()._key
+
+    @property
+    def _described(self) -> dict[str, Any]:
+        parts = self._parts
+        arrays = {"dimension": self.dimension, "indices": parts[INDICES], "values": parts[VALUES]}
+        if self.H is not None:
+            arrays |= {"indices of H": parts[H_INDICES], "H": parts[H_VALUES], "K": parts[MATRIX]}
+        names = (f"parameter {n}" if n in _OF_STORES else n for n in self._coordinates)
+        arrays |= dict(zip(names, self.parameters.values(), strict=True))
+        texts = {} if self.names == labels(self.dimension) else {"names": ", ".join(self.names)}
+        kinds = {"dimension": np.int64, "indices": np.int64, "indices of H": np.int64}
+        found = {name: np.asarray(a, kinds.get(name, np.float64)) for name, a in arrays.items()}
+        return found | texts
+
+    @property
+    def K(self) -> Any:
+        """The matrix of a Hamiltonian field, made where it is used; None for other fields."""
+        if self.H is None:
+            return None
+        matrix = self._parts[MATRIX]
+        shape = (self.dimension, self.dimension)
+        return table_of("K", shape, matrix[:2].astype(np.int64), matrix[2])
+
+    @property
+    def _may_escape(self) -> bool:  # type: ignore[override]
+        return bool((self._parts[INDICES][2] < self.dimension).any())
+
+    @cached_property
+    def _terms(self) -> Any:
+        return Terms(self._parts[INDICES], self._parts[VALUES]).floats
+
+    @cached_property
+    def _right_hand_side(self) -> tuple[Any, FloatArray]:
+        indices, values = self._terms
+        return _quadratic(indices, values, self.dimension, _LONG)
+
+    @cached_property
+    def _right_hand_sides(self) -> list[OfMembers]:
+        return self._by_terms(_LONG)
+
+    @property
+    def _listed_right_hand_sides(self) -> list[OfMembers]:
+        return self._by_terms(None)
+
+    def _by_terms(self, longest: int | None) -> list[OfMembers]:
+        """Return the right-hand sides of members; dense ones of more terms are no lists."""
+        indices, values = self._terms
+        rows = values.reshape(math.prod(self.shape), values.shape[-1])
+        exists = rows != 0.0
+        patterns, which = exists[:1], np.zeros(len(rows), np.int64)
+        if not exists.all():  # what a step tests depends on the terms
+            patterns, which = np.unique(exists, axis=0, return_inverse=True)
+        found = []
+        for k, pattern in enumerate(patterns):
+            members = np.flatnonzero(which.reshape(-1) == k)
+            own = rows[np.ix_(members, pattern)]
+            f, parameters = _quadratic(indices[:, pattern], own, self.dimension, longest)
+            found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
+        return found
+
+    @property
+    def _exact(self) -> Terms:
+        """The terms with the values of the laboratory: those of a single field are fractions."""
+        terms = Terms(self._parts[INDICES], self._parts[VALUES])
+        return terms if self.shape else terms.exact
+
+    @cached_property
+    def terms(self) -> tuple[Any, FloatArray]:
+        """The terms that are not 0: i, j, k, an array (3, T), and v (..., T), rounded once.
+
+        The derivative of x_i is the sum of v x_j x_k, j <= k; the index D stands for a factor 1.
+        Terms are sorted by i, j and k.
+        """
+        indices, values = self._terms
+        order = np.lexsort(indices[::-1])
+        return frozen(indices[:, order]), frozen(values[..., order])
+
+    def _table(self, name: str, axes: int) -> Any:
+        """Return coefficients of terms with `axes` - 1 factors other than 1, as an array."""
+        (i, j, k), values = self._exact
+        ours = (j < self.dimension) * 1 + (k < self.dimension) == axes - 1
+        i, j, k, values = i[ours], j[ours], k[ours], values[..., ours]
+        places: Any = [i, j, k][:axes]
+        if axes == 3:  # half of a product of two variables stands at j, k, and half at k, j
+            places = np.hstack([[i, j, k], [i, k, j]])
+            values = np.tile(np.where(j == k, values, values / 2), 2)
+        shape = (*values.shape[:-1], *(self.dimension,) * axes)
+        return table_of(name, shape, places, values)
+
+    @cached_property
+    def quadratic(self) -> NDArray[Any]:
+        """q (..., D, D, D), symmetric in j and k; MemoryError where that is too large."""
+        table: NDArray[Any] = self._table("quadratic", 3)
+        return table
+
+    @cached_property
+    def linear(self) -> NDArray[Any]:
+        """l (..., D, D)."""
+        table: NDArray[Any] = self._table("linear", 2)
+        return table
+
+    @cached_property
+    def constant(self) -> NDArray[Any]:
+        """c (..., D)."""
+        table: NDArray[Any] = self._table("constant", 1)
+        return table
+
+
+def _quadratic(
+    indices: NDArray[np.int64], values: FloatArray, D: int, longest: int | None
+) -> tuple[Any, FloatArray]:
+    """Return the right-hand side of terms, and its parameters (P, ...)."""
+    T = indices.shape[1]
+    if longest and longest < T and 4 * T > D**3:
+        return _dense(D), dense_parameters(indices, values, D)
+    rows = values.reshape(math.prod(values.shape[:-1]), T)
+    units = (rows == 1.0).all(axis=0), (rows == -1.0).all(axis=0)
+    parameters: FloatArray = parameters_of(values, *units)
+    return _of_terms(indices.tobytes(), D, *(each.tobytes() for each in units)), parameters
+
+
+_dense = lru_cache(16)(DenseRightHandSide)
+
+
+@lru_cache(256)
+def _of_terms(indices: bytes, D: int, *units: bytes) -> Any:
+    """Return the right-hand side that fields of the same form share."""
+    places = np.frombuffer(indices, np.int64).reshape(3, -1)
+    return right_hand_side_of(places, D, *(np.frombuffer(each, bool) for each in units))
+
+
+def parts_of(terms: Terms | None, names: Sequence[str]) -> dict[str, Any]:
+    """Return the parts of a field with these terms, if it has its own, and these names."""
+    parts = {} if terms is None else {INDICES: terms.indices, VALUES: terms.values}
+    return {**parts, NAMES: names}

@@ -1,0 +1,474 @@
+"""Fields of any right-hand side: `Field`."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ... import checks
+from ...checks import FloatArray
+from ...core.lists.derivative import gradients
+from ...core.lists.right_hand_side import RightHandSide, in_order
+from ...core.lists.step import evaluate
+from ...keywords import public, unchanging
+from ..base import frozen, summary
+from .calls import called_by_name, traced
+from .coefficients import structure_matrix
+from .field_of_terms import FieldOfFunction
+from .names import variables
+from .polynomials import named, to_lists
+from .symbolic import Tracer
+from .texts import brief, values_of, written
+
+EQUATIONS, NAMES = "equations", "names of variables"
+_LONGEST = 300  # characters of a repr
+NO_MAP = (
+    "a Field has a motion, flow(field, x0, time=...), and no map: for equations of degree 2 use "
+    "QuadraticField.from_function(f, names), and for equilibria "
+    "scipy.optimize.root(field, x0, jac=field.jacobian)"
+)
+
+
+class Equations:
+    """The equations that all members of a family share: lists of f and, if it is there, of H.
+
+    names, parameters  the variables, and the named parameters, in the order of values
+    values, results    `Expressions` of f and of H, in an order that these determine, and f
+    H, K               the operand of H, and the entries (i, j, value) of its matrix, or None
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        parameters: Sequence[str],
+        values: Any,
+        results: Sequence[Any],
+        H: Any = None,
+        K: Any = None,
+    ) -> None:
+        self.names, self.parameters, self.K = tuple(names), tuple(parameters), K
+        self.values, operands = in_order(values, [*results, *([] if H is None else [H])])
+        self.results = operands[: len(results)]
+        self.H = None if H is None else operands[-1]
+
+    @property
+    def all_names(self) -> tuple[str, ...]:
+        return (*self.names, *self.parameters)
+
+    @cached_property
+    def key(self) -> Any:
+        """What == compares; texts and names do not matter."""
+        sizes = len(self.names), len(self.parameters)
+        return repr((sizes, self.values.operations, self.results, self.H, self.K))
+
+    @cached_property
+    def right_hand_side(self) -> RightHandSide:
+        values, results = in_order(self.values, self.results)
+        return RightHandSide(values, results, len(self.parameters))
+
+    @cached_property
+    def texts(self) -> tuple[dict[str, str], list[str]]:
+        """Definitions, and the texts of f, or that of H, from which f follows."""
+        results = self.results if self.H is None else [self.H]
+        return written(self.values, results, self.all_names)
+
+    def shown(self, operand: Any) -> str:
+        """Return the text of f_i or H for readers."""
+        return brief(self.values, operand, self.all_names, _LONGEST)
+
+    def energy(self, x: Any, parameters: Any) -> Any:
+        """Return H (...) at states (D, ...)."""
+        values, (H,) = in_order(self.values, [self.H])
+        known = dict(enumerate([*x, *parameters]))
+        with np.errstate(all="ignore"):
+            evaluate(values.operations, known)
+        return H if isinstance(H, float) else known[H]
+
+    def __reduce__(self) -> Any:
+        values = self.values
+        lists = values.operations, values.written, self.results, self.H, self.K
+        return _restored, (self.names, self.parameters, *lists)
+
+
+def _restored(names: Any, parameters: Any, operations: Any, texts: Any, *others: Any) -> Equations:
+    values = Tracer(names, parameters).values
+    for instruction, _, operands in operations:
+        values.emit(instruction, *operands)
+    values.written |= texts
+    return Equations(names, parameters, values, *others)
+
+
+@unchanging
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class Field(FieldOfFunction):
+    """A field with any right-hand side, ``x' = f(x)``, whose motion :func:`flow` computes.
+
+    f is called once with symbolic numbers, and kept as a list of operations, from which its exact
+    derivative follows. Equations of degree 2, of which Kahan's map is made, are a
+    :class:`QuadraticField`.
+
+    Attributes
+    ----------
+    dimension, names : int, tuple of str
+        The number of variables, D, and their names.
+    H, K : Energy and ndarray(shape=(D, D)), or None
+        Of :meth:`from_hamiltonian`: the Hamiltonian, a function of a state, and the matrix K.
+    parameters : dict
+        Named parameters, which are coordinates of datasets and stores. ``==`` ignores them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from suslov_fast import Field
+    >>> pendulum = Field.from_function(lambda x: (x[1], -np.sin(x[0])), "q p")
+    >>> pendulum
+    Field(q' = p, p' = -sin(q))
+    >>> pendulum([0.5, 2.0]).round(3)
+    array([ 2.   , -0.479])
+    """
+
+    _axes: ClassVar[Any] = {}
+    _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
+    _called: ClassVar[str] = "a field without a map"
+    _may_escape = True
+
+    H: Energy | None
+    _equations: Equations
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        raise TypeError("Field: use Field.from_function(f, names)")
+
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        equations = parts[EQUATIONS]
+        kept = {name: frozen(parts[name]) for name in equations.parameters}
+        vars(self).update(
+            _parts=kept,
+            _equations=equations,
+            _coordinates=tuple(kept),
+            dimension=len(parts[NAMES]),
+            names=parts[NAMES],
+            _labels=parts[NAMES],
+            H=None if equations.H is None else Energy(self),
+        )
+
+    def _with(self, parts: Mapping[str, Any]) -> Field:
+        return self._of({**parts, NAMES: self.names, EQUATIONS: self._equations})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, ({**self._parts, NAMES: self.names, EQUATIONS: self._equations},)
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        values = {name: np.asarray(a, np.float64) for name, a in self._parts.items()}
+        each = tuple((a.shape, *a.ravel().tolist()) for a in values.values())
+        return self._equations.key, each
+
+    @property
+    def _described(self) -> dict[str, Any]:
+        definitions, equations = self._equations.texts
+        texts = {"names": ", ".join(self.names), "equations": "; ".join(equations)}
+        texts["definitions"] = "; ".join(f"{n} = {text}" for n, text in definitions.items())
+        arrays = {} if self.K is None else {"K": self.K}
+        return arrays | self._arrays | texts
+
+    @public
+    def field(self) -> Any:
+        """Refuse, because the equations need not be quadratic.
+
+        Returns
+        -------
+        QuadraticField
+            Never.
+
+        Raises
+        ------
+        TypeError
+            Always; make quadratic equations by :meth:`QuadraticField.from_function`.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> Field.from_function(lambda x: (x[0] ** 3,), 1).field()  # doctest: +ELLIPSIS
+        Traceback (most recent call last):
+        TypeError: body: a Field has a motion, flow(field, x0, time=...), and no map: ...
+        """
+        raise TypeError(f"body: {NO_MAP}")
+
+    @property
+    def K(self) -> Any:
+        """The matrix of a Hamiltonian field; None for other fields."""
+        if self._equations.K is None:
+            return None
+        matrix = np.zeros((self.dimension, self.dimension))
+        for i, j, value in self._equations.K:
+            matrix[i, j] = value
+        return matrix
+
+    @property
+    def _inputs(self) -> FloatArray:
+        """The parameters (P, ...) of all members."""
+        columns = [np.asarray(a, np.float64) for a in self._parts.values()]
+        rows = [np.broadcast_to(a, self.shape) for a in columns]
+        return np.array(rows).reshape(len(rows), *self.shape)
+
+    @property
+    def _right_hand_side(self) -> tuple[RightHandSide, FloatArray]:
+        """f, and its parameters (P, ...) of all members."""
+        return self._equations.right_hand_side, self._inputs
+
+    def _value_at(self, x: Any) -> FloatArray:
+        x = checks.states("x", x, self.names, later=True)
+        right_hand_side, inputs = self._right_hand_side
+        found = right_hand_side.value(np.moveaxis(x, -1, 0), right_hand_side.table_of(inputs))
+        return np.moveaxis(found, 0, -1)
+
+    def _value_of(self, name: str, x: Any) -> FloatArray:
+        """Return the value of `vector_field` or of `energy` at states."""
+        if name == "vector_field":
+            return self._value_at(x)
+        if self.H is None:
+            raise TypeError(
+                "body: this field has no Hamiltonian: make it by Field.from_hamiltonian"
+            )
+        values: FloatArray = self.H(x)
+        return values
+
+    def _energy(self, x: FloatArray) -> Any:
+        found = self._equations.energy(np.moveaxis(x, -1, 0), self._inputs)
+        return np.asarray(found + 0.0 * x.sum(axis=-1))[()]
+
+    @classmethod
+    @public
+    def from_function(
+        cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
+    ) -> Field:
+        """Return the field ``x' = f(x, **parameters)``, or a family of fields.
+
+        Parameters
+        ----------
+        f : callable
+            Takes the state x, an array of D variables, and returns their D derivatives: formulas of
+            + - * / ** and of NumPy's exp, log, sqrt, cbrt, sin, cos, tan, sinh, cosh, tanh, their
+            inverses, arctan2, hypot, expm1, log1p, exp2, log2, log10, abs, sign, minimum, maximum,
+            clip, heaviside, floor, where, comparisons joined by & | ~, interp with a table of
+            numbers, and SciPy's expit and erf. Sums, products and shifts of arrays are made of
+            these. f is called twice, with symbolic numbers.
+        dimension : int, str or sequence of str
+            The number of variables, D, or their names, such as ``"u v w"``.
+        **parameters : float or array_like(float, shape=(...))
+            Named parameters of f; arrays broadcast, and make a batch of fields.
+
+        Returns
+        -------
+        Field
+            A single field, or a batch of the shape of the parameters.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If f does not take the state as one argument, lacks a parameter, returns another number
+            of derivatives, asks for the value of a symbol as Python's ``if`` does, calls a function
+            that has no rule, or returns something else when it is called again.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import Field
+        >>> def thermostat(x, least):
+        ...     return (np.where(x[0] < least, 1.0, 0.0) - 0.1 * x[0],)
+        >>> field = Field.from_function(thermostat, "T", least=[18.0, 20.0])
+        >>> field.shape, field([19.0])
+        ((2,), array([[-1.9],
+               [-0.9]]))
+        >>> field[0].with_parameters(least=22.0)
+        Field(T' = where(T < least, 1, 0) - 0.1*T)
+        """
+        names = variables("dimension", dimension, has_eps=False)
+        values = named(parameters, names, has_eps=False)
+        tracer, rows = traced("f", f, names, values, f"{cls.__name__}.from_function")
+        equations = Equations(names, [*values], tracer.values, rows)
+        return cls._of({**values, NAMES: names, EQUATIONS: equations})
+
+    @classmethod
+    @public
+    def from_hamiltonian(
+        cls,
+        H: Callable[..., Any],
+        /,
+        dimension: int | str | Sequence[str],
+        K: Any = None,
+        **parameters: Any,
+    ) -> Field:
+        """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
+
+        Parameters
+        ----------
+        H : callable
+            Takes the state x, an array of D variables, and returns a number, by the formulas of
+            :meth:`from_function`.
+        dimension : int, str or sequence of str
+            As in :meth:`from_function`.
+        K : array_like(shape=(D, D)), optional
+            As in :meth:`QuadraticField.from_hamiltonian`: x = (q1, ..., qm, p1, ..., pm) without K.
+        **parameters : float or array_like(float, shape=(...))
+            As in :meth:`from_function`.
+
+        Returns
+        -------
+        Field
+            It has the attributes `H` and `K`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`from_function`; also if K is not antisymmetric, or D odd without K.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import Field, energy
+        >>> pendulum = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+        >>> pendulum
+        Field(q' = p, p' = -sin(q), H = p**2/2 - cos(q))
+        >>> float(energy(pendulum, [0.0, 1.0]))
+        -0.5
+        """
+        names = variables("dimension", dimension, has_eps=False)
+        values = named(parameters, names, has_eps=False)
+        matrix = structure_matrix(K, len(names), names)
+        tracer, [energy] = traced("H", H, names, values, f"{cls.__name__}.from_hamiltonian")
+        equations = _of_hamiltonian(tracer, names, [*values], energy, matrix)
+        return cls._of({**values, NAMES: names, EQUATIONS: equations})
+
+    @public
+    def with_parameters(self, **parameters: Any) -> Field:
+        """Return the field with other values of named parameters; f is not called.
+
+        Parameters
+        ----------
+        **parameters : float or array_like(float, shape=(...))
+            New values; the other parameters stay as they are.
+
+        Returns
+        -------
+        Field
+            A single field, or a batch.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the field has no such parameter, or a value is not a finite number.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> decay = Field.from_function(lambda x, k: (-k * x[0],), "c", k=1.0)
+        >>> decay.with_parameters(k=2.0)([3.0])
+        array([-6.])
+        """
+        known = self._equations.parameters
+        if unknown := [name for name in parameters if name not in known]:
+            how = f"it has {', '.join(known)}" if known else "it has none"
+            raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
+        return self._with(self._parts | named(parameters, self.names, has_eps=False))
+
+    @property
+    def _remake(self) -> Any:
+        return self.with_parameters
+
+    def __repr__(self) -> str:
+        if self.shape:
+            values = [summary(name, each) for name, each in self.parameters.items()]
+            parts = [f"variables {' '.join(self.names)}", *values]
+            return f"<Field of shape {self.shape}: {', '.join(parts)}>"
+        shared, equations, length = self._equations, [], 0
+        for name, operand in zip(self.names, shared.results, strict=True):
+            if length > _LONGEST:
+                break
+            equations.append(f"{name}' = {shared.shown(operand)}")
+            length += len(equations[-1])
+        equations += [] if self.H is None else [f"H = {self.H}"]
+        short = textwrap.shorten(", ".join(equations), _LONGEST, placeholder=" ...")
+        return f"Field({short})"
+
+    @public
+    def to_dict(self) -> dict[str, Any]:
+        shared = self._equations
+        definitions, texts = shared.texts
+        found: dict[str, Any] = {"body": type(self).__name__, "names": [*self.names]}
+        found |= {"definitions": definitions} if definitions else {}
+        if shared.K is None:
+            found["equations"] = texts
+        else:
+            i, j, values = map(list, zip(*shared.K, strict=True)) if shared.K else ([], [], [])
+            K = {"indices": [i, j], "values": to_lists(np.array(values, object))}
+            found |= {"H": texts[0], "K": K}
+        return found | ({"parameters": to_lists(self.parameters)} if self.parameters else {})
+
+    @classmethod
+    def _read(
+        cls,
+        names: Any,
+        equations: Any = None,
+        definitions: Any = None,
+        H: Any = None,
+        K: Any = None,
+        parameters: Any = None,
+    ) -> Field:
+        names = variables("names", names, has_eps=False)
+        checks.instance("parameters", parameters or {}, Mapping)
+        checks.instance("definitions", definitions or {}, Mapping)
+        values = named(parameters or {}, names, has_eps=False)
+        rows = [H] if H is not None else equations
+        is_list = isinstance(rows, (list, tuple)) and (H is not None or len(rows) == len(names))
+        if not is_list or (H is None) == (equations is None):
+            expected = f"a list of {len(names)} texts, or left out beside H"
+            raise checks.wrong("equations", expected, checks.short(equations))
+        tracer = Tracer(names, [*values])
+        known = dict(zip(names, tracer.state, strict=True)) | tracer.parameters
+        texts = [*(definitions or {}).items(), *enumerate(rows)]
+        found = values_of(texts, known, called_by_name)
+        operands = [tracer.number(found[k]) for k in range(len(rows))]
+        if H is None:
+            shared = Equations(names, [*values], tracer.values, operands)
+        else:
+            matrix = structure_matrix(K, len(names))
+            shared = _of_hamiltonian(tracer, names, [*values], operands[0], matrix)
+        return cls._of({**values, NAMES: names, EQUATIONS: shared})
+
+
+class Energy:
+    """The Hamiltonian of a field, or of a family; H(x) is its value (...) at states x (..., D)."""
+
+    _instead = ": pass the field, whose Hamiltonian this is"
+
+    def __init__(self, field: Field) -> None:
+        self._of = field
+
+    def __call__(self, x: Any) -> Any:
+        return self._of._energy(checks.states("x", x, self._of.names, later=True))
+
+    def __repr__(self) -> str:
+        return self._of._equations.shown(self._of._equations.H)
+
+
+def _of_hamiltonian(
+    tracer: Tracer, names: Sequence[str], parameters: Sequence[str], energy: Any, matrix: Any
+) -> Equations:
+    """Return the equations x' = K grad H, by the derivative of the list of H."""
+    # A list in its own order, so that the gradient is the same after reading a text of H.
+    values, [H] = in_order(tracer.values, [energy])
+    [slopes] = gradients(values, [*values.operations], [H], len(names))
+    rows: list[Any] = [0.0] * len(names)
+    for i, j, c in matrix.T:
+        if j in slopes:
+            part = values.emit("fmul", float(c), slopes[j])
+            rows[i] = part if rows[i] == 0.0 else values.emit("fadd", rows[i], part)
+    entries = tuple((int(i), int(j), Fraction(c)) for i, j, c in matrix.T)
+    return Equations(names, parameters, values, rows, H, entries)

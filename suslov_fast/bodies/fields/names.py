@@ -1,0 +1,180 @@
+"""Names of the variables and of the parameters of fields."""
+
+import re
+import unicodedata
+from collections.abc import Collection, Sequence
+from keyword import iskeyword
+from typing import Any
+
+import numpy as np
+
+from ...checks import integer, page, short, wrong
+from .bounds import LONGEST_NAME, MOST_VARIABLES
+
+TIME = {"t", "time"}
+# Names that parameters of fields cannot have, and what they stand for.
+_TAKEN = {
+    **dict.fromkeys(TIME, "time, which fields do not have"),
+    "dimension": "an argument of from_function and from_hamiltonian",
+    "method": "an argument of sel",
+    "eps": "the step size",
+    "x": "the name of the states",
+    **dict.fromkeys(("quadratic", "linear", "constant"), "the coefficients of a field"),
+    **dict.fromkeys(
+        (
+            *("n", "final", "status", "failed_at", "first_pole", "attitude", "trajectory", "space"),
+            "component",
+            *("crossing", "before", "after", "fraction", "over_pole"),
+        ),
+        "a name in datasets of runs and crossings",
+    ),
+}
+_NUMBERED = re.compile(r"x[1-9]\d*")
+# A letter, or the name of a Greek one, and an index: digits, with n after them in n dimensions.
+_SYMBOL = re.compile(
+    r"(?P<greek>alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|"
+    r"sigma|tau|upsilon|phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|"
+    r"Omega)?(?(greek)|(?P<letter>[^\W\d_]))_?(?P<index>\d*n?)"
+)
+_OF_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # px, a momentum
+_AXIS = re.compile(r"batch_\d+|linear_\d+|quadratic_\d+_\d+")
+
+
+def labels(D: int) -> tuple[str, ...]:
+    """Return the default names of variables: x1, ..., xD."""
+    return tuple(f"x{i}" for i in range(1, D + 1))
+
+
+def latex(name: str) -> str:
+    r"""Return `\Omega_{1}` for "Omega1", `p_{x}` for "px"; "" for a name without an index."""
+    if match := _OF_COORDINATE.fullmatch(name):
+        return f"{match[1]}_{{{match[2]}}}"
+    if not (match := _SYMBOL.fullmatch(name)):
+        return ""
+    letter = rf"\{match['greek']}" if match["greek"] else match["letter"]
+    return f"{letter}_{{{match['index']}}}" if match["index"] else letter
+
+
+def variables(
+    argument: str, given: Any, D: int | None = None, *, has_eps: bool = True
+) -> tuple[str, ...]:
+    """Return the checked names of variables; x1, ..., xD if only their number is known.
+
+    `given` is a text with names between spaces or commas, a sequence of names, the number of
+    variables, or None. If D is known there must be D names. `has_eps` is whether the field has a
+    map, whose step size has the name eps.
+    """
+    if given is None and D:
+        return labels(D)
+    if hasattr(given, "__code__"):
+        raise wrong(argument, "a number or names", "a function, which comes first", TypeError)
+    if isinstance(given, str):
+        names = re.split(r"[\s,]+", given.strip(" ,\t\n"))
+    elif isinstance(given, (list, tuple)) or np.ndim(given) == 1:
+        names = [*given]
+    elif D is None:
+        expected = f'an integer from 1 to {MOST_VARIABLES}, or names: "u v w"'
+        return labels(integer(argument, given, 1, expected, MOST_VARIABLES))
+    else:
+        raise wrong(argument, 'names, such as "u v w"', short(given), TypeError)
+    if not all(isinstance(name, str) for name in names):
+        kind = "an integer, or names of variables" if D is None else "names of variables"
+        symbols = " ".join(str(name) for name in names)
+        is_symbolic = all(hasattr(name, "free_symbols") for name in names)
+        example = repr(symbols if is_symbolic else "u v w")
+        raise wrong(argument, f"{kind}, such as {example}", short(given), TypeError)
+    names = [str(name) for name in names if name]
+    if not names:
+        raise wrong(argument, "the name of at least one variable", short(given))
+    if D is not None and len(names) != D:
+        raise wrong(
+            argument, f"one name for each of {D} variables", f"{len(names)}: {short(given)}"
+        )
+    earlier: set[str] = set()
+    for i, name in enumerate(names):
+        if reason := _refused(name, i, earlier, has_eps):
+            raise ValueError(f"{argument}: the variable {short(name)} {reason}")
+        earlier.add(name)
+    return tuple(names)
+
+
+def _refused(name: str, i: int, earlier: Collection[str], has_eps: bool) -> str:
+    """Return why variable i cannot have this name; "" if it can."""
+    if len(name) > LONGEST_NAME:
+        return f"is longer than {LONGEST_NAME} characters"
+    if iskeyword(name):
+        return f"has a name that is a keyword of Python: call it {name}_, for example"
+    if not name.isidentifier():
+        how = "use letters, digits and _, and begin with a letter"
+        if (plain := re.sub(r"\W+", "_", name).strip("_")).isidentifier() and not iskeyword(plain):
+            how = f"call it {plain}, for example"
+        how = f"for a number of variables pass the integer {name}" if name.isdecimal() else how
+        return f"is not a valid name in Python: {how}"
+    if (plain := _normal(name)) != name:
+        return f"is {plain!r} to Python, which normalizes names: call it {plain}"
+    if name in earlier:
+        return "appears twice: give each variable its own name"
+    if has_eps and name == "eps":
+        return "has the name of the step size: call it eps_, for example"
+    if _NUMBERED.fullmatch(name) and name != f"x{i + 1}":
+        return f"is variable {i + 1}, but {name} is the name of variable {name[1:]}"
+    return ""
+
+
+def _normal(name: str) -> str:
+    """Return a name as Python reads it in source text, where it may become another variable."""
+    return unicodedata.normalize("NFKC", name)
+
+
+def check_order(names: Sequence[str]) -> None:
+    """Raise ValueError if each momentum follows its coordinate, as in "x px y py"."""
+    q, p = names[::2], names[1::2]
+    if len(q) > 1 and all(
+        b in (f"p{a}", f"p_{a}") or (a[0] == "q" and b == f"p{a[1:]}")
+        for a, b in zip(q, p, strict=True)
+    ):
+        right, given = " ".join([*q, *p]), " ".join(names)
+        raise ValueError(
+            "dimension: all coordinates come first, then all momenta, here and in the state of H: "
+            f"{right!r}, not {given!r}; for another order pass K"
+        )
+
+
+def clash(name: str, names: Collection[str] = (), maker: str = "") -> str:
+    """Return what the name of a parameter already stands for; "" if it is free.
+
+    `names` are those of the variables, and `maker` is the function that makes the field.
+    """
+    if name == "K" and maker.endswith("from_hamiltonian"):
+        return "the matrix of from_hamiltonian"
+    if name in names:
+        return "the variable of that name"
+    if _AXIS.fullmatch(name):
+        return "a name in datasets of runs and crossings"
+    return _TAKEN.get(name, "")
+
+
+def free(name: str, names: Collection[str] = (), maker: str = "") -> str:
+    """Return a free name for a parameter: this one, or this one with underscores after it."""
+    while iskeyword(name) or clash(name, names, maker):
+        name += "_"
+    return name
+
+
+def check_parameter(name: str, names: Collection[str], *, has_eps: bool = True) -> None:
+    """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
+    if not name.isidentifier() or iskeyword(name):
+        how = "rename it, to rho for example"
+        raise ValueError(f"parameters: {short(name)} is not a valid name in Python: {how}")
+    if len(name) > LONGEST_NAME:
+        raise ValueError(f"parameters: {short(name)} is longer than {LONGEST_NAME} characters")
+    if (plain := _normal(name)) != name:
+        how = f"is {plain!r} to Python, which normalizes names: call it {plain}"
+        raise ValueError(f"parameters: {name!r} {how}")
+    if name in TIME:
+        how = f"fields have no time; to make it a variable see {page('howto/motion')}"
+        raise ValueError(f"parameters: {name!r}: {how}")
+    what = clash(name, names)
+    if what and (has_eps or name != "eps" or name in names):
+        how = f"rename it, to {free(name, names)} for example"
+        raise ValueError(f"parameters: {name!r} clashes with {what}: {how}")

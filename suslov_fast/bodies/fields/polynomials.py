@@ -1,0 +1,250 @@
+"""Exact numbers, named parameters, and the polynomials with which functions of users are called."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from functools import partial
+from itertools import product
+from numbers import Rational
+from typing import Any
+
+import numpy as np
+
+from ...checks import (
+    OTHERS,
+    common_shape,
+    kind_of,
+    real_array,
+    refuse,
+    short,
+    spelled,
+    within,
+    wrong,
+)
+from .bounds import LARGEST_EXPONENT, LONGEST_NUMBER
+from .columns import Column
+from .names import check_parameter, labels
+from .texts import COMPARISONS
+
+
+def exact(name: str, value: Any) -> Fraction:
+    """Return a number of Python, NumPy or SymPy as a fraction; a float is exact as it is."""
+    is_ratio = isinstance(value, Rational)
+    if isinstance(value, complex):
+        how = "split complex variables into real and imaginary parts"
+        raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
+    if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
+        received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
+        if hasattr(value, "free_symbols"):
+            how = "the values of a parameter with more integrals"
+            received += f": pass a number; suslov_fast.integrability.locus finds {how}"
+        if isinstance(value, dict) and value:
+            key = next(iter(value))
+            how = f"pass each number by its own name, such as {key}={value[key]!r}"
+            received += ": pass the number alone, eps=0.1" if name == "eps" else f": {how}"
+        raise wrong(name, "integers, fractions or floats", received, TypeError)
+    try:
+        if not is_ratio and value and float(value) in (0.0, math.inf, -math.inf):
+            raise OverflowError  # a decimal such as 1e99999999, whose ratio would take minutes
+        ratio = (value.numerator, value.denominator) if is_ratio else value.as_integer_ratio()
+        return Fraction(*map(int, ratio))
+    except (OverflowError, ValueError):
+        raise wrong(name, "finite, and in the range of float64", short(value)) from None
+
+
+def as_given(name: str, value: Any) -> Any:
+    """Return an array that keeps every number as it is; lists become arrays of objects."""
+    refuse(name, value)
+    return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
+
+
+def numbers(name: str, value: Any, is_batch: bool) -> Any:
+    """Return an array of floats for a batch, of fractions for a single field."""
+    if is_batch:
+        return real_array(name, value)
+    return np.vectorize(partial(exact, name), "O")(as_given(name, value))
+
+
+def coefficients(name: str, value: Any, is_batch: bool) -> Any:
+    """Return `numbers` that are in the range of coefficients."""
+    return within(name, numbers(name, value, is_batch), OTHERS)
+
+
+def named(
+    parameters: Mapping[str, Any], variables: Sequence[str], *, has_eps: bool = True
+) -> dict[str, Any]:
+    """Return checked parameters by name: numbers as they are, arrays as floats.
+
+    `has_eps` is as in `names.variables`.
+    """
+    checked: dict[str, Any] = {}
+    taken = {*variables}
+    for name, value in parameters.items():
+        check_parameter(name, taken, has_eps=has_eps)
+        if name == "names" and np.asarray(value).dtype.kind == "U":
+            how = 'pass the names of variables in place of the dimension, as "u v w"'
+            raise TypeError(f"names={short(value)} is taken as a parameter of the field: {how}")
+        array = as_given(name, value)
+        checked[name] = real_array(name, value) if array.ndim else array.item()
+        if not array.ndim:
+            exact(name, checked[name])
+    common_shape({name: np.shape(value) for name, value in checked.items()})
+    return checked
+
+
+def plain(value: Any) -> float | str:
+    """Return a number as a float if one equals it, else as the string "p/q"."""
+    number = exact("value", value) if value else 0  # most entries of tensors are 0
+    return float(number) if float(number) == number else str(number)
+
+
+def to_lists(value: Any) -> Any:
+    """Return an array, or a dictionary of arrays, as lists of floats and strings "p/q"."""
+    if isinstance(value, dict):
+        return {name: to_lists(each) for name, each in value.items()}
+    array = np.asarray(value)
+    return array.tolist() if array.dtype.kind in "fi" else np.vectorize(plain, "O")(array).tolist()
+
+
+def from_lists(name: str, value: Any) -> Any:
+    """Return lists from `to_lists` with fractions in place of their strings "p/q"."""
+    if isinstance(value, dict):
+        return {name: from_lists(name, each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [from_lists(name, each) for each in value]
+    try:
+        return from_text(value) if isinstance(value, str) else value
+    except ValueError:
+        raise wrong(name, 'numbers or strings "p/q"', short(value)) from None
+
+
+def from_text(text: str) -> Fraction:
+    """Return the number in a text, such as 1/3, 0.1 or 1e6; ValueError if there is none.
+
+    Exponents above 400 are refused, because the fraction of 1e99999999 would take minutes.
+    """
+    if len(text) > LONGEST_NUMBER:
+        raise ValueError(text)
+    exponent = re.search(r"e([-+]?[\d_]+)", text, re.IGNORECASE)
+    if exponent and abs(int(exponent[1])) > LARGEST_EXPONENT:
+        raise ValueError(text)
+    try:
+        return Fraction(text)
+    except ZeroDivisionError as error:
+        raise ValueError(text) from error
+
+
+class NoPolynomial(TypeError):
+    """An operation on a polynomial whose result is not a polynomial."""
+
+    def __init__(self, operation: str, of: Polynomial) -> None:
+        super().__init__(f"{operation} of {of!r}")
+        self._operation, self._of = operation, of
+
+    def in_words(self, names: Sequence[str]) -> str:
+        """Return what f does with the polynomial."""
+        f, of = self._operation, self._of.text(names)
+        of = of if len(of) <= 60 else f"{of[:57]}..."
+        if f in ("quotient", "exponent"):
+            return f"divides by {of}" if f == "quotient" else f"has {of} in an exponent"
+        if f in COMPARISONS:
+            return f"compares {of}"
+        return f"asks whether {of} is true" if f == "if" else f"calls {f}({of})"
+
+
+class NoPower(ValueError):
+    """A power of a polynomial that is not a polynomial."""
+
+    def __init__(self, power: Any, of: Polynomial) -> None:
+        super().__init__(f"the power {power} of {of!r}")
+        self._power, self._of = power, of
+
+    def in_words(self, names: Sequence[str]) -> str:
+        """Return which power f asks for."""
+        return f"raises {_in_brackets(self._of.text(names))} to the power {short(self._power)}"
+
+
+def _in_brackets(text: str) -> str:
+    return text if text.isidentifier() else f"({text})"
+
+
+class Polynomial:
+    """A polynomial with exact coefficients."""
+
+    def __init__(self, terms: Iterable[tuple[Sequence[int], Fraction]]) -> None:
+        sums = defaultdict[tuple[int, ...], Fraction](Fraction)
+        for indices, c in terms:  # (0, 0, 1) stands for x1 x1 x2
+            sums[tuple(sorted(indices))] += c
+        self.terms = {indices: c for indices, c in sums.items() if c}
+
+    def _plus(self, terms: Mapping[tuple[int, ...], Fraction]) -> Polynomial:
+        """Return the sum with other terms; adding few to many takes hardly longer than a copy."""
+        sums = self.terms.copy()
+        for indices, c in terms.items():
+            total = sums.get(indices, 0) + c
+            if total:
+                sums[indices] = total
+            else:
+                del sums[indices]
+        result = object.__new__(Polynomial)
+        result.terms = sums
+        return result
+
+    @classmethod
+    def of(cls, value: Any) -> Polynomial:
+        """Return a polynomial unchanged; a number is a constant, a column a variable."""
+        if isinstance(value, Column):
+            return cls([((value.symbol(),), Fraction(1))])
+        return value if isinstance(value, cls) else cls([((), exact("coefficients", value))])
+
+    def __add__(self, other: Any) -> Polynomial:
+        pair = self, self.of(other)
+        few, many = sorted(pair, key=lambda polynomial: len(polynomial.terms))
+        return many._plus(few.terms)
+
+    def __sub__(self, other: Any) -> Polynomial:
+        return self._plus({indices: -c for indices, c in self.of(other).terms.items()})
+
+    def __neg__(self) -> Polynomial:
+        return Polynomial((indices, -c) for indices, c in self.terms.items())
+
+    def __mul__(self, other: Any) -> Polynomial:
+        a, b = self.terms, self.of(other).terms
+        return Polynomial((i + j, a[i] * b[j]) for i, j in product(a, b))
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def inverse(self) -> Polynomial:
+        """Return the inverse of a constant; raise if it is 0, or if this is not a constant."""
+        if not self.terms:
+            raise ZeroDivisionError("division by zero")
+        if self.terms.keys() == {()}:
+            return Polynomial([((), 1 / self.terms[()])])
+        raise NoPolynomial("quotient", self)
+
+    def __pow__(self, power: Any) -> Polynomial:
+        if isinstance(power, int) and power < 0:
+            return self.inverse() ** -power
+        if power not in range(100):
+            raise NoPower(power, self)
+        return math.prod([self] * int(power), start=Polynomial([((), Fraction(1))]))
+
+    def __repr__(self) -> str:
+        return self.text(labels(max((i for m in self.terms for i in m), default=0) + 1))
+
+    def text(self, names: Sequence[str]) -> str:
+        """Return the polynomial as text in variables with these names."""
+        text = ""
+        for indices, c in sorted(self.terms.items(), key=lambda term: (-len(term[0]), term[0])):
+            size = abs(c)
+            number = spelled(size)
+            factors = [] if indices and size == 1 else [number]
+            for i in dict.fromkeys(indices):
+                power = indices.count(i)
+                factors.append(f"{names[i]}^{power}" if power > 1 else names[i])
+            text += (" - " if c < 0 else " + ") + "*".join(factors)
+        return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"

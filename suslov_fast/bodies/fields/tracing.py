@@ -1,0 +1,238 @@
+"""Coefficients of a field, from calls of the user's function f with polynomials.
+
+For a family, f is called once with a column for each parameter that varies, and for one member, to
+confirm the coefficients. If they differ, or if f does something that a column refuses, such as
+a comparison, f is called for each member.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...checks import OTHERS, short, within
+from .advice import (
+    check_arguments,
+    check_callable,
+    explained,
+    field_call,
+    name_of,
+    prefixed,
+    raise_explained,
+    says,
+)
+from .columns import Refused, Symbol as ColumnSymbol, exact_values, rounded
+from .exact import Exact
+from .polynomials import Polynomial
+from .symbolic import Symbol
+from .terms import Terms, collected
+
+# The exact terms of a polynomial, or of the components of a field, by their three indices.
+_Places = dict[tuple[int, ...], Fraction]
+_ZERO = Fraction(0)
+# Families with fewer members are not worth a column: f is called for each member.
+_FEWEST = 4
+
+
+class _Call(NamedTuple):
+    """A user's function f(x, **parameters), and the degree that its polynomials may have."""
+
+    argument: str  # the public argument that holds f, for messages
+    f: Callable[..., Any]
+    names: Sequence[str]
+    degree: int
+    parameters: Mapping[str, Any]
+
+    @property
+    def D(self) -> int:
+        return len(self.names)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return np.broadcast_shapes(*map(np.shape, self.parameters.values()))
+
+    @property
+    def as_field(self) -> str:
+        """The call that makes a `Field` of f, for messages."""
+        return field_call(self.f, self.argument, self.names, self.parameters)
+
+    def __call__(self, tracer: Exact) -> Any:
+        return self.f(tracer.state.copy(), **tracer.parameters)
+
+
+def traced(
+    argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], K: Any = None
+) -> tuple[Terms, Terms | None]:
+    """Return (terms, None) for a field f, or (terms, terms of f or None) for a Hamiltonian with K.
+
+    Values are fractions, unless one call of f was enough for a family: then those of the field are
+    floats, rounded once. Otherwise they are None for a Hamiltonian, and follow from H and K.
+    """
+    check_callable(argument, f)
+    f = getattr(f, "py_func", f)  # the Python function, if Numba compiled f
+    maker = f"QuadraticField.{'from_function' if K is None else 'from_hamiltonian'}"
+    check_arguments(argument, f, names, parameters, maker)
+    call = _Call(argument, f, names, 2 if K is None else 3, parameters)
+    shape = call.shape
+    columns = [np.broadcast_to(np.asarray(a).astype(object), shape) for a in parameters.values()]
+
+    def member(index: tuple[int, ...]) -> _Places:
+        values = (column[index] for column in columns)
+        return _member(call, dict(zip(parameters, values, strict=True)), bool(shape))
+
+    indices = [*np.ndindex(shape)]
+    if len(indices) >= _FEWEST:
+        sample = indices[len(indices) // 2]
+        found = member(sample)  # which explains errors of f
+        try:
+            at_once = _by_columns(call, K)
+        except Exception:  # f may raise anything where a column behaves unlike a float
+            at_once = None
+        if at_once and _agree(at_once[0], sample, found):
+            return at_once
+    members = [member(index) for index in indices]
+    if members and member(indices[0]) != members[0]:
+        how = "f must compute from x and its parameters alone, without random numbers or memory"
+        raise ValueError(f"{argument}: two calls of f differ: {how}")
+    places = [*dict.fromkeys(place for terms in members for place in terms)]
+    values = np.empty((len(members), len(places)), object)
+    for row, terms in zip(values, members, strict=True):
+        row[:] = [terms.get(place, _ZERO) for place in places]
+    return _collected(places, values.reshape(*shape, len(places)), call), None
+
+
+def _collected(places: Sequence[Any], values: Any, call: _Call) -> Terms:
+    indices = np.array(places, np.int64).reshape(-1, 3).T
+    return collected(indices, values, call.D, call.degree)
+
+
+def _agree(terms: Terms, index: tuple[int, ...], exact: _Places) -> bool:
+    """Return whether the terms of a family have the values of this member."""
+    kind = terms.values.dtype
+    own = dict(Terms(terms.indices, terms.values[index]).members())
+    places = np.array([[own.get(p, 0), exact.get(p, _ZERO)] for p in {*own, *exact}], object)
+    first, second = places.reshape(-1, 2).T
+    return bool((first == second.astype(kind)).all())
+
+
+def _by_columns(call: _Call, K: Any) -> tuple[Terms, Terms | None]:
+    """Return the result of `traced` from one call with columns; raise anything if that fails."""
+    tracer, D = Exact(call.names, call.parameters), call.D
+    result, symbols = call(tracer), tracer.columns
+    if K is None:
+        rows = [_polynomial(component) for component in _components(result, D)]
+        return _rounded_rows(rows, call, symbols), None
+    H, columns_of_K = _polynomial(result), defaultdict[int, list[Any]](list)
+    of_H = _monomials(H, D, 3)
+    for terms in of_H.values():
+        rounded(terms, symbols)  # raises for coefficients out of range
+    values = [np.broadcast_to(exact_values(terms, symbols), call.shape) for terms in of_H.values()]
+    for i, j, c in K.T:
+        columns_of_K[j].append((i, c))
+    slopes: list[list[Any]] = [[] for _ in range(D)]
+    for indices, c in H.terms.items():
+        for place, m in enumerate(indices):
+            for i, factor in columns_of_K.get(m, ()):
+                slopes[i].append(((*indices[:place], *indices[place + 1 :]), factor * c))
+    energy = _collected([*of_H], _last_axis(values, call.shape, object), call)
+    return energy, _rounded_rows([*map(Polynomial, slopes)], call._replace(degree=2), symbols)
+
+
+def _rounded_rows(
+    rows: Sequence[Polynomial], call: _Call, symbols: Sequence[ColumnSymbol]
+) -> Terms:
+    """Return the terms of components with symbols for columns, rounded once."""
+    places, values = [], []
+    for i, row in enumerate(rows):
+        for place, terms in _monomials(row, call.D, 2).items():
+            places.append((i, *place))
+            values.append(np.broadcast_to(rounded(terms, symbols), call.shape))
+    return _collected(places, _last_axis(values, call.shape, np.float64), call)
+
+
+def _last_axis(values: Sequence[Any], shape: tuple[int, ...], kind: Any) -> Any:
+    """Return arrays of a shape as one array (*shape, T)."""
+    return np.stack(values, axis=-1) if values else np.empty((*shape, 0), kind)
+
+
+def _monomials(polynomial: Polynomial, D: int, degree: int) -> dict[tuple[int, ...], Any]:
+    """Return the terms of each monomial of the state, by its indices; D stands for 1."""
+    terms_of: dict[tuple[int, ...], list[Any]] = {}
+    for indices, c in polynomial.terms.items():
+        state = tuple(i for i in indices if i >= 0)
+        if len(state) > degree:
+            raise Refused
+        state += (D,) * (degree - len(state))
+        terms_of.setdefault(state, []).append((c, [i for i in indices if i < 0]))
+    return terms_of
+
+
+def _components(result: Any, D: int) -> Any:
+    """Return the result of f, if it has D components."""
+    if hasattr(result, "free_symbols"):
+        how = "make a function of them, sympy.lambdify([names], list(expressions)), and pass that"
+        raise TypeError(f"must return polynomials of x, not expressions of SymPy: {how}")
+    is_sequence = isinstance(result, (tuple, list, np.ndarray))
+    if isinstance(result, np.ndarray) and result.shape == (D, 1):
+        how = "flatten it: pass lambda x: f(x).ravel()"
+        raise ValueError(f"must return {D} components, not an array of shape ({D}, 1): {how}")
+    if not is_sequence or len(result) != D:
+        received = f"{short(result)}: return a tuple of {D}"
+        if is_sequence:
+            received = f"{len(result)}: {short(result)}"
+        raise ValueError(f"must return {D} components, not {received}")
+    return result
+
+
+def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Places:
+    """Return the exact terms of one member of a family, or of a single field or Hamiltonian."""
+    f_name = name_of(call.f, call.argument)
+    try:
+        result = call(Exact(call.names, parameters))
+    except Exception as error:  # raised by f
+        cause = explained(error, f_name, call.names, is_family)
+        if hasattr(error, "in_words") or says(str(error), "function of math"):
+            cause += f": QuadraticField takes polynomials of degree {call.degree}, for any formula "
+            cause += f"use {call.as_field}"
+        raise_explained(call.argument, error, cause)
+    try:
+        if call.degree == 3:
+            terms = _terms_of(result, f_name, call)
+        else:
+            parts = enumerate(_components(result, call.D))
+            rows = [_terms_of(part, f"{call.names[i]}'", call, (i,)) for i, part in parts]
+            terms = {place: c for row in rows for place, c in row.items()}
+        within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
+    except (TypeError, ValueError) as error:
+        raise type(error)(prefixed(call.argument, str(error))) from None
+    return terms
+
+
+def _polynomial(value: Any) -> Polynomial:
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.item()
+    return Polynomial.of(value.operand if isinstance(value, Symbol) else value)
+
+
+def _terms_of(value: Any, name: str, call: _Call, row: tuple[int, ...] = ()) -> _Places:
+    """Return the terms of a polynomial by their three indices: `row`, and those of factors."""
+    try:
+        terms = _polynomial(value).terms
+    except TypeError:
+        how = ""
+        if hasattr(value, "free_symbols"):
+            how = ": pass sympy.lambdify([names], list(expressions)), a function of x"
+        if isinstance(value, (complex, np.complexfloating)):
+            how = ": split complex variables into real and imaginary parts"
+        if isinstance(value, (tuple, list)) and not row:
+            how = ": H is one expression; QuadraticField.from_function takes right-hand sides"
+        raise TypeError(f"{name} must be a polynomial, not {short(value)}{how}") from None
+    if max(map(len, terms), default=0) > call.degree:
+        degree = max(map(len, terms))
+        raise ValueError(f"{name} has degree {degree}, above {call.degree}: use {call.as_field}")
+    one = (call.D,) * call.degree
+    return {(*row, *indices, *one[len(indices) :]): c for indices, c in terms.items()}

@@ -1,0 +1,397 @@
+"""The command `suslov-fast`: what its subcommands do, and how it reports errors."""
+
+import argparse
+import inspect
+import io
+import json
+import os
+import re
+import shutil
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import suslov_fast as sf
+
+from ..keywords import missing_file
+from .options import PARAMETERS, check_method, parsed
+from .summary import facts_in, facts_of, is_complete, lines_of, result_in
+
+# Imports of modules that import Numba are in functions, because Numba would delay `--help`.
+
+# Seconds: longer than any search; from one sign of life in a log to the next.
+_NO_LIMIT, _BEAT = 1e9, 60.0
+# Words of messages for Python, and what they are in a shell.
+_IN_A_SHELL = {
+    "raise save_every or divide the batch": "raise --save-every, or lower --trajectories",
+    "divide the batch": "lower --trajectories",
+    "use fewer initial states, or ensemble": "lower --trajectories, or write a store, -o run.zarr",
+    "raise save_every": "raise --save-every",
+    " (open_ensemble reads a store)": "",
+    "below high,": "below --high,",
+    " with high = ": " with --high ",
+}
+# How messages for Python begin whose argument is an option of the same name.
+_ARGUMENT = re.compile(
+    "(steps|method|save_every|threads|degree|low( and high)?|extent|seed) must be (None or )?"
+)
+_FIGURES = ".png", ".svg", ".pdf"
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the command, and return its exit status; errors are one line on stderr."""
+    try:
+        commands = run, info, plot, report, pictures, explore, warm_up
+        options = parsed(sys.argv[1:] if words is None else words, commands)
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: _tell(f"warning: {message}")
+            with _heartbeat(options.command):
+                return int(options.function(options) or 0)
+    except KeyboardInterrupt as error:
+        _tell(f"interrupted{error}")
+        return 130  # as shells do after Ctrl-C
+    except BrokenPipeError:  # nobody reads the output
+        return 141
+    except Exception as error:
+        _tell(_text_of(error))
+        return 1
+    finally:
+        try:
+            sys.stdout.flush()
+        except OSError:  # without this, Python tries again at exit and prints an error
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextmanager
+def _heartbeat(command: str) -> Iterator[None]:
+    """Say every minute on stderr that a command goes on, where that is no terminal but a log."""
+    is_over, begin = threading.Event(), time.monotonic()
+
+    def beat() -> None:
+        while not is_over.wait(_BEAT):
+            _tell(f"{command} is still running after {time.monotonic() - begin:.0f} s")
+
+    if not os.isatty(2):
+        threading.Thread(target=beat, daemon=True).start()
+    try:
+        yield
+    finally:
+        is_over.set()
+
+
+def _tell(text: str) -> None:
+    """Print a message as one line on stderr."""
+    print("suslov-fast:", " ".join(text.split()), file=sys.stderr, flush=True)
+
+
+def _text_of(error: Exception, subject: object = "") -> str:
+    """Return the message of an error; it begins with the subject, a file or an option."""
+    text = str(error) or type(error).__name__
+    if isinstance(error, OSError) and error.strerror:
+        subject, text = error.filename or subject, error.strerror
+        text = missing_file(str(subject)) if isinstance(error, FileNotFoundError) else text
+    for words, here in _IN_A_SHELL.items():
+        text = text.replace(words, here)
+    if argument := _ARGUMENT.match(text):
+        text = f"--{argument[1].replace('_', '-')} must be {text[argument.end() :]}"
+    return text if text.startswith(str(subject)) else f"{subject}: {text}"
+
+
+@contextmanager
+def _about(subject: object) -> Iterator[None]:
+    """Let the messages of errors begin with a file or an option."""
+    try:
+        yield
+    except Exception as error:
+        raise ValueError(_text_of(error, subject)) from error
+
+
+def run(options: argparse.Namespace) -> None:
+    """Iterate a batch of trajectories and print a summary.
+
+    By default it takes 1000 steps from 65,536 random states, with the body and the step size of
+    figure 2 of the paper. A run into FILE.zarr is written in parts; if it is interrupted, the same
+    command continues it.
+    """
+    path = options.output
+    if path is not None and path.suffix not in (".npz", ".zarr"):
+        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr")
+    if path is None and (options.attitude or options.save_every is not None):
+        options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
+    if str(options.body) == str(options.initial) == "-":
+        options.usage_error("arguments --body and --initial: only one can be standard input")
+    import numpy as np
+
+    body, eps = _body_and_step(options)
+    check_method(options, body, eps)
+    starts = _starts(options, body)
+    if body.shape and isinstance(starts, sf.RandomStarts):  # each member with all states
+        body = body._part(len(body.shape) - 1, np.arange(body.shape[-1])[:, np.newaxis])
+    work = body, starts, eps, options.steps
+    import numba
+
+    if options.threads is not None:
+        from ..engine.threads import thread_count
+
+        numba.set_num_threads(thread_count(options.threads))
+    settings = {name: getattr(options, name) for name in ("save_every", "method", "attitude")}
+    settings["progress"] = os.isatty(2) and find_spec("tqdm") is not None
+    is_stored = path is not None and path.suffix == ".zarr"
+    try:
+        facts = (_in_store if is_stored else _in_memory)(path, options.force, work, settings)
+    except KeyboardInterrupt:
+        kept = "keeps its tiles; the same command goes on" if is_stored else "was not written"
+        raise KeyboardInterrupt(f": {path} {kept}" if path else "") from None
+    facts["threads"] = numba.get_num_threads()
+    print(lines_of(facts, options.json), flush=True)
+    if facts["trajectories"] and not any(sf.Status[name] >= 0 for name in facts["status"]):
+        raise ArithmeticError("run: all trajectories failed")
+
+
+def _body_and_step(options: argparse.Namespace, needs_step: bool = True) -> tuple[Any, Any]:
+    """Return the body or field, and the step size, None if there may be none."""
+    parameters = {name: value for name, value in vars(options).items() if name in PARAMETERS}
+    if parameters and (options.figure or options.body):
+        options.usage_error(f"argument --{min(parameters)}: not allowed with --figure or --body")
+    if not (parameters or options.body):
+        body, eps = sf.Suslov3D.figure(options.figure or 2)
+        return body, eps if options.eps is None and needs_step else options.eps
+    in_3d = sf.SuslovGyrostat if "k" in parameters else sf.Suslov3D
+    kind: Any = sf.SuslovND if {"J", "I"} & parameters.keys() else in_3d
+    signature = {} if options.body else inspect.signature(kind).parameters
+    required = [
+        name for name, parameter in signature.items() if parameter.default is parameter.empty
+    ]
+    in_file = _body_in(options.body) if options.body else None
+    required += ["eps"] * needs_step
+    missing = [f"--{name}" for name in required if getattr(options, name, None) is None]
+    if missing:
+        how = "; --eps is the step size, such as --eps 0.01" if "--eps" in missing else ""
+        options.usage_error(f"the following arguments are required: {', '.join(missing)}{how}")
+    if foreign := parameters.keys() - signature.keys():
+        options.usage_error(f"argument --{min(foreign)}: not allowed with --J and --I")
+    return in_file if options.body else kind(**parameters), options.eps
+
+
+def _body_in(path: Path) -> Any:
+    """Return the body or field in a JSON file, or from standard input if its name is -."""
+    is_input = str(path) == "-"
+    with _about("standard input" if is_input else path):
+        try:
+            parameters = json.loads(sys.stdin.buffer.read() if is_input else path.read_bytes())
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"not the JSON text of body.to_dict(): {error}") from error
+        return sf.body_from_dict(parameters)
+
+
+def _starts(options: argparse.Namespace, body: Any) -> Any:
+    """Return the initial states: RandomStarts, or an array, memory-mapped if from a file."""
+    import numpy as np
+
+    from .. import checks
+
+    path, states = options.initial, options.omega0
+    if not (path or states):
+        count = checks.integer("--trajectories", options.trajectories, 1)
+        low, high, extent, seed = options.low, options.high, options.extent, options.seed or 0
+        if low is None and high is None:
+            return sf.RandomStarts(count, 2.0 if extent is None else extent, seed)
+        if low is None or high is None or extent is not None:
+            options.usage_error("arguments --low and --high belong together, without --extent")
+        low, high = (ends[0] if len(ends) == 1 else ends for ends in (low, high))
+        return sf.RandomStarts(count, seed=seed, low=low, high=high)
+    if (options.extent, options.seed, options.low, options.high) != (None,) * 4:
+        options.usage_error(
+            "arguments --extent, --low, --high and --seed are for random states: leave out "
+            "--initial and --omega0"
+        )
+    is_input = str(path) == "-"
+    name = "standard input" if is_input else str(path or "--omega0")
+    with _about(name):
+        if path:
+            try:
+                if is_input:
+                    states = np.lib.format.read_array(io.BytesIO(sys.stdin.buffer.read()))
+                else:
+                    states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
+            except (ValueError, EOFError) as error:
+                text = "not a complete file of numpy.save"
+                how = f"save an array of numbers of shape (count, {body.dimension})"
+                raise ValueError(f"{text}: {how}") from error
+        elif wrong := next((row for row in states if len(row) != body.dimension), None):
+            example, given = (
+                ",".join(f"{x:g}" for x in row) for row in ([1.0] * body.dimension, wrong)
+            )
+            raise ValueError(
+                f"--omega0 must be {body.dimension} numbers, such as {example}, not {given}"
+            )
+        return checks.states(name, checks.real_array(name, states), body._labels)
+
+
+def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
+    """Compute a run in memory, save it if there is a path, and return its summary."""
+    from ..engine.threads import CROSSOVER
+
+    if path is not None:
+        _require_new([path], force)
+        if not os.access(f"{path.absolute().parent}/", os.W_OK):
+            raise PermissionError(f"{path}: nothing can be written there: choose another folder")
+    body, starts, eps, steps = work
+    if isinstance(starts, sf.RandomStarts):
+        starts = starts.states(starts.shape[0], dimension=body.dimension)
+    settings = settings | {"on_singular": "ignore"}
+    # A short run first, not timed, because it compiles and starts the threads.
+    few = min(steps, CROSSOVER // max(1, len(starts)) + 1)
+    sf.iterate(body, starts, eps, few, **settings | {"progress": None})
+    begin = time.perf_counter()
+    result = sf.iterate(body, starts, eps, steps, **settings)
+    seconds = time.perf_counter() - begin
+    failed = result.status < 0
+    computed = (failed * result.failed_at + ~failed * steps).sum()
+    rate = {"seconds": seconds, "steps_per_second": float(computed) / seconds}
+    facts = facts_of(result, starts) | rate
+    if path is not None:
+        result.save(path, overwrite=force)
+        facts["written"] = str(path)
+    return facts
+
+
+def _in_store(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]:
+    """Compute the missing tiles of a run in a store, and return its summary."""
+    if force and path.exists():
+        sf.open_ensemble(path)  # raises an error unless it is the store of a run
+        try:
+            shutil.rmtree(path)
+        except OSError as error:  # whose name is that of an entry in the store
+            raise OSError(error.errno, f"not replaced: {error.strerror}", str(path)) from error
+    was_complete, begin = is_complete(path), time.perf_counter()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", sf.PoleWarning)  # the summary counts passed poles
+            sf.ensemble(*work, store=path, **settings)
+    except KeyboardInterrupt:
+        if "zarr" in sys.modules:  # requests under way would print warnings at exit
+            from ..runs.files import access
+
+            access.run(access.settle(1.0))
+        raise
+    facts = facts_in(path)
+    if was_complete:
+        return facts | {"complete_already": str(path)}
+    return facts | {"seconds": time.perf_counter() - begin, "written": str(path)}
+
+
+def _require_new(paths: Sequence[Path], force: bool) -> None:
+    """Raise an error if a file exists, unless it may be replaced."""
+    for path in [] if force else filter(Path.exists, paths):
+        raise FileExistsError(f"{path} exists: choose a new name, or add --force to replace it")
+
+
+def info(options: argparse.Namespace) -> int:
+    """Print summaries of saved runs, with the largest relative drift of a conserved quantity."""
+    failed = 0
+    for path in options.file:
+        try:
+            facts = {"file": str(path), **facts_in(path)}
+        except Exception as error:
+            _tell(_text_of(error, path))
+            failed = 1
+        else:
+            print(lines_of(facts, options.json), flush=True)
+    return failed
+
+
+def plot(options: argparse.Namespace) -> None:
+    """Draw a saved run, or saved crossings, as PNG, SVG or PDF."""
+    if options.output.suffix.lower() not in _FIGURES:
+        ends = "must end in .png, .svg or .pdf"
+        options.usage_error(f"argument -o/--output: '{options.output}' {ends}")
+    _require_new([options.output], options.force)
+    result = result_in(options.file)
+    from ..runs.plot import plt
+
+    named = {}
+    if options.components:
+        named["components"] = options.components
+        known = [*result.body._labels, "time"]
+        unknown = [k for k in options.components if isinstance(k, str) and k not in known]
+        if unknown or len(options.components) not in (2, 3):
+            expected = f"two or three of {', '.join(known)}, such as time,{known[0]}"
+            from ..checks import wrong
+
+            raise wrong("--components", expected, ",".join(map(str, options.components)))
+    figure = result.plot(**named).figure
+    with _about(options.output):
+        figure.savefig(options.output, dpi=150)
+        plt.close()
+    print(options.output, flush=True)
+
+
+def report(options: argparse.Namespace) -> None:
+    """Report what a Kahan map conserves: integrals, measures, growth of degrees.
+
+    Decimals are read as they are written, 0.1 as 1/10. Without --eps, eps stays symbolic, and
+    formulas hold for every step size. Needs python-flint.
+    """
+    from ..integrability import report as report_of
+
+    def show(result: Any) -> None:
+        print(json.dumps(result.to_dict()) if options.json else repr(result), flush=True)
+
+    # Always with a limit: the search then runs in another process, and Ctrl-C ends it at once.
+    limit = _NO_LIMIT if options.time_limit is None else options.time_limit
+    try:
+        body, eps = _body_and_step(options, needs_step=False)
+        show(report_of(body, eps, options.degree, time_limit=limit))
+    except KeyboardInterrupt as error:
+        if hasattr(error, "report"):  # results so far
+            show(error.report)
+        raise
+
+
+def pictures(options: argparse.Namespace) -> None:
+    """Draw the four figures of the paper as PNG. The gallery of the documentation has others."""
+    from ..bodies.rigid import PICTURES
+    from ..plots.phase import plot_phase
+    from ..runs.plot import plt
+
+    paths = [options.output / f"picture{number}.png" for number in PICTURES]
+    _require_new(paths, options.force)
+    options.output.mkdir(parents=True, exist_ok=True)
+    for path, picture in zip(paths, PICTURES.values(), strict=True):
+        plot_phase(*picture).figure.savefig(path, dpi=150)
+        plt.close()
+    print(*paths, sep="\n", flush=True)
+
+
+def explore(options: argparse.Namespace) -> None:
+    """Vary a field or a body, a step size and starts on a page in the browser, until Ctrl-C."""
+    import webbrowser
+
+    from ..plots.explore.server import Page
+
+    if not 0 <= options.port < 2**16:
+        options.usage_error(f"argument --port: {options.port} is not from 0 to 65535")
+    page = sf.explore(_body_in(options.body)) if options.body else Page("")
+    with _about(f"--port {options.port}"):
+        server = page.serve(options.port)
+    url = page.address(server)
+    with suppress(KeyboardInterrupt), server:
+        print(url, flush=True)
+        if not options.no_browser:  # in a thread, because opening a browser may block
+            threading.Thread(target=webbrowser.open, args=[url], daemon=True).start()
+        server.serve_forever(poll_interval=0.1)
+
+
+def warm_up(options: argparse.Namespace) -> None:
+    """Compile everything in advance, so that later processes read it from disk."""
+    from .warm_up import call_all, where_code_is_kept
+
+    call_all()
+    print(where_code_is_kept())

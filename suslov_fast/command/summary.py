@@ -1,0 +1,182 @@
+"""Summaries of runs, crossings and stores, as the command prints them: as lines, or as JSON."""
+
+import json
+import warnings
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import suslov_fast as sf
+
+# Attributes of stores that are not in a summary: names of arrays.
+_NAMES_OF_ARRAYS = "tiled", "shared"
+# Attributes of stores of fields: the number of variables and their terms, and those of H.
+_TERMS = "dimension", "indices", "values"
+_LISTS = *_TERMS, "indices of H", "H", "K"
+
+
+def facts_in(path: Path) -> dict[str, Any]:
+    """Return the summary of a file or a store."""
+    if path.suffix == ".zarr":
+        data = sf.open_ensemble(path)
+        attributes = data.attrs.items()
+        facts = {name: _value(text) for name, text in attributes if name not in _NAMES_OF_ARRAYS}
+        try:
+            status, first_pole = data.status.to_numpy(), data.first_pole.to_numpy()
+        except ValueError as error:
+            advice = "delete it, and the same run computes its tile anew"
+            text = f"a chunk of status or first_pole is damaged ({error})"
+            raise ValueError(f"{text}: {advice}") from error
+        return {**facts, **_counts(status, first_pole)}
+    if path.suffix != ".npz":
+        raise ValueError("not the name of a saved run, such as run.npz or run.zarr")
+    result = result_in(path)
+    if isinstance(result, sf.Crossings):
+        return _facts_of_crossings(result)
+    return facts_of(result, result.states[0] if result.n[0] == 0 else None)
+
+
+def is_complete(path: Path) -> bool:
+    """Return whether there is a store all of whose trajectories are computed."""
+    if not path.exists():
+        return False
+    with warnings.catch_warnings(), suppress(Exception):  # `ensemble` tells them
+        warnings.simplefilter("ignore")
+        return "PENDING" not in facts_in(path)["status"]
+    return False
+
+
+def result_in(path: Path) -> Any:
+    """Return the run, or the crossings, in a file."""
+    from ..runs.files.storage import load
+
+    if path.suffix == ".zarr":
+        how = f"or in Python plot a variable of open_ensemble({str(path)!r})"
+        raise ValueError(f"{path} is a store, and plot takes a file of run -o FILE.npz; {how}")
+    attributes = load(path)
+    return getattr(sf, attributes.pop("kind"))._of(attributes)
+
+
+def _value(attribute: Any) -> Any:
+    """Return an attribute of a store; lists of lists are stored as JSON."""
+    is_text_of_lists = isinstance(attribute, str) and attribute.startswith("[[")
+    return json.loads(attribute) if is_text_of_lists else attribute
+
+
+def facts_of(run: Any, start: Any) -> dict[str, Any]:
+    """Return the summary of a run; `start` is state 0, or None, which leaves the drift empty."""
+    return {
+        **_common_facts(run),
+        "saved_states": len(run),
+        "method": run.method,
+        "drift": {} if start is None else _drift(run, start),
+    }
+
+
+def _facts_of_crossings(points: Any) -> dict[str, Any]:
+    """Return the summary of crossings."""
+    names = "transient", "direction", "most", "method"
+    arguments = {name: getattr(points, name) for name in names if getattr(points, name) is not None}
+    return {**_common_facts(points), "crossings": len(points), **arguments}
+
+
+def _common_facts(result: Any) -> dict[str, Any]:
+    """Return the facts that the summaries of runs and of crossings share."""
+    return {
+        "body": repr(result.body) if result.body.shape else result.body.to_dict(),
+        "eps": result.eps if isinstance(result.eps, float) else f"{result.eps.size} values",
+        **_counts(result.status, result.first_pole),
+        "steps": result.steps,
+        "map": result.map.name,
+    }
+
+
+def _counts(status: Any, first_pole: Any) -> dict[str, Any]:
+    """Return the number of trajectories, with each status, and failed after a pole, if any."""
+    from ..engine.status import PENDING  # here, because it imports Numba
+
+    codes = {code.name: int(code) for code in sf.Status} | {"PENDING": PENDING}
+    counts = {name: int((status == code).sum()) for name, code in codes.items()}
+    facts = {"trajectories": status.size, "status": {k: n for k, n in counts.items() if n}}
+    hidden = int(((status < 0) & (first_pole >= 0)).sum())
+    return {**facts, "failed_after_a_pole": hidden} if hidden else facts
+
+
+def _drift(run: Any, start: Any) -> dict[str, float]:
+    """Return the largest finite relative change of the conserved quantity, under its name."""
+    import numpy as np
+
+    name = run.map.conserves(run.body)
+    if name is None:
+        return {}
+    with np.errstate(all="ignore"):
+        last, first = (run._value(name, x) for x in (run.final, start))
+        change = np.asarray(abs(last / first - 1))
+    finite = change[np.isfinite(change)]
+    return {name: float(finite.max())} if finite.size else {}
+
+
+# Most numbers of a list that are printed.
+_FEW = 6
+# Measured numbers, which are printed with four digits; others are printed with all of theirs.
+_MEASURED = "drift", "seconds", "steps_per_second"
+
+
+def lines_of(facts: dict[str, Any], as_json: bool) -> str:
+    """Return a summary as a text: a line for each fact, or one JSON object."""
+    if as_json:
+        return json.dumps(facts)
+    rows = []
+    for name, value in _for_people(facts).items():
+        text = _spelled(value, ".4g" if name in _MEASURED else "")
+        rows.append((name.replace("_", " "), text))
+    for name, count in facts["status"].items():
+        meaning = sf.Status[name].message if name in sf.Status.__members__ else "not computed yet"
+        rows.append(("status", f"{count:,} {name}: {meaning}"))
+    width = max(17, *(len(name) + 1 for name, _ in rows))
+    return "\n".join(f"{name:<{width}}{text}" for name, text in rows if text)
+
+
+def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
+    """Return the facts to print: fields as formulas, and the method only if there are others."""
+    from ..maps import MAPS
+
+    shown, record = dict(facts), MAPS[facts["map"]]
+    for name in ("map", "status"):
+        del shown[name]
+    same_body = [other for other in MAPS.values() if other.body is record.body]
+    if sum(len(other.methods) for other in same_body) == 1:
+        del shown["method"]
+    if record.variable == "x":
+        body = facts["body"]
+        lists = [n for n in _LISTS if n in facts]
+        if not isinstance(body, dict) and "dimension" in facts:  # the attributes of a store
+            body = {"body": body} | {k: facts[k] for k in (*_TERMS, "names") if k in facts}
+            # For a long list a store has a text, size and range, in place of numbers.
+            if any(isinstance(body[name], str) for name in _TERMS):
+                body = body["body"]
+        if isinstance(body, dict):
+            values = body.get("parameters", {}).items()
+            named = [f"{name} = {_spelled(value)}" for name, value in values]
+            shown["body"] = ", ".join([repr(sf.body_from_dict(body)), *named])
+        for name in lists:
+            del shown[name]
+    return shown
+
+
+def _spelled(value: Any, form: str = "") -> str:
+    """Return the text of a number, a list of numbers, or the parameters of a body."""
+    if isinstance(value, dict):
+        names = [name for name in value if name != "body"]
+        return ", ".join(f"{name} = {_spelled(value[name], form)}" for name in names)
+    if isinstance(value, float):
+        return f"{value:{form}}" if form else repr(value).removesuffix(".0")
+    if isinstance(value, int):
+        return f"{value:,}"
+    if isinstance(value, list):
+        flat = value
+        while flat and isinstance(flat[0], list):
+            flat = [item for row in flat for item in row]
+        if len(flat) > _FEW:
+            return f"{len(flat):,} values from {min(flat):g} to {max(flat):g}"
+    return str(value).partition(", sha256")[0]

@@ -1,0 +1,1 @@
+"""Lists of operations as machine code: LLVM's text, its compiler, and loops over any list."""

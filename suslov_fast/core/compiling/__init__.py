@@ -1,0 +1,1 @@
+"""Numba's options, the cache, LLVM, threads, and what compiled functions share."""

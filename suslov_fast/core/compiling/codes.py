@@ -1,0 +1,15 @@
+"""Statuses of trajectories: negative after a failure, positive if they finish with a caveat."""
+
+OK = 0
+SUPERCRITICAL = 1  # finished; |T| = |e A| >= 1: the step is too long to follow the motion
+PASSED_POLE = 2  # finished; a step was from a state with det A < 0
+SINGULAR = -1  # there is no next state, because the state is on a pole
+NONFINITE = -2  # the next state is out of the range of float64, or state 0 is NaN
+# Along a motion:
+ENDED = -3  # the solution ends: a pole or an escape
+SLIDING = -4  # it slides along a condition
+TOO_MANY_STEPS = -5  # it takes too many steps from one time to the next
+
+# In integers that tell of lanes, one bit each: the place of the bits of those in which a component
+# changed its sign, after the bits of those with det A < 0.
+CHANGED = 8

@@ -1,0 +1,1 @@
+"""Kahan's map of quadratic fields: steps, derivatives, and elimination with pivoting."""

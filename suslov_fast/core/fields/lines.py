@@ -1,0 +1,86 @@
+"""Rows of trajectories as lines of lanes, and the tables of numbers that their steps take."""
+
+import math
+
+import numpy as np
+
+from ..compiling.codes import NONFINITE
+from .generated import WIDTH
+from .single_orbit import common_table
+from .stages import distinct
+
+
+def aligned(*shape, make=np.empty):
+    """Return memory that begins where a line of the cache begins.
+
+    NumPy's begins 16 bytes later in some processes: then lines of lanes lie across lines of the
+    cache, which costs up to a seventh of the time.
+    """
+    count = math.prod(shape)
+    memory = make(count + 7)
+    first = -memory.ctypes.data // 8 % 8
+    return memory[first : first + count].reshape(shape)
+
+
+def zeros(*shape):
+    """Return zeros in such memory."""
+    return aligned(*shape, make=np.zeros)
+
+
+def _copy(array):
+    copy = aligned(*array.shape)
+    copy[:] = array
+    return copy
+
+
+def in_lines(rows, W):
+    """Return rows (B, n) as lines (-, n, W); lanes without a row repeat the last one."""
+    missing = -len(rows) % W
+    padded = np.concatenate([rows, rows[-1:].repeat(missing, axis=0)]) if missing else rows
+    return _copy(padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2))
+
+
+def halves_of(values, eps, W):
+    """Return eps / 2 times the values (lines, T, W)."""
+    return in_lines(0.5 * eps[:, np.newaxis] * values, W)
+
+
+def tables_of(scheme, values, eps, W):
+    """Return eps / 2 times the values (lines, T, W), and `Step.table` (fractions, lines, n, W).
+
+    The fractions are those of `distinct`. The shapes are (1, T, 1) and (fractions, 1, n, 1) if all
+    trajectories have the same field.
+    """
+    step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
+    if len(eps) == len(values) == 1:
+        return common_table(*scheme, eps.tobytes(), values.tobytes())
+    halves = halves_of(values, eps, W)
+    fractions = fractions[:, np.newaxis, np.newaxis]
+    of_stages = np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions
+    return halves, _copy(np.moveaxis(step.table_of(of_stages), 0, 2))
+
+
+def packed(truths):
+    """Return truth values (lines, W) as bits, a number for each line."""
+    return np.packbits(truths, axis=1, bitorder="little")[:, 0]
+
+
+def alignment(saved, W, is_large):
+    """Return the alignment of the lines of saved states, in bytes; 0 if none are saved."""
+    if not saved.size:
+        return 0
+    if not is_large or W < WIDTH:
+        return 8
+    bits = saved.ctypes.data | saved.strides[0]
+    return next(size for size in (64, 16, 8) if bits % size == 0)
+
+
+def note_undefined(states, notes):
+    """Note which trajectories begin with NaN, and that none has passed a pole."""
+    status, failed_at, poles = notes
+    poles[:] = 0.0
+    # A sum takes a tenth of the time of `isnan`; that of few numbers is faster in Python.
+    total = sum(states.ravel().tolist()) if states.size <= 64 else states.sum()
+    if not math.isfinite(total):
+        undefined = np.isnan(states).any(axis=1)
+        status[undefined], failed_at[undefined] = NONFINITE, 0

@@ -1,0 +1,365 @@
+"""Kahan's map of any quadratic field f (theory, section 7):
+
+x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x).
+
+A field is a list of terms. With one more component, x_D = 1, all terms are quadratic, and f_i is
+the sum of its v x_j x_k, j <= k. The indices of the terms determine a list of operations for a step
+(`operations`). `generated` makes machine code of it; where that is impossible, NumPy carries it
+out. `careful` takes a step where the increment cancels the state, or elimination loses digits. A
+step of other methods consists of several stages, which are steps with fractions of eps (`stages`).
+
+arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
+final       (B, D), the states that a run continues from
+carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none; negative if a
+            component that keeps its sign along the motion changed it, while det A > 0
+
+States are in lines of W lanes, x[line, component, lane]. After a failure a trajectory is NaN.
+"""
+
+import functools
+
+import numpy as np
+from numba import config
+
+from ..code.compiler import call, call_together, code_of
+from ..code.runs_code import listed_code
+from ..compiling.codes import CHANGED
+from ..compiling.numba import STREAM_FROM, Kernel, as_python, loop_over_parts
+from ..compiling.threads import in_parts
+from ..lists.step import SIGNIFICANT, Step, evaluate, of_one_sign
+from .careful import ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
+from .generated import OF_HALVES, WIDTH, text_of_compositions, text_of_steps
+from .generated_stages import SLOT, CodeArguments
+from .in_calls import in_calls, taker_of, taker_without_plan
+from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
+from .single_orbit import PLANS, compares_signs, plan_of, take_one
+from .stages import WHOLE, Scheme, distinct
+
+CHUNK = 2**13  # trajectories that are copied into lines at once
+CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
+_IN_PYTHON = 1e-5  # seconds of Python for an operation of a line, or a part of a careful step
+SHORT_RUN = 256  # steps of lines, which are prepared for `careful` only when they need it
+
+
+@functools.lru_cache(PLANS)
+def _step_of(places, D, is_whole):
+    return Step(np.frombuffer(places, np.int64).reshape(3, -1), D, keeps_signs=is_whole)
+
+
+def scheme_of(indices, D, stages=WHOLE):
+    """Return the scheme for fields of D variables with terms at these indices (3, T)."""
+    places = np.ascontiguousarray(indices, np.int64).tobytes()
+    is_whole = len(stages.fractions) == 1 and _has_signs(places)
+    return Scheme(_step_of(places, D, is_whole), stages)
+
+
+@functools.lru_cache(PLANS)
+def _has_signs(places):
+    return bool(of_one_sign(np.frombuffer(places, np.int64).reshape(3, -1)))
+
+
+# ------------------------------------------------------------------------------------------- lines
+class _Lines:
+    """Trajectories in lines of W lanes, with all that their steps need.
+
+    x         states (lines, D, W)
+    for_each  True if lanes have parameters of their own
+    marks     (2, lines), bits of lanes that have ended, and that have passed a pole or ended; lanes
+              of no trajectory have ended
+    notes     status, failed_at and the first state beyond a pole, of each trajectory
+    bases     states before the whole step (lines, D, W); None if no components have signs to
+              compare over several stages
+    """
+
+    def __init__(self, arguments, states, notes, W):
+        (self.scheme, *parameters), self.notes, self.W = arguments, notes, W
+        self.B, self.count = len(states), -(-len(states) // W)
+        self.D = self.scheme.step.D
+        self.for_each, self.bases = max(map(len, parameters)) > 1, None
+        self.parameters = parameters
+        if self.for_each and self._computes_tables():
+            self.for_each, self.halves = OF_HALVES, halves_of(*parameters, W)
+        else:
+            self.halves, self.table = tables_of(self.scheme, *parameters, W)
+        self.marks = np.zeros((2, self.count), np.uint8)
+        self.start_from(states)
+
+    def _computes_tables(self):
+        """Return whether machine code computes the tables of stages, which takes less memory."""
+        step, stages = self.scheme
+        has_tables = not step.usual or step.is_long
+        if len(stages.fractions) == 1 or has_tables or config.DISABLE_JIT:
+            return False
+        return len(step.pieces[0]) == 1  # others would need the tables, too
+
+    @functools.cached_property
+    def table(self):
+        """The values of `Step.table` (fractions, lines, n, W), where they are not given."""
+        return tables_of(self.scheme, *self.parameters, self.W)[1]
+
+    def start_from(self, states):
+        """Set the states, to NaN where trajectories have ended."""
+        self.x = in_lines(states, self.W)
+        status, _, poles = self.notes
+        if status.any() or self.count * self.W > self.B:
+            ended = status < 0
+            self.x.swapaxes(1, 2)[self._of_lanes(ended, False)] = np.nan
+            self.marks[ENDED] = packed(self._of_lanes(ended, True))
+            self.marks[PASSED] = packed(self._of_lanes(ended | (poles != 0.0), True))
+        if compares_signs(self.scheme.step):
+            self.bases = zeros(self.count, self.D, self.W)
+            self.bases[:] = self.x
+
+    def _of_lanes(self, truths, unused):
+        """Return truth values of trajectories as (lines, W), `unused` for lanes of none."""
+        padded = np.full(self.count * self.W, unused)
+        padded[: self.B] = truths
+        return padded.reshape(self.count, self.W)
+
+    def states(self):
+        """Return the states (B, D)."""
+        return self.x.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
+
+    def take(self, start, stop, saved, every, is_large, abandoned, again=False):
+        """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
+
+        Yield calls of machine code, pairs of an address and an array, for the integers that they
+        return. Return False if a step needs `careful`, but it is not compiled, or a run is short:
+        then the steps must be taken again. End early if there is something in `abandoned`.
+        """
+        step, stages = self.scheme.step, len(self.scheme.stages.fractions)
+        address, until = None, every - start % every if every else 0
+        rows = saved, until * stages - 1, every * stages - 1
+        if not step.usual or step.is_long:
+            take = self._taker()
+            if take is not None:
+                steps = (stop - start) * stages
+                in_calls(self, take, self._line_arrays(), start, steps, *rows, abandoned)
+                return True
+        else:
+            text_of = text_of_steps if self.bases is None else text_of_compositions
+            align = alignment(saved, self.W, is_large)
+            address = code_of(text_of, step, self.W, self.for_each, align)
+        if address is None:
+            self._take_in_numpy(start, (stop - start) * stages, *rows, step_carefully)
+            return True
+        if again and not careful.is_compiled:
+            of_one, steps = as_python(step_carefully.py_func), (stop - start) * stages
+            careful.in_python(self._take_in_numpy, start, steps, *rows, of_one)
+            return True
+        is_ready = careful.is_compiled and (again or self.count * (stop - start) > SHORT_RUN)
+        steps = (stop - start) * stages
+        arguments, _kept_alive = self._code_arguments(start, steps, *rows, is_ready)
+        budget = max(CAREFUL_TIME // (self.W * (self.D**3 + 200)), 1)
+        while arguments[SLOT.line] < self.count and not abandoned:
+            arguments[SLOT.budget] = budget
+            if not (yield address, arguments):
+                return False
+        return True
+
+    def _taker(self):
+        """Return the function for `in_calls`: of a long list, or of a field without a plan."""
+        if not self.scheme.step.usual:
+            return None if config.DISABLE_JIT else taker_without_plan(self)
+        address = listed_code(self.W, self.for_each)
+        return None if address is None else taker_of(self, address)
+
+    def _line_arrays(self):
+        """Return the arrays for `careful`."""
+        step, stages = self.scheme
+        return LineArrays(
+            self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes, self.marks,
+            np.empty(self.D * (self.D + 4) + step.T),
+        )  # fmt: skip
+
+    def _code_arguments(self, start, steps, saved, until, between, is_ready):
+        """Return the arguments of machine code, and what has to stay alive while it runs."""
+        kept, arrays, own = np.empty(len(self.scheme.step.pieces[1]) * self.W), None, None
+        if is_ready:
+            arrays = self._line_arrays()
+            own = arguments_of(arrays, start)
+        # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
+        # a short block waits for the one before it.
+        blocks = -(-8 * self.x.size // 2**15)
+        block = -(-self.count // min(blocks, -(-self.count // 4)))
+        first_row, bases = saved.ctypes.data, self.bases
+        table = None if self.for_each == OF_HALVES else self.table
+        plan = plan_of(self.scheme.stages, table, self.halves)
+        arguments = CodeArguments(
+            x=self.x.ctypes.data,
+            lines=self.count,
+            block=block,
+            steps=steps,
+            plan=plan.ctypes.data,
+            stages=len(plan),
+            bases=0 if bases is None else bases.ctypes.data,
+            first_row=first_row,
+            row_bytes=saved.strides[0],
+            first_until=until,
+            between=between,
+            trajectories=self.B,
+            marks=self.marks.ctypes.data,
+            careful=careful.address if is_ready else 0,
+            careful_arguments=own.ctypes.data if is_ready else 0,
+            kept=kept.ctypes.data,
+            budget=0,
+            line=0,
+            n=0,
+            stage=0,
+            until=until,
+            row=first_row,
+        )
+        return np.array(arguments, np.int64), (kept, arrays, own, plan)
+
+    def _carry_out(self, stage):
+        """Carry out the operations of a stage where that is accurate.
+
+        Return the bits of these lanes, of lanes with det A < 0, and of those with a changed sign.
+        """
+        (step, stages), shape = self.scheme, (self.count, self.W)
+        values = dict(enumerate(self.x.swapaxes(0, 1)))
+        table = self.table[distinct(stages.fractions)[1][stage]].swapaxes(0, 1)
+        values.update(zip(step.table, table, strict=True))
+        evaluate(step.usual, values)
+        evaluate(step.rare, values)
+        accurate = np.broadcast_to(values[step.accurate], shape)
+        for k, number in enumerate(step.after_rare):
+            self.x[:, k] = np.where(accurate, values[number], self.x[:, k])
+        told = (False if each is None else values[each] for each in (step.negative, step.changed))
+        told = (packed(np.broadcast_to(each, shape)) for each in told)
+        return packed(accurate), *told
+
+    def _take_in_numpy(self, start, steps, saved, until, between, step_carefully):
+        """Carry out the operations by NumPy: the reference, where there is no machine code."""
+        (ended, passed), row, arrays = self.marks, 0, self._line_arrays()
+        stages = len(self.scheme.stages.fractions)
+        for n in range(steps):
+            stage = n % stages
+            if self.scheme.step.usual:
+                accurate, negative, changed = self._carry_out(stage)
+            else:
+                accurate, negative, changed = np.zeros((3, self.count), np.uint8)
+            bad = ~(accurate | ended) & np.uint8(2**self.W - 1)
+            told = negative.astype(np.int64) | changed.astype(np.int64) << CHANGED
+            told &= (accurate & ~passed).astype(np.int64) * (1 | 1 << CHANGED)
+            for line in np.flatnonzero(bad | told):
+                step_carefully(arrays, start, line, int(bad[line]), int(told[line]), n)
+            if self.bases is not None and stage == stages - 1:
+                changed = self.changed()
+                for line in np.flatnonzero(changed):
+                    step_carefully(arrays, start, line, 0, int(changed[line]) << CHANGED, n)
+                self.bases[:] = self.x
+            if n == until:
+                saved[row] = self.states()
+                row, until = row + 1, until + between + 1
+
+    def changed(self, of=slice(None)):
+        """Return the bits of lanes in which a component changed its sign over a whole step.
+
+        Lanes that have ended or passed a pole are left out. `of` is a slice of lines.
+        """
+        signs = sorted(self.scheme.step.of_one_sign)
+        base, x = self.bases[of][:, signs], self.x[of][:, signs]
+        rises, falls = (base < 0.0) & (x > SIGNIFICANT), (base > 0.0) & (x < -SIGNIFICANT)
+        return packed((rises | falls).any(axis=1)) & ~self.marks[PASSED][of]
+
+
+class FieldSteps(Kernel):
+    """The kernel of steps of fields, which calls the machine code of the field."""
+
+    def __init__(self):
+        self.py_func = _iterate_part
+
+    def __call__(self, part, parts, *arguments, abandoned=()):
+        with np.errstate(all="ignore"):  # each thread has its own
+            _carry_out([_iterate_part(part, parts, *arguments, abandoned)], call_each)
+
+    def serial(self, *arguments):
+        self(0, 1, *arguments)
+
+    def briefly(self, seconds, *arguments):
+        self(0, 1, *arguments)
+
+    def parallel(self, threads, *arguments):
+        step, loop = arguments[0][0].step, None
+        if step.usual and not step.is_long:  # lines of others are calls of Python
+            loop = loop_over_parts(self.seconds)
+        if loop is not None:
+            parts = [_iterate_part(part, threads, *arguments, ()) for part in range(threads)]
+            with np.errstate(all="ignore"):
+                _carry_out(parts, functools.partial(call_together, loop))
+            return
+        abandoned = []
+
+        def work(part):
+            self(part, threads, *arguments, abandoned=abandoned)
+
+        self.in_python(in_parts, threads, work, abandoned)
+
+
+def call_each(calls):
+    """Make calls, pairs of an address and an array, one after the other; return their integers."""
+    return [call(*each) for each in calls]
+
+
+def _carry_out(parts, make_calls):
+    """Carry out generators that yield calls, those of all parts at once."""
+    results = [None] * len(parts)
+    while parts:
+        left, calls = [], []
+        for part, result in zip(parts, results, strict=True):
+            try:
+                calls.append(part.send(result))
+            except StopIteration:
+                continue
+            left.append(part)
+        parts, results = left, make_calls(calls) if calls else []
+
+
+def _iterate_part(
+    part, parts, arguments, omega0, carry, span, saved, final, status, failed_at, abandoned
+):
+    """Iterate the trajectories of a part; the arguments are those of `steps_3d.steps`.
+
+    It is a generator, as `_Lines.take`. End early if there is something in `abandoned`.
+    """
+    (scheme, *parameters), (begin, end, *steps) = arguments, span
+    starts = omega0 if steps[0] == 0 else final
+    W = min(1 << (end - begin - 1).bit_length(), 4) if end - begin <= WIDTH else WIDTH
+    count = -(-(end - begin) // W)
+    first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
+    last = min(last, end)
+    is_large = saved.size >= STREAM_FROM
+    for low in range(first, last, CHUNK):
+        chunk = slice(low, min(low + CHUNK, last))
+        own = scheme, *(array[chunk] if len(array) > 1 else array for array in parameters)
+        states = starts[chunk]
+        notes = status[chunk], failed_at[chunk], carry[0, chunk]
+        if steps[0] == 0:
+            note_undefined(states, notes)
+        one = own, states, notes[0], final[chunk], steps, saved[:, chunk]
+        if W == 1 and take_one(*one):
+            continue
+        lines = _Lines(own, states, notes, W)
+        yield from _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
+        final[chunk] = lines.states()
+
+
+def _take_steps(lines, states, steps, saved, is_large, abandoned):
+    """Take the steps of a run from these states, and save states."""
+    start, stop, every, row = steps
+    if every and start == 0:
+        saved[row] = lines.states()
+        row += 1
+    if stop == start:
+        return
+    arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
+    if not (yield from lines.take(*arguments)):
+        step, stages = lines.scheme
+        work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
+        careful.compile(_IN_PYTHON * work)  # only now, because few runs need it
+        lines.start_from(states)
+        yield from lines.take(*arguments, again=True)
+
+
+field_steps = FieldSteps()

@@ -1,0 +1,362 @@
+"""Derivatives of Kahan's map of a quadratic field, and the growth of lengths under their products.
+
+With h = eps / 2, N(x) = h f'(x) and M(x) = -N(x), the derivative is
+
+DPhi(x) = (1 - N(x))**-1 (1 - M(x_next))    (theory, section 7).
+
+Fields have terms as in `steps_field`, and so have the fields of bodies. Machine code
+(`generated_tangent`) takes the steps of a line of lanes, multiplies columns q by -DPhi, and tells
+which lanes need logarithms, orthonormal columns, or elimination with pivoting.
+
+jacobians   a kernel: DPhi at states
+growth      a kernel: logarithms of lengths and determinants along orbits
+
+With the sums (B, D) and of_det (B,) of `growth`, the first D - 1 Lyapunov exponents after N steps
+are sums[:, :-1] / N, and the last one is (of_det - sums[:, :-1].sum(axis=1)) / N. So the sum of all
+is the mean of log |det DPhi|, to rounding. (If one of the first is -inf, the last is
+sums[:, -1] / N.)
+"""
+
+import functools
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import config
+
+from ..code.compiler import code_of
+from ..compiling.arrays import keep, uncounted
+from ..compiling.codes import NONFINITE, OK, PASSED_POLE
+from ..compiling.llvm import call_code, for_size, lesser
+from ..compiling.numba import function, inlined, kernel, share
+from ..lists.step import Tangent, length_of
+from . import sparse_tangent
+from .careful import changes_sign
+from .careful_tangent import copy_lanes, solve_lanes
+from .generated import WIDTH
+from .generated_tangent import (
+    CHANGED,
+    DERIVATIVE,
+    DUE,
+    LENGTHS,
+    NEAR_1,
+    NEGATIVE,
+    OUTSIDE,
+    SOON,
+    STEP,
+    room_of,
+    text_of_orthonormalise,
+    text_of_tangent,
+)
+from .lengths import orthonormalise, take_logarithms
+from .sparse import is_sparse
+from .stages import distinct
+from .steps import Scheme, scheme_of, tables_of
+
+# Operations of a step, and of one with columns if the field is dense, above which the loops of
+# `sparse_tangent` are faster, or compiling takes longer than most runs.
+MOST, MOST_OF_DENSE = 4000, 40_000
+# Steps, after which columns that lose digits soon are orthonormalised, too: those of several lanes
+# at once, which takes no longer than those of one.
+INTERVAL = 8
+_NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` needs D alone
+
+
+class Arguments(NamedTuple):
+    """The arguments of `growth` and `jacobians` for trajectories in lines of W lanes."""
+
+    step: int  # address of the code of `text_of_tangent` or `sparse_tangent`, or 0
+    orthonormalise: int  # address of the code of `text_of_orthonormalise`, likewise
+    plan: int  # address of a `sparse_tangent.Plan`, 0 for the other code
+    W: int
+    room: int  # see `room_of`
+    kept: int  # rows for values that later pieces of a long list need, or for `sparse_tangent`
+    indices: Any  # (3, T)
+    table: Any  # (fractions, 1 or lines, n, 1 or W)
+    halves: Any  # (1 or lines, T, 1 or W)
+    fractions: Any  # (stages,)
+    tables: Any  # (stages,), places in `table`
+    has_signs: int  # 1 if components keep their signs along the motion
+    unable: Any  # (1,), 1 after a lane needed `solve`
+    solves: Any  # True if the kernels compute such lanes, None if they are compiled without `solve`
+
+
+@functools.lru_cache(32)
+def _tangent_of(places, D, keeps_signs=False):
+    return Tangent(np.frombuffer(places, np.int64).reshape(3, -1), D, keeps_signs)
+
+
+def _is_long(step):
+    """Return whether the loops of `sparse_tangent` take the steps of a field with columns."""
+    if config.DISABLE_JIT or 0 < step.length <= MOST:
+        return False
+    if not step.usual or is_sparse(step):
+        return True
+    tangent = _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
+    return tangent.length + length_of(tangent.columns) > MOST_OF_DENSE
+
+
+def arguments_of(scheme, values, eps, count, in_lines=False):
+    """Return the arguments of the kernels for `count` trajectories, and what has to stay alive.
+
+    With `in_lines` each row of the values is for a whole line of trajectories, and the rows repeat.
+    """
+    (step, stages), fractions = scheme, scheme.stages.fractions
+    of_stages = np.array(fractions), distinct(fractions)[1]
+    of_stages = *of_stages, int(bool(step.of_one_sign)), np.zeros(1, np.int64), None
+    if _is_long(step):
+        fixed, kept = sparse_tangent.arguments_of(step, values, eps, distinct(fractions)[0])
+        return Arguments(*fixed, *of_stages), kept
+    tangent = _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
+    W = WIDTH if count > 1 else 1
+    halves, table = tables_of(Scheme(tangent, stages), values, eps, 1 if in_lines else W)
+    room, is_each, address = room_of(tangent.D, W), halves.shape[2] > 1, None
+    if tangent.usual:
+        address = code_of(text_of_tangent, tangent, W, is_each)
+    codes = address, code_of(text_of_orthonormalise, scheme_of(_NO_TERMS, step.D).step, W)
+    fixed = W, room, len(tangent.pieces[1]), step.indices, table, halves, *of_stages
+    arguments = Arguments(*(int(code or 0) for code in codes), 0, *fixed)
+    arguments.unable[0] = arguments.step == 0
+    return arguments, codes
+
+
+def able(arguments):
+    """Return the arguments of kernels that compute lanes by `solve` if one was found to need it.
+
+    Few fields have such lanes, and `solve` takes a third of the time of compiling.
+    """
+    return arguments._replace(solves=True) if arguments.unable[0] else arguments
+
+
+def operations_of(scheme):
+    """Return the number of operations of a step, its derivative, and orthonormal columns."""
+    step, D = scheme.step, scheme.step.D
+    if _is_long(step):
+        return sparse_tangent.operations_of(step) + D**3 // 4
+    tangent = _tangent_of(step.indices.tobytes(), D, step.keeps_signs)
+    return tangent.length + D * length_of(tangent.columns) + D**3 // 4
+
+
+# ------------------------------------------------------------------------------------ single lanes
+class Memory(NamedTuple):
+    """The memory of a thread: the rows of a line, and all that steps by `solve` need."""
+
+    line: Any  # (2 D + LENGTHS + D room, W), see `generated_tangent`
+    kept: Any  # (kept, W)
+    before: Any  # (W, D), states before the step
+    columns: Any  # (W, D, D)
+    products: Any  # (W, 2), NEAR_1 and FAR_FROM_1 before the step
+    statuses: Any  # (W,)
+    half: Any  # (T,), eps / 2 times the values of a lane
+    after: Any  # (D,)
+    matrix: Any  # (D, D + 1, 1)
+    tangent: Any  # (D, 2 D, 1)
+    units: Any  # (2, D)
+
+
+@inlined
+def memory_of(arguments, D):
+    """Return the memory of a thread."""
+    T, W = arguments.indices.shape[1], arguments.W
+    return Memory(
+        np.empty((2 * D + LENGTHS + D * arguments.room, W)),
+        np.empty((arguments.kept, W)), np.empty((W, D)), np.empty((W, D, D)), np.empty((W, 2)),
+        np.zeros(W, np.int64), np.empty((T,)), np.empty((D,)),
+        np.empty((D, D + 1, 1)), np.empty((D, 2 * D, 1)), np.empty((2, D)),
+    )  # fmt: skip
+
+
+@function
+def take_steps(arguments, memory, place, stage, ignored, steps, solves):
+    """Take up to so many steps of line `place`, and none after a step that leaves bits of lanes.
+
+    Return how many were taken, and bits of lanes: from det A < 0, in which a component changed its
+    sign, with columns to be orthonormalised, with such that need it soon, with logarithms to be
+    taken, and that took the last step by `solve`. If `solves` is None, Numba compiles no `solve`; a
+    step that needs it is not taken, and sets `unable`.
+    """
+    line, all_lanes, address = memory.line, (1 << arguments.W) - 1, arguments.step
+    table = arguments.table[arguments.tables[stage], place % arguments.table.shape[1]].ctypes.data
+    kept = memory.kept.ctypes.data
+    code = np.int64(all_lanes & ~ignored) << STEP  # all need `solve`, without machine code
+    if address != 0:
+        code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, ignored, steps))
+    elif code == 0:  # all lanes have ended
+        code = steps
+    taken, step = code & ((1 << STEP) - 1), (code >> STEP) & all_lanes
+    solved, negative = step | (code >> DERIVATIVE) & all_lanes, (code >> NEGATIVE) & all_lanes
+    changed = (code >> CHANGED) & all_lanes
+    if solved != 0:
+        if solves is None:
+            arguments.unable[0] = 1
+        else:
+            copy_lanes(arguments, memory, solved)
+            code = np.int64(0)
+            if address != 0:  # the other lanes take this step, too
+                others = np.int64(ignored | solved)
+                one = others, np.int64(1)
+                code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, *one))
+            negative |= (code >> NEGATIVE) & all_lanes
+            changed |= (code >> CHANGED) & all_lanes
+            beyond, over_0 = solve_lanes(arguments, memory, place, stage, step, solved)
+            negative, changed = negative | beyond, changed | over_0
+        taken += 1
+    due, soon = (code >> DUE) & all_lanes | solved, (code >> SOON) & all_lanes | solved
+    return taken, negative, changed, due, soon, (code >> OUTSIDE) & all_lanes | solved, solved
+
+
+# ------------------------------------------------------------------------------------------ kernels
+@function
+def fill_line(W, room, line, x, place):
+    """Fill the W lanes of line `place` with trajectories and their columns.
+
+    Lanes beyond the last trajectory repeat it.
+    """
+    for_size()
+    B, D = x.shape
+    first = 2 * D + LENGTHS
+    line[:] = 0.0
+    for l in range(W):
+        k = lesser(place * W + l, B - 1)
+        for i in range(D):
+            line[i, l] = x[k, i]
+            for r in range(D):
+                line[first + i * room + r, l] = 1.0 if i == r else 0.0
+        for j in range(LENGTHS + D):
+            line[D + j, l] = 0.0 if j == NEAR_1 else 1.0
+
+
+@function
+def copy(target, source):
+    """Copy an array of two dimensions."""
+    for i in range(len(source)):
+        for l in range(source.shape[1]):
+            target[i, l] = source[i, l]
+
+
+@inlined
+def lanes_beyond(W, B, place):
+    """Return the bits of the lanes of line `place` beyond the last of B trajectories."""
+    used = lesser(W, B - place * W)
+    return np.int64((1 << W) - (1 << used))
+
+
+def carry_of(arguments, B, D):
+    """Return the memory in which `growth` keeps the lines of B trajectories between calls."""
+    W = arguments.W
+    return np.empty((-(-B // W), 2 * D + LENGTHS + D * arguments.room, W))
+
+
+@kernel
+def jacobians(part, parts, arguments, x, out):
+    """Fill out (B, D, D) with DPhi at the states x (B, D), NaN where it does not exist."""
+    (B, D), W, arguments = x.shape, arguments.W, uncounted(arguments)
+    counted, first = memory_of(arguments, D), 2 * D + LENGTHS
+    memory, room = uncounted(counted), arguments.room
+    stages, (begin, end) = len(arguments.fractions), share((B + W - 1) // W, part, parts)
+    for place in range(begin, end):
+        fill_line(W, room, memory.line, x, place)
+        ignored = lanes_beyond(W, B, place)
+        for stage in range(stages):  # columns become -DPhi q, and the number of stages is odd
+            take_steps(arguments, memory, place, stage, ignored, np.int64(1), arguments.solves)
+        for l in range(lesser(W, B - place * W)):
+            for i in range(D):
+                for r in range(D):
+                    value = memory.line[first + i * room + r, l]
+                    out[place * W + l, i, r] = 0.0 * memory.line[i, l] - value
+    keep(counted)
+
+
+@kernel
+def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed_at, by_signs):
+    """Add the logarithms of the growth of D lengths, and of |det DPhi|, along orbits.
+
+    Products of derivatives are decomposed as Q R, from Q = 1 on; the lengths are the diagonals of
+    R. Steps at which this is done depend on the trajectory and on the number of the step alone,
+    and `carry` has all that a trajectory continues from. So its bits depend neither on other
+    trajectories, nor on where a run is divided. (Columns become -DPhi q; signs do not matter.)
+
+    arguments    `Arguments`
+    x0, carry    (B, D), read if start = 0; `carry_of`, read otherwise, and written
+    span         (start, stop, last): steps from state `start` to state `stop`, and the state at
+                 which all logarithms are taken
+    sums, of_det   (B, D) and (B,), to which logarithms are added; NaN after a failure
+    status, failed_at   (B,), as in `steps_3d.steps`
+    by_signs     (B,), true where a change of sign, and not det A < 0, told the pole
+    """
+    for_size()
+    arguments, sums, of_det = uncounted(arguments), uncounted(sums), uncounted(of_det)
+    (start, stop, last), (B, D), W = span, x0.shape, arguments.W
+    counted, stages = memory_of(arguments, D), len(arguments.fractions)
+    memory = uncounted(counted)
+    line, first, all_lanes = memory.line, 2 * D + LENGTHS, (1 << W) - 1
+    base = np.empty((D, W))  # the states before the first of several stages
+    begin, end = share((B + W - 1) // W, part, parts)
+    for place in range(begin, end):
+        if start == 0:
+            fill_line(W, arguments.room, line, x0, place)
+        else:
+            copy(line, carry[place])
+        ignored, n = lanes_beyond(W, B, place), start
+        stage = np.int64(0)  # a literal would have a type, and functions, of its own
+        for l in range(lesser(W, B - place * W)):
+            k, undefined = place * W + l, 0.0
+            for i in range(D):
+                undefined += 0.0 * line[i, l]
+            if start == 0 and np.isnan(undefined):
+                status[k], failed_at[k] = NONFINITE, 0
+            if status[k] < 0:
+                ignored |= 1 << l
+                line[:D, l] = np.nan
+        while n < stop:
+            steps = np.int64(1)
+            if stages == 1:
+                steps = np.int64(lesser(stop, (n // INTERVAL + 1) * INTERVAL) - n)
+            if stages > 1 and stage == 0 and arguments.has_signs:
+                for i in range(D):
+                    for l in range(W):
+                        base[i, l] = line[i, l]
+            taken, negative, changed, due, soon, outside, solved = take_steps(
+                arguments, memory, place, stage, ignored, steps, arguments.solves
+            )
+            if solved != 0 and arguments.solves is None:  # the caller begins anew
+                break
+            state = n + taken if stages == 1 else n + 1
+            stage = (stage + taken) % stages
+            n = state if stage == 0 else n
+            if stages > 1:  # a stage may change signs where the whole step does not
+                changed = np.int64(0)
+                for l in range(W if stage == 0 and arguments.has_signs else 0):
+                    over_0 = changes_sign(arguments.indices, base[:, l], line[:D, l])
+                    changed |= (1 << l) if over_0 else 0
+            changed &= ~ignored
+            for l in range(W if negative | changed | solved else 0):
+                k = place * W + l
+                if (solved >> l) & 1 and memory.statuses[l] != OK:
+                    status[k], failed_at[k] = memory.statuses[l], state
+                    ignored |= 1 << l
+                elif ((negative | changed) >> l) & 1 and status[k] == OK:
+                    status[k], failed_at[k] = PASSED_POLE, state
+                    by_signs[k] = not (negative >> l) & 1
+            is_last = stage == 0 and n == last
+            if is_last:
+                due = all_lanes
+            elif stage == 0 and n % INTERVAL == 0:
+                due |= soon
+            due &= ~ignored
+            if due:
+                if arguments.orthonormalise != 0:
+                    addresses = line[first:].ctypes.data, line[D:].ctypes.data
+                    memory_of_code = memory.kept.ctypes.data, arguments.plan
+                    call_code(arguments.orthonormalise, (*addresses, due, *memory_of_code))
+                else:
+                    orthonormalise(line[first:], line[D : 2 * D + LENGTHS], arguments.room, due)
+            if is_last or due | outside:
+                rows, is_sum = line[D : 2 * D + LENGTHS], arguments.plan != 0
+                take_logarithms(rows, sums, of_det, place * W, is_last, is_sum)
+        for l in range(lesser(W, B - place * W)):
+            k = place * W + l
+            of_det[k] += 0.0 * line[0, l]
+            for i in range(D):
+                sums[k, i] += 0.0 * line[i, l]
+        copy(carry[place], line)
+    keep(counted)

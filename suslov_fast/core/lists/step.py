@@ -1,0 +1,488 @@
+"""A step of a field as a list of operations on numbers, planned from its pattern of zeros.
+
+With h = eps / 2 and N(x) = h f'(x) a step solves (1 - N) delta = h f(x), x_next = x + 2 delta
+(theory, section 7). Where an increment cancels a component, digits are kept by the same matrix and
+
+(1 - N) x_next = x + h l x + 2 h c,
+
+with the linear and constant parts l and c of f. Elimination is planned once, because the terms of
+the field alone decide which entries of N are 0. For pivots k, in an order with little fill-in,
+
+pivot_k = 1 - N_kk,   m_ik = N_ik / pivot_k,   N_ij += m_ik N_kj,   g_i += m_ik g_k,
+
+for i and j that come later, where g = h f(x) at first; then, backwards,
+
+delta_k = (g_k + sum_j N_kj delta_j) / pivot_k.
+
+The derivative is (1 - N(x))**-1 (1 - M(x_next)) with M(x) = -h f'(x). These sums of products, and
+the tests that they keep their digits, are the same for all states. They form a list of operations
+(instruction, number, operands), each of which computes the value with this number. `generated`
+makes machine code of a list; `evaluate` carries it out in NumPy, with the same bits. A run computes
+only once what depends on parameters alone. A step of the Lorenz system takes 81 operations with its
+tests, two of them divisions; sums of products count as products and additions there.
+"""
+
+import functools
+import math
+from itertools import chain
+
+import numpy as np
+
+from .far import PARTS
+from .functions import ELEMENTARY
+from .planned_elimination import Factors, Matrix, elimination_order, places_of, work_of
+
+# A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
+# components fall below LARGE_PART of theirs.
+SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
+SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
+MANY = 4000  # operations of a list, above which compiling takes longer than it saves: see `listed`
+# A list of more than WHOLE operations is divided into functions of PIECE operations. Where LLVM
+# does not optimise, each value for eight lanes takes 64 bytes of a stack.
+WHOLE, PIECE = 4000, 1000
+# A field has a plan unless more terms and products of elimination depend on the state than MOST,
+# and than a part of those of a dense matrix, because elimination without a plan is faster then; or
+# unless planning takes long: more than LONGEST products in all.
+MOST, PART_OF_DENSE, LONGEST = 36_000, 1 / 24, 1_500_000
+AT_MOST = 8  # factors of abs(det DPhi) near 1, after which their product may be far from 1
+
+
+def _of_library(function):
+    """Return a function of Python's `math`, that is of the C library, for arrays of numbers."""
+
+    def of_number(*numbers):
+        try:
+            return function(*numbers)
+        except ValueError:
+            is_infinite = function is math.atanh and abs(numbers[0]) == 1.0
+            return math.copysign(math.inf, numbers[0]) if is_infinite else math.nan
+
+    def of_arrays(*arrays):
+        columns = np.broadcast_arrays(*arrays)
+        rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
+        values = [of_number(*row) for row in rows]
+        return np.array(values, np.float64).reshape(columns[0].shape)
+
+    return of_arrays
+
+
+def _of_bits(function):
+    """Return a function of the bits of doubles, which are integers without sign."""
+
+    def of_arrays(*arrays):
+        integers = (np.atleast_1d(np.asarray(array, float)).view(np.uint64) for array in arrays)
+        values = function(*integers).view(float)
+        return values.reshape(np.broadcast_shapes(*map(np.shape, arrays)))
+
+    return of_arrays
+
+
+def _sum(*operands):
+    """Return the sum of a start, if there is one, and of products of pairs, in this order."""
+    odd = len(operands) % 2
+    total = operands[0] if odd else None
+    for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True):
+        total = a * b if total is None else total + a * b
+    return total
+
+
+def _of_list(name):
+    """Return an elementary function of arrays, which carries out its list."""
+
+    def of_arrays(*arrays):
+        operations, result = list_of(name)
+        values = dict(enumerate(arrays))
+        with np.errstate(all="ignore"):
+            evaluate(operations, values)
+        return values[result]
+
+    return of_arrays
+
+
+# Functions of the C library, by their names there, which a lane calls alone.
+_NAMES = "asin acos atan asinh acosh atanh atan2 erf".split()
+OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
+# Integer instructions, whose names in LLVM follow "bits_".
+OF_BITS = {
+    "bits_and": _of_bits(np.bitwise_and),
+    "bits_or": _of_bits(np.bitwise_or),
+    "bits_xor": _of_bits(np.bitwise_xor),
+    "bits_add": _of_bits(np.add),
+    "bits_sub": _of_bits(np.subtract),
+    "bits_shl": _of_bits(np.left_shift),
+    "bits_lshr": _of_bits(np.right_shift),
+}
+OF_LISTS = {name: _of_list(name) for name in ELEMENTARY}
+# Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
+# second operand where one of them is NaN.
+OF_NUMBERS = {
+    "fadd": np.add,
+    "fsub": np.subtract,
+    "fmul": np.multiply,
+    "fdiv": np.divide,
+    "sum": _sum,
+    "fabs": np.absolute,
+    "sqrt": np.sqrt,
+    "floor": np.floor,
+    "copysign": np.copysign,
+    "select": np.where,
+    "max": lambda a, b: np.where(a > b, a, b),
+    "min": lambda a, b: np.where(a < b, a, b),
+    **OF_BITS,
+    **PARTS,
+    **OF_LISTS,
+    **OF_LIBRARY,
+}
+OF_TRUTH_VALUES = {
+    "olt": np.less,
+    "ogt": np.greater,
+    "oge": np.greater_equal,
+    "oeq": np.equal,
+    "and": np.logical_and,
+    "or": np.logical_or,
+    "xor": np.logical_xor,
+}
+FUNCTIONS = {**OF_NUMBERS, **OF_TRUTH_VALUES}
+
+
+def evaluate(operations, values, functions=FUNCTIONS):
+    """Carry out operations on numbers or arrays; add their results to the dict `values`."""
+    for instruction, number, operands in operations:
+        numbers = (a if isinstance(a, float) else values[a] for a in operands)
+        values[number] = functions[instruction](*numbers)
+
+
+def length_of(operations):
+    """Return the number of instructions of straight-line code, in which sums are several."""
+    return sum(len(of) - 1 if instruction == "sum" else 1 for instruction, _, of in operations)
+
+
+class Values:
+    """Values by number, in the order in which they are computed, and the operations that do so.
+
+    The first `count` values need no operation. Operands are numbers of values, which are integers,
+    and constants, which are floats. `fixed` has the numbers of values that depend on parameters
+    alone.
+    """
+
+    def __init__(self, count, fixed):
+        self.count, self.fixed, self.operations = count, set(fixed), []
+
+    def emit(self, instruction, *operands):
+        """Add an operation; return the number of its value."""
+        number = self.count
+        self.count += 1
+        self.operations.append((instruction, number, operands))
+        if instruction in OF_NUMBERS and all(map(self._is_fixed, operands)):
+            self.fixed.add(number)
+        return number
+
+    def _is_fixed(self, operand):
+        return isinstance(operand, float) or operand in self.fixed
+
+    def total(self, start, products):
+        """Return the value start + sum of a c over the pairs (a, c), in this order.
+
+        It is None if `start` is None and there are no pairs. Pairs of a "sum" are of one kind: the
+        first factors depend on parameters alone, or none does; other products are values of fixed.
+        """
+        own, kind = [] if start is None else [start], None
+        flat = [*chain.from_iterable(products)]
+        if flat and self.fixed.isdisjoint(flat) and float not in map(type, flat):
+            return self.emit("sum", *own, *flat)
+        for a, c in products:
+            of_pair = self._is_fixed(a) + self._is_fixed(c)
+            if len(own) > 1 and of_pair != kind:
+                own = [self.emit("sum", *own)]
+            if of_pair == 2:
+                product = self.emit("fmul", a, c)
+                own = [self.emit("fadd", *own, product) if own else product]
+            else:
+                own += (c, a) if self._is_fixed(c) else (a, c)
+            kind = of_pair
+        if len(own) > 1:
+            return self.emit("sum", *own)
+        return own[0] if own else None
+
+    def joined(self, instruction, values):
+        """Return all values joined by an instruction: pairs of neighbours, then pairs of those.
+
+        So none of many operations waits for all others.
+        """
+        values = [*values]
+        while len(values) > 1:
+            left = values[len(values) & ~1 :]
+            pairs = zip(values[::2], values[1::2], strict=False)
+            values = [self.emit(instruction, *pair) for pair in pairs] + left
+        return values[0]
+
+
+@functools.cache
+def list_of(name):
+    """Return the operations of an elementary function on values 0, ..., and the number of f(x)."""
+    function, count = ELEMENTARY[name]
+    values = Values(count, ())
+    return values.operations, function(values.emit, *range(count))
+
+
+def of_one_sign(indices):
+    """Return the components i that each term of f_i contains, so that x_i keeps its sign."""
+    i, j, k = indices
+    return {*i.tolist()} - {*i[(i != j) & (i != k)].tolist()}
+
+
+class Step:
+    """The operations of a step of fields with terms at these indices (3, T).
+
+    Values 0 to D - 1 are the state x, and the next T are h v of the terms. A large dense field has
+    no plan: then the lists are empty, and loops over its terms (`in_calls`) take all steps.
+
+    fixed       operations on parameters alone
+    table       the values of parameters alone that other operations need
+    usual       operations for all states
+    rare        operations for states where `good` is false
+    after       the next state
+    after_rare  the next state after the operations `rare`; the same where `after` keeps its digits
+    good        true if `after` is accurate and all pivots are positive
+    accurate    true if `after_rare` is accurate; a value of `rare`
+    negative    true if the number of negative pivots is odd, det A(x) < 0; a value of `rare`
+    changed     true if a component that keeps its sign along the motion does not; a value of
+                `rare`, None if there is no such component or `keeps_signs` is false
+    factors     `Factors` of 1 - N(x)
+    is_long     true if loops carry out the operations, because there are more than MANY
+    of_one_sign   components that keep their signs along the motion
+    keeps_signs   true if the operations are a whole step, so that they test these signs
+    """
+
+    good = accurate = negative = changed = factors = None  # without a plan
+
+    def __init__(self, indices, D, carried=0, keeps_signs=False):
+        self.indices, self.D, self.T = indices, D, indices.shape[1]
+        self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
+        values = self.values = Values(D + self.T + carried, range(D, D + self.T))
+        self.fixed, self.table, self.usual, self.rare = [], [], [], []
+        self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
+        pattern, varying = places_of(indices, D)
+        order, right = elimination_order(pattern, D), {}
+        work, of_state = work_of(pattern, order, varying)
+        of_state += int((indices[2] < D).sum())
+        if work > LONGEST or of_state > max(MOST, PART_OF_DENSE * D**3):
+            return
+        matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
+        self.factors = Factors(matrix, order, right)
+        for k in reversed(order):
+            right[k] = self.factors.backward(k, right)
+        halves = {k: half for k, half in sorted(right.items()) if half is not None}
+        for k, half in halves.items():
+            self.after[k] = values.total(k, [(2.0, half)])
+        self._add_tests(halves)
+        self._separate_fixed()
+
+    length = functools.cached_property(lambda self: length_of(self.usual))
+    is_long = property(lambda self: self.length > MANY)
+
+    def _add_tests(self, halves):
+        """Add the tests that increments do not cancel the state, and that pivots are not small.
+
+        `good` asks for more than `accurate`, because this takes fewer operations.
+        """
+        emit, joined = self.values.emit, self.values.joined
+        sizes = {k: emit("fabs", self.after[k]) for k in halves}
+        parts = {k: emit("fabs", half) for k, half in halves.items()}
+        limits = {k: emit("fmul", SMALL_PART, parts[k]) for k in halves}
+        common = [emit("oge", sizes[k], limits[k]) for k in halves]
+        tests = [*common, *self._good_pivots()]
+        tested = self.of_one_sign if self.keeps_signs else ()
+        for k in sorted(tested):
+            pair = emit("olt", k, 0.0), emit("oge", self.after[k], 0.0)
+            tests.append(emit("xor", *pair))
+        if halves:
+            size, part = (joined("fadd", each.values()) for each in (sizes, parts))
+            tests.append(emit("olt", size, np.inf))
+            if len(halves) == self.D:
+                tests.append(emit("ogt", size, emit("fmul", LARGE_PART, part)))
+        self.good = joined("and", tests)
+        first_rare, tests = len(self.values.operations), []
+        self.after_rare = [*self.after]
+        if halves:
+            beyond = [emit("fsub", sizes[k], emit("fmul", LARGE_PART, parts[k])) for k in halves]
+            far = joined("fadd", [emit("max", 0.0, excess) for excess in beyond])  # NaN stays NaN
+            common.append(emit("olt", far, np.inf))
+            if len(halves) == self.D:  # or a component equals its limit, such as 0 that stays 0
+                at_limit = [emit("oeq", sizes[k], limits[k]) for k in halves]
+                common.append(joined("or", [emit("ogt", far, 0.0), *at_limit]))
+            keeps, following = joined("and", common), self._following()
+            for k in halves:
+                self.after_rare[k] = emit("select", keeps, self.after[k], following[k])
+            size = joined("fadd", [emit("fabs", following[k]) for k in halves])
+            tests.append(emit("olt", size, np.inf))
+        self.accurate = joined("and", [*tests, *self._accurate_pivots()])
+        negative = [emit("olt", pivot, 0.0) for pivot in self.factors.pivot.values()]
+        self.negative = joined("xor", negative or [emit("olt", 1.0, 0.0)])
+        changes = [
+            emit("and", emit(first, k, 0.0), emit(second, self.after_rare[k], least))
+            for k in sorted(tested)
+            for first, second, least in (("olt", "ogt", SIGNIFICANT), ("ogt", "olt", -SIGNIFICANT))
+        ]
+        self.changed = joined("or", changes) if changes else None
+        self.rare = self.values.operations[first_rare:]
+
+    def _following(self):
+        """Return x_next, in whose equations no increment cancels the state."""
+        values, matrix, right = self.values, self.matrix, {}
+        for k in self.factors.order:
+            products = [
+                (matrix.linear[k, j], j)
+                for j in sorted(matrix.columns[k])
+                if (k, j) in matrix.linear
+            ]
+            if k in matrix.constant:
+                products.append((2.0, matrix.constant[k]))
+            right[k] = self.factors.forward(k, values.total(k, products), right)
+        for k in reversed(self.factors.order):
+            right[k] = self.factors.backward(k, right)
+        return right
+
+    def _good_pivots(self):
+        """Return the tests of the pivots for `good`."""
+        return [self.values.emit("ogt", *self.factors.bounds())]
+
+    def _accurate_pivots(self):
+        """Return the tests of the pivots for `accurate`."""
+        return [self.values.emit("ogt", *self.factors.least_and_limit())]
+
+    def _separate_fixed(self):
+        """Separate the operations on parameters alone, and list which of their values are used."""
+        fixed, table = self.values.fixed, {}
+        rare = {number for _, number, _ in self.rare}
+        self.fixed = [operation for operation in self.values.operations if operation[1] in fixed]
+        others = [operation for operation in self.values.operations if operation[1] not in fixed]
+        for _, _, operands in others:
+            table.update(dict.fromkeys(a for a in operands if a in fixed))
+        table.update(dict.fromkeys(number for number in self._results() if number in fixed))
+        self.table = [*table]
+        self.places = {number: place for place, number in enumerate(self.table)}
+        self.usual = [operation for operation in others if operation[1] not in rare]
+        self.rare = [operation for operation in others if operation[1] in rare]
+
+    def _results(self):
+        """Return the numbers of values that are read after the operations."""
+        return [*self.after, *self.after_rare]
+
+    @functools.cached_property
+    def pieces(self):
+        """The usual operations in pieces, and a row for each value that a later piece needs.
+
+        One function for all would take more memory of a stack than a thread has. All tests are in
+        the last piece, because rows hold numbers and no truth values.
+        """
+        usual = enumerate(self.usual)
+        tests = (k for k, (instruction, *_) in usual if instruction in OF_TRUTH_VALUES)
+        length = PIECE if len(self.usual) > WHOLE else WHOLE
+        first = range(0, max(next(tests, len(self.usual)), 1), length)
+        pieces = [self.usual[k : k + length] for k in first[:-1]] + [self.usual[first[-1] :]]
+        piece_of = {number: k for k, piece in enumerate(pieces) for _, number, _ in piece}
+        last = len(pieces) - 1
+        needed = [(k, a) for k, piece in enumerate(pieces) for *_, of in piece for a in of]
+        needed += [(last, a) for *_, of in self.rare for a in of]
+        needed += [(last, number) for number in (self.good, *self._results())]
+        kept = dict.fromkeys(a for k, a in needed if isinstance(a, int) and piece_of.get(a, k) < k)
+        return pieces, {number: row for row, number in enumerate(kept)}
+
+    def table_of(self, halves):
+        """Return the values of the table (n, ...), for h v of the terms (T, ...)."""
+        values = dict(enumerate(halves, self.D))
+        with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
+            evaluate(self.fixed, values)
+        table = np.empty((len(self.table), *np.shape(halves)[1:]))
+        for k, number in enumerate(self.table):
+            table[k] = values[number]
+        return table
+
+
+class Tangent(Step):
+    """The operations of a step and of its derivative, which multiplies columns q.
+
+    Three values come after x (D) and h v (T): VOLUME, NEAR_1 and FAR_FROM_1 of `generated_tangent`.
+    A step multiplies VOLUME by abs(det DPhi), NEAR_1 + 1 by the factors of it that are near 1, and
+    FAR_FROM_1 by the others.
+
+    derived     true if the elimination of the derivative is accurate; a value of `rare`
+    columns     operations for -DPhi q in place of q, whose values follow those of the step
+    column      the D values of a column q
+    products    the D values of -DPhi q
+    scaled      the values of VOLUME, NEAR_1 and FAR_FROM_1 after the step
+    back        `Factors` of 1 - M(x_next)
+    """
+
+    derived = back = None  # without a plan
+    column = products = scaled = ()
+
+    def __init__(self, indices, D, keeps_signs=False):
+        self.columns = []
+        super().__init__(indices, D, carried=3, keeps_signs=keeps_signs)
+
+    def _add_tests(self, halves):
+        values = self.values
+        minus = [values.emit("fmul", -1.0, half) for half in range(self.D, self.D + self.T)]
+        matrix = Matrix(self.indices, self.D, values, self.after, minus)
+        self.back = Factors(matrix, self.factors.order)
+        entries = {place: matrix.entry(*place)[0] for place in sorted(matrix.pattern)}
+        for k in range(self.D):  # of M(x_next) - 1
+            is_there = (k, k) in entries
+            entries[k, k] = values.emit("fadd", -1.0, entries[k, k]) if is_there else -1.0
+        self._scale()
+        super()._add_tests(halves)
+        self._add_columns(entries)
+
+    def _good_pivots(self):
+        return [*super()._good_pivots(), self.values.emit("ogt", *self.back.bounds(1.0))]
+
+    def _accurate_pivots(self):
+        self.derived = self.values.emit("ogt", *self.back.least_and_limit(1.0))
+        return super()._accurate_pivots()
+
+    def _scale(self):
+        """Multiply VOLUME, NEAR_1 and FAR_FROM_1 by abs(det DPhi).
+
+        This is prod abs(p_k / q_k), with pivots p of 1 - M(x_next) and q of 1 - N(x). Near 1 digits
+        need p_k / q_k - 1 = (N_kk - M_kk) / q_k, with N and M after elimination.
+        """
+        emit, (volume, near_1, far) = self.values.emit, range(self.D + self.T, self.D + self.T + 3)
+        for n, k in enumerate(sorted(self.factors.inverse)):
+            if n and n % AT_MOST == 0:  # many factors near 1 have a product that is not
+                is_near = emit("olt", emit("fabs", near_1), 0.5)
+                factor = emit("select", is_near, 1.0, emit("fadd", 1.0, near_1))
+                near_1, far = emit("select", is_near, near_1, 0.0), emit("fmul", far, factor)
+            per_q, per_p = self.factors.inverse[k], self.back.inverse[k]
+            change = emit("fsub", self.factors.diagonal[k], self.back.diagonal[k])
+            change = emit("fmul", change, per_q)
+            is_near = emit("olt", emit("fabs", change), 0.5)
+            quotient = emit("select", is_near, 1.0, emit("fabs", emit("fdiv", per_q, per_p)))
+            change = emit("select", is_near, change, 0.0)
+            near_1 = emit("fadd", near_1, emit("fadd", change, emit("fmul", near_1, change)))
+            far = emit("fmul", far, quotient)
+            factor = emit("fadd", quotient, emit("fmul", quotient, change))
+            volume = emit("fmul", volume, factor)
+        self.scaled = volume, near_1, far
+
+    def _add_columns(self, entries):
+        """Add the operations for -DPhi q, with the entries of M(x_next) - 1."""
+        values, step, first = self.values, self.factors, len(self.values.operations)
+        self.column, v = [*range(values.count, values.count + self.D)], {}
+        values.count += self.D
+        for k in step.order:
+            products = [(number, self.column[j]) for (i, j), number in entries.items() if i == k]
+            v[k] = values.total(None, products)
+            v[k] = values.total(v[k], [(step.lower[k, i], v[i]) for i in step.before[k]])
+        for k in reversed(step.order):
+            v[k] = values.total(v[k], [(step.upper[k, j], v[j]) for j in step.after[k]])
+            if k in step.inverse:
+                v[k] = values.emit("fmul", step.inverse[k], v[k])
+        self.products = [v[k] for k in range(self.D)]
+        self.columns = values.operations[first:]
+        del values.operations[first:]
+
+    def _results(self):
+        operands = [a for *_, operands in self.columns for a in operands if isinstance(a, int)]
+        return [*super()._results(), *self.scaled, *operands]

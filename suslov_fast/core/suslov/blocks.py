@@ -1,0 +1,74 @@
+"""Copies of states from blocks of lanes to arrays, by whole cache lines if possible."""
+
+from ..compiling.llvm import LINE, lesser, stream_pairs
+from ..compiling.numba import STREAM_FROM, formula, function
+
+
+@formula
+def alignment(out, begin, batch, lanes):
+    """Return `lead`, `shift` and `shared`, which align the writing of `out` with cache lines.
+
+    A trajectory has two numbers in a row of `out`. A line that two blocks write is read before it
+    is written, which doubles the time.
+
+    lead     how many numbers of `out` are before its first cache line, -1 if `out` is small
+    shift    by how many trajectories the block from trajectory `begin` on must be shorter, so that
+             later blocks begin at a line. (Large arrays of NumPy begin 16 bytes after a line.)
+    shared   how many trajectories a block has in common with the next one, so that one of them
+             writes each line whole: LINE where rows begin at different places within lines, else 0
+    """
+    lead = -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
+    in_lines = lead >= 0 and lead % 2 == 0 and batch > lanes > 1
+    shift = (begin - lead // 2) % 4 if in_lines and batch % 4 == 0 else 0
+    return lead, shift, LINE if in_lines and batch % 4 > 0 else 0
+
+
+@formula
+def store_rows(b, row, flat, place, count):
+    """Interleave b[row, :count] and b[row + 1, :count] into flat[place : place + 2 * count]."""
+    for l in range(count):
+        flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
+
+
+@formula
+def write_pairs(b, row, flat, place, count, lead, after=False, before=False):
+    """Interleave two rows as `store_rows`; past the caches, by whole cache lines, if possible.
+
+    Where blocks share LINE pairs, a block `after` another one leaves to it the pairs ahead of its
+    own first cache line. A block `before` another one is full, and leaves to it the last LINE pairs
+    less those ahead of its own first cache line. The number of lanes is a constant.
+    """
+    ahead = (lead - place) % LINE
+    if lead < 0 or ahead % 2 == 1:
+        store_rows(b, row, flat, place, count)
+        return
+    head = lesser(ahead // 2, count)  # pairs ahead of the first cache line
+    for l in range(0 if after else head):
+        flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
+    lines, most = (count - head) // LINE, b.shape[1] // LINE - 1
+    written = 0
+    if lines >= most:  # a loop of constant length takes three quarters of the time
+        for j in range(most):
+            l = head + LINE * j
+            stream_pairs(flat, place + 2 * l, b, row, l)
+        written = most
+    if before:
+        return
+    for j in range(written, lines):
+        l = head + LINE * j
+        stream_pairs(flat, place + 2 * l, b, row, l)
+    for l in range(head + LINE * lines, count):
+        flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
+
+
+# Calls from Python run the Python functions: a wrong `lead` or `place` is an error, not a crash.
+store_rows._for_calls = store_rows.py_func
+write_pairs._for_calls = write_pairs.py_func
+
+
+@function
+def write_states(x, begin, end, target):
+    """Write the states in the first rows of x to target[begin:end], of an array (B, D)."""
+    for l in range(end - begin):
+        for i in range(target.shape[1]):
+            target[begin + l, i] = x[i, l]

@@ -1,0 +1,420 @@
+"""The closed form: state n of an orbit, or its state at time n, with a rotor or without.
+
+Symbols are those of `map_3d`: z, g, e, ell, X = e ell, Y = e nu and K = e k. With
+nu = -Im(conj(g) z) and x = ell - k, conj(g) z = x - i nu. (In equation (7) x is x, and y is
+sqrt(I1 I2) nu.) R = |z| / sqrt(1 + X**2) and A = R |g| are conserved. Let
+psi = arg(z / (1 - i X)) - arg g and (p, q) = (sin(psi / 2), cos(psi / 2)). Then a step is linear,
+
+    (p, q) -> (1 + e G) (p, q),    G = ((0, A + k), (A - k, 0)),    G**2 = A**2 - k**2,
+
+and the flow is exp(t G / (2 sqrt(I1 I2))) with the R, A, psi of e = 0. State n is a quotient of
+quadratic forms in c and s, where (1 + e G)**n is a multiple of c + s e G. For (c, e s) there are
+two pairs of numbers (rho, sigma):
+
+passes    A**2 > k**2, root = sqrt(A**2 - k**2), L = e root: rho = c - L s = r**n and
+          sigma = e s = (1 - rho) / (2 root), r = (1 - L) / (1 + L): orbits go from one steady
+          state to another
+turns     A**2 <= k**2, root = sqrt(k**2 - A**2): rho = cos(n a), sigma = sin(n a) / root,
+          tan(a) = e root
+
+For the flow n is the time, e = 0 in X, Y and K (`e_map`), and elsewhere e = 1 / (2 sqrt(I1 I2)),
+log r = -2 L and a = L. The state is, with complex numbers z, b and c,
+
+    (z rho**2 + b rho sigma + c sigma**2) / (rho**2 + d12 rho sigma + d22 sigma**2).
+
+For eps > 0 and n >= 0
+
+passes    d12 = 2 (root - nu), d22 = 2 (root**2 + k ell - root nu),
+          conj(g) b = 2 (root ell - k (root - nu)) + i d22, conj(g) c = d22 (i root - k)
+turns     d12 = -2 nu, d22 = 2 k ell + A**2 - k**2,
+          conj(g) b = 2 k nu + 2 i (d22 - k ell), conj(g) c = -k d22 - (A**2 - k**2) (ell + i nu)
+
+For n < 0 conj(g) z, conj(g) b and conj(g) c are conjugated: nu -> -nu. `fill_orbit` uses these
+identities for differences that cancel next to a steady state, |k| = A or the critical level L = 1:
+
+(root - nu) (root + nu) = ell (ell (1 - Y**2) - k (2 + K X)) / (1 + X**2)
+(root**2 + k ell)**2 - (root nu)**2 = ell**2 (x**2 + nu**2) (1 - L**2) / (1 + X**2)
+1 - L**2 = (1 - Y + K X) (1 + Y + K X) / (1 + X**2)
+A**2 - k**2 = (nu**2 + ell (x - k) - (K ell)**2) / (1 + X**2)
+2 k ell + A**2 - k**2 = (nu**2 + ell**2 (1 + K (2 X - K))) / (1 + X**2)
+
+Far from ell = 0, an orbit that turns has b = 2 i (k z + R**2 g) and
+c = -k**2 z - R**2 g (g conj(z) + 2 k). Both hold for g = 0, too, but cancel next to ell = 0.
+
+For k = 0 and T < 1 this is Theorem 1: r = exp(eps k1), equation (12), and (11) is a step of (p, q).
+"""
+
+import math
+
+import numpy as np
+
+from ..compiling.arrays import block_of, flat, uncounted
+from ..compiling.llvm import lesser, select
+from ..compiling.numba import are_common, formula, kernel, pick, share, universal
+from .blocks import alignment, write_pairs
+from .map import RANGE, ZERO_TO_ROUNDING, one_step
+from .steps import FIRST, LANES, NO
+
+# TINY replaces a factor that is exactly 0 on the critical level L = 1. Then all that vanishes with
+# it keeps its proportions, and state 1 and the decay to the steady state are right.
+TINY = 2.0**-100
+CRITICAL = 2.0**-90  # r is 0 or negative if it is below this, and has no real powers
+NO_SQUARE = 1e-300  # replaces a smaller |A**2 - k**2|, so that sin(n a) / root is n e
+PARITY_KNOWN = 2.0**53  # larger numbers are all even
+FAINT = 1e-140  # ell / nu below this, next to a steady state, has a subnormal square
+VANISHES = -350.0  # exp(t) is 0 if t is below this, because its square would be subnormal
+ORDINARY = 2.0**32  # sizes of states between 1 / ORDINARY and this need no unit
+
+# Rows of a block: the body, eps and state 0; the coefficients from B1 on for n >= 0, and from
+# B1 + BACK on for n < 0, if eps > 0; the orbit. MISSING has the sign of those n whose states are
+# unknown. States, momenta and inverse times are in the unit UNIT. The last rows are e > 0,
+# sqrt(I1 I2), I13 / I1, I23 / I2, I13 / ROOT_A, I23 / ROOT_A, 1 / |g|**2, ROOT_A / I1, ROOT_A / I2.
+I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)
+B1, B2, C1, C2, D12, D22, BACK = *range(8, 14), 6
+PASSES, ROOT, R, RATE, MISSING, TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(20, 31)
+E_, ROOT_A, G1, G2, H1, H2, PER_G, TURN1, TURN2 = range(31, 40)
+ROWS, STATE = 40, np.int64(OUT1)
+new_block = block_of(ROWS, int(LANES))
+
+
+@formula
+def is_ordinary(w1, w2):
+    """True for a state whose powers in the closed form are in the range of float64."""
+    size = select(abs(w1) > abs(w2), abs(w1), abs(w2))
+    return (size <= ORDINARY) & (size >= 1.0 / ORDINARY)
+
+
+@formula
+def unit_of(w1, w2, k):
+    """A power of two about as large as a state: in this unit its square is in range.
+
+    With k / unit and eps * unit, the orbit of omega / unit is the orbit of omega over unit.
+    """
+    _, exponent = math.frexp(select(abs(w1) > abs(w2), w1, w2))
+    least = -800 if k == 0.0 else 0  # in a smaller unit k**2 may be out of range
+    exponent = least if exponent < least else lesser(exponent, 800)
+    return math.ldexp(1.0, exponent)
+
+
+@formula
+def nonzero(v):
+    """The number, or TINY if it is 0."""
+    return select(v == 0.0, TINY, v)
+
+
+@formula
+def constants_of(I1, I2, I13, I23):
+    """ROOT_A, G1, G2, H1, H2 and PER_G of a body."""
+    root_a, g1, g2 = np.sqrt(I1 * I2), I13 / I1, I23 / I2
+    return root_a, g1, g2, I13 / root_a, I23 / root_a, 1.0 / (I13 * g1 + I23 * g2)
+
+
+@formula
+def coordinates(I13, I23, k, root_a, g1, g2, w1, w2):
+    """ell, x and nu = y / sqrt(I1 I2), with x and y of equation (7)."""
+    x = I13 * w1 + I23 * w2
+    return x + k, x, root_a * (g2 * w1 - g1 * w2)
+
+
+@formula
+def steady(g1, g2, h1, h2, x, nu):
+    """The state with these x and nu, times |g|**2."""
+    return g1 * x + h2 * nu, g2 * x - h1 * nu
+
+
+@formula
+def difference_of_squares(ell, x, nu, k, X, K):
+    """A**2 - k**2."""
+    return (nu * nu + ell * (x - k) - (K * ell) * (K * ell)) / (1.0 + X * X)
+
+
+@formula
+def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
+    """Fill the coefficients for n >= 0 if `ahead` is 1, for n < 0 if it is -1."""
+    row = B1 if ahead > 0.0 else B1 + BACK
+    k, w1, w2, root_a = b[K_, l], b[W1, l], b[W2, l], b[ROOT_A, l]
+    g1, g2, h1, h2, per_g = b[G1, l], b[G2, l], b[H1, l], b[H2, l], b[PER_G, l]
+    ell, _, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, g1, g2, w1, w2)
+    # The real and imaginary parts of conj(g) b and conj(g) c.
+    b_x = select(passes, 2.0 * (root * ell - k * half_d12), 2.0 * ahead * k * nu)
+    b_nu = -ahead * select(passes, d22_passes, 2.0 * (d22_turns - k * ell))
+    c_x = -select(passes, k * d22_passes, k * d22_turns + square * ell)
+    c_nu = select(passes, -ahead * root * d22_passes, square * nu)
+    b1, b2 = steady(g1, g2, h1, h2, b_x, b_nu)
+    c1, c2 = steady(g1, g2, h1, h2, c_x, c_nu)
+    # b and c of an orbit that turns, for any g; they cancel next to ell = 0.
+    i1 = -2.0 * ahead * ((k * b[TURN1, l]) * w2 + R2 * h2)
+    i2 = 2.0 * ahead * ((k * b[TURN2, l]) * w1 + R2 * h1)
+    back1, back2 = steady(g1, g2, h1, h2, R2 * (ell + k), -(R2 * nu))
+    by_g = passes | (2.0 * abs(ell) < abs(k))
+    b[row, l], b[row + 1, l] = select(by_g, b1 * per_g, i1), select(by_g, b2 * per_g, i2)
+    b[row + 2, l] = select(by_g, c1 * per_g, -(k * k * w1) - back1)
+    b[row + 3, l] = select(by_g, c2 * per_g, -(k * k * w2) - back2)
+    b[row + 4, l] = select(passes, 2.0 * half_d12, -2.0 * ahead * nu)
+    b[row + 5, l] = select(passes, d22_passes, d22_turns)
+
+
+@formula
+def fill_orbit(b, l, discrete):
+    """Fill the rows of an orbit; row RATE holds e root until `rate` is computed from it."""
+    k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
+    root_a, e = b[ROOT_A, l], b[E_, l]
+    ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, b[G1, l], b[G2, l], w1, w2)
+    e_map = discrete * e
+    X, Y, K = e_map * ell, e_map * nu, e_map * k
+    inverse = 1.0 / (1.0 + X * X)
+    square = difference_of_squares(ell, x, nu, k, X, K)
+    passes = square > NO_SQUARE
+    root = np.sqrt(select(passes, square, select(square < -NO_SQUARE, -square, NO_SQUARE)))
+
+    one_minus_Y, one_plus_Y = nonzero(1.0 - Y), nonzero(1.0 + Y)
+    one_minus_L2 = (nonzero(one_minus_Y + K * X) * nonzero(one_plus_Y + K * X)) * inverse
+    per_one_plus_L = 1.0 / (1.0 + e_map * root)
+    b[R, l] = select(discrete > 0.0, one_minus_L2 * per_one_plus_L * per_one_plus_L, 1.0)
+
+    # root -+ |nu|, and middle -+ product = root**2 + k ell -+ root |nu|.
+    total = root + abs(nu)
+    by_x = ell * (ell * (one_minus_Y * one_plus_Y)) * inverse
+    by_k = k * (ell * (2.0 + K * X)) * inverse
+    # Next to |k| = A the terms of the identity cancel, and root - |nu| is exact.
+    cancel = abs(by_x) + abs(by_k) > total * total
+    difference = select(cancel, root - abs(nu), (by_x - by_k) / total)
+    middle, product = root * root + k * ell, root * abs(nu)
+    larger = middle + select(middle < 0.0, -product, product)
+    smaller = ell * (ell / larger) * ((x * x + nu * nu) * inverse * one_minus_L2)
+    plus, minus = select(middle < 0.0, smaller, larger), select(middle < 0.0, larger, smaller)
+    # 2 k ell + A**2 - k**2, by the formula with the smaller terms.
+    by_squares = (nu * nu + (ell * ell) * (1.0 + K * (2.0 * X - K))) * inverse
+    size = (nu * nu + (ell * ell) * (1.0 + K * K + 2.0 * abs(K * X))) * inverse
+    d22_turns = select(size < abs(2.0 * k * ell), by_squares, 2.0 * k * ell + square)
+    R2, negative = (b[I1_, l] * w1 * w1 + b[I2_, l] * w2 * w2) * inverse, nu < 0.0
+    half_d12, d22_passes = select(negative, total, difference), 2.0 * select(negative, plus, minus)
+    fill_coefficients(b, l, 1.0, passes, root, half_d12, d22_passes, d22_turns, R2, square)
+    half_d12, d22_passes = select(negative, difference, total), 2.0 * select(negative, minus, plus)
+    fill_coefficients(b, l, -1.0, passes, root, half_d12, d22_passes, d22_turns, R2, square)
+
+    fixed = ell == 0.0
+    in_range = (abs(X) <= RANGE) & (abs(Y) <= RANGE) & (abs(K) <= RANGE)
+    undefined = abs(1.0 - abs(Y)) < ZERO_TO_ROUNDING * (1.0 + abs(Y))  # 0 / 0, if ell = 0
+    missing = select(fixed, undefined, abs(ell) < FAINT * abs(nu))
+    b[PASSES, l] = select(fixed, 0.0, select(passes, 1.0, 0.0))
+    b[ROOT, l], b[RATE, l] = select(in_range, root, np.nan), select(fixed, 0.0, e * root)
+    b[MISSING, l] = select(missing, select(negative, -1.0, 1.0), 0.0)
+
+
+@formula
+def rate(passes, L, r, discrete):
+    """log|r|, or the angle a, of L = e root; a less a right angle if L > 1."""
+    if discrete == 0.0:
+        return -2.0 * L if passes > 0.0 else L
+    if passes == 0.0:
+        return -math.atan(1.0 / L) if L > 1.0 else math.atan(L)
+    less = 2.0 * select(L < 1.0, L, 1.0) / (1.0 + L)  # 1 - |r|
+    return math.log1p(-less) if less < 0.5 else math.log(abs(r))
+
+
+@formula
+def has_power(r, n):
+    """True if r**n is a real number of known sign."""
+    return r >= CRITICAL or (n == np.floor(n) and n <= PARITY_KNOWN)
+
+
+@formula
+def pair(n, passes, root, r, rate):
+    """(rho, sigma) for n >= 0 steps, or for time n of the flow; NaN if r**n is not real."""
+    t = rate * n if n > 0.0 and rate != 0.0 else 0.0
+    if passes == 0.0:
+        t += 0.5 * np.pi * (n % 2.0) if rate < 0.0 else 0.0
+        return np.cos(t), np.sin(t) / root  # `math` raises at infinity
+    if not has_power(r, n):
+        return np.nan, np.nan
+    if t > -1.0:
+        less = math.expm1(t)
+        rho = 1.0 + less
+    else:
+        rho = 0.0 if t < VANISHES else math.exp(t)
+        less = rho - 1.0
+    if r < 0.0 and n % 2.0 == 1.0:
+        rho, less = -rho, -2.0 - less
+    return rho, -0.5 * less / root
+
+
+@formula
+def state(b, l):
+    """The state of a lane; NaN after a pole."""
+    ahead, rho, sigma = b[TIME, l] >= 0.0, b[RHO, l], b[SIGMA, l]
+    rho2, rho_sigma, sigma2 = rho * rho, rho * sigma, sigma * sigma
+    d12 = select(ahead, b[D12, l], b[D12 + BACK, l]) * rho_sigma
+    d22 = select(ahead, b[D22, l], b[D22 + BACK, l]) * sigma2
+    d, size = (rho2 + d22) + d12, (rho2 + abs(d22)) + abs(d12)
+    inverse = 1.0 / select(abs(d) > ZERO_TO_ROUNDING * size, d, np.nan)
+    c1 = select(ahead, b[C1, l], b[C1 + BACK, l]) * sigma2
+    c2 = select(ahead, b[C2, l], b[C2 + BACK, l]) * sigma2
+    b1 = select(ahead, b[B1, l], b[B1 + BACK, l]) * rho_sigma
+    b2 = select(ahead, b[B2, l], b[B2 + BACK, l]) * rho_sigma
+    w1, w2 = (b[W1, l] * rho2 + c1) + b1, (b[W2, l] * rho2 + c2) + b2
+    return (w1 * inverse) * b[UNIT, l], (w2 * inverse) * b[UNIT, l]
+
+
+@formula
+def adjacent(b, l):
+    """State 1 or -1 of a lane, by a step, because both forms in `state` may vanish for large K."""
+    eps = abs(b[EPS, l]) * b[TIME, l]
+    w1, w2 = one_step(
+        b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l], eps, b[W1, l], b[W2, l]
+    )
+    in_range = select(np.isnan(b[ROOT, l]), np.nan, b[UNIT, l])
+    return w1 * in_range, w2 * in_range
+
+
+@formula
+def reason(b, l):
+    """The reason why a lane has no state: 0, 1 or 2, the row of `reasons` in `states`."""
+    if b[PASSES, l] > 0.0 and not has_power(b[R, l], abs(b[TIME, l])):
+        return 0
+    if b[PASSES, l] == 0.0 and b[TIME, l] * b[MISSING, l] > 0.0:
+        return 2  # from 0 / 0
+    total = b[ROOT, l] + b[RHO, l]
+    for row in range(B1, D22 + BACK + 1):
+        total += b[row, l]
+    return 2 if abs(total) < np.inf else 1
+
+
+@formula
+def fill_bodies(b, first, width, lanes, parameters, discrete):
+    """Fill the rows of the bodies of `width` trajectories from `first` on, repeated; UNIT is 1."""
+    i = first
+    for l in range(lanes):
+        b[I1_, l], b[I2_, l] = pick(parameters[0], i), pick(parameters[1], i)
+        b[I13_, l], b[I23_, l] = pick(parameters[2], i), pick(parameters[3], i)
+        b[K_, l], b[EPS, l] = pick(parameters[4], i), pick(parameters[5], i)
+        i = i + 1 if i + 1 < first + width else first
+    for l in range(LANES):
+        I1, I2 = b[I1_, l], b[I2_, l]
+        root_a, g1, g2, h1, h2, per_g = constants_of(I1, I2, b[I13_, l], b[I23_, l])
+        b[ROOT_A, l], b[G1, l], b[G2, l], b[H1, l], b[H2, l] = root_a, g1, g2, h1, h2
+        b[PER_G, l], b[TURN1, l], b[TURN2, l] = per_g, root_a / I1, root_a / I2
+        b[E_, l] = 0.5 * select(discrete > 0.0, abs(b[EPS, l]), 1.0) / root_a
+        b[UNIT, l] = 1.0
+
+
+@formula
+def rescale(b, lanes, discrete):
+    """Change the unit of lanes whose state is not ordinary to `unit_of` the state."""
+    for l in range(lanes):
+        if not is_ordinary(b[W1, l], b[W2, l]):
+            unit = unit_of(b[W1, l], b[W2, l], b[K_, l])
+            inverse = 1.0 / unit
+            b[UNIT, l], b[K_, l], b[EPS, l] = unit, b[K_, l] * inverse, b[EPS, l] * unit
+            b[W1, l], b[W2, l] = b[W1, l] * inverse, b[W2, l] * inverse
+            if discrete > 0.0:
+                b[E_, l] = 0.5 * abs(b[EPS, l]) / b[ROOT_A, l]
+
+
+@formula
+def start_orbits(b, first, width, used, omega0, discrete):
+    """Fill the first `used` lanes with `width` orbits from trajectory `first` on, repeated.
+
+    Return True if a unit is not 1, so that rows of bodies are changed.
+    """
+    i = first
+    for l in range(used):
+        b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
+        i = i + 1 if i + 1 < first + width else first
+    extreme = FIRST
+    for l in range(LANES):
+        extreme += ~is_ordinary(b[W1, l], b[W2, l])
+    if extreme > 0:
+        rescale(b, used, discrete)
+    for l in range(LANES):
+        fill_orbit(b, l, discrete)
+    for l in range(used):
+        b[RATE, l] = rate(b[PASSES, l], b[RATE, l], b[R, l], discrete)
+    return extreme > 0
+
+
+@kernel
+def states(part, parts, parameters, omega0, discrete, n, out, reasons):
+    """States of trajectories by the closed form.
+
+    parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
+    omega0       (B, 2), state 0; NaN gives NaN
+    discrete     1.0 for the map, 0.0 for the flow (then n are times, and eps is ignored)
+    n            (N,), of any sign and in any order
+    out          (N, B, 2)
+    reasons      (3, B) bool, set to True where a state is NaN. 0: r has no real power, and n is not
+                 an integer or too large; 1: X, Y or K is above RANGE, or a number out of the range
+                 of float64; 2: the state is directly after a pole, or after 0 / 0
+
+    A block has `width` trajectories at `abreast` values of n, so that few trajectories fill the
+    lanes, too.
+    """
+    parameters, omega0, n, reasons = uncounted((parameters, omega0, n, reasons))
+    B, N, target, b = len(omega0), len(n), flat(out), new_block()
+    abreast, started = LANES // B if 0 < B < LANES else 1, FIRST - 1
+    lead, shift, shared = alignment(target, FIRST, B, LANES)
+    stride = LANES - shared
+    blocks, rows = (B + shift + stride - 1) // stride, (N + abreast - 1) // abreast
+    begin, end = share(blocks * rows, part, parts)
+    common, filled = are_common(parameters), NO
+    for task in range(begin, end):
+        block, row = task // rows, task % rows * abreast
+        first = block * stride - shift if block > 0 else 0
+        last = lesser((block + 1) * stride - shift, B)
+        width, count = lesser(last + shared, B) - first, lesser(abreast, N - row)
+        after, before = shared > 0 and block > 0, shared > 0 and last < B
+        used = width * count
+        if block != started:
+            if not filled:
+                lanes = LANES if common and B > LANES else used
+                fill_bodies(b, first, width, lanes, parameters, discrete)
+            scaled = start_orbits(b, first, width, used, omega0, discrete)
+            started, filled = block, common and not scaled
+        for j in range(count):
+            for l in range(j * width, (j + 1) * width):
+                forward = discrete == 0.0 or b[EPS, l] >= 0.0
+                steps = abs(n[row + j]) if discrete > 0.0 else abs(n[row + j]) * b[UNIT, l]
+                b[TIME, l] = n[row + j] if forward else -n[row + j]
+                b[RHO, l], b[SIGMA, l] = pair(steps, b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l])
+                if b[TIME, l] * b[MISSING, l] > 0.0:
+                    b[RHO, l] = np.nan
+        special = FIRST
+        for l in range(LANES):
+            w1, w2 = state(b, l)
+            b[OUT1, l], b[OUT2, l] = w1, w2
+            usual = (abs(w1) + abs(w2) < np.inf) & (abs(b[TIME, l]) != 1.0)
+            special += ~usual
+        for l in range(used if special > 0 else 0):
+            if discrete > 0.0 and abs(b[TIME, l]) == 1.0:
+                b[OUT1, l], b[OUT2, l] = adjacent(b, l)
+            exists = abs(b[OUT1, l]) + abs(b[OUT2, l]) < np.inf
+            if not exists and abs(b[W1, l] + b[W2, l]) < np.inf:
+                b[OUT1, l], b[OUT2, l] = np.nan, np.nan
+                reasons[reason(b, l), first + l % width] = True
+        place = 2 * (row * B + first)
+        write_pairs(b, STATE, target, place, used, lead, after, before)
+
+
+@universal("(),(),(),(),(),(),(d)->(d),(d)")
+def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
+    """The states to which an orbit tends as n tends to -infinity and to +infinity.
+
+    They are the steady states x = -k, nu = +- root. For an orbit that turns they are NaN; for a
+    fixed state both are this state.
+    """
+    unit = unit_of(omega[0], omega[1], k)
+    w1, w2, k, eps = omega[0] / unit, omega[1] / unit, k / unit, eps * unit
+    root_a, g1, g2, h1, h2, per_g = constants_of(I1, I2, I13, I23)
+    ell, x, nu = coordinates(I13, I23, k, root_a, g1, g2, w1, w2)
+    e = 0.5 * eps / root_a
+    X, Y, K = e * ell, e * nu, e * k
+    square = difference_of_squares(ell, x, nu, k, X, K)
+    in_range = abs(X) <= RANGE and abs(Y) <= RANGE and abs(K) <= RANGE
+    L = np.copysign(np.sqrt(square), eps) if in_range and square >= 0.0 else np.nan
+    fixed = eps == 0.0 or ell == 0.0 or (w1 == 0.0 and w2 == 0.0)
+    for out, sign in ((minus, 1.0), (plus, -1.0)):
+        v1, v2 = steady(g1, g2, h1, h2, -k, sign * L)
+        out[0], out[1] = (w1, w2) if fixed else (v1 * per_g, v2 * per_g)
+        out[0], out[1] = out[0] * unit, out[1] * unit
+        if ell == 0.0 and abs(1.0 + sign * Y) < 2.0 * ZERO_TO_ROUNDING:  # 0 / 0
+            out[0], out[1] = np.nan, np.nan

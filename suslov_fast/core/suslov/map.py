@@ -1,0 +1,186 @@
+"""The Kahan map of a body or gyrostat in three dimensions, with one division a step.
+
+With w = (Omega1, Omega2), let
+
+    z = sqrt(I1) w1 + i sqrt(I2) w2,    g = I13 / sqrt(I1) + i I23 / sqrt(I2),
+    e = eps / (2 sqrt(I1 I2)),          ell = I13 w1 + I23 w2 + k = Re(conj(g) z) + k,
+    X = e ell,    Y = -e Im(conj(g) z),    K = e k.
+
+Kahan's equations, (4) of the paper, are z_next - z = i e (ell z_next + ell_next z). Their solution,
+(5), is with D = 1 - Y - K X + 2 X**2
+
+    z_next = z (D - 2 X**2 + 2 i X) / D,    X_next = X (1 + Y + K X) / D.
+
+Zeros of D are poles. States with ell = 0 are fixed. R**2 = |z|**2 / (1 + X**2) is conserved, and so
+is T = e R |g|, the criticality. Two forms of a state are iterated:
+
+plain     (X, Y), for k = 0 and T < 1 (that is |Y| < 1), where there is no pole. Equations (8),
+          X_next = X (1 + Y) / (1 - Y + 2 X**2), Y_next = Y - 2 X X_next, have no parameters
+general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X computed from u and v loses
+          digits next to a steady state; u and v computed from X and Y lose them for large K
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiling.llvm import select
+from ..compiling.numba import formula
+
+ZERO_TO_ROUNDING = 2.0**-50  # D is 0 if it is below this part of the sum of its terms
+NEGLIGIBLE = 1e-150  # a decaying X / Y below this becomes 0, because subnormal numbers are slow
+LEAST, LARGEST = 2.0**-300, 2.0**300  # squares of numbers between them are in range
+RANGE = 1e8  # moduli of X, Y and K up to which their differences keep enough digits
+
+
+class Frame(NamedTuple):
+    """The numbers of a body and a step size, for states (u, v) = (w1, w2 / back).
+
+    X = a1 u + a2 v + K, Y = a2 u - a1 v; without a rotor u = m1 X + m2 Y, v = m2 X - m1 Y.
+    """
+
+    K: float
+    a1: float
+    a2: float
+    back: float
+    m1: float
+    m2: float
+
+
+@formula
+def frame_of(I1, I2, I13, I23, k, eps):
+    """The frame of a body, and e. If g = 0 or eps = 0, m1 and m2 are not finite."""
+    root_a = np.sqrt(I1 * I2)
+    e, back = 0.5 * eps / root_a, root_a / I2
+    per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
+    a1, a2, m1, m2 = e * I13, e * (I23 * back), (I13 / I1) * per_g, (I23 / root_a) * per_g
+    return Frame(e * k, a1, a2, back, m1, m2), e
+
+
+@formula
+def XY_in_frame(frame, e, I13, I23, k, w1, w2):
+    """X and Y of a state; X = 0 where ell is 0 in floating point."""
+    return e * ((I13 * w1 + I23 * w2) + k), frame.a2 * w1 - frame.a1 * (w2 / frame.back)
+
+
+@formula
+def frame_and_XY(I1, I2, I13, I23, k, eps, w1, w2):
+    """The frame of a body, and X and Y of a state of it."""
+    frame, e = frame_of(I1, I2, I13, I23, k, eps)
+    X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
+    return frame, X, Y
+
+
+@formula
+def is_supercritical(frame, X, Y):
+    """True if |T| >= 1, where T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
+    return Y * Y >= 1.0 + frame.K * (2.0 * X - frame.K)
+
+
+@formula
+def loses_digits(frame, X, Y):
+    """True if the state after a moving state of a gyrostat would have too few digits."""
+    far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
+    return far & (frame.K != 0.0) & (X != 0.0)
+
+
+@formula
+def plain_step(X, Y):
+    """X and Y of the next state, without a rotor and for T < 1; X = 0 where it has decayed."""
+    X, Y = decaying_step(X, Y)
+    return select(abs(X) < -NEGLIGIBLE * Y, 0.0, X), Y
+
+
+@formula
+def decaying_step(X, Y):
+    """X and Y of the next state by equations (8); X may become subnormal."""
+    square = X * (2.0 * X)
+    ratio = (1.0 + Y) / ((1.0 - Y) + square)
+    return X * ratio, Y - square * ratio
+
+
+@formula
+def leave_plain(frame, X, Y):
+    """The state with these X and Y, without a rotor."""
+    return frame.m1 * X + frame.m2 * Y, (frame.m2 * X - frame.m1 * Y) * frame.back
+
+
+@formula
+def turn(X, Y, K):
+    """along, across and ratio of a step, NaN if there is none, and 1 at a pole, else 0:
+    z_next = along z + across i z and X_next = ratio X.
+    """
+    KX, square = K * X, X * (2.0 * X)
+    linear = (1.0 - Y) - KX
+    D, least = linear + square, ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
+    inverse = 1.0 / select(abs(D) > least, D, np.nan)
+    part = square * inverse  # if X = 0, 1 - part is 1, where linear (1 / D) may be 1 - ulp / 2
+    along = select(abs(part) < 0.5, 1.0 - part, linear * inverse)
+    return along, (2.0 * X) * inverse, ((1.0 + Y) + KX) * inverse, select(abs(D) < least, 1.0, 0.0)
+
+
+@formula
+def general_step(frame, X, u, v):
+    """X, u and v after a step of any orbit, and 1 if the state was a pole, else 0."""
+    Y = frame.a2 * u - frame.a1 * v
+    along, across, ratio, pole = turn(X, Y, frame.K)
+    X = X * ratio
+    X = select(abs(X) < -NEGLIGIBLE * Y, 0.0, X)
+    return X, along * u - across * v, along * v + across * u, pole
+
+
+@formula
+def length(u, v):
+    """sqrt(u**2 + v**2), also if the squares are out of range."""
+    size = abs(u) + abs(v)
+    small, large = size < LEAST, size > LARGEST
+    unit = select(small, LEAST * LEAST, select(large, LARGEST * LARGEST, 1.0))
+    inverse = select(small, LARGEST * LARGEST, select(large, LEAST * LEAST, 1.0))
+    u, v = u * inverse, v * inverse
+    return np.sqrt(u * u + v * v) * unit
+
+
+@formula
+def project_on_level(frame, R, X, u, v):
+    """Rescale (u, v) to the initial R, against drift; recompute X where that loses no digits."""
+    Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
+    X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
+    factor = R * np.sqrt(1.0 + X * X) / length(u, v)
+    factor = select((X != 0.0) & (abs(factor - 1.0) < 1e-6), factor, 1.0)  # a steady state stays
+    return X, u * factor, v * factor
+
+
+@formula
+def is_plain(frame, X, Y):
+    """True for a state that takes plain steps: no rotor, T < 1, not fixed, no subnormal X and Y."""
+    moves = (X != 0.0) & (abs(X) < LARGEST) & (abs(Y) < 1.0) & (abs(X) + abs(Y) > LEAST)
+    return moves & (frame.K == 0.0) & (abs(frame.m1) + abs(frame.m2) < np.inf)
+
+
+@formula
+def is_fixed(X, Y):
+    """True for a fixed state, ell = 0, which keeps its bits; but not for the pole among them."""
+    return (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
+
+
+@formula
+def one_step(I1, I2, I13, I23, k, eps, w1, w2):
+    """The next state, with the bits of `steps`; NaN where there is none."""
+    frame, e = frame_of(I1, I2, I13, I23, k, eps)
+    return step_in_frame(frame, e, I13, I23, k, w1, w2)
+
+
+@formula
+def step_in_frame(frame, e, I13, I23, k, w1, w2):
+    """The next state of a body with this frame and e."""
+    X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
+    if is_plain(frame, X, Y):
+        next1, next2 = leave_plain(frame, *plain_step(X, Y))
+    elif is_fixed(X, Y):
+        return w1, w2
+    else:
+        X = select(loses_digits(frame, X, Y), np.nan, X)
+        _, next1, v, _ = general_step(frame, X, w1, w2 / frame.back)
+        next2 = v * frame.back
+    exists = abs(next1) + abs(next2) < np.inf
+    return select(exists, next1, np.nan), select(exists, next2, np.nan)

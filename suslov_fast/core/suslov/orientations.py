@@ -1,0 +1,127 @@
+"""Orientations of bodies: R_next = R cay(S), S = eps (Omega + Omega_next) / 2 (theory, section 4).
+
+S/2 = b e_n^T - e_n b^T, because only the last row and column of Omega are not 0. So
+
+cay(S) = (1 - S/2)**-1 (1 + S/2) = 1 + 2 (S/2 + (S/2)**2) / (1 + |b|**2),
+
+and a row (r, r_n) of R becomes, with c = 2 / (1 + |b|**2),
+
+(r - c (r.b + r_n) b,   r_n + c (r.b - |b|**2 r_n)).
+
+Rounding errors of R^T R = 1 are removed at states with indices that are multiples of CLEAN_EVERY.
+"""
+
+import numpy as np
+
+from ..compiling.elimination import simd_max
+from ..compiling.numba import function, kernel, share
+
+SQUARE, ALONG, QUARTER = range(3)  # rows of numbers of lanes: |b|**2; r.b; and eps / 4
+CLEAN_EVERY = 16
+# A longer b is made this long, so that its square is in range: cay(S) is a half turn to rounding.
+HALF_TURN = 2.0**500
+
+
+@kernel
+def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns):
+    """Compute the orientations along consecutive states.
+
+    omega   (rows + 1, B, D), the states from `start` on: Omega1 and Omega2 in three dimensions
+            (`axial`), else Omega_in
+    eps     (1 or B,)
+    R       (B, n, n), at the first state; replaced by that at the last state
+    turns   (..., B, n, n), whose rows from `next_row` on receive R at later states with indices
+            that are multiples of `every`; none if that is 0
+    """
+    count, B, D = omega.shape
+    lanes = min(64 if D < 8 else 8, (max(B, 1) + 7) // 8 * 8)
+    r, b, c = np.empty((D + 1, D + 1, lanes)), np.empty((D, lanes)), np.empty((3, lanes))
+    gram, cleaned = np.empty(r.shape), np.empty(r.shape)
+    first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
+    for block in range(first_block, last_block):
+        begin, row = block * lanes, next_row
+        width = min(lanes, B - begin)
+        for l in range(lanes):  # lanes beyond the last trajectory repeat it
+            k = min(begin + l, B - 1)
+            c[QUARTER, l] = 0.25 * eps[k % len(eps)]
+            for i in range(D + 1):
+                for j in range(D + 1):
+                    r[i, j, l] = R[k, i, j]
+        for n in range(1, count):
+            for l in range(lanes):
+                k = begin + min(l, width - 1)
+                if axial:
+                    b[0, l] = c[QUARTER, l] * (omega[n - 1, k, 1] + omega[n, k, 1])
+                    b[1, l] = -c[QUARTER, l] * (omega[n - 1, k, 0] + omega[n, k, 0])
+                else:
+                    for i in range(D):
+                        b[i, l] = c[QUARTER, l] * (omega[n - 1, k, i] + omega[n, k, i])
+            turn_lanes(r, b, c)
+            if (start + n) % CLEAN_EVERY == 0:
+                clean(r, gram, cleaned)
+            if every > 0 and (start + n) % every == 0:
+                write(r, begin, width, turns[row])
+                row += 1
+        write(r, begin, width, R)
+
+
+@function
+def turn_lanes(r, b, c):
+    """Replace r by r cay(S)."""
+    D, lanes = b.shape
+    for l in range(lanes):
+        c[ALONG, l], c[SQUARE, l] = HALF_TURN, 0.0
+    for i in range(D):
+        for l in range(lanes):
+            c[ALONG, l] = simd_max(abs(b[i, l]), c[ALONG, l])
+    for l in range(lanes):
+        c[ALONG, l] = HALF_TURN / c[ALONG, l]
+    for i in range(D):
+        for l in range(lanes):
+            b[i, l] *= c[ALONG, l]
+            c[SQUARE, l] += b[i, l] * b[i, l]
+    for i in range(D + 1):
+        for l in range(lanes):
+            c[ALONG, l] = 0.0
+        for j in range(D):
+            for l in range(lanes):
+                c[ALONG, l] += r[i, j, l] * b[j, l]
+        for l in range(lanes):
+            scale = 2.0 / (1.0 + c[SQUARE, l])
+            last = r[i, D, l]
+            r[i, D, l] = last + scale * (c[ALONG, l] - c[SQUARE, l] * last)
+            c[ALONG, l] = scale * (c[ALONG, l] + last)
+        for j in range(D):
+            for l in range(lanes):
+                r[i, j, l] -= c[ALONG, l] * b[j, l]
+
+
+@function
+def clean(r, gram, cleaned):
+    """Take one step of Newton's method to the nearest orthogonal matrix, r (3 - r^T r) / 2."""
+    n, _, lanes = r.shape
+    for i in range(n):
+        for j in range(n):
+            gram[i, j] = 1.5 if i == j else 0.0
+            for k in range(n):
+                for l in range(lanes):
+                    gram[i, j, l] -= 0.5 * r[k, i, l] * r[k, j, l]
+    for i in range(n):
+        for j in range(n):
+            cleaned[i, j] = 0.0
+            for k in range(n):
+                for l in range(lanes):
+                    cleaned[i, j, l] += r[i, k, l] * gram[k, j, l]
+    for i in range(n):  # `r[:] = cleaned` takes seconds to compile
+        for j in range(n):
+            for l in range(lanes):
+                r[i, j, l] = cleaned[i, j, l]
+
+
+@function
+def write(r, begin, width, target):
+    """Write orientations to target (B, n, n)."""
+    for l in range(width):
+        for i in range(r.shape[0]):
+            for j in range(r.shape[0]):
+                target[begin + l, i, j] = r[i, j, l]

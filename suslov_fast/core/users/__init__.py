@@ -1,0 +1,1 @@
+"""Steps and loops of users: own maps, compiled systems, sections of orbits."""

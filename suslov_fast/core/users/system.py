@@ -1,0 +1,73 @@
+"""Steps of one state of a field, for compiled loops of users (`compiled.step_system`)."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..code.compiler import code_of
+from ..code.runs_code import numbers_of, text_of_listed_step
+from ..compiling.codes import OK, PASSED_POLE
+from ..compiling.llvm import call_code, with_address
+from ..compiling.numba import function
+from ..fields.careful import changes_sign, solve_lane
+from ..fields.generated import text_of_step
+from ..fields.steps import scheme_of
+
+
+@with_address
+class FieldSystem(NamedTuple):
+    """A field and a step size. Unpickling it finds the address in that process."""
+
+    address: int  # of the code of `generated.text_of_step`, 0 if there is none
+    half: Any  # (stages, T), half of the step size times the values of the terms
+    table: Any  # (stages, n), see `Step.table`
+    indices: Any  # (3, T)
+    dimension: int
+
+    def __reduce__(self):
+        return system_of, (self.indices, self.half, self.dimension)
+
+
+def system_of(indices, half, D):
+    """Return the system of a field, from eps / 2 times its values for each stage (stages, T)."""
+    step, text_of = scheme_of(indices, D).step, text_of_step
+    table = np.ascontiguousarray(step.table_of(half.T).T)
+    if step.is_long:
+        text_of, table = text_of_listed_step, numbers_of(step, table.T).T.copy()
+    # The code lasts, because users may store the system anywhere.
+    address = code_of(text_of, step, lasts=True) if step.usual else None
+    return FieldSystem(int(address or 0), half, table, step.indices, D)
+
+
+@function
+def field_memory(system):
+    """The memory of `field_step_of_one`."""
+    D = system.dimension
+    return np.empty((D, D + 1, 1)), np.empty((2, D)), np.empty((D,))
+
+
+@function
+def field_step_of_one(system, state, out, memory):
+    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
+    matrix, units, x = memory
+    status, passed = OK, False
+    for i in range(len(x)):
+        x[i] = state[i]
+    for stage in range(len(system.half)):
+        code = np.int64(1)  # of `text_of_step`: 1 if the step is not accurate, 2 if det A < 0
+        if system.address != 0:
+            code = call_code(system.address, (x.ctypes.data, system.table[stage].ctypes.data))
+        negative = code == 2
+        if code == 1:
+            status, negative = solve_lane(system.indices, system.half[stage], x, matrix, units)
+        passed |= negative
+        if status != OK:
+            break
+    passed |= changes_sign(system.indices, state, x)  # now, because `out` may be `state`
+    for i in range(len(x)):
+        out[i] = x[i] if status == OK else np.nan
+    return PASSED_POLE if passed and status == OK else status
+
+
+# What `compiled` calls for a system of this kind.
+FieldSystem.memory, FieldSystem.one_step = field_memory, field_step_of_one

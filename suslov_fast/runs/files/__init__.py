@@ -1,0 +1,1 @@
+"""Results outside memory: files, datasets and Zarr stores."""

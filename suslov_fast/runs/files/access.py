@@ -1,0 +1,181 @@
+"""Requests to a Zarr store: which keys it has, and their values, read and written."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Collection, Coroutine, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+from uuid import uuid4
+
+from ...checks import wrong
+
+T = TypeVar("T")
+
+# Simultaneous requests, for keys that a listing does not have and of writing.
+_AT_A_TIME = 64
+
+
+def reader(store: Any, read_only: bool = True) -> Any:
+    """Return the Zarr store object of a folder or a URL, without cached listings."""
+    from zarr.storage import FsspecStore, LocalStore
+
+    if isinstance(store, Path):
+        return LocalStore(store, read_only=read_only)
+    if isinstance(store, (str, os.PathLike)):
+        store = FsspecStore.from_url(os.fspath(store), read_only=read_only)
+    if isinstance(store, FsspecStore):
+        store.fs.invalidate_cache()  # because cached listings lack chunks of other processes
+    return store
+
+
+def run(requests: Coroutine[Any, Any, T]) -> T:
+    """Run requests on the event loop of Zarr, to which the connections of its stores belong.
+
+    The private `sync` is needed because no public function of Zarr lists keys or asks for one.
+    """
+    from zarr.core.sync import sync
+
+    answer: T = sync(requests)
+    return answer
+
+
+async def settle(seconds: float) -> None:
+    """Wait for requests that an interrupt left unfinished, and cancel those that take longer.
+
+    Otherwise asyncio prints warnings about them when the process ends.
+    """
+    if others := asyncio.all_tasks() - {asyncio.current_task()}:
+        for task in (await asyncio.wait(others, timeout=seconds))[1]:
+            task.cancel()
+
+
+def opened(store: Any) -> Any:
+    """Return a Zarr store object after it was opened, because one of a ZIP file starts closed."""
+    from zarr.storage import StorePath
+
+    return run(StorePath.open(store, path="")).store
+
+
+def check_writable(target: Any) -> None:
+    if target.read_only:
+        raise wrong("store", "a store that can be written", f"{target}, which is read-only")
+
+
+async def put(target: Any, values: Mapping[str, Sequence[Any]]) -> None:
+    """Write values, each in parts that are bytes or arrays of bytes, several keys at a time."""
+    from zarr.buffer import default_buffer_prototype
+    from zarr.storage import LocalStore
+
+    if values:
+        check_writable(target)
+    buffer, turn = default_buffer_prototype().buffer, asyncio.Semaphore(_AT_A_TIME)
+
+    async def put_one(key: str, parts: Sequence[Any]) -> None:
+        async with turn:
+            if type(target) is LocalStore:
+                await asyncio.to_thread(_write, target.root / key, parts)
+            else:
+                await target.set(key, buffer.from_bytes(b"".join(parts)))
+
+    await asyncio.gather(*(put_one(key, parts) for key, parts in values.items()))
+
+
+async def put_new(target: Any, key: str, value: bytes) -> bytes:
+    """Write bytes under a key that has none; return those that it has then.
+
+    Of several processes at once one succeeds, if the file system has hard links.
+    """
+    from zarr.buffer import default_buffer_prototype
+
+    check_writable(target)
+    if await get(target, key) is None:
+        try:
+            made = default_buffer_prototype().buffer.from_bytes(value)
+            await target.set_if_not_exists(key, made)
+        except OSError:
+            await put(target, {key: [value]})
+    return await get(target, key) or b""
+
+
+def _write(path: Path, parts: Sequence[Any]) -> None:
+    """Write the parts of a file, which appears when it is complete; `LocalStore` needs a copy."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(f".{uuid4().hex}.partial")
+    try:
+        with open(partial, "wb") as file:
+            for part in parts:
+                file.write(part)
+        os.replace(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+async def put_where_different(target: Any, values: Mapping[str, bytes]) -> None:
+    """Write bytes under those keys that have others, or none."""
+    found = await asyncio.gather(*(get(target, key) for key in values))
+    pairs = zip(values.items(), found, strict=True)
+    await put(target, {key: [value] for (key, value), there in pairs if value != there})
+
+
+async def get(source: Any, key: str) -> bytes | None:
+    """Return the bytes under a key, or None; OSError if the store cannot be read."""
+    from zarr.buffer import default_buffer_prototype
+
+    try:
+        value = await source.get(key, default_buffer_prototype())
+    except FileNotFoundError:
+        return None
+    except OSError:
+        raise
+    except Exception as error:  # of a library for servers, such as aiohttp
+        how = "check its address, and that you may read it"
+        raise OSError(f"store: {key} cannot be read: {how} ({error})") from error
+    return None if value is None else bytes(value.to_bytes())
+
+
+async def texts(source: Any, keys: list[str]) -> list[str | None]:
+    """Return the text under each key, or None."""
+    return await asyncio.gather(*(text(source, key) for key in keys))
+
+
+async def text(source: Any, key: str) -> str | None:
+    """Return the text under a key, or None."""
+    value = await get(source, key)
+    return None if value is None else value.decode("utf-8", "replace")
+
+
+async def keys_of(source: Any, prefix: str = "") -> set[str]:
+    """Return the keys with a prefix; none if the store cannot list keys."""
+    try:
+        return {key async for key in source.list_prefix(prefix)}
+    except Exception:  # of any class, because each kind of server has its own
+        return set()
+
+
+async def members(source: Any, known: Collection[str]) -> set[str]:
+    """Return the arrays and groups other than `known` of a store, as far as it can list them."""
+    try:
+        # Lists of web servers have a slash after the name of each folder.
+        names = [name.rstrip("/") async for name in source.list_dir("")]
+    except Exception:  # of any class, because each kind of server has its own
+        return set()
+    others = [f"{name}/zarr.json" for name in names if name not in known]
+    return {key.partition("/")[0] for key in await existing(source, others)}
+
+
+async def existing(source: Any, keys: list[str]) -> set[str]:
+    """Return those of the keys that exist, by one request for each."""
+    turn = asyncio.Semaphore(_AT_A_TIME)
+
+    async def ask(key: str) -> bool:
+        async with turn:
+            try:
+                return bool(await source.exists(key))
+            except FileNotFoundError:
+                return False
+
+    answers = await asyncio.gather(*map(ask, keys))
+    return {key for key, exists in zip(keys, answers, strict=True) if exists}

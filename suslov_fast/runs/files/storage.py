@@ -1,0 +1,391 @@
+"""Runs and crossings as .npz files, without loss: saving, loading, and checks of what is read."""
+
+import errno
+import io
+import json
+import math
+import os
+import secrets
+import shutil
+import time
+import zipfile
+from collections.abc import Mapping
+from contextlib import suppress
+from glob import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ... import checks
+from ...bodies.classes import body_from_dict, class_named
+from ...checks import (
+    MOMENTS,
+    common_shape,
+    in_units,
+    integer,
+    kind_of,
+    real_array,
+    require,
+    short,
+    within,
+    wrong,
+)
+from ...engine.status import Status
+from ...keywords import missing_file
+from ...maps import map_of, named
+from ..columns import (
+    ARGUMENTS,
+    FORMAT,
+    OF_KIND,
+    OtherFormat,
+    arrays_of,
+    check_arrays,
+    conditions_of,
+    present,
+    sizes_of,
+)
+
+PathLike = str | os.PathLike[str]
+
+# Numbers and texts of results: their arguments, and of crossings the number of states so far.
+_NUMBERS = ARGUMENTS | {"Crossings": (*ARGUMENTS["Crossings"], "_n")}
+_ROOM = "make room, or raise save_every"
+_TEXTS = "about", "body"
+_OF_MAPS = "Trajectories", "Crossings"
+# Largest sizes in bytes: of the header of an entry, of the text `about`, and of the text `body`,
+# which may be larger if its compressed size is at least 1/64: JSON is never compressed so much.
+_MOST_HEADER, _MOST_ABOUT, _MOST_BODY, _RATIO = 2**14, 2**20, 2**24, 64
+
+
+def save(result: Any, path: PathLike, overwrite: bool) -> None:
+    """Write a result to a .npz file, which appears under its name when it is complete."""
+    from ... import __version__
+
+    others = "to_xarray().to_netcdf(path) and ensemble(store=...) write other formats"
+    target = Path(
+        os.path.realpath(_checked(path, others))
+    )  # a link stays, and its target is written
+    if not isinstance(overwrite, bool):
+        raise wrong("overwrite", "True or False", short(overwrite), TypeError)
+    if target.exists() and not overwrite:
+        raise _exists(path)
+    kind, described = type(result).__name__, result.body.to_dict()
+    if kind in _OF_MAPS and result._carry is None:
+        raise ValueError(
+            "save: this is a part or a copy of a result: save the result of the run itself"
+        )
+    about = {"format": FORMAT, "version": __version__, "kind": kind}
+    about |= {"map": result.map.name} if kind in _OF_MAPS else {}
+    about |= {name: getattr(result, name) for name in _NUMBERS[kind]}
+    if class_named(described["body"]) is not type(result.body):
+        raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
+    names = *["eps"] * (kind in _OF_MAPS), *(column.name for column in OF_KIND[kind])
+    arrays = {name: getattr(result, name, None) for name in names}
+    arrays = {name: array for name, array in arrays.items() if array is not None}
+    arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
+    try:
+        _write(target, arrays, overwrite)
+    except FileExistsError as error:  # another process was faster
+        raise _exists(path) from error
+    except OSError as error:  # name the file of the caller, not the one beside it
+        why = _why_not(error, target, sum(np.asarray(a).nbytes for a in arrays.values()))
+        raise OSError(error.errno, why, os.fspath(path)) from error
+
+
+def _why_not(error: OSError, target: Path, nbytes: int) -> str:
+    """Return why a file of a size was not written, and what to do."""
+    if error.errno == errno.EDQUOT:
+        return f"the disk quota is used up, the file takes {in_units(nbytes)}: {_ROOM}"
+    if error.errno == errno.ENOSPC:
+        sizes = in_units(shutil.disk_usage(target.parent).free), in_units(nbytes)
+        return f"{sizes[0]} are free, the file takes {sizes[1]}: {_ROOM}"
+    if os.name == "nt" and isinstance(error, PermissionError) and target.exists():
+        return "a program reads the file: close what has it open"  # Windows replaces no such file
+    return error.strerror or str(error)
+
+
+def _exists(path: PathLike) -> FileExistsError:
+    """Return the error of a file that exists."""
+    message = "the file exists: choose a new name, or pass overwrite=True"
+    return FileExistsError(errno.EEXIST, message, os.fspath(path))
+
+
+def _write(target: Path, arrays: Mapping[str, Any], overwrite: bool) -> None:
+    """Write a partial file beside `target`, and rename it at the end."""
+    part, file = _partial(target)
+    try:
+        with file:  # locked until it is closed
+            if overwrite:  # before writing, so that nobody can read who must not
+                with suppress(FileNotFoundError):
+                    shutil.copymode(target, part)
+            np.savez(file, **arrays)
+            if os.name == "nt":  # Windows renames no open file
+                file.close()
+            if overwrite:
+                os.replace(part, target)
+            else:
+                _rename(part, target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _rename(part: Path, target: Path) -> None:
+    """Give a file a new name; FileExistsError in all but one of several processes at once."""
+    try:
+        os.link(part, target)
+    except FileExistsError:
+        raise
+    except (AttributeError, OSError):  # without hard links, an empty file reserves the name
+        open(target, "xb").close()
+        os.replace(part, target)
+
+
+def _partial(target: Path) -> tuple[Path, Any]:
+    """Return a new file beside `target`, locked; delete those that killed processes left there.
+
+    The files of living processes are locked. Windows has no such locks, but deletes no open file;
+    processes close theirs just before they rename it, so those younger than a minute stay there.
+    """
+    for left in target.parent.glob(f".{escape(target.name)}.*.part"):
+        with suppress(OSError):
+            if os.name != "nt":
+                with open(left, "rb+") as old:
+                    _lock(old)
+                    left.unlink()
+            elif time.time() - left.stat().st_mtime > 60.0:
+                left.unlink()
+    while True:
+        part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+        file = open(part, "xb")  # noqa: SIM115  (closed by the caller)
+        with suppress(BlockingIOError):
+            _lock(file)
+            if part.exists():  # another process may have deleted it before the lock
+                return part, file
+        file.close()
+
+
+def _lock(file: Any) -> None:
+    """Lock a file until it is closed; BlockingIOError if another process has the lock."""
+    with suppress(ImportError):
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def load(path: PathLike, *kinds: str) -> dict[str, Any]:
+    """Return the attributes of the result in a file of `save`.
+
+    `kinds` are names of classes to accept; without them any is, and the attributes have its `kind`.
+    Only known entries are read, and arrays only if their types and shapes are right. Errors name
+    the file.
+    """
+    name = os.fspath(_checked(path, "open_ensemble reads a store"))
+    writers = " or ".join(f"{kind}.save" for kind in kinds or OF_KIND)
+    try:
+        with open(name, "rb") as file, zipfile.ZipFile(file) as entries:
+            about, texts = _about(entries)
+            kind = checks.one_of("kind", about["kind"], OF_KIND)
+            if not kinds or kind in kinds:
+                read = _read if kind in _OF_MAPS else _read_motion
+                return read(entries, kind, about, texts["body"]) | ({} if kinds else {"kind": kind})
+    except FileNotFoundError as error:
+        raise FileNotFoundError(error.errno, missing_file(name), name) from None
+    except (OSError, MemoryError):
+        raise
+    except OtherFormat as error:
+        raise ValueError(f"{name} is {error}") from None
+    except Exception as error:  # from NumPy, zipfile or json
+        text = f"it has no entry {error}" if isinstance(error, KeyError) else str(error)
+        raise ValueError(f"{name} is not a complete file of {writers}: {text}") from error
+    raise ValueError(f"{name} is a file of {kind}.save: load it by {kind}.load")
+
+
+def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the description of a file (format, kind, map, numbers), and all its texts."""
+    texts = {name: _text(entries, name) for name in _TEXTS if _header(entries, name) is not None}
+    about = json.loads(texts.get("about", "{}"))
+    if (number := about.get("format", FORMAT)) != FORMAT:
+        raise OtherFormat(number, about.get("version"))
+    return about, texts
+
+
+def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> dict[str, Any]:
+    """Return the attributes of a result, after checks that they agree."""
+    table = OF_KIND[kind]
+    names = ["eps", *(column.name for column in table)]
+    all_headers = {name: _header(entries, name) for name in names}
+    headers = {name: header for name, header in all_headers.items() if header is not None}
+    numbers = {name: about[name] for name in _NUMBERS[kind]}
+    body, map = body_from_dict(json.loads(body_text)), named(about["map"])
+    if map_of(body, numbers["method"]) is not map:
+        raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
+    # All other shapes follow from that of `status`.
+    batch, steps = headers["status"][1], map.methods[numbers["method"]]
+    if kind == "Trajectories":
+        own = {"n": _rows_of_run(numbers)}
+        conditions = conditions_of("attitude" in headers or "_turned" in headers)
+    else:
+        own = {"crossing": _rows_of_crossings(numbers, headers)}
+        conditions = {"surface"} & {column.when for column in table if column.name in headers}
+    sizes = sizes_of(batch, body.dimension, carried=steps.carried, **own)
+    expected = arrays_of(present(table, conditions), sizes)
+    if "eps" in headers:  # of any shape that broadcasts to the batch
+        shapes = {"body": body.shape, "eps": headers["eps"][1], "status": batch}
+        if common_shape(shapes) != batch:
+            raise wrong("status", f"have the shape {common_shape(shapes)}", batch)
+    expected["eps"] = "float64", headers.get("eps", ("", ()))[1]
+    check_arrays(headers, expected)
+    attributes: dict[str, Any] = dict.fromkeys(names)
+    attributes |= {name: _entry(entries, name) for name in expected} | numbers
+    eps = within("eps", real_array("eps", attributes["eps"]), MOMENTS)
+    _check_failures(attributes, numbers["steps"] if kind == "Trajectories" else numbers["_n"])
+    if kind == "Trajectories":
+        _check_states(attributes)
+    else:
+        attributes["trajectory"] = _check_crossings(attributes)
+    return attributes | {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
+
+
+def _read_motion(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> dict[str, Any]:
+    """Return the attributes of a motion, after checks that they agree."""
+    body, table = body_from_dict(json.loads(body_text)), OF_KIND[kind]
+    all_headers = {column.name: _header(entries, column.name) for column in table}
+    headers = {name: header for name, header in all_headers.items() if header is not None}
+    batch, (count,) = headers["status"][1], headers["time"][1]
+    if common_shape({"body": body.shape, "status": batch}) != batch:
+        raise wrong("status", "have the shape of a batch of the body", batch)
+    expected = arrays_of(table, sizes_of(batch, body.dimension, time=count))
+    check_arrays(headers, expected)
+    attributes = {name: _entry(entries, name) for name in expected}
+    if not np.isin(attributes["status"], [*Status]).all():
+        raise wrong("status", "have values of Status", "others")
+    numbers = {name: about[name] for name in _NUMBERS[kind]}
+    if isinstance(numbers["atol"], list):
+        numbers["atol"] = tuple(numbers["atol"])
+    return attributes | numbers | {"body": body}
+
+
+def _rows_of_run(numbers: dict[str, Any]) -> int:
+    """Return the number of saved states, after checks of the numbers of a run."""
+    steps, every = integer("steps", numbers["steps"], 0), numbers["save_every"]
+    return 1 if every is None else steps // integer("save_every", every, 1) + 1
+
+
+def _rows_of_crossings(numbers: dict[str, Any], headers: dict[str, Any]) -> int:
+    """Return the number of crossings, after checks of their numbers."""
+    end = sum(integer(name, numbers[name], 0) for name in ("steps", "transient"))
+    integer("direction", numbers["direction"], -1, "1, -1 or 0", 1)
+    integer("_n", numbers["_n"], 0, f"an integer from 0 to {end}", end)
+    if numbers["most"] is not None:
+        integer("most", numbers["most"], 1)
+    (K,) = headers["n"][1]
+    return int(K)
+
+
+def _check_failures(result: Mapping[str, Any], steps: int) -> None:
+    """Check that statuses, `failed_at`, `first_pole` and last states agree."""
+    status, failed_at, failed = result["status"], result["failed_at"], result["status"] < 0
+    if not np.isin(status, [*Status]).all():
+        raise wrong("status", "have values of Status", "others")
+    passed = status == Status.PASSED_POLE
+    contradicts, too_early = (failed_at >= 0) != (failed | passed), passed & (failed_at < 1)
+    if ((failed_at < -1) | (failed_at > steps) | contradicts | too_early).any():
+        expected = f"a step up to {steps} where a trajectory failed or passed a pole, else -1"
+        raise wrong("failed_at", expected, "others")
+    first_pole = result["first_pole"]
+    is_right = np.where(passed, first_pole == failed_at, first_pole == -1)
+    is_right |= failed & (first_pole >= 1) & (first_pole <= failed_at)
+    if not is_right.all():
+        raise wrong(
+            "first_pole", "failed_at where a pole was passed, or before a failure", "others"
+        )
+    if (np.isnan(result["final"]).any(axis=-1) != failed).any():
+        raise wrong("final", "NaN where a trajectory failed, else numbers", "others")
+
+
+def _check_states(run: Mapping[str, Any]) -> None:
+    """Check that saved states agree with failures and last states."""
+    states, final, failed_at = run["states"], run["final"], run["failed_at"]
+    every, steps = run["save_every"], run["steps"]
+    n = np.arange(len(states)) * every if every else np.array([steps])
+    if n[-1] == steps and not np.array_equal(states[-1], final, equal_nan=True):
+        raise wrong("final", f"the saved state {steps}", "another")
+    gone = (run["status"] < 0) & (failed_at <= n.reshape(-1, *(1,) * failed_at.ndim))
+    if (np.isnan(states[..., 0]) != gone).any():
+        raise wrong("states", "NaN from the state failed_at on, and numbers before it", "others")
+
+
+def _check_crossings(points: Mapping[str, Any]) -> Any:
+    """Return the trajectory of each crossing, after checks that all arrays agree."""
+    count, most, n = points["count"].ravel(), points["most"], points["n"]
+    begin, end = points["transient"], min(points["_n"], points["transient"] + points["steps"])
+    if (count < 0).any() or count.sum() != len(n) or (most and (count > most).any()):
+        raise wrong("count", "the numbers of crossings of trajectories", "others")
+    trajectory = np.repeat(np.arange(len(count)), count)
+    if ((n < begin) | (n >= end)).any() or (np.diff(n)[np.diff(trajectory) == 0] <= 0).any():
+        raise wrong("n", f"ascending steps from {begin} to {end - 1} of each trajectory", "others")
+    fraction, after = points["fraction"], points["after"]
+    if not ((fraction >= 0) & (fraction <= 1)).all():
+        raise wrong("fraction", "numbers from 0 to 1", "others")
+    if not np.isfinite([points["before"], after]).all():
+        raise wrong("before and after", "finite states", "others")
+    ended = np.flatnonzero(count == (most or -1))
+    final = points["final"].reshape(len(count), -1)[ended]
+    if not np.array_equal(final, after[np.cumsum(count)[ended] - 1]):
+        raise wrong(
+            "final", "have the state after the last crossing of trajectories that ended", "others"
+        )
+    return trajectory
+
+
+def _header(entries: zipfile.ZipFile, name: str) -> tuple[str, tuple[int, ...]] | None:
+    """Return the type and the shape in the header of an entry; None if there is no entry.
+
+    ValueError if the size of the entry is not that of its header and its numbers.
+    """
+    try:
+        entry = entries.getinfo(f"{name}.npy")
+    except KeyError:
+        return None
+    with entries.open(entry) as file:
+        head = io.BytesIO(file.read(_MOST_HEADER))
+    read = np.lib.format.read_array_header_1_0
+    if np.lib.format.read_magic(head) != (1, 0):
+        read = np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(head)
+    size = head.tell() + dtype.itemsize * math.prod(shape)
+    if entry.file_size != size:
+        raise wrong(name, f"{size:,} bytes, as its header says", f"{entry.file_size:,}")
+    return dtype.newbyteorder("=").name, shape
+
+
+def _text(entries: zipfile.ZipFile, name: str) -> str:
+    """Return a text; ValueError if it is larger than a run makes it."""
+    entry = entries.getinfo(f"{name}.npy")
+    most = max(_MOST_BODY, _RATIO * entry.compress_size) if name == "body" else _MOST_ABOUT
+    if entry.file_size > most:
+        raise wrong(name, f"a text of at most {most:,} bytes", f"{entry.file_size:,} bytes")
+    return str(_entry(entries, name))
+
+
+def _entry(entries: zipfile.ZipFile, name: str) -> Any:
+    """Return the array of an entry, C-contiguous and in native byte order."""
+    entry = entries.getinfo(f"{name}.npy")
+    if entry.file_size > max(_MOST_BODY, _RATIO * entry.compress_size):  # `save` compresses nothing
+        received = f"{entry.file_size:,} bytes from {entry.compress_size:,}"
+        raise wrong(name, f"an array compressed at most {_RATIO} times", received)
+    require(entry.file_size, "this file needs as many")
+    with entries.open(f"{name}.npy") as file:
+        array = np.lib.format.read_array(file)
+    return np.asarray(array, array.dtype.newbyteorder("="), order="C")
+
+
+def _checked(path: PathLike, others: str) -> Path:
+    """Return the path of a .npz file, checked; `others` is advice on other formats."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise wrong("path", "a string or a path", kind_of(path), TypeError)
+    if Path(path).suffix.lower() != ".npz":
+        how = "" if Path(path).suffix or Path(path).is_dir() else f": pass '{path}.npz'"
+        raise wrong("path", f"a name that ends in .npz ({others})", f"'{os.fspath(path)}'{how}")
+    return Path(path).expanduser()

@@ -1,0 +1,475 @@
+"""Quadratic fields: coefficients, Hamiltonians, named parameters, families and text."""
+
+import json
+import pickle
+import re
+import subprocess
+import sys
+from fractions import Fraction as F
+from functools import partial
+from itertools import product
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast import QuadraticField, energy, ensemble, fixed_points, iterate, vector_field
+from suslov_fast.bodies.fields.names import variables
+from suslov_fast.bodies.fields.polynomials import named
+
+of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
+
+
+def lorenz(x, rho=28):
+    return 10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
+
+
+def henon_heiles(x, a=1):
+    q1, q2, p1, p2 = x
+    return (p1**2 + p2**2 + q1**2 + q2**2) / 2 + a * q1**2 * q2 - a * q2**3 / 3
+
+
+VALUES = np.linspace(1.0, 6.0, 11)
+LORENZ, HENON = of_function(lorenz, 3), of_hamiltonian(henon_heiles, 4)
+RIGID = of_hamiltonian(  # K of rank 2
+    lambda x: x[0] ** 3 - x[0] * x[1] * x[2] + F(1, 3) * x[2] ** 2 - 5 * x[1] + 2,
+    3,
+    [[0, 1, -2], [-1, 0, F(1, 7)], [2, F(-1, 7), 0]],
+)
+NAMED = of_function(lambda x, a, b=F(1, 3): (a * x[0] * x[1], b - x[0]), 2, a=F(2, 7))
+BATCH = QuadraticField(np.arange(54.0).reshape(2, 3, 3, 3), LORENZ.linear)
+FAMILY = of_function(lorenz, 3, rho=VALUES)
+ENERGIES = of_hamiltonian(
+    lambda x, a, b: x[1] ** 2 / 2 + a * x[0] ** 2 - b * a * x[0] ** 3 / 7,
+    2,
+    a=VALUES[:, None],
+    b=[0.5, 1.0],
+)
+PARTS = "quadratic", "linear", "constant"
+FIELDS = {name: each for name, each in globals().items() if isinstance(each, QuadraticField)}
+
+
+def coefficients(field):
+    """Return the coefficients of a field (..., D**3 + D**2 + D)."""
+    arrays = [getattr(field, name) for name in PARTS]
+    return np.concatenate([a.reshape(*field.shape, -1) for a in arrays], axis=-1)
+
+
+def test_coefficients_of_a_function_are_exact():
+    assert LORENZ.linear[2, 2] == -F(8 / 3) != -F(8, 3)
+    assert (LORENZ.quadratic[1, 0, 2], LORENZ.quadratic[1, 2, 0]) == (F(-1, 2), F(-1, 2))
+    x = (F(1, 3), 2, F(-5, 7))
+    assert {type(a) for field in (LORENZ, RIGID) for a in coefficients(field)} == {F}
+    assert LORENZ(x) == (*lorenz(x)[:2], x[0] * x[1] - F(8 / 3) * x[2])
+    A = np.array([[0.1, 1], [-1, 0]])
+    assert of_function(lambda x: A @ x, 2).linear.tolist() == [[F(0.1), 1], [-1, 0]]
+    assert of_function(lambda x: A[0] * x[0] - x[1] * A[1], 2).linear[0, 0] == F(0.1)
+    assert of_function(lambda x: [np.dot(x, x), np.dot(A, x)[0]], 2).quadratic[0, 1, 1] == 1
+    halves = of_function(lambda x: x[0] / np.array([2.0, 4]) + x[1] / np.array(2.0), 2)
+    assert halves.linear.tolist() == [[F(1, 2), F(1, 2)], [F(1, 4), F(1, 2)]]
+    shifted = of_function(lambda x: [np.float32(0.1) - x[0] ** 2 / 3, +x[1] * np.int64(2)], 2)
+    assert shifted([3, 4]) == (F(float(np.float32(0.1))) - 3, 8)
+    large = QuadraticField([[[0.1]]], [[F(np.int64(2**62), 3)]])
+    assert large([2**40]) == (F(0.1) * 2**80 + F(2**102, 3),)
+    # A list of integers and floats keeps the integers, and the antisymmetric part is dropped.
+    plain = QuadraticField([[[0, 2**70 + 1], [0.5, 0]], [[0, 1], [-1, 0]]])
+    assert plain([1, 1]) == (2**70 + F(3, 2), 0)
+    assert not plain.quadratic[1].any()
+
+
+def test_values_are_fractions_or_floats(rng):
+    state = [1.5, -2.0, 20.0]
+    assert LORENZ(state) == pytest.approx(lorenz(state), rel=1e-15)
+    assert BATCH(np.ones((4, 1, 3))).shape == (4, 2, 3)
+    assert np.isnan(LORENZ([[1, np.nan, 2], [0.0, 0, 0]])).all(axis=-1).tolist() == [True, False]
+    for field in FIELDS.values():
+        x = rng.normal(size=field.dimension)
+        np.testing.assert_allclose(vector_field(field, x), field(x), rtol=1e-13, atol=1e-13)
+        if field.H is not None:
+            np.testing.assert_allclose(energy(field, x), field.H(x), rtol=1e-13)
+
+
+@pytest.mark.parametrize("field", [HENON, RIGID])
+def test_gradient_of_a_hamiltonian(field):
+    D, h = field.dimension, F(1, 10**9)
+    x, steps = np.array([F(k, 7) for k in (3, -8, 5, 2)[:D]]), h * np.eye(D, dtype=int)
+    gradient = [(field.H([*(x + step)]) - field.H([*(x - step)])) / (2 * h) for step in steps]
+    assert abs(field([*x]) - field.K @ gradient).max() < F(1, 10**15)
+
+
+def test_the_structure_of_a_hamiltonian_field():
+    """K is part of a field, also where grad H = (1, 0, 0) does not see all of it; H is, too."""
+    K = np.array([[0, 1, 2], [-1, 0, 3], [-2, -3, 0]])
+    moved = QuadraticField([[[1, 0], [0, 0]], [[0, 0], [0, 0]]])
+    assert moved != QuadraticField([[[0, 0], [0, 0]], [[1, 0], [0, 0]]])
+    field, twin = (of_hamiltonian(lambda x: x[0], 3, k) for k in (K, np.where(abs(K) == 3, -K, K)))
+    assert (field.constant == twin.constant).all()
+    assert field != twin
+    assert field != of_hamiltonian(lambda x: x[0] + 1, 3, K)
+    assert field != QuadraticField(field.quadratic, field.linear, field.constant)
+    for each in (LORENZ, FAMILY):
+        assert each == QuadraticField(each.quadratic, each.linear, each.constant)
+    assert ENERGIES.H(np.ones((5, 1, 1, 2))).shape == (5, 11, 2)
+    one = of_hamiltonian(lambda x: x[0] ** 2, 1, [[0]])
+    assert (one([2]), one.H([3])) == ((0,), 9)
+
+
+@pytest.mark.parametrize(
+    ("family", "f", "make"),
+    [
+        (FAMILY, lorenz, of_function),
+        (of_hamiltonian(henon_heiles, 4, a=VALUES), henon_heiles, of_hamiltonian),
+    ],
+)
+def test_a_family_has_the_coefficients_of_single_fields(family, f, make):
+    (name, values), D = family.parameters.popitem(), family.dimension
+    for value, member in zip(values, family, strict=True):
+        single = make(f, D, **{name: value})
+        assert member.parameters == {name: value}
+        assert family.sel(**{name: value}) == member
+        assert (coefficients(member) == coefficients(single)).all()
+    assert family[2:5].parameters[name].tolist() == values[2:5].tolist()
+    assert family.sel(method="nearest", **{name: 2.4}) == family[3]
+
+
+def test_a_family_with_two_axes():
+    for i, j in product(range(11), range(2)):
+        a, b = VALUES[i], [0.5, 1.0][j]
+        member = ENERGIES.sel(b=b, a=a)
+        assert member == ENERGIES[i][j]
+        assert member.parameters == {"a": a, "b": b}
+        assert float(member.H([F(1), F(0)])) == pytest.approx(a - a * b / 7, rel=1e-15)
+    assert ENERGIES.sel(a=2.0).parameters["b"].tolist() == [0.5, 1.0]
+    mixed = of_function(lambda x, a, mu: (a * x[0] - mu,), 1, a=[1, 2], mu=F(1, 3))
+    assert mixed[1].parameters == {"a": 2.0, "mu": F(1, 3)}
+
+
+def test_single_parameters_remain_exact():
+    assert NAMED.quadratic[0, 0, 1] == F(1, 7)
+    assert NAMED.parameters == {"a": F(2, 7)}
+    assert of_function(lorenz, 3, rho=28) == LORENZ
+    assert of_function(lambda x, a: (np.sin(a) * x[0],), 1, a=1.5).linear == F(np.sin(1.5))
+    branch = of_function(lambda x, a: ((1 if a > 1 else 2) * x[0],), 1, a=[1, 2])
+    assert branch.linear.ravel().tolist() == [2, 1]
+
+
+def test_what_is_printed():
+    H = "x1^2*x2 - 1/3*x2^3 + 1/2*x1^2 + 1/2*x2^2 + 1/2*x3^2 + 1/2*x4^2"
+    assert repr(HENON).endswith(f"H = {H})")
+    assert repr(QuadraticField([[[0]]], constant=[0])) == "QuadraticField(x1' = 0)"
+    square = of_function(lambda x: (x[0] ** 2 + x[1], 1 - x[0] * x[1]), 2)
+    assert repr(square) == "QuadraticField(x1' = x1^2 + x2, x2' = -x1*x2 + 1)"
+    assert repr(FAMILY) == "<QuadraticField of shape (11,): D=3, rho: 11 values from 1 to 6>"
+    several = of_function(lambda x, a, b: (a * x[0], b), "u v", a=[1.0, 2.0], b=3)
+    assert (
+        repr(several)
+        == "<QuadraticField of shape (2,): variables u v, a: 2 values from 1 to 2, b=3>"
+    )
+    assert "a: no values" in repr(several[:0])
+    assert len(repr(QuadraticField(np.ones((9, 9, 9))))) < 320
+
+
+def test_python_flint_is_needed_for_components_only():
+    code = (
+        "import sys; sys.modules['flint'] = None; from suslov_fast import QuadraticField as Q;"
+        "print(Q.from_function(lambda x: (x[0] * (1 - x[0]),), 1)([2]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "(Fraction(-2, 1),)\n"
+    pytest.importorskip("flint")
+    assert str(LORENZ.components[1]) == "-x1*x3 + 28*x1 - x2"
+
+
+def vallis(x, y, z, t, b, c, p):
+    return b * y - c * x - c * p, -y + x * z, -z - x * y + 1
+
+
+def hadley(x, y, z, t, a, b, f, g):
+    return -(y**2) - z**2 - a * (x - f), x * y - b * x * z - y + g, b * x * y + x * z - z
+
+
+def epidemic(t, S, I, R, beta, gamma):
+    return -beta * S * I, beta * S * I - gamma * I, gamma * I
+
+
+def clashing(x, y, t, eps, x1, hadley, n=2):
+    return eps * x * n, x1 * y + hadley
+
+
+def with_names(S, I, R, beta):
+    return beta * S, I, R
+
+
+def of_vector(t, y, s, w):
+    return s * y[0], w * y[1]
+
+
+def of_scalars(x, y, z, a, b):
+    return a * y, b * x, z
+
+
+def by_keyword(x, y, t, k=1, *, c):
+    return k * x, c * y
+
+
+def with_momenta(t, x, y, px, py, k):
+    return px, py, -k * x, -k * y
+
+
+def of_vector_last(X, a, t):
+    return a * X[1], X[0]
+
+
+PUBLISHED = [  # each with parameters that the user passes, and the whole
+    (vallis, 3, {"b": 102, "c": 3}, {"b": 102, "c": 3, "p": 0}),
+    (vallis, "x y z", {}, {"b": 102, "c": 3, "p": 0.5}),
+    (hadley, 3, {"f": 9}, {"a": 0.2, "b": 4, "f": 9, "g": 1}),
+    (epidemic, 3, {}, {"beta": 0.3, "gamma": 0.1}),
+    (epidemic, "S I R", {"beta": 0.3}, {"beta": 0.3, "gamma": 0.1}),
+    (clashing, 2, {}, {"eps": 1, "x1": 2, "hadley": 3}),
+    (with_names, "S I R", {}, {"beta": 0.3}),
+    (of_vector, 2, {"w": 2}, {"s": 3, "w": 2}),
+    (of_scalars, 3, {}, {"a": 1, "b": 2}),
+    (with_momenta, 4, {}, {"k": 2}),
+    (of_vector_last, 2, {}, {"a": 2}),
+    (by_keyword, 2, {"k": 2}, {"k": 2, "c": 3}),
+    (by_keyword, 2, {}, {"c": 3}),
+]
+
+
+@pytest.mark.parametrize(("f", "dimension", "given", "values"), PUBLISHED)
+def test_advice_on_published_functions_is_a_call_that_works(f, dimension, given, values):
+    """It needs values in place of the dots, and what the user passed under its own name."""
+    with pytest.raises(TypeError, match=r"state alone, as one tuple, .* parameters by name") as e:
+        of_function(f, dimension, **given)
+    call = str(e.value).split("pass ")[1].partition("; for a forcing")[0]
+    assert call.startswith("QuadraticField.from_function(lambda x")
+    for name, value in values.items():
+        if name not in given:
+            call = re.sub(rf"\b({name}_*)=…", rf"\1={value}", call)
+    found = eval(call, {"QuadraticField": QuadraticField, f.__name__: f, **given})
+    point, old = [F(2), F(3), F(5), F(7)][: found.dimension], f.__code__.co_varnames
+    state = (point,) if f in (of_vector, of_vector_last) else point
+    time = {"t": None} if "t" in old else {}
+    names = [name for name in old[: f.__code__.co_argcount] if name not in (*values, "t", "n", "k")]
+    expected = f(**dict(zip(names, state, strict=True)), **time, **values)
+    assert [*map(float, found(point))] == pytest.approx([*map(float, expected)])
+
+
+def test_advice_on_published_functions_has_the_names_that_the_user_passed():
+    with pytest.raises(TypeError) as e:
+        of_function(vallis, 3, b=102)
+    call = "QuadraticField.from_function(lambda x, b, c, p: vallis(*x, None, b, c, p), 3, b=b, c=…"
+    assert call in str(e.value)
+
+
+def test_a_missing_parameter_is_told_with_how_to_pass_it():
+    with pytest.raises(TypeError, match="f needs rho"):
+        of_function(lambda x, rho, sigma: (rho * x[0],), 1)
+    with pytest.raises(TypeError, match=r"<lambda>\(\) missing"):  # not of f itself
+        of_function(lambda x: ((lambda x, y: x * y)(x[0]),), 1)
+
+
+NAMES = ("u", "v", "w")
+of_names = [
+    "u v w", " u, v,w ", ["u", "v", "w"], ("u", "v", "w"), np.array(["u", "v", "w"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("given", of_names, ids=repr)
+def test_names_of_variables(given):
+    """They are those of equations and copies; fields under other names are equal."""
+    field = of_function(lorenz, given)
+    assert field.names == NAMES
+    assert field == LORENZ
+    assert hash(field) == hash(LORENZ)
+    assert repr(field).startswith("QuadraticField(u' = -10*u + 10*v, v' = -u*w + 28*u - v, w' = ")
+    assert QuadraticField(*(getattr(field, name) for name in PARTS), names=given).names == NAMES
+    assert of_hamiltonian(lambda x: x[0] * x[1], given, np.zeros((3, 3))).names == NAMES
+    plain = json.loads(json.dumps(field.to_dict()))
+    for twin in (QuadraticField.from_dict(plain), pickle.loads(pickle.dumps(field))):
+        assert (twin, twin.names) == (field, NAMES)
+    assert LORENZ.names == QuadraticField.from_dict(LORENZ.to_dict()).names == ("x1", "x2", "x3")
+
+
+def test_a_family_keeps_the_names_of_its_variables():
+    family = of_function(lorenz, "u v w", rho=VALUES)
+    members = family[3], family[2:5], family.sel(rho=2.0), family[VALUES > 3], *family
+    assert {each.names for each in members} == {NAMES}
+    energies = of_hamiltonian(henon_heiles, "q1 q2 p1 p2", a=VALUES)
+    assert energies[1].names == ("q1", "q2", "p1", "p2")
+    assert repr(energies[0].H).startswith("q1^2*q2 - ")
+
+
+def test_names_of_variables_in_results():
+    field = of_function(lambda x, a: (x[1], -a * x[0]), "theta v_dot", a=[1.0, 4.0])
+    run = iterate(field, [0.5, 0.1], 0.1, 20)
+    data = run.to_xarray()
+    assert data.component.values.tolist() == ["theta", "v_dot"]
+    assert (vector_field(field, data.x) == vector_field(field, run.x)).all()
+    ax = run.plot(components=("v_dot", "theta"))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("v_dot", r"$\theta$")
+    ax.figure.canvas.draw()
+    with pytest.raises(AttributeError, match=r"run.x\[..., 1\]"):
+        _ = run.v_dot
+
+
+def test_names_that_variables_may_and_may_not_have():
+    free = "x y z q1 p1 n t omega S I H K steps body _a θ".split()
+    assert of_function(lambda x: x, free).names == tuple(free)
+    assert of_function(lambda x: x, "xyz").names == ("xyz",)
+    assert fixed_points(of_function(lambda x: (x[0] - 1, x[1] - x[0]), "θ unit")).tolist() == [
+        [1, 1]
+    ]
+
+
+def test_parameters_that_have_names_of_arguments():
+    """Only what really clashes is refused."""
+    f = lambda x, omega, f, H, K, steps, states: (omega * f * x[0] + H * K, steps * x[1] - states)  # noqa: E731
+    values = {"omega": [1.0, 2.0], "f": 3, "H": 4, "K": 5, "steps": [6.0, 7.0], "states": 8}
+    field = of_function(f, 2, **values)
+    assert field.parameters.keys() == values.keys()
+    assert field.sel(omega=2).parameters["steps"] == 7.0
+    assert field[1].constant.tolist() == [20, -8]
+    assert QuadraticField.from_dict(field.to_dict()) == field
+    data = iterate(field, [1.0, 1.0], 0.01, 10).to_xarray()
+    assert (data.steps.values.tolist(), data.attrs["steps"]) == ([6, 7], 10)
+    wells = of_hamiltonian(lambda x, H: H * x[0] ** 2 + x[1] ** 2, 2, H=[1.0, 3.0])
+    assert wells.sel(H=3).H([1, 1]) == 4
+
+
+def test_names_and_parameters_identify_a_store(tmp_path):
+    f = lambda x, steps, H: (steps * x[1], -H * x[0])  # noqa: E731
+    field = of_function(f, "u v", steps=[1.0, 2.0], H=3)
+    arguments = [1.0, 0.5], 0.1, 10
+    data = ensemble(field, *arguments, store=tmp_path / "s.zarr")
+    assert data.component.values.tolist() == ["u", "v"]
+    assert (data.steps.values.tolist(), data.H.item(), data.attrs["steps"]) == ([1, 2], 3, 10)
+    ensemble(field, *arguments, store=tmp_path / "s.zarr")
+    for other in (
+        of_function(f, 2, steps=[1.0, 2.0], H=3),
+        of_function(f, "u p", steps=[1.0, 2.0], H=3),
+    ):
+        with pytest.raises(ValueError, match=r"names.*u, v"):
+            ensemble(other, *arguments, store=tmp_path / "s.zarr")
+
+
+MANY = {"a": np.linspace(0.1, 0.37, 7)[:, None], "b": np.linspace(-2.9, 4.7, 5), "c": 3}
+ONE_CALL = {  # functions with which columns compute
+    "as it is": lambda x, a, b, c: (-x[1] + a * x[0], b + x[1] * (x[0] - c)),
+    "floats first": lambda x, a, b, c: (a * b / c * x[0], (a + 0.1 - b) ** 2 * x[1] + a**3),
+    "rounded once": lambda x, a, b, c: (a * x[0] * b * 3, (a * x[0] + b * x[0]) * c + F(1, 3)),
+    "quotients": lambda x, a, b, c: (x[0] * b / a / F(3, 7), (b - a) * x[1] * x[0] / a + 1 / a),
+    "thirds": lambda x, a, b, c: (F(2, 7) * a * x[0] - b * x[1] / 3, b / 3 * x[1] + x[0] * a / 49),
+    "zeros": lambda x, a, b, c: ((a - a) * x[0] - 0 * b, -b * x[1] * 0.1 * (x[0] + a)),
+    "NumPy": lambda x, a, b, c: b * np.array(x) * np.float64(0.1) + a,
+    "arrays of floats": lambda x, a, b, c: np.array([[a, b], [b, a]]) @ np.eye(2) * 0.1 @ x,
+    "in place": lambda x, a, b, c: [*map(in_place, x, (a, b))],
+}
+MEMBERS = {  # with which they do not
+    "a branch": lambda x, a, b, c: (max(a, 0.2) * x[0], (b if b > 0 else 2.0) * x[1]),
+    "math": lambda x, a, b, c: (np.exp(a) * x[0] ** 2, a**0.5 * x[1] + abs(b)),
+    "a type": lambda x, a, b, c: ((a if isinstance(a, float) else a * a) * x[0], x[1] * b),
+    "single precision": lambda x, a, b, c: (np.float32(0.1) * a * x[0], x[1] / np.float32(b)),
+    "a degree that vanishes": lambda x, a, b, c: ((a - a) * x[0] ** 3, b * x[1]),
+    "a rounding": lambda x, a, b, c: (round(a, 1) * x[0], a % 0.1 * x[1]),
+}  # fmt: skip
+
+
+def in_place(x, a):
+    a *= 0.1
+    x += a
+    return x
+
+
+@pytest.mark.parametrize("name", [*ONE_CALL, *MEMBERS])
+def test_a_family_has_the_bits_of_its_members(name):
+    """One call of f makes it, beside that of one member, where a column does as a float."""
+    calls = []
+
+    def f(x, **parameters):
+        calls.append(parameters)
+        return (ONE_CALL | MEMBERS)[name](x, **parameters)
+
+    family = of_function(f, 2, **MANY)
+    assert len(calls) == (2 if name in ONE_CALL else 38)
+    for index in np.ndindex(7, 5):
+        values = {key: float(np.broadcast_to(each, (7, 5))[index]) for key, each in MANY.items()}
+        single = of_function(f, 2, **values | {"c": 3})
+        assert coefficients(family)[index].tobytes() == coefficients(single).astype(float).tobytes()
+
+
+def test_a_family_of_hamiltonians_has_the_bits_of_its_members():
+    def H(x, a, b):
+        return (
+            a * x[0] ** 3 / 3 - x[0] * x[1] * b / 7 + x[1] ** 2 / 2 + a * b * x[2] ** 2 * x[0] + b
+        )
+
+    K, values = [[0, 1, F(1, 3)], [-1, 0, 2], [F(-1, 3), -2, 0]], np.linspace(0.1, 3, 9)
+    family = of_hamiltonian(H, 3, K, a=values, b=values**2)
+    for i, member in enumerate(family):
+        single = of_hamiltonian(H, 3, K, a=values[i], b=values[i] ** 2)
+        assert coefficients(family)[i].tobytes() == coefficients(single).astype(float).tobytes()
+        assert member == single
+        assert (member.H.tensor == single.H.tensor).all()
+        assert (family[3:].H.tensor[i - 3] == single.H.tensor).all() or i < 3
+
+
+def test_errors_of_a_family_are_those_of_its_members():
+    for f, message in (
+        (lambda x, a: (x[0] / (a - a[0]),), "family"),
+        (lambda x, a: (x[0] / (a - 3.0),), "zero|Fraction"),
+        (lambda x, a: (x[0] * 10.0 ** -(60 * (a > 3)) * 0.1,), "1e-60"),
+        (lambda x, a: (a * x[0] ** 3,), "degree 3"),
+    ):
+        with pytest.raises((TypeError, ValueError), match=message):
+            of_function(f, 1, a=np.linspace(1, 5, 5))
+
+
+def test_the_derivative_of_the_right_hand_side(rng):
+    """By central differences, which are exact for degree 2 but for rounding; families broadcast."""
+    single = QuadraticField(*(rng.normal(size=(4,) * k) for k in (3, 2, 1)))
+    family = QuadraticField(*(rng.normal(size=(5, *(4,) * k)) for k in (3, 2, 1)))
+    linear = QuadraticField.from_function(lambda x: (x[1], F(1, 3) * x[0], 2, x[0] * x[3]), 4)
+    for field, batch in (
+        (single, ()),
+        (single, (2, 3)),
+        (family, (5,)),
+        (family, (3, 1)),
+        (linear, (6,)),
+    ):
+        x = rng.normal(size=(*batch, 4))
+        shape = np.broadcast_shapes(field.shape, batch)
+        differences = [field(x + h) - field(x - h) for h in np.eye(4)]
+        expected = np.stack(np.broadcast_arrays(*differences), axis=-1) / 2
+        found = field.jacobian(x)
+        assert found.shape == (*shape, 4, 4)
+        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
+        for i in np.ndindex(batch if not field.shape else ()):
+            assert field.jacobian(x[i]).tolist() == found[i].tolist()
+    assert linear.jacobian([0, 0, 0, 0]).tolist()[1] == [1 / 3, 0, 0, 0]
+    assert np.isnan(linear.jacobian([1, np.nan, 0, 0])).all()
+    large = QuadraticField.from_terms([[0], [4_999], [5_000]], [2.0], 5_000)
+    with pytest.raises(ValueError, match=r"^x must"):
+        single.jacobian([1.0, 2.0])
+    with pytest.raises(ValueError, match=r"^x must"):
+        single.jacobian([1.0, 2.0, np.inf, 0.0])
+    assert large.jacobian(np.ones(5_000))[0, 4_999] == 2.0
+
+
+def test_fields_are_true_and_single_ones_have_no_length():
+    single = QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=2.0)
+    none = QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=np.empty(0))
+    assert all(map(bool, (single, none, sf.Suslov3D(4, 1, 0, 0))))
+    with pytest.raises(TypeError, match="single QuadraticField"):
+        len(single)
+
+
+def test_eps_is_a_name_where_no_step_has_a_size():
+    """Runs of maps have the coordinate eps; fields without a map have none."""
+    for read in (partial(variables, "names", "u eps"), partial(named, {"eps": 2.0}, ["u"])):
+        with pytest.raises(ValueError, match="eps"):
+            read()
+        assert "eps" in read(has_eps=False)
+    with pytest.raises(ValueError, match="eps"):
+        named({"eps": 2.0}, ["u", "eps"], has_eps=False)

@@ -1,0 +1,276 @@
+"""Files of strangers: each is answered at once by an error, and no code in it runs."""
+
+import contextlib
+import io
+import json
+import time
+import warnings
+import zipfile
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.__main__ import main
+from suslov_fast.bodies.fields import bounds
+
+FIELD = {"body": "QuadraticField", "dimension": 2, "indices": [[0, 1], [1, 0], [2, 2]]}
+FIELD |= {"values": [1, -1]}
+K = {"indices": [[0, 1], [1, 0]], "values": [1, -1]}
+OF_H = {
+    "body": "QuadraticField",
+    "dimension": 2,
+    "H": {"indices": [[0]] * 3, "values": [1]},
+    "K": K,
+}
+BODY = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3}
+PRIMES = [p for p in range(3, 3000) if all(p % q for q in range(2, int(p**0.5) + 1))]
+
+
+def nested(depth):
+    """Return a list in so many lists."""
+    value = 1.0
+    for _ in range(depth):
+        value = [value]
+    return value
+
+
+# Dictionaries that a small file can hold, each with the name that the error has.
+DICTIONARIES = {
+    "dimension 10**12": (FIELD | {"dimension": 10**12}, "dimension"),
+    "dimension 10**400": (FIELD | {"dimension": 10**400}, "dimension"),
+    "dimension below": (FIELD | {"dimension": -5}, "dimension"),
+    "dimension as text": (FIELD | {"dimension": "9" * 100_000}, "dimension"),
+    "number of names": (FIELD | {"names": 10**9}, "names"),
+    "long name": (FIELD | {"names": ["a" * 10**6, "b"]}, "names"),
+    "long valid name": (FIELD | {"names": ["a" * 201, "b"]}, "names"),
+    "many names": (FIELD | {"names": [f"a{i}" for i in range(100_000)]}, "names"),
+    "equal names": (FIELD | {"dimension": 100_000, "names": ["a"] * 100_000}, "names"),
+    "names of other letters": (FIELD | {"names": "ϕ p"}, "names"),
+    "parameter of other letters": (FIELD | {"parameters": {"µ": 1.0}}, "parameters"),
+    "long parameter": (FIELD | {"parameters": {"a" * 10**6: 1.0}}, "parameters"),
+    "no name": (FIELD | {"parameters": {"a b": 1.0}}, "parameters"),
+    "long number": (FIELD | {"values": ["9" * 10**6, 1]}, "values"),
+    "long denominator": (FIELD | {"values": ["1/" + "9" * 9_000, 1]}, "values"),
+    "long decimal": (FIELD | {"values": ["0." + "1" * 10**6, 1]}, "values"),
+    "long exponent": (FIELD | {"values": ["1e" + "9" * 100_000, 1]}, "values"),
+    "large exponent": (FIELD | {"values": ["1e999999999", 1]}, "values"),
+    "digits and an end": (FIELD | {"values": ["1_" * 4_999 + "x", 1]}, "values"),
+    "blanks": (FIELD | {"values": [" " * 10**6 + "x", 1]}, "values"),
+    "not a number": (FIELD | {"values": ["nan", 1]}, "values"),
+    "infinite": (FIELD | {"values": [float("inf"), 1]}, "values"),
+    "nothing": (FIELD | {"values": None}, "values"),
+    "deep values": (FIELD | {"values": nested(400)}, "parameters"),
+    "deep matrix": (OF_H | {"K": nested(400)}, "parameters"),
+    "deep parameter": (BODY | {"I1": nested(400)}, "parameters"),
+    "deep mapping": (BODY | {"I1": {"a": {"a": nested(70)}}}, "parameters"),
+    "repeated terms": (
+        FIELD
+        | {
+            "indices": [[0] * 400, [1] * 400, [0] * 400],
+            "values": [f"{p**60}/{p**60 + 1}" for p in PRIMES[:400]],
+        },
+        "indices",
+    ),
+    "denominators of H": (
+        OF_H
+        | {
+            "dimension": 400,
+            "H": {
+                "indices": [[0] * 400, [1] * 400, list(range(400))],
+                "values": [f"{p**60}/{p**60 + 1}" for p in PRIMES[:400]],
+            },
+        },
+        "H",
+    ),
+    "denominators of K": (
+        OF_H
+        | {
+            "dimension": 400,
+            "K": {
+                "indices": [[0] * 399 + [*range(1, 400)], [*range(1, 400)] + [0] * 399],
+                "values": [f"{s}{p**60}/{p**60 + 1}" for s in ("", "-") for p in PRIMES[:399]],
+            },
+        },
+        "K",
+    ),
+    "large wrong matrix": (
+        OF_H | {"dimension": 20_000, "K": {"indices": [[0], [1]], "values": [1]}},
+        "K",
+    ),
+    "indices beyond": (FIELD | {"indices": [[0, 1], [1, 0], [2, 10**18]]}, "indices"),
+    "name of a class": ({"body": "a" * 10**6}, "body"),
+    "list as a class": ({"body": nested(50)}, "body"),
+    "class of Python": ({"body": "object"}, "body"),
+}
+# Texts of equations.
+TEXTS = {
+    "powers": "((((9**400)**400)**400)**400)*x",
+    "power of a float": "1e-300**400*x",
+    "quotient of powers": "((1/9)**-400)**400",
+    "computed exponent": "(9**400)**(200 + 200)",
+    "product of powers": "*".join(["9**400"] * 2_000),
+    "sum of fractions": "+".join(f"1/{p}**300" for p in PRIMES),
+    "brackets": "(" * 10_000 + "x" + ")" * 10_000,
+    "functions": "exp(" * 150 + "x" + ")" * 150,
+    "signs": "-" * 50_000 + "x",
+    "tower": "2**" * 150 + "2",
+    "long": "x + " * 300_000 + "x",
+    "long sum": "+".join(["x"] * 100_000),
+    "call": "__import__('os').system('exit')",
+    "function without a name": "(lambda: 1)()",
+    "assignment": "(y:=1)",
+    "list": "[x for x in y]",
+    "text": "'a'*10**9",
+    "formatted": "f'{x}'",
+    "words beside numbers": "1if 1else x",
+    "hexadecimal": "0x" + "f" * 500_000,
+    "digits": "9" * 500_000,
+    "shift": "1<<10**10",
+    "remainder": "x%3",
+    "matrix": "x@y",
+    "comparison": "x<y",
+    "keyword": "sin(x=x)",
+    "two lines": "x\n+y",
+    "comment": "x # y",
+    "nothing": "",
+    "number": 3,
+}
+
+
+def seconds(function, *arguments):
+    """Return the error of a call; it must come within a second of this process."""
+    begin = time.process_time()
+    with pytest.raises((ValueError, TypeError)) as told:
+        function(*arguments)
+    assert time.process_time() - begin < 1.0
+    assert len(str(told.value)) < 500
+    return told.value
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """Return the entries of the file of a run."""
+    path = tmp_path_factory.mktemp("strangers") / "run.npz"
+    sf.iterate(sf.body_from_dict(FIELD), [0.1, 0.2], 0.1, 3).save(path)
+    with zipfile.ZipFile(path) as file:
+        return {name: file.read(name) for name in file.namelist()}
+
+
+def write(path, entries, **others):
+    """Write the entries of a run with others in place of some."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        for name, data in (entries | others).items():
+            file.writestr(name, data)
+
+
+@pytest.mark.parametrize("name", DICTIONARIES)
+def test_dictionaries_and_files_are_answered_at_once(name, saved, tmp_path, capsys):
+    given, word = DICTIONARIES[name]
+    assert word in str(seconds(sf.body_from_dict, given))
+    text = json.dumps(given)
+    (tmp_path / "body.json").write_text(text)
+    begin = time.process_time()
+    command = ["run", "--body", str(tmp_path / "body.json"), "--eps", "0.1", "--steps", "3"]
+    assert main(command) == 1
+    assert time.process_time() - begin < 1.0
+    assert "body.json" in capsys.readouterr().err
+    body = io.BytesIO()
+    np.save(body, text)
+    write(tmp_path / "run.npz", saved, **{"body.npy": body.getvalue()})
+    assert "run.npz" in str(seconds(sf.Trajectories.load, tmp_path / "run.npz"))
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_equations_are_read_or_refused_within_a_second(name):
+    begin = time.process_time()
+    text = {"body": "Field", "names": ["x"], "equations": [TEXTS[name]]}
+    with warnings.catch_warnings(), contextlib.suppress(ValueError):
+        warnings.simplefilter("error")
+        sf.body_from_dict(text)
+    assert time.process_time() - begin < 1.0
+
+
+@pytest.mark.parametrize(
+    "name", ["call", "function without a name", "list", "text", "formatted", "shift"]
+)
+def test_no_code_runs_from_equations(name):
+    with pytest.raises(ValueError, match="equations"):
+        sf.body_from_dict({"body": "Field", "names": ["x"], "equations": [TEXTS[name]]})
+
+
+def test_deep_json_is_an_error_of_the_command(tmp_path, capsys):
+    for text in ("[" * 100_000, '{"a":' * 100_000, "1" * 10_000, "\0"):
+        (tmp_path / "body.json").write_text(text)
+        assert main(["run", "--body", str(tmp_path / "body.json"), "--eps", "1"]) == 1
+        assert "not the JSON text" in capsys.readouterr().err
+
+
+def test_files_of_runs_are_not_unpacked_beyond_their_size(saved, tmp_path):
+    """Nor are the shapes of arrays believed, nor objects read."""
+    path = tmp_path / "run.npz"
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "<f8", "fortran_order": False, "shape": (4, 10**12)}
+    )
+    large, objects, text = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    np.save(large, np.zeros((4, 10**6)))
+    np.save(objects, np.array([print], object), allow_pickle=True)
+    np.save(text, json.dumps({"a": "b" * 10**6}))
+    for name, data in (
+        ("states", header),
+        ("states", large),
+        ("states", objects),
+        ("about", text),
+        ("body", objects),
+    ):
+        write(path, saved, **{f"{name}.npy": data.getvalue()})
+        assert "run.npz" in str(seconds(sf.Trajectories.load, path))
+
+
+def test_stores_of_strangers(tmp_path):
+    """Metadata with a right digest may say anything: sizes are bounded before chunks are sought."""
+    pytest.importorskip("zarr")
+    from suslov_fast.runs.files.metadata import digest_of
+
+    store = tmp_path / "runs.zarr"
+    sf.ensemble(sf.body_from_dict(BODY), [[1.0, 0.5]], 0.2, 10, store=store)
+    for name, shape in (("status", [10**12]), ("component", [10**12]), ("omega", [1, 10**12, 2])):
+        whole = (store / "zarr.json").read_text()
+        group = json.loads(whole)
+        arrays = group["consolidated_metadata"]["metadata"]
+        arrays[name]["shape"] = shape
+        if name == "component":
+            arrays[name]["chunk_grid"]["configuration"]["chunk_shape"] = shape
+        group["consolidated_metadata"]["sha256"] = digest_of(group["attributes"], arrays)
+        (store / "zarr.json").write_text(json.dumps(group))
+        assert "damaged metadata" in str(seconds(sf.open_ensemble, store))
+        (store / "zarr.json").write_text(whole)
+    sf.open_ensemble(store)
+    starts = sf.RandomStarts(10**6, 2.0)
+    with pytest.raises(ValueError, match="chunk"):
+        sf.ensemble(sf.body_from_dict(BODY), starts, 0.2, 1, store=tmp_path / "new.zarr", chunk=1)
+    assert not (tmp_path / "new.zarr").exists()
+
+
+def test_names_that_python_would_read_as_others():
+    """A name keeps its letters in a file, and Python's source text normalizes them."""
+    for text, plain in (("ϕ", "φ"), ("ﬁ", "fi"), ("x²", None), ("ª", "a"), ("µ", "μ")):
+        for make in (
+            lambda name: sf.QuadraticField.from_function(lambda x: (x[0], x[1]), [name, "y"]),
+            lambda name: sf.QuadraticField(np.zeros((2, 2, 2)), names=[name, "y"]),
+            lambda name: sf.QuadraticField.from_function(
+                lambda x, **_: (x[0], x[1]), 2, **{name: 1.0}
+            ),
+        ):
+            with pytest.raises(ValueError, match=r"dimension|names|parameters") as told:
+                make(text)
+            assert plain is None or f"call it {plain}" in str(told.value)
+    plain = sf.QuadraticField.from_function(lambda x, μ: (x[1], -μ * x[0]), "φ p", μ=2.0)
+    assert sf.body_from_dict(plain.to_dict()) == plain
+    assert sf.QuadraticField.from_function(lambda x: (x[0],), ["é"]).names == ("é",)
+
+
+def test_denominators_that_people_have_are_read():
+    bounds.check_denominators("H", [Fraction(1, p) for p in PRIMES[:200]])

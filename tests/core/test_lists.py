@@ -1,0 +1,214 @@
+"""Machine code of random lists of operations carries out what NumPy does, to the bit."""
+
+import weakref
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.core.code import compiler as machine_code, runs as listed, runs_code as listed_code
+from suslov_fast.core.fields import in_calls, steps as steps_field
+from suslov_fast.core.fields.careful import careful
+from suslov_fast.core.fields.stages import Stages
+from suslov_fast.core.lists import step as operations
+
+pytestmark = pytest.mark.compiled
+
+ARITHMETIC = ["fadd", "fsub", "fmul", "fdiv", "fabs", "max", "min"]
+COMPARISONS = ["olt", "ogt", "oge", "oeq"]
+CONSTANTS = [0.0, -0.0, 1.0, -1.5, 1e-300, np.inf, np.nan]
+STAGES = [(1.0,), (0.5, -0.25, 0.75)]
+
+
+class RandomStep(operations.Step):
+    """A list that no field has: it takes states, constants and parameters in any order."""
+
+    def __init__(self, rng, D, T, length):
+        self.indices, self.D, self.T = rng.integers(0, D, (3, T)), D, T
+        self.of_one_sign = ()
+        values = self.values = operations.Values(D + T, range(D, D + T))
+        numbers, truths = [*range(D + T)], []
+        emit = values.emit
+
+        def operand():
+            is_constant = rng.random() < 0.1
+            return float(rng.choice(CONSTANTS)) if is_constant else int(rng.choice(numbers))
+
+        def extend(count, kinds):
+            for kind in rng.choice(kinds, count):
+                if kind in COMPARISONS:
+                    truths.append(emit(str(kind), operand(), operand()))
+                elif kind in ("and", "or", "xor"):
+                    truths.append(emit(str(kind), *map(int, rng.choice(truths, 2))))
+                elif kind == "select":
+                    numbers.append(emit("select", int(rng.choice(truths)), operand(), operand()))
+                elif kind == "fabs":
+                    numbers.append(emit("fabs", int(rng.choice(numbers))))
+                else:
+                    numbers.append(emit(str(kind), operand(), operand()))
+
+        extend(length, ARITHMETIC)
+        extend(4, COMPARISONS)
+        extend(length // 2, [*ARITHMETIC, *COMPARISONS, "and", "or", "xor", "select"])
+        self.after = [int(n) for n in rng.choice(numbers, D)]
+        # Now and then all lanes are good, often some.
+        self.good = emit("or", int(rng.choice(truths)), int(rng.choice(truths)))
+        first = len(values.operations)
+        extend(length // 3, [*ARITHMETIC, *COMPARISONS, "and", "or", "xor", "select"])
+        # As in a step, both are the same where `good` is true.
+        self.after_rare = [emit("select", self.good, k, operand()) for k in self.after]
+        self.accurate, self.negative = emit("olt", 0.0, 1.0), emit("olt", 1.0, 0.0)
+        self.rare = values.operations[first:]
+        self._separate_fixed()
+
+
+def reference(step, x, halves, fractions, steps):
+    """Carry out the list by NumPy, stage by stage; return all states (steps + 1, B, D)."""
+    states = [x]
+    for _ in range(steps):
+        for fraction in fractions:
+            values = dict(enumerate([*x.T, *(fraction * halves).T]))
+            with np.errstate(all="ignore"):
+                for part in (step.fixed, step.usual, step.rare):
+                    operations.evaluate(part, values)
+            x = np.transpose([np.broadcast_to(values[k], len(x)) for k in step.after_rare])
+        states.append(x)
+    return np.array(states)
+
+
+def carried_out(calls):
+    """Make the calls of machine code that a generator asks for; return its result."""
+    found = None
+    while True:
+        try:
+            address, array = calls.send(found)
+        except StopIteration as end:
+            return end.value
+        found = machine_code.call(address, array)
+
+
+def same_bits(found, expected):
+    """Return whether numbers are equal, with their signs, or both are NaN."""
+    same = (found == expected) & (np.signbit(found) == np.signbit(expected))
+    return (same | (np.isnan(found) & np.isnan(expected))).all()
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("seed", range(24))
+def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
+    """For lists in one piece and in several, lanes with parameters of their own, any alignment."""
+    rng = np.random.default_rng(seed)
+    monkeypatch.setattr(machine_code, "_codes", {})
+    if seed % 3 == 0:
+        monkeypatch.setattr(operations, "WHOLE", 20)
+        monkeypatch.setattr(operations, "PIECE", 20)
+    D, T, steps, stages = 1 + seed // 2 % 4, 1 + seed % 3, 3, STAGES[seed // 4 % 2]
+    step = RandomStep(rng, D, T, 60)
+    assert (len(step.pieces[0]) > 1) == (seed % 3 == 0)
+    W, B = (1, 2, 4, 8)[seed % 4], (13, 16, 24)[seed % 3] if seed % 4 else 1
+    scheme = steps_field.Scheme(step, Stages(stages))
+    for every in (0, 1, 2):
+        for count in (1, B):  # rows of parameters
+            x = rng.normal(size=(B, D)) * 10.0 ** rng.integers(-3, 4, (B, D))
+            x[rng.random(x.shape) < 0.1] = rng.choice(CONSTANTS)
+            values, eps = rng.normal(size=(count, T)), rng.uniform(0.1, 1.0, count)
+            notes = np.zeros(B, np.int8), np.zeros(B, np.int64), np.zeros(B)
+            lines = steps_field._Lines((scheme, values, eps), x, notes, W)
+            memory = np.empty((steps + 2) * B * D + 16)
+            shift = -(memory.ctypes.data // 8) % 8 + (0, 1, 2)[(seed + count) % 3]
+            rows = steps // every if every else 0
+            saved = memory[shift : shift + rows * B * D].reshape(rows, B, D)
+            assert carried_out(lines.take(0, steps, saved, every, True, ()))
+            halves = 0.5 * eps[:, None] * values
+            states = reference(step, x, halves, stages, steps)
+            assert same_bits(lines.states(), states[-1])
+            assert same_bits(saved, states[every::every] if every else states[:0])
+    kinds = {key[4:7] for key, _ in machine_code._codes}
+    assert {W} == {each[0] for each in kinds}
+    assert len(kinds) >= (2 if B == 1 else 4)
+    assert None not in machine_code._codes.values()
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(("W", "count"), [(1, 1), (8, 13), (2, 1), (4, 1), (8, 1)])
+def test_the_loop_over_regular_runs_does_what_numpy_does(rng, monkeypatch, W, count):
+    """A lattice has operations whose operands are in rows that follow each other, and others."""
+    monkeypatch.setattr(operations, "MANY", 0)
+    D, B, steps, fractions = 37, 13 if W == 8 else W, 5, (0.5, -0.25, 0.75)
+    field = sf.QuadraticField.from_function(
+        lambda x: [1, *(x[i - 1] * (x[(i + 1) % D] - x[i - 2]) - x[i] + 2 for i in range(1, D))], D
+    )
+    indices, values = field.terms
+    step = steps_field.scheme_of(indices, D, Stages(fractions)).step
+    programs = listed.programs_of(step)
+    for program in (programs.usual, programs.rare):
+        regular = program.runs.heads[:, 0] >= len(listed.KINDS)
+        assert 0 < regular.sum() < len(regular)
+        assert (program.runs.heads[regular, 1] % 4).any()  # a single lane takes four at once
+        assert program.rows < step.length / 4  # sums of products are one operation
+    x, eps = rng.normal(size=(B, D)), rng.uniform(0.05, 0.1, count)
+    x[0, 0] = -fractions[0] * eps[0]  # of which the first stage leaves 0: rare operations
+    notes = np.zeros(B, np.int8), np.zeros(B, np.int64), np.zeros(B)
+    given = steps_field.Scheme(step, Stages(fractions)), np.tile(values, (count, 1)), eps
+    lines = steps_field._Lines(given, x, notes, W)
+    saved = np.empty((steps, B, D))
+    assert carried_out(lines.take(0, steps, saved, 1, True, ()))
+    states = reference(step, x, 0.5 * eps[:, None] * values, fractions, steps)
+    assert same_bits(saved, states[1:])
+    assert same_bits(lines.states(), states[-1])
+
+
+def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
+    """Of threads that begin at once, `programs_of` keeps the arrays of one alone."""
+    field = sf.QuadraticField.from_function(
+        lambda x: (x[1] * x[2], x[0] - x[1], x[0] ** 2 - x[2]), 3
+    )
+    indices, values = field.terms
+    scheme, x = steps_field.scheme_of(indices, 3), np.full((8, 3), 0.5)
+    notes = np.zeros(8, np.int8), np.zeros(8, np.int64), np.zeros(8)
+    given = scheme, np.atleast_2d(values), np.array([0.1])
+    lines = steps_field._Lines(given, x, notes, 8)
+    take = in_calls.taker_of(lines, listed_code.listed_code(8, False))
+    heads = weakref.ref(listed.programs_of(scheme.step).usual.runs.heads)
+    listed.programs_of.cache_clear()
+    assert heads() is not None
+    taken, bits = take(0, 0, 5)
+    assert (taken, bits) == (5, 0)
+    assert (lines.states() == sf.iterate(field, x, 0.1, 5).final).all()
+
+
+def test_steps_by_elimination_pause(monkeypatch):
+    """So that Python hears Ctrl-C: the code returns when it has made as many calls as it may."""
+    calls, usual = [], steps_field.call
+
+    def count(*arguments):
+        calls.append(usual(*arguments))
+        return calls[-1]
+
+    field, x0 = sf.QuadraticField([[[1.0]]]), np.full((3000, 1), 2.0)
+    careful.compile()
+    expected = sf.iterate(field, x0, 0.5, 20, on_singular="ignore")
+    monkeypatch.setattr(steps_field, "call", count)
+    monkeypatch.setattr(steps_field, "CAREFUL_TIME", 1)
+    assert sf.iterate(field, x0, 0.5, 20, on_singular="ignore", threads=1) == expected
+    assert len(calls) > 1
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_a_system_takes_the_steps_of_a_long_list(monkeypatch):
+    """Of states whose steps are good, rare or missing, those of runs, which solve the equations."""
+    monkeypatch.setattr(operations, "MANY", 0)
+    D = 9
+    field = sf.QuadraticField.from_function(
+        lambda x: [x[k] * (x[k - 1] - x[(k + 1) % D]) + x[k] ** 2 / 8 - 1 for k in range(D)], D
+    )
+    x0 = np.linspace(0.5, 1.5, D) * np.array([[1.0], [1e-9], [1.0], [-9.0], [np.nan]])
+    x0[1, 4], x0[2], x0[2, 3] = 2.0, 1.0, 15.0
+    system = sf.compiled.system(field, 0.3)
+    work = sf.compiled.work(system)
+    run = sf.iterate(field, x0, 0.3, 1, on_singular="ignore")
+    assert {*run.status} == {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
+    x = x0.copy()
+    assert [sf.compiled.step_system(system, each, each, work) for each in x] == [*run.status]
+    np.testing.assert_array_equal(x, run.final)

@@ -1,0 +1,465 @@
+"""Machine code of the steps of fields, and what takes its place: NumPy, and steps by `solve`."""
+
+import functools
+import os
+import pickle
+import re
+import weakref
+
+import children
+import numpy as np
+import pytest
+from llvmlite import binding
+
+import suslov_fast as sf
+from suslov_fast.core.code import compiler as machine_code
+from suslov_fast.core.compiling import numba as core_numba
+from suslov_fast.core.fields import (
+    careful,
+    generated,
+    lines,
+    single_orbit,
+    steps as steps_field,
+    tangent,
+)
+from suslov_fast.core.fields.generated_tangent import text_of_orthonormalise, text_of_tangent
+from suslov_fast.core.fields.stages import Stages
+from suslov_fast.core.lists import step as operations
+from suslov_fast.engine import derivatives, stretches
+
+pytestmark = pytest.mark.compiled
+SLOW = pytest.mark.slow
+
+
+def of_a(x, a):
+    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - a * x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+def atmosphere(x):
+    return [x[i - 1] * (x[(i + 1) % 9] - x[i - 2]) - x[i] + 8 for i in range(9)]
+
+
+def volterra(x):
+    return [x[i] * (x[(i + 1) % 5] - x[i - 1]) for i in range(5)]
+
+
+@pytest.fixture
+def anew(monkeypatch):
+    """Forget all plans and all machine code."""
+    monkeypatch.setattr(machine_code, "_codes", {})
+    monkeypatch.setattr(machine_code, "_engines", {})
+    caches = (
+        (steps_field, "_step_of"),
+        (tangent, "_tangent_of"),
+    )
+    for module, name in caches:
+        plan = functools.cache(getattr(module, name).__wrapped__)
+        monkeypatch.setattr(module, name, plan)
+
+
+def results(rng):
+    """What machine code computes: steps that are good, near a pole, beyond one, and of NaN."""
+    a = np.array([0.0, 1.0, 0.5])
+    family = sf.QuadraticField.from_function(of_a, 3, a=a)
+    x0 = rng.normal(size=(9, 3, 3)) * np.geomspace(1.0, 300.0, 9)[:, None, None]
+    x0[2, 1] = np.nan
+    ignore = {"on_singular": "ignore"}
+    runs = [
+        sf.iterate(family, x0, eps, 24, save_every=every, method=method, **ignore)
+        for every, method, eps in (
+            (1, "auto", 0.02),
+            (5, "auto", 0.1),
+            (None, "order4", 0.05),
+            (2, "order6", 0.02),
+        )
+    ]
+    runs.append(sf.iterate(family, x0, 0.1, 7, **ignore).extend(9, **ignore))
+    runs.append(sf.iterate(family[0], x0[0, 0], 0.1, 7))
+    pole = sf.QuadraticField([[[1.0]]])
+    runs.append(sf.iterate(pole, [[2.0], [0.3], [1.9]], [0.5, 0.1, 1.0], 3, **ignore))
+    found = [each for run in runs for each in (run.x, run.final, run.status, run.failed_at)]
+    assert {*np.concatenate([run.status.ravel() for run in runs])} >= {-2, -1, 0}
+    found.append(sf.jacobian(family, x0, 0.1))
+    found.append(sf.jacobian(family, x0, 0.1, method="order4"))
+    found.append(sf.step(family, x0[:2], 0.1))
+    met = sf.crossings(family, x0[0], 0.05, 60, surface=lambda x: x[..., 2] - 1.0, direction=0)
+    found += [met.before, met.after]
+    return found
+
+
+def exponents(rng):
+    field = sf.QuadraticField.from_function(of_a, 3, a=1)
+    x0 = rng.normal(size=(9, 3))
+    return [sf.lyapunov_exponents(field, x, 0.02, 100) for x in (x0, x0[0])]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_numpy_computes_the_same_bits_where_llvm_refuses_the_code(rng, monkeypatch, anew):
+    """With one warning, which says how slow it is."""
+    state, (start, eps) = rng.bit_generator.state, (np.ones(3), 0.02)
+    usual, of_exponents = results(rng), exponents(rng)
+    loop = sf.compiled.system(sf.QuadraticField.from_function(of_a, 3, a=1), eps)
+    after = sf.compiled.step_system(loop, start, start, sf.compiled.work(loop)), start.copy()
+    assert loop.address != 0
+
+    def refuse(*arguments):
+        raise RuntimeError("no such text")
+
+    monkeypatch.setattr(machine_code, "_codes", {})
+    monkeypatch.setattr(machine_code, "_compile", refuse)
+    rng.bit_generator.state = state
+    with pytest.warns(
+        RuntimeWarning, match=r"no such text.* in 100 times the time, .*5000"
+    ) as told:
+        found = results(rng)
+    slow = exponents(rng)
+    assert len(told) == 1
+    # DPhi of the last bits: here lanes find it by `solve`.
+    for one, other in zip(found[:-5], usual[:-5], strict=True):
+        np.testing.assert_array_equal(one, other)
+    for one, other in zip(found[-5:], usual[-5:], strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(slow[0], of_exponents[0], rtol=1e-9)
+    np.testing.assert_allclose(slow[1], of_exponents[1], rtol=1e-9)
+    loop, start = sf.compiled.system(sf.QuadraticField.from_function(of_a, 3, a=1), eps), np.ones(3)
+    assert loop.address == 0
+    code = sf.compiled.step_system(loop, start, start, sf.compiled.work(loop))
+    assert code == after[0]
+    np.testing.assert_allclose(start, after[1], rtol=1e-14)
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("batch", [1, 20])
+def test_a_long_list_is_divided(rng, monkeypatch, anew, batch):
+    """Into pieces that pass on what later ones need, with the same bits."""
+    q, linear = rng.normal(size=(6, 6, 6)), rng.normal(size=(6, 6))
+    field = sf.QuadraticField(q, linear, rng.normal(size=6))
+    x0 = rng.normal(size=(batch, 6))
+    args = field, x0, np.full(batch, 0.02), 20
+    whole = sf.iterate(*args, on_singular="ignore")
+    monkeypatch.setattr(operations, "WHOLE", 50)
+    monkeypatch.setattr(operations, "PIECE", 50)
+    monkeypatch.setattr(machine_code, "_codes", {})
+    monkeypatch.setattr(machine_code, "_engines", {})
+    monkeypatch.setattr(steps_field, "_step_of", steps_field._step_of.__wrapped__)
+    step = steps_field.scheme_of(field.terms[0], 6).step
+    assert len(step.pieces[0]) > 5
+    assert step.pieces[1]
+    assert sf.iterate(*args, on_singular="ignore") == whole
+
+
+@pytest.mark.parametrize("method", ["auto", "order4"])
+def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
+    """Also where a step needs pivoting, passes a pole, or continues beyond one, in any cuts."""
+    lattice = sf.QuadraticField.from_function(volterra, 5)
+    chain = sf.QuadraticField.from_function(of_a, 3, a=1)
+    met = set()
+    for field, scale, eps in ((lattice, 9.0, 0.3), (chain, 30.0, 0.2)):
+        x0 = abs(rng.normal(scale=scale, size=(12, field.dimension)))
+        x0[3] = np.nan
+        given = {"method": method, "save_every": 3, "on_singular": "ignore"}
+        run = sf.iterate(field, x0, eps, 20, **given)
+        met |= {*run.status.tolist()}
+        for k in range(len(x0)):
+            for cut in (20, 7):
+                alone = sf.iterate(field, x0[k], eps, cut, **given)
+                if cut < 20:
+                    alone = alone.extend(20 - cut, on_singular="ignore")
+                np.testing.assert_array_equal(alone.x, run.x[:, k])
+                np.testing.assert_array_equal(alone.final, run.final[k])
+                assert (alone.status, alone.failed_at) == (run.status[k], run.failed_at[k])
+    assert met >= {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
+    """Of steps that are good, near a pole, beyond one, and of NaN; and of rare and dense lanes."""
+    dense = sf.QuadraticField(*(rng.normal(size=(5,) * n) for n in (3, 2, 1)))
+    x0 = rng.normal(size=(21, 5)) * np.geomspace(1e-3, 30.0, 21)[:, None]
+    chain = sf.QuadraticField.from_function(atmosphere, 9)
+
+    def found():
+        ignore = {"on_singular": "ignore"}
+        runs = [sf.iterate(dense, x0[:n], 0.1, 50, **ignore) for n in (1, 2, 7, 21)]
+        runs.append(sf.iterate(chain, x0[:, :1] + np.arange(9.0), 1 / 32, 500, save_every=7))
+        lattice = sf.QuadraticField.from_function(volterra, 5)
+        runs.append(sf.iterate(lattice, abs(x0), 0.1, 60, **ignore))
+        assert (runs[-1].status == sf.Status.PASSED_POLE).any()
+        met = [each for run in runs for each in (run.x, run.final, run.status, run.failed_at)]
+        for method in ("auto", "order4"):
+            system, x = sf.compiled.system(dense, 0.1, method=method), x0.copy()
+            work = sf.compiled.work(system)
+            met.append([sf.compiled.step_system(system, each, each, work) for each in x])
+            met.append(x)
+        assert {*met[-4]} == {0, sf.Status.PASSED_POLE}
+        return met
+
+    usual = found()
+    monkeypatch.setattr("suslov_fast.core.lists.step.MANY", 0)
+    for one, other in zip(usual, found(), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_sparse", [False, True])
+def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
+    """Loops eliminate the whole matrix, or its pattern: within rounding of a plan."""
+    monkeypatch.setattr("suslov_fast.core.fields.in_calls.is_sparse", lambda *_: is_sparse)
+    field, x0 = sf.QuadraticField.from_function(of_a, 3, a=1), rng.normal(size=(9, 3))
+    hamiltonian = sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 3 / 3 + x[0] * x[1] ** 2, 2)
+
+    lattice = sf.QuadraticField.from_function(volterra, 5)
+    populations = abs(rng.normal(size=(9, 5))) * np.geomspace(0.1, 30.0, 9)[:, None]
+    populations[4] = np.nan
+    ignore = {"on_singular": "ignore"}
+
+    def found():
+        run = sf.iterate(lattice, populations, 0.2, 60, **ignore)
+        assert {*run.status} == {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
+        for k in (0, 4, 8):
+            alone = sf.iterate(lattice, populations[k], 0.2, 60, **ignore)
+            np.testing.assert_array_equal(alone.x, run.x[:, k])
+            assert (alone.status, alone.failed_at) == (run.status[k], run.failed_at[k])
+        last = sf.iterate(lattice, populations, 0.2, 60, save_every=None, **ignore)
+        np.testing.assert_array_equal(last.final, run.final)
+        steps = np.linspace(0.01, 0.03, 9)  # each orbit has its own
+        together = sf.iterate(field, x0, steps, 30).x
+        alone = [sf.iterate(field, *each, 30).x for each in zip(x0, steps, strict=True)]
+        np.testing.assert_array_equal(together, np.stack(alone, axis=1))
+        return [
+            run.status,
+            run.failed_at,
+            together,
+            sf.iterate(field, x0, 0.02, 30).x,
+            sf.iterate(field, x0, 0.01, 10, method="order4").x,
+            sf.jacobian(field, x0, 0.02),
+            sf.invariant_density(hamiltonian, x0[:, :2], 0.02),
+            sf.lyapunov_exponents(field, x0, 0.02, 50),
+            sf.lyapunov_exponents(field, x0[0], 0.02, 50),
+        ]
+
+    planned = found()
+    monkeypatch.setattr(operations, "MOST", -1)
+    monkeypatch.setattr(machine_code, "_codes", {})
+    caches = (
+        (steps_field, "_step_of"),
+        (tangent, "_tangent_of"),
+    )
+    for module, name in caches:
+        monkeypatch.setattr(module, name, functools.cache(getattr(module, name).__wrapped__))
+    assert not steps_field.scheme_of(field.terms[0], 3).step.usual
+    for one, other in zip(found(), planned, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
+    made = {text_of for text_of, *_ in machine_code._codes}  # of columns, which take no plan
+    assert made <= {text_of_orthonormalise}
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_old_codes_are_freed_but_not_those_in_use(rng, monkeypatch, anew):
+    """A run, exponents and the system of a user keep theirs while `progress` compiles others."""
+    field, x0 = sf.QuadraticField.from_function(of_a, 3, a=1), rng.normal(size=(9, 3))
+    system, x, engines = sf.compiled.system(field, 0.02), x0[0].copy(), weakref.WeakSet()
+
+    def compile_others(done, steps):
+        for D in (1, 2, 4) if done <= last else ():
+            sf.step(sf.QuadraticField(np.ones((D, D, D)), np.eye(D)), np.ones((2, D)), 0.001)
+            engines.update(machine_code._engines.values())
+
+    run, exponents = sf.iterate(field, x0, 0.02, 200), sf.lyapunov_exponents(field, x0[:2], 0.02, 9)
+    monkeypatch.setattr(machine_code, "MOST_CODES", 3)
+    monkeypatch.setattr(stretches, "_STRETCH", 1)
+    monkeypatch.setattr(derivatives, "_STRETCH", 1)
+    last = 64
+    assert (sf.iterate(field, x0, 0.02, 200, progress=compile_others).x == run.x).all()
+    last = 1
+    found = sf.lyapunov_exponents(field, x0[:2], 0.02, 9, progress=compile_others)
+    assert (found == exponents).all()
+    assert sum(not lasts for *_, lasts in machine_code._codes) <= 3
+    assert len(engines) <= 3
+    memory = sf.compiled.work(system)
+    for _ in range(20):
+        assert sf.compiled.step_system(system, x, x, memory) == 0
+    assert (x == run.x[20, 0]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("batch", [1, 3000])
+def test_an_interrupt_while_careful_steps_are_compiled(monkeypatch, batch):
+    """Ctrl-C ends the run, in whichever thread it arrives, and later runs are as before."""
+    field = sf.QuadraticField([[[1.0]]])
+    run = functools.partial(
+        sf.iterate, field, np.full((batch, 1), 2.0), 0.5, 2000, threads=children.TWO_THREADS
+    )
+    expected = run(on_singular="ignore")
+    assert (expected.status == sf.Status.SINGULAR).all()
+    fresh = core_numba.CFunction(careful.careful.signature, careful.careful.py_func)
+    calls, compile_with = [], core_numba.numba.cfunc
+
+    def interrupted(*signature, **options):
+        calls.append(1)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        return compile_with(*signature, **options)
+
+    monkeypatch.setattr(core_numba, "PATIENCE", -1.0)
+    monkeypatch.setattr(core_numba.numba, "cfunc", interrupted)
+    monkeypatch.setattr(steps_field, "careful", fresh)
+    with pytest.raises(KeyboardInterrupt):
+        run(on_singular="ignore")
+    assert run(on_singular="ignore") == expected
+    assert fresh.is_compiled
+
+
+PICKLED = """
+import pickle, sys
+import numpy as np
+from suslov_fast.compiled import step_system, work
+system = pickle.loads(bytes.fromhex(sys.argv[1]))
+x = np.array([1.0, 2.0, 20.0])
+for _ in range(50):
+    assert step_system(system, x, x, work(system)) == 0
+assert system.address != 0
+print(x.tobytes().hex())
+"""
+
+
+def places_in(*things):
+    """Return the memory of arrays (begin, end), and addresses of code, to which things refer."""
+    seen, left, places = set(), [*things], []
+    while left:
+        thing = left.pop()
+        if id(thing) in seen:
+            continue
+        seen.add(id(thing))
+        if isinstance(thing, np.ndarray):
+            places.append((thing.ctypes.data, thing.ctypes.data + thing.nbytes))
+        elif isinstance(thing, int):
+            places.append((thing, thing + 1))
+        elif isinstance(thing, tuple):
+            left += thing
+        elif type(thing).__module__.startswith("suslov_fast"):
+            left += vars(thing).values()
+    return places
+
+
+def test_what_machine_code_is_given_stays_alive():
+    """Each address among its arguments is one of arrays that these calls return or have."""
+    indices, values = sf.QuadraticField.from_function(lambda x: of_a(x, 1.0), 3).terms
+    step, stages = steps_field.scheme_of(indices, 3, Stages((0.5, 0.5)))
+    given, x = (np.atleast_2d(values), np.array([0.1])), np.ones((20, 3))
+    careful.careful.compile()
+    notes, saved = [np.zeros(20, kind) for kind in (np.int8, np.int64, float)], np.ones((5, 20, 3))
+    lines = steps_field._Lines((steps_field.Scheme(step, stages), *given), x, notes, 8)
+    bits = values.tobytes()
+    one = single_orbit._prepared(step, stages, given[1].tobytes(), bits, False)
+    code = careful.careful.address
+    for arguments, kept, *owners in (
+        (*lines._code_arguments(0, 10, saved, 4, 1, True), lines, saved, code),
+        (*tangent.arguments_of(lines.scheme, *given, 20),),
+        (np.array(one[1]), one[-1]),
+    ):
+        places, arrays = places_in(kept, *owners), [a for a in kept if isinstance(a, np.ndarray)]
+        plans = [each.view(np.int64)[:, 0] for each in arrays if each.ndim == 2]
+        numbers = [arguments, *plans, *(each for each in arrays if each.dtype == np.int64)]
+        numbers = [n for each in numbers for n in each if n is not None and np.ndim(n) == 0]
+        addresses = [number for number in numbers if number > 2**32]
+        assert addresses
+        for address in addresses:
+            assert any(begin <= address <= end for begin, end in places)
+
+
+def test_lines_of_lanes_begin_where_lines_of_the_cache_do():
+    rows = np.arange(60.0).reshape(20, 3)
+    for first in range(10):
+        found = lines.in_lines(rows[first:], 8)
+        assert found.ctypes.data % 64 == 0
+        assert (found.swapaxes(1, 2).reshape(-1, 3)[: 20 - first] == rows[first:]).all()
+    others = [lines.zeros(1, count, 8) for count in range(1, 9)]
+    assert all(array.ctypes.data % 64 == 0 and not array.any() for array in others)
+
+
+@pytest.mark.slow
+def test_a_system_in_another_process_has_its_own_address():
+    field = sf.QuadraticField.from_function(of_a, 3, a=1)
+    system = sf.compiled.system(field, 0.01)
+    text = children.run(PICKLED, pickle.dumps(system).hex())
+    run = sf.iterate(field, [1.0, 2.0, 20.0], 0.01, 50)
+    assert (np.frombuffer(bytes.fromhex(text)) == run.final).all()
+
+
+FORK = """
+import os, sys, warnings
+import numpy as np, suslov_fast as sf
+warnings.simplefilter("ignore", DeprecationWarning)
+field = sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+x0 = np.random.default_rng(1).uniform(0.5, 2, (20000, 2))
+def run(threads):
+    return sf.iterate(field, x0, 0.05, 500, save_every=None, threads=threads).final
+expected = run(2)
+assert (run(1) == expected).all()
+child = os.fork()
+if child == 0:
+    other = sf.QuadraticField.from_function(lambda x: (x[1], -x[0] * x[0]), 2)
+    sf.iterate(other, x0, 0.01, 3)
+    os._exit(0 if (run(2) == expected).all() else 1)
+assert os.waitpid(child, 0)[1] == 0
+assert (run(2) == expected).all()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_child_of_a_parent_that_ran_fields_in_threads():
+    """It has none of their threads, and neither hangs nor computes other bits."""
+    children.run(FORK, timeout=120)
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(("D", "W"), [(6, 1), (6, 8), pytest.param(19, 8, marks=SLOW)])
+@pytest.mark.parametrize("text_of", [generated.text_of_steps, text_of_tangent])
+def test_frames(text_of, D, W):
+    """No code takes 256 KB of a stack: a thread may have 512 KB. Dense fields, any x86-64."""
+    indices = [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
+    step = steps_field.scheme_of(np.transpose(indices), D).step
+    if text_of is text_of_tangent:
+        step = tangent._tangent_of(step.indices.tobytes(), D)
+    binding.initialize_all_targets()
+    binding.initialize_all_asmprinters()
+    target = binding.Target.from_triple("x86_64-unknown-linux-gnu")
+    level = 0 if step.is_long else 2
+    machine = target.create_target_machine(cpu="x86-64", features="", opt=level)
+    code = machine.emit_assembly(binding.parse_assembly(text_of(step, "f", W, False, 64)))
+    # The last function calls the others, one after the other.
+    *pieces, last = map(int, re.findall(r"sub[lq]?\s+\$(\d+), %rsp", code))
+    assert 0 < last + max(pieces, default=0) < 2**18
+
+
+def test_an_error_of_the_generator_is_not_one_of_llvm(monkeypatch, anew):
+    def slip(*arguments):
+        raise KeyError("no such value")
+
+    monkeypatch.setattr(steps_field, "text_of_steps", slip)
+    with pytest.raises(KeyError, match="no such value"):
+        sf.iterate(sf.QuadraticField.from_function(of_a, 3, a=1), np.ones((9, 3)), 0.02, 10)
+
+
+def test_a_signal_handler_that_compiles_while_old_codes_are_freed(monkeypatch, anew):
+    """Codes and engines may come and go between any two lines."""
+    compiled = []
+
+    class Interrupted(dict):
+        def pop(self, *arguments):
+            if len(compiled) < 2:
+                compiled.append(sf.QuadraticField([[[1.0]]], [[1.0 * len(compiled)]]))
+                sf.step(compiled[-1], [0.5], 0.01)
+            return super().pop(*arguments)
+
+    for D in (1, 3):
+        sf.step(sf.QuadraticField(np.zeros((D, D, D)), np.eye(D)), np.ones(D), 0.01)
+    for name in ("_codes", "_engines"):
+        monkeypatch.setattr(machine_code, name, Interrupted(getattr(machine_code, name)))
+    monkeypatch.setattr(machine_code, "MOST_CODES", 1)
+    sf.step(sf.QuadraticField(np.ones((2, 2, 2))), np.ones(2), 0.01)
+    assert len(compiled) == 2

@@ -1,0 +1,268 @@
+"""The engine of the motion: columns, rules, and the same bits however steps are carried out."""
+
+import numpy as np
+import pytest
+
+from suslov_fast.core.lists.dense import DenseRightHandSide, dense_parameters
+from suslov_fast.core.lists.elimination import Elimination
+from suslov_fast.core.lists.numbers import Number
+from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
+from suslov_fast.core.lists.step import evaluate
+from suslov_fast.core.motion import columns, engine, functions, half, one
+from suslov_fast.core.motion.rows import State
+
+needs_code = pytest.mark.compiled
+
+
+def right_hand_side(f, D):
+    values = Expressions(D)
+    results = f([Number(values.emit, k) for k in range(D)])
+    return RightHandSide(values, [a.number if isinstance(a, Number) else a for a in results])
+
+
+def henon_heiles(s):
+    x, y, p, q = s
+    return p, q, -x - 2.0 * x * y, y * y - x * x - y
+
+
+def van_der_pol(s):
+    x, v = s
+    return v, 1000.0 * (1.0 - x * x) * v - x
+
+
+def robertson(s):
+    x, y, z = s
+    a, b, c = 0.04 * x, 1e4 * y * z, 3e7 * y * y
+    return b - a, a - b - c, c
+
+
+def pole_of_a_clock(s):
+    x, t = s
+    return x / (t - 1.5), 1.0
+
+
+def lattice(s):
+    D = len(s)
+    return [s[i - 1] * (s[(i + 1) % D] - s[i - 2]) - s[i] + 8.0 for i in range(D)]
+
+
+def functions_of(s):
+    x, y = s
+    return y.then("sin") * 0.5, x.then("exp") * -0.1 - (x * x + 1.0).then("log") * y
+
+
+CASES = {
+    "functions_of": (functions_of, np.random.default_rng(4).uniform(-1.0, 1.0, (3, 2)), 5.0),
+    "henon_heiles": (henon_heiles, np.random.default_rng(0).uniform(-0.2, 0.2, (11, 4)), 20.0),
+    "van_der_pol": (van_der_pol, np.array([[2.0, 0.0], [1.0, 1.0], [np.nan, 1.0]]), 900.0),
+    "robertson": (robertson, np.array([[1.0, 0.0, 0.0], [0.5, 1e-5, 0.1]]), 4e4),
+    "pole_of_a_clock": (pole_of_a_clock, np.array([[1.0, 0.0], [1.0, 2.0]]), 2.0),
+    "large_lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(2, 60)), 0.5),
+    "lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(3, 20)), 1.0),
+}
+
+
+def motion(f, x0, times, rtol=1e-6, *, atol=None, sign=1.0, stiff=None):
+    """Return the states, and what is known of trajectories at their end."""
+    states = np.full((len(times), *x0.shape), np.nan)
+    settings = engine.Settings(rtol, atol, np.inf, stiff)
+    found = engine.Motion(f, np.zeros(0), x0, np.array(times), sign, settings, states)
+    found.run()
+    return states, found.t, found.steps, found.state
+
+
+def assert_equal(first, second):
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(("lengths", "p"), [(columns.EXPLICIT, 2), (columns.IMPLICIT, 1)])
+def test_weights_cancel_the_powers_of_the_length(lengths, p):
+    of_errors, own = columns.weights_of_errors(lengths, p), columns.weights(lengths, p)
+    assert sum(own) == pytest.approx(1.0, abs=1e-12)
+    for k in range(1, len(lengths)):
+        assert sum(w * n ** (-p * k) for w, n in zip(own, lengths, strict=True)) == pytest.approx(
+            0.0, abs=1e-13
+        )
+    for k in range(len(lengths) - 1):
+        errors = sum(w * n ** (-p * k) for w, n in zip(of_errors, lengths, strict=True))
+        assert errors == pytest.approx(0.0, abs=1e-11)
+
+
+@pytest.mark.parametrize("with_atol", [False, True])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("case", CASES)
+@needs_code
+def test_machine_code_has_the_bits_of_numpy(case, sign, with_atol, monkeypatch):
+    function, x0, last = CASES[case]
+    if sign < 0.0 and case == "robertson":
+        last = 1e-3
+    f, times = right_hand_side(function, x0.shape[1]), [0.01 * last, 0.013 * last, last]
+    options = {"sign": sign, "atol": np.full(f.D, 1e-10) if with_atol else None}
+    by_code = motion(f, x0, times, **options)
+    monkeypatch.setattr(engine, "compiled", lambda *_, **__: None)
+    assert_equal(by_code, motion(f, x0, times, **options))
+
+
+@pytest.mark.parametrize("case", CASES)
+@needs_code
+def test_runs_have_the_bits_of_straight_line_code(case, monkeypatch):
+    function, x0, last = CASES[case]
+    f, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
+    usual = motion(f, x0, [0.3 * last, last])
+    monkeypatch.setattr(functions, "LONGEST", -1)
+    again.__dict__["key"] = f"runs of {case}"
+    assert_equal(usual, motion(again, x0, [0.3 * last, last]))
+
+
+@pytest.mark.parametrize("case", ["van_der_pol", "robertson", "lattice"])
+@needs_code
+def test_dense_elimination_agrees_with_the_planned_one(case, monkeypatch):
+    function, x0, last = CASES[case]
+    x0 = x0[:2]
+    f, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
+    usual, *_ = motion(f, x0, [last], stiff=True)
+    monkeypatch.setattr(half, "PLANNED", -1)
+    again.__dict__["key"] = f"dense {case}"
+    np.testing.assert_allclose(motion(again, x0, [last], stiff=True)[0], usual, rtol=1e-6)
+
+
+@pytest.mark.parametrize("case", CASES)
+@needs_code
+def test_one_trajectory_has_the_bits_of_a_batch(case):
+    function, x0, last = CASES[case]
+    f, times = right_hand_side(function, x0.shape[1]), [0.1 * last, 0.45 * last, last]
+    states, t, steps, state = motion(f, x0, times)
+    for k in range(len(x0)):
+        of_one = motion(f, x0[k : k + 1], times)
+        assert_equal(of_one, (states[:, k : k + 1], t[[k]], steps[[k]], state[[k]]))
+        settings = engine.Settings(1e-6, None, np.inf, None)
+        found = one.motion_of_one(f, b"", x0[k].tolist(), times, 1.0, settings)
+        if found is not None and state[k] == State.DONE:
+            np.testing.assert_array_equal(
+                np.array(found[0]).reshape(states[:, k].shape), states[:, k]
+            )
+            assert found[1] == (t[k], steps[k], state[k])
+
+
+@needs_code
+def test_more_times_change_no_step():
+    f, x0 = right_hand_side(henon_heiles, 4), CASES["henon_heiles"][1]
+    times = np.sort(np.random.default_rng(2).uniform(0.0, 20.0, 101))
+    times[-1] = 20.0
+    exact, *_ = motion(f, x0, times, 1e-13)
+    for rtol in (1e-3, 1e-6, 1e-9):
+        states, _, steps, _ = motion(f, x0, times, rtol)
+        last, _, of_last, _ = motion(f, x0, [20.0], rtol)
+        np.testing.assert_array_equal(states[-1], last[0])
+        np.testing.assert_array_equal(steps, of_last)
+        error = abs(states - exact).max(axis=(1, 2))
+        assert error.max() < 3.0 * max(error[-1], rtol)
+
+
+@pytest.mark.parametrize("D", [1, 2, 5, 12])
+def test_elimination(D):
+    rng = np.random.default_rng(D)
+    pattern = sorted({(int(i), int(j)) for i, j in rng.integers(0, D, (3 * D, 2))})
+    planned = Elimination(pattern, D)
+    entries, s, g = rng.normal(size=len(pattern)), 0.3, rng.normal(size=D)
+    values = dict(enumerate([*entries, s]))
+    evaluate(planned.factors.operations, values)
+    values = dict(enumerate([*(values[a] for a in planned.factors.results), *g]))
+    evaluate(planned.solution.operations, values)
+    A = np.eye(D)
+    for place, entry in zip(pattern, entries, strict=True):
+        A[place] -= s * entry
+    found = [values[a] for a in planned.solution.results]
+    np.testing.assert_allclose(A @ found, g, atol=1e-12)
+
+
+@needs_code
+def test_dense_fields():
+    D, rng = 5, np.random.default_rng(3)
+    i, j, k = np.array(
+        [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
+    ).T
+    v = 0.1 * rng.normal(size=len(i))
+    f, x0 = DenseRightHandSide(D), 0.1 * rng.normal(size=(3, D))
+    table = dense_parameters(np.array([i, j, k]), v, D)
+
+    def products(s):
+        terms = [0.0 * s[0]] * D
+        y = [*s, 1.0]
+        for place, *factors, value in zip(i, j, k, v, strict=True):
+            terms[place] = terms[place] + value * y[factors[0]] * y[factors[1]]
+        return terms
+
+    sparse = right_hand_side(products, D)
+    x = x0.T
+    np.testing.assert_allclose(f.value(x, table), sparse.value(x, np.zeros(0)), rtol=1e-13)
+    np.testing.assert_allclose(f.jacobian(x, table), sparse.jacobian(x, np.zeros(0)), rtol=1e-12)
+    for stiff in (None, True):
+        states = np.full((1, 3, D), np.nan)
+        settings = engine.Settings(1e-9, None, np.inf, stiff)
+        engine.Motion(f, table, x0, np.array([3.0]), 1.0, settings, states).run()
+        np.testing.assert_allclose(states, motion(sparse, x0, [3.0], 1e-12)[0], rtol=1e-7)
+
+
+@needs_code
+def test_orbits_that_are_not_stiff_stay_explicit():
+    def lorenz(s):
+        x, y, z = s
+        return 10.0 * (y - x), x * (28.0 - z) - y, x * y - 8.0 / 3.0 * z
+
+    f = right_hand_side(lorenz, 3)
+    x0 = np.random.default_rng(1).uniform(-10.0, 10.0, (256, 3))
+    x0[:, 2] += 25.0
+    for rtol, most in ((1e-3, 0.03), (1e-6, 0.001), (1e-9, 0.001)):
+        states = np.empty((1, *x0.shape))
+        settings = engine.Settings(rtol, None, np.inf, None)
+        found = engine.Motion(f, np.zeros(0), x0, np.array([20.0]), 1.0, settings, states)
+        found.run()
+        assert found.implicit_steps.sum() <= most * found.steps.sum()
+
+
+# Values of the test set for initial value problems, and the most steps at each tolerance.
+@pytest.mark.parametrize(
+    ("function", "x0", "last", "right", "steps"),
+    [
+        (van_der_pol, [2.0, 0.0], 2000.0, [1.706167732170469], (90, 150, 300)),
+        (robertson, [1.0, 0.0, 0.0], 4e5, [4.93827451e-3], (40, 60, 110)),
+    ],
+)
+@needs_code
+def test_stiff_problems(function, x0, last, right, steps):
+    f = right_hand_side(function, len(x0))
+    for rtol, most in zip((1e-3, 1e-6, 1e-9), steps, strict=True):
+        states, _, taken, _ = motion(f, np.array([x0]), [last], rtol)
+        np.testing.assert_allclose(states[0, 0, : len(right)], right, rtol=10.0 * rtol + 1e-8)
+        assert taken[0] <= most
+
+
+@pytest.mark.parametrize(
+    ("function", "x0", "end"),
+    [((lambda s: (s[0] * s[0],)), [1.0], 1.0), (pole_of_a_clock, [1.0, 0.0], 1.5)],
+)
+@needs_code
+def test_solutions_that_end(function, x0, end):
+    f = right_hand_side(function, len(x0))
+    states, t, _, state = motion(f, np.array([x0]), [0.5, 3.0])
+    assert state[0] == State.ENDED
+    assert t[0] == pytest.approx(end, abs=1e-5)
+    assert np.isfinite(states[0]).all()
+    assert np.isnan(states[1]).all()
+
+
+@needs_code
+def test_populations_keep_their_sign():
+    def lotka_volterra(s):
+        x, y = s
+        return x * (1.0 - y), y * (x - 1.0)
+
+    f = right_hand_side(lotka_volterra, 2)
+    assert list(f.of_one_sign) == [0, 1]
+    x0 = np.array([[20.0, 0.01], [5.0, 1e-6], [0.0, 1.0]])
+    for stiff in (False, True):
+        states, *_ = motion(f, x0, np.linspace(1.0, 60.0, 60), 1e-3, stiff=stiff)
+        assert (states[:, :2] > 0.0).all()
+        assert (states[:, 2, 0] == 0.0).all()

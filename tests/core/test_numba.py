@@ -1,0 +1,648 @@
+"""Kernels and universal functions: compiled, interpreted, parallel, with and without a cache.
+
+A small package with a copy of `core` compiles fast.
+"""
+
+import gc
+import os
+import re
+import shutil
+import zipfile
+from pathlib import Path
+
+import children
+import numba
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.command.warm_up import where_code_is_kept
+from suslov_fast.core.compiling import arrays, cache, elimination, llvm, numba as core_numba
+from suslov_fast.core.suslov import (
+    blocks as rows,
+    map as map_3d,
+    n_dimensions as steps_nd,
+    orientations,
+    quantities,
+    steps as steps_3d,
+)
+
+pytestmark = pytest.mark.compiled
+
+FILES = {
+    "__init__.py": "",
+    "core/__init__.py": "",
+    "core/small.py": """
+from .numba import for_users
+
+@for_users
+def change(x):
+    return 2.0 * x
+""",
+    "core/loops.py": """
+from .llvm import select
+from .numba import kernel, share, universal
+from .small import change
+
+@kernel
+def double(part, parts, arrays, numbers, out):
+    begin, end = share(out.size, part, parts)
+    for i in range(begin, end):
+        doubled, other = change(arrays[0][i]), arrays[1][i + numbers[1]]
+        out[i] = select(arrays[0][i] > numbers[0][0], doubled, other)
+
+@universal("(),()->()")
+def ratio(x, y, out):
+    out[0] = change(x) / y
+
+@universal("(),(d)->(d,d),(d)")
+def outer(a, x, product, row):
+    for i in range(x.size):
+        row[i] = x[i] / a
+        for j in range(x.size):
+            product[i, j] = change(x[i]) * x[j]
+""",
+}
+CALL = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from package.core import loops, numba as options
+import numpy as np
+options.PATIENCE = -1.0  # nothing runs as Python
+assert loops.__file__.startswith(sys.argv[1])
+x = np.arange(3.0)
+for name in sys.argv[2:]:
+    out = np.zeros(3)
+    if name in ("serial", "parallel"):
+        arguments = (x, np.full(4, -1.0)), ((0.5,), 1), out
+        if name == "serial":
+            loops.double.serial(*arguments)
+        else:
+            loops.double.parallel(2, *arguments)
+    elif name == "beyond":
+        loops.double.serial((x, np.full(3, -1.0)), ((0.5,), 7), out)
+    elif name == "change":
+        out = [loops.change(2.0)]
+    elif name == "ratio":
+        out = loops.ratio([[1], [2]], np.arange(2.0)).ravel()
+        assert loops.ratio(1.0, np.empty((0, 2))).shape == (0, 2)
+    else:
+        product, row = loops.outer([2.0, 4.0], x[::-1])
+        assert product.shape == (2, 3, 3) and (product[0] == 2 * np.outer(x[::-1], x[::-1])).all()
+        assert loops.outer(2.0, np.empty((0, 3)))[0].shape == (0, 3, 3)
+        out = row.ravel()
+    print("result", name, *out)
+"""
+RESULTS = {
+    "serial": "serial -1.0 2.0 4.0",
+    "parallel": "parallel -1.0 2.0 4.0",
+    "change": "change 4.0",
+    "ratio": "ratio inf 2.0 inf 4.0",
+    "outer": "outer 1.0 0.5 0.0 0.5 0.25 0.0",
+}
+NAMES = r"small\.change|loops\.(?:double|ratio|outer)|numba\._start"
+LOADED = rf"data loaded from .*/(?:{NAMES})_"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    core, source = tmp_path / "package" / "core", Path(core_numba.__file__).parent
+    shutil.copytree(source, core, ignore=shutil.ignore_patterns("__pycache__"))
+    for name, text in FILES.items():
+        (tmp_path / "package" / name).write_text(text)
+    return tmp_path
+
+
+def call(folder, *names, code=CALL, **environment):
+    """Check the results of functions in a new process; return how many files it loaded."""
+    environment = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1"} | environment
+    output = children.run(code, folder, *names, PYTHONWARNINGS="error", **environment)
+    lines = [line.partition("result ")[2] for line in output.splitlines() if "result " in line]
+    assert lines == [RESULTS[name] for name in names]
+    events = re.findall(r"data (loaded|saved) \w+ '(.*)'", output)
+    for n, (how, path) in enumerate(events):  # else code was refused, and compiled again
+        assert how == "loaded" or ("loaded", path) not in events[:n]
+    return len(re.findall(LOADED, output))
+
+
+def cached(folder, name="*"):
+    pattern = f"*loops.{name}_*.nb?" if name != "*" else "*.nb?"
+    return sorted((folder / "package" / "core" / "__pycache__").glob(pattern))
+
+
+@pytest.mark.slow
+def test_settings_of_numba(folder):
+    """Interpreted, and with checks of bounds, the results are the same, and nothing is cached."""
+    assert call(folder, *RESULTS) == 0
+    before = cached(folder)
+    for variable in ("NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK"):
+        assert call(folder, *RESULTS, **{variable: "1"}) == 0
+        assert cached(folder) == before
+        done = children.attempt(CALL, folder, "beyond", NUMBA_CACHE_DIR="", **{variable: "1"})
+        assert done.returncode == 1
+        assert "IndexError" in done.stderr
+
+
+@pytest.mark.slow
+def test_later_processes_compile_edited_and_damaged_functions_only(folder):
+    assert call(folder, *RESULTS) == 0
+    assert call(folder, *RESULTS) == 5
+    for path in cached(folder, "ratio")[-2:]:  # as if processes had written at once
+        path.unlink()
+    assert call(folder, "ratio") == 1
+    damages = {"double": b"garbage", "ratio": b"", "outer": b"\x80"}
+    for name, content in damages.items():
+        files = cached(folder, name)
+        assert len(files) >= 2
+        for path in files:
+            path.write_bytes(content)
+    before = cached(folder)
+    assert call(folder, *RESULTS) == 2
+    assert call(folder, *RESULTS) == 3  # damaged universal functions are compiled again
+    small = folder / "package" / "core" / "small.py"
+    small.write_text(small.read_text().replace("2.0", "2.0 * 1.0"))
+    assert call(folder, *RESULTS) == 0
+    after = cached(folder)
+    assert len(after) == len(before)  # files of the earlier source are deleted
+    assert not set(after) & set(before)
+
+
+@pytest.mark.slow
+def test_without_a_writable_folder(folder):
+    """Each process compiles for itself, as in a read-only installation."""
+    blocked = folder / "package" / "core" / "__pycache__"
+    blocked.write_text("not a folder")
+    places = {"HOME": str(blocked), "XDG_CACHE_HOME": str(blocked), "LOCALAPPDATA": str(blocked)}
+    assert call(folder, *RESULTS, PYTHONDONTWRITEBYTECODE="1", **places) == 0
+    assert blocked.read_text() == "not a folder"
+
+
+# Numba tries to write to a folder before it takes it.
+READ_ONLY = """
+import sys, tempfile
+real = tempfile.TemporaryFile
+def refuse(*given, dir=None, **others):
+    if any(part in dir for part in %r):
+        raise OSError(30, "Read-only file system")
+    return real(*given, dir=dir, **others)
+tempfile.TemporaryFile = refuse
+"""
+
+
+@pytest.mark.slow
+def test_a_whole_cache_that_cannot_be_written_is_used(folder):
+    """As in the image of a container; what it lacks is kept in the folder of the user."""
+    assert call(folder, *RESULTS) == 0
+    before = cached(folder)
+    kept = {"code": READ_ONLY % ([""],) + CALL}
+    assert call(folder, *RESULTS, **kept) == 5
+    [data] = [path for path in cached(folder, "double") if path.suffix == ".nbc"]
+    data.unlink()
+    before.remove(data)
+    code, home = READ_ONLY % (["__pycache__"],) + CALL, folder / "home"
+    places = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1", "XDG_CACHE_HOME": str(home)}
+    for loaded in (False, True):
+        output = children.run(code, folder, "serial", **places)
+        assert bool(re.search(rf"data loaded from '{home}.*loops\.double_", output)) == loaded
+    assert cached(folder) == before
+
+
+FOREIGN = {
+    "mine.py": """
+import terms
+from package.core.numba import function, kernel, universal
+
+def of_step(step):
+    @kernel
+    def apply(part, parts, out):
+        out[0] = step(out[0]) + later(1.0)
+
+    return apply
+
+@function
+def first(x):
+    return terms.scaled(x)
+
+@universal("()->()")
+def shifted(x, out):
+    out[0] = terms.shift(x)
+
+@function
+def later(x):
+    return x + NUMBER
+
+from numbers_ import NUMBER
+first_kernel = of_step(first)
+""",
+    "terms.py": """
+import numba, numbers_
+
+@numba.njit
+def scaled(x):
+    return 10.0 * x + numbers_.TABLE[0]
+
+@numba.njit
+def shift(x):
+    return x + numbers_.TABLE[1]
+""",
+    "numbers_.py": "NUMBER, TABLE = 0.25, (100.0, 200.0)",
+}
+CALL_FOREIGN = """
+import sys, numpy as np
+sys.path.insert(0, sys.argv[1])
+import mine
+out = np.ones(1)
+mine.first_kernel.serial(out)
+print("result", out[0], mine.shifted(1.0))
+"""
+
+
+@pytest.mark.slow
+def test_edits_of_whatever_a_function_of_others_names_compile_it_anew(folder):
+    """A helper in a second file, and a number in a third, of which Numba looks at none."""
+    for name, text in FOREIGN.items():
+        (folder / name).write_text(text)
+
+    def results():
+        output = children.run(CALL_FOREIGN, folder, NUMBA_CACHE_DIR="", NUMBA_DEBUG_CACHE="1")
+        [line] = re.findall("^result (.*)$", output, re.MULTILINE)
+        return line, len(re.findall(r"data loaded from .*/mine\.", output))
+
+    assert results() == ("111.25 201.0", 0)
+    assert results() == ("111.25 201.0", 2)
+    for name, old, new, result in (
+        ("numbers_.py", "(100.0, 200.0)", "(200.0, 100.0)", "211.25 101.0"),
+        ("terms.py", "10.0 * x", "20.0 * x", "221.25 101.0"),
+    ):
+        path = folder / name
+        path.write_text(path.read_text().replace(old, new))
+        assert results()[0] == result
+
+
+def digest(text, name="f", **names):
+    names["np"], names["numba"] = np, numba
+    exec(text, names)
+    return cache._digest_of(names[name])
+
+
+def test_the_digest_of_a_function_sees_what_it_names():
+    """Each line is one function; each changed text in it changes the digest."""
+    of_numbers = "A, B = 1.0, 2.0\ndef g(x): return x * A\ndef f(x, y=3): return g(x) + B + y"
+    changes = [("1.0", "2.0"), ("= 1.0, 2.0", "= 2.0, 1.0"), ("y=3", "y=4"), ("x * A", "x + A")]
+    inner = "def make(k):\n def f(x): return [x * k for _ in range(3)]\n return f\nf = make(5)"
+    changes_of_inner = [("make(5)", "make(6)"), ("range(3)", "range(4)"), ("x * k", "k * k * x")]
+    of_arrays = "T = np.arange(3)\ndef f(x): return T[x]"
+    of_options = "@numba.njit(fastmath=False)\ndef g(x): return x\ndef f(x): return g(x)"
+    both = "def g(x): return x\ndef h(x): return -x\na, b = g, h\ndef f(x): return a(x) / b(x)"
+    again = "def g(x): return x\ndef h(x): return -x\na = g, h, g\ndef f(x): return a[x](x)"
+    nested = "T = (1, 2), 3\ndef f(x): return T[x]"
+    recursive = "def f(x): return f(x - 1) if x > 0 else g(x)\ndef g(x): return f(-x)"
+    of_sets = "def f(x): return x in {'b', 'a', 'c'}"
+    for text, changed in (
+        (of_numbers, changes),
+        (inner, changes_of_inner),
+        (of_arrays, [("np.arange(3)", "np.arange(3.0)"), ("arange(3)", "ones(3, int)")]),
+        (of_options, [("False", "True")]),
+        (both, [("= g, h", "= h, g")]),
+        (again, [("h, g", "h, h")]),
+        (nested, [("(1, 2), 3", "1, (2, 3)")]),
+        (recursive, [("-x", "x")]),
+        (of_sets, [("'b'", "'d'")]),
+    ):
+        assert digest(text) == digest(f"# a comment\n\n{text}\nOTHER = 7")
+        assert digest(text) == digest(text.replace("np.ones", "np.zeros"))
+        for old, new in changed:
+            assert digest(text) != digest(text.replace(old, new)), (text, old, new)
+
+
+def test_the_folder_of_the_files_of_a_function(body):
+    sf.iterate(body, [1.0, 0.5], 0.2, 1)
+    folder, is_writable = cache.folder_of(steps_3d.steps.compiled)
+    assert list(Path(folder).glob("*steps_3d.steps_*.nbi"))
+    assert is_writable == os.access(folder, os.W_OK)
+    assert cache.folder_of(len) == (None, False)
+
+
+# Names of Numba that are not public, and where they are. Numba itself needs them: they are hidden
+# from the package alone.
+PRIVATE = {
+    "_cache": "numba.core.dispatcher.Dispatcher",
+    "get_compile_result": "numba.core.dispatcher.Dispatcher",
+    "_cres": "numba.np.ufunc.ufuncbuilder.GUFuncBuilder",
+    "build": "numba.np.ufunc.ufuncbuilder.GUFuncBuilder",
+    "gufunc_builder": "numba.np.ufunc.gufunc.GUFunc",
+    "FunctionCache": "numba.core.caching",
+    "CompileResultWAP": "numba.types",
+}
+HIDE = """
+import sys, numba
+from numba.core import ccallback, dispatcher
+from numba.np.ufunc import gufunc, ufuncbuilder
+
+def hide(place, name):
+    if isinstance(place, type(sys)):
+        return delattr(place, name)
+    get, put = place.__getattribute__, place.__setattr__
+    def check(asked):
+        if asked == name and sys._getframe(2).f_globals["__name__"].startswith("package."):
+            raise AttributeError(name)
+    place.__getattribute__ = lambda self, asked: check(asked) or get(self, asked)
+    place.__setattr__ = lambda self, asked, value: check(asked) or put(self, asked, value)
+"""
+
+
+def compiled(function):
+    """Return a function that calls the code that kernels call."""
+    return numba.njit(lambda *arguments: function(*arguments))
+
+
+def test_indices_of_uncounted_arrays_from_the_end():
+    def of(b):
+        b = arrays.uncounted(b)
+        return b[-1, -2], b[2 - len(b), 1], b[1:, -1][-1], b[-2][0]
+
+    b, of = np.arange(6.0).reshape(3, 2), numba.njit(of)
+    for each in (b, np.asfortranarray(b)):
+        assert of(each) == of.py_func(each) == (4.0, 5.0, 5.0, 2.0)
+
+
+def test_arrays_at_an_address():
+    @numba.njit
+    def of(address, rows):
+        b = arrays.array_at(address, (rows, 2, 4), np.float64)
+        b[0, 0, 1] = -1.0
+        return b[1, -1, 3], b[2, 1][1], b.shape, b.strides, b.size, b.itemsize
+
+    x = np.arange(24.0)
+    assert of(x.ctypes.data, 3) == (15.0, 21.0, (3, 2, 4), (64, 32, 8), 24, 8)
+    assert x[1] == -1.0
+
+
+@pytest.mark.slow
+def test_every_kind_can_be_called_at_a_prompt(rng):
+    """Formulas, functions, kernels and universal functions: compiled, and as Python functions.
+
+    (A few are always Python functions at a prompt: for them `compiled` is as kernels call them.)
+    """
+    x, y, w = rng.normal(size=16), np.zeros(32), rng.normal(size=(1, 2))
+    body, eps = (4.0, 1.0, -0.5, -0.3, 0.0), 0.2
+    for take in (map_3d.plain_step, map_3d.plain_step.py_func):
+        assert np.allclose(take(0.1, 0.2), (6 / 41, 7 / 41), rtol=1e-15)
+    gram = np.empty((3, 3, 8))
+    for clean in (orientations.clean, orientations.clean.py_func):
+        turned = np.repeat(np.eye(3)[:, :, None], 8, axis=2) * (1 + 1e-12)
+        clean(turned, gram, np.empty_like(gram))
+        assert abs(turned[..., 0] - np.eye(3)).max() < 1e-15
+    for memory_of_one in (elimination.memory_of_one, elimination.memory_of_one.py_func):
+        assert len(memory_of_one(3)) == 2
+    states = []
+    for steps in (steps_3d.steps, steps_3d.steps.py_func):
+        carry, saved, final = np.empty((steps_3d.CARRIED, 1)), np.empty((6, 1, 2)), np.empty((1, 2))
+        given = tuple(np.array([number]) for number in (*body, eps)), w, carry, (0, 1, 0, 5, 1, 0)
+        with np.errstate(all="ignore"):
+            steps(0, 1, *given, saved, final, np.zeros(1, np.int8), np.zeros(1, np.int64))
+        states.append(saved)
+    np.testing.assert_array_equal(*states)
+    value = np.empty(1)
+    quantities.energy.py_func(*body, eps, w[0], value)
+    assert value == quantities.energy(*body, eps, w[0])
+    lead, b = -(y.ctypes.data // 8) % llvm.LINE, x.reshape(2, 8)
+    for write in (rows.write_pairs, compiled(rows.write_pairs)):
+        write(b, 0, y, lead, 8, lead)
+        assert (y[lead : lead + 16] == b.T.ravel()).all()
+        y[:] = 0
+    assert arrays.uncounted(x) is x
+    assert arrays.block_of(2, 8)().shape == (2, 8)
+    # Arguments that a person gets wrong are errors: numbers beside a line, and beyond the end.
+    rows.write_pairs(b, 0, y, lead, 8, lead + 1)
+    assert (y[lead : lead + 16] == b.T.ravel()).all()
+    with pytest.raises((IndexError, ValueError)):
+        rows.write_pairs(b, 0, y, 25, 8, -1)
+    with pytest.raises(IndexError):
+        orientations.clean(np.ones((3, 3, 8)), np.ones((2, 2, 8)), gram)
+
+
+# All, and one of each kind of function: its files, its code, the functions that are made of it.
+HIDDEN = [[*PRIVATE], ["_cache", "_cres", "get_compile_result"], ["gufunc_builder"]]
+HIDDEN += [["FunctionCache", "build", "CompileResultWAP"]]
+
+
+@pytest.mark.parametrize("names", HIDDEN)
+@pytest.mark.slow
+def test_without_private_names_of_numba(folder, names):
+    """What takes the place of these names is slower, and gives the same results."""
+    hidden = "\n".join(f"hide({PRIVATE[name]}, {name!r})" for name in names)
+    code = f"{HIDE}\n{hidden}\n{CALL}"
+    # With an empty cache, and where all are missing with what the first process wrote.
+    for _ in range(1 + (len(names) == len(PRIVATE))):
+        output = children.run(code, folder, *RESULTS, NUMBA_CACHE_DIR="")
+        lines = [text.partition("result ")[2] for text in output.splitlines() if "result" in text]
+        assert lines == [*RESULTS.values()]
+
+
+@pytest.mark.parametrize("is_enabled", [True, False])
+def test_the_garbage_collector_is_paused_by_first_calls_alone(is_enabled):
+    seen = []
+
+    @core_numba.kernel
+    def count(part, parts, numbers):
+        numbers[0] += 1
+
+    count.compiled = lambda *arguments: seen.append(gc.isenabled())
+    (gc.enable if is_enabled else gc.disable)()
+    try:
+        count.serial(np.zeros(1))
+        assert gc.isenabled() == is_enabled
+        count.serial(np.zeros(1))
+    finally:
+        gc.enable()
+    assert seen == [False, is_enabled]
+
+
+# The first thread is inside until the second one begins, or, if that waits, for half a second.
+LOADING = """
+import threading
+from numba.core.registry import cpu_target
+from suslov_fast.core.compiling import numba as core
+is_inside, begins, order = threading.Event(), threading.Event(), []
+refresh = cpu_target.target_context.refresh  # which calls itself
+def of_second():
+    if threading.current_thread() is thread:
+        order.append("second begins")
+        begins.set()
+    refresh()
+def of_first():
+    cpu_target.target_context.refresh = of_second
+    is_inside.set()
+    begins.wait(0.5)
+    refresh()
+    order.append("first ends")
+def second():
+    is_inside.wait()
+    core._load_registries()
+cpu_target.target_context.refresh = of_first
+thread = threading.Thread(target=second)
+thread.start()
+core._load_registries()
+thread.join()
+print(order[:2])
+"""
+
+
+def test_a_thread_compiles_when_another_one_has_loaded_what_that_needs():
+    """Each would get a part of it, and its functions would be unknown in the process."""
+    assert children.run(LOADING).split("'")[1::2] == ["first ends", "second begins"]
+
+
+# The code that a process takes from the cache, or compiles: functions with types of arguments.
+ASKED = """
+import sys
+from numba.core.caching import Cache
+asked, load = set(), Cache.load_overload
+
+def recorded(self, signature, target):
+    function = self._py_func
+    asked.add(f"asked {function.__module__}.{function.__qualname__}{signature}")
+    return load(self, signature, target)
+
+Cache.load_overload = recorded
+"""
+WARM_UP = f"""{ASKED}
+from suslov_fast.command import main
+main(["warm-up"])
+print(*asked, sep="\\n")
+"""
+PROMISES = f"""{ASKED}
+import pytest
+code = pytest.main(["-q", *sys.argv[1:]])
+print(*asked, sep="\\n")
+sys.exit(code)
+"""
+
+
+@pytest.mark.slow
+def test_nothing_is_compiled_after_warm_up():
+    """The cache may hold more, so what is asked of it counts."""
+
+    def asked(code, *arguments):
+        lines = children.run(code, *arguments, timeout=900).splitlines()
+        return lines[0], {line for line in lines if line.startswith("asked suslov_fast.")}
+
+    place, made = asked(WARM_UP)
+    assert place == where_code_is_kept()
+    assert any("steps_3d.steps" in name for name in made)
+    # Each function, serially and in threads, and each kernel of steps.
+    words = "any_input or threads_and_stretches or contract or states_saved"
+    tests = Path(__file__).parents[1] / "package" / "test_promises.py"
+    _, used = asked(PROMISES, tests, "-m", "", "-k", words)
+    assert any("steps_3d.steps" in name for name in used)
+    assert used - made == set()
+
+
+def test_parts_run_serially_where_a_private_name_has_another_signature(monkeypatch):
+    @core_numba.kernel
+    def count(part, parts, out):
+        out[part] += parts
+
+    count.py_func.__module__ = core_numba.__name__  # threads of Python take kernels of others
+    monkeypatch.setattr(core_numba.types, "CompileResultWAP", lambda: None)
+    monkeypatch.setattr(core_numba, "_found", {})
+    out = np.zeros(3)
+    count.parallel(3, out)
+    assert out.tolist() == [3.0, 3.0, 3.0]
+    assert [*core_numba._found.values()] == [None]
+
+
+def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):
+    """What a newer one breaks ends in its own words, of no use to who installed the package."""
+
+    @core_numba.kernel
+    def broken(part, parts, numbers):
+        numbers[0] += "1"
+
+    def call():
+        broken.serial(np.zeros(1))
+
+    with pytest.raises(numba.TypingError):
+        call()
+    monkeypatch.setattr(numba, "__version__", "99.7.0rc1")
+    last = f"{core_numba.TESTED[0]}.{core_numba.TESTED[1]}"
+    words = rf"numba 99\.7\.0rc1; .* tested with is {last}: pip install 'numba<0\.\d+'$"
+    with pytest.raises(RuntimeError, match=words) as found:
+        call()
+    assert isinstance(found.value.__cause__, numba.TypingError)
+
+
+@pytest.mark.slow
+def test_all_is_imported_from_an_archive(tmp_path):
+    """It finds its list of names, its sources for the digest, and the files of the page."""
+    archive, package = tmp_path / "package.zip", Path(sf.__file__).parent
+    with zipfile.ZipFile(archive, "w") as file:
+        for path in package.rglob("*"):
+            if path.is_file() and "__pycache__" not in path.parts:
+                file.write(path, path.relative_to(package.parent))
+    code = """
+        import sys
+        sys.path.insert(0, sys.argv[1])
+        import suslov_fast as sf
+        from suslov_fast.core.compiling import cache
+        assert sf.__file__.startswith(sys.argv[1])
+        body = sf.Suslov3D(4, 2, -0.5, -0.3)
+        print(sf.energy(body, [1.0, 0.5]), cache._digest())
+        from suslov_fast.plots.explore.server import PAGE
+        assert b"<html" in (PAGE / "index.html").read_bytes()
+    """
+    places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path)}
+    found = children.run(code, archive, **places)
+    assert found == f"2.25 {cache._digest()}\n"
+
+
+def test_arguments_of_the_same_kind_have_the_same_type():
+    """A parallel call looks the kernel up by the kind of its arguments, which is found faster."""
+    read_only, numbers = np.ones(3), np.ones((3, 2))
+    system = steps_nd.NDSystem(np.ones(2), np.ones(2), 0.1, 0.3, 2)
+    read_only.setflags(write=False)
+    arguments = [
+        1, 1.0, True, (1, 2), (1, 2.0), (1, 2, 3), ((1, 2),), np.float64(1), system, (*system,),
+        np.ones(3), read_only, np.ones(3, np.int64), np.ones(3, np.int8), numbers, numbers.T,
+        numbers[:, 0], numbers[:0], (numbers, 1.0), (numbers.T, 1.0), ((), numbers), (numbers,),
+    ]  # fmt: skip
+    kinds = {}
+    for argument in arguments:
+        kinds.setdefault(core_numba._kind(argument), set()).add(numba.typeof(argument))
+    assert all(len(types) == 1 for types in kinds.values())
+    assert len(kinds) > 15
+
+
+INTERRUPTED = """
+import signal, sys
+import suslov_fast as sf
+
+def interrupt(frame, event, argument):
+    if (frame.f_globals.get("__name__"), frame.f_code.co_name) == place and event == "call":
+        sys.setprofile(None)
+        signal.raise_signal(signal.SIGINT)
+
+def energy():
+    return sf.energy(sf.SuslovGyrostat(4, 2, -0.5, -0.3, k=1.0), [1.0, 0.5])
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+# In the import of Numba, and where Numba loads what it needs to compile.
+for place in (("numba.core.types", "<module>"), ("numba.core.utils", "stream_list")):
+    sys.setprofile(interrupt)
+    try:
+        energy()
+    except KeyboardInterrupt:
+        assert sys.getprofile() is None
+        sys.modules["suslov_fast.core.compiling.numba"].PATIENCE = -1.0  # the next call compiles
+    else:
+        raise AssertionError("Ctrl-C is lost")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+assert energy() == 2.25
+"""
+
+
+@pytest.mark.slow
+def test_ctrl_c_leaves_no_package_half_imported():
+    """It waits for the end of an import, because Python cannot repeat that of Numba."""
+    children.run(INTERRUPTED)

@@ -1,0 +1,200 @@
+"""Small calls that run as Python, because nothing is compiled: same bits, for a second at most."""
+
+import os
+import sys
+
+import children
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.core.compiling import numba as core_numba
+
+pytestmark = pytest.mark.compiled
+RNG = np.random.default_rng(3)
+X2, X3, X4 = (RNG.uniform(-1, 1, (5, D)) for D in (2, 3, 4))
+BODY, ROTOR = sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
+LONG = sf.Suslov3D(4, 1, -3.5, -2.3)
+FAMILY = sf.Suslov3D(np.linspace(3, 4, 5), 1, -0.5, -0.3)
+SOLID = sf.SuslovND([1.3, 2.1, 3.7, 4.2], [0.4, -0.7, 0.5, 0.2])
+LORENZ = sf.QuadraticField.from_function(
+    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
+)
+# Its long steps lose digits, and pass poles.
+SQUARES = sf.QuadraticField.from_function(lambda x: (x[0] ** 2 - x[1], x[1] ** 2 + x[0]), 2)
+CUBIC = sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 3 + x[1] ** 2, 2)
+
+
+def run(*arguments, **options):
+    return lambda: _arrays(sf.iterate(*arguments, on_singular="ignore", **options))
+
+
+def _arrays(found):
+    turns = [] if found.attitude is None else [found.attitude]
+    return [found.states, found.final, found.status, found.failed_at, *turns]
+
+
+def call(function, *arguments):
+    def arrays():
+        found = function(*arguments)
+        return [*found] if isinstance(found, tuple) else [found]
+
+    return arrays
+
+
+CALLS = {
+    "an orbit": run(BODY, X2[0], 0.2, 10),
+    "orbits": run(BODY, X2, 0.2, 30, save_every=4),
+    "a block of orbits": run(BODY, np.tile(X2, (2, 1)), 0.2, 10),
+    "last states": run(BODY, X2, 0.2, 300, save_every=None),
+    "numbers out of range": run(BODY, X2, 1e9, 10),
+    "supercritical orbits": run(LONG, X2, 3.0, 40),
+    "a family": run(FAMILY, X2, 0.2, 20),
+    "a gyrostat": run(ROTOR, X2[0], 0.2, 20),
+    "gyrostats": run(ROTOR, np.tile(X2, (2, 1)), 2.0, 20),
+    "four dimensions": run(SOLID, X4[0], 0.2, 10),
+    "poles in four dimensions": run(SOLID, X4, 2.5, 20),
+    "elimination": run(SOLID, X4, 0.7, 10, method="gauss"),
+    "two ranks": run(SOLID, X4, 0.2, 10, method="rank2"),
+    "orientations": run(BODY, X2, 0.2, 40, attitude=True),
+    "orientations in four dimensions": run(SOLID, X4, 0.2, 20, attitude=True),
+    "poles of a field": run(SQUARES, X2, 2.5, 40),
+    "poles of one orbit of a field": run(SQUARES, X2[0], 2.5, 40, save_every=7),
+    "poles of order 4": run(SQUARES, X2, 1.5, 20, method="order4"),
+    "closed form": call(sf.exact, BODY, X2[0], 0.2, np.arange(-5.0, 6)),
+    "closed form of gyrostats": call(sf.exact, ROTOR, X2, 0.9, [3.0, 40.0]),
+    "motion of bodies": call(lambda: sf.flow(BODY, X2, time=[1.0, 2.5])),
+    "limits": call(sf.limits, BODY, X2, 0.2),
+    "step": call(sf.step, BODY, X2, 0.2),
+    "first integral": call(sf.first_integral, BODY, X2, 0.2),
+    "criticality": call(sf.criticality, BODY, X2[0], 0.2),
+    "X and Y": call(sf.to_xy, BODY, X2),
+    "energy": call(sf.energy, SOLID, X4),
+    "matrix": call(sf.matrix, BODY, X2, 0.2),
+    "jacobian": call(sf.jacobian, BODY, X2, 0.2),
+    "jacobian of a field": call(sf.jacobian, LORENZ, X3, 0.01),
+    "jacobian of one state": call(sf.jacobian, SQUARES, X2[0], 2.0),
+    "jacobian in four dimensions": call(sf.jacobian, SOLID, X4, 0.2),
+    "density of a field": call(sf.invariant_density, CUBIC, X2, 0.1),
+    "modified energy": call(sf.modified_energy, CUBIC, X2, 0.1),
+    "exponents of a body": call(sf.lyapunov_exponents, BODY, X2, 0.2, 30),
+    "exponents": call(sf.lyapunov_exponents, LORENZ, X3, 0.01, 50),
+    "exponents of one orbit": call(sf.lyapunov_exponents, LORENZ, X3[0], 0.01, 50),
+    "exponents beyond poles": call(sf.lyapunov_exponents, SQUARES, X2, 3.0, 20),
+}
+
+
+@pytest.fixture
+def as_in_an_empty_process(monkeypatch):
+    """Forget what is compiled, in this process and on disk; Python may take as long as it wants."""
+
+    def begin():
+        modules = [name for name in sys.modules if name.startswith("suslov_fast")]
+        for each in [each for name in modules for each in vars(sys.modules[name]).values()]:
+            if isinstance(each, core_numba.Patient):
+                monkeypatch.setattr(each, "seconds", 0.0)
+                names = ["briefly", "serial", "_compiled"]
+                names += ["compiled", "_is_kept"] * isinstance(each, core_numba.Universal)
+                for name in names:
+                    monkeypatch.delitem(vars(each), name, raising=False)
+        for name in ("is_kept", "has_files"):
+            monkeypatch.setattr(core_numba, name, lambda *_: False)
+        monkeypatch.setattr(core_numba, "PATIENCE", 1000.0)
+
+    return begin
+
+
+@pytest.mark.filterwarnings("ignore")  # of missing states
+@pytest.mark.parametrize("name", CALLS)
+def test_same_bits(name, as_in_an_empty_process, monkeypatch):
+    monkeypatch.setattr(core_numba, "PATIENCE", -1.0)
+    expected = CALLS[name]()
+    as_in_an_empty_process()
+    called, call_in_python = [], core_numba.Patient.in_python
+
+    def note(self, *arguments):
+        called.append(self)
+        return call_in_python(self, *arguments)
+
+    monkeypatch.setattr(core_numba.Patient, "in_python", note)
+    found = CALLS[name]()
+    assert called
+    for one, other in zip(found, expected, strict=True):
+        assert type(one) is type(other)
+        assert np.array_equal(one, other, equal_nan=True)
+
+
+def test_compiled_after_a_second(as_in_an_empty_process, monkeypatch):
+    """Calls count that Python carried out; one that would take too long compiles at once."""
+    as_in_an_empty_process()
+    monkeypatch.setattr(core_numba, "PATIENCE", 0.1)
+    in_python, in_code = [], []
+
+    @core_numba.kernel
+    def count(part, parts, numbers):
+        numbers[0] += 1
+
+    monkeypatch.setattr(core_numba, "is_foreign", lambda _: False)
+    monkeypatch.setattr(core_numba, "as_python", lambda _: lambda *_: in_python.append(1))
+    monkeypatch.setattr(count, "compiled", lambda *_: in_code.append(1))
+    monkeypatch.setattr(core_numba, "perf_counter", iter(np.arange(0, 2, 0.04)).__next__)
+    for seconds, calls in ((0.01, (1, 0)), (0.01, (2, 0)), (0.01, (3, 0)), (0.01, (3, 1))):
+        count.briefly(seconds, np.zeros(1))
+        assert (len(in_python), len(in_code)) == calls
+    other = core_numba.Kernel(count.py_func)
+    other.compiled = count.compiled
+    other.briefly(0.2, np.zeros(1))
+    assert (len(in_python), len(in_code)) == (3, 2)
+
+
+WAITS = """
+import sys, time
+from suslov_fast.core.compiling import numba as core
+core.SILENT = float(sys.argv[1])
+sys.stderr.isatty = lambda: sys.argv[2] == "terminal"
+for _ in range(2):
+    with core._compiling():
+        time.sleep(0.3)
+"""
+
+
+@pytest.mark.parametrize(
+    ("seconds", "where", "lines"), [(0.1, "terminal", 1), (9, "terminal", 0), (0.1, "file", 0)]
+)
+def test_a_user_at_a_terminal_is_told_once_that_it_compiles(seconds, where, lines, tmp_path):
+    done = children.attempt(WAITS, seconds, where, NUMBA_CACHE_DIR=str(tmp_path))
+    assert done.returncode == 0
+    assert len(done.stderr.splitlines()) == lines
+    assert str(tmp_path) in done.stderr or not lines
+    assert done.stdout == ""
+
+
+# One after the other, beside what the import of Numba takes.
+FIRST = """
+import sys, time
+began = time.process_time()
+import numba
+unit = time.process_time() - began
+import numpy as np
+for code in sys.argv[1:]:
+    began = time.process_time()
+    exec(code)
+    print((time.process_time() - began) / unit)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its clock is coarse")
+def test_first_calls_take_no_longer_than_imports(tmp_path):
+    """In a process of its own, with an empty cache, beside the time of the import of Numba."""
+    calls = [
+        "import suslov_fast as sf; body = sf.Suslov3D(4, 1, -0.5, -0.3)\n"
+        "sf.iterate(body, [1.0, 0.5], 0.2, 10)",
+        "sf.exact(body, [1.0, 0.5], 0.2, 10)",
+        "sf.iterate(sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3]), [1.0, 0.5, 0.2], 0.2, 10)",
+        "sf.step(body, [1.0, 0.5], 0.2)",
+    ]
+    output = children.run(FIRST, *calls, NUMBA_CACHE_DIR=str(tmp_path))
+    ratios = [*map(float, output.split())]
+    assert len(ratios) == len(calls)
+    assert max(ratios) < 2
+    assert not any(name.endswith(".nbc") for _, _, names in os.walk(tmp_path) for name in names)

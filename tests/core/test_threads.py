@@ -1,0 +1,505 @@
+"""Threads, forks, Ctrl-C and progress."""
+
+import os
+import random
+import signal
+import sys
+import textwrap
+import threading
+import time
+from contextlib import contextmanager
+from itertools import count
+from types import SimpleNamespace
+
+import children
+import numba
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.core.compiling import numba as core_numba, threads as core_threads
+from suslov_fast.engine import derivatives, stretches, threads
+
+AT_ONCE = """
+import sys
+from concurrent.futures import ThreadPoolExecutor
+with ThreadPoolExecutor(8) as pool:
+    results = list(pool.map(lambda _: run(), range(int(sys.argv[1]))))
+assert all((result == expected).all() for result in results)
+"""
+FORKS = """
+import os, sys, threading, warnings
+warnings.simplefilter("ignore", DeprecationWarning)
+child = os.fork()
+if child == 0:  # before its parent has threads, which children would be without
+    from suslov_fast.engine import threads
+    os._exit(threads._threads_are_gone)
+assert os.waitpid(child, 0)[1] == 0
+assert (run() == expected).all()
+stop = threading.Event()
+def compute():
+    while not stop.is_set():
+        run()
+thread = threading.Thread(target=compute)
+thread.start()
+for _ in range(int(sys.argv[1])):
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if (run() == expected).all() else 1)
+    assert os.waitpid(child, 0)[1] == 0
+stop.set()
+thread.join()
+"""
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("code", "count", "layer"),
+    [(AT_ONCE, 40, "tbb"), (AT_ONCE, 40, "workqueue"), (FORKS, 30, "tbb"), (FORKS, 30, "omp")],
+)
+@pytest.mark.slow
+def test_threads_and_forks(code, count, layer):
+    """Threads at once, and children forked while a thread computes, neither abort nor hang."""
+    if code is FORKS and not hasattr(os, "fork"):
+        pytest.skip("needs fork")
+    children.run(children.SETUP + code, count, timeout=1800, **children.layer(layer))
+
+
+FIELDS = """
+import atexit, os, threading, warnings
+import numpy as np, suslov_fast as sf
+warnings.simplefilter("ignore", DeprecationWarning)
+x = np.random.default_rng(1).uniform(-1, 1, (9000, 3))
+def run(n, **options):
+    field = sf.QuadraticField(np.eye(3)[:, :, None] * np.ones(3) / 100, -n * np.eye(3))
+    return sf.iterate(field, x, 0.01, 500, save_every=None, **options).final
+expected = run(1, threads=1)
+"""
+FIELDS_AT_EXIT = """
+def compute():
+    print((run(1, threads=2) == expected).all())
+atexit.register(compute)
+thread = threading.Thread(target=lambda: (threading.main_thread().join(), compute()))
+thread.start()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_child_of_a_parent_that_is_in_a_parallel_call():
+    """Another thread of it may just be starting the threads of Numba."""
+    code = """
+        import os, threading, time, warnings
+        from suslov_fast.engine import threads
+        warnings.simplefilter("ignore", DeprecationWarning)
+        is_inside, is_over = threading.Event(), threading.Event()
+        def compute():
+            with threads._one_at_a_time:
+                is_inside.set()
+                is_over.wait()
+        for work in (is_inside.set, compute):
+            is_inside.clear()
+            is_over.clear()
+            thread = threading.Thread(target=work)
+            thread.start()
+            is_inside.wait()
+            child = os.fork()
+            if child == 0:
+                os._exit(threads._threads_are_gone * threads.available())
+            print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+            is_over.set()
+            thread.join()
+    """
+    assert children.run(code).split() == ["0", "1"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_child_of_a_parent_that_is_in_a_cached_property():
+    """In Python 3.11 the property has a lock, which the child would wait for."""
+    code = """
+        import os, signal, threading, warnings
+        import suslov_fast as sf
+        from suslov_fast.bodies import rigid
+        warnings.simplefilter("ignore", DeprecationWarning)
+        first, second = (sf.Suslov3D(number, 2, -0.5, -0.3) for number in (3, 4))
+        is_inside, is_over, exact = threading.Event(), threading.Event(), rigid.Fraction
+        def wait(number):
+            is_inside.set()
+            is_over.wait()
+            return exact(number)
+        rigid.Fraction = wait
+        thread = threading.Thread(target=lambda: first._field)
+        thread.start()
+        is_inside.wait()
+        child = os.fork()
+        if child == 0:
+            signal.alarm(20)
+            rigid.Fraction = exact
+            os._exit(second._field.dimension)
+        status = os.waitpid(child, 0)[1]
+        is_over.set()
+        thread.join()
+        print(os.waitstatus_to_exitcode(status), first._field.dimension)
+    """
+    assert children.run(code).split() == ["2", "2"]
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+@pytest.mark.parametrize("before", ["", "run(1, threads=2)"])
+def test_fields_at_the_end_of_a_process(before):
+    """Threads of Python cannot be started any more: results are the same."""
+    code = f"{FIELDS}{before}{FIELDS_AT_EXIT}"
+    assert children.run(code, PYTHONWARNINGS="error").split() == ["True", "True"]
+
+
+# The parent imports the package, and starts threads of its own.
+PRANGE = """
+import numba
+@numba.njit(parallel=True)
+def threads(x):
+    t = 0.0
+    for i in numba.prange(x.size):
+        t += x[i]
+    return t
+assert threads(np.ones(100)) == 100
+"""
+TORCH = """
+import torch
+torch.set_num_threads(2)
+x = torch.ones(1000, 1000)
+assert (x @ x).sum() == 1e9
+assert torch.exp(x).min() > 2
+"""
+CHILDREN = """
+import multiprocessing
+def work(k):
+    body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    return sf.iterate(body, sf.RandomStarts(40000, 2.0, 3), 0.2, 60, save_every=None).final.sum()
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    found = pool.map(work, range(4))
+print(len({*found}), work(0) == found[0])
+"""
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.parametrize("started", ["prange", "torch"])
+def test_children_of_a_parent_with_threads_of_others(started):
+    """They neither abort nor hang, though nothing of the package was called before the fork."""
+    if started == "torch":
+        pytest.importorskip("torch")
+    code = "import numpy as np, suslov_fast as sf\n" + {"prange": PRANGE, "torch": TORCH}[started]
+    two = {"NUMBA_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    lines = children.run(f"{code}\n{CHILDREN}", PYTHONWARNINGS="ignore", **two).splitlines()
+    assert lines == ["1 True"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.parametrize("loaded", ["", "torch"])
+def test_a_loaded_torch_counts_as_threads(loaded):
+    """Whether it started some, and whether the child has Numba before or after the fork."""
+    code = """
+        import os, sys, types, suslov_fast
+        if sys.argv[1]:
+            sys.modules[sys.argv[1]] = types.ModuleType(sys.argv[1])
+        for _ in range(2):
+            if os.fork() == 0:
+                from suslov_fast.engine import threads
+                os._exit(10 + threads._threads_are_gone)
+            print(os.waitstatus_to_exitcode(os.wait()[1]))
+            import suslov_fast.engine.threads
+    """
+    assert children.run(code, loaded).split() == [str(10 + bool(loaded))] * 2
+
+
+class Alarm(Exception):
+    @classmethod
+    def sound(cls, signum, frame):
+        raise cls
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
+def test_signals_at_random_moments():
+    """The lock and the number of threads are restored wherever the handler of a signal raises."""
+    chance, before = random.Random(1), signal.signal(signal.SIGALRM, Alarm.sound)
+    available = numba.get_num_threads()
+    idle = SimpleNamespace(parallel=lambda count: None, serial=lambda: None)
+    threads.call_kernel(idle, threads.CROSSOVER, 2)  # starts threads, once
+    try:
+        for _ in range(2_000):
+            try:
+                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, 3e-5), 1.0)
+                while True:
+                    threads.call_kernel(idle, threads.CROSSOVER, 2)
+            except Alarm:
+                signal.setitimer(signal.ITIMER_REAL, 0)
+            assert not threads._one_at_a_time._is_owned()
+            assert numba.get_num_threads() == available
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+class Work:
+    """Counts the parts that threads are taking, and those that are done."""
+
+    def __init__(self):
+        self.inside, self.done, self.abandoned = [], [], []
+
+    def __call__(self, part):
+        if not self.abandoned:
+            self.inside.append(part)
+            time.sleep(1e-4)
+            self.done.append(part)
+            self.inside.remove(part)
+
+
+def check_parts():
+    work = Work()
+    core_threads.in_parts(5, work, work.abandoned)
+    assert sorted(work.done) == [0, 1, 2, 3, 4]
+
+
+def test_ctrl_c_at_each_place_of_a_call_in_parts():
+    """No thread works on, and no lock is taken.
+
+    Python handles signals where functions begin, and after calls.
+    """
+    check_parts()
+    interrupted, place = True, 0
+    while interrupted:
+        work, events, place, interrupted = Work(), count(), place + 1, False
+
+        def interrupt(frame, event, argument, place=place, events=events):
+            is_place = event in ("call", "c_return")
+            is_place &= frame.f_code.co_filename == core_threads.__file__
+            if is_place and next(events) == place:
+                raise KeyboardInterrupt
+
+        try:
+            sys.setprofile(interrupt)
+            core_threads.in_parts(3, work, work.abandoned)
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            sys.setprofile(None)
+        assert not work.inside
+        check_parts()
+    assert place > 10
+
+
+@contextmanager
+def interrupts(handler):
+    """Take signals of a timer by a handler."""
+    before = signal.signal(signal.SIGALRM, handler)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
+@pytest.mark.parametrize("in_loop", [True, False])
+def test_ctrl_c_at_random_moments_of_a_field(in_loop, monkeypatch):
+    """Later calls neither hang nor find other bits, on threads of Numba and on those of Python."""
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    if in_loop:
+        assert core_numba.loop_over_parts(np.inf)
+    else:
+        monkeypatch.setitem(core_numba._found, core_numba._loop, None)
+    chance, heard = random.Random(1), 0
+    field = sf.QuadraticField.from_function(lambda x: (x[1] * x[2], 1 - x[0] * x[2], -x[2]), 3)
+    x = np.random.default_rng(1).uniform(-1, 1, (900, 3))
+    expected = sf.iterate(field, x, 0.1, 30, threads=1).states
+    sf.iterate(field, x, 0.1, 30, threads=2)  # compiles
+    began = time.perf_counter()
+    sf.iterate(field, x, 0.1, 30, threads=2)
+    seconds = time.perf_counter() - began
+    with interrupts(lambda *_: signal.raise_signal(signal.SIGINT)):
+        while heard < 50:  # a busy machine hears few of them
+            try:
+                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, seconds))
+                sf.iterate(field, x, 0.1, 30, threads=2)
+                signal.setitimer(signal.ITIMER_REAL, 0)
+            except KeyboardInterrupt:
+                heard += 1
+            assert not threads._one_at_a_time._is_owned()
+    assert (sf.iterate(field, x, 0.1, 30, threads=2).states == expected).all()
+
+
+def test_a_call_during_a_parallel_call_is_serial():
+    """Both in the handler of a signal, which runs in the same thread, and in another thread."""
+    calls = []
+    inner = SimpleNamespace(serial=lambda: calls.append("serial"))
+
+    def parallel(count):
+        threads.call_kernel(inner, threads.CROSSOVER, 2)
+        other = threading.Thread(target=threads.call_kernel, args=(inner, threads.CROSSOVER, None))
+        other.start()
+        other.join()
+        calls.append("parallel")
+
+    threads.call_kernel(SimpleNamespace(parallel=parallel), threads.CROSSOVER, 2)
+    assert calls == ["serial", "serial", "parallel"]
+    assert not threads._one_at_a_time._is_owned()
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
+def test_no_memory_for_a_call():
+    """Numba returns NULL without an error; the lock is free again."""
+
+    def kernel(*_):
+        raise SystemError("<function Kernel.parallel> returned NULL without setting an exception")
+
+    kernels = SimpleNamespace(parallel=kernel, serial=kernel)
+    for _ in range(2):
+        with pytest.raises(MemoryError, match=r"allow the process more .*, or pass threads=1$"):
+            threads.call_kernel(kernels, 10**9, 2)
+    with pytest.raises(MemoryError, match=r"allow the process more \(ulimit -v\)$"):
+        threads.call_kernel(kernels, 10**9, 1)
+    threads.call_kernel(SimpleNamespace(parallel=lambda *_: None), 10**9, 2)
+
+
+@pytest.mark.compiled
+def test_other_errors_of_the_interpreter_are_not_lack_of_memory():
+    """Python's own text of a function that returns NULL is known, and no other one."""
+
+    def parallel(*_):
+        raise SystemError("bad argument to internal function")
+
+    kernel = SimpleNamespace(parallel=parallel, serial=lambda *_: None)
+    with pytest.raises(SystemError, match="bad argument"):
+        threads.call_kernel(kernel, 10**9, 2)
+    returns_null = pytest.importorskip("_testcapi").return_null_without_error
+    with pytest.raises(SystemError) as told:
+        returns_null()
+    assert threads._WITHOUT_ERROR in str(told.value)
+
+
+@pytest.mark.slow
+def test_ctrl_c():
+    """Ctrl-C ends a long run at the next return to Python; a stretch has a bounded number of steps.
+
+    A step of the map of a body takes about a nanosecond, one of a field ten.
+    """
+    code = """
+        import os, signal, threading
+        turn = sf.QuadraticField.from_function(lambda x: (x[1], -x[0] * x[1] - x[0]), 2)
+        for kind, size, save_every in ((body, 1, None), (body, 2000, 2 * 10**9), (turn, 70, None)):
+            seen, before = [0], []
+
+            def interrupt():
+                before.append(len(seen))
+                os.kill(os.getpid(), signal.SIGINT)
+
+            def progress(done, total):
+                seen.append(done)
+                if len(seen) == 6:
+                    threading.Thread(target=interrupt).start()
+
+            try:
+                sf.iterate(kind, np.ones((size, 2)), 0.2, 10**13, save_every=save_every,
+                           progress=progress)
+            except KeyboardInterrupt:
+                print(len(seen) - before[0], max(np.diff(seen)) * max(size, 10))
+    """
+    lines = children.run(children.SETUP + textwrap.dedent(code)).splitlines()
+    assert len(lines) == 3
+    for line in lines:
+        returns, steps = map(int, line.split())
+        assert returns <= 2
+        assert steps < 2**29
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("function", [sf.iterate, sf.lyapunov_exponents])
+def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
+    """Ctrl-C is heard between calls: their operations are counted, and not done."""
+    operations, D = [], 20
+
+    def count(kernel, work, threads, parameters, states, carry, span, *results, **_):
+        *some, start, stop = span[:4] if len(span) > 3 else span[:2]
+        begin, end = some or (0, len(states))
+        operations.append((end - begin) * (stop - start) * D**3)
+
+    for module in (stretches, derivatives):
+        monkeypatch.setattr(module, "call_kernel", count, raising=False)
+    function(sf.QuadraticField(np.ones((D, D, D))), np.ones((12_000, D)), 0.1, 5, threads=1)
+    assert sum(operations) == 12_000 * 5 * D**3
+    assert max(operations) < 2**28
+
+
+@pytest.mark.parametrize(
+    ("seconds", "lengths"), [(0.0, [1, 2, 4, 2]), (0.05, [1] * 9), (1.0, [5, 2, 1, 1])]
+)
+def test_stretches_are_as_long_as_calls_are_fast(seconds, lengths, body, monkeypatch):
+    """Ctrl-C waits for one call; the estimate of costs is that of the slowest steps."""
+    clock, found, call = count(0.0, seconds), [], stretches.call_kernel
+
+    def note(kernel, work, threads, arguments, omega0, carry, span, *results, **options):
+        found.append(span[3] - span[2])
+        call(kernel, work, threads, arguments, omega0, carry, span, *results, **options)
+
+    monkeypatch.setattr(stretches, "_STRETCH", 128 * lengths[0])
+    monkeypatch.setattr(stretches, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(stretches, "call_kernel", note)
+    steps = sum(lengths)
+    run = sf.iterate(body, [1.0, 0.5], 0.2, steps, save_every=None)
+    assert found == lengths
+    monkeypatch.undo()
+    assert (run.final == sf.iterate(body, [1.0, 0.5], 0.2, steps).final).all()
+
+
+def test_a_jacobian_of_many_states_takes_several_calls(monkeypatch):
+    widths, D = [], 16
+
+    def count(seconds, parameters, states, out):
+        widths.append(len(states))
+        out[:] = 0.0
+
+    monkeypatch.setattr(derivatives.tangent, "jacobians", SimpleNamespace(briefly=count))
+    squares = sf.QuadraticField.from_function(lambda x: [a * a for a in x], D)
+    sf.jacobian(squares, np.ones((20_000, D)), 0.1)
+    assert sum(widths) == 20_000
+    assert 2**24 < max(widths) * 4 * D**3 <= 2**26
+
+
+@pytest.mark.compiled
+def test_progress(body, capsys, monkeypatch):
+    for name in ("_STRETCH", "_TURNING"):
+        monkeypatch.setattr(stretches, name, 2**8)
+    seen, omega = [], np.ones((70, 2))
+    for kind, options in ((body, {}), (sf.QuadraticField.of(body), {}), (body, {"attitude": True})):
+        seen.clear()
+        sf.iterate(kind, omega, 0.2, 700, progress=lambda *n: seen.append(n), **options)
+        assert len(seen) > 2
+        assert seen == sorted(seen)
+        assert seen[-1] == (700, 700)
+    seen.clear()
+    sf.iterate(body, omega, 0.2, 500).extend(300, progress=lambda *n: seen.append(n))
+    assert len(seen) > 1
+    assert max(seen) == seen[-1] == (300, 300)
+    sf.iterate(body, omega[:0], 0.2, 10, progress=lambda *n: seen.append(n))
+    assert seen[-1] == (10, 10)
+    sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
+    assert "10.0/10.0" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="out"):
+        sf.iterate(body, omega, 0.2, 10, progress=True, out=np.empty(3))
+    assert capsys.readouterr().err == "", "a bar begins with the work"
+    call = stretches.call_kernel
+    calls = iter([call, call])
+    monkeypatch.setattr(
+        stretches, "call_kernel", lambda *given, **options: next(calls)(*given, **options)
+    )
+    with pytest.raises(StopIteration) as held:  # as Ctrl-C, whose traceback a notebook holds
+        sf.iterate(body, omega, 0.2, 700, progress=True)
+    assert capsys.readouterr().err.endswith("\n"), "the bar is closed"
+    assert held

@@ -1,0 +1,1452 @@
+"""Exact computations for Kahan maps and other birational maps, against published results."""
+
+import _thread
+import functools
+import io
+import json
+import math
+import pickle
+import random
+import re
+import signal
+import threading
+from fractions import Fraction as F
+from itertools import pairwise, permutations, product
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import sympy
+
+import suslov_fast
+from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
+
+pytest.importorskip("flint")
+
+import flint
+from test_planar import three_lines
+
+from suslov_fast.integrability import (
+    RationalFunction,
+    RationalMap,
+    arithmetic,
+    cofactors,
+    darboux_polynomials,
+    degrees,
+    functions,
+    growth as growth_of,
+    hk_bases,
+    kahan,
+    normal_form,
+    planar_entropy,
+    polynomials,
+    rational_map,
+    reducible,
+    report,
+    zoo,
+)
+from suslov_fast.integrability.functions import MODULAR
+from suslov_fast.integrability.invariants import Invariants
+from suslov_fast.integrability.normal_form import NormalForms
+from suslov_fast.integrability.report import Report
+from suslov_fast.integrability.search import Search
+from suslov_fast.integrability.tasks import Queue, Task
+
+
+@functools.cache
+def reported(given, eps=None, degree=3):
+    """Return a report that several tests read: some take seconds."""
+    return report(given, eps, degree)
+
+
+BODY = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
+ROTOR = SuslovGyrostat(2, 3, 0.5, -0.25, 0.75)
+EPS = F(1, 4)
+J, I = [1.25, 2.125, 3.75, 5, 7], [0.5, -0.75, 0.25, 1, -0.5]
+field_of, of = QuadraticField.from_function, QuadraticField.of
+from_hamiltonian = QuadraticField.from_hamiltonian
+MAP = kahan(of(BODY), EPS)
+EULER = field_of(lambda x: (2 * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]), 3)
+CUBIC = from_hamiltonian(
+    lambda x: x[0] ** 3 + 2 * x[0] * x[1] ** 2 - x[1] ** 3 + x[0] * x[1] + x[0] ** 2 - 3 * x[1], 2
+)
+LINEAR = field_of(lambda x: (8 * x[0] + 16 * x[1], 8 * x[0] + 8 * x[1]), 2)
+PREY = field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+FORCED = field_of(lambda x: (x[0] * x[1], -(x[0] ** 2) - 1), 2)
+SIR = field_of(lambda x: (-2 * x[0] * x[1], 2 * x[0] * x[1] - x[1], x[1]), 3)
+CHAIN = field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - x[2]), x[2] * (x[1] - 1)), 3)
+CYCLE = field_of(lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], 3)
+ISHII = field_of(lambda x: (x[1], x[2], 12 * x[0] * x[1]), 3)
+ENERGY = from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+SOLVED = of(SuslovND([2, 2, 2], I[:3]))
+ZOO = zoo()
+PLANAR, HENON_HEILES_FIELD = ZOO["generic planar field"][0], ZOO["Henon-Heiles"][0]
+TODD = rational_map(lambda x: (x[1], x[2], (1 + x[1] + x[2]) / x[0]), 3)
+LYNESS = rational_map(lambda x: (x[1], (x[1] + 3) / x[0]), 2)
+# Its orbits are on lines y = u x + v with two integrals u and v.
+SHEAR = rational_map(lambda x: (x[0] + 1, x[1] + x[2], x[2]), 3)
+
+
+def volterra(n):
+    """Kouloukas, Quispel, Vanhaecke (2016)."""
+    return field_of(lambda x: [x[i] * (sum(x[i + 1 :]) - sum(x[:i])) for i in range(n)], n)
+
+
+def clebsch(x):
+    """Petrera, Pfadler, Suris (2011): (m, p) with omega = (1, 2, 5)."""
+    m, p, omega = x[:3], x[3:], (1, 2, 5)
+    after = [((i + 1) % 3, (i + 2) % 3) for i in range(3)]
+    return (
+        *((omega[k] - omega[j]) * p[j] * p[k] for j, k in after),
+        *(m[k] * p[j] - m[j] * p[k] for j, k in after),
+    )
+
+
+CLEBSCH = kahan(field_of(clebsch, 6), 1)
+
+
+def random_field(n, seed=0):
+    rng = np.random.default_rng(seed)
+    return QuadraticField(*(rng.integers(-3, 4, (n,) * k) for k in (3, 2, 1)))
+
+
+def value(P, x):
+    terms = P.to_dict().items()
+    return sum(int(c) * math.prod(map(pow, x, map(int, powers))) for powers, c in terms)
+
+
+def by_sympy(f, x, **parameters):
+    """The value of the text of a function."""
+    values = {f"x{i}": a for i, a in enumerate(x, start=1)} | parameters
+    found = sympy.sympify(str(f)).subs({name: sympy.Rational(str(a)) for name, a in values.items()})
+    return F(int(found.p), int(found.q))
+
+
+def assert_derivative(map, x):
+    """The Jacobian is that of central differences."""
+    jacobian, h = map.jacobian(x), F(1, 10**20)
+    for j in range(len(x)):
+        ahead, behind = (map([a + s * h * (i == j) for i, a in enumerate(x)]) for s in (1, -1))
+        for i, row in enumerate(jacobian):
+            assert abs((ahead[i] - behind[i]) / (2 * h) - row[j]) < F(1, 10**28)
+    assert map.determinant(x) == sympy.Matrix(jacobian).det()
+    assert all(type(a) is F for a in (*map(x), *jacobian[0], map.determinant(x)))
+
+
+def assert_holds(found, map=None, x=None):
+    """All claims of a report hold at a point and its image under a map."""
+    map = map or found.map
+    x = x or [F(2 * k + 1, 7) for k in range(map.dimension)]
+    y, J = map(x), map.determinant(x)
+    assert all(f(y) == f(x) for f in found.integrals)
+    assert all(f(y) * J == (-f(x) if f.cofactor else f(x)) for f in found.measures)
+    assert all(P(y) == P.cofactor(x) * P(x) for P in found.polynomials)
+
+
+# Maps.
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6])
+def test_the_map_its_inverse_and_its_derivative(n):
+    field, eps = random_field(n), F(-2, 7)
+    map, rng = kahan(field, eps), random.Random(1)
+    x = [F(rng.randrange(-99, 99), 7) for _ in range(n)]
+    image = map(x)
+    middle = field([(a + b) / 2 for a, b in zip(x, image, strict=True)])
+    for a, b, m, *ends in zip(x, image, middle, field(x), field(image), strict=True):
+        assert (b - a) / eps == 2 * m - sum(ends) / 2
+    assert map.inverse(image) == tuple(x)
+    assert_derivative(map, x)
+    symbolic = kahan(field)
+    assert tuple(f.subs(eps)([]) for f in symbolic(x)) == image
+    assert symbolic.subs(eps) == map == pickle.loads(pickle.dumps(map))
+
+
+def test_rational_maps():
+    f = lambda x: (x[1], (2 * x[1] - x[0]) / (1 + x[0] * x[1] / 4) - F(1, 3) + x[1] ** -2)  # noqa: E731
+    map, x = rational_map(f, 2), (F(3, 5), F(-2, 7))
+    assert map(x) == f(x)
+    assert_derivative(map, x)
+    assert map.inverse is None
+    both = rational_map(lambda x: (x[1], 1 / x[0]), 2, inverse=lambda x: (1 / x[1], x[0]))
+    assert both.inverse(both(x)) == x == both.inverse.inverse(both.inverse(x))
+    assert pickle.loads(pickle.dumps(both)) == both
+
+
+@pytest.mark.parametrize("letter", ["h", "λ"])
+def test_a_letter_in_the_coefficients(letter):
+    """What is found for it holds for its values; so do maps, inverses, formulas, and text."""
+    forward = f"lambda x, {letter}: (x[1], {letter} * (x[1] + 1) / (x[0] * ({letter} - 2)))"
+    backward = f"lambda x, {letter}: ({letter} * (x[0] + 1) / (x[1] * ({letter} - 2)), x[0])"
+    map = rational_map(eval(forward), 2, eval(backward), letter=letter)
+    assert pickle.loads(pickle.dumps(map)) == map
+    assert letter in repr(map)
+    assert map.degenerate_eps == (0, 2)
+    found, value, x = report(map), F(5, 3), (F(1, 2), F(3))
+    assert (found.special_eps, found.planar.proved) == ((0, 2), True)
+    assert f"at {letter} = 0, 2." in repr(found)
+    at_number = map.subs(**{letter: value})
+    assert at_number((1, 2)) == (2, value * 3 / (value - 2)) == map.subs("5/3")((1, 2))
+    assert tuple(f.subs(**{letter: value})([]) for f in map((1, 2))) == at_number((1, 2))
+    assert at_number.inverse(at_number(x)) == x
+    (integral,) = found.integrals
+    assert integral.letter == letter in str(integral)
+    assert integral(at_number(x), value) == integral(x, value) == integral.subs(value)(x)
+    assert_holds(report(at_number), at_number, x)
+    assert degrees(map, 9) == degrees(at_number, 9)
+    bases = hk_bases(map, [(0, 0), (1, 0), (0, 1), (1, 1), (2, 1), (1, 2), (2, 0), (0, 2)])
+    assert bases.complete
+    with pytest.raises(ArithmeticError, match="no map"):
+        map.subs(2)
+
+
+@pytest.mark.parametrize(
+    ("given", "error"),
+    [
+        ({"q": 2}, TypeError),
+        ({}, TypeError),
+        ({"h": "x"}, ValueError),
+        ({"h": math.nan}, ValueError),
+    ],
+)
+def test_values_of_a_letter(given, error):
+    map = rational_map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, letter="h")
+    with pytest.raises(error, match=r"^h "):
+        map.subs(**given)
+    with pytest.raises(TypeError, match="no letter"):
+        LYNESS.subs(h=1)
+    for letter in (3, "2h", "x1"):
+        with pytest.raises(ValueError, match=r"^letter "):
+            rational_map(lambda x, h: (x[0], h), 2, letter=letter)
+
+
+# Degrees and their growth.
+
+
+@pytest.mark.parametrize(
+    ("field", "n", "law", "kind", "entropy"),
+    [
+        (of(BODY), 30, lambda k: 2 * k, "linear", 0),
+        (SOLVED, 12, lambda k: 2 * k, "linear", 0),
+        (of(SuslovND(J, I)), 5, lambda k: 5**k, "exponential", math.log(5)),
+        (EULER, 12, lambda k: 2 * k**2 + 1, "quadratic", 0),
+        (random_field(1), 8, lambda k: 1, "bounded", 0),
+        (field_of(lambda x: (x[0], x[0] * x[1]), 2), 9, lambda k: k + 1, "linear", 0),
+        # Every point has the same image.
+        (QuadraticField([[[0]]], [[-8]], [1]), 6, lambda k: 0, "bounded", 0),
+        # Elliptic curves and Abelian surfaces.
+        (CUBIC, 16, None, "quadratic", 0),
+        (CLEBSCH.field, 9, None, "quadratic", 0),
+    ],
+)
+def test_growth_of_degrees(field, n, law, kind, entropy):
+    found = degrees(kahan(field, EPS), n)
+    assert not law or found == [law(k) for k in range(1, n + 1)]
+    assert growth_of(found)[:2] == (kind, pytest.approx(entropy, abs=1e-14))
+
+
+HENON_HEILES = [3, 7, 17, 39, 93, 215, 495, 1137, 2615, 6007, 13797]  # eps = 1/2
+
+
+@pytest.mark.parametrize(
+    ("sequence", "kind", "entropy", "error"),
+    [
+        ([2, 3] * 4, "bounded", 0, 0),
+        ([2, 3, 4, 5, 6, 6, 6, 6, 6, 6], "bounded", 0, 0),
+        ([2, 4, 6, 8, 10, 12], "linear", 0, 0.2),
+        ([2, 4, 8, 13, 15, 17, 19, 21, 23, 25], "linear", 0, 0),
+        ([k**3 for k in range(1, 13)], "cubic", 0, 0),
+        ([7, 3, *(3**k + 1 for k in range(1, 60))], "exponential", math.log(3), 0),
+        ([1, 2, 3, 5, 8, 13, 21], "exponential", math.log((1 + math.sqrt(5)) / 2), 0),
+        # The identity, of degree 1, is a term of the recurrence.
+        ([1, 2, 3, 5, 8, 13], "exponential", math.log((1 + math.sqrt(5)) / 2), 0),
+        ([5, 21, 85, 341, 1365, 5461], "exponential", math.log(4), 0),
+        ([3, 9, 27, 81], "exponential", math.log(3), 0),
+        # Fits. The true value is within their spread.
+        ([8, 13, 20, 33, 52, 84, 134], "exponential", math.log(1.6), 0.03),
+        ([6, 31, 156, 781, 3906], "exponential", math.log(5), 0.007),
+        (HENON_HEILES, "exponential", 0.832, 0.002),
+        ([19, 42, 73, 114, 163, 222, 289], "quadratic", 0, 0.3),
+        # A line far from 0, whose logarithm looks straight.
+        ([10000, 10500, 11001, 11500, 12003, 12501], "linear", 0, 0.08),
+        # Nothing fits. One more term of the first would give a recurrence.
+        ([9, 5, 7, 7, 7, 7, 7], "bounded", 0, 0),
+        ([9, 5, 7, 7, 7, 7], "unclear", math.nan, math.nan),
+        ([], "unclear", math.nan, math.nan),
+    ],
+)
+def test_growth_of_sequences(sequence, kind, entropy, error):
+    found = growth_of(sequence)
+    assert found.kind == kind
+    if error > 0:
+        assert abs(found.entropy - entropy) <= found.entropy_error <= error
+    else:
+        assert found[1:3] == pytest.approx((entropy, error), abs=1e-14, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("sequence", "order"),
+    [
+        ([4, 10, 19, 29, 40, 52, 65, 79, 96, 116, 139, 163, 188, 214], "quadratic"),
+        # A cubic and an exponential function would fit these.
+        ([2, 3, 5, 7, 10, 14, 18, 23, 30, 39, 49, 60, 71, 83, 95, 108], "quadratic"),
+        ([3, 7, 13, 20, 27, 34, 43, 54], "quadratic"),
+        ([2, 2, 3, 4, 4, 5, 6, 7, 7, 8, 8], "linear"),
+        # The recurrence of four-dimensional Lyness: of order 16.
+        ([2, 3, 4, 4, 5, 7, 10, 13, 16, 19, 22, 26, 31, 36, 40, 44, 50, 57, 64, 70], "quadratic"),
+    ],
+)
+def test_bounded_second_differences_without_a_period(sequence, order):
+    """They are no evidence of any kind, but suggest an order. Periodic ones show it."""
+    found = growth_of(sequence)
+    assert found.kind == "unclear"
+    assert "not yet periodic" in found.based_on
+    assert found.based_on.endswith(order)
+    assert math.isnan(found.entropy)
+    steps = np.cumsum([10, *[10, 8] * 3])
+    assert growth_of([6, *(6 + np.cumsum(steps))]).kind == "quadratic"
+
+
+# Maps of three lines whose singularities are confined late: exponents, degrees, entropy.
+LATE = {
+    (2, 2): ([2, 4, 8, 16, 32, 63, 124, 244, 480, 944, 1856, 3649, 7174, 14104], 0.6759746921),
+    (F(5, 2), F(5, 2)): ([2, 4, 8, 16, 32, 64, 127, 252, 500, 992, 1968, 3904], 0.684905),
+    (F(5, 2), F(1, 2)): ([2, 4, 8, 16, 31, 60, 116, 224, 431, 829, 1594, 3064], 0.653433),
+}
+
+
+@pytest.mark.parametrize("exponents", LATE)
+def test_a_singularity_that_is_confined_late(exponents):
+    """From the step of confinement on all degrees obey a recurrence for a while, by accident."""
+    sequence, entropy = LATE[exponents]
+    assert degrees(kahan(three_lines(*exponents), F(1, 3)), 12) == sequence[:12]
+    for n in range(8, len(sequence) + 1):
+        found = growth_of(sequence[:n], planar=True)
+        if {*sequence[:n]} != {2**k for k in range(1, n + 1)}:  # of these nothing else can be said
+            assert found.entropy == pytest.approx(entropy, abs=1e-6) or found.entropy_error > 0
+    exact = growth_of(LATE[2, 2][0])
+    assert (exact.entropy_error, exact.entropy) == (0, pytest.approx(0.6759746921034222, abs=1e-14))
+
+
+def test_recurrences_that_are_refused():
+    """Double largest roots, always; in the plane two roots outside the unit circle, and cubes."""
+    assert growth_of([2**k * (k + 1) for k in range(1, 14)]).entropy_error > 0
+    assert growth_of([2**k for k in range(1, 12)], planar=True)[:3] == (
+        "exponential",
+        math.log(2),
+        0,
+    )
+    both = [2**k + 3**k for k in range(1, 12)]
+    assert growth_of(both)[1:3] == (pytest.approx(math.log(3)), 0)
+    assert growth_of(both, planar=True).entropy_error > 0
+    cubes = [k**3 for k in range(1, 14)]
+    assert (growth_of(cubes).kind, growth_of(cubes, planar=True).kind) == ("cubic", "unclear")
+    # A transient needs as many terms to spare as it has itself.
+    late = [2, 3, 5, 9, 14, 7, 7, 7, 7, 7]
+    assert growth_of(late).entropy_error > 0
+    assert growth_of([*late, 7, 7])[1:3] == (0, 0)
+
+
+def test_the_shortest_recurrence_counts():
+    """The least transient plus order, then the least order: not d(k+3) = d(k+2) for all degrees."""
+    assert growth_of([5, 7, 4, 4, 4, 4, 4, 4]).based_on.endswith("all 8 degrees but the first 2")
+
+
+# Relations along orbits, and polynomials of one cofactor.
+
+
+def assert_basis(found, map):
+    """Polynomials vanish along the orbit of the point; quotients of integrals are conserved."""
+    x = found.point
+    for _ in range(4):
+        x = map(x)
+        assert all(value(P, x) == 0 for P in found.polynomials)
+    start = [F(k, 7) for k in range(2, 2 + map.dimension)]
+    before, after = ([value(P, x) for P in found.integrals] for x in (start, map(start)))
+    assert len(found.integrals) == found.independent + 1
+    assert all(a * before[0] == b * after[0] for a, b in zip(after, before, strict=True))
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("field", "lowest", "independent"),
+    [(EULER, 2, 2), (of(BODY), 2, 1), (SIR, 1, 1), (CHAIN, 2, 1), (CYCLE, 3, 2), (CUBIC, 3, 1)],
+)
+def test_a_higher_degree_loses_no_integral(field, lowest, independent):
+    map = kahan(field, EPS)
+    for degree in range(lowest, 5):
+        found = hk_bases(map, degree)
+        assert (found.degree, found.independent, found.complete) == (lowest, independent, True)
+        assert "try" not in repr(found)
+        assert_basis(found, map)
+    assert lowest == 1 or hk_bases(map, lowest - 1).independent < independent
+
+
+def test_lists_of_monomials():
+    units = np.eye(6, dtype=int)
+    squares, mixed = 2 * units, units[:3] + units[3:]
+    found = hk_bases(CLEBSCH, [*squares, *mixed, [0] * 6])
+    assert (found.dimension, found.independent, found.integrals) == (4, 4, ())
+    assert not found.complete
+    assert repr(found).endswith("; 4 more independent: try a higher degree, or `report`")
+    assert hk_bases(CLEBSCH, squares).dimension == 0
+    assert_basis(hk_bases(CLEBSCH, [*squares[3:], [0] * 6]), CLEBSCH)
+    assert hk_bases(kahan(SOLVED, EPS), 2).independent == 2
+    # One relation, and two orbits always span one dimension more: a third one tells.
+    found = hk_bases(SHEAR, [(0, 0, 0), (1, 0, 0), (0, 1, 0)])
+    assert (found.dimension, found.independent, found.integrals) == (1, 2, ())
+
+
+def test_the_orbit_of_a_point():
+    found = hk_bases(MAP, 2, point=[1, 2])
+    assert str(found.polynomials[0]) == "2052*x1^2 - 4*x1*x2 + 513*x2^2 - 4096"
+    assert hk_bases(MAP, 2, point=MAP([1, 2])).basis == found.basis
+    assert hk_bases(MAP, 1, point=[1, -2]).dimension == 2  # a steady state
+    with pytest.raises(ArithmeticError, match="reach poles of the map"):
+        hk_bases(kahan(QuadraticField([[[1]]]), 1), 2, point=[F(1, 3)])  # 1/3, 1/2, 1
+
+
+def test_iterates_without_an_image():
+    """The third iterate is at infinity and has no image: degrees and reports say so."""
+    map = rational_map(lambda x: (x[1], 0 * x[2], 1 / x[0]), 3)
+    assert degrees(map, 3) == [2, 1, 0]
+    for call in (lambda: degrees(map, 4), lambda: report(map, degree=1)):
+        with pytest.raises(ArithmeticError, match="the iterates reach poles of the map"):
+            call()
+
+
+@pytest.mark.parametrize(("n", "degree"), [(4, 8), (5, 5)])
+def test_generic_bodies_have_no_integral(n, degree):
+    map = kahan(of(SuslovND(J[: n - 1], I[: n - 1])), 0.5)
+    assert hk_bases(map, degree).dimension == 0
+    assert darboux_polynomials(map, 5 if n == 4 else 3) == ()
+
+
+@pytest.mark.parametrize(
+    ("map", "degree", "cofactor", "expected"),
+    [
+        (MAP, 1, lambda x: sum(np.multiply(MAP(x), (2, 1))) / F(2 * x[0] + x[1]), "(2*x1 + x2,)"),
+        (MAP, 2, 2, "()"),
+        (kahan(FORCED, EPS), 3, None, "(x1^3 + 63*x1,)"),
+        (kahan(PREY, EPS), 2, None, "(x1*x2,)"),
+        (LYNESS, 2, None, "(x1*x2,)"),
+    ],
+)
+def test_darboux_polynomials(map, degree, cofactor, expected):
+    found = darboux_polynomials(map, degree, cofactor)
+    assert repr(found) == expected
+    for x in product((F(1, 7), F(-3, 5), F(4)), repeat=2):
+        C = cofactor(x) if callable(cofactor) else cofactor or map.determinant(x)
+        assert all(value(P, map(x)) == C * value(P, x) for P in found)
+
+
+def test_cofactors():
+    """Every cofactor with a polynomial is found, and each is a product of the factors."""
+    prey = kahan(PREY, EPS)
+    found = cofactors(prey, 2)
+    polynomials = {str(P) for C in found for P in darboux_polynomials(prey, 2, C)}
+    assert polynomials == {"1", "x1", "x2", "x1*x2", "x1^2", "x2^2"}
+    x = (F(1, 7), F(-3, 5))
+    values = [C(x) for C in found]
+    assert {F(1), prey.determinant(x), prey(x)[0] / x[0]} < {*values}
+    C = found[1]
+    assert C(x) == F(value(C.numerator, x)) / value(C.denominator, x) == by_sympy(C, x)
+    # x2 goes to -x1 and x1 to x2: x1^2 + x2^2 has the cofactor 1, x1^2 - x2^2 and x1 x2 have -1.
+    quarter = kahan(field_of(lambda x: (2 * x[1], -2 * x[0]), 2), 1)
+    assert {str(C) for C in cofactors(quarter, 2)} == {"1", "-1"}
+    assert [str(P) for P in darboux_polynomials(quarter, 2, -1)] == ["x1*x2", "x1^2 - x2^2"]
+
+
+def test_exceptional_primes_and_lines_are_drawn_again():
+    prime = arithmetic.random_prime(random.Random(0))
+    for eps in (F(1, prime), F(prime)):
+        map = kahan(of(BODY), eps)
+        assert degrees(map, 5) == [2, 4, 6, 8, 10]
+        assert hk_bases(map, 2).dimension == 1
+        assert len(darboux_polynomials(map, 3)) == 2
+    results = iter([[1], [2], [3], [2]])
+    assert arithmetic.agreed_by_primes(random.Random(0), lambda p, eps: next(results)) == [2]
+    with pytest.raises(ArithmeticError, match="do not agree"):
+        arithmetic.agreed_by_primes(random.Random(0), lambda p, eps: p)
+
+
+def multiple_of_primes():
+    """The product of the first two primes that the seed 0 draws, and of a prime of Mersenne."""
+    rng = random.Random(0)
+    primes = [2**61 - 1]
+    for _ in range(2):
+        primes.append(arithmetic.random_prime(rng))
+        rng.randrange(2, primes[-1])
+    return math.prod(primes)
+
+
+def lyness(a):
+    """Periodic for a = 0 and a = 1, else with an integral of degree 3."""
+    return rational_map(lambda x: (x[1], (x[1] + a) / x[0]), 2, lambda x: ((x[0] + a) / x[1], x[0]))
+
+
+@pytest.mark.parametrize("c", [multiple_of_primes(), F(1, multiple_of_primes())], ids=["c", "1/c"])
+@pytest.mark.slow
+def test_primes_may_divide_coefficients(c):
+    """A coefficient changes neither degrees nor numbers of integrals, whatever divides it."""
+    for a in (c, 1 + c):
+        birational = lyness(a)
+        assert degrees(birational, 8) == [2, 2, 3, 4, 5, 7, 9, 11]
+        assert hk_bases(birational, 3).dimension == 1
+        assert len(darboux_polynomials(birational, 3)) == 2
+        assert planar_entropy(birational).entropy == 0
+    (f,) = report(birational).integrals
+    assert f(birational((2, 5))) == f((2, 5))
+    top = kahan(field_of(lambda x: (c * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]), 3), c)
+    assert degrees(top, 5) == degrees(kahan(EULER, 1), 5)
+    assert hk_bases(top, 2).independent == 2
+    found, x = report(top, degree=2), (F(2), F(3), F(5))
+    assert [f(top(x)) == f(x) for f in found.integrals] == [True, True]
+    assert found.measures  # constants without small factors, which are powers of one number
+    turning = kahan(field_of(lambda x: (c * x[1], -c * x[0] + x[0] ** 2), 2), 1)
+    assert [*map(str, report(turning, degree=1).symmetries)] == ["x -> (x1, -x2)"]
+
+
+# Reports.
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("given", "degree", "kind", "integrals", "measure", "planes"),
+    [
+        (BODY, 3, "linear", [2], [3], ["2*x1 + x2"]),
+        (CYCLE, 3, "quadratic", [1, 3], [2], ["x1", "x2", "x3", "x1 + x2 + x3"]),
+        # The map sends the line det A = 0 to infinity.
+        (ENERGY, 1, "quadratic", [3], [1], ["3*x1 + 32"]),
+        # More Darboux polynomials of one cofactor than products of lower degree; a norm.
+        (SOLVED, 4, "linear", [1, 2], [4], None),
+        pytest.param(volterra(4), 3, "linear", [1, 2, 2], [3], None, marks=pytest.mark.slow),
+        (PLANAR, 3, "exponential", [], [], []),
+        # The density is a product of powers of polynomials of several cofactors.
+        (SIR, 1, "exponential", [1], [2], ["x1", "x2", "x1 + x2 + x3"]),
+        # The modified energy and 1/det A, of degrees 4 and 2.
+        (HENON_HEILES_FIELD, 1, "exponential", [4], [2], []),
+        (QuadraticField([[[4]]], constant=[-3]), 3, "bounded", [], None, None),
+        (from_hamiltonian(lambda x: 0 * x[0] + 1, 2), 3, "bounded", [1, 1], None, None),
+        (field_of(lambda x: (x[1] ** 2, 1), 2), 3, "bounded", [3], None, None),
+        # det DPhi = -1, and several constants for the same factors.
+        (LINEAR, 3, "bounded", [4], None, None),
+        # Fibres that move are no integral.
+        (field_of(lambda x: (x[0], x[0] * x[1]), 2), 3, "linear", [], None, None),
+        (ZOO["McMillan"][0].inverse, 4, "quadratic", [4], [0], None),
+        (ZOO["Hone-Quispel"][0], 4, "quadratic", [4], [2], None),
+        (rational_map(lambda x: (x[1], x[0], x[2] + 1), 3), 4, "bounded", [1, 2], None, None),
+        (TODD, 4, "bounded", [4, 4, 4], None, None),
+        (SHEAR, 4, "bounded", [1, 2], None, None),
+    ],
+)
+def test_report(given, degree, kind, integrals, measure, planes):
+    is_map = isinstance(given, RationalMap)
+    eps = None if is_map else EPS
+    found = reported(given, eps, degree)
+    n = found.map.dimension
+    assert (found.growth.kind, found.finished) == (kind, True)
+    assert [each.degree for each in found.integrals] == integrals
+    assert found.dimension == n - len(integrals)
+    assert planes is None or {str(f) for f in found.polynomials if f.degree == 1} == {*planes}
+    assert measure is None or [f.degree for f in found.measures[:1]] == measure
+    assert ("fibration" in repr(found)) == (kind == "linear" and n == 2)
+    assert_holds(found)
+    assert_text(found)
+    for each in (*found.integrals, *found.measures, *found.polynomials):
+        assert each.basis == "identity"
+    plain = json.loads(json.dumps(found.to_dict()))
+    assert [each["degree"] for each in plain["integrals"]] == integrals
+    assert is_map or QuadraticField.from_dict(plain["field"]) == of(given)
+    if n <= 2:  # other primes and points
+        assert repr(report(given, eps and str(eps), degree, seed=5)) == repr(found)
+    assert pickle.loads(pickle.dumps(found)).integrals == found.integrals
+    assert any("not checked" in note for note in found.notes) == (found.map.inverse is None)
+
+
+def test_a_map_without_inverse_and_no_map():
+    projection = rational_map(lambda x: (x[0], x[0]), 2)
+    found = report(projection)
+    assert (found.growth.kind, found.integrals, found.relations) == ("bounded", (), None)
+    assert "no inverse" in repr(found)
+    assert found.finished
+    nowhere = QuadraticField([[[0]]], [[2]])
+    for call in (report, lambda *args: degrees(kahan(*args), 3), lambda *a: hk_bases(kahan(*a), 1)):
+        with pytest.raises(ArithmeticError, match=r"eps=1.*no solution"):
+            call(nowhere, 1)
+    assert report(nowhere).special_eps == (-1, 1)
+
+
+LINES = from_hamiltonian(
+    lambda x: (
+        -4 * (x[0] ** 2 * x[1] + 2 * x[0] * x[1] ** 2 + x[1] ** 3 + x[0] + x[1])
+        - 8 * x[0] ** 2
+        - 18 * x[0] * x[1]
+        - 10 * x[1] ** 2
+    ),
+    2,
+)
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("field", "eps", "message"),
+    [
+        pytest.param(LINES, 1, "the image is a curve", marks=pytest.mark.slow),
+        (field_of(lambda x: (x[0], 2 * x[1]), 2), -1, "the image is a curve"),
+        (field_of(lambda x: (x[0], 2 * x[1]), 2), 2, "no solution"),
+        pytest.param(
+            *(field_of(lambda x: (x[0], 2 * x[1], x[0] * x[1]), 3), -2, "the image is a surface"),
+            marks=pytest.mark.slow,
+        ),
+        (field_of(lambda x: (2 * x[0], 2 * x[1], 2 * x[2], 2 * x[3], 1), 5), -1, "a curve"),
+        (field_of(lambda x: (2 * x[0], x[1], x[2], x[3], 1), 5), -1, "of dimension 4"),
+        (QuadraticField([[[0]]], [[-8]], [1]), EPS, "the image is a point"),
+    ],
+)
+def test_degenerate_step_sizes(field, eps, message):
+    """They are told as such, and listed if eps is symbolic: -eps, too."""
+    with pytest.raises(ArithmeticError, match=f"eps={eps}.*{message}"):
+        report(field, eps)
+    symbolic = report(field, degree=1)
+    assert {F(eps), -F(eps)} <= {*symbolic.special_eps}
+    assert f"at eps = {', '.join(map(str, symbolic.special_eps))}." in repr(symbolic)
+    assert report(field, F(eps) / 3, 1).finished
+    listed = kahan(field).degenerate_eps
+    x = [F(k * k, 7) for k in range(2, 2 + field.dimension)]
+    for a in listed:
+        with pytest.raises((ZeroDivisionError, AssertionError)):
+            assert kahan(field, a).determinant(x) != 0
+    with pytest.raises(ArithmeticError, match="consists of poles"):
+        degrees(kahan(LINES, 1), 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("with_relations", [pytest.param(True, marks=pytest.mark.slow), False])
+def test_integrals_with_irrational_coefficients(monkeypatch, with_relations):
+    """Those of degree 2 have irrational coefficients; those of degree 4 are norms of them.
+
+    Relations between monomials give them, and so do Darboux polynomials of higher degree.
+    """
+    if not with_relations:
+        monkeypatch.setattr(Search, "_quotients_of_relations", lambda self, k: ())
+        monkeypatch.setattr(Search, "_integrals_between_few_monomials", lambda self, k: ())
+
+    def nambu(x):
+        a, b = (2 * x[0], 4 * x[1], 6 * x[2]), (x[1], x[0], 2 * x[2] + 1)
+        return [a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3)]
+
+    found = report(field_of(nambu, 3), F(1, 3), 2)
+    assert (found.relations, [each.degree for each in found.integrals]) == (2, [4, 4])
+    assert_holds(found)
+    map = kahan(of(Suslov3D(2.3, 1.4, 0.5, -0.7)), EPS)
+    (energy,) = report(map, degree=4).integrals
+    assert energy(map([1, 2])) == energy([1, 2])
+
+
+def test_determinants_that_are_too_long():
+    """Without the factors of det DPhi there are still relations, and the cofactors 1, det DPhi."""
+    found = report(random_field(5), EPS, 1)
+    assert "det DPhi is too long" in repr(found)
+    assert found.finished
+    with pytest.raises(ArithmeticError, match="at most"):
+        cofactors(kahan(random_field(5), EPS), 1)
+
+
+# Formulas in eps, as papers print them, up to functions of each other.
+
+
+def gradients_have_rank(functions, x, rank, eps):
+    symbols = sympy.symbols(f"x1:{len(x) + 1}")
+    at = dict(zip(symbols, (sympy.Rational(str(a)) for a in x), strict=True))
+    at[sympy.Symbol("eps")] = sympy.Rational(str(eps))
+    rows = [[sympy.diff(sympy.sympify(str(f)), s).subs(at) for s in symbols] for f in functions]
+    return sympy.Matrix(rows).rank() == rank
+
+
+E2 = "eps**2/4"
+PAPERS = {
+    # Hirota and Kimura (2000): alpha = (2, -3, 1).
+    "Euler": (
+        EULER,
+        3,
+        [f"(1 + 3*{E2}*x1**2)/(1 - 2*{E2}*x2**2)", f"(1 + 6*{E2}*x3**2)/(1 - 2*{E2}*x2**2)"],
+        "1/(1 - 2*eps**2/4*x2**2)**2",
+    ),
+    # Lemma 1 of Dragovic and Gajic.
+    "Suslov": (
+        of(BODY),
+        3,
+        ["(4*x1**2 + x2**2)/(16 + eps**2*(x1/2 + x2/4)**2)"],
+        "1/((2*x1 + x2)*(16 + eps**2*(x1/2 + x2/4)**2))",
+    ),
+    "gyrostat": (
+        of(ROTOR),
+        3,
+        ["(2*x1**2 + 3*x2**2)/(24 + eps**2*(x1/2 - x2/4 + 3/4)**2)"],
+        "1/((2*x1 - x2 + 3)*(24 + eps**2*(x1/2 - x2/4 + 3/4)**2))",
+    ),
+    # Celledoni, McLachlan, McLaren, Owren, Quispel (2014): x''' = 12 x x'.
+    "Ishii": (ISHII, 3, ["x3 - 6*x1**2 + 3*eps**2/2*x2**2"], "1"),
+    "Lotka-Volterra": (PREY, 2, [], "1/(x1*x2)"),
+}
+
+
+LONG = [pytest.param(name, marks=pytest.mark.slow) for name in ("gyrostat", "Euler", "Ishii")]
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("name", ["Suslov", "Lotka-Volterra", *LONG])
+def test_formulas_in_eps(name):
+    field, degree, integrals, density = PAPERS[name]
+    found = reported(field, None, degree)
+    assert found.map.eps is None
+    assert found.finished
+    n, eps = field.dimension, F(3, 7)
+    x = [F(2 * k + 1, 5) for k in range(n)]
+    y = kahan(field, eps)(x)
+    for f in found.integrals:
+        assert f.basis == "identity"
+        assert f(x, eps) == f(y, eps=eps) == f.subs(eps)(x)
+    assert_text(found)
+    mine = [str(f) for f in found.integrals]
+    for f in integrals:
+        assert gradients_have_rank([*mine, f], x, len(mine), eps)
+    assert len(mine) == found.relations
+    J = kahan(field, eps).determinant(x)
+    assert by_sympy(density, y, eps=eps) * J == by_sympy(density, x, eps=eps)
+    density_now = found.measures[0].subs(eps)
+    assert density_now(y) * J == density_now(x)
+    number = reported(field, eps, degree)
+    assert_holds(number)
+    assert {f.degree for f in number.integrals} == {f.degree for f in found.integrals}
+    for P in found.polynomials:
+        assert P(y, eps) == P.cofactor(x, eps) * P(x, eps)
+
+
+def test_special_values_of_eps():
+    assert reported(BODY).special_eps == ()
+    linear = report(field_of(lambda x: (x[0], 2 * x[1]), 2), degree=2)
+    assert {F(1), F(2)} <= {*linear.special_eps}
+    pole = kahan(QuadraticField([[[1]]]))([F(1, 2)])[0]
+    assert pole.special == (2,)
+    with pytest.raises(ZeroDivisionError, match="eps = 2"):
+        pole.subs(2)
+
+
+def test_symbolic_eps_in_relations_and_polynomials():
+    symbolic = kahan(of(BODY))
+    found = hk_bases(symbolic, 3)
+    assert (found.degree, found.independent, found.complete, found.basis) == (2, 1, True, None)
+    assert [str(P) for P in found.integrals] == ["4*x1^2 + x2^2", "eps^2*x1*x2 + 64"]
+    assert [str(P) for P in darboux_polynomials(symbolic, 1, cofactors(symbolic, 1)[2])] == [
+        "2*x1 + x2"
+    ]
+
+
+# Texts.
+
+
+def assert_text(found):
+    """Formulas are what they say, and nothing is cut in parentheses or printed twice."""
+    eps = F(2, 9)
+    x = [F(2 * k + 3, 7) for k in range(found.map.dimension)]
+    for f in (*found.integrals, *found.measures, *found.polynomials):
+        for each in (f, f.cofactor) if f.cofactor else (f,):
+            expected = each(x, eps) if each.is_symbolic else each(x)
+            assert by_sympy(each, x, eps=eps) == expected
+            assert by_sympy(each**-2, x, eps=eps) == expected**-2
+            text = each._repr_latex_()
+            assert text.count("{") == text.count("}")
+            assert "*" not in text
+    lines = repr(found).splitlines()
+    assert all(line.count(a) == line.count(b) for line in lines for a, b in ("()", "[]"))
+    assert len({*lines}) == len(lines)
+    assert "proved" in repr(found) or not found.integrals
+
+
+@pytest.mark.slow
+def test_texts_of_products_and_long_formulas():
+    x, y = polynomials.polynomial_ring(2, False).gens()
+    f = RationalFunction(((x * y, 2), (x, -1), (x + y, 1)), F(-3, 2))
+    assert str(f) == "-3*(x1*x2)^2*(x1 + x2)/(2*x1)"
+    assert by_sympy(f, (2, 3)) == f((2, 3)) == F(-135)
+    assert str(RationalFunction(((2 * x, -1),))) == "1/(2*x1)"
+    assert str(RationalFunction((), F(-2, 3))) == "-2/3"
+    assert (f**-1)._repr_latex_()[15:-1] == r"-\frac{2 x_{1}}{3 (x_{1} x_{2})^{2} (x_{1} + x_{2})}"
+    assert RationalFunction(((x, 1),), F(1, 2))._repr_latex_()[15:-1] == r"\frac{x_{1}}{2}"
+    found = report(HENON_HEILES_FIELD, EPS, 1)
+    assert "[degree 4, 16 terms]/(4*x1^2 + 4*x2^2 - 4225)" in repr(found)
+    assert len(str(found.integrals[0])) > 150
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("eps", [EPS, None])
+def test_names_of_variables(eps):
+    """Formulas, relations and symmetries are those of x1, x2, x3 under other names."""
+    names = "S", "ω_1", "x"
+    other = field_of(
+        lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], " ".join(names)
+    )
+
+    def plain(thing):
+        text = thing if isinstance(thing, str) else repr(thing)
+        for k, name in enumerate(names, start=1):
+            text = re.sub(rf"\b{name}\b(?! ->)", f"x{k}", text)
+        return text
+
+    found, expected = report(other, eps, 2), reported(CYCLE, eps, 2)
+    assert plain(found).replace("x3 ->", "x ->") == repr(expected)
+    assert [plain(f.cofactor) for f in found.polynomials] == [
+        repr(f.cofactor) for f in expected.polynomials
+    ]
+    assert {*found.integrals[1].symbols()} == {*names, *["eps"] * (eps is None)}
+    for mine, there in zip(found.polynomials, expected.polynomials, strict=True):
+        assert plain(mine.subs(F(1, 3))) == repr(there.subs(F(1, 3)))
+        assert plain(mine.subs(F(1, 3)).cofactor) == repr(there.subs(F(1, 3)).cofactor)
+    assert r"ω_{1}" in found.integrals[1]._repr_latex_()
+    assert pickle.loads(pickle.dumps(found)).integrals == found.integrals
+    here, there = kahan(other, eps), kahan(CYCLE, eps)
+    assert plain(polynomials.decoded(repr(hk_bases(here, 3)))) == repr(hk_bases(there, 3))
+    for C, D in zip(cofactors(here, 1), cofactors(there, 1), strict=True):
+        assert plain(C) == repr(D)
+        texts = polynomials.decoded(repr(darboux_polynomials(here, 1, C)))
+        assert plain(texts) == repr(darboux_polynomials(there, 1, D))
+    if eps:
+        assert_holds(found)
+        basis = hk_bases(here, 3)
+        texts = polynomials.decoded(repr(basis.polynomials))
+        assert plain(texts) == repr(hk_bases(there, 3).polynomials)
+
+
+def test_names_in_latex():
+    ring = flint.fmpz_mpoly_ctx.get(("u", "omega_2", "q1", "speed", "a_b3"), ordering="deglex")
+    terms = [RationalFunction(((a, 2),))._repr_latex_()[15:-1] for a in ring.gens()]
+    assert terms == ["u^{2}", r"\omega_{2}^{2}", "q_{1}^{2}", r"\mathrm{speed}^{2}",
+                     r"\mathrm{a\_b}_{3}^{2}"]  # fmt: skip
+
+
+def test_names_that_sympy_takes_for_its_own():
+    names = "S", "I", "beta"
+    ring = flint.fmpz_mpoly_ctx.get(("eps", *names), ordering="deglex")
+    eps, S, I, beta = ring.gens()
+    f = RationalFunction(((eps * S * I, -1), (I**2 + beta, 2), (beta, 1)), F(-3, 2))
+    assert {*f.symbols()} == {"eps", *names}
+    assert {*f.subs("1/7").symbols()} == {*names}
+    for each in (f, f**-1, RationalFunction(((S, -1),)), RationalFunction(((2 * S * I, 1),))):
+        at = dict(zip(names, (F(2), F(-3), F(1, 5)), strict=True)) | {"eps": F(1, 7)}
+        found = sympy.sympify(str(each), locals=each.symbols())
+        value = found.subs({name: sympy.Rational(str(a)) for name, a in at.items()})
+        assert F(int(value.p), int(value.q)) == each([at[name] for name in names], at["eps"])
+    assert RationalFunction(()).symbols() == {}
+
+
+# Numbers, limits and bad input.
+
+
+@pytest.mark.sampled(2)
+def test_decimals():
+    """5 x1 + 3 x2 is the line of steady states of the body of the README."""
+    body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    found = report(body, 0.2)
+    assert "5*x1 + 3*x2" in {str(P) for P in found.polynomials}
+    # Lemma 1: the steady states are its line.
+    assert str(found.integrals[0]) == ("25*(4*x1^2 + x2^2)/(25*x1^2 + 30*x1*x2 + 9*x2^2 + 40000)")
+    assert found.map.eps == F(1, 5)
+    binary = report(body, 0.2, 1, decimals=False).map
+    assert binary.eps == F(0.2) != F(1, 5)
+    assert binary == kahan(of(body), 0.2)
+    cubic = from_hamiltonian(lambda x, a: a * x[0] ** 3 / 3 + x[1] ** 2 / 2 + 0.7 * x[0], 2, a=0.1)
+    found = report(cubic, 0.1, 1)
+    assert str(found.map.field.H) == "1/30*x1^3 + 1/2*x2^2 + 7/10*x1"
+    assert found.map.field.parameters == {"a": F(1, 10)}
+    binary = F(47205641, 2**19)  # its digits are too many to be a decimal
+    short = QuadraticField([[[0.0]]], [[float(binary)]])
+    assert report(short, 1, 1).map.field.linear[0, 0] == binary
+    assert_holds(found)
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_the_figures_of_the_paper(k):
+    """Lemma 1's F, and both reversing symmetries: x to -x, and one that keeps the steady states."""
+    body, eps = Suslov3D.figure(k)
+    found = report(body, eps)
+    assert (found.planar.entropy, found.planar.proved) == (0, True)
+    assert len(found.symmetries) == 2
+    (integral,) = found.integrals
+    I1, I2, I13, I23 = (F(str(a)) for a in body.constants[:4])
+    for x in ([F(1), F(2)], [F(-3, 7), F(5)]):
+        line = I13 * x[0] + I23 * x[1]
+        lemma = (I1 * x[0] ** 2 + I2 * x[1] ** 2) / (4 * I1 * I2 + (F(str(eps)) * line) ** 2)
+        assert [R(x) for R in found.symmetries].count((-x[0], -x[1])) == 1
+        constant = integral(x) / lemma
+    assert integral([1, 0]) / constant == I1 / (4 * I1 * I2 + (F(str(eps)) * I13) ** 2)
+    for wrong, error in ((0, ValueError), (5, ValueError), ("1", TypeError)):
+        with pytest.raises(error, match=r"^k "):
+            Suslov3D.figure(wrong)
+
+
+@pytest.mark.slow
+def test_a_report_that_is_cut_short(monkeypatch, tmp_path):
+    (tmp_path / "random.py").write_text("1 / 0")  # the current folder may hold anything
+    monkeypatch.chdir(tmp_path)
+    assert not report(CYCLE, EPS, time_limit=0).finished
+    assert repr(report(CUBIC, EPS, time_limit=1000)) == repr(reported(CUBIC, EPS))
+
+    def interrupt(done, parts):
+        if done >= 150:
+            raise KeyboardInterrupt
+
+    for limit, progress in ((None, interrupt), (1000, interrupt), (None, lambda n, _: n < 150)):
+        with pytest.raises(KeyboardInterrupt) as stopped:
+            report(CYCLE, EPS, progress=progress, time_limit=limit)
+        found = stopped.value.report
+        # Proofs come last.
+        assert (found.growth.kind, len(found.integrals)) == ("quadratic", 2)
+        assert {f.basis for f in found.integrals} == {"modulo a prime, at random points"}
+        assert "Not finished" in repr(found)
+        assert_holds(found)
+    calls = []
+    report(CUBIC, EPS, progress=lambda *done: calls.append(done))
+    assert calls == sorted(calls)
+    assert calls[0][0] == 1
+
+
+def test_the_cheapest_task_goes_first():
+    """A task that is not wanted waits aside until it is, or until the end."""
+    order, wanted = [], set()
+
+    def task(name, cost, *following, needed=True):
+        def run():
+            order.append(name)
+            return following
+
+        return Task(cost, run, name[0], int(name[1]), needed)
+
+    late, unwanted = task("b1", 0.1, needed=False), task("b2", 0.1, needed=False)
+    first = [task("a2", 3.0), task("a1", 1.0, task("a3", 2.0), task("a4", 2.0)), late, unwanted]
+    queue = Queue(first, wanted.__contains__)
+    for done, _ in enumerate(queue, start=1):
+        assert queue.done == done
+        if done == 2:
+            wanted.add(1)
+            assert queue.finished() == {"a": 1}
+    assert order == ["a1", "a3", "b1", "a4", "a2"]
+    assert (len(queue), queue.has_set_aside, queue.finished()) == (1, True, {"a": 4, "b": 1})
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("given", [BODY, CYCLE, PREY, SIR])
+def test_a_larger_degree_shows_no_less(given):
+    is_map = isinstance(given, RationalMap)
+    reports = [reported(given, None if is_map else EPS, degree) for degree in (1, 2, 3)]
+    for less, more in pairwise(reports):
+        assert more.relations >= less.relations
+        for name in ("integrals", "measures", "polynomials"):
+            assert len(getattr(more, name)) >= len(getattr(less, name))
+        both = functions.independent([*more.integrals, *less.integrals], more.map.prime)
+        assert len(both) == len(more.integrals)
+
+
+@pytest.mark.slow
+def test_a_permutation_of_the_variables():
+    """Reports of the same field in other variables show as much, of the same degrees."""
+    field, n = EULER, 3
+
+    def permuted(y):
+        """The equations of y_i = x_(i + 1)."""
+        x = [*y[-1:], *y[:-1], 1]
+        indices, values = field.terms
+        terms = [*zip(*indices.tolist(), values.tolist(), strict=True)]
+        f = [sum(v * x[j] * x[k] for row, j, k, v in terms if row == i) for i in range(n)]
+        return [*f[1:], f[0]]
+
+    first, second = reported(field, F(2, 5)), report(field_of(permuted, n), F(2, 5))
+    for name in ("integrals", "polynomials"):
+        degrees = [sorted(f.degree for f in getattr(each, name)) for each in (first, second)]
+        assert degrees[0] == degrees[1]
+    for name in ("measures", "symmetries"):
+        assert len(getattr(first, name)) == len(getattr(second, name))
+    assert (first.relations, first.growth) == (second.relations, second.growth)
+
+
+# Somos-5, reduced by its symmetries.
+SOMOS = rational_map(
+    lambda x: (x[1], x[2], (2 + 5 * x[1] * x[2]) / (x[0] * x[1] ** 2 * x[2] ** 2)),
+    3,
+    inverse=lambda x: ((2 + 5 * x[0] * x[1]) / (x[2] * x[0] ** 2 * x[1] ** 2), x[0], x[1]),
+)
+
+
+@pytest.mark.slow
+def test_products_of_cofactors_before_larger_candidates():
+    found = report(SOMOS, degree=4)
+    assert {str(f) for f in found.integrals} == {
+        "(x1^2*x2^2*x3^2 + 5*x1*x2 + 5*x1*x3 + 5*x2*x3 + 2)/(x1*x2*x3)",
+        "(5*x1*x2 + 5*x2*x3 + 2)*(x1*x2^2*x3 + 5)/(x1*x2^2*x3)",
+    }
+    assert found.relations == 2
+    assert found.measures
+    assert_holds(found)
+
+
+@pytest.mark.slow
+def test_what_reports_print_of_several_possibilities():
+    """Polynomials that factor; products of polynomials are left out."""
+    assert str(report(LYNESS).integrals[0]) == "(x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2)"
+    assert [P.degree for P in report(volterra(3), EPS).polynomials] == [1, 1, 1, 1, 1, 1]
+    # The search ends when all integrals that the relations show are written.
+    assert report(EULER, EPS, 4).searched[-1].startswith("no more")
+    assert "up to degree 2 with products" in report(PREY, EPS, 2).searched[-1]
+    assert [P.degree for P in reported(SOLVED, EPS, 4).polynomials].count(1) == 4
+    # Bounded, but only from the 17th iterate on.
+    assert report(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2), 1).growth.kind == "bounded"
+
+
+@pytest.mark.slow
+def test_products_of_polynomials_of_a_higher_degree_are_left_out():
+    rolling = field_of(
+        lambda x: (x[3] / 2, -x[2] / 2, -x[4] * x[1], x[4] * x[0], x[2] * x[1] - x[3] * x[0]), 5
+    )
+    found = report(rolling, F(1, 3), 2)
+    assert [P.degree for P in found.polynomials] == [1, 2, 2, 2, 4]
+    assert_holds(found)
+    # x5^2 - 36 comes from a normal form, but both of its factors have cofactors.
+    body = report(*ZOO["Klebsch-Tisserand"], degree=2)
+    assert [len(P.factors) for P in body.polynomials] == [1] * 7
+    assert_holds(body)
+
+
+def test_kharlamova_on_the_invariant_hyperplane():
+    """W1 = -4 W2 with c = (1, 2, 0), I = (1, 2): three integrals, as identities in x and eps."""
+    sympy = pytest.importorskip("sympy")
+    w, g1, g2, g3, eps = x = sympy.symbols("w g1 g2 g3 eps")
+    after = sympy.symbols("w_ g1_ g2_ g3_")
+
+    def mean(a, b):  # of products of components before and after
+        return (x[a] * after[b] + after[a] * x[b]) / 2
+
+    right = (
+        (g3 + after[3]) / 4,
+        -mean(0, 3),
+        -4 * mean(0, 3),
+        mean(0, 1) + 4 * mean(0, 2),
+    )
+    equations = [b - a - eps * f for a, b, f in zip(x, after, right, strict=False)]
+    (solution,) = sympy.linsolve(equations, after)
+    integrals = [
+        4 * g1 - g2,
+        -(eps**2) * g3**2 + 16 * w**2 + 16 * g1,
+        (g1**2 + 8 * g1 * g2 + 16 * g2**2 + 17 * g3**2) / (17 * eps**2 * w**2 + 4),
+    ]
+    image = dict(zip(x, solution, strict=False))
+    for integral in integrals:
+        assert sympy.cancel(integral.subs(image, simultaneous=True) - integral) == 0
+    rows = sympy.Matrix([[f.diff(a) for a in x[:4]] for f in integrals])
+    assert rows.subs({w: 1, g1: 2, g2: 3, g3: 5, eps: 1}).rank() == 3
+    # The hyperplane is invariant: 4 W2 + W1 is an integral of the map of five variables.
+    plane = kahan(ZOO["Kharlamova"][0], EPS)
+    start = (F(-4, 3), F(1, 3), F(2, 7), F(3, 5), F(1, 9))
+    assert plane(start)[0] + 4 * plane(start)[1] == 0
+    pairs = zip(x, (*start[1:], EPS), strict=True)
+    numbers = {a: sympy.Rational(str(c)) for a, c in pairs}
+    expected = [sympy.Rational(str(c)) for c in plane(start)[1:]]
+    assert [f.subs(numbers) for f in solution] == expected
+
+
+def test_members_with_more_than_two_factors():
+    """They are multiple roots of the lost rank: here of the pencil of Nahm's octahedral system."""
+    eps, x, y = polynomials.polynomial_ring(2, True).gens()
+    lines = y * (2 * x + 3 * y) * (x - y) ** 2
+    others = math.prod(eps * a + s for a in (3 * x + 2 * y, x - 6 * y) for s in (1, -1))
+    members = [*reducible.reducible_members([others + 2 * lines, 3 * others - lines])]
+    for expected in (lines, others):
+        assert expected in members or -expected in members
+
+
+@pytest.mark.slow
+def test_products_where_the_rank_falls_by_more_than_one():
+    """Two members of a pencil have several factors: multiple roots of the lost rank."""
+    octahedral = report(ZOO["Nahm, octahedral"][0], F(1, 4), degree=4)
+    (integral,) = octahedral.integrals
+    assert sorted(str(f) for f, power in integral.factors if power < 0) == [
+        "3*x1 + 2*x2 + 4",
+        "3*x1 + 2*x2 - 4",
+        "x1 - 6*x2 + 4",
+        "x1 - 6*x2 - 4",
+    ]
+    assert sorted(power for _, power in integral.factors if power > 0) == [1, 1, 2]
+    assert_holds(octahedral)
+
+
+@pytest.mark.slow
+def test_a_line_twice_and_three_conics():
+    """L^2 Q / (C+ C-), where 0.8 had 52 terms over 25."""
+    field = field_of(
+        lambda x: (
+            x[0] ** 2 + 3 * x[0] * x[1] + 2 * x[0] - 2,
+            -3 * x[0] * x[1] - x[1] ** 2 - 2 * x[1] + 2,
+        ),
+        2,
+    )
+    found = report(field, degree=4)
+    (integral,) = found.integrals
+    shapes = sorted((int(P.total_degree()), power) for P, power in integral.subs(eps=1).factors)
+    assert shapes == [(1, 2), (2, -1), (2, -1), (2, 1)]
+    assert "x1 + x2 + 2" in {str(P) for P, _ in integral.factors}
+    x, map = (F(2, 7), F(-3, 5)), kahan(field, EPS)
+    assert integral.subs(eps=EPS)(map(x)) == integral.subs(eps=EPS)(x)
+
+
+TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("field", [TETRAHEDRAL, EULER])
+def test_a_polynomial_has_one_sign_in_a_report(field):
+    """It is that of the limit for eps to 0."""
+    found = reported(field)
+    factors = {
+        str(P): P
+        for f in (*found.integrals, *found.measures, *found.polynomials)
+        for P, _ in f.factors
+    }
+    assert len(factors) > 2
+    assert not factors.keys() & {str(-P) for P in factors.values()}
+    limits = [P.context().from_dict({e: c for e, c in P.to_dict().items() if not e[0]})
+              for P in factors.values()]  # fmt: skip
+    assert all(P.leading_coefficient() > 0 for P in limits)
+
+
+@pytest.mark.slow
+def test_formulas_of_papers():
+    """Of a pencil the member of the papers, for a symbolic eps and for a number."""
+    for body in (BODY, ROTOR, Suslov3D(3, 2, F(1, 2), 1)):
+        a, (I13, I23) = F(body.I1) * F(body.I2), (F(body.I13), F(body.I23))
+        k = F(getattr(body, "k", 0))
+
+        def lemma(x, eps, I=(F(body.I1), F(body.I2)), a=a, J=(I13, I23), k=k):
+            line = J[0] * x[0] + J[1] * x[1] + k
+            return (I[0] * x[0] ** 2 + I[1] * x[1] ** 2) / (4 * a + eps**2 * line**2)
+
+        (found,) = report(body).integrals
+        (number,) = report(body, EPS).integrals
+        points = [(F(1, 3), F(2)), (F(-3), F(5, 7))]
+        ratios = {found(x, eps) / lemma(x, eps) for x in points for eps in (EPS, F(2, 3))}
+        assert len(ratios) == 1
+        assert str(found.subs(EPS)) == str(number)
+    lyness = rational_map(lambda x: (x[1], x[2], (2 + x[1] + x[2]) / x[0]), 3)
+    assert {*map(str, report(lyness, degree=4).integrals)} == {
+        "(x1 + 1)*(x2 + 1)*(x3 + 1)*(x1 + x2 + x3 + 2)/(x1*x2*x3)",
+        "(x1 + x2 + 1)*(x2 + x3 + 1)*(x1*x3 + x1 + x2 + x3 + 2)/(x1*x2*x3)",
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("field", [EULER, CUBIC])
+def test_symbolic_eps_and_number_print_the_same(field):
+    """And the limit for eps to 0 is an integral of the field."""
+    symbolic, number = reported(field), reported(field, F(2, 5))
+    assert [str(f.subs(F(2, 5))) for f in symbolic.integrals] == [*map(str, number.integrals)]
+    of_symbolic = [P.subs(F(2, 5)).factors for P in symbolic.polynomials]
+    assert [*map(str, of_symbolic)] == [str(P.factors) for P in number.polynomials]
+    x = [F(2 * k + 3, 7) for k in range(field.dimension)]
+    slopes = field(x)
+    for f in symbolic.integrals:
+        assert f.denominator(0, *(int(7 * a) for a in x)) != 0
+        h = F(1, 10**20)
+        moved = [a + h * v for a, v in zip(x, slopes, strict=True)]
+        back = [a - h * v for a, v in zip(x, slopes, strict=True)]
+        assert abs(f(moved, 0) - f(back, 0)) / h < F(1, 10**15)
+        assert f(x, 0) != f([a + 1 for a in x], 0)
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("field", "symmetries"),
+    [
+        # Lines through 0 are reflected at those of steady states.
+        (of(BODY), ["(-x1, -x2)", "(1/2*x2, 2*x1)"]),
+        (ENERGY, ["(x1, -x2)"]),
+        (PREY, ["(x2, x1)"]),
+        (field_of(lambda x: (x[0] ** 2 - x[0],), 1), ["(-x1 + 1)"]),
+        pytest.param(
+            *(CYCLE, ["(x1, x3, x2)", "(x2, x1, x3)", "(x3, x2, x1)", "(-x1, -x2, -x3)"]),
+            marks=pytest.mark.slow,
+        ),
+        (PLANAR, []),
+    ],
+)
+def test_reversing_symmetries(field, symmetries):
+    """They take the map to its inverse, and no other signed permutation does."""
+    found = report(field, EPS, 1)
+    assert [*map(str, found.symmetries)] == [f"x -> {text}" for text in symmetries]
+    assert ("Reversing symmetries: " in repr(found)) == bool(symmetries)
+    now, n = found.map, field.dimension
+    x = [F(2 * k + 3, 7) for k in range(n)]
+    assert all(now(R(now(x))) == R(x) and R(R(x)) == (*x,) for R in found.symmetries)
+    for order in permutations(range(n)):
+        for signs in product((1, -1), repeat=n):
+            S = [[s * (j == k) for j in range(n)] for s, k in zip(signs, order, strict=True)]
+            if any(
+                sum(S[i][k] * S[k][j] for k in range(n)) != (i == j)
+                for i in range(n)
+                for j in range(n)
+            ):
+                continue
+            y = [sum(map(math.prod, zip(row, x, strict=True))) for row in S]
+            image = [-sum(map(math.prod, zip(row, field(x), strict=True))) for row in S]
+            assert (list(field(y)) == image) == any(
+                [*map(list, R.S)] == S and not any(R.b) for R in found.symmetries
+            )
+
+
+def test_limits_become_independent():
+    """All three polynomials tend to x1 + 1, and so do some of their combinations, over eps."""
+    eps, x1, x2 = polynomials.polynomial_ring(2, True).gens()
+    space = [x1 + 1, x1 + 1 + eps * x2, x1 + 1 + eps**2 * x1 + 2 * eps * x2]
+    basis = polynomials.with_independent_limits(space)
+    limits = [*map(polynomials.limit, basis)]
+    assert [str(P) for P in limits] == ["x1 + 1", "x2", "x1"]
+    assert polynomials.rank([*basis, *space]) == polynomials.rank(limits) == 3
+
+
+def test_a_root_of_a_polynomial_is_no_density():
+    """Here det DPhi = 4, and P goes to 16 P: the density would be P to the power -1/2."""
+    (x,) = polynomials.polynomial_ring(1, False).gens()
+    map = kahan(field_of(lambda x: (F(6, 5) * x[0],), 1), 1)  # x goes to 4 x
+    invariants = Invariants(map, 2)
+    invariants.has_factors = True
+    assert map.jacobian_cofactor.constant == 4
+    for P, c in ((x**2 + 1, 16), (x, 4)):
+        assert invariants.measures == ()
+        cofactor = RationalFunction((), F(c))
+        invariants.add(RationalFunction(((P, 1),), cofactor=cofactor))
+    assert [str(f) for f in invariants.measures] == ["1/x1"]
+
+
+@pytest.mark.slow
+def test_a_density_up_to_sign():
+    """The map of Lyness in three dimensions reverses the orientation: its measure is dx / |xyz|."""
+    found = report(rational_map(lambda x: (x[1], x[2], (2 + x[1] + x[2]) / x[0]), 3), degree=3)
+    assert "Densities of measures, up to sign (1, proved): 1/(x1*x2*x3)\n" in repr(found)
+    assert str(found.measures[0].cofactor) == "-1"
+    assert_holds(found)
+
+
+def test_every_report_on_the_way_has_a_text():
+    """Also with a density that is found before the factors of det DPhi."""
+    map, _ = zoo()["McMillan"]
+    search, found = Search(map, 3, 0), Report(map, 3)
+    early = []
+    for _ in search.queue:
+        search.fill(found)
+        assert repr(found).startswith("Map of 2 variables")
+        early += search.invariants.early_densities
+    assert {f.basis for f in early} == {MODULAR}
+
+
+def test_a_search_that_cannot_be_interrupted(monkeypatch):
+    """The limit holds whatever the search does: here its first part never ends."""
+    from suslov_fast.integrability import process
+
+    monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
+    found = report(CYCLE, EPS, time_limit=0.05)
+    assert not found.finished
+    assert "nothing yet" in repr(found)
+    monkeypatch.setattr(process, "_START", "pass")
+    with pytest.raises(RuntimeError):
+        report(CYCLE, EPS, time_limit=1000)
+
+
+@pytest.mark.slow
+def test_ctrl_c_without_a_limit(monkeypatch):
+    """A long search goes on in another process, from which Ctrl-C does not have to wait."""
+    from suslov_fast.integrability import process
+
+    calls = []
+    here = report(CUBIC, EPS, progress=lambda *done: calls.append(done))
+    monkeypatch.setattr(process, "_BRIEF", 0.0)
+    again = []
+    there = report(CUBIC, EPS, progress=lambda *done: again.append(done))
+    assert repr(there) == repr(here)
+    assert again == sorted(again)
+    assert {*again} <= {*calls}
+    monkeypatch.setattr(process.sys, "frozen", True, raising=False)
+    monkeypatch.setattr(process, "_START", "1 / 0")
+    assert repr(report(CUBIC, EPS)) == repr(here)  # an application cannot start Python
+
+
+def test_ctrl_c_while_another_process_searches(monkeypatch):
+    """Windows only notes Ctrl-C, as `interrupt_main` does; it ends no system call."""
+    from suslov_fast.integrability import process
+
+    monkeypatch.setattr(process, "_BRIEF", 0.0)
+    monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
+    timer = threading.Timer(0.2, _thread.interrupt_main)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        report(CYCLE, EPS)
+    timer.join()
+    signal.signal(signal.SIGINT, before)
+    assert not stopped.value.report.finished
+
+
+def test_errors_of_the_process_that_searches(monkeypatch):
+    """Its own error is not one of the pipe to it."""
+    from suslov_fast.integrability import process
+
+    monkeypatch.setattr(process, "_BRIEF", 0.0)
+    text = "import pickle, sys; pickle.dump(OSError('of its own'), sys.stdout.buffer)"
+    for start, error, message in (
+        (text, OSError, "^of its own$"),
+        ("", RuntimeError, "^the process of the search ended$"),
+    ):
+        monkeypatch.setattr(process, "_START", start)
+        with pytest.raises(error, match=message):
+            report(CYCLE, EPS)
+
+
+def test_a_search_ends_with_the_process_that_waits_for_it(monkeypatch):
+    """A process that is killed leaves none behind: the system gives its search another parent."""
+    from suslov_fast.integrability import process
+
+    def written_by(parents):
+        given = io.BytesIO(pickle.dumps((Report(MAP, 1), 0)))
+        written = io.BytesIO()
+        monkeypatch.setattr(process.sys, "stdin", SimpleNamespace(buffer=given))
+        monkeypatch.setattr(process.sys, "stdout", SimpleNamespace(buffer=written))
+        monkeypatch.setattr(process.os, "getppid", iter(parents).__next__)
+        process.serve()
+        monkeypatch.undo()
+        return written.getvalue()
+
+    assert written_by([7, 1]) == b""
+    assert len(written_by([7] * 1000)) > 1000
+
+
+def test_the_order_of_files():
+    """The package lists its files such that each imports from those before it only."""
+    folder = Path(suslov_fast.integrability.__file__).parent
+    _, listed = suslov_fast.integrability.__doc__.split("before it:")
+    before = []
+    for name in re.findall(r"`(\w+)`", listed):
+        text = (folder / f"{name}.py").read_text(encoding="utf-8")
+        imported = re.findall(r"^from \.(\w+) import", text, re.M)
+        imported += ", ".join(re.findall(r"^from \. import (.+)$", text, re.M)).split(", ")
+        assert {*imported} <= {*before, ""}, name
+        before.append(name)
+    assert sorted(before) == sorted({path.stem for path in folder.glob("*.py")} - {"__init__"})
+
+
+def test_linear_and_trivial_fields():
+    """All polynomials are integrals of the identity; the squared radius is one of a rotation."""
+    for map in (kahan(QuadraticField(np.zeros((2, 2, 2))), 1), kahan(CUBIC, 0)):
+        assert len(hk_bases(map, 1).integrals) == len(darboux_polynomials(map, 1)) == 3
+    rotation = kahan(field_of(lambda x: (x[1], -x[0]), 2), 1)
+    assert repr(hk_bases(rotation, 2).integrals) == "(1, x1^2 + x2^2)"
+    assert hk_bases(MAP, 0).dimension == 0
+
+
+class Quantity(float):
+    unit = "ms"
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1), ValueError, "field must"),
+        (lambda: kahan(CUBIC, [1]), TypeError, "eps.*the list"),
+        (lambda: kahan(CUBIC, Quantity(1)), TypeError, "eps.*without a unit, not a Quantity"),
+        (lambda: kahan(QuadraticField([[[1]]]), 1)([1]), ZeroDivisionError, r"\(1\) has no image"),
+        (lambda: kahan(CUBIC, "1/0"), ValueError, "eps must be numbers or strings.*'1/0'"),
+        (lambda: kahan(CUBIC).inverse, TypeError, "eps.*subs"),
+        (lambda: kahan(CUBIC).jacobian([1, 2]), TypeError, "eps"),
+        (lambda: reported(BODY).integrals[0]([1, 2]), TypeError, "eps"),
+        (lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1), TypeError, "cofactor"),
+        (lambda: degrees(CUBIC, 3), TypeError, r"map is a QuadraticField: .*kahan\(field, eps\)"),
+        (lambda: growth_of(CUBIC), TypeError, r"degrees\(map, n\).*QuadraticField"),
+        (lambda: hk_bases(MAP, 999), ValueError, "at most 30 for 2 variables .*999 .500500 coef"),
+        (lambda: degrees(MAP, -1), ValueError, "n.*not -1"),
+        (lambda: growth_of([1, 2.5]), TypeError, "degrees.*2.5"),
+        (lambda: growth_of([1, -2]), ValueError, "degrees.*not -2"),
+        (lambda: growth_of([1, 2], planar=2), TypeError, "planar.*not 2"),
+        (lambda: hk_bases(MAP, 2.5), TypeError, "monomials.*a degree or a list.*2.5"),
+        (lambda: hk_bases(MAP, [(1, 0), (1, 0)]), ValueError, "monomials.*different"),
+        (lambda: hk_bases(MAP, [(1, 0, 0)]), ValueError, r"monomials must.* 2 .*\(1, 0, 0\)"),
+        (lambda: report(BODY, EPS, 0), ValueError, "degree.*not 0"),
+        (lambda: report(CLEBSCH, degree=5), ValueError, "at most 4 for 6 variables .*210.*462"),
+        (lambda: report(MAP, EPS), ValueError, "eps must"),
+        (
+            lambda: report(BODY, EPS, time_limit=-1),
+            ValueError,
+            "time_limit must be 0 seconds or more.* not -1",
+        ),
+        (lambda: report(BODY, EPS, progress=3), TypeError, "progress.*not int"),
+        (lambda: darboux_polynomials(MAP, 1, "x"), TypeError, "cofactor.*the str"),
+        (lambda: darboux_polynomials(MAP, 1, lambda x: 0.5), TypeError, "cofactor .*the float"),
+        (lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0)), ArithmeticError, "undefined"),
+        (lambda: rational_map(3, 2), TypeError, "f.*not int"),
+        (lambda: rational_map(lambda x: (x[0],), 2), ValueError, "f must return 2 .* not 1"),
+        (lambda: rational_map(lambda x: (np.sin(x[0]), 1), 2), TypeError, "f must return 2.*sin"),
+        (lambda: rational_map(lambda x: (1 / (x[0] - x[0]), 1), 2), ValueError, "f.*is 0"),
+        (lambda: rational_map(lambda x: (x[0] ** 0.5, 1), 2), TypeError, "f.*integer"),
+        (
+            lambda: rational_map(lambda x: (x[1], x[0]), 2, lambda x: x),
+            ValueError,
+            "inverse is not",
+        ),
+    ],
+)
+def test_bad_input(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_two_periods_of_second_differences_are_too_few():
+    """1, 0, 1, 0 may go on in any way."""
+    found = growth_of([2, 4, 7, 10, 14, 18])
+    assert found.kind == "unclear"
+    assert "not yet periodic" in found.based_on
+
+
+def test_the_normal_form_at_a_number_is_that_of_a_symbolic_eps():
+    """Of the Suslov body in any basis: energy, and the denominator of the modified energy."""
+    field = field_of(lambda x: (x[1] * (2 * x[0] + x[1]) / 16, -x[0] * (2 * x[0] + x[1]) / 8), 2)
+    map = kahan(field, F(1, 4))
+    x, y = polynomials.polynomial_ring(2, False).gens()
+    energy, denominator = 2 * x**2 + y**2, (2 * x + y) ** 2 + 8192
+    known = Invariants(map, 2)
+    for P in (denominator + 2 * energy, denominator - energy):
+        cofactor = map.cofactor(P)
+        known.add(RationalFunction(((P, 1),), basis=MODULAR, cofactor=cofactor))
+    NormalForms(known).update(known.value(cofactor))
+    assert {str(g) for g in known.generators} == {str(energy), str(denominator)}
+    [integral] = known.forms[known.value(cofactor)]
+    assert str(integral) == f"16*({energy})/({denominator})"
+
+
+def test_echelon_form_is_that_of_the_matrix_of_coefficients():
+    """Rows of Gauss and Jordan's elimination from the first and then from the last column."""
+    sympy = pytest.importorskip("sympy")
+    x, y = polynomials.polynomial_ring(2, False).gens()
+    space = [3 * x**2 + 2 * y + 5, 2 * x**2 - y**2 + 7 * y + x, y**2 + 4 * y - 3 + 2 * x, 9 + x - y]
+    columns = [(2, 0), (0, 2), (1, 0), (0, 1), (0, 0)]
+
+    def matrix(some):
+        return sympy.Matrix([[int(P.to_dict().get(e, 0)) for e in columns] for P in some])
+
+    found = matrix(normal_form.in_echelon_form(space))
+    assert found.rank() == found.col_join(matrix(space)).rank() == len(space)
+    for k, row in enumerate(found.tolist()):
+        first, *_, last = (n for n, c in enumerate(row) if c)
+        assert not any(found[k + 1 :, first])
+        assert not any(found[:k, last])
+
+
+def test_a_recurrence_that_holds_from_the_identity_on_says_so():
+    text = "d(k+1) = 2 d(k), all 5 degrees and that of the identity"
+    assert growth_of([2, 4, 8, 16, 32]).based_on == text

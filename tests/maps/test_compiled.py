@@ -1,0 +1,377 @@
+"""Functions for loops of users, called from compiled code and from Python."""
+
+import pickle
+
+import children
+import naive
+import numpy as np
+import pytest
+from numba import config, njit, prange
+from numba.core.errors import TypingError
+from numba.typed import List
+
+import suslov_fast as sf
+from suslov_fast import compiled
+from suslov_fast.compiled import advance, enter, frame, leave, step_system, system, work
+from suslov_fast.core.suslov import map as map_3d
+
+# Long steps on purpose, from states with det A < 0.
+pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+
+BODY, EPS = sf.Suslov3D(4, 3, -0.4, -0.2), 0.2
+GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+
+
+def lorenz(x):
+    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+FIELD = sf.QuadraticField.from_function(lorenz, 3)
+
+
+@njit(parallel=True)
+def after(frame, omega, steps):
+    """States after some steps, and their integrals."""
+    out = np.empty((len(omega), 3))
+    for i in prange(len(omega)):
+        u, v = enter(frame, omega[i, 0], omega[i, 1])
+        for _ in range(steps):
+            u, v = advance(frame, u, v)
+        out[i, 0], out[i, 1] = leave(frame, u, v)
+        out[i, 2] = compiled.first_integral(frame, out[i, 0], out[i, 1])
+    return out
+
+
+@njit
+def system_after(system, x, steps):
+    """Take some steps of states (batch, D), in place; return the last statuses."""
+    status, memory = np.zeros(len(x)), work(system)
+    for k in range(len(x)):
+        for _ in range(steps):
+            status[k] = step_system(system, x[k], x[k], memory)
+    return status
+
+
+def condition(body, state, eps, following):
+    found = np.linalg.norm(sf.jacobian(body, state, eps)) * np.linalg.norm(state)
+    return max(1.0, found / np.linalg.norm(following))
+
+
+OTHERS = [sf.Suslov3D(1, 1, 1, 0), sf.Suslov3D(0.3, 7, 1e-3, 2)]
+OTHERS += [sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, k) for k in (1e6, 1e-9)]
+OTHERS += [sf.SuslovGyrostat(2.3, 1.4, 0, 0, 3)]
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
+@pytest.mark.parametrize("body", [BODY, GYROSTAT, *OTHERS], ids=repr)
+def test_a_step_is_accurate(body, rng):
+    """Also far from the line, where the increment cancels the state, and for negative eps."""
+    *inertia, k = (*body.constants, 0.0)[:5]
+    worst = 0.0
+    for scale in (1e-3, 1.0, 30.0, 1e6):
+        for eps in (0.2, -1.5):
+            omega = rng.normal(size=2) * scale
+            exact = naive.step(*inertia, eps, omega, k=k)
+            computed = compiled.step(frame(body, eps), *omega)
+            size = condition(body, omega, eps, np.array(exact, float))
+            worst = max(worst, naive.relative_error(computed, exact) / size)
+    assert worst < 8 * 2.0**-52
+
+
+@pytest.mark.slow_to_compile
+@pytest.mark.parametrize(
+    ("body", "size", "eps", "method"),
+    [
+        (FIELD, 10.0, 1 / 64, "auto"),
+        (FIELD, 1.0, 0.5, "auto"),  # with other pivots
+        (sf.QuadraticField.of(GYROSTAT), 1.0, 0.35, "auto"),
+        (ND, 1.0, 0.4, "auto"),
+        (ND, 10.0, -3.0, "auto"),  # by elimination
+        (ND, 1.0, 0.4, "gauss"),
+        (ND, 10.0, -3.0, "gauss"),
+        (sf.SuslovND([1.0], [2.0]), 1.0, 0.25, "auto"),
+    ],
+    ids=[
+        "lorenz",
+        "lorenz-pivots",
+        "gyrostat",
+        "nd",
+        "nd-elimination",
+        "gauss",
+        "gauss-long",
+        "n=2",
+    ],
+)
+def test_steps_in_any_dimension_are_those_of_the_package(body, size, eps, method, rng):
+    """Their accuracy is tested there. Views are taken, and out may be x."""
+    constants = system(body, eps, method=method)
+    x = rng.normal(size=(body.dimension, 8)) * size
+    expected = sf.step(body, x.T, eps, method=method).T
+    out, memory = np.zeros_like(x), work(constants)
+    given = x.copy()
+    given.setflags(write=False)
+    for k in range(8):
+        status = step_system(constants, given[:, k], out[:, k], memory)
+        beyond = np.linalg.det(sf.matrix(body, given[:, k], eps)) < 0
+        assert status == (sf.Status.PASSED_POLE if beyond else sf.Status.OK)
+    assert (system_after(constants, x.T, 1) >= 0).all()
+    # Without machine code a loop of a user takes each step of a field by `solve`.
+    apart = 1e-12 if config.DISABLE_JIT and isinstance(constants, compiled.FieldSystem) else 0.0
+    np.testing.assert_allclose(out, expected, rtol=apart, atol=apart)
+    np.testing.assert_allclose(x, expected, rtol=apart, atol=apart)
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("body", [BODY, GYROSTAT], ids=["body", "gyrostat"])
+def test_loops_of_users_follow_orbits(body, rng):
+    omega = rng.uniform(-2, 2, (65, 2))
+    *inertia, k = (*body.constants, 0.0)[:5]
+    constants = frame(body, EPS)
+    found, F = after(constants, omega, 50), sf.first_integral(body, omega, EPS)
+    exact = naive.orbit(*inertia, EPS, omega[7], 50, k=k)[-1]
+    assert naive.relative_error(found[7, :2], exact) < 1e-14
+    np.testing.assert_allclose(found[:, 2], F, rtol=1e-13)
+    for w, integral in zip(omega[:3], F, strict=False):
+        assert compiled.vector_field(constants, *w) == tuple(sf.vector_field(body, w))
+        assert compiled.energy(constants, *w) == sf.energy(body, w)
+        assert compiled.first_integral(constants, *w) == pytest.approx(integral, rel=1e-15)
+
+
+def test_loops_of_users_have_the_bits_of_runs(rng):
+    """Of bodies with T < 1. Next to the line X is small, and beyond T = 1 only digits agree."""
+    for body in (BODY, sf.Suslov3D(1, 1, 1, 0), sf.Suslov3D(0.3, 7, 1e-3, 2)):
+        constants, omega = frame(body, EPS), rng.normal(size=(65, 2))
+        omega /= 1.01 * np.maximum(1.0, abs(sf.criticality(body, omega, EPS)))[:, None]
+        omega[0] = body.I23, -body.I13 * (1 - 1e-12)
+        for steps in (0, 1, 300):
+            run = sf.iterate(body, omega, EPS, steps)
+            assert (run.status == sf.Status.OK).all()
+            expected = run.final
+            if steps == 0:
+                np.testing.assert_allclose(after(constants, omega, 0)[:, :2], omega, rtol=1e-13)
+            else:
+                np.testing.assert_array_equal(after(constants, omega, steps)[:, :2], expected)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
+@pytest.mark.parametrize("body", [BODY, GYROSTAT, *OTHERS], ids=repr)
+def test_enter_advance_and_leave_are_a_step(body, rng):
+    """To the digits that two numbers carry: `step` has the bits of runs."""
+    for eps in (0.2, -1.5):
+        omega = rng.normal(size=(20, 2))
+        constants, expected = frame(body, eps), sf.step(body, omega, eps)
+        for before, exact in zip(omega, expected, strict=True):
+            assert (np.array(compiled.step(constants, *before)) == exact).all()
+            two = leave(constants, *advance(constants, *enter(constants, *before)))
+            size = condition(body, before, eps, exact)
+            assert naive.relative_error(two, exact) < 64 * 2.0**-52 * size
+
+
+def test_states_at_rest_stay_at_rest():
+    constants = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)
+    for Y in (5.0, -5.0, 1.5, -1.5, 0.3, -0.7):
+        u, v = 0.0, Y
+        for _ in range(50):
+            u, v = advance(constants, u, v)
+        assert (u, v) == (0.0, Y)
+
+
+@njit(parallel=True)
+def members_after(systems, x, steps):
+    for k in prange(len(systems)):
+        member = systems[np.int64(k)]  # lists refuse the unsigned integers of prange
+        memory = work(member)
+        for _ in range(steps):
+            step_system(member, x[k], x[k], memory)
+    return x
+
+
+@pytest.mark.compiled  # interpreted lists of Numba are empty
+@pytest.mark.slow
+def test_a_family_in_a_loop_of_a_user():
+    family = sf.QuadraticField.from_function(
+        lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]),
+        3,
+        rho=[20.0, 24.0, 28.0, 32.0],
+    )
+    systems = List([system(member, 0.01) for member in family])
+    states = members_after(systems, np.ones((4, 3)), 200)
+    np.testing.assert_array_equal(states, sf.iterate(family, [1.0] * 3, 0.01, 200).final)
+
+
+GLOBAL = """
+import sys
+import numpy as np, suslov_fast as sf
+from numba import njit
+from suslov_fast.compiled import step_system, system, work
+other = sf.QuadraticField([[[1.0, 0.5], [0.0, 1.0]]] * 2)
+first = [system(other, 0.1)] * int(sys.argv[1])  # the code of the field has another address then
+field = sf.QuadraticField([[[1.0]]], [[-1.0]])
+systems = system(field, 0.1), system(field, 0.2)
+
+@njit(cache=True)
+def of_global(x):
+    return step_system(systems[1], x, x, work(systems[1]))
+
+@njit(cache=True)
+def of_another(x):
+    return of_global(x)
+
+@njit(cache=True)
+def of_argument(x, system):
+    return step_system(system, x, x, work(system))
+
+for function, arguments in ((of_another, ()), (of_argument, systems[1:])):
+    x = np.array([0.5])
+    assert function(x, *arguments) == 0, function
+    assert x == sf.step(field, [0.5], 0.2), function
+    print(len(function.stats.cache_hits))
+"""
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+def test_a_system_that_is_a_global_of_a_cached_function(tmp_path):
+    """Its address is of one process: code that contains it is not kept, and Numba warns."""
+    path = tmp_path / "loops.py"
+    path.write_text(GLOBAL)
+    for process in (0, 1):
+        done = children.attempt(path, process)
+        assert done.returncode == 0, done.stderr[-2000:]
+        assert done.stdout.split() == ["0", str(process)]
+        assert done.stderr.count("Cannot cache compiled function") == 2
+
+
+def test_kinds_are_told_by_type():
+    """A tuple of the same length and numbers is of no kind."""
+    numbers = tuple(frame(BODY, EPS))
+    with pytest.raises((TypingError, AttributeError)):
+        advance(numbers, 0.1, 0.2)
+    assert {*compiled.__all__} == {*dir(compiled)}
+
+
+def test_steps_of_long_vectors_keep_their_digits():
+    for X, Y in ((1e3, 1e6), (-30.0, 1e8), (1e5, -1e4)):  # next states are near (0, -1)
+        constants = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)
+        u, v = advance(constants, X, Y)
+        exact = naive.step(1, 1, 1, 0, 2.0, (X, -Y))
+        assert naive.relative_error((u, -v), exact) < 1e-15
+
+
+def test_a_long_orbit_comes_to_rest_without_subnormal_numbers():
+    constants = frame(BODY, EPS)
+    u, v = enter(constants, 1.0, 0.5)
+    for _ in range(20_000):
+        u, v = advance(constants, u, v)
+        assert u == 0.0 or abs(u) > 1e-300
+    assert u == 0.0
+
+
+@pytest.mark.slow_to_compile
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
+def test_what_does_not_exist_is_nan():
+    unit = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)  # X = Omega1, Y = -Omega2: poles are Y = 1 + 2 X**2
+    for X in np.array([0.0, 0.25, 1 / 3, 3.0, 1e8]):
+        u, v = enter(unit, X, -(1 + 2 * X * X))
+        assert np.isnan(advance(unit, u, v)).all()
+        assert np.isnan(compiled.step(unit, X, -(1 + 2 * X * X))).all()
+    assert np.isnan(advance(unit, *advance(unit, np.nan, 1.0))).all()
+    rotor = frame(sf.SuslovGyrostat(1, 1, 1, 0, 0.5), 1.0)
+    assert np.isnan(compiled.step(rotor, 1.0, -3.875)).all()
+    assert np.isnan(compiled.step(rotor, 1e9, 2e9)).all()  # too large: `advance` does not test it
+    square = system(sf.QuadraticField([[[1]]]), 0.5)  # x' = x**2
+    nd = system(sf.SuslovND([1.0, 1.0, 1.0], [0.5, -0.75, 0.5]), 1.0)
+    for constants, x, status in (
+        (square, [2.0], sf.Status.SINGULAR),
+        (square, [np.nan], sf.Status.NONFINITE),
+        (nd, [1.0, -1.0, 1.5], sf.Status.SINGULAR),
+        (nd, [1.0, np.nan, 1.5], sf.Status.NONFINITE),
+    ):
+        out = np.array(x)
+        assert step_system(constants, out, out, work(constants)) == status
+        assert np.isnan(out).all()
+
+
+def test_bodies_and_step_sizes_are_checked():
+    for call, error, words in (
+        (lambda: frame(sf.SuslovND([1, 2], [1, 1]), 0.1), TypeError, r"system\(body, eps\)"),
+        (lambda: frame(4, 0.1), TypeError, "^body must"),
+        (lambda: system(4, 0.1), TypeError, "^body must"),
+        (lambda: frame(BODY, np.inf), ValueError, "^eps must"),
+        (lambda: frame(BODY, 5e-324), ValueError, "^eps.*use other units"),
+        (lambda: frame(BODY, "0.1"), TypeError, "^eps must"),
+        (lambda: frame(BODY, 0.0), ValueError, "identity"),
+        (lambda: frame(sf.Suslov3D(1, 2, 0, 0), 0.1), ValueError, "identity"),
+        (lambda: frame(BODY, [[0.1], [0.2]]), ValueError, r"\(2, 1\)"),
+        (lambda: system(sf.SuslovND([[1, 2]] * 3, [1, 1]), 0.1), ValueError, r"\(3,\)"),
+    ):
+        with pytest.raises(error, match=words):
+            call()
+
+
+@njit
+def one_step(system, x, out, memory):
+    return step_system(system, x, out, memory)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("body", [ND, FIELD], ids=["nd", "field"])
+def test_what_does_not_fit_is_refused_when_a_loop_is_compiled(body):
+    """Integers would be truncated; a line names the argument."""
+    constants, three = system(body, 0.1), np.ones(3)
+    memory = work(constants)
+    for call in (one_step, step_system):
+        for arguments, words in (
+            ((np.ones(3, int), three), "^x.*int64"),
+            ((three, np.ones(3, np.float32)), "^out.*float32"),
+            (([1.0, 2.0, 3.0], three), "^x must"),
+            ((np.ones((3, 1)), three), "^x.* 2d"),
+        ):
+            with pytest.raises(TypeError, match=words):
+                call(constants, *arguments, memory)
+        with pytest.raises(TypingError):
+            call(constants, three, three, 4)
+    quantities = compiled.energy, compiled.first_integral, compiled.vector_field
+    for each in (advance, enter, leave, compiled.step, *quantities):
+        with pytest.raises(TypingError):
+            each(constants, 1.0, 2.0)
+        with pytest.raises(TypeError, match=r"pass frame\(body, eps\)"):
+            each(body, 1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    "body", [pytest.param(ND, marks=pytest.mark.slow), FIELD], ids=["nd", "field"]
+)
+def test_arrays_of_another_length_are_refused(body):
+    """Nothing else would notice: compiled code checks no index."""
+    constants, three, four = system(body, 0.1), np.ones(3), np.ones(4)
+    larger = sf.SuslovND([1, 2, 3, 4], [1, 1, 1, 1])
+    larger = work(system(larger if body is ND else larger.field(), 0.1))
+    memory = work(constants)
+    for arguments in ((four, three, memory), (three, four, memory), (three, three, larger)):
+        with pytest.raises(ValueError, match="dimension of the system"):
+            step_system(constants, *arguments)
+
+
+def test_frames_and_systems_are_plain_data():
+    for made in (frame(BODY, EPS), frame(GYROSTAT, EPS)):
+        assert pickle.loads(pickle.dumps(made)) == made
+        assert all(type(number) is float for number in made)
+        assert (made.I1, made.eps) == (made[0], EPS)
+        assert np.isfinite(made).all()
+    assert np.isfinite(frame(sf.SuslovGyrostat(2.3, 1.4, 0, 0, 3), EPS)).all()
+    nd = system(ND, 0.4)
+    assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
+    made = system(FIELD, 0.1)
+    again = pickle.loads(pickle.dumps(made))
+    assert repr(made).startswith("FieldSystem(address=")
+    for one, other in zip(made, again, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_frames_hold_the_numbers_of_those_of_the_core():
+    constants = "I1", "I2", "I13", "I23", "k", "eps"
+    core = map_3d.Frame._fields
+    assert compiled.Frame._fields == (*constants, *core)
+    assert compiled.GyrostatFrame._fields == (*constants, *core[:4])

@@ -1,0 +1,465 @@
+"""Kahan's map of quadratic fields, against the Runge-Kutta form in 60 digits.
+
+Of a linear field x' = (1 - A) x and eps = 2 the matrix of a step is A, so that small systems show
+what each rule of elimination is for.
+"""
+
+import importlib
+from functools import cache, partial
+
+import naive
+import numpy as np
+import pytest
+from numba import config
+
+import suslov_fast as sf
+from suslov_fast.compiled import system
+from suslov_fast.core.compiling import numba as core_numba
+from suslov_fast.core.fields import careful
+from suslov_fast.core.lists import step as plans
+from suslov_fast.core.lists.planned_elimination import elimination_order
+
+# Long steps on purpose, from states with det A < 0.
+pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+of_function = sf.QuadraticField.from_function
+
+
+def lorenz(x):
+    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+def henon_heiles(x):
+    q1, q2, p1, p2 = x
+    return p1, p2, -q1 - 2 * q1 * q2, q2 * q2 - q1 * q1 - q2
+
+
+def lotka_volterra(x):
+    return x[0] - x[0] * x[1], x[0] * x[1] - x[1]
+
+
+def chain(x):
+    return [x[i] * (x[(i + 1) % 6] - x[i - 1]) for i in range(6)]
+
+
+def square(x):
+    return (x[0] * x[0],)
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("f", "start", "eps", "steps", "tolerance"),
+    [
+        (lorenz, (1.0, 2.0, 20.0), 1 / 64, 200, 2e-13),
+        (lorenz, (1.0, 2.0, 20.0), -0.5, 20, 1e-12),  # with other pivots
+        (henon_heiles, (0.125, 0.25, 0.25, -0.125), 0.25, 500, 1e-12),
+        (lotka_volterra, (0.5, 0.7), 0.125, 200, 1e-13),
+        (chain, (1.0, 0.5, 0.75, 1.25, 1.5, 0.25), 0.125, 60, 1e-13),
+        (square, (0.1,), 0.5, 15, 1e-13),
+        (lambda x: (0 * x[0], 1 + 0 * x[1]), (0.0, -3.0), 0.25, 10, 0.0),
+    ],
+)
+def test_orbits(f, start, eps, steps, tolerance):
+    run = sf.iterate(of_function(f, len(start)), start, eps, steps)
+    exact = naive.iterated(lambda x: naive.kahan_step(f, eps, x), start, steps)
+    size = max(float(naive.mpmath.norm(x)) for x in exact)
+    assert run.ok
+    for state, x in zip(run.x, exact, strict=True):
+        assert naive.relative_error(state, x) * float(naive.mpmath.norm(x)) <= tolerance * size
+
+
+def random_field(rng):
+    """Coefficients of a sparse field whose components have units up to 2**30 apart, and a state."""
+    D = int(rng.integers(1, 7))
+    units = 2.0 ** rng.integers(-15, 16, D)
+    tables = [rng.normal(size=(D,) * n) for n in (3, 2, 1)]
+    for n, table in enumerate(tables):
+        table *= rng.random(table.shape) < 1.5 / D ** (2 - n)
+        table *= units.reshape(D, *[1] * (2 - n))
+        for axis in range(1, 3 - n):
+            table /= units.reshape([-1 if k == axis else 1 for k in range(3 - n)])
+    return tables, units, rng.normal(size=D) * units
+
+
+def values_at(tables, x):
+    D, (q, l, c) = len(x), tables
+    return [
+        sum((naive.mpf(q[i, j, k]) * x[j] * x[k] for j in range(D) for k in range(D) if q[i, j, k]),
+            sum((naive.mpf(l[i, j]) * x[j] for j in range(D)), naive.mpf(c[i])))
+        for i in range(D)
+    ]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_random_fields_in_units_far_apart(rng):
+    """Errors of a step and of its derivative in units of the condition of A in these units."""
+    for case in range(32):
+        tables, units, x = random_field(rng)
+        eps = 10.0 ** rng.uniform(-3, 3) * rng.choice([-1, 1])
+        field, f = sf.QuadraticField(*tables), partial(values_at, tables)
+        exact = naive.kahan_step(f, eps, x)
+        errors = [
+            float((naive.mpf(a) - b) / u)
+            for a, b, u in zip(sf.step(field, x, eps), exact, units, strict=True)
+        ]
+        size = max(1.0, *(abs(float(b / u)) for b, u in zip(exact, units, strict=True)))
+        condition = np.linalg.cond(sf.matrix(field, x, eps) * units / units[:, None])
+        assert max(map(abs, errors)) < 1e-13 * size * condition
+        if case % 8 == 0:
+            slope = naive.derivative(partial(naive.kahan_step, f, eps), x)
+            slope = np.array(slope, float) * units / units[:, None]
+            found = sf.jacobian(field, x, eps) * units / units[:, None]
+            assert abs(found - slope).max() < 1e-13 * abs(slope).max() * condition
+
+
+def random_pattern(rng, D):
+    """Return a random pattern of A, or block diagonal, an arrow, or a chain in another order."""
+    kind, order = rng.integers(5), rng.permutation(D)
+    i, j = np.indices((D, D))
+    patterns = (
+        rng.random((D, D)) < 2.0 / D,
+        i // 3 == j // 3,
+        (i == 0) | (j == 0) | (i == j),
+        abs(i - j)[order][:, order] <= 1,
+        rng.random((D, D)) < 0.7,
+    )
+    return patterns[kind]
+
+
+def test_a_plan_solves_the_equations_of_a_step(rng):
+    """Against NumPy's solve; operations read only values that were made before."""
+    for _ in range(60):
+        D = int(rng.integers(1, 10))
+        linear, quadratic = (random_pattern(rng, D) for _ in range(2))
+        q = rng.normal(size=(D, D, D)) * quadratic[:, :, None] * (rng.random((D, D, D)) < 0.5)
+        linear = rng.normal(size=(D, D)) * linear
+        field = sf.QuadraticField(q, linear, rng.normal(size=D))
+        x, eps = rng.normal(size=D), 0.02
+        indices, values = field.terms
+        step = plans.Step(indices, D)
+        found = dict(enumerate(x))
+        found.update(zip(step.table, step.table_of(0.5 * eps * values), strict=True))
+        plans.evaluate(step.usual, found)
+        plans.evaluate(step.rare, found)
+        slope = np.einsum("ijk,k->ij", q + q.swapaxes(1, 2), x) + linear
+        A = np.eye(D) - 0.5 * eps * slope
+        exact = x + eps * np.linalg.solve(A, sf.vector_field(field, x))
+        after = [found[number] for number in step.after]
+        np.testing.assert_allclose(after, exact, rtol=1e-13, atol=1e-13)
+        assert found[step.negative] == (np.linalg.det(A) < 0)
+        assert found[step.accurate] or not found[step.good]
+
+
+def test_a_plan_uses_zeros(rng):
+    """A cyclic chain in any order takes operations in proportion to its length."""
+    for D in (16, 64, 256):
+        shuffled = rng.permutation(D)
+        terms = [shuffled[[i, *sorted((i, j % D))]] for i in range(D) for j in (i - 1, i + 1)]
+        step = plans.Step(np.array(terms).T, D)
+        assert len(step.usual) < 48 * D
+
+
+@pytest.mark.slow
+def test_fields_have_a_plan_unless_it_takes_too_long():
+    """Elimination fills a sparse matrix; of dense fields, most operations are those of terms."""
+    for D, is_dense, has_plan in (
+        (44, False, True), (50, False, False), (34, True, True), (36, True, False),
+    ):  # fmt: skip
+        pairs = [(j, k) for j in range(D) for k in range(j, D) if is_dense or k == j + 1]
+        terms = [(i, *pair) for i in range(D) for pair in pairs]
+        assert bool(plans.Step(np.array(terms).T, D).usual) == has_plan
+
+
+def test_linear_fields_have_a_plan_that_may_take_longer(monkeypatch):
+    """Elimination is done once for a step size; one product of states makes it one of each step."""
+    monkeypatch.setattr(plans, "LONGEST", 100)
+    monkeypatch.setattr(plans, "LONGEST_LINEAR", 400)
+    for D, terms, has_plan in ((10, [], True), (10, [(0, 0, 0)], False), (12, [], False)):
+        indices = [*terms, *((i, j, D) for i in range(D) for j in range(D))]
+        assert bool(plans.Step(np.array(indices).T, D).usual) == has_plan
+
+
+def test_grids_have_a_plan():
+    """Elimination fills in, but takes far fewer products than that of a dense matrix."""
+    n = 16
+    steps = (0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)
+    places = [(i, j) for i in range(n) for j in range(n)]
+    pairs = {(n * i + j, n * ((i + a) % n) + (j + b) % n) for i, j in places for a, b in steps}
+    indices = [(i, j, n * n) for i, j in pairs] + [(i, i, i) for i in range(n * n)]
+    assert plans.Step(np.array(indices).T, n * n).usual
+
+
+def evaluated(A, x):
+    """Return the plan of a step of x' = (1 - A) x with eps = 2, and all of its values."""
+    indices, values = sf.QuadraticField(np.zeros([len(x)] * 3), np.eye(len(x)) - A).terms
+    step, found = plans.Step(indices, len(x)), dict(enumerate(x))
+    found.update(zip(step.table, step.table_of(values), strict=True))
+    plans.evaluate([*step.usual, *step.rare], found)
+    return step, found
+
+
+@pytest.mark.parametrize(
+    ("A", "good", "accurate"),
+    [
+        ([[1.0, 0.5], [0.5, 1.0]], True, True),
+        ([[1.0, 32.0], [32.0, 1025.0]], False, False),  # pivots of 1, from a difference of 1024
+        ([[-1.0, 32.0], [32.0, -1025.0]], False, False),
+        ([[2.0**20]], True, True),  # no pivot is small beside the others
+        ([[2.0 / (1.0 + 2.0**-7)]], False, True),  # the increment leaves 1 % of the state
+        ([[2.0 / (1.0 + 2.0**-7), 0.0], [0.0, 0.5]], True, True),  # of one of two components
+    ],
+)
+def test_a_plan_tells_lost_digits(A, good, accurate):
+    x = [1.0, 0.7][: len(A)]
+    step, found = evaluated(np.array(A), x)
+    assert (found[step.good], found[step.accurate]) == (good, accurate)
+    if accurate:
+        exact = linear_step(A, x)[1]
+        assert naive.relative_error(np.array([found[k] for k in step.after_rare]), exact) < 3e-16
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("batch", [1, 16])
+def test_a_component_that_cancels_needs_no_pivoting(rng, monkeypatch, batch):
+    """The factors of a step serve for it, too, in all digits: components that pass through 0."""
+
+    def atmosphere(x):
+        return [x[i - 1] * (x[(i + 1) % 9] - x[i - 2]) - x[i] + 8 for i in range(9)]
+
+    given = careful.careful.signature, careful.careful.py_func
+    unused = core_numba.CFunction(*given)
+    monkeypatch.setattr("suslov_fast.core.fields.steps.careful", unused)
+    x0, steps = rng.normal(8, 1, (batch, 9)), 64_000 // batch
+    run = sf.iterate(of_function(atmosphere, 9), x0, 1 / 64, steps)
+    assert run.ok
+    assert not unused.is_compiled
+    cancelled = abs(run.x[1:]) < 2.0**-11 * abs(np.diff(run.x, axis=0))
+    places = np.argwhere(cancelled.any(axis=2))[:3]
+    assert len(places)
+    for n, k in places:
+        exact = naive.kahan_step(atmosphere, 1 / 64, run.x[n, k])
+        assert naive.relative_error(run.x[n + 1, k], exact) < 5e-16
+
+
+def test_elimination_among_parameters_is_no_part_of_a_step(rng):
+    step, _ = evaluated(rng.normal(size=(4, 4)), np.ones(4))
+    divisions = [
+        sum(instruction == "fdiv" for instruction, *_ in each)
+        for each in (step.fixed, step.usual, step.rare)
+    ]
+    assert divisions == [4, 0, 0]
+
+
+def test_pivots_are_those_of_least_degree(rng):
+    """As in a table of which equations hold which unknowns, after each elimination.
+
+    Ties go to an unknown that waits for the fewest others, one after the other.
+    """
+    for _ in range(20):
+        D = int(rng.integers(2, 12))
+        pattern = np.argwhere(random_pattern(rng, D)).tolist()
+        table = np.eye(D, dtype=bool)
+        for i, j in pattern:
+            table[i, j] = table[j, i] = True
+        left, expected, depth = [*range(D)], [], [0] * D
+        while left:
+            k = min(left, key=lambda i: (table[i, left].sum(), depth[i], i))
+            expected.append(k)
+            table |= np.outer(table[:, k], table[k])
+            left.remove(k)
+            for i in np.flatnonzero(table[k, left]):
+                depth[left[i]] = max(depth[left[i]], depth[k] + 1)
+        assert elimination_order(pattern, D) == expected
+
+
+def linear_step(A, x):
+    """Return a step of x' = (1 - A) x with eps = 2, and the exact state, None at a pole."""
+    field = sf.QuadraticField(np.zeros([len(x)] * 3), np.eye(len(x)) - A)
+    run = sf.iterate(field, x, 2.0, 1, on_singular="ignore")
+    if not run.ok:
+        return run, None
+    half = naive.mpmath.lu_solve(naive.mpmath.matrix(np.asarray(A).tolist()), list(x))
+    return run, [2 * v - naive.mpf(w) for v, w in zip(half, x, strict=True)]
+
+
+@pytest.mark.parametrize("small", [0.0, 2.0**-9, 2.0**-30, -(2.0**-52)])
+def test_a_small_pivot(small):
+    """On the diagonal it is no pivot."""
+    for A in ([[small, 1.0], [1.0, 1.0]], [[1.0, 1, 0.25], [1, 1 + small, 1], [0.5, 1, 1]]):
+        run, exact = linear_step(np.array(A), [1.0, 0.7, 0.3][: len(A)])
+        assert naive.relative_error(run.final, exact) < 2e-15 * np.linalg.cond(A)
+
+
+def test_a_growing_pivot():
+    """Beside the largest number that was on the diagonal, the first pivots are small."""
+    A = np.array([[2.0**-5, 1.0, 1.0], [-1.0, 2.0**-5, 1.0], [1.0, 1.0, 1.0]])
+    run, exact = linear_step(A, [1.0, 0.7, 0.3])
+    assert naive.relative_error(run.final, exact) < 2e-16 * np.linalg.cond(A)
+
+
+@pytest.mark.slow
+def test_pivots_are_chosen_in_units_of_the_components(rng):
+    for _ in range(70):
+        D = int(rng.integers(2, 6))
+        units = 2.0 ** (15 * rng.integers(-1, 2, D))
+        A = np.eye(D) - rng.normal(size=(D, D)) * rng.choice([0, 1, 1e-8], (D, D))
+        A[np.arange(D), np.arange(D)] *= rng.choice([1, 1e-3, 1e-10], D)
+        A = 1 - (1 - A)  # as the map finds it
+        if np.linalg.cond(A) < 1e10:
+            run, exact = linear_step(A * units[:, None] / units, rng.normal(size=D) * units)
+            assert run.ok
+            exact = [v / naive.mpf(u) for v, u in zip(exact, units, strict=True)]
+            assert naive.relative_error(run.final / units, exact) < 1e-14 * np.linalg.cond(A)
+
+
+@pytest.mark.parametrize(
+    "A",
+    [
+        [[0.0]],
+        [[1.0, 1.0], [1.0, 1.0]],
+        np.outer([0.1, 0.7, -0.3], [1.3, 0.9, 1.1]).tolist(),  # to rounding
+        [[0.1, 0.3, 0.4], [0.2, 0.7, 0.9], [0.3, 1.0, 1.3]],
+        [[1.0, 2.0**60], [2.0**-60, 1.0]],
+    ],
+)
+def test_poles(A):
+    run, _ = linear_step(np.array(A), np.ones(len(A)))
+    assert run.status == sf.Status.SINGULAR
+    assert run.failed_at == 1
+    assert np.isnan(run.final).all()
+
+
+def test_a_pole_and_what_is_next_to_it():
+    field = of_function(square, 1)
+    for x, status in ((2.0, -1), (2.0 * (1 + 2.0**-52), -1), (2.0 * (1 - 2.0**-40), 0)):
+        assert sf.iterate(field, [x], 0.5, 1, on_singular="ignore").status == status
+    for A in (np.diag([2.0**-40]), np.diag([0.25]), np.diag([0.25, 1.0])):  # they overflow
+        run, _ = linear_step(A, [1e308, 1.0][: len(A)])
+        assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
+
+
+def test_a_state_that_its_increment_cancels():
+    """x' = -x has x_next = x (1 - eps / 2) / (1 + eps / 2): of one component, or of both."""
+    for gap in 2.0 ** -np.arange(5.0, 45.0, 5):
+        for x in np.linspace(0.5, 1.0, 9):
+            eps = 2 - gap
+            exact = x * (1 - eps / 2) / (1 + eps / 2)
+            alone = sf.step(of_function(lambda x: (-x[0],), 1), [x], eps)
+            both = sf.step(of_function(lambda x: (-x[0], x[1] * 0.75), 2), [x, 1.0], eps)
+            for found in (alone[0], both[0]):
+                assert abs(found / exact - 1) < (1e-15 if found is alone[0] else 3e-13)
+
+
+def test_a_hamiltonian_with_three_factors():
+    """H(x, x, x_next), whose terms have places of their own, is conserved."""
+    field = sf.QuadraticField.from_hamiltonian(lambda x: x[0] * x[1] * x[2] + x[0] * x[3], 4)
+    run = sf.iterate(field, [0.3, -0.2, 0.5, 0.7], 0.2, 10)
+    assert np.ptp(run.modified_energy()) < 1e-15
+    assert np.ptp(run.energy()) > 1e-5
+
+
+def of_a(x, a):
+    p, q, r, s = x
+    return (
+        q * r - a * p * q + 0.3 * s,
+        a * s * p - p * r - 0.2 * q,
+        0.7 * s * q,
+        a * p * s - 0.3 * s,
+    )
+
+
+@pytest.mark.slow
+def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
+    """The operations of a step depend on the zeros of the field, and on those of no other one."""
+    a, eps = np.array([0.0, 1.3, 0.0, -0.4, 0.0, 2.0]), rng.uniform(0.1, 0.3, 6)
+    family = sf.QuadraticField.from_function(of_a, 4, a=a)
+    x0 = rng.uniform(-1, 1, (3, 6, 4))
+    x0[1, 2] = np.nan
+    done = []
+    run = sf.iterate(family, x0, eps, 40, on_singular="ignore", progress=lambda *n: done.append(n))
+    assert done == sorted(done)
+    assert done[-1] == (40, 40)
+    again = sf.iterate(family, x0, eps, 17, on_singular="ignore").extend(23, on_singular="ignore")
+    assert again == run
+    exponents, found = sf.lyapunov_exponents(family, x0[0], eps, 40), sf.jacobian(family, x0, eps)
+    met = sf.crossings(family, x0[0], eps, 40, surface=lambda x: x[..., 3], direction=0)
+    stored = sf.ensemble(
+        family, x0[0], eps, 40, store=tmp_path / "run.zarr", save_every=1, chunk=2, dims=("a",)
+    )
+    assert np.array_equal(stored["x"], run.x[:, 0])
+    for i, value in enumerate(a):
+        alone = sf.QuadraticField.from_function(of_a, 4, a=value)
+        for member in (alone, family[i]):
+            own = sf.iterate(member, x0[:, i], eps[i], 40, on_singular="ignore")
+            assert np.array_equal(own.x, run.x[:, :, i], equal_nan=True)
+            assert np.array_equal(own.final, run.final[:, i], equal_nan=True)
+            assert np.array_equal(own.status, run.status[:, i])
+            assert np.array_equal(own.failed_at, run.failed_at[:, i])
+        assert np.array_equal(sf.jacobian(alone, x0[:, i], eps[i]), found[:, i], equal_nan=True)
+        assert (sf.lyapunov_exponents(alone, x0[0, i], eps[i], 40) == exponents[i]).all()
+        some = sf.crossings(alone, x0[0, i], eps[i], 40, surface=lambda x: x[..., 3], direction=0)
+        assert (some.before == met.of(i).before).all()
+        assert len(some) == len(met.of(i))
+
+
+def test_members_without_terms_stand_still():
+    """In a family with a step size for each member; so does a single field that is 0."""
+    q = np.zeros((3, 2, 2, 2))
+    q[1] = 1.0
+    x = np.array([0.1, 0.2])
+    for field, eps in ((sf.QuadraticField(q), [0.1, 0.2, 0.3]), (sf.QuadraticField(q[0]), 0.1)):
+        run = sf.iterate(field, np.tile(x, (3, 1)), eps, 5)
+        assert run.ok
+        assert (run.final[[0, 2]] == x).all()
+        assert (sf.lyapunov_exponents(field, np.tile(x, (3, 1)), eps, 5)[[0, 2]] == 0.0).all()
+
+
+@pytest.mark.compiled
+def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
+    """Wherever it does, it goes on with the same bits: in blocks, stages and saved states."""
+    field = of_function(henon_heiles, 4)
+    x0 = rng.normal(size=(700, 4)) * rng.choice([0.1, 1.0, 30.0], size=(700, 1))
+    for method in ("auto", "order4"):
+        args = field, x0, rng.choice([0.1, 0.5, 2.0], size=700), 30
+        options = {"save_every": 3, "method": method, "on_singular": "ignore"}
+        whole = sf.iterate(*args, **options)
+        with monkeypatch.context() as patch:
+            patch.setattr("suslov_fast.core.fields.steps.CAREFUL_TIME", 1)
+            assert sf.iterate(*args, **options) == whole
+    assert (whole.status != 0).any()
+
+
+def test_a_pivot_of_parameters_alone_may_be_0():
+    """x' = x and eps = 2 have no next states; the warning is about these alone."""
+    field = of_function(lambda x: (x[0], x[0] * x[1]), 2)
+    with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
+        assert np.isnan(sf.jacobian(field, [1.0, 0.5], 2.0)).all()
+    with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
+        assert np.isnan(sf.lyapunov_exponents(field, [1.0, 0.5], 2.0, 3)).all()
+    assert system(field, 2.0).dimension == 2
+
+
+@pytest.mark.skipif(not config.DISABLE_JIT, reason="compiled: test_machine_code")
+def test_interpreted_fields_without_a_plan(monkeypatch):
+    """Each step by `solve`: within rounding of a plan."""
+    field, x = of_function(lorenz, 3), np.array([[1.0, 2.0, 20.0], [-3.0, 1.0, 9.0]])
+    hamiltonian = sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 3 / 3 + x[0] * x[1] ** 2, 2)
+
+    def found():
+        yield from (sf.iterate(field, x, 1 / 64, 3, method=each).x for each in ("auto", "order4"))
+        yield sf.jacobian(field, x, 1 / 64)
+        yield sf.lyapunov_exponents(field, x, 1 / 64, 4)
+        yield sf.invariant_density(hamiltonian, x[:, :2], 0.02)
+
+    planned = [*found()]
+    with monkeypatch.context() as patch:
+        patch.setattr("suslov_fast.core.lists.step.MANY", 0)
+        np.testing.assert_array_equal(next(found()), planned[0])
+    monkeypatch.setattr(plans, "MOST", -1)
+    for module, name in (
+        ("core.fields.steps", "_step_of"),
+        ("core.fields.tangent", "_tangent_of"),
+    ):
+        place = importlib.import_module(f"suslov_fast.{module}")
+        monkeypatch.setattr(place, name, cache(getattr(place, name).__wrapped__))
+    for one, other in zip(found(), planned, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-11)

@@ -1,0 +1,525 @@
+"""Methods of order 4, 6 and 8 of fields: compositions of steps of Kahan's map."""
+
+import json
+from functools import cache
+from itertools import cycle
+
+import mpmath
+import numba
+import numpy as np
+import pytest
+from children import TWO_THREADS
+
+import suslov_fast as sf
+from suslov_fast import PoleWarning, SingularStepWarning, Status, compiled
+from suslov_fast.command.main import main
+from suslov_fast.engine import threads
+from suslov_fast.maps import map_of
+
+# As published, up to the middle one: Suzuki (1990); Sofroniou and Spaletta (2005), with 32 digits.
+# The others follow by symmetry, the middle one from the sum, which is 1.
+PUBLISHED = {
+    "order4": 3 * ["1/(6 - cbrt(6))"],
+    "order6": [
+        "0.13861930854051695245808013042625", "0.13346562851074760407046858832209",
+        "0.13070531011449225190542755785015", "0.12961893756907034772505366537091",
+        "-0.35000324893920896516170830911323", "0.11805530653002387170273438954049",
+    ],
+    "order8": [
+        "0.10647728984550031823931967854896", "0.10837408645835726397433410591546",
+        "0.35337821052654342419534541324080", "-0.23341414023165082198780281128319",
+        "-0.24445266791528841269462171413216", "0.11317848435755633314700952515599",
+        "0.11892905625000350062692972283951", "0.12603912321825988140305670268365",
+        "0.12581718736176041804392391641587", "0.11699135019217642180722881433533",
+    ],
+}  # fmt: skip
+
+
+def exact_stages(method):
+    """The fractions of a method in 30 digits or more."""
+    with mpmath.workdps(40):
+        cbrt = mpmath.cbrt(6)
+        half = [
+            1 / (6 - cbrt) if "cbrt" in each else mpmath.mpf(each) for each in PUBLISHED[method]
+        ]
+        return [*half, 1 - 2 * sum(half), *half[::-1]]
+
+
+STAGES = {method: [float(each) for each in exact_stages(method)] for method in PUBLISHED}
+METHODS = sorted(STAGES)
+if numba.config.DISABLE_JIT:  # the others repeat the same sub-steps
+    METHODS = METHODS[:1]
+
+
+def lorenz(x):
+    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
+
+
+def henon_heiles(x):
+    return (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
+
+
+def chain(x):
+    return [x[i] * (x[(i + 1) % 5] - x[i - 1]) for i in range(5)]
+
+
+def euler(x):
+    return 2 * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]
+
+
+def epidemic(x):
+    """Susceptible, infected and recovered, whose sum is conserved."""
+    new, healed, again = 3 * x[0] * x[1], x[1], x[2] / 4
+    return again - new, new - healed, healed - again
+
+
+LORENZ = sf.QuadraticField.from_function(lorenz, 3)
+HENON_HEILES = sf.QuadraticField.from_hamiltonian(henon_heiles, 4)
+SQUARE = sf.QuadraticField([[[1]]])  # x' = x**2, whose step is x / (1 - eps x)
+# A field, a state and a time in which the motion changes much.
+FLOWS = {
+    "Lorenz": (LORENZ, (1.0, 1.0, 20.0), 1),
+    "Henon-Heiles": (HENON_HEILES, (0.1, 0.2, 0.3, -0.1), 8),
+    "chain": (sf.QuadraticField.from_function(chain, 5), (1, 0.5, 1.5, 0.8, 1.2), 4),
+    "Euler's top": (sf.QuadraticField.from_function(euler, 3), (1.0, 0.5, -0.7), 4),
+    "epidemic": (sf.QuadraticField.from_function(epidemic, 3), (0.9, 0.1, 0.1), 8),
+}
+EACH = [*zip(FLOWS, cycle(METHODS), strict=False)]  # flow with a method
+
+
+@cache
+def motion(name):
+    """The state of the flow by its power series in time, in long doubles."""
+    field, x, time = FLOWS[name]
+    q, l, c = (
+        np.asarray(each, float).astype(np.longdouble)
+        for each in (field.quadratic, field.linear, field.constant)
+    )
+    x, h = np.asarray(x, np.longdouble), np.longdouble(1) / 40
+    for _ in range(40 * time):
+        a = [x]
+        for n in range(24):
+            f = sum(np.einsum("ijk,j,k", q, a[k], a[n - k]) for k in range(n + 1))
+            a.append((f + l @ a[n] + (c if n == 0 else 0)) / (n + 1))
+        x = sum(each * h**k for k, each in enumerate(a))
+    return x
+
+
+def composed(field, x, eps, method, steps=1):
+    """States after each of the steps, each by several of Kahan's map."""
+    states = [np.asarray(x, float)]
+    for _ in range(steps):
+        x = states[-1]
+        for fraction in STAGES[method]:
+            x = sf.step(field, x, fraction * np.asarray(eps))
+        states.append(x)
+    return np.array(states)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_fractions(method):
+    """Those published, whose odd powers have the sum 0 up to the order; no sub-step overshoots."""
+    record, order = map_of(LORENZ, method), int(method[-1])
+    fractions = np.array(STAGES[method])
+    assert record.name == f"Kahan, order {order}"
+    assert list(record.methods) == [method]
+    assert abs(np.array(record.stages.fractions) - fractions).max() < 1e-15
+    assert len(fractions) == {4: 7, 6: 13, 8: 21}[order]
+    with mpmath.workdps(40):
+        for power in range(3, order, 2):
+            assert abs(sum(each**power for each in exact_stages(method))) < 1e-30
+        assert abs(sum(each ** (order + 1) for each in exact_stages(method))) > 1e-6
+    assert -1e-15 < min(np.cumsum(fractions)) <= max(np.cumsum(fractions)) < 1 + 1e-15
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize(("name", "method"), EACH)
+def test_order(name, method):
+    """Forward, and backward in time from the end, by regression."""
+    field, start, time = FLOWS[name]
+    counts, errors = [24, 28, 34, 40, 48], []
+    for steps in counts:
+        run = sf.iterate(field, start, time / steps, steps, save_every=None, method=method)
+        errors.append(abs(run.final - motion(name)).max())
+    slope = -np.polyfit(np.log(counts), np.log(np.array(errors, float)), 1)[0]
+    assert abs(slope - int(method[-1])) < 0.2
+    end = motion(name).astype(float)
+    steps = 48 if name != "Lorenz" else 1200  # backward in time errors grow
+    back = sf.iterate(field, end, -time / steps, steps, save_every=None, method=method).final
+    assert abs(back - start).max() < (1e-4 if method == "order4" else 1e-6)
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize(("name", "method"), EACH)
+def test_steps_are_composed(name, method, rng):
+    """To rounding, with step sizes of each orbit, negative ones too."""
+    field, start, time = FLOWS[name]
+    x = np.array(start) + rng.normal(size=(19, field.dimension)) / 8
+    eps = np.linspace(-1, 1, 19) * time / 80
+    run = sf.iterate(field, x, eps, 12, method=method)
+    wanted = composed(field, x, eps, method, 12)
+    assert abs(run.x - wanted).max() < 1e-13 * abs(wanted).max()
+    for k in (0, 9, 18):
+        alone = sf.iterate(field, x[k], eps[k], 12, method=method)
+        assert (alone.x == run.x[:, k]).all()
+    assert (run.x[:, 9] == x[9]).all()  # eps = 0
+    assert (sf.step(field, x, eps, method=method) == run.x[1]).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", FLOWS)
+def test_the_inverse_is_the_step_with_the_opposite_step_size(name, method, rng):
+    field, start, time = FLOWS[name]
+    x = np.array(start) + rng.normal(size=(50, field.dimension))
+    for eps in (time / 200, time / 10):
+        there = sf.step(field, x, eps, method=method)
+        back = sf.step(field, there, -eps, method=method)
+        condition = np.linalg.cond(sf.jacobian(field, x, eps, method=method))
+        known = np.isfinite(back).all(axis=1)
+        assert known.sum() > 40
+        sizes = 1e-14 * condition * np.maximum(abs(x).max(axis=1), abs(there).max(axis=1))
+        assert (abs(back - x).max(axis=1) < sizes)[known].all()
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", METHODS)
+def test_a_linear_integral_is_kept_to_rounding(method):
+    """Of three species, each the prey of the next, whose orbits are closed; of a chain."""
+
+    def species(x):
+        return x[0] * (x[1] - x[2]), x[1] * (x[2] - x[0]), x[2] * (x[0] - x[1])
+
+    for field, start in (
+        (sf.QuadraticField.from_function(species, 3), (0.5, 0.3, 0.2)),
+        FLOWS["chain"][:2],
+    ):
+        run = sf.iterate(field, start, 1 / 8, 10_000, save_every=10, method=method)
+        assert abs(run.x.sum(axis=-1) / sum(start) - 1).max() < 1e-13
+        assert np.ptp(run.x[..., 0]) > 0.1
+
+
+def precise_jacobian(field, x, eps, method):
+    """The product of the derivatives of sub-steps, in 40 digits; and what it may be off by."""
+    D, table = field.dimension, np.zeros([field.dimension + 1] * 3)
+    for i, j, k, v in zip(*field.terms[0], field.terms[1], strict=True):
+        table[i, [j, k], [k, j]] += v / 2 if j < k else v
+    product, norms, conditions = mpmath.eye(D), 1.0, 0.0
+
+    def matrix(x, h):
+        """1 - h f'(x) for half a step h."""
+        y = [*x, mpmath.mpf(1)]
+        return mpmath.eye(D) - mpmath.matrix(D, D) - 2 * h * mpmath.matrix(
+            [[sum(mpmath.mpf(float(table[i][j][k])) * y[k] for k in range(D + 1)) for j in range(D)]
+             for i in range(D)]
+        )  # fmt: skip
+
+    with mpmath.workdps(40):
+        x = [mpmath.mpf(float(each)) for each in x]
+        for fraction in map_of(field, method).stages.fractions:
+            h = mpmath.mpf(float(fraction)) * mpmath.mpf(eps) / 2
+            A = matrix(x, h)
+            y = [*x, mpmath.mpf(1)]
+            f = [
+                sum(mpmath.mpf(float(table[i][j][k])) * y[j] * y[k]
+                    for j in range(D + 1) for k in range(D + 1))
+                for i in range(D)
+            ]  # fmt: skip
+            x = list(mpmath.matrix(x) + 2 * h * mpmath.lu_solve(A, mpmath.matrix(f)))
+            of_step = mpmath.inverse(A) * matrix(x, -h)
+            product = of_step * product
+            norms *= float(mpmath.norm(of_step))
+            conditions += float(mpmath.norm(A) * mpmath.norm(mpmath.inverse(A)))
+        found = np.array(product.tolist(), float)
+    return found, conditions * norms
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(("name", "method"), EACH)
+def test_jacobian(name, method, rng):
+    """That of sub-steps, and differences of steps; NaN gives NaN."""
+    field, start, time = FLOWS[name]
+    D, eps = field.dimension, time / 20
+    x = np.array(start) + rng.normal(size=(5, D)) / 4
+    slopes = sf.jacobian(field, x, eps, method=method)
+    for each, found in zip(x, slopes, strict=True):
+        wanted, bound = precise_jacobian(field, each, eps, method)
+        assert abs(found - wanted).max() < 1e-13 * bound
+    product = np.eye(D)
+    now = x
+    for fraction in STAGES[method]:
+        product = sf.jacobian(field, now, fraction * eps) @ product
+        now = sf.step(field, now, fraction * eps)
+    assert abs(slopes - product).max() < 1e-11 * abs(product).max()
+    h = 1e-6 * np.eye(D)
+    differences = [
+        (sf.step(field, x + e, eps, method=method) - sf.step(field, x - e, eps, method=method))
+        for e in h
+    ]
+    assert abs(slopes - np.stack(differences, axis=-1) / 2e-6).max() < 1e-5 * abs(slopes).max()
+    assert np.isnan(sf.jacobian(field, np.full(D, np.nan), eps, method=method)).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_multipliers(method):
+    """The product over the fractions; its limits; those of a family."""
+    point = [np.sqrt(72), np.sqrt(72), 27]
+    mu = np.linalg.eigvals(2 * (np.eye(3) - sf.matrix(LORENZ, point, 1.0)))
+    for eps in (1 / 64, -1 / 16, 0.3):
+        found = sf.multipliers(LORENZ, point, eps, method=method)
+        parts = [fraction * eps * mu / 2 for fraction in STAGES[method]]
+        wanted = np.prod([(1 + part) / (1 - part) for part in parts], axis=0)
+        wanted = wanted[np.lexsort((-wanted.imag, -abs(wanted)))]
+        assert found.dtype == complex
+        assert abs(found - wanted).max() < 1e-12 * abs(wanted).max()
+        jacobian = sf.jacobian(LORENZ, point, eps, method=method)
+        assert abs(np.prod(found) - np.linalg.det(jacobian)) < 1e-11 * abs(np.prod(wanted))
+    # x' = x, where the denominator of one sub-step is 0, and the numerator of another one may be.
+    growing = sf.QuadraticField(np.zeros((1, 1, 1)), [[1]])
+    for fraction in map_of(growing, method).stages.fractions:
+        eps = 2 / fraction
+        if fraction * eps / 2 == 1.0:
+            assert np.isinf(sf.multipliers(growing, [0.0], eps, method=method)).all()
+    assert np.isnan(sf.multipliers(LORENZ, [np.nan] * 3, 0.1, method=method)).all()
+    family = sf.QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[1, 4])
+    each = sf.multipliers(family, sf.fixed_points(family), 0.1, method=method)
+    assert [len(of_member) for of_member in each] == [2, 2]
+    with pytest.raises(ValueError, match="fixed point"):
+        sf.multipliers(LORENZ, [1.0, 2, 3], 0.1, method=method)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_exponents_of_a_linear_field(method):
+    mu = np.array([0.3, -0.2, -1.5])
+    found = sf.lyapunov_exponents(
+        sf.QuadraticField(np.zeros((3, 3, 3)), np.diag(mu)), [1, 1, 1], 0.1, 50, method=method
+    )
+    wanted = sum(np.log(abs((1 + h) / (1 - h))) for h in np.outer(STAGES[method], 0.05 * mu))
+    assert abs(found - wanted).max() < 1e-14
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", METHODS)
+def test_exponents(method):
+    """Their sum; those of Lorenz; not those of others in the batch."""
+    x, eps = np.array([[1.0, 2, 20], [5, 5, 25], [-3, 1, 15]]), 1 / 32
+    found = sf.lyapunov_exponents(LORENZ, x, eps, 400, transient=30, method=method)
+    run = sf.iterate(LORENZ, x, eps, 430, method=method)
+    of_det = np.log(abs(np.linalg.det(sf.jacobian(LORENZ, run.x[30:-1], eps, method=method))))
+    assert abs(found.sum(axis=1) - of_det.mean(axis=0)).max() < 1e-10 * abs(of_det).mean()
+    alone = sf.lyapunov_exponents(LORENZ, x[1], eps, 400, transient=30, method=method)
+    assert (found[1] == alone).all()
+    long = sf.lyapunov_exponents(LORENZ, x, eps, 20_000, transient=500, method=method) / eps
+    assert abs(long.mean(axis=0) - [0.906, 0, -14.572]).max() < 0.03
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_bits_do_not_depend_on_batch_cuts_and_threads(method, rng, monkeypatch, tmp_path):
+    x = np.array([1.0, 1, 20]) + rng.normal(size=(37, 3))
+    run = sf.iterate(LORENZ, x, 1 / 32, 60, method=method)
+    assert (run.method, run.map.name) == (method, f"Kahan, order {method[-1]}")
+    for part in (slice(0, 1), slice(3, 9), slice(9, 37), slice(None, None, -1)):
+        assert (sf.iterate(LORENZ, x[part], 1 / 32, 60, method=method).x == run.x[:, part]).all()
+    every = sf.iterate(LORENZ, x, 1 / 32, 60, save_every=7, method=method)
+    assert (every.x == run.x[::7]).all()
+    assert (every.final == run.final).all()
+    first = sf.iterate(LORENZ, x, 1 / 32, 23, method=method)
+    assert first.extend(37) == run
+    first.save(tmp_path / "run.npz")
+    loaded = sf.Trajectories.load(tmp_path / "run.npz")
+    assert loaded == first
+    assert loaded.extend(37) == run
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    several = sf.iterate(LORENZ, x, 1 / 32, 60, method=method, threads=TWO_THREADS)
+    assert (several.x == run.x).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_crossings(method, tmp_path):
+    """They are those of the states of `iterate`; extended and loaded."""
+    x = np.array([[1.0, 1, 20], [3, -2, 25], [-4, 4, 30]])
+
+    def surface(states):
+        return states[..., 2] - 27
+
+    whole = sf.crossings(LORENZ, x, 1 / 32, 200, surface, transient=20, method=method)
+    states = sf.iterate(LORENZ, x, 1 / 32, 220, method=method).x
+    values = surface(states)[20:]
+    trajectory, n = np.nonzero(((values[:-1] < 0) & (values[1:] >= 0)).T)
+    assert len(whole) > 10
+    assert (whole.trajectory == trajectory).all()
+    assert (whole.n == n + 20).all()
+    assert (whole.before == states[whole.n, trajectory]).all()
+    assert (whole.after == states[whole.n + 1, trajectory]).all()
+    some = sf.crossings(LORENZ, x, 1 / 32, 90, surface, transient=20, method=method)
+    assert some.extend(110) == whole
+    some.save(tmp_path / "section.npz")
+    assert sf.Crossings.load(tmp_path / "section.npz").extend(110, surface) == whole
+    assert whole.method == method
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_store(method, tmp_path):
+    pytest.importorskip("zarr")
+    x = np.array([1.0, 1, 20]) + np.linspace(0, 1, 10)[:, np.newaxis]
+    arguments = LORENZ, x, 1 / 32, 20
+    options = {"store": tmp_path / "s.zarr", "chunk": 4, "save_every": 5}
+    data = sf.ensemble(*arguments, **options, method=method)
+    run = sf.iterate(*arguments, save_every=5, method=method)
+    assert (data.x.transpose("n", "trajectory", "component").values == run.x).all()
+    assert data.attrs["method"] == method
+    with pytest.raises(ValueError, match=f"method.*{method}"):
+        sf.ensemble(*arguments, **options)
+
+
+@pytest.mark.compiled  # interpreted, they agree to rounding
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(("name", "method"), EACH)
+def test_own_loops_take_whole_steps(name, method):
+    field, start, time = FLOWS[name]
+    run = sf.iterate(field, start, time / 30, 30, method=method)
+    system = compiled.system(field, time / 30, method=method)
+    memory, x = compiled.work(system), np.array(start, float)
+    for wanted in run.x[1:]:
+        assert compiled.step_system(system, x, x, memory) == Status.OK
+        assert (x == wanted).all()
+
+
+# ------------------------------------------------------------------------------ poles in sub-steps
+def statuses(field, x, eps, method):
+    """The status of a step from that of its sub-steps."""
+    x, passed = np.array(x, float), False
+    for fraction in map_of(field, method).stages.fractions:
+        run = sf.iterate(field, x, fraction * eps, 1, on_singular="ignore", save_every=None)
+        if not run.ok:
+            return run.status
+        passed |= bool(run.status == Status.PASSED_POLE)
+        x = run.final
+    return Status.PASSED_POLE if passed else Status.OK
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("method", METHODS)
+def test_status_of_sub_steps(method, rng):
+    """At long steps; in a batch and by `compiled`, alike."""
+    for field, size, eps in ((LORENZ, 30, 1 / 3), (HENON_HEILES, 30, 1 / 2), (SQUARE, 8, 1 / 2)):
+        x = rng.uniform(-size, size, (40, field.dimension))
+        run = sf.iterate(field, x, eps, 1, method=method, on_singular="ignore")
+        wanted = [statuses(field, each, eps, method) for each in x]
+        assert (run.status == wanted).all()
+        assert 0 < np.count_nonzero(run.status == Status.PASSED_POLE) < 40
+        assert (run.failed_at == np.where(run.status == Status.OK, -1, 1)).all()
+        system = compiled.system(field, eps, method=method)
+        memory, out = compiled.work(system), np.empty(field.dimension)
+        assert [compiled.step_system(system, each, out, memory) for each in x] == wanted
+
+
+def at_the_pole_of(stage, method):
+    """Return a state from which a step of x' = x**2 ends at the pole of a sub-step, eps = 1."""
+    fractions = map_of(SQUARE, method).stages.fractions
+    x = 1.0 / sum(fractions[: stage + 1])
+    for _ in range(1000):
+        before = x
+        for fraction in fractions[:stage]:
+            before = sf.step(SQUARE, [before], fraction)[0]
+        run = sf.iterate(SQUARE, [before], fractions[stage], 1, on_singular="ignore")
+        if run.status == Status.SINGULAR:
+            return x
+        x = np.nextafter(x, 0.0)
+    raise AssertionError("no such state")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_pole_in_a_sub_step(method):
+    """The trajectory ends there, even if it passed a pole before; others do not."""
+    for stage in (0, 2, 4):
+        starts = [[0.1], [at_the_pole_of(stage, method)], [-0.3]]
+        run = sf.iterate(SQUARE, starts, 1.0, 3, method=method, on_singular="ignore")
+        assert run.status[1] == Status.SINGULAR
+        assert run.failed_at[1] == 1
+        assert np.isnan(run.x[1:, 1]).all()
+        assert (run.status[[0, 2]] == Status.OK).all()
+        assert np.isfinite(run.x[:, [0, 2]]).all()
+        for function in (sf.step, sf.jacobian):
+            with pytest.warns(SingularStepWarning):
+                assert np.isnan(function(SQUARE, starts[1], 1.0, method=method)).all()
+        system = compiled.system(SQUARE, 1.0, method=method)
+        out = np.empty(1)
+        found = compiled.step_system(system, np.array(starts[1]), out, compiled.work(system))
+        assert (found, np.isnan(out[0])) == (Status.SINGULAR, True)
+
+
+def test_own_loops_keep_the_status_of_the_sub_step_that_failed():
+    record = sf.maps.MAPS["Kahan, order 4"]
+    body, x = record.pole[0], np.array(record.pole[1])
+    system = sf.compiled.system(body, 1.0, method="order4")
+    status = sf.compiled.step_system(system, x, x, sf.compiled.work(system))
+    assert (status, np.isnan(x).all()) == (sf.Status.SINGULAR, True)
+
+
+def test_after_a_pole_orbits_of_higher_order_stay_near_infinity():
+    """Order 2 comes back at once from the other side; the page says so."""
+    with pytest.warns(PoleWarning):
+        two = sf.iterate(SQUARE, [1.0], 0.03, 80)
+    assert abs(two.x[36, 0]) < 100
+    escape = np.array([0.0, 0.9, 0.0, 0.7])
+    with pytest.warns(PoleWarning, match="1 trajectory|at step"):
+        run = sf.iterate(HENON_HEILES, escape, 1 / 16, 80, method="order8")
+    assert run.status == Status.PASSED_POLE
+    assert abs(run.failed_at / 16 - 3.27) < 0.25
+    assert run.ok
+    with pytest.warns(PoleWarning):
+        back = sf.iterate(HENON_HEILES, escape, 1 / 16, 80)
+    assert abs(run.final).max() > 1e3 * abs(back.final).max()
+
+
+# ------------------------------------------------------------------------------------- what remains
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", METHODS)
+def test_energy_varies_and_the_modified_energy_is_refused(method):
+    run = sf.iterate(HENON_HEILES, [0.1, 0.2, 0.3, -0.1], 1 / 4, 2000, method=method)
+    assert 1e-16 < np.ptp(run.energy()) < 1e-4
+    with pytest.raises(TypeError, match=rf"method.*{method}.* no modified_energy: use energy"):
+        run.modified_energy()
+    # Functions of a state are of one step of Kahan's map.
+    assert np.ptp(sf.modified_energy(HENON_HEILES, run.x, 1 / 4)) > 1e-16
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_bodies_have_no_higher_orders(body, method):
+    for kind in (body, sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7), sf.SuslovND([1, 2], [0.1, 0.2])):
+        for call in (
+            lambda kind=kind: sf.iterate(kind, [1, 0.5], 0.1, 3, method=method),
+            lambda kind=kind: sf.jacobian(kind, [1, 0.5], 0.1, method=method),
+            lambda kind=kind: compiled.system(kind, 0.1, method=method),
+        ):
+            with pytest.raises(ValueError, match=rf"'{method}'.*QuadraticField\.of\(body\)"):
+                call()
+    run = sf.iterate(sf.QuadraticField.of(body), [1, 0.5], 0.2, 50, method=method)
+    assert abs(run.final - sf.flow(body, [1, 0.5], time=10.0).omega[0]).max() < 1e-4
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_command(method, tmp_path, capsys):
+    (tmp_path / "field.json").write_text(json.dumps(HENON_HEILES.to_dict()))
+    words = f"run --body {tmp_path}/field.json --eps 0.25 --steps 20 --omega0 .1,.2,.3,-.1"
+    assert main([*words.split(), "--method", method, "-o", str(tmp_path / "run.npz")]) == 0
+    run = sf.Trajectories.load(tmp_path / "run.npz")
+    start = [[0.1, 0.2, 0.3, -0.1]]
+    assert run == sf.iterate(HENON_HEILES, start, 0.25, 20, save_every=None, method=method)
+    assert main(["info", str(tmp_path / "run.npz")]) == 0
+    assert method in capsys.readouterr().out
+    assert main(["run", "--method", method]) == 1
+    assert f"run --body field.json --eps 0.2 --method {method}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("method", ["auto", *METHODS])
+def test_one_thread_of_numba(method, monkeypatch):
+    """A call that Numba is told to make with one thread has no pool to wait for."""
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        run = sf.iterate(LORENZ, np.ones((40, 3)), 1 / 64, 5, method=method)
+    finally:
+        numba.set_num_threads(before)
+    assert run == sf.iterate(LORENZ, np.ones((40, 3)), 1 / 64, 5, method=method, threads=1)

@@ -1,0 +1,1019 @@
+"""Maps and bodies of a user's own: each function is right for them, or refuses them."""
+
+import contextlib
+import dataclasses
+import inspect
+import itertools
+import json
+import math
+import os
+import pickle
+import re
+import subprocess
+import sys
+import warnings
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import children
+import contract
+import numba
+import numpy as np
+import own
+import pytest
+import test_promises as promises
+
+import suslov_fast as sf
+from suslov_fast import compiled, ensemble, iterate, maps
+from suslov_fast.command.main import main
+from suslov_fast.core.compiling import cache
+from suslov_fast.core.compiling.numba import kernel
+from suslov_fast.core.fields.stages import Stages
+from suslov_fast.core.users import own_map as one_step
+from suslov_fast.engine import threads, trial
+from suslov_fast.engine.problem import check
+from suslov_fast.maps import KAHAN, Formula, Steps, by_field
+from suslov_fast.maps.methods import field_in
+
+HENON = sf.QuadraticField.from_hamiltonian(
+    lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
+)
+START = np.array([[0.1, -0.2, 0.3, 0.1], [0.2, 0.1, -0.1, 0.2], [np.nan, 0, 0, 0], [9, 9, 9, 9.0]])
+SLEIGHS, SPEEDS = own.Sleigh([1.0, 2.0, 3.0], 1.5, 0.4), [[1.0, 0.5]] * 3
+
+
+@pytest.fixture(autouse=True)
+def _registered():
+    with mock.patch.dict(maps.MAPS):
+        maps.register(own.MIDPOINT)
+        maps.register(own.SLEIGH)
+        maps.register(own.MIXED)
+        yield
+
+
+def midpoint(eps=0.1, steps=40, **options):
+    return iterate(HENON, START, eps, steps, method="midpoint", on_singular="ignore", **options)
+
+
+@pytest.mark.slow
+def test_states_of_another_discretization():
+    run, x = midpoint(), START[:2].copy()
+    for state in run.x[:, :2]:
+        np.testing.assert_allclose(state, x, rtol=1e-13)
+        x = x + 0.1 * HENON(x + 0.05 * HENON(x))
+    assert run.status.tolist() == [0, 0, sf.Status.NONFINITE, sf.Status.NONFINITE]
+    assert run.failed_at[2] == 0
+    assert 0 < run.failed_at[3] <= 40
+    assert np.isnan(run.x[run.failed_at[3] :, 3]).all()
+    assert np.isfinite(run.x[: run.failed_at[3], 3]).all()
+
+
+@pytest.mark.slow
+def test_cuts_threads_and_batches_change_no_bit(monkeypatch):
+    whole = midpoint()
+    for every, cuts in itertools.product((1, 7, None), ((20, 20), (0, 1, 28, 11), (33, 0, 7))):
+        run = midpoint(steps=cuts[0], save_every=every)
+        for more in cuts[1:]:
+            run = run.extend(more, on_singular="ignore")
+        assert run == midpoint(save_every=every)
+        np.testing.assert_array_equal(run.x, whole.x[run.n])
+    alone = iterate(HENON, START[1], 0.1, 40, method="midpoint")
+    np.testing.assert_array_equal(alone.x, whole.x[:, 1])
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    assert midpoint(threads=children.TWO_THREADS) == whole
+
+
+def counting(x, out, eps, work, values):
+    """Statuses of a counter, the state: 1 from 3 to 5, 2 from 5 on, a failure at 8."""
+    out[0] = x[0] + values
+    if out[0] == 8.0:
+        return -1
+    return 0 if out[0] < 3.0 else (1 if out[0] < 5.0 else 2)
+
+
+def counter(step=counting, work=0, values=(1.0,)):
+    """A map by this step, and a body for it."""
+    kind = type("Counter", (own.Sleigh,), {"dimension": 1, "_labels": ("x",)})
+    steps = Steps(
+        maps.steps_of(step, work), lambda body, eps, batch: (np.array(values), np.atleast_1d(eps))
+    )
+    new = {"name": "counter", "body": kind, "methods": {"auto": steps}, "formulas": {}}
+    maps.register(dataclasses.replace(own.SLEIGH, **new, pole=None, random=()))
+    return kind(1.0, 1.0, 1.0)
+
+
+@pytest.mark.slow
+def test_a_positive_status_of_a_step_is_kept_with_its_first_step(tmp_path):
+    body = counter()
+    starts = [[0.0], [2.5], [4.5], [9.0]]
+    run = iterate(body, starts, 0.1, 4, on_singular="ignore")
+    assert run.status.tolist() == [1, 1, 2, 2]
+    assert run.failed_at.tolist() == [3, 1, 1, 1]
+    assert run.extend(3, on_singular="ignore").status.tolist() == [1, 1, 2, 2]
+    assert run.extend(3, on_singular="ignore").failed_at.tolist() == [3, 1, 1, 1]
+    longer = run.extend(4, on_singular="ignore")
+    assert longer == iterate(body, starts, 0.1, 8, on_singular="ignore")
+    assert longer.status.tolist() == [-1, 1, 2, 2]
+    assert longer.failed_at.tolist() == [8, 1, 1, 1]
+    assert np.isnan(longer.final[0])
+    # One that ends at a crossing keeps the status of before, whatever follows in the same piece.
+    for start, at, status, first in ((0, 2.5, 1, 3), (4, 6.5, 2, 1), (0, 1.5, 0, -1)):
+        points = sf.crossings(
+            body, [start], 0.1, 20, lambda x, at=at: x[..., 0] - at, direction=1, most=1,
+            on_singular="ignore",
+        )  # fmt: skip
+        assert (points.status, points.failed_at) == (status, first)
+
+
+@pytest.mark.slow
+def test_steps_that_break_the_contract_do_not_run():
+    """What a step can still do: change what it is given, remember, or expect other arrays."""
+
+    def changes(x, out, eps, work, values, numbers):
+        out[0] = x[0]
+        numbers[0] = 2.0
+        return 0
+
+    def remembers(x, out, eps, work, values):
+        work[0] += 1.0
+        out[0] = work[0]
+        return 0
+
+    def forgets(x, out, eps, work, values):
+        return 0
+
+    def writes(x, out, eps, work, values):
+        work[0] = out[0] = x[0]
+        return 0
+
+    def reads(x, out, eps, work, values):
+        out[0] = x[0] + x[1]
+        return 0
+
+    def moves(x, out, eps, work, values):
+        x[0] += values
+        out[0] = x[0]
+        return 0
+
+    def rounds(x, out, eps, work, values):
+        values[0] = round(values[0], 1)
+        out[0] = x[0] + eps * values[0]
+        return 0
+
+    for step, work in ((writes, 0), (reads, 1)):
+        words = rf"^step must stay within .* x and out of 1 numbers, work of {work}.*work=n.*index"
+        with pytest.raises(ValueError, match=words):
+            iterate(counter(step, work), [0.0], 0.1, 3)
+        maps.MAPS.pop("counter")
+    run = iterate(counter(forgets), [0.0], 0.1, 3, on_singular="ignore")
+    assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
+    maps.MAPS.pop("counter")
+    with pytest.raises(ValueError, match=r"^step must remember no other step"):
+        iterate(counter(remembers, 1), [0.0], 0.1, 3)
+    maps.MAPS.pop("counter")
+    with pytest.raises(ValueError, match=r"^step must write to out and work alone, not to x "):
+        iterate(counter(moves), [0.0], 0.1, 3)
+    maps.MAPS.pop("counter")
+    with pytest.raises(ValueError, match=r"^step must write to out and work alone, not to its row"):
+        iterate(counter(rounds, values=[[0.57]]), [0.0], 0.1, 3)
+    maps.MAPS.pop("counter")
+    words = r"^step must take \(x, out, eps, work, \*row\), .* 1, not changes\(x, out, .*numbers\)"
+    with pytest.raises(TypeError, match=words):
+        iterate(counter(changes), [0.0], 0.1, 3)
+    with pytest.raises(TypeError, match=r"^step must be a compiled function, not int"):
+        maps.steps_of(5)
+    with pytest.raises(ValueError, match=r"^work must"):
+        maps.steps_of(counting, -1)
+
+
+def test_arguments_of_a_step_are_checked():
+    """Its memory, and eps, which is the last array."""
+    for work, error in ((lambda D: -D, ValueError), (lambda D: D / 2, TypeError)):
+        with pytest.raises(error, match=r"^work must be an integer, 0 or more, not"):
+            iterate(counter(work=work), [0.0], 0.1, 3)
+        maps.MAPS.pop("counter")
+    steps = Steps(maps.steps_of(counting), lambda *given: (np.ones(1), np.ones(1, int)))
+    with pytest.raises(TypeError, match=r"^eps, the last of Steps.arguments, must be an array of"):
+        registered(**steps._asdict())
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(numba.config.BOUNDSCHECK == 1, reason="Numba itself raises an IndexError")
+def test_steps_whose_functions_write_beyond_arrays_do_not_run():
+    @numba.njit
+    def fill(work):
+        work[2] = 1.0
+
+    def helped(x, out, eps, work, values):
+        fill(work)
+        out[0] = x[0]
+        return 0
+
+    with pytest.raises(ValueError, match=r"^step must stay .*: numbers beside them were written$"):
+        iterate(counter(helped, 2), [0.0], 0.1, 3)
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+def test_an_exception_of_a_step_ends_the_run(monkeypatch):
+    """A parallel loop of Numba would ignore it, and leave states unwritten."""
+
+    def raises(x, out, eps, work, values):
+        if x[0] == 7.0:
+            raise ValueError("seven")
+        out[0] = x[0]
+        return 0
+
+    body = counter(raises)
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    assert iterate(body, np.full((20, 1), 0.3), 0.1, 3, threads=children.TWO_THREADS).ok
+    with pytest.raises(ValueError, match="seven"):
+        iterate(body, [[0.3]] * 9 + [[7.0]] + [[0.3]] * 9, 0.1, 3, threads=children.TWO_THREADS)
+
+
+@pytest.mark.compiled
+def test_a_step_without_a_status_does_not_run():
+    with pytest.raises(TypeError, match=r"^step must.*return a Status as an int"):
+        iterate(counter(lambda x, out, eps, work, values: None), [0.0], 0.1, 3)
+
+
+def test_an_edit_of_a_step_compiles_anew():
+    """The kernel's own text is that of all steps; its digest sees the step and the work."""
+
+    def digest(text, work=0):
+        names = {"NUMBER": 2.0}
+        exec(text, names)
+        return cache._digest_of(maps.steps_of(names["step"], work).py_func)
+
+    text = "def step(x, out, eps, work):\n    out[0] = 3.0 * NUMBER * x[0]\n    return 0"
+    digests = [digest(text), digest(text.replace("3.0", "4.0")), digest(text, 5)]
+    digests += [digest(f"NUMBER = 3.0\n{text}"), digest(text, lambda D: D)]
+    assert len({*digests}) == 5
+    assert digest(text) == digests[0]
+
+
+@pytest.mark.slow
+def test_a_run_has_the_quantities_of_its_map_alone(tmp_path, capsys):
+    """Kahan's modified energy is none of the midpoint rule, which has no drift."""
+    run = iterate(HENON, START[:2], 0.1, 40, method="midpoint")
+    assert run.map is own.MIDPOINT
+    np.testing.assert_array_equal(run.energy(), sf.energy(HENON, run.x))
+    assert {"energy"} == {"energy", "modified_energy", "first_integral"} & {*dir(run)}
+    with pytest.raises(TypeError, match="Explicit midpoint rule has no modified_energy"):
+        run.modified_energy()
+    with pytest.raises(TypeError, match=r"^attitude.* no orientation"):
+        midpoint(attitude=True)
+    assert run.to_xarray().title == run.to_xarray().attrs["title"] == "Explicit midpoint rule"
+    axes = run.plot()
+    assert axes.get_title().startswith("Explicit midpoint rule")
+    assert len(axes.figure.axes) == 1  # no bar of levels of a quantity
+    kahan = iterate(HENON, START[:2], 0.1, 40)
+    assert kahan != run
+    assert "modified_energy" in dir(kahan)
+    assert (sf.step(HENON, START[0], 0.1) == kahan.x[1, 0]).all()  # functions are of "auto"
+    path, body = tmp_path / "run.npz", tmp_path / "body.json"
+    body.write_text(json.dumps(HENON.to_dict()))
+    given = f"run --body {body} --eps 0.1 --steps 9 --trajectories 3 --method midpoint --json"
+    assert main([*given.split(), "-o", str(path)]) == 0
+    assert json.loads(capsys.readouterr().out)["drift"] == {}
+    assert sf.Trajectories.load(path).map is own.MIDPOINT
+
+
+@pytest.mark.slow
+def test_files_name_the_map(tmp_path):
+    run, path = midpoint(), tmp_path / "run.npz"
+    run.save(path)
+    loaded = sf.Trajectories.load(path)
+    assert loaded == run
+    assert loaded.map is own.MIDPOINT
+    assert loaded.extend(3, on_singular="ignore") == midpoint(steps=43)
+    again = pickle.loads(pickle.dumps(run))
+    assert again == run
+    assert again.map is own.MIDPOINT
+    code = "import sys, suslov_fast as sf; sf.Trajectories.load(sys.argv[1])"
+    done = children.attempt(code, path)
+    assert done.returncode == 1
+    assert re.search(r"'midpoint'.* import the module that registers it", done.stderr)
+
+
+def test_stores_hold_the_map(tmp_path):
+    pytest.importorskip("zarr")
+    store = tmp_path / "runs.zarr"
+    data = ensemble(HENON, START, 0.1, 40, store=store, method="midpoint", save_every=10)
+    np.testing.assert_array_equal(data.x, midpoint(save_every=10).x)
+    assert data.attrs["map"] == "midpoint"
+    with pytest.raises(ValueError, match="map: Kahan, the store has midpoint"):
+        ensemble(HENON, START, 0.1, 40, store=store, save_every=10)
+
+
+@pytest.mark.slow
+def test_a_body_that_turns_nothing(tmp_path):
+    run, path = iterate(SLEIGHS, SPEEDS, 0.3, 50), tmp_path / "run.npz"
+    suslov = sf.Suslov3D(SLEIGHS.mass, 1.5 + 0.16 * SLEIGHS.mass, 0, -0.4 * SLEIGHS.mass)
+    assert abs(run.omega - iterate(suslov, SPEEDS, 0.3, 50).omega).max() < 1e-14
+    assert run.extend(5) == iterate(SLEIGHS, SPEEDS, 0.3, 55)
+    run.save(path)
+    assert sf.Trajectories.load(path) == run
+    assert type(sf.body_from_dict(SLEIGHS.to_dict())) is own.Sleigh
+    for f in (sf.matrix, sf.jacobian):
+        np.testing.assert_array_equal(f(SLEIGHS, SPEEDS, 0.3), f(SLEIGHS.field(), SPEEDS, 0.3))
+    rates = (sf.lyapunov_exponents(body, SPEEDS, 0.3, 9) for body in (SLEIGHS, SLEIGHS.field()))
+    np.testing.assert_array_equal(*rates)
+    np.testing.assert_allclose(run.energy()[0], sf.energy(suslov, SPEEDS), rtol=1e-15)
+    constants, state = compiled.system(SLEIGHS[0], 0.3), np.array(SPEEDS[0])
+    assert compiled.step_system(constants, state, state, compiled.work(constants)) == 0
+    np.testing.assert_allclose(state, run.omega[1, 0], rtol=1e-15)
+    with pytest.raises(TypeError, match=r"attitude.*no orientation"):
+        iterate(SLEIGHS, SPEEDS, 0.3, 5, attitude=True)
+    refused = (
+        "to_xy closed_form first_integral reaction to_matrix to_vector momentum attitude".split()
+    )
+    for name in (*refused, "exact", "limits"):
+        given = (SPEEDS,) if name.startswith(("to_", "momentum")) else (SPEEDS, 0.3)
+        given = (*given, 3) if name == "exact" else given
+        with pytest.raises(TypeError, match=r"^body must be Suslov3D.*not Sleigh"):
+            getattr(sf, name)(SLEIGHS, *given)
+    for f in (compiled.frame, sf.plot_phase):
+        with pytest.raises(TypeError, match=r"^body must be Suslov3D.*not Sleigh"):
+            f(SLEIGHS[0], 0.3, *(2.0,) * (f is sf.plot_phase))
+    with pytest.raises(TypeError, match=r"^body.*not Sleigh"):
+        sf.scattering_angle(SLEIGHS)
+
+
+def test_compiled_steps_are_those_of_the_map_or_refused():
+    class Midpoint(own.Sleigh):
+        """A sleigh with the steps of another map."""
+
+    methods = {"auto": own.MIDPOINT.methods["midpoint"]}
+    maps.register(
+        dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods, pole=None)
+    )
+    with pytest.raises(TypeError, match=r"^body must.*compiled steps, not Midpoint: Sleigh"):
+        compiled.system(Midpoint(1.0, 1.5, 0.4), 0.1)
+
+
+def of_midpoint(problem):
+    """The Jacobian of the explicit midpoint rule, for fields and bodies."""
+    f, x, h = problem.body, problem.omega, np.asarray(problem.eps)[..., None, None]
+    f, one = f.field() if hasattr(f, "field") else f, np.eye(x.shape[-1])
+    slopes = [2.0 * (one - sf.matrix(f, y, 1.0)) for y in (x, x + 0.5 * h[..., 0] * f(x))]
+    return one + h * slopes[1] @ (one + 0.5 * h * slopes[0])
+
+
+def test_exponents_of_a_map_with_a_jacobian(monkeypatch):
+    """Those of Kahan's map by its formula of the Jacobian alone."""
+
+    class Alone(own.Sleigh):
+        """A sleigh of which nothing but the Jacobian is known."""
+
+    jacobian = {"jacobian": KAHAN["jacobian"]}
+    new = dataclasses.replace(own.SLEIGH, name="alone", body=Alone, formulas=jacobian, pole=None)
+    maps.register(new)
+    given = [2.0, 3.0], 1.5, 0.4
+    starts, eps = [[1.0, 0.5], [np.nan, 0.5]], [0.3, 0.2]
+    expected = sf.lyapunov_exponents(own.Sleigh(*given), starts, eps, 200, 5)
+    rates = sf.lyapunov_exponents(Alone(*given), starts, eps, 200, 5)
+    np.testing.assert_allclose(rates, expected, atol=1e-13)
+    assert np.isnan(rates[1]).all()
+    monkeypatch.setattr("suslov_fast.engine.derivatives._STRETCH", 0)  # one state at a time
+    np.testing.assert_array_equal(sf.lyapunov_exponents(Alone(*given), starts, eps, 200, 5), rates)
+    rest = [[2.0, 0.0], [np.nan, 0.0]]
+    values = sf.multipliers(Alone(*given), rest, eps)
+    np.testing.assert_allclose(values, sf.multipliers(own.Sleigh(*given), rest, eps), rtol=1e-13)
+    with pytest.raises(TypeError, match=r"^body.*not Alone"):
+        sf.energy(Alone(*given), starts)
+    with pytest.warns(sf.SingularStepWarning):
+        pole = sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), own.SLEIGH.pole[1], 1.0, 1)
+    assert np.isnan(pole).all()
+    with pytest.warns(sf.PoleWarning, match="1 of 1 .* trajectory 0 at step 1"):  # det A = -1 / 4
+        sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), [-5.0, 0.0], 1.0, 1)
+
+
+def test_functions_of_a_second_method_of_a_class():
+    """They are those of its map, and of no other; a map without a quantity refuses."""
+    new = {"name": "second", "methods": {"second": own.MIDPOINT.methods["midpoint"]}}
+    new["formulas"] = {"jacobian": Formula(of_midpoint)}
+    maps.register(dataclasses.replace(own.SLEIGH, **new, pole=None))
+    body, x, method = own.Sleigh(2.0, 1.5, 0.4), np.array([1.0, 0.5]), {"method": "second"}
+    Q, sums, orbit = np.eye(2), 0.0, iterate(body, x, 0.1, 50, **method).omega
+    assert (orbit != iterate(body, x, 0.1, 50).omega)[1:].any(axis=-1).all()
+    np.testing.assert_array_equal(sf.step(body, x, 0.1, **method), orbit[1])
+    for state in orbit[:-1]:
+        Q, R = np.linalg.qr(sf.jacobian(body, state, 0.1, **method) @ Q)
+        sums += np.log(abs(np.diag(R)))
+    rates = sf.lyapunov_exponents(body, x, 0.1, 50, **method)
+    np.testing.assert_allclose(rates, -np.sort(-sums / 50), rtol=1e-12)
+    assert abs(rates - sf.lyapunov_exponents(body, x, 0.1, 50)).max() > 1e-6
+    step = 1e-6
+    by_difference = [
+        np.subtract(*(sf.step(body, x + d, 0.1, **method) for d in (d, -d))) / (2 * step)
+        for d in step * np.eye(2)
+    ]
+    np.testing.assert_allclose(sf.jacobian(body, x, 0.1, **method).T, by_difference, atol=1e-9)
+    slope = 0.1 * -2.0 * 0.4 * 2.0 / (1.5 + 2.0 * 0.16)  # f' has -c v on its diagonal
+    values = sf.multipliers(body, [2.0, 0.0], 0.1, **method)
+    np.testing.assert_allclose(values, [1.0, 1.0 + slope + slope**2 / 2], rtol=1e-13)
+    assert (sf.multipliers(body, [0.0, 0.0], 0.1, **method) == 1.0).all()
+    with pytest.raises(ValueError, match=r"^x is not a fixed point: use jacobian"):
+        sf.multipliers(body, [2.0, 0.1], 0.1, **method)
+    points = sf.crossings(body, x, 0.1, 50, lambda x: x[..., 1] - 0.4, direction=0, **method)
+    n = np.flatnonzero((orbit[:-1, 1] > 0.4) != (orbit[1:, 1] > 0.4))
+    assert len(n) > 0
+    np.testing.assert_array_equal(points.before, orbit[n])
+    with pytest.raises(TypeError, match=r"^method.*Explicit midpoint rule has no jac"):
+        sf.jacobian(HENON, START[0], 0.1, method="midpoint")
+    with pytest.raises(TypeError, match=r"^body.*compiled steps, not .*: Explicit midpoint rule"):
+        compiled.system(HENON, 0.1, method="midpoint")
+
+
+def test_a_state_at_a_pole_of_the_sleigh():
+    body, pole = own.SLEIGH.pole
+    assert iterate(body, pole, 1.0, 1, on_singular="ignore").status == sf.Status.SINGULAR
+
+
+class Named(sf.QuadraticField):
+    """A field with methods of its own."""
+
+
+@pytest.mark.slow
+def test_words_for_own_bodies():
+    with pytest.raises(TypeError, match=r"^Sleigh has no argument 'mas': pass mass="):
+        own.Sleigh(mas=2.0, J=1.5, b=0.4)
+    with pytest.raises(TypeError, match=r"^Sleigh needs b; the call is Sleigh\(mass, J, b\)"):
+        own.Sleigh(2.0, 1.5)
+    with pytest.raises(AttributeError, match="cannot be changed: make it again with J=2"):
+        SLEIGHS.J = 2
+    with pytest.raises(AttributeError, match="has no attribute 'masss': use mass"):
+        SLEIGHS.masss  # noqa: B018
+
+
+def test_a_subclass_comes_back_as_itself(tmp_path):
+    field = Named([[[1]]], [[-1]])
+    run = iterate(field, [0.5], 0.1, 5)
+    run.save(tmp_path / "run.npz")
+    assert type(sf.Trajectories.load(tmp_path / "run.npz").body) is Named
+    assert type(sf.body_from_dict(field.to_dict())) is Named
+    code = "import sys, suslov_fast as sf; sf.Trajectories.load(sys.argv[1])"
+    done = children.attempt(code, tmp_path / "run.npz")
+    assert "import the module that defines it" in done.stderr
+    assert "'Named'" in done.stderr
+
+
+def test_classes_without_a_name_of_their_own_are_not_saved(tmp_path):
+    same = type("QuadraticField", (sf.QuadraticField,), {})
+    with pytest.raises(TypeError, match="body must be a class whose name no other one has"):
+        iterate(same([[[1]]]), [0.5], 0.1, 5).save(tmp_path / "run.npz")
+
+
+def changed(**changes):
+    return lambda: maps.register(dataclasses.replace(own.MIDPOINT, **{"name": "new"} | changes))
+
+
+def with_steps(**changes):
+    of_record = {name: changes.pop(name) for name in [*changes] if name in vars(own.MIDPOINT)}
+    steps = own.MIDPOINT.methods["midpoint"]._replace(**changes)
+    return changed(methods={"new": steps}, **of_record)
+
+
+@pytest.mark.parametrize(
+    ("register", "error", "words"),
+    [
+        (changed(name="Kahan"), ValueError, "name "),
+        (changed(methods={}), ValueError, "methods.*none"),
+        (
+            changed(),
+            ValueError,
+            "methods.*must be none of auto, .*, order8, .*midpoint",
+        ),
+        (changed(body=int), TypeError, "body "),
+        (changed(variable="y"), ValueError, "variable "),
+        (lambda: maps.register("midpoint"), TypeError, "record "),
+        (changed(name=""), ValueError, "name "),
+        (changed(name=5), TypeError, "name "),
+        (changed(body=own.Body), ValueError, "methods: name one of midpoint auto"),
+        (with_steps(kernel=own.midpoint_step), TypeError, r"methods\['new'\].kernel "),
+        (with_steps(arguments=None), TypeError, r"methods\['new'\].arguments "),
+        (with_steps(cost=2.0), TypeError, r"methods\['new'\].cost "),
+        (with_steps(lanes=0), ValueError, r"methods\['new'\].lanes "),
+        (with_steps(lanes=12), ValueError, r"methods\['new'\].lanes .*multiple of 8"),
+        (with_steps(formulas={"energy": KAHAN}), TypeError, r"formulas\['energy'\] "),
+        (
+            with_steps(formulas={"enregy": Formula(len)}),
+            ValueError,
+            "formulas: .*'enregy': name it energy",
+        ),
+        (
+            with_steps(formulas={"multipliers": Formula(len)}),
+            ValueError,
+            "formulas: leave out 'multipliers', because 'jacobian'",
+        ),
+        (with_steps(attitude=True), ValueError, "attitude"),
+        (with_steps(serves=("animate",)), ValueError, "serves"),
+        (with_steps(plane=len), TypeError, "plane"),
+        (with_steps(growth="jacobian"), TypeError, "growth must be a function, or None"),
+        (with_steps(eigenvalues=1.0), TypeError, "eigenvalues must be a function, or None"),
+        (with_steps(formulas={"zzz": Formula(len)}), ValueError, "formulas.*one of .*energy, "),
+        (with_steps(conserved="energy"), ValueError, "conserved "),
+        (with_steps(conserved=("jacobian",)), ValueError, "conserved.*vector_field, energy"),
+        (with_steps(random=iter), TypeError, "random "),
+        (with_steps(pole=own.SLEIGH.pole), TypeError, "pole must be a QuadraticField"),
+    ],
+)
+def test_records_are_checked(register, error, words):
+    with pytest.raises(error, match=f"^{words}"):
+        register()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Top(own.Body):
+    """A free body, whose moments are one parameter."""
+
+    I: Any
+    dimension, _labels = 3, ("w_1", "w_x_dot", "100 % $")
+
+    def field(self):
+        of_rows = np.broadcast_to(self.I, (*self.shape, 3))
+        q = np.zeros((*self.shape, 3, 3, 3))
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            q[..., i, j, k] = (of_rows[..., j] - of_rows[..., k]) / of_rows[..., i]
+        return sf.QuadraticField(q)
+
+
+class ByIndex(Top):
+    """The same, which a number as its parameter shows."""
+
+    def field(self):
+        return sf.QuadraticField([[[self.I[0]]]])
+
+
+def test_a_vector_among_the_parameters_needs_its_axes(monkeypatch):
+    """Without them its components would be the members of a batch."""
+    new = dataclasses.replace(own.SLEIGH, name="top", body=Top, formulas={}, pole=None, random=())
+    random = (lambda rng, shape: Top(rng.uniform(1, 2, (*shape, 3))),)
+    with pytest.raises(
+        ValueError, match=r"random\[0\] made a batch \(3,\) .*axes of I in Top._axes"
+    ):
+        maps.register(dataclasses.replace(new, random=random))
+    with pytest.raises(ValueError, match=r"^body.*ByIndex._axes.*not TypeError: 'float'"):
+        maps.register(dataclasses.replace(new, body=ByIndex))
+    monkeypatch.setattr(ByIndex, "_axes", {"I": 1})
+    maps.register(dataclasses.replace(new, body=ByIndex))
+
+
+def test_records_of_bodies_that_warn_are_registered_quietly():
+    class Warning3D(sf.Suslov3D):
+        """A body of which some third moments are impossible."""
+
+    new = dataclasses.replace(maps.MAPS["Suslov3D"], name="new", body=Warning3D, pole=None)
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        maps.register(new)
+    assert seen == []
+
+
+def test_labels_may_hold_anything(tmp_path, monkeypatch):
+    monkeypatch.setattr(Top, "_axes", {"I": 1})
+    random = (lambda rng, shape: Top(rng.uniform(1, 2, (*shape, 3))),)
+    new = {"name": "top", "body": Top, "formulas": KAHAN, "pole": None, "random": random}
+    maps.register(dataclasses.replace(own.SLEIGH, **new))
+    run = iterate(Top([1.0, 2.0, 3.0]), [0.1, 1.0, 0.2], 0.1, 50)
+    assert run.body.shape == ()
+    drawn = ["$w_{1}$", "w_x_dot", r"100 % \$"]
+    for i, j in ((0, 1), (1, 2)):
+        axes = run.plot(components=(i, j))
+        assert [axes.get_xlabel(), axes.get_ylabel()] == [drawn[i], drawn[j]]
+        axes.figure.savefig(tmp_path / "run.png")
+    assert iterate(SLEIGHS, SPEEDS, 0.3, 5).plot().get_xlabel() == r"$\Omega_{1}$"
+
+
+def test_a_formula_of_another_shape_is_refused():
+    forgets = Formula(lambda problem: problem.omega[..., 0] * 1.0)
+    of_states = Formula(lambda problem: problem.omega + 0.0 * np.asarray(problem.eps)[..., None])
+    kind = type("Wrong", (own.Sleigh,), {})
+    formulas = {"modified_energy": forgets, "energy": of_states}
+    new = {"name": "new", "body": kind, "formulas": formulas, "conserved": (), "pole": None}
+    maps.register(dataclasses.replace(own.SLEIGH, **new))
+    body = kind(2.0, 1.5, 0.4)
+    assert sf.modified_energy(body, [1.0, 0.5], 0.1) == 1.0
+    words = r"^modified_energy: .* 'new' returns the shape \(\), .*batch shape \(3,\)"
+    with pytest.raises(ValueError, match=words):
+        sf.modified_energy(body, [1.0, 0.5], [0.1, 0.2, 0.3])
+    with pytest.raises(ValueError, match=r"^energy: .*returns the shape \(2,\), .*shape \(\)"):
+        sf.energy(body, [1.0, 0.5])
+
+
+def test_a_class_without_a_record_is_refused():
+    class Other(own.Body):
+        pass
+
+    with pytest.raises(TypeError, match=r"^body must be Suslov3D, .*not Other"):
+        iterate(Other(), [0.5, 1.0], 0.1, 5)
+
+
+class Faster(own.Sleigh):
+    """A sleigh with equations of its own, and no map."""
+
+    def field(self):
+        return sf.QuadraticField(2 * np.asarray(own.Sleigh.field(self).quadratic, float))
+
+
+def test_a_class_with_other_equations_needs_a_record():
+    given = 2.0, 1.5, 0.4
+    with pytest.raises(TypeError, match=r"^body.*not Faster, a class without a record"):
+        iterate(Faster(*given), SPEEDS[0], 0.1, 5)
+    maps.register(dataclasses.replace(own.SLEIGH, name="faster", body=Faster, pole=None))
+    run = iterate(Faster(*given), SPEEDS[0], 0.1, 5)
+    np.testing.assert_array_equal(run.omega, iterate(own.Sleigh(*given), SPEEDS[0], 0.2, 5).omega)
+
+
+def test_another_discretization_as_the_map_of_a_class():
+    """A class of its own gives all functions to a map, and refuses those it lacks."""
+
+    class Field(sf.QuadraticField):
+        """A field that the midpoint rule discretizes."""
+
+    steps = {"auto": own.MIDPOINT.methods["midpoint"]}
+    maps.register(dataclasses.replace(own.MIDPOINT, name="other", body=Field, methods=steps))
+    field = Field.from_dict(HENON.to_dict() | {"body": "Field"})
+    np.testing.assert_array_equal(iterate(field, START[:2], 0.1, 40).x, midpoint().x[:, :2])
+    with pytest.raises(
+        TypeError, match=r"not Field, whose map \(Explicit midpoint rule\) has no jac"
+    ):
+        sf.jacobian(field, START[0], 0.1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"field": lambda body: 5}, r"^field\(\) must be a body or a field, not int"),
+        ({"dimension": 3}, "^_labels must have 3 entries, the dimension of Wrong"),
+        ({"dimension": 1, "_labels": ("x",)}, r"^field\(\) must have 1 components"),
+        (
+            {"field": lambda body: SLEIGHS.field()},
+            r"^field\(\) must have the shape \(\) of the body",
+        ),
+    ],
+)
+def test_bodies_that_contradict_themselves(changes, words):
+    kind = type("Wrong", (own.Sleigh,), {"field": own.Sleigh.field} | changes)
+    maps.register(dataclasses.replace(own.SLEIGH, name="new", body=kind, pole=None))
+    with pytest.raises((TypeError, ValueError), match=words):
+        iterate(kind(2.0, 1.5, 0.4), [1.0] * changes.get("dimension", 2), 0.1, 5)
+
+
+def test_orientations_of_other_states_than_two_are_refused():
+    kind = type("Wrong", (own.Sleigh,), {"dimension": 3, "_labels": ("a", "b", "c")})
+    new = {"name": "new", "body": kind, "attitude": "axial", "pole": None}
+    maps.register(dataclasses.replace(own.SLEIGH, **new))
+    with pytest.raises(ValueError, match=r"^attitude of the map 'new' must be 'in_rows', "):
+        iterate(kind(2.0, 1.5, 0.4), [1.0, 0.5, 0.2], 0.1, 5, attitude=True)
+
+
+def registered(**changes):
+    """Run one step by changed steps."""
+    with_steps(**changes)()
+    return iterate(HENON, START[:1], 0.1, 1, method="new")
+
+
+class Exact(own.Sleigh):
+    """A body whose field is exact for single bodies, and which has no families."""
+
+    def field(self):
+        c = Fraction(self.b) / (Fraction(self.J) + Fraction(self.mass) * Fraction(self.b) ** 2)
+        return sf.QuadraticField([[[0, 0], [0, self.b]], [[0, -self.mass * c], [0, 0]]])
+
+
+@pytest.mark.slow
+def test_a_step_for_a_class_without_families():
+    """With a number, too, that is common to all by its nature."""
+
+    def euler(x, out, eps, work, indices, values, number):
+        for i in range(2):
+            out[i] = x[i]
+        for t in range(len(values)):
+            i, j, k = indices[:, t]
+            out[i] += 2.0 * number * eps * values[t] * x[j] * x[k]
+        return 0
+
+    def arguments(body, eps, batch):
+        *terms, eps = by_field(body, eps, batch)
+        return *terms, np.array([0.5]), eps
+
+    methods = {"auto": Steps(maps.steps_of(euler), arguments)}
+    new = {"name": "exact", "body": Exact, "methods": methods, "formulas": {}, "pole": None}
+    maps.register(dataclasses.replace(own.SLEIGH, **new, random=()))
+    body, x = Exact(2.0, 1.5, 0.25), np.array([1.0, 0.5])
+    for state in iterate(body, x, 0.1, 20).omega:
+        np.testing.assert_allclose(state, x, rtol=1e-14)
+        x = x + 0.1 * body.field()(x)
+
+
+def test_kernels_by_hand_are_refused():
+    """Also one that calls itself a part of the package's tests."""
+
+    @kernel
+    def steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at):
+        final[:] = 1.0
+
+    with pytest.raises(TypeError, match=r"^methods\['new'\].kernel must be made by maps.steps_of"):
+        with_steps(kernel=steps)()
+
+
+# Changes of the kernel of steps, and the item of `contract` that each one breaks.
+KERNEL = inspect.getsource(one_step)
+BROKEN = [
+    ("share(end - begin, part, parts)", "(0, end - begin)", 2),
+    ("begin + first, begin + last", "first, last", 2),
+    ("else final[i, d]", "else omega0[i, d]", 4),
+    ("status[i], failed_at[i] = NONFINITE, 0", "status[i], failed_at[i] = NONFINITE, -1", 7),
+    ("status[i], failed_at[i] = NONFINITE, 0", "status[i], failed_at[i] = -1, 0", 3),
+    ("status[i], failed_at[i] = code, n", "status[i], failed_at[i] = code, n - start", 7),
+    ("status[i], failed_at[i] = code, n", "status[i], failed_at[i] = -7, n", 7),
+    ("code = NONFINITE", "code = 0", 7),
+    ("x[d] = np.nan", "pass", 7),
+    ("n % every == 0 and (n > start or start == 0)", "n > start", 5),
+    ("eps[i % len(eps)]", "eps[0]", 7),
+    ("eps[i % len(eps)]", "abs(eps[i % len(eps)])", 1),
+    ("saved[row, i, d] = x[d]", "saved[row, i - begin, d] = x[d]", 2),
+    ("saved[row, i, d] = x[d]", "saved[row, i, d] = x[d] * (n > 0)", 3),
+    ("saved[row, i, d] = x[d]", "saved[n // every, i, d] = x[d]", 5),
+    ("row += 1", "row += 0", 5),
+    ("final[i, d] = x[d]", "final[(i + 1) % len(final), d] = x[d]", 6),
+    ("final[i, d] = x[d]", "final[i, d] = omega0[i, d] = x[d]", 3),
+    ("x[d] = out[d]", "x[d] = out[d] + 1e-3 * (n % 64 == 0)", 4),
+    ("x[d] = out[d]", "x[d] = out[d] + 1e-3 * (n > 2**32)", 4),
+    ("x[d] = out[d]", "x[d] = out[d] + 1e-3 * (i >= 128)", 7),
+    ("first, last = share", "carry.base[-1] = 0.5; first, last = share", 5),
+]
+
+
+def square(x, out, eps, work, indices, values):
+    """Explicit Euler's method for x' = x**2."""
+    out[0] = x[0] + eps * values[0] * x[0] ** 2
+    return 0
+
+
+square.py_func = square  # is compiled already, as far as `steps_of` sees
+
+
+@pytest.mark.parametrize(("right", "wrong", "item"), BROKEN)
+def test_a_broken_kernel_breaks_the_contract(right, wrong, item):
+    """As a Python function."""
+    assert right in KERNEL
+    names = {"__name__": one_step.__name__, "__package__": one_step.__package__}
+    exec(KERNEL.replace(right, wrong), names)
+    broken = names["steps_of"](square, mock.Mock(py_func=lambda D: 0, side_effect=lambda D: 0))
+    broken.compiled = np.errstate(all="ignore")(broken.py_func)
+    problem = check(own.MIDPOINT, sf.QuadraticField([[[1]]]), [[0.7], [0.3]], 0.1)
+    steps = own.MIDPOINT.methods["midpoint"]._replace(kernel=broken)
+    with pytest.raises(AssertionError, match=rf"^item {item} asks for "):
+        contract.try_steps(problem, steps)
+
+
+def promise(monkeypatch, record):
+    """Have the promises test a record, as its only kind "new 0"."""
+    monkeypatch.setitem(maps.MAPS, record.name, record)
+    monkeypatch.setitem(promises.RECORDS, "new 0", record)
+    monkeypatch.setitem(promises.KINDS, "new 0", record.random[0])
+    sample = record.random[0](np.random.default_rng(0), ())
+    monkeypatch.setitem(promises.SAMPLES, "new 0", sample)
+
+
+def slow_fields(rng, shape):
+    """Random fields whose steps are near the identity at eps = 1/4."""
+    field = maps.MAPS["Kahan"].random[0](rng, shape)
+    return sf.QuadraticField(1e-3 * np.asarray(field.quadratic, float))
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("random", [own.MIDPOINT.random[0], slow_fields])
+@pytest.mark.parametrize("of_kahan", [True, False])
+def test_promises_compare_a_jacobian_with_the_steps(rng, monkeypatch, of_kahan, random):
+    """That of Kahan's map is of order eps**3 beside that of the midpoint rule."""
+    jacobian = KAHAN["jacobian"] if of_kahan else Formula(of_midpoint)
+    changes = {"name": "new", "formulas": {"jacobian": jacobian}, "random": (random,)}
+    promise(monkeypatch, dataclasses.replace(own.MIDPOINT, **changes))
+    with pytest.raises(AssertionError) if of_kahan else contextlib.nullcontext():
+        promises.test_the_jacobian_is_that_of_the_steps(rng, "new 0")
+
+
+def test_parameters_with_different_numbers_of_axes(rng, tmp_path):
+    """A number, a vector and a matrix, of each member or shared by all: rows have their shapes."""
+    for make in own.MIXED.random:
+        bodies, x = make(rng, (4,)), rng.normal(size=(4, 3))
+        run = iterate(bodies, x, 0.1, 6)
+        for k, body in enumerate(bodies):
+            assert iterate(body, x[k], 0.1, 6).x.tolist() == run.x[:, k].tolist()
+        middle = x + 0.05 * bodies.fields.field()(x)
+        np.testing.assert_allclose(run.x[1], x + 0.1 * bodies.fields.field()(middle), rtol=1e-13)
+        run.save(tmp_path / "run.npz", overwrite=True)
+        assert sf.Trajectories.load(tmp_path / "run.npz") == run
+        points = sf.crossings(bodies, x, 0.1, 6, lambda x: x[..., 0], direction=0)
+        for data in (run.to_xarray(), points.to_xarray()):
+            assert data.b.dims[1:] == ("component",)
+            assert "A" not in data or data.A.dims[-2:] == ("component", "A_1")
+
+
+def test_the_error_of_a_step_that_numba_refuses_says_why():
+    @maps.function
+    def step(x, out, eps, work, scale, b, A):
+        out[:] = undefined  # noqa: F821
+        return 0
+
+    methods = {"auto": Steps(maps.steps_of(step), maps.by_constants)}
+    kind = type("New", (own.Mixed,), {})
+    maps.register(dataclasses.replace(own.MIXED, name="new", body=kind, methods=methods, random=()))
+    with pytest.raises(TypeError, match=r"^step must .*undefined"):
+        iterate(kind(1.0, np.ones(3), np.eye(3)), np.ones(3), 0.1, 2)
+
+
+# The maps of the page for authors, as a module, without the runs of the page.
+PAGE = Path(__file__).parents[2] / "docs" / "howto" / "discretization.md"
+_section = PAGE.read_text(encoding="utf-8").partition("## A discretization of your own")[2]
+MODULE = "import numpy as np\nfrom suslov_fast import QuadraticField\n" + "\n".join(
+    re.sub(r"\n(run|change|print)\b.*", "", block)
+    for block in re.findall(r"```python\n(.*?)```", _section, re.DOTALL)
+)
+DIVERGING = """
+class Strong(QuadraticField):
+    pass
+
+random = maps.MAPS["Kahan"].random[0]
+maps.register(replace(
+    maps.MAPS["implicit midpoint"], name="strong", body=Strong, methods={"auto": maps.FIELD},
+    random=(lambda rng, shape: Strong(300 * np.asarray(random(rng, shape).quadratic, float)),),
+))
+"""
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+def test_the_maps_of_the_page_keep_the_promises(tmp_path):
+    """In a module of one's own; and a map whose random orbits diverge."""
+    mixed = "import own\nmaps.register(own.MIXED)\n"
+    (tmp_path / "my_maps.py").write_text(MODULE + DIVERGING + mixed, encoding="utf-8")
+    tests = Path(__file__).parents[1] / "package" / "test_promises.py"
+    words = "mixed or trapezoidal or strong and (seldom or order or loop)"
+    given = ["-q", "-x", "-p", "no:cacheprovider", tests, "--maps", "my_maps", "-k", words]
+    places = os.pathsep.join(map(str, [tmp_path, tests.parent, *sys.path]))
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *given],
+        env=os.environ | {"PYTHONPATH": places}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 60
+
+
+def test_slopes_and_solutions_for_steps_of_ones_own(rng):
+    """Beside the field itself, its Jacobian by `matrix`, and NumPy; with rows of any size."""
+    constant = sf.QuadraticField.from_function(lambda x: (x[0] * x[1], 3 - x[1]), 2)
+    for field, x in ((HENON, START[0]), (constant, np.array([2.0, 5.0]))):
+        D = len(x)
+        f, derivative = np.empty(D), np.full((D, D), np.nan)
+        maps.slope_at(x, *field.terms, f, derivative)
+        np.testing.assert_allclose(f, sf.vector_field(field, x), rtol=1e-15)
+        slopes = 2 * (np.eye(D) - sf.matrix(field, x, 1.0))
+        np.testing.assert_allclose(derivative, slopes, atol=1e-15)
+    for D in (1, 2, 5, 9):
+        A, y = rng.normal(size=(D, D)), rng.normal(size=D)
+        A *= 10.0 ** rng.uniform(-100, 100, (D, 1))
+        b = A @ y
+        assert maps.solve(A.copy(), b) == sf.Status.OK
+        np.testing.assert_allclose(b, y, rtol=1e-10)
+    for A, status in (
+        ([[1.0, 2], [2, 4]], sf.Status.SINGULAR),
+        ([[0.0, 0], [0, 4]], sf.Status.SINGULAR),
+        ([[np.nan, np.nan], [0, 4]], sf.Status.NONFINITE),
+        ([[1.0, np.inf], [0, 4]], sf.Status.NONFINITE),
+        ([[1e-300, 0], [0, 1.0]], sf.Status.NONFINITE),
+    ):
+        with np.errstate(all="ignore"):  # as Python
+            assert maps.solve(np.array(A), np.array([1e300, 1.0])) == status
+
+
+def composition(fractions, order):
+    """A record of a method by its numbers."""
+    changes = {"methods": {"new": field_in(Stages(fractions))}, "stages": Stages(fractions)}
+    changes |= {"name": "new", "order": order}
+    return dataclasses.replace(maps.MAPS["Kahan, order 4"], **changes)
+
+
+def changed_by(off, *places):
+    """The fractions of order 6 with some of them off, the middle one such that the sum is 1."""
+    fractions = np.array(maps.MAPS["Kahan, order 6"].stages.fractions)
+    for k in places:
+        fractions[[k, -1 - k]] += off
+    fractions[6] += 1.0 - math.fsum(fractions)
+    return (*fractions.tolist(),)
+
+
+# As published, 10th order with 35 stages: Sofroniou and Spaletta (2005), up to the middle one.
+TEN = [
+    0.078795722521686419263907679337684, 0.31309610341510852776481247192647,
+    0.027918383235078066109520273275299, -0.22959284159390709415121339679655,
+    0.13096206107716486317465685927961, -0.26973340565451071434460973222411,
+    0.074973343155891435666137105641410, 0.11199342399981020488957508073640,
+    0.36613344954622675119314812353150, -0.39910563013603589787862981058340,
+    0.10308739852747107731580277001372, 0.41143087395589023782070411897608,
+    -0.0048663605831352617621956593099771, -0.39203335370863990644808193642610,
+    0.051942502962449647037182904015976, 0.050665090759924496335874344156866,
+    0.049674370639729879054568800279461, 0.049317735759594537917680008339338,
+]  # fmt: skip
+
+
+@pytest.mark.compiled
+def test_a_method_of_an_order_of_its_own_is_its_numbers(rng, monkeypatch):
+    promise(monkeypatch, composition((*TEN, *TEN[-2::-1]), 10))
+    promises.test_the_order_of_steps(rng, "new 0")
+    promises.test_the_order_of_a_composition("new 0")
+
+
+@pytest.mark.parametrize(
+    ("fractions", "order"),
+    [
+        (changed_by(1e-4, 1), 6),
+        (changed_by(1e-6, 3), 6),
+        (changed_by(0.0), 4),
+        (changed_by(0.0), 8),
+        ((*changed_by(0.0)[:6], 0.3992, *changed_by(0.0)[:6]), 6),
+    ],
+)
+def test_promises_measure_the_order(rng, monkeypatch, fractions, order):
+    promise(monkeypatch, composition(fractions, order))
+    with pytest.raises(AssertionError, match=f"the record says order {order}, and a step of 'new'"):
+        promises.test_the_order_of_steps(rng, "new 0")
+    if order != 4:  # all conditions of order 4 hold
+        with pytest.raises(AssertionError):
+            promises.test_the_order_of_a_composition("new 0")
+
+
+def test_records_whose_formulas_are_all_conserved_and_families_without_members():
+    changed(
+        methods={"new": own.MIDPOINT.methods["midpoint"]}, conserved=("vector_field", "energy")
+    )()
+    family = sf.QuadraticField(np.zeros((0, 1, 1, 1)))
+    run = iterate(family, np.ones((0, 1)), 0.1, 5, method="new")  # there is nothing to try
+    assert run.x.shape == (6, 0, 1)
+    assert iterate(HENON, START[:1], 0.1, 5, method="new").ok
+
+
+def test_states_whose_multiples_overflow_are_tried_without_a_warning():
+    with_steps(arguments=lambda *given: by_field(*given))()
+    run = iterate(HENON, np.full(4, 1e300), 0.1, 1, method="new", on_singular="ignore")
+    assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
+
+
+def test_arguments_of_kernels_are_checked():
+    wrong = {
+        "a tuple of arrays, not list": lambda *given: [*by_field(*given)],
+        "1 or 19 rows.*not 3": lambda *given: (np.ones(3), *by_field(*given)),
+        "an array of float64, not float32": lambda *given: (np.float32([1]), *by_field(*given)),
+    }
+    for words, arguments in wrong.items():
+        with pytest.raises((TypeError, ValueError), match=words):
+            registered(arguments=arguments)
+        maps.MAPS.pop("new")
+
+    def of_first_axis(body, eps, batch):  # right for a batch of one axis
+        return *by_field(body, 0.1, batch)[:2], np.full(batch[0], eps)
+
+    with_steps(arguments=of_first_axis)()
+    with pytest.raises(ValueError, match=r"^arguments\[2\] must have 1 or 6 rows.*not 2"):
+        iterate(HENON, np.zeros((2, 3, 4)), 0.1, 1, method="new")
+
+
+def test_families_of_trials_are_those_of_the_field():
+    """What all members share, such as the places of terms, has no batch shape."""
+    for field in (
+        sf.QuadraticField.from_function(lambda x: (x[1], -x[0] * x[1]), 2),
+        sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 2 + x[1] ** 3, 2),
+    ):
+        family = trial.family_like(field, 3)
+        assert family.shape == (3,)
+        assert [family[k] == field for k in range(3)] == [True] * 3
+
+
+def test_the_first_status_above_0_is_kept_until_a_failure():
+    """Over cuts of a run, too: `carry` has its state."""
+
+    def step(x, out, eps, work):
+        out[0] = x[0] + 1
+        return 2 if x[0] in (2, 4) else -1 if x[0] == 6 else 0
+
+    step_all, x0 = one_step.steps_of(step, 0).py_func, np.array([[0.0], [10.0]])
+    carry, final, saved = np.full((2, 2), np.nan), np.empty((2, 1)), np.empty((0, 2, 1))
+    status, failed_at = np.zeros(2, np.int8), np.full(2, -1)
+    for start, stop, state, first in ((0, 4, [4, 14], [2, 3]), (4, 6, [6, 16], [2, 3])):
+        span = 0, 2, start, stop, 0, 0
+        step_all(0, 1, (np.array([0.1]),), x0, carry, span, saved, final, status, failed_at)
+        assert final.ravel().tolist() == state
+        assert [status[0], failed_at[0], status[1], failed_at[1]] == [*first, 0, -1]
+        assert carry.tolist() == [[3.0, 0.0], [2.0, 0.0]]
+    span = 0, 2, 6, 9, 0, 0
+    step_all(0, 1, (np.array([0.1]),), x0, carry, span, saved, final, status, failed_at)
+    assert [*status, *failed_at, final[1, 0]] == [-1, 0, 7, -1, 19.0]
+    assert np.isnan(final[0, 0])
+    assert carry[:, 0].tolist() == [3.0, 2.0]

@@ -1,0 +1,660 @@
+"""Steps over a pole, from a state with det A < 0, are told; nothing else is."""
+
+import json
+import math
+import warnings
+
+import numpy as np
+import pytest
+from children import TWO_THREADS
+
+import suslov_fast as sf
+from suslov_fast import PoleWarning, QuadraticField, Status, SuslovND, compiled, iterate, matrix
+from suslov_fast.command.main import main
+from suslov_fast.maps.methods import FRACTIONS
+
+quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+LONG = "eps is too long"
+SIGN = " (a component that cannot change its sign did)"
+SQUARE = QuadraticField([[[1]]])  # x' = x**2: 1 / x decreases by eps in a step
+# The motion from this state ends at t = 3.27.
+HENON = QuadraticField.from_hamiltonian(
+    lambda x: (
+        (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
+    ),
+    4,
+)
+ESCAPES = [0.0, 0.9, 0.0, 0.7]
+BOUNDED = [0.0, 0.1, 0.4, 0.0]
+LONG_BODY = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+LINEAR = QuadraticField([[[0]]], [[3]])
+
+
+def told(call, *arguments, **options):
+    """Return the result of a call, and the messages of its warnings, all of poles."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = call(*arguments, **options)
+    assert all(each.category is PoleWarning for each in caught)
+    return found, [str(each.message) for each in caught]
+
+
+def beyond(*conditions):
+    """Return the number of the first state after a step where conditions (steps, B) hold, or -1."""
+    holds = np.logical_or.reduce(conditions)
+    return np.where(holds.any(axis=0), holds.argmax(axis=0) + 1, -1)
+
+
+def random_fields(rng, D, B):
+    """Return fields, of which many lack terms or half of the coefficients, and step sizes."""
+    some, most = rng.random((3, B)) < 0.7, 0.5 if D > 1 else 1.0
+    tables = [rng.normal(size=(B, *(D,) * k)) for k in (3, 2, 1)]
+    tables = [
+        each * (rng.random(each.shape[1:]) < most) * k.reshape(B, *(1,) * (each.ndim - 1))
+        for each, k in zip(tables, some, strict=True)
+    ]
+    return QuadraticField(*tables), rng.uniform(0.05, 3, B) * rng.choice([-1, 1], B)
+
+
+# ------------------------------------------------------------------------------- what is a finding
+def changed(field, x):
+    """Whether components changed their signs whose equations have no nonzero term without them."""
+    indices, values = field.terms
+    lacking = np.zeros((x.shape[1], field.dimension), bool)
+    for (i, j, k), v in zip(indices.T, values.T, strict=True):
+        lacking[:, i] |= (v != 0) & (j != i) & (k != i)
+    return ((x[1:] * x[:-1] < 0) & ~lacking).any(axis=-1)
+
+
+@pytest.mark.sampled(1)
+@quiet
+@pytest.mark.parametrize("D", [1, 2, 3, 5, pytest.param(9, marks=pytest.mark.slow)])
+def test_statuses_of_fields_are_signs_of_determinants(rng, D):
+    """Or of components; counted by NumPy along the saved states, at steps that are far too long."""
+    field, eps = random_fields(rng, D, 60)
+    run = iterate(field, rng.normal(size=(60, D)), eps, 25, on_singular="ignore")
+    good = run.status >= 0
+    negative = np.linalg.det(matrix(field, run.x[:-1], eps)[:, good]) < 0
+    first = beyond(negative, changed(field, run.x)[:, good])
+    assert (run.failed_at[good] == first).all()
+    assert (run.status[good] == np.where(first > 0, Status.PASSED_POLE, Status.OK)).all()
+    assert len({*run.status[good]}) == 2
+
+
+@pytest.mark.parametrize("c", [1, -1])
+def test_rows_that_are_exchanged_change_no_sign(c):
+    """At eps = 2 the first pivot of A = [[0, -1], [-c, 1]] is 0, and the determinant -c."""
+    field = QuadraticField.from_function(lambda x: (x[0] + x[1], c * x[0]), 2)
+    back = np.array([[2.0, 1.0], [c, 1.0]])  # A for -eps
+    run, texts = told(iterate, field, [1.0, 0.5], 2.0, 3)
+    np.testing.assert_allclose(run.x[1], np.linalg.solve([[0, -1], [-c, 1]], back @ run.x[0]))
+    assert (len(texts), run.first_pole) == ((1, 1) if c > 0 else (0, -1))
+    exponents, texts = told(sf.lyapunov_exponents, field, [1.0, 0.5], 2.0, 3)
+    assert len(texts) == (c > 0)
+    assert exponents.sum() == pytest.approx(np.log(abs(np.linalg.det(back))), abs=1e-14)
+
+
+@pytest.mark.sampled(1)
+@quiet
+@pytest.mark.parametrize("order", FRACTIONS)
+def test_a_part_of_a_step_counts_for_the_step(rng, order):
+    field, eps = random_fields(rng, 3, 40)
+    x = rng.normal(size=(40, 3))
+    run, steps = iterate(field, x, 0.3 * eps, 8, method=f"order{order}", on_singular="ignore"), []
+    for _ in range(8):
+        parts = np.zeros(40, bool)
+        for fraction in FRACTIONS[order]:
+            given = field, x, 0.3 * eps * fraction
+            parts |= np.linalg.det(np.nan_to_num(matrix(*given))) < 0
+            x = iterate(*given, 1, on_singular="ignore").final
+        steps.append(parts)
+    good = run.status >= 0
+    first = beyond(np.array(steps)[:, good], changed(field, run.x)[:, good])
+    assert (run.failed_at[good] == first).all()
+    assert len({*run.status[good]}) == 2
+
+
+@quiet
+@pytest.mark.parametrize("method", ["auto", "gauss", "rank2"])
+@pytest.mark.parametrize("n", [3, 4, 7])
+def test_statuses_of_bodies_are_signs_of_determinants(rng, n, method):
+    bodies = SuslovND(rng.uniform(0.5, 4, (80, n - 1)), rng.uniform(-1, 1, (80, n - 1)))
+    eps = rng.uniform(0.1, 3, 80) * rng.choice([-1, 1], 80)
+    given = bodies, 3 * rng.normal(size=(80, n - 1)), eps, 20
+    run = iterate(*given, method=method, on_singular="ignore")
+    good = run.status >= 0
+    first = beyond(np.linalg.det(matrix(bodies, run.omega[:-1], eps)[:, good]) < 0)
+    assert (run.failed_at[good] == first).all()
+    assert len({*run.status[good]}) == 2
+
+
+def test_the_number_of_the_step_is_the_time_of_escape():
+    """x' = x**2 + a, and x'' = 6 x**2 with x = (t0 - t)**-2."""
+    for a, x, eps in ((0.0, 1.0, 0.03), (1.0, 0.0, 0.01), (1.0, -5.0, 0.002), (4.0, 1.0, 0.01)):
+        root = math.sqrt(a)
+        end = (math.pi / 2 - math.atan(x / root)) / root if a else 1 / x
+        run, messages = told(iterate, QuadraticField([[[1]]], None, [a]), [x], eps, 2000)
+        assert run.status == Status.PASSED_POLE
+        assert 0 <= run.failed_at - end / eps < 2
+        assert len(messages) == 1
+    for end, eps in ((1.0, 0.01), (2.0, 0.003)):
+        field = QuadraticField.from_function(lambda x: (x[1], 6 * x[0] ** 2), 2)
+        run, _ = told(iterate, field, [end**-2, 2 * end**-3], eps, 2000)
+        assert run.status == Status.PASSED_POLE
+        assert abs(run.failed_at - end / eps) < 5
+
+
+def test_an_even_number_of_eigenvalues_is_not_seen():
+    """The motion z' = z**2 escapes at t = 1, and det A is a square; the pages say so."""
+    complex_square = QuadraticField.from_function(
+        lambda x: (x[0] ** 2 - x[1] ** 2, 2 * x[0] * x[1]), 2
+    )
+    run = iterate(complex_square, [1, 0], 0.03, 50)
+    assert run.status == Status.OK
+    assert run.x[33, 0] > 90
+    assert run.x[34, 0] < 0  # it came back from the other side
+
+
+def test_two_poles_at_once_are_told_by_components_that_change_their_signs():
+    """det A is a square; each term of an equation contains its component."""
+    for f in (lambda x: (x[0] ** 2, 2 * x[0] * x[1]), lambda x: (x[0] ** 2, x[1] ** 2)):
+        run, (message,) = told(iterate, QuadraticField.from_function(f, 2), [1, 1], 0.03, 50)
+        assert run.failed_at == run.first_pole == 34
+        assert message.endswith("before t = 1.1, or eps is too long" + SIGN)
+
+
+def test_the_last_state_is_not_looked_at():
+    """No step is taken from it; `extend` finds it first, and tells."""
+    run = iterate(SQUARE, [1.0], 0.03, 33)
+    assert (run.status, run.failed_at) == (Status.OK, -1)
+    longer, messages = told(run.extend, 1)
+    assert (longer.status, longer.failed_at) == (Status.PASSED_POLE, 34)
+    assert len(messages) == 1
+    assert told(longer.extend, 500)[1] == []  # it was told
+
+
+# ------------------------------------------------------------------------------------ what is said
+def test_one_warning_for_all():
+    starts = np.tile(BOUNDED, (2, 3, 1))
+    assert told(iterate, HENON, starts, 1 / 16, 400)[1] == []
+    starts[1, 1:] = ESCAPES
+    run, messages = told(iterate, HENON, starts, 1 / 16, 400)
+    assert run.ok
+    assert run.failed_at.tolist() == [[-1, -1, -1], [-1, 52, 52]]
+    assert not np.isnan(run.x).any()
+    message = (
+        "2 of 6 trajectories passed a pole (first: trajectory (1, 1) at step 52): "
+        "the motion escapes to infinity before t = 3.3, or eps is too long"
+    )
+    assert messages == [message]
+    assert repr(run).endswith("failed: 0 of 6, passed a pole: 2)")
+    assert told(sf.lyapunov_exponents, HENON, starts, 1 / 16, 400)[1] == [message]
+    found, messages = told(sf.crossings, HENON, starts, 1 / 16, 400, lambda x: x[..., 1])
+    assert messages == [message]
+    assert repr(found).endswith("failed: 0 of 6, passed a pole: 2)")
+    assert found.ok
+    assert (found.failed_at == run.failed_at).all()
+
+
+@pytest.mark.parametrize(
+    ("body", "x"), [(LONG_BODY, [1.0, 2.0, 30.0]), (LINEAR, [1.0])], ids=["body", "linear"]
+)
+def test_motions_that_cannot_escape(body, x):
+    """The energy of a body is constant; a linear motion is there at all times."""
+    message = f"1 of 1 trajectories passed a pole (first: trajectory 0 at step 1): {LONG}"
+    run, messages = told(iterate, body, x, 1.0, 50)
+    assert messages == [message]
+    assert told(run.extend, 5)[1] == []
+    assert told(sf.crossings, body, x, 1.0, 50, lambda x: x[..., 0])[1] == [message]
+    assert told(sf.lyapunov_exponents, body, x, 1.0, 50)[1] == [message]
+
+
+def test_what_says_nothing():
+    assert told(sf.step, HENON, iterate(HENON, ESCAPES, 1 / 16, 51).final, 1 / 16)[1] == []
+    for how in ("iterate", "crossings"):
+        more = (lambda x: x[..., 1],) if how == "crossings" else ()
+        given = HENON, ESCAPES, 1 / 16, 100, *more
+        run, messages = told(getattr(sf, how), *given, on_singular="ignore")
+        assert messages == []
+        assert run.status == Status.PASSED_POLE
+        assert told(run.extend, 9)[1] == []
+        # An error is for failures alone.
+        assert len(told(getattr(sf, how), *given, on_singular="raise")[1]) == 1
+        half = getattr(sf, how)(*given[:3], 40, *more)
+        assert told(half.extend, 60, on_singular="ignore")[1] == []
+        assert len(told(half.extend, 60, on_singular="raise")[1]) == 1
+    # In three dimensions SUPERCRITICAL tells.
+    for body in (sf.Suslov3D(1, 1, 1, 0), sf.SuslovGyrostat(1, 1, 1, 0, 0.5)):
+        run = iterate(body, [1.0, -9.0], 1.0, 20)
+        assert (run.status, run.failed_at) == (Status.SUPERCRITICAL, -1)
+        field = QuadraticField.of(body)
+        assert told(iterate, field, [1.0, -9.0], 1.0, 20)[0].status == Status.PASSED_POLE
+        sf.lyapunov_exponents(body, [1.0, -9.0], 1.0, 20)
+
+
+def test_a_failure_has_a_status_of_its_own():
+    """The warning of poles comes before the error."""
+    field = QuadraticField.from_function(lambda x: (x[0] ** 2, x[1] ** 2), 2)
+    pole = iterate(SQUARE, [4.0], -0.25, 11).final[0]  # its next states end after 12 steps
+    starts = [[0.7, 0.0], [0.7, pole], [0.05, pole], [0.05, 0.0]]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        with pytest.raises(sf.SingularStepError, match=r"^2 of 4 .* first: 1 at step 12") as error:
+            iterate(field, starts, 0.25, 20, on_singular="raise")
+    (warning,) = caught
+    assert str(warning.message).startswith(
+        "1 of 4 trajectories passed a pole (first: trajectory 0 at "
+    )
+    run = error.value.trajectories
+    assert run.status.tolist() == [Status.PASSED_POLE, Status.SINGULAR, Status.SINGULAR, Status.OK]
+    assert run.failed_at.tolist() == [6, 12, 12, -1]
+
+
+@quiet
+def test_exponents_are_those_of_the_map():
+    """Also beyond the pole: from the derivatives along the states. (Roundings grow there.)"""
+    x = iterate(HENON, ESCAPES, 1 / 16, 100).x
+    found = sf.lyapunov_exponents(HENON, ESCAPES, 1 / 16, 80, transient=20)
+    Q, sums = np.eye(4), np.zeros(4)
+    for n, slope in enumerate(sf.jacobian(HENON, x[:-1], 1 / 16)):
+        Q, R = np.linalg.qr(slope @ Q)
+        sums += np.log(abs(np.diag(R))) * (n >= 20)
+    np.testing.assert_allclose(found, np.sort(sums / 80)[::-1], atol=1e-4)
+    assert np.isfinite(found).all()
+
+
+# ------------------------------------------------------------------------------------ what is alike
+@quiet
+def test_statuses_do_not_depend_on_cuts_batches_and_threads(rng):
+    """Those of members of a family that lack other terms, too."""
+    field, eps = random_fields(rng, 3, 37)
+    x = rng.normal(size=(37, 3))
+    for body in (field, SuslovND(rng.uniform(0.5, 4, (37, 3)), rng.normal(size=(37, 3)))):
+        given = body, x, eps
+        whole = iterate(*given, 40, on_singular="ignore")
+        assert {*whole.status} >= {Status.PASSED_POLE, Status.OK}
+        for threads in (1, TWO_THREADS):
+            assert iterate(*given, 40, threads=threads, on_singular="ignore") == whole
+        few = iterate(*given, 40, save_every=None, on_singular="ignore")
+        reported = iterate(*given, 40, on_singular="ignore", progress=lambda done, steps: None)
+        assert reported == whole
+        cut = iterate(*given, 0, on_singular="ignore")
+        for steps in (1, 2, 30, 7):
+            cut = cut.extend(steps, on_singular="ignore")
+        assert cut == whole
+        order = rng.permutation(37)
+        other = iterate(body[order], x[order], eps[order], 40, on_singular="ignore")
+        for name in ("status", "failed_at"):
+            assert (getattr(few, name) == getattr(whole, name)).all()
+            assert (getattr(other, name) == getattr(whole, name)[order]).all()
+            alone = [
+                getattr(iterate(body[k], x[k], eps[k], 40, on_singular="ignore"), name)
+                for k in range(37)
+            ]
+            assert (np.array(alone) == getattr(whole, name)).all()
+
+
+@quiet
+@pytest.mark.parametrize("most", [1, 2, None])
+def test_crossings_tell_of_poles_before_they_end(most, tmp_path):
+    """Also where a failure or another pole follows in the same piece; all cuts agree."""
+    field = QuadraticField.from_function(lambda x: (x[0] ** 2, x[1] ** 2, x[3], -x[2]), 4)
+    pole = iterate(SQUARE, [4.0], -0.25, 39).final[0]  # its next states end after 40 steps
+    # The third component crosses 0 downwards between states 6 and 7, 31 and 32, 56 and 57.
+    starts = np.zeros((7, 4))
+    starts[:, 2] = 1.0
+    starts[:, 0] = 0.0, 0.7, 0.7, 1 / 1.6, 1 / 1.8, 1 / 2.1, 0.17  # beyond poles at `poles`
+    poles = [-1, 6, 6, 7, 8, 9, 24]
+    starts[2:, 1] = pole
+    given = field, starts, 0.25
+
+    def surface(x):
+        return x[..., 2]
+
+    options = {"direction": -1, "most": most, "on_singular": "ignore"}
+    whole = sf.crossings(*given, 70, surface, **options)
+    P, F, OK = Status.PASSED_POLE, Status.SINGULAR, Status.OK
+    expected = {
+        1: ([OK, P, P, P, OK, OK, OK], [-1, 6, 6, 7, -1, -1, -1]),
+        2: ([OK, P, P, P, P, P, P], poles),
+        None: ([OK, P, F, F, F, F, F], [-1, 6, 40, 40, 40, 40, 40]),
+    }[most]
+    assert (whole.status.tolist(), whole.failed_at.tolist()) == expected
+    if most:  # as a run that ends there
+        for i in range(7):
+            run = iterate(field, starts[i], 0.25, int(whole.of(i).n[-1]) + 1)
+            assert (run.status, run.failed_at) == (whole.status[i], whole.failed_at[i])
+            assert (run.final == whole.final[i]).all()
+    for cut in (0, 6, 7, 8, 31, 32, 40, 69):
+        points = sf.crossings(*given, cut, surface, **options)
+        points.save(tmp_path / "points.npz", overwrite=True)
+        assert sf.Crossings.load(tmp_path / "points.npz") == points
+        again = sf.Crossings.load(tmp_path / "points.npz").extend(
+            70 - cut, surface, on_singular="ignore"
+        )
+        assert points.extend(70 - cut, on_singular="ignore") == whole == again
+        transient = sf.crossings(
+            *given, 70 - min(cut, 6), surface, transient=min(cut, 6), **options
+        )
+        assert (transient.status == whole.status).all()
+        assert (transient.failed_at == whole.failed_at).all()
+
+
+@pytest.mark.slow
+@quiet
+def test_compiled_steps_return_a_status():
+    """In a body of three dimensions too, whose runs have another one."""
+    for field, x, method in (
+        (SQUARE, [1.0], "auto"),
+        (HENON, ESCAPES, "auto"),
+        (HENON, ESCAPES, "order4"),
+        (LONG_BODY, [1.0, 2.0, 30.0], "auto"),
+    ):
+        eps = 1.0 if field is LONG_BODY else 0.03
+        system = compiled.system(field, eps, method=method)
+        memory, x = compiled.work(system), np.array(x)
+        run = iterate(field, x, eps, 120, method=method)
+        codes = [compiled.step_system(system, x, x, memory) for _ in range(120)]
+        assert {*codes} == {Status.OK, Status.PASSED_POLE}
+        assert codes.index(Status.PASSED_POLE) + 1 == run.failed_at
+
+
+# ------------------------------------------------------------------------------------- what is kept
+@quiet
+def test_files_and_datasets(tmp_path):
+    path, starts = tmp_path / "run.npz", [BOUNDED, ESCAPES]
+    run = iterate(HENON, starts, 1 / 16, 100)
+    run.save(path)
+    loaded = sf.Trajectories.load(path)
+    assert loaded == run
+    assert loaded.extend(9) == iterate(HENON, starts, 1 / 16, 109)
+    data = run.to_xarray()
+    assert data.status.attrs["flag_values"][2] == 2
+    assert data.status.attrs["flag_meanings"].split()[2] == "PASSED_POLE"
+    assert data.failed_at.attrs["long_name"] == "first state missing or beyond a pole, or -1"
+    found = {**np.load(path)}
+    for name, index, value in (
+        ("failed_at", 1, -1),
+        ("failed_at", 1, 0),
+        ("failed_at", 1, 101),
+        ("failed_at", 0, 5),
+        ("status", 0, 2),
+        ("status", 1, 0),
+        ("status", 1, 1),
+        ("status", 1, 3),
+        ("status", 1, -1),
+    ):
+        other = {key: each.copy() for key, each in found.items()}
+        other[name][index] = value
+        np.savez(path, **other)
+        with pytest.raises(ValueError, match=r"run\.npz .*(status|failed_at|final) must"):
+            sf.Trajectories.load(path)
+
+
+def test_an_ensemble_tells_of_its_store(tmp_path):
+    """Once, whichever call computes the last tile; a call that only opens it says nothing."""
+    starts = np.tile(BOUNDED, (3, 8, 1))
+    starts[1, 5:] = starts[2, 0] = ESCAPES
+    given = HENON, starts, 1 / 16, 100
+    message = (
+        "4 of 24 trajectories passed a pole (first: trajectory (1, 5) at step 52): "
+        "the motion escapes to infinity before t = 3.3, or eps is too long"
+    )
+    store = tmp_path / "run.zarr"
+    data, messages = told(sf.ensemble, *given, store=store, chunk={"batch_0": 2, "batch_1": 3})
+    assert messages == [message]
+    assert (data.failed_at.to_numpy() == told(iterate, *given)[0].failed_at).all()
+    assert told(sf.ensemble, *given, store=store, chunk={"batch_0": 2, "batch_1": 3})[1] == []
+    assert told(sf.open_ensemble, store)[1] == []
+    half, stop = tmp_path / "half.zarr", lambda done, total: False
+    _, messages = told(sf.ensemble, *given, store=half, chunk=6, progress=stop)
+    assert messages == []
+    assert told(sf.ensemble, *given, store=half, chunk=6)[1] == [message]
+    three = sf.Suslov3D(1, 1, 1, 0)
+    assert told(sf.ensemble, three, [1.0, -9.0], 1.0, 20, store=tmp_path / "3.zarr")[1] == []
+
+
+@quiet
+def test_the_command(tmp_path, capsys):
+    """Such trajectories have not failed: the summary counts them, and nothing is on stderr."""
+    path = tmp_path / "henon.json"
+    path.write_text(json.dumps(HENON.to_dict()))
+    words = ["run", "--body", str(path), "--eps", "0.0625", "--steps", "100", "--omega0=0,.9,0,.7"]
+    for more in ([], ["-o", str(tmp_path / "run.npz")], ["-o", str(tmp_path / "run.zarr")]):
+        assert main([*words, *more]) == 0
+        out, err = capsys.readouterr()
+        assert f"1 PASSED_POLE: {Status.PASSED_POLE.message}" in out
+        assert err == ""
+        assert main([*words, *more, "--json", *(["--force"] if more else [])]) == 0
+        assert json.loads(capsys.readouterr().out)["status"] == {"PASSED_POLE": 1}
+    assert main(["info", str(tmp_path / "run.npz"), str(tmp_path / "run.zarr")]) == 0
+    assert capsys.readouterr().out.count("1 PASSED_POLE") == 2
+
+
+# -------------------------------------------------------------------------- judged by an integrator
+def energies_above_the_saddle(count, seed):
+    """Return states of Henon and Heiles's system with 0.18 < E < 0.35; their orbits may escape."""
+    rng, found = np.random.default_rng(seed), []
+    while len(found) < count:
+        x = rng.uniform(-1, 1, 4) * [0.5, 0.5, 0.8, 0.8]
+        if 0.18 < HENON.H(x) < 0.35:
+            found.append(x)
+    return np.array(found)
+
+
+def time_of_escape(x, end):
+    """Return the time at which the motion goes beyond 1e6, by an integrator of order 8, or inf."""
+    from scipy.integrate import solve_ivp
+
+    def is_beyond(t, x):
+        return abs(x[0]) + abs(x[1]) - 1e6
+
+    def f(t, x):
+        return x[2], x[3], -x[0] - 2 * x[0] * x[1], -x[1] - x[0] ** 2 + x[1] ** 2
+
+    is_beyond.terminal = True
+    found = solve_ivp(f, (0, end), x, "DOP853", events=is_beyond, rtol=1e-10, atol=1e-12)
+    return found.t[-1] if found.status == 1 else np.inf
+
+
+@quiet
+@pytest.mark.parametrize(("count", "end"), [(6, 10), pytest.param(60, 100, marks=pytest.mark.slow)])
+def test_motions_that_escape_are_those_that_are_told(count, end):
+    """Early ones at their times. (Motions are chaotic: later times depend on the method.)"""
+    starts = energies_above_the_saddle(count, seed=1)
+    times = np.array([time_of_escape(x, end) for x in starts])
+    for eps in (1 / 16, 1 / 64):
+        run = iterate(HENON, starts, eps, int(end / eps))
+        passed = run.status == Status.PASSED_POLE
+        assert (passed == (abs(run.x[..., :2]).max(axis=(0, 2)) > 100)).all()
+        early = times < 10 - 5 * eps
+        assert passed[early].all()
+        assert abs(run.failed_at - times / eps)[early].max() < 3
+        assert early.sum() >= count // 2
+        escaped = np.isfinite(times).sum()
+        assert abs(passed.sum() - escaped) <= (2 if count > 6 else 0)
+
+
+# ---------------------------------------------------------------- components that keep their signs
+# Two populations. By DOP853 those that start from (0.05, 0.05) stay between 5e-4 and 48.
+PREY = QuadraticField.from_function(
+    lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
+)
+DECAY = QuadraticField.from_function(lambda x: (-2000 * x[0],), 1)
+
+
+def first_change(run):
+    """Return the number of the first state after a step from det A < 0 or a change of sign."""
+    with np.errstate(all="ignore"):
+        negative = np.linalg.det(np.nan_to_num(matrix(run.body, run.x[:-1], run.eps))) < 0
+    return beyond(negative, changed(run.body, run.x))
+
+
+def test_a_population_that_turns_negative_is_told():
+    run, (message,) = told(iterate, PREY, [0.05, 0.05], 0.05, 570)
+    assert (run.status, run.failed_at, run.first_pole) == (Status.PASSED_POLE, 163, 163)
+    assert run.x[163, 1] < 0 < run.x[:163].min()
+    assert np.linalg.det(matrix(PREY, run.x, 0.05)).min() > 0  # which det A does not tell
+    assert message == (
+        "1 of 1 trajectories passed a pole (first: trajectory 0 at step 163): "
+        "the motion escapes to infinity before t = 8.2, or eps is too long" + SIGN
+    )
+    assert run.valid.sum() == 163
+    assert run.ok
+
+
+def test_a_failure_does_not_hide_the_pole_before_it():
+    with pytest.warns(sf.SingularStepWarning) as caught:
+        run = iterate(PREY, np.tile([0.05, 0.05], (3, 1)), 0.1, 1000)
+    assert [str(each.message) for each in caught] == [
+        "3 of 3 trajectories: singular step, first: 0 at step 100; "
+        "3 of them had passed a pole before: eps is too long, or the motion escapes"
+    ]
+    assert (run.status == Status.SINGULAR).all()
+    assert run.failed_at.tolist() == [100] * 3
+    assert run.first_pole.tolist() == [17] * 3
+    assert run.valid.sum(axis=0).tolist() == [17] * 3
+    assert abs(run.x[run.valid]).max() < 60
+    assert repr(run).endswith("failed: 3 of 3, passed a pole: 3)")
+    assert (
+        iterate(PREY, [0.05, 0.05], 0.1, 1000, save_every=10, on_singular="ignore").valid.sum() == 2
+    )
+    body = SuslovND([2, 2], [0, 0])
+    alive = iterate(body, [np.nan, 0.0], 0.1, 3, on_singular="ignore")
+    assert alive.first_pole == -1
+    assert not alive.valid.any()
+
+
+@quiet
+def test_signs_agree_for_all_ways_to_compute(rng, tmp_path):
+    """Widths, cuts, threads, saved states, ensembles and crossings find the same pole."""
+    starts = rng.uniform(0.05, 3, (40, 2))
+    given = PREY, starts, 0.1
+    run = iterate(*given, 300, on_singular="ignore")
+    assert (run.first_pole == first_change(run)).all()
+    assert 3 < (run.first_pole >= 0).sum() < 37
+    assert (run.status[run.first_pole >= 0] != Status.OK).all()
+    for k in np.flatnonzero(run.first_pole >= 0)[:3]:
+        one = iterate(PREY, starts[k], 0.1, 300, on_singular="ignore")
+        assert (one.first_pole, one.status) == (run.first_pole[k], run.status[k])
+        assert np.array_equal(one.x, run.x[:, k], equal_nan=True)
+    cut = iterate(*given, 1, on_singular="ignore")
+    for steps in (40, 9, 250):
+        cut = cut.extend(steps, on_singular="ignore")
+    assert cut == run
+    data = sf.ensemble(*given, 300, store=tmp_path / "run.zarr", chunk=7)
+    assert (data.first_pole == run.first_pole).all()
+    points = sf.crossings(*given, 300, lambda x: x[..., 0] - 4, on_singular="ignore")
+    assert (points.first_pole == run.first_pole).all()
+    limits = run.first_pole[points.trajectory]
+    assert (points.valid == ((limits < 0) | (points.n + 1 < limits))).all()
+    assert 0 < points.valid.sum() < len(points)
+
+
+@pytest.mark.sampled(1)
+@quiet
+@pytest.mark.parametrize("method", ["order4"])
+@pytest.mark.parametrize("has_code", [True, False])
+def test_signs_are_compared_over_whole_steps(rng, monkeypatch, method, has_code):
+    """Before and after all stages; a component that changes its sign twice in a step keeps it."""
+    if not has_code:
+        monkeypatch.setattr("suslov_fast.core.fields.steps.code_of", lambda *a, **k: None)
+    fields = QuadraticField.from_function(lambda x, s: (-60 * x[0], s - 60 * x[1]), 2, s=[0.0, 1.0])
+    x = rng.uniform(0.5, 1, (13, 2, 2))
+    for eps in (0.12, 0.2):
+        run = iterate(fields, x, eps, 9, method=method)
+        step = sf.multipliers(QuadraticField([[[0]]], [[-60]]), [0.0], eps, method=method)[0].real
+        found = run.first_pole[:, 0]
+        if step < 0:
+            assert (found == 1).all()
+        assert (run.first_pole[0] == iterate(fields, x[0], eps, 9, method=method).first_pole).all()
+        cut = iterate(fields, x, eps, 1, method=method).extend(8)
+        assert cut == run
+    prey = iterate(
+        PREY, rng.uniform(0.05, 4, (40, 2)), 0.25, 60, method=method, on_singular="ignore"
+    )
+    first = beyond(changed(PREY, prey.x))
+    by_sign = prey._carry[0] < 0
+    assert (prey.first_pole[by_sign] == first[by_sign]).all()
+    assert ((first == -1) | (prey.first_pole >= 0) & (prey.first_pole <= first)).all()
+    assert (first >= 0).any()
+
+
+@quiet
+def test_components_of_one_sign_are_those_of_the_member(rng):
+    """Of a family some members have a source, and their components may change their signs."""
+    source = np.array([0.0, 0.3] * 10)
+    fields = QuadraticField.from_function(lambda x, s: (s - 9 * x[0], x[0] - x[1]), 2, s=source)
+    run = iterate(fields, [1.0, 0.5], 0.5, 20)
+    assert ((run.first_pole == 1) == (source == 0)).all()
+    assert (run.x[:, 1::2, 0].min(axis=0) < 0).all()
+
+
+@quiet
+def test_zeros_and_negative_components_keep_their_signs(rng):
+    """0 stays 0, an underflow is no change of sign, and what is negative may not rise above 0."""
+    for x, first in (([0.0, 1.0], -1), ([-1.0, 1.0], 1), ([1.0, 0.0], 1), ([0.0, 0.0], -1)):
+        field = QuadraticField.from_function(lambda x: (-50 * x[0], -0.5 * x[1]), 2)
+        assert iterate(field, x, 0.1, 5).first_pole == first, x
+    fading = QuadraticField([[[0]]], [[-1.9999]])
+    assert iterate(fading, [[-1.0], [1.0]], 1.0, 400).first_pole.tolist() == [-1, -1]
+    assert abs(iterate(fading, [[-1.0], [1.0]], 1.0, 400).final).max() < 1e-300
+    tiny = QuadraticField([[[0]]], [[-3]])
+    assert iterate(tiny, [[-1e-300], [1e-300]], 1.0, 1).first_pole.tolist() == [1, 1]
+
+
+def test_modes_that_decay_fast_look_like_poles_to_steps_backwards():
+    """States by order 8 are right, because each stage multiplies by a factor near -1."""
+    run, (message,) = told(iterate, DECAY, [1.0], 0.01, 5, method="order8")
+    assert "decays" in message
+    assert "may be right" in message
+    assert "escapes" not in message
+    assert run.first_pole == 1
+    (message,) = told(iterate, DECAY, [1.0], 0.01, 5)[1]
+    assert message.endswith("eps is too long" + SIGN)
+
+
+@pytest.mark.slow
+@quiet
+def test_steps_of_users_loops_tell_changes_of_sign():
+    for method in ("auto", "order4"):
+        system = compiled.system(PREY, 0.1, method=method)
+        run = iterate(PREY, [0.05, 0.05], 0.1, 30, method=method)
+        out, work = np.empty(2), compiled.work(system)
+        for n in range(run.failed_at):
+            code = compiled.step_system(system, run.x[n], out, work)
+            assert (code == Status.PASSED_POLE) == (n + 1 == run.first_pole), (method, n)
+    system, x = compiled.system(DECAY, 0.01), np.ones(1)
+    for _ in range(3):  # in place
+        assert compiled.step_system(system, x, x, compiled.work(system)) == Status.PASSED_POLE
+
+
+@quiet
+def test_summaries_count_poles_before_failures(tmp_path):
+    from suslov_fast.command.summary import facts_in
+
+    given = PREY, [[0.05, 0.05], [4.5, 5.0]], 0.1
+    iterate(*given, 200, on_singular="ignore").save(tmp_path / "a.npz")
+    points = sf.crossings(*given, 200, lambda x: x[..., 0] - 4, on_singular="ignore")
+    points.save(tmp_path / "b.npz")
+    assert sf.Crossings.load(tmp_path / "b.npz") == points
+    sf.ensemble(*given, 200, store=tmp_path / "c.zarr")
+    for name in ("a.npz", "b.npz", "c.zarr"):
+        facts = facts_in(tmp_path / name)
+        assert facts["status"] == {"OK": 1, "SINGULAR": 1}
+        assert facts["failed_after_a_pole"] == 1
+
+
+def test_stiff_decay_with_sources_is_not_told():
+    """Robertson's reaction; at t = 40 the first component is 0.7158270688 (Hairer and Wanner)."""
+    reaction = QuadraticField.from_function(
+        lambda y: (
+            -0.04 * y[0] + 1e4 * y[1] * y[2],
+            0.04 * y[0] - 1e4 * y[1] * y[2] - 3e7 * y[1] ** 2,
+            3e7 * y[1] ** 2,
+        ),
+        3,
+    )
+    run, messages = told(iterate, reaction, [1.0, 0.0, 0.0], 1.0, 40)
+    assert (run.status, messages) == (Status.OK, [])
+    assert abs(run.final[0] - 0.992) < 1e-3  # as the page says

@@ -1,0 +1,370 @@
+"""Steps and closed form of bodies and gyrostats: one table, then what holds to the bit."""
+
+from itertools import product
+from typing import NamedTuple
+
+import naive
+import numpy as np
+import pytest
+from children import TWO_THREADS
+from numba import config
+from test_promises import same
+
+import suslov_fast as sf
+from suslov_fast.core.compiling import numba as core_numba
+from suslov_fast.core.compiling.codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
+from suslov_fast.core.suslov import blocks as rows, map as map_3d, steps as steps_3d
+
+
+class Problem(NamedTuple):
+    """The tolerance is relative to the largest state of the orbit."""
+
+    parameters: tuple  # I1, I2, I13, I23, and k of a gyrostat
+    omega: tuple
+    eps: float
+    steps: int
+    tolerance: float = 1e-14
+
+    def body(self):
+        kind = sf.Suslov3D if len(self.parameters) == 4 else sf.SuslovGyrostat
+        return kind(*self.parameters)
+
+    def orbit(self, omega, steps):
+        """The next states, in 60 digits."""
+        *inertia, k = (*self.parameters, 0)[:5]
+        return np.array(naive.orbit(*inertia, self.eps, omega, steps, k), float)
+
+
+PICTURE, ROTOR = (4, 1, -0.5, -0.3), (2.3, 1.4, 0.5, -0.7)
+UNIT = 1.0, 1.0, 1.0, 0.0  # X = eps Omega1 / 2 and Y = -eps Omega2 / 2
+PROBLEMS = {
+    "picture 1": Problem(PICTURE, (1.0, 0.5), 0.2, 60),
+    "picture 1, backwards": Problem(PICTURE, (1.0, 0.5), -0.2, 60),
+    "picture 2": Problem((4, 3, -0.4, -0.2), (1.5, 0.25), 0.2, 60),
+    "picture 3": Problem((4, 2, 0, -0.2), (1.5, 0.25), 0.02, 60),
+    "picture 4, T > 1": Problem((3, 3, -0.2, -0.2), (-40.0, -250.0), 1.0, 12, 1e-13),
+    "long step, x < 0": Problem(PICTURE, (-1.0, -0.5), 4.0, 30),
+    "small step": Problem(PICTURE, (1.0, 0.5), 1e-9, 40),
+    "next to the line": Problem((2.0, 1.0, 0.0, 0.5), (1.5, 1e-9), 1.0, 60),
+    "next to the line on its other side": Problem((2.0, 1.0, 0.0, 0.5), (-1.5, 1e-9), 1.0, 40),
+    "at rest": Problem(UNIT, (0.0, 1.5), 0.5, 20, 0.0),
+    "next to the critical line": Problem(UNIT, (1e-3, -0.999999), 2.0, 60),
+    "T = 1": Problem(UNIT, (0.25, -1.0), 2.0, 2),
+    "T = 1, collapse": Problem(UNIT, (0.25, 1.0), 2.0, 3),
+    "large X": Problem(UNIT, (1e3, 0.5), 2.0, 8, 1e-13),
+    "large X and Y": Problem(UNIT, (300.0, -2000.0), 1.0, 8, 1e-13),
+    "next to a pole": Problem(UNIT, (1.0, -3.001), 1.0, 6, 1e-12),
+    "moments far apart": Problem((1e-8, 1e8, 0.3, 0.2), (1.0, 1.0), 1e-4, 30, 1e-13),
+    "no products of inertia": Problem((3, 2, 0, 0), (1.0, -2.0), 0.3, 10, 0.0),
+    "no step": Problem(PICTURE, (1.0, 0.5), 0.0, 10, 0.0),
+    "rotor, passes": Problem((*ROTOR, 0.05), (1.1, -0.4), 0.35, 60),
+    "rotor, k next to A": Problem((*ROTOR, 0.9), (1.1, -0.4), 0.35, 60),
+    "rotor, turns": Problem((*ROTOR, -3.0), (1.1, -0.4), -0.35, 60, 3e-14),
+    "rotor, tiny": Problem((*ROTOR, 1e-9), (1.1, -0.4), 0.35, 60),
+    "rotor, T > 1": Problem((*ROTOR, 0.3), (11.0, -4.0), 3.0, 12, 1e-12),
+    "rotor, turns fast": Problem((*ROTOR, 300.0), (1.1, -0.4), 2.0, 60, 1e-13),
+    "rotor alone, turns": Problem((2.0, 3.0, 0.0, 0.0, 1.5), (1.0, 1.0), 0.3, 60, 3e-14),
+    "rotor, at rest": Problem((1, 1, 1, 0, 0.5), (-0.5, 0.75), 0.5, 20, 0.0),
+}
+
+
+def assert_close(states, orbit, tolerance):
+    size = np.linalg.norm(orbit, axis=-1).max()
+    assert np.linalg.norm(states - orbit, axis=-1).max() <= tolerance * size
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_steps_closed_form_and_limits(name):
+    problem = PROBLEMS[name]
+    body, (_, omega, eps, steps, tolerance) = problem.body(), problem
+    orbit = problem.orbit(omega, steps)
+    found = sf.iterate(body, omega, eps, steps)
+    assert_close(found.states, orbit, tolerance)
+    for state in orbit[:3]:
+        assert_close([state, sf.step(body, state, eps)], problem.orbit(state, 1), tolerance)
+    final = sf.iterate(body, [omega] * 20, eps, steps, save_every=None).final
+    assert (final == found.final).all()
+    states = sf.exact(body, omega, eps, found.n)
+    assert_close(states, orbit, tolerance)
+    assert (states[0] == omega).all()
+    limits = np.array(sf.limits(body, omega, eps))
+    assert np.isnan(limits).any() == ("turns" in name)
+    if "T = 1" in name:
+        return  # state 0 is lost in a collapse
+    assert_close(sf.exact(body, omega, -eps, -found.n), orbit, tolerance)
+    if "turns" not in name:
+        far = sf.exact(body, omega, eps, [-(10**12), 10**12])
+        assert_close(far, limits, 1e-5 if name == "small step" else 1e-14)
+
+
+def test_three_components():
+    """Equations (3), whose third says that Omega3 changes sign."""
+    parameters, omega = (2.3, 1.4, 0.5, -0.7), [0.3, -0.8, 1.7]
+    for eps, I3 in ((0.3, 1.8), (-2.0, 2.3)):
+        exact = naive.step_full(*parameters, eps, I3, omega)
+        following = sf.step_full(sf.Suslov3D(*parameters), omega, eps, I3)
+        assert naive.relative_error(following, exact) < 1e-14
+
+
+# ------------------------------------------------------------------------------- to the bit
+
+
+@pytest.fixture
+def mixture(rng):
+    """A batch of bodies and gyrostats of all kinds: body, states and eps."""
+    B = 300
+    I1, I2 = rng.uniform(1, 4, (2, B))
+    I13, I23 = rng.uniform(-0.9, 0.9, (2, B))
+    k, eps = rng.choice([0, 0, 0.05, 2.0], B), rng.choice([0.05, 0.3, 3.0, -0.3, 0.0], B)
+    omega = rng.uniform(-2, 2, (B, 2))
+    omega[7, 1], omega[8] = np.nan, np.nan
+    I13[20:40], omega[20:40, 1], k[20:40] = 0.0, 0.0, 0.0  # at rest
+    I13[40:44] = I23[40:44] = 0.0
+    omega[50:53] *= [[1e100], [1e160], [1e200]]
+    omega[60:90], k[60:90] = np.stack([I23, -I13], -1)[60:90], 0.0  # many have l = 0 in floats, too
+    return sf.SuslovGyrostat(I1, I2, I13, I23, k), omega, eps
+
+
+def run(body, omega, eps, steps, save_every=1):
+    return sf.iterate(body, omega, eps, steps, save_every=save_every, on_singular="ignore")
+
+
+@pytest.mark.parametrize("size", [1, 3, steps_3d.FEW, steps_3d.FEW + 1, steps_3d.LANES + 1])
+def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
+    """A few trajectories are stepped one by one, others in blocks; all are restored at times."""
+    whole = run(*mixture, 560, 7)
+    for first in range(0, 300 - size, 145 if config.DISABLE_JIT else 29):
+        some = slice(first, first + size)
+        part = run(*(each[some] for each in mixture), 100, 7)
+        for more in (411, 2, 47):
+            part = part.extend(more, on_singular="ignore")
+        results = whole.final, whole.status, whole.failed_at
+        expected = whole.states[:, some], *(each[some] for each in results)
+        same([part.states, part.final, part.status, part.failed_at], expected)
+
+
+@pytest.mark.filterwarnings("ignore")  # of missing states
+def test_a_step_is_the_first_of_a_run(mixture):
+    same([sf.step(*mixture)], [run(*mixture, 1).final])
+
+
+def test_blocks_begin_at_cache_lines(monkeypatch):
+    """All but the first block of 32 trajectories, of which the lines of memory hold four each."""
+    monkeypatch.setattr(rows, "STREAM_FROM", 0)
+    numbers = np.empty(1000)
+    for offset, begin, batch in product(range(8), (0, 5, 32), (100, 101)):
+        out = numbers[offset : offset + 2 * batch]
+        lead, shift, shared = rows.alignment.py_func(out, begin, batch, 32)
+        assert 0 <= lead < 8
+        assert (out.ctypes.data + 8 * lead) % 64 == 0
+        if lead % 2 == 1:
+            assert (shift, shared) == (0, 0)
+        elif batch % 4 > 0:
+            assert (shift, shared) == (0, 8)
+        else:
+            assert (0 <= shift < 4, shared) == (True, 0)
+            assert out[2 * (begin + 32 - shift) :].ctypes.data % 64 == 0
+        assert rows.alignment.py_func(out, begin, batch, 1)[1:] == (0, 0)
+
+
+def test_pairs_are_written_by_whole_cache_lines(rng, monkeypatch):
+    """From every place, and of all numbers of pairs before, in and after the lines."""
+    flat, stream = np.empty(100), rows.stream_pairs
+    lead = -(flat.ctypes.data // 8) % 8  # numbers before the first line
+
+    def whole_line(flat, place, *of_rows):
+        assert (place - lead) % 8 == 0
+        stream(flat, place, *of_rows)
+
+    monkeypatch.setattr(rows, "stream_pairs", whole_line)
+    for place, lanes, count in product(range(10), (8, 32), (0, 1, 7, 8, 9, 30, 32)):
+        if count <= lanes:
+            b, flat[:], expected = rng.normal(size=(4, lanes)), 0.0, np.zeros(100)
+            rows.write_pairs(b, 1, flat, place, count, lead)
+            expected[place : place + 2 * count] = b[1:3, :count].T.ravel()
+            np.testing.assert_array_equal(flat, expected)
+    numbers = rng.normal(size=(3, 40))
+    for place, count in product(range(0, 10, 2), (8, 9, 15, 16)):  # of blocks that share 8 pairs
+        flat[:] = 0.0
+        for first, after, before in ((0, False, True), (8, True, True), (16, True, False)):
+            size, b = 16 if before else count, np.ascontiguousarray(numbers[:, first : first + 16])
+            rows.write_pairs(b, 0, flat, place + 2 * first, size, lead, after, before)
+        end = place + 2 * (16 + count)
+        np.testing.assert_array_equal(flat[place:end], numbers[:2, : 16 + count].T.ravel())
+        assert (flat[:place] == 0.0).all()
+        assert (flat[end:] == 0.0).all()
+
+
+@pytest.mark.compiled
+@pytest.mark.filterwarnings("ignore")  # of missing states
+@pytest.mark.parametrize("size", [297, 298, 299, 300])
+def test_large_outputs(mixture, size):
+    """They leave past the caches, in whole cache lines, which begin within a trajectory."""
+    whole = [each[:size] for each in mixture]
+    n, parts = np.arange(1800), np.array_split(np.arange(size), 3)
+    few = [[each[part] for each in whole] for part in parts]
+    states = np.concatenate([run(*each, 1800).states for each in few], 1)
+    for threads in (1, TWO_THREADS):
+        saved = sf.iterate(*whole, 1800, threads=threads, on_singular="ignore").states
+        same([saved], [states])
+    assert None not in core_numba._found.values()  # or parts would run one after the other
+    same([sf.exact(*whole, n)], [np.concatenate([sf.exact(*each, n) for each in few], 1)])
+    run_of_parts = run(*whole, 5).extend(1795, on_singular="ignore")
+    same([run_of_parts.states, run_of_parts.status], [states, run(*whole, 1800, None).status])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("offset", [0, 1, 2, 3, 7])
+def test_outputs_at_any_address(rng, offset):
+    """Pairs that straddle cache lines, for an odd offset, leave by plain stores."""
+    numbers, body = np.empty(1601 * 333 * 2 + 8), sf.Suslov3D(*PICTURE)
+    out = numbers[offset : offset + 1601 * 333 * 2].reshape(1601, 333, 2)
+    omega = rng.normal(size=(333, 2))
+    few = [run(body, omega[:5], 0.2, 1600).states, run(body, omega[-5:], 0.2, 1600).states]
+    saved = sf.iterate(body, omega, 0.2, 1600, out=out).states
+    same([saved[:, :5], saved[:, -5:]], few)
+
+
+def test_statuses():
+    """For eps = 2, the denominator is 1 + Omega2 + 2 Omega1**2. The first failure counts."""
+    before = np.array(naive.step(1, 1, 1, 0, -2.0, (1.0, -3.0)), float)
+    table = (
+        ([1.0, -3.0], SINGULAR, 1),  # a pole
+        (before, SINGULAR, 2),
+        ([0.0, -1.0], SINGULAR, 1),  # 0 / 0
+        ([0.0, -0.5], OK, -1),  # at rest
+        ([0.5, 0.25], OK, -1),
+        ([0.5, -7.0], SUPERCRITICAL, -1),
+        ([1e200, 3.0], NONFINITE, 1),  # squares overflow
+        ([np.nan, 1.0], NONFINITE, 0),
+    )
+    omega, status, failed_at = map(np.array, zip(*table, strict=True))
+    for first in (0, 1, 2, 5, 9):
+        found = run(sf.Suslov3D(*UNIT), omega, 2.0, first).extend(9 - first, on_singular="ignore")
+        same([found.status, found.failed_at], [status, failed_at])
+        assert np.isnan(found.states[2:, status < 0]).all()
+        assert np.isfinite(found.states[:, status >= 0]).all()
+
+
+@pytest.mark.compiled
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("k", [0.0, 1e-3, 0.3, 2.0, 30.0])
+def test_F_over_a_million_steps(rng, k):
+    I1, I2 = rng.uniform(1, 4, (2, 40))
+    I13, I23 = rng.uniform(-0.9, 0.9, (2, 40))
+    eps, omega = rng.choice([0.05, 0.3, -0.3, 3.0], 40), rng.uniform(-2, 2, (40, 2))
+    body = sf.SuslovGyrostat(I1, I2, I13, I23, k)
+    final = run(body, omega, eps, 10**6, None).final
+    before, after = sf.first_integral(body, [omega, final], eps)
+    assert abs(after / before - 1).max() < 1e-12
+
+
+def test_X_that_grows_is_never_flushed():
+    """From a distance of 1e-160 to the line an orbit leaves it; towards it, X becomes 0."""
+    body, omega = sf.Suslov3D(*UNIT), np.array([[1e-160, -0.9], [1e-160, 0.9]])
+    saved = run(body, omega, 1.0, 500).states
+    assert abs(saved[:, 0, 0]).max() > 0.1
+    assert saved[-1, 1, 0] == 0.0
+    with pytest.warns(RuntimeWarning, match="range"):
+        states = sf.exact(body, omega, 1.0, np.arange(501))
+    assert np.isnan(states[2:, 0]).all()
+    np.testing.assert_allclose(saved[:, 1], states[:, 1], atol=1e-13)
+    omega = omega + np.array([1e-120, 0])
+    states = sf.exact(body, omega, 1.0, np.arange(501))
+    np.testing.assert_allclose(run(body, omega, 1.0, 500).states, states, atol=1e-11)
+
+
+def test_a_decayed_X_is_0_from_the_same_step_on_wherever_a_run_ends():
+    """Runs of last states test at some steps only whether X has decayed."""
+    fast = np.linspace(0.9, 0.99, 128)  # with X = Omega1 and Y = -Omega2, whose rates differ
+    body, omega = sf.Suslov3D(*UNIT), np.stack([fast / 9, fast], axis=-1)
+    saved = run(body, omega, 2.0, 140).states
+    zero = saved[..., 0] == 0.0
+    assert {*zero.argmax(axis=0) % steps_3d.DECAYING} == {*range(steps_3d.DECAYING)}
+    for n in range(60, 140, 7):
+        same([run(body, omega, 2.0, n, None).final], [saved[n]])
+    X, Y = saved[0, 0] * [1, -1]
+    for n in range(1, 141):
+        X, Y = map_3d.plain_step.py_func(X, Y)
+        assert tuple(saved[n, 0] * [1, -1]) == (X, Y)
+
+
+@pytest.mark.parametrize(
+    "omega", [[1e3, 1e10], [1e10, 1e25], [1e16, -1e35], [1e61, 0.1], [1e90, -1e91]]
+)
+def test_huge_states_without_a_rotor_are_right(omega):
+    with naive.mp.workdps(400):
+        exact = naive.orbit(*UNIT, 1, omega, 9)[-1]
+    end = run(sf.Suslov3D(*UNIT), omega, 1.0, 9, None)
+    assert end.status >= 0
+    assert naive.relative_error(end.final, exact) < 1e-13
+
+
+def test_states_at_rest_keep_their_bits(rng):
+    """For I13 = 0 the line of steady states is Omega2 = 0, on both sides of the pole |Y| = 1."""
+    I1, I2, I23 = rng.uniform(0.3, 3, (3, 64))
+    omega = np.stack([rng.normal(size=64) * 4, np.zeros(64)], axis=1)
+    body = sf.Suslov3D(I1, I2, 0.0, I23)
+    same([run(body, omega, 0.4, 9).final, sf.step(body, omega, 0.4)], [omega, omega])
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-3, 1.0, 1e170])
+@pytest.mark.parametrize("k", [0.0, 0.7])
+def test_states_are_brought_back_to_their_level(rng, k, size):
+    """R**2 = (u**2 + v**2) / (1 + X**2), and X follows from u and v where no digits are lost."""
+    for _ in range(9):
+        I1, I2, I13, I23 = rng.uniform(0.5, 2, 4)
+        frame, _ = map_3d.frame_of.py_func(I1, I2, I13, I23, k * size, 0.3 / size)
+        u, v = size * rng.uniform(0.5, 2, 2)
+        X = frame.a1 * u + frame.a2 * v + frame.K
+        R, drift = np.hypot(u, v) / np.sqrt(1 + X * X), 1 + rng.uniform(-1e-9, 1e-9)
+        back, u, v = map_3d.project_on_level.py_func(frame, R, 1.01 * X, u * drift, v)
+        assert np.hypot(u, v) / np.sqrt(1 + back * back) == pytest.approx(R, rel=1e-15)
+        assert back == pytest.approx(frame.a1 * u + frame.a2 * v + frame.K, rel=2e-9)
+
+
+@pytest.mark.parametrize("size", [1e-100, 1e-155, 1e-200, 1e-290])
+def test_small_states(size):
+    """What counts as 0 is relative to the state: a body hardly moves, a rotor turns it as it is."""
+    start = np.array([1.0, 0.5])
+    body, omega = sf.Suslov3D(*PICTURE), size * start
+    saved = run(body, omega, 0.2, 1200)
+    same([saved.states, sf.step(body, omega, 0.2)], [np.tile(omega, (1201, 1)), omega])
+    np.testing.assert_allclose(sf.exact(body, omega, 0.2, [-5, 3]), [omega] * 2, rtol=1e-15)
+    for k in (0.3, -3.0):
+        body = sf.SuslovGyrostat(*ROTOR, k)
+        for states in (run(body, omega, 0.2, 1200).states, sf.exact(body, omega, 0.2, saved.n)):
+            larger = run(body, 1e-30 * start, 0.2, 1200).states
+            np.testing.assert_allclose(states / size, larger / 1e-30, rtol=1e-10, atol=1e-12)
+
+
+# ---------------------------------------------------------------------- of the closed form
+
+
+def test_signs_and_order_of_n_change_no_bit(rng):
+    body, omega = sf.Suslov3D(4, 1, -0.5, -0.3), rng.normal(size=(3, 2))
+    n = rng.integers(-40, 40, 200)
+    states = sf.exact(body, omega, 0.2, n)
+    for j in (0, 17, 199):
+        for i in range(3):
+            same([sf.exact(body, omega[i], 0.2, n[j])], [states[j, i]])
+    many = sf.exact(body, np.tile(omega, (60, 1)), 0.2, n)
+    same([many], [np.tile(states, (1, 60, 1))])
+
+
+def test_a_parabolic_orbit():
+    """|k| = A exactly: both limits are the one steady state, which is met as 1 / n."""
+    body = sf.SuslovGyrostat(1, 1, 1, 0, 1.0)
+    omega = [0.0, 1.0]  # R = 1 / sqrt(1 + e**2) < k; for the flow A = 1
+    np.testing.assert_allclose(sf.flow(body, omega, time=1e9).omega, [[-1, 0]], atol=1e-8)
+
+
+def test_a_rotor_beyond_the_range_has_no_next_state():
+    """Where X, Y or K is above 1e8, differences of them have lost their digits."""
+    body = sf.SuslovGyrostat(2.0, 1.0, 0.5, -0.3, [1e11, 1e3, -1e11])
+    found = run(body, [1.0, 0.5], 0.1, 3)
+    assert found.status.tolist() == [NONFINITE, OK, NONFINITE]
+    assert found.failed_at.tolist() == [1, -1, 1]
+    assert np.isnan(found.omega[1:, [0, 2]]).all()
+    assert np.isfinite(found.omega[:, 1]).all()
+    assert np.isfinite(found.omega[0]).all()

@@ -1,0 +1,287 @@
+"""README and pages run and print what their comments say; their pictures and links are there."""
+
+import contextlib
+import gc
+import io
+import json
+import linecache
+import math
+import re
+import runpy
+import shlex
+import subprocess
+import sys
+from operator import attrgetter
+from pathlib import Path
+from types import SimpleNamespace
+from unittest import mock
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from PIL import Image
+
+import suslov_fast
+from suslov_fast import maps
+from suslov_fast.command.main import main
+from suslov_fast.engine import threads
+from suslov_fast.integrability import zoo
+
+DOCS = Path(__file__).parents[2] / "docs"
+README = DOCS.parent / "README.md"
+PACKAGE = Path(suslov_fast.__file__).parent
+BLOCK = re.compile(r"^```(.*?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+IMAGE = re.compile(r"!\[[^\]]+\]\(([^)]+\.png)\)")
+HOWTO = (DOCS / "howto" / "index.md").read_text("utf-8")
+
+
+def order(path):
+    """Sort key: how-tos follow the order of their index, since they share a folder."""
+    return path.parent, HOWTO.find(f"\n{path.stem}\n"), path
+
+
+BUILT = {"_build", "reference"}
+PAGES = [path for path in sorted(DOCS.rglob("*.md"), key=order) if not BUILT & {*path.parts}]
+# Output in comments: after the call, or on separate lines below it.
+PRINTED = re.compile(r"^\s*(?:print\(.*)?\)  # (.*)$|^# (.*)$", re.MULTILINE)
+
+
+def blocks(path, language):
+    return [code for found, code in BLOCK.findall(path.read_text("utf-8")) if found == language]
+
+
+def run(code, name, names):
+    """Run a block, and compare what it prints with what its comments say, if they do."""
+    printed = io.StringIO()
+    # The source of functions is part of the identity of a store.
+    linecache.cache[name] = len(code), None, code.splitlines(keepends=True), name
+    with contextlib.redirect_stdout(printed):
+        exec(compile(code, name, "exec"), names)
+    if expected := [after or below for after, below in PRINTED.findall(code)]:
+        assert printed.getvalue().splitlines() == expected
+
+
+def script_of(name):
+    return SimpleNamespace(**runpy.run_path(str(DOCS / f"{name}.py")))
+
+
+def sizes_of_pictures(name):
+    files = [path.read_bytes() for path in sorted((DOCS / "images").glob(f"{name}_[0-9].png"))]
+    return [Image.open(io.BytesIO(file)).size for file in files]
+
+
+def sizes_of(figures):
+    dpi = script_of("draw").DPI
+    return [tuple((dpi * each.get_size_inches()).round()) for each in figures]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("steps", ["50_000", pytest.param("1_000_000", marks=pytest.mark.slow)])
+def test_the_readme(tmp_path, monkeypatch, steps):
+    """Run all blocks of the README in order, as a reader does, and serially.
+
+    Each Python block is a program of its own; its million steps are slow.
+    """
+    monkeypatch.setattr(threads, "CROSSOVER", math.inf)
+    monkeypatch.chdir(tmp_path)
+    for kind, code in BLOCK.findall(README.read_text(encoding="utf-8")):
+        if kind == "python":
+            run(code.replace("steps=1_000_000", f"steps={steps}"), "README.md", {})
+        elif kind == "sh":
+            for line in code.splitlines():
+                command, *arguments = shlex.split(line)
+                assert (command, main(arguments)) == ("suslov-fast", 0), line
+    assert np.load(tmp_path / "run.npz")["states"].shape == (6, 1000, 2)
+    pictures = sorted((tmp_path / "pictures").iterdir())
+    assert [path.name for path in pictures] == [f"picture{k}.png" for k in (1, 2, 3, 4)]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in pictures)
+    assert not plt.get_fignums()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("howto")
+
+
+# Pages of long reports, of many orbits, and of loops that take long to compile; other tests have
+# shorter forms.
+LONG = "report.md", "cubic.md", "discretization.md", "compiled.md", "families.md", "potentials.md"
+LONG += "crossings.md", "diagrams.md", "many.md", "motion.md", "afternoon.md", "large.md"
+
+
+@pytest.mark.compiled
+@pytest.mark.sampled(6)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=[pytest.mark.slow] * (path.name in LONG), id=path.name)
+        for path in PAGES
+        if blocks(path, "python")
+    ],
+)
+def test_page(path, folder, tmp_path, monkeypatch):
+    """Run the Python blocks of a page in sequence; how-tos share a folder, as on one machine."""
+    matplotlib.use("Agg")
+    plt.close("all")
+    monkeypatch.setattr(threads, "CROSSOVER", math.inf)  # parallel loops take long to compile
+    monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
+    names = {"__name__": "__main__"}
+    with mock.patch.dict(maps.MAPS):  # a page may register one
+        for code in blocks(path, "python"):
+            if path.name == "compiled.md":  # so do its own; `test_compiled` has some
+                code = code.replace("parallel=True", "parallel=False")
+            run(code, path.name, names)
+    if path.stem in script_of("draw").PAGES:
+        figures = [plt.figure(number) for number in plt.get_fignums()]
+        assert sizes_of(figures) == sizes_of_pictures(path.stem)
+
+
+def test_readme_is_short():
+    assert README.read_text(encoding="utf-8").count("\n") <= 150
+
+
+@pytest.mark.parametrize("path", [*PAGES, README], ids=attrgetter("name"))
+def test_text(path):
+    """Blocks are of known kinds, links and files exist, and nothing needs Sphinx to be read."""
+    text = path.read_text(encoding="utf-8")
+    kinds = {"python", "sh", "text", "bibtex", "{toctree}", "{include}"}
+    kinds |= {"{eval-rst}"} if path.stem == "api" else set()
+    assert {kind.split()[0] for kind, _ in BLOCK.findall(text)} <= kinds
+    assert not re.search(r"\{\w+\}`|^:::", text, re.MULTILINE)
+    codes = [code for kind, code in BLOCK.findall(text) if kind != "sh setup"]
+    lines = [line for code in codes for line in code.splitlines()]
+    assert [line for line in lines if len(line) > 88] == []  # a box of code holds 88
+    assert "install 'suslov_fast" not in text  # there is no index to install from
+    for file in re.findall(r"`(\w+/\w+\.py)`", text):
+        assert (PACKAGE / file).exists() or (DOCS.parent / file).exists(), file
+    for target, place in re.findall(r"\]\(([^)#:\s]*)(?:#([^)]*))?\)", text):
+        found = path.parent / target if target else path
+        assert found.exists(), target
+        if place and found.suffix == ".md":
+            heads = re.findall(r"^#+ (.*)$", found.read_text("utf-8"), re.MULTILINE)
+            anchors = [re.sub(r"[^\w\- ]", "", head).lower().replace(" ", "-") for head in heads]
+            assert place in anchors, (target, place)
+
+
+NEEDS = {
+    "plots": r"import matplotlib|\.plot\(",
+    "algebra": r"suslov_fast\.integrability import|fixed_points\(",
+    "xarray": r"to_xarray\(",
+    "large": r"ensemble\(|import distributed|from distributed",
+}
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in PAGES if blocks(path, "python")], ids=attrgetter("name")
+)
+def test_pages_say_which_extras_they_need(path):
+    """Without an extra no page stops in the middle without having said so."""
+    text, code = path.read_text(encoding="utf-8"), "\n".join(blocks(path, "python"))
+    named = {name for group in re.findall(r"'\.\[([\w,]*)\]'", text) for name in group.split(",")}
+    named |= {"xarray"} if "large" in named else set()
+    for extra, use in NEEDS.items():
+        assert extra in named or not re.search(use, code), extra
+
+
+def test_pictures_are_committed_and_drawn_by_a_script():
+    """Each is shown by a page, and named after a script or page; together they are small."""
+    draw, images = script_of("draw"), sorted((DOCS / "images").glob("*.png"))
+    shown = {
+        (path.parent / target).resolve()
+        for path in (*PAGES, README)
+        for target in IMAGE.findall(path.read_text(encoding="utf-8"))
+        if "bench" not in target
+    }
+    assert shown == {path.resolve() for path in images}
+    drawn = {path.stem.rpartition("_")[0] for path in images if not path.stem.startswith("explore")}
+    assert drawn == {*draw.SCRIPTS, *draw.PAGES}
+    assert sum(path.stat().st_size for path in images) <= 3_000_000
+
+
+# Shorter runs of the scripts that measure, or whose orbits are long.
+SHORTER = {
+    "orders": [
+        ("BATCH, UNTIL, LANES = 1024, 100.0, 16", "BATCH, UNTIL, LANES = 16, 5.0, 16"),
+        ("eps, 1_000_000, save_every=100", "eps, 1000, save_every=100"),
+        ("range(1, 7)", "range(1, 5)"),
+        ('by_steps("order8", 6400)', 'by_steps("order8", 500)'),
+    ],
+    "sizes": [
+        ("np.arange(3, 12)", "np.arange(3, 5)"),
+        ("[8, 16, 32, 48, 64, 96]", "[8]"),
+        ("[16, 64, 256, 576, 1024, 2025]", "[16]"),
+        ("200_000 //", "2000 //"),
+    ],
+    "zoo": [("if eps is not None", "if name in ('Suslov body', 'Lorenz')"), ("50_000", "500")],
+}
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:Animation was deleted")
+@pytest.mark.parametrize("name", sorted(script_of("draw").SCRIPTS))
+def test_picture(name):
+    """A script draws pictures of the sizes that are committed."""
+    matplotlib.use("Agg")
+    script = script_of("draw")
+    figures = script.figures_of(script.run(name, SHORTER.get(name, ())))
+    for each in figures:
+        each.canvas.draw()
+    assert sizes_of(figures) == sizes_of_pictures(name) != []
+    plt.close("all")
+    del figures, each
+    gc.collect()  # an animation, while its warning is ignored
+
+
+def test_the_tutorial_as_a_notebook(tmp_path):
+    script = DOCS / "as_notebook.py"
+    for target in ("t.ipynb", "t.py"):
+        subprocess.run([sys.executable, script, tmp_path / target], check=True)
+    notebook = json.loads((tmp_path / "t.ipynb").read_text(encoding="utf-8"))
+    cells = [each["source"] for each in notebook["cells"] if each["cell_type"] == "code"]
+    codes = blocks(DOCS / "tutorial.md", "python")
+    assert cells == [code.strip() for code in codes]
+    assert (tmp_path / "t.py").read_text(encoding="utf-8") == "\n".join(codes)
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+def test_the_table_of_bodies():
+    """The reference has what `python docs/features.py` writes."""
+    script = script_of("features")
+    (shown,) = script.TABLE.findall(script.PAGE.read_text(encoding="utf-8"))
+    assert shown == script.table()
+
+
+# Reports of other tests, and of the page on potentials, have the integrals of these maps, or longer
+# reports of the same kind.
+ELSEWHERE = {"Euler top", "Volterra chain, N = 3", "Volterra chain, N = 5", "Kirchhoff", "Clebsch"}
+ELSEWHERE |= {"Klebsch-Tisserand", "Suslov, Lagrange axis", "Kharlamova", "Henon-Heiles"}
+ELSEWHERE |= {"Suslov on so(4)", "Lyness", "Suslov body", "cubic Hamiltonian"}
+# One of three with the same formulas for other constants is among the others.
+ELSEWHERE |= {"Zhukovsky-Volterra, one beta", "Zhukovsky-Volterra, two betas"}
+SOME = ("Suslov gyrostat", "Lorenz")
+OTHERS = [name for name in zoo() if name not in {*ELSEWHERE, *SOME}]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("names", [SOME, pytest.param(OTHERS, marks=pytest.mark.slow, id="others")])
+def test_rows_of_the_zoo(names):
+    script = script_of("zoo_table")
+    table = script.lines()
+    assert [line.split(" | ")[0] for line in table] == [f"| {name}" for name in zoo()]
+    for name in names:
+        assert script.row(name) in table
+
+
+def test_the_reference_has_every_public_name():
+    text = (DOCS / "api.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^   (\w+)$", text, re.MULTILINE)) == sorted(suslov_fast.__all__)
+    named = re.findall(r"^   integrability\.(\w+)$", text, re.MULTILINE)
+    assert {*named, "QuadraticField"} == {*suslov_fast.integrability.__all__}
+
+
+def test_the_citation_is_of_this_version():
+    text = (DOCS.parent / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.*)$", text, re.MULTILINE).group(1) == suslov_fast.__version__

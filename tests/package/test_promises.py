@@ -1,0 +1,541 @@
+"""Promises of the public functions of states and steps: one table of functions, a test for each.
+
+Each is tested for the random bodies of all records that have it (`maps.MAPS`): a new record is
+tested by being there, also one of your own (`pytest tests/test_promises.py --maps MODULE`). Values
+have the axes of the batch first, then time, then components.
+"""
+
+import inspect
+import math
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import contract
+import numpy as np
+import pytest
+from children import TWO_THREADS
+from numba import config
+from scipy.integrate import solve_ivp
+
+import suslov_fast as sf
+from suslov_fast.bodies.fields.field_of_terms import SHARED
+from suslov_fast.engine import stretches, threads
+from suslov_fast.engine.problem import check
+from suslov_fast.maps import MAPS
+from suslov_fast.quantities.evaluation import evaluate
+from suslov_fast.runs import solution
+
+LANES = 128
+SIZE, STEPS = LANES + 13, 12
+
+
+# Functions of (rng, shape) that make bodies, by the name of a record and a number. Interpreted,
+# orders 6 and 8 repeat what order 4 does.
+KINDS = {
+    f"{name} {k}": make
+    for name, map in MAPS.items()
+    for k, make in enumerate(map.random)
+    if not (config.DISABLE_JIT and len(map.stages.fractions) > 7)
+}
+RECORDS = {kind: MAPS[kind.rpartition(" ")[0]] for kind in KINDS}
+# Those whose map is that of functions without the argument `method`.
+BY_DEFAULT = [kind for kind, map in RECORDS.items() if "auto" in map.methods]
+# Methods with steps of their own.
+METHODS = {
+    name
+    for map in MAPS.values()
+    for name, steps in map.methods.items()
+    if steps != map.methods.get("auto")
+}
+# A body of each, with which the functions that it has are looked up.
+SAMPLES = {kind: make(np.random.default_rng(0), ()) for kind, make in KINDS.items()}
+
+
+class Row(NamedTuple):
+    """`call(body, omega, eps, **options)` returns results; those in `timed` have time first."""
+
+    call: Callable[..., Any]
+    timed: tuple[int, ...] = ()
+    eps: bool = True  # an argument
+    threads: bool = False
+
+    def values(self, body, omega, eps, **options):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", sf.SingularStepWarning)
+            results = self.call(body, omega, *(eps,) * self.eps, **options)
+        results = results if isinstance(results, tuple) else (results,)
+        axes = len(self.batch(body, omega, eps))
+        for k, each in enumerate(results):
+            yield np.moveaxis(each, 0, axes) if k in self.timed else np.asarray(each)
+
+    def batch(self, body, omega, eps):
+        of_eps = np.shape(eps) if self.eps else ()
+        return np.broadcast_shapes(body.shape, np.shape(omega)[:-1], of_eps)
+
+
+def runs(**options):
+    """Row of saved and last states, with the orientation if the run has it."""
+
+    def call(body, omega, eps, **others):
+        run = sf.iterate(body, omega, eps, STEPS, on_singular="ignore", **options, **others)
+        more = (run.attitude,) if run.attitude is not None else ()
+        return run.states, run.final, run.status, run.failed_at, *more
+
+    return Row(call, timed=(0, 4), threads=True)
+
+
+def first_crossings(body, omega, eps, **options):
+    """Row of what is known of each trajectory that ends at its second crossing."""
+    points = sf.crossings(
+        body, omega, eps, STEPS, lambda x: x[..., 0] - x[..., 1], direction=0, most=2,
+        on_singular="ignore", **options,
+    )  # fmt: skip
+    return points.count, points.status, points.failed_at, points.final
+
+
+def orientations(body, omega, eps, **options):
+    run = sf.iterate(body, omega, eps, STEPS, on_singular="ignore")
+    return sf.attitude(body, run.omega, eps, **options)
+
+
+def solutions(body, omega, eps, **options):
+    return tuple(sf.exact(body, omega, eps, n, **options) for n in (7, TIMES))
+
+
+TIMES = np.array([3, -1e9, -3, 0, 7, 700, 1e9])
+# A row that needs another function or a method has its name after a colon.
+ROWS = {
+    "energy": Row(sf.energy, eps=False),
+    "first_integral": Row(sf.first_integral),
+    "modified_energy": Row(sf.modified_energy),
+    "criticality": Row(sf.criticality),
+    "rotation_number": Row(sf.rotation_number),
+    "invariant_density": Row(sf.invariant_density),
+    "to_xy": Row(sf.to_xy, eps=False),
+    "from_xy": Row(sf.from_xy, eps=False),
+    "vector_field": Row(sf.vector_field, eps=False),
+    "reaction": Row(sf.reaction),
+    "jacobian": Row(sf.jacobian),
+    "matrix": Row(sf.matrix),
+    "closed_form": Row(sf.closed_form),
+    "limits": Row(sf.limits),
+    "step": Row(sf.step, threads=True),
+    "step_full": Row(sf.step_full),
+    "iterate": runs(save_every=3),
+    "iterate: last states": runs(save_every=None),
+    "iterate: attitude": runs(attitude=True, save_every=2),
+    **{f"iterate: {method}": runs(method=method) for method in sorted(METHODS - {"auto"})},
+    "crossings": Row(first_crossings, threads=True),
+    "exact": Row(solutions, timed=(1,), threads=True),
+    "flow": Row(
+        lambda b, w, **o: sf.flow(b, w, time=abs(TIMES) / 8, **o).states,
+        timed=(0,),
+        eps=False,
+        threads=True,
+    ),
+    "attitude": Row(orientations, timed=(0,), threads=True),
+    "lyapunov_exponents": Row(
+        lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o), threads=True
+    ),
+    "to_matrix": Row(sf.to_matrix, eps=False),
+    "to_vector": Row(sf.to_vector, eps=False),
+    "momentum": Row(sf.momentum, eps=False),
+}
+
+
+def has(kind, name):
+    """True if a record has the function of a row."""
+    body, map, (function, _, of) = SAMPLES[kind], RECORDS[kind], name.partition(": ")
+    if config.DISABLE_JIT and function == "lyapunov_exponents":  # half an hour
+        return False
+    if of in METHODS:
+        return of in map.methods
+    if kind not in BY_DEFAULT:
+        return False
+    if function == "step_full":
+        return map.has(function) and body.I3 is not None
+    if of == "attitude":
+        return map.has(of)
+    return function in ("step", "iterate", "crossings") or function in map.functions(body)
+
+
+def cases(threaded=False):
+    rows = {name: row for name, row in ROWS.items() if row.threads or not threaded}
+    every = [(name, kind) for name in rows for kind in KINDS if has(kind, name)]
+    ids = [f"{name}, {kind}" for name, kind in every]
+    return pytest.mark.parametrize(("name", "kind"), every, ids=ids)
+
+
+def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,), name="iterate"):
+    """Bodies, states and step sizes of these shapes: t below and above 1, eps of both signs."""
+    D, size = SAMPLES[kind].dimension + (name == "step_full"), 10 ** rng.uniform(-1, 1, (*omega, 1))
+    states = rng.normal(size=(*omega, D)) * size
+    return KINDS[kind](rng, body), states, rng.uniform(-0.5, 0.5, eps)
+
+
+def part(body, index, batch):
+    """The members of a batch with an index."""
+    parts = dict(body._parts)
+    for name, value in parts.items():
+        if np.asarray(value).dtype.kind in "iufO" and name not in SHARED:
+            own = np.shape(value)[np.ndim(value) - body._axes.get(name, 0) :]
+            parts[name] = np.broadcast_to(value, (*batch, *own))[index]
+    return body._with(parts)
+
+
+def same(first, second):
+    """Compare bit for bit."""
+    for one, other in zip(first, second, strict=True):
+        assert one.shape == other.shape
+        np.testing.assert_array_equal(one, other)
+
+
+def test_every_function_with_threads_is_in_the_table():
+    functions = {name: getattr(sf, name) for name in sf.__all__ if name.islower()}
+    batched = {n for n, f in functions.items() if "threads" in inspect.signature(f).parameters}
+    assert batched - {name.split(":")[0] for name in ROWS} == set()
+
+
+# Shapes of the body, of omega but for its last axis, and of eps.
+SHAPES = [((SIZE,),) * 3, ((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), (0, 3), ())]
+
+
+@pytest.mark.sampled(8)
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@cases()
+def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
+    row = ROWS[name]
+    for shapes in SHAPES:
+        body, omega, eps = sample(rng, kind, *shapes, name=name)
+        batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
+        state = np.broadcast_to(omega, (*batch, omega.shape[-1]))
+        step = np.broadcast_to(eps if row.eps else 0.0, batch)
+        assert all(each.shape[: len(batch)] == batch for each in values)
+        some = [i for i in np.ndindex(batch) if i[0] in (1, LANES - 1, LANES, SIZE - 1)]
+        for index in (*some, rng.permutation(batch[0])):
+            alone = row.values(part(body, index, batch), state[index], step[index])
+            same(alone, [each[index] for each in values])
+
+
+@pytest.mark.sampled(8)
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@pytest.mark.compiled
+@cases(threaded=True)
+def test_threads_and_stretches(rng, monkeypatch, name, kind):
+    row, problem = ROWS[name], sample(rng, kind, name=name)
+    alone = list(row.values(*problem, threads=1))
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    same(alone, row.values(*problem, threads=TWO_THREADS))
+    for module, name in ((stretches, "_STRETCH"), (stretches, "_TURNING"), (solution, "_SLICE")):
+        monkeypatch.setattr(module, name, 2**6)
+    same(alone, row.values(*problem))
+
+
+@pytest.mark.sampled(24)
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@cases()
+def test_any_input(rng, name, kind):
+    """Lists, other memory and integers; nothing that is passed in changes; NaN gives NaN."""
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (3, 4), (), name)
+    omega = np.round(omega * 4)
+    kept, expected = omega.copy(), list(row.values(body, omega, eps))
+    strided = np.zeros((4, 3, 2 * omega.shape[-1])).swapaxes(0, 1)[..., ::2]
+    strided[:] = omega
+    strided.flags.writeable = False
+    for given in (omega.tolist(), strided, omega.astype(int), omega.astype(np.float32)):
+        same(row.values(body, given, eps), expected)
+    assert (omega == kept).all()
+    omega[1, 2, 0] = np.nan
+    for one, other in zip(row.values(body, omega, eps), expected, strict=True):
+        if one.dtype.kind == "f":
+            assert np.isnan(one[1, 2]).any()
+        np.testing.assert_array_equal(np.delete(one, 1, axis=0), np.delete(other, 1, axis=0))
+
+
+@cases()
+def test_bad_input(rng, name, kind):
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (2,), (), name)
+    state = "x|x0" if RECORDS[kind].variable == "x" else "omega0?|xy|x0"
+    omega[1, 1] = -np.inf
+    with pytest.raises(ValueError, match=rf"^({state}) must be .* -inf at index \(1, 1\)"):
+        list(row.values(body, omega, eps))
+    with pytest.raises(ValueError, match=f"^({state}) must "):
+        list(row.values(body, np.ones(9), eps))
+    with pytest.raises(TypeError, match=r"^(body|system) must"):
+        row.call(1, omega, *(eps,) * row.eps)
+    with pytest.raises(ValueError, match="broadcast"):
+        row.call(part(body, ..., (3,)), np.ones_like(omega), *(eps,) * row.eps)
+    for wrong in (np.inf, 1e-51, 1e51, "a") if row.eps else ():
+        with pytest.raises((ValueError, TypeError), match=r"^eps must"):
+            list(row.values(body, np.ones_like(omega), wrong))
+    for count in (0, 1.5, 10**6) if row.threads else ():
+        with pytest.raises((ValueError, TypeError), match=r"^threads must"):
+            list(row.values(body, np.ones_like(omega), eps, threads=count))
+
+
+# Runs with poles, NaN, overflow and steps of all sizes: every branch of every kernel of steps.
+def hard(rng, kind):
+    body, omega, eps = sample(rng, kind, (SIZE,), (SIZE,), (SIZE,))
+    omega[3, 0], eps[4], omega[7::9] = np.nan, 0.0, omega[7::9] * 1e4
+    if kind == "Suslov3D 0":  # poles of the unit body, after none, one and two steps
+        values = {name: np.array(each) for name, each in body._arrays.items()}
+        for each, value in zip(values.values(), (1, 1, 1, 0), strict=True):
+            each[11:14] = value
+        body, eps[11:14], omega[11:14] = sf.Suslov3D(**values), 1.0, [1.0, -3.0]
+        for k in (12, 13, 13):
+            omega[k] = sf.step(sf.Suslov3D(1, 1, 1, 0), omega[k], -1.0)
+    return body, omega, eps
+
+
+OPTIONS = [
+    *((kind, {"method": method}) for kind in KINDS for method in RECORDS[kind].methods),
+    *((kind, {"attitude": True}) for kind in KINDS if has(kind, "iterate: attitude")),
+]
+
+with_options = pytest.mark.parametrize(("kind", "options"), OPTIONS, ids=str)
+
+
+@pytest.mark.sampled(5)
+@with_options
+def test_runs_in_parts(rng, kind, options):
+    """What is saved, and how a run is cut, changes no bit."""
+    problem, options = hard(rng, kind), options | {"on_singular": "ignore"}
+    whole = sf.iterate(*problem, 30, **options)
+    assert {-2, 0} <= {*whole.status}
+    if kind == "Suslov3D 0":
+        assert whole.failed_at[11:14].tolist() == [1, 2, 3]
+        assert (whole.status[11:14] == sf.Status.SINGULAR).all()
+    for save_every in (1, 7, None):
+        run = sf.iterate(*problem, 30, save_every=save_every, **options)
+        same([run.states, run.final, run.status], [whole.states[run.n], whole.final, whole.status])
+        if run.attitude is not None:
+            same([run.attitude], [whole.attitude[run.n]])
+        for cuts in ((0, 1, 20, 9), (23, 0, 7)):
+            extended = sf.iterate(*problem, cuts[0], save_every=save_every, **options)
+            for more in cuts[1:]:
+                extended = extended.extend(more, on_singular="ignore")
+            assert extended == run
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_states_saved_seldom(rng, kind):
+    """Small states of one body, with one step size, for which kernels have loops of their own."""
+    body, omega, _ = sample(rng, kind, (), (2 * LANES + 9,), ())
+    options = {"on_singular": "ignore"}  # orbits may diverge
+    whole = sf.iterate(body, 0.1 * omega, 0.1, STEPS, **options)
+    for save_every in (2, 3):
+        run = sf.iterate(body, 0.1 * omega, 0.1, STEPS, save_every=save_every, **options)
+        same([run.states], [whole.states[::save_every]])
+
+
+@pytest.mark.sampled(5)
+@pytest.mark.parametrize("kind", KINDS)
+def test_kernels_keep_the_contract(rng, kind):
+    """Item by item, between numbers that no kernel may touch."""
+    body, omega, eps = sample(rng, kind, (), (3,), ())
+    for steps in RECORDS[kind].methods.values():
+        problem = check(RECORDS[kind], body, omega, eps)
+        contract.try_steps(problem, steps, steps.lanes + 16)
+
+
+def motion(map, body, x, time):
+    """The states that solve the differential equation, each after its time, by DOP853 of SciPy."""
+
+    def slopes(_, states):
+        states = states.reshape(x.shape)
+        return (time[:, None] * evaluate("vector_field", body, states, map=map)).ravel()
+
+    options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14 * abs(x).max()}
+    return solve_ivp(slopes, (0, 1), x.ravel(), **options).y[:, -1].reshape(x.shape)
+
+
+def measured_order(map, method, body, x):
+    """The slope of the error of a step over eps, less 1: the median over states.
+
+    An error is the distance from the motion, or of a map without "vector_field" that from two half
+    steps; each state has its own unit of time. The least three errors above 1e-13 of a state count.
+    """
+    options = {"method": method, "save_every": None, "on_singular": "ignore"}
+    slopes = (sf.iterate(body, x, 1e-6, 1, **options).final - x) / 1e-6
+    sizes = abs(x).max(axis=1)
+    unit, factors, errors = sizes / abs(slopes).max(axis=1), 2.0 ** np.arange(-1, -30, -0.5), []
+    for eps in np.multiply.outer(factors, unit):
+        one = sf.iterate(body, x, eps, 1, **options).final
+        if "vector_field" in map.functions(body):
+            other = motion(map, body, x, eps)
+        else:
+            other = sf.iterate(body, x, eps / 2, 2, **options).final
+        errors.append(abs(one - other).max(axis=1) / sizes)
+        if not (errors[-1] > 1e-13).any():
+            break
+    found = []
+    for of_state in np.transpose(errors):
+        some = np.nonzero(of_state > 1e-13)[0][-3:]
+        if len(some) > 1:
+            found.append(np.polyfit(np.log(factors[some]), np.log(of_state[some]), 1)[0])
+    return np.median(found) - 1
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_order_of_steps(rng, kind):
+    """It is what the record says; steps of high order that can be measured are rather long."""
+    map, (body, omega, _) = RECORDS[kind], sample(rng, kind, (), (9,), ())
+    x = omega / abs(omega).max(axis=1, keepdims=True)
+    for method in map.methods:
+        with np.errstate(all="ignore"):
+            order = measured_order(map, method, body, x)
+        text = f"the record says order {map.order}, and a step of {method!r} has order {order:.2f}"
+        assert abs(order - map.order) < 0.3 + 0.1 * map.order, text
+
+
+@pytest.mark.parametrize("kind", [*RECORDS])
+def test_the_order_of_a_composition(kind):
+    """Fractions have the sum 1, odd powers of them up to the order the sum 0; both ends agree."""
+    fractions = RECORDS[kind].stages.fractions
+    assert fractions == fractions[::-1]
+    assert abs(math.fsum(fractions) - 1) < 1e-15
+    for power in range(3, RECORDS[kind].order, 2):
+        assert abs(math.fsum(each**power for each in fractions)) < 1e-15, power
+
+
+@pytest.mark.sampled(5)
+@with_options
+def test_failures_are_marked_at_any_step(rng, kind, options):
+    """Trajectories whose states end, early or late, have a status, and no others."""
+    run = sf.iterate(*hard(rng, kind), 100, on_singular="ignore", **options)
+    exist = np.isfinite(run.states).all(axis=-1)
+    failed = run.status < 0
+    assert (failed == ~exist[-1]).all()
+    assert (run.failed_at[failed] == exist.argmin(axis=0)[failed]).all()
+    assert (exist == np.where(failed, run.n[:, None] < run.failed_at, True)).all()
+    assert np.isnan(run.states[~exist]).all()
+
+
+# Functions that return the values of a formula as they are.
+OF_FORMULAS = {name for map in MAPS.values() for name in map.formulas} - {
+    "step", "step_full", "closed_form", "from_xy", "to_matrix", "to_vector", "momentum",
+}  # fmt: skip
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("kind", KINDS)
+def test_values_of_formulas_have_the_shape_of_the_batch(rng, kind):
+    map, (body, omega, eps) = RECORDS[kind], sample(rng, kind, (2, 1), (3,), (4, 1, 1))
+    omega, at = np.clip(omega, -1, 1), (1, 0, 2)
+    for name in OF_FORMULAS & {*map.functions(SAMPLES[kind])}:
+        values = evaluate(name, body, omega, eps, map=map)
+        assert values.shape[:3] == (4, 2, 3), name
+        alone = evaluate(name, body[0, 0], omega[2], eps[1, 0, 0], map=map)
+        np.testing.assert_allclose(values[at], alone, rtol=1e-12, err_msg=name)
+
+
+@pytest.mark.sampled(8)
+@pytest.mark.parametrize("kind", [k for k in KINDS if "jacobian" in RECORDS[k].formulas])
+def test_the_jacobian_is_that_of_the_steps(rng, kind):
+    """By central differences, where eps |f'| is 1/2: that of another discretization is far off."""
+    map, (body, omega, _) = RECORDS[kind], sample(rng, kind, (), (9,), ())
+    omega, h = np.clip(omega, -1, 1), 1e-5
+    slopes = evaluate("jacobian", body, omega, 1e-6, map=map) - np.eye(omega.shape[-1])
+    eps = 0.5e-6 / np.linalg.norm(slopes, 2, axis=(-2, -1))
+    found = evaluate("jacobian", body, omega, eps, map=map)
+    moved = omega + h * np.multiply.outer([1, -1], np.eye(omega.shape[-1]))[:, :, None]
+    for method in map.methods:
+        run = sf.iterate(body, moved, eps, 1, method=method, on_singular="ignore")
+        slopes = np.moveaxis(np.subtract(*run.final) / (2 * h), 0, -1)
+        there = np.isfinite(slopes).all(axis=(-2, -1))
+        assert there.any()
+        np.testing.assert_allclose(found[there], slopes[there], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", BY_DEFAULT)
+@pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")  # orbits may diverge
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_out(rng, kind):
+    """States are written to `out`, also if it overlaps the arguments."""
+    body, omega, _ = sample(rng, kind, (), (2, 3), ())
+    expected, D = sf.iterate(body, omega, 0.1, 33, save_every=2), omega.shape[-1]
+    out, last = np.full((17, 2, 3, D), 7.0), np.empty((1, 2, 3, D))
+    given = sf.iterate(body, omega, 0.1, 33, save_every=2, out=out)
+    assert np.shares_memory(given.states, out)
+    assert not given.states.flags.writeable
+    assert out.flags.writeable
+    assert given == expected
+    assert np.shares_memory(
+        sf.iterate(body, omega, 0.1, 33, out=last, save_every=None).states, last
+    )
+    same([last[0]], [expected.final])
+    over = rng.normal(size=6 * D) / 10
+    expected = sf.iterate(body, over[:D].copy(), over[D : D + 2].copy(), 2)
+    assert sf.iterate(body, over[:D], over[D : D + 2], 2, out=over.reshape(3, 2, D)) == expected
+
+
+@pytest.mark.parametrize("kind", [k for k in BY_DEFAULT if "matrix" in RECORDS[k].formulas])
+def test_units_and_inverse(rng, kind):
+    """Units change states of a Kahan map to rounding; a step of -eps goes back."""
+    body, omega, eps = sample(rng, kind, (9,), (9,), (9,))
+    omega, eps = np.clip(omega, -2, 2), eps / 4
+    there = sf.step(body, omega, eps)
+    np.testing.assert_allclose(sf.step(body, there, -eps), omega, rtol=1e-11, atol=1e-12)
+    if kind.startswith(("Suslov3D", "SuslovND")):
+        for unit in (1e-30, 3.7, 1e25):
+            found = sf.step(body, omega * unit, eps / unit) / unit
+            np.testing.assert_allclose(found, there, rtol=1e-12, atol=1e-13)
+    field = sf.QuadraticField.of(body)
+    np.testing.assert_allclose(sf.step(field, omega, eps), there, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", [name for name, map in MAPS.items() if map.pole])
+def test_a_state_at_a_pole_has_no_next_one(name):
+    """Its neighbours have one, and no function of such a state returns a number beside it."""
+    body, pole = MAPS[name].pole
+    states, method = [pole, np.multiply(pole, 1.01)], next(iter(MAPS[name].methods))
+    run = sf.iterate(body, states, 1.0, 3, method=method, on_singular="ignore")
+    assert run.status.tolist()[0] == sf.Status.SINGULAR
+    assert run.failed_at.tolist()[0] == 1
+    assert np.isnan(run.states[1:, 0]).all()
+    assert np.isfinite(run.states[1, 1]).all()
+    for function in ("step", "jacobian") if method == "auto" else ():
+        if function == "step" or MAPS[name].has(function):
+            with pytest.warns(sf.SingularStepWarning):
+                assert np.isnan(getattr(sf, function)(body, pole, 1.0)).all()
+
+
+def test_three_dimensions_are_n_dimensions(rng):
+    body, omega, eps = sample(rng, "Suslov3D 0", (9,), (9,), (9,))
+    J, I = np.stack([body.I2, body.I1], axis=-1), np.stack([-body.I13, -body.I23], axis=-1)
+    turned = np.stack([omega[:, 1], -omega[:, 0]], axis=-1)
+    expected = sf.exact(body, omega, eps, [1, 5])
+    found = sf.exact(sf.SuslovND(J, I), turned, eps, [1, 5])
+    np.testing.assert_allclose(found[..., 0], expected[..., 1], rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(-found[..., 1], expected[..., 0], rtol=1e-11, atol=1e-12)
+
+
+PREY = sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+STILL = [
+    (sf.Suslov3D(2, 3, 0, 0), [[0.3, -0.7], [0.0, 0.0]], 0.5),
+    (sf.Suslov3D(4, 1, -0.5, -0.3), [[0.3, -0.7], [0.0, 0.0]], 0.0),
+    (sf.Suslov3D(1, 1, 1, 0), [[0.0, 0.3], [0.0, -1e7]], 1.0),
+    (sf.SuslovGyrostat(1, 1, 1, 0, 0.5), [-0.5, 3.0], 0.7),
+    (sf.SuslovGyrostat(1, 1, 1, 0, 0.5), [[0.0, 0.0], [1.0, 2.0]], [0.5, 0.0]),
+    (sf.SuslovND([1.0, 2.0, 3.0], [0.0] * 3), [0.3, 0.9, -0.6], 0.3),
+    (sf.SuslovND([2.0] * 3, [0.0, 0.7, 0.0]), [0.0, -0.3, 0.0], 0.3),
+    (sf.SuslovND([3.0], [0.7]), [[0.3], [-5.0]], 0.2),
+    (sf.QuadraticField([[[1]]], [[-1]]), [[0.0], [1.0]], 0.5),
+    (PREY, [[1.0, 1.0], [0.0, 0.0]], 0.3),
+]
+
+
+@pytest.mark.parametrize(("body", "omega", "eps"), STILL)
+def test_states_at_rest_keep_their_bits(body, omega, eps):
+    run = sf.iterate(body, omega, eps, 600)
+    assert run.ok
+    assert (run.states == omega).all()
+    assert (sf.step(body, omega, eps) == omega).all()
+    solved = not isinstance(body, sf.QuadraticField)
+    if solved and not (isinstance(body, sf.SuslovND) and np.ptp(body.J)):
+        assert (sf.exact(body, omega, eps, [-(10**12), 7, 10**12]) == omega).all()
+        assert (np.array(sf.limits(body, omega, eps)) == omega).all()
+        if np.all(eps):
+            assert (sf.flow(body, omega, time=[1e9, 0.5, 1e9]).states == omega).all()

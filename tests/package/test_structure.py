@@ -1,0 +1,360 @@
+"""The rules of the architecture, and the examples in docstrings."""
+
+import ast
+import doctest
+import graphlib
+import importlib
+import inspect
+import re
+import subprocess
+from functools import cache
+from importlib.util import find_spec
+from itertools import takewhile
+from pathlib import Path
+
+import children
+import pytest
+
+import suslov_fast
+from suslov_fast.bodies.fields.names import clash
+
+PACKAGE = Path(suslov_fast.__file__).parent
+TEXTS = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
+
+
+@cache
+def nodes_of(path):
+    return list(ast.walk(ast.parse(TEXTS[path])))
+
+
+def name_of(path):
+    parts = [PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts]
+    return ".".join(parts).removesuffix(".__init__")
+
+
+FILES = {name_of(path): path for path in TEXTS}
+
+
+def importing(path):
+    """Yield the modules that a file imports from, in functions, too; not for type checkers alone.
+
+    A public name of the package counts as the module that defines it.
+    """
+    own = [PACKAGE.name, *path.relative_to(PACKAGE).parts]
+    checking = [
+        node
+        for node in nodes_of(path)
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
+    ]
+    unseen = {each for node in checking for part in node.body for each in ast.walk(part)}
+    roots = set()  # names of the package in this file
+    for node in nodes_of(path):
+        if node in unseen:
+            continue
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name
+                roots |= {alias.asname or alias.name} & {"sf", PACKAGE.name}
+        elif isinstance(node, ast.ImportFrom):
+            base = own[: -node.level] if node.level else []
+            base += filter(None, [node.module])
+            for alias in node.names:
+                whole = ".".join([*base, alias.name])
+                yield whole if whole in FILES else ".".join(base)
+                if base == [PACKAGE.name]:
+                    yield defining(alias.name)
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "import_module":
+            yield from (each.value for each in node.args if isinstance(each, ast.Constant))
+    for node in nodes_of(path):
+        if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") in roots:
+            yield defining(node.attr)
+
+
+def defining(name):
+    """Return the module that defines a public name."""
+    return PACKAGE.name + suslov_fast._MODULE_OF.get(name, "")
+
+
+# Rooms from the bottom up, and those from which each imports: all below it, and no others.
+ARROWS = {
+    "core": "",
+    "checks": "core",
+    "keywords": "",
+    "errors": "",
+    "versions": "keywords",
+    "bodies": "core checks keywords errors",
+    "engine": "core checks keywords bodies",
+    "maps": "core checks keywords bodies engine",
+    "quantities": "checks keywords bodies engine maps",
+    "space": "core checks keywords bodies engine maps",
+    "runs": "core checks keywords errors bodies engine maps quantities",
+    "plots": "checks keywords bodies engine maps quantities space runs",
+    "integrability": "checks keywords bodies",
+    "compiled": "core checks keywords bodies maps",
+    "command": "core checks keywords bodies engine maps runs plots integrability compiled",
+    "__main__": "command",
+}
+
+
+# The same for the rooms of the core.
+IN_CORE = {
+    "lists": "",
+    "compiling": "lists",
+    "suslov": "compiling",
+    "code": "lists compiling",
+    "fields": "lists compiling code",
+    "motion": "lists compiling code fields",
+    "users": "compiling code fields",
+}
+
+
+def is_core(path):
+    return path.is_relative_to(PACKAGE / "core")
+
+
+@pytest.mark.parametrize(("place", "table"), [("", ARROWS), (".core", IN_CORE)])
+def test_imports_follow_the_arrows_without_cycles(place, table):
+    """An arrow that no import uses any more goes from the table, too."""
+    ours = FILES.keys() - {PACKAGE.name}
+    graph = {name: ours & set(importing(path)) for name, path in FILES.items()}
+    graphlib.TopologicalSorter(graph).prepare()
+    inside = f"{PACKAGE.name}{place}."
+
+    def room(name):
+        return name.removeprefix(inside).split(".")[0]
+
+    arrows = {name: set() for name in table}
+    for name in (name for name in ours if name.startswith(inside)):
+        others = {room(other) for other in graph[name] if other.startswith(inside)}
+        arrows[room(name)] |= others - {room(name)}
+    assert arrows == {name: set(names.split()) for name, names in table.items()}
+    rooms = list(table)
+    for name, others in arrows.items():
+        assert all(rooms.index(other) < rooms.index(name) for other in others), name
+
+
+def test_the_record_of_a_map_is_asked_and_not_the_class_of_a_body():
+    classes = r"(Suslov3D|SuslovND|SuslovGyrostat|QuadraticField|AnyBody|BodyIn3D|BodyOrField)"
+    question = re.compile(
+        rf"(isinstance|issubclass|instance)\([^()]*\b{classes}\b|type\(body\) (is|==)"
+    )
+    for path, text in TEXTS.items():
+        room = name_of(path).split(".")[1:2]
+        if room == ["integrability"]:
+            text = re.sub(r"isinstance\(\w+, QuadraticField\)", "", text)
+        if room not in (["bodies"], ["maps"]):
+            assert not question.search(text), path
+
+
+COMPILING = [
+    PACKAGE / "core/code/compiler.py",
+    *(
+        PACKAGE / f"core/compiling/{name}.py"
+        for name in ("numba", "threads", "interrupts", "cache", "arrays", "llvm")
+    ),
+]
+
+
+def test_numba_is_chosen_in_one_file():
+    """Only core/compiling/numba.py names options; arrays, llvm and the compiler speak LLVM."""
+    words = re.compile(r"njit\(|numba\.(gu)?vectorize|error_model|nogil|llvmlite|numba\.core\b")
+    for path, text in TEXTS.items():
+        if path not in [*COMPILING, PACKAGE / "versions.py"]:
+            assert not words.search(text), path
+    loops = [path for path, text in TEXTS.items() if "prange(" in text]
+    assert [path.name for path in loops] == ["numba.py"]
+
+
+def test_the_core_is_pure_numerics():
+    for path in TEXTS:
+        if is_core(path) and path not in COMPILING:
+            assert not any(isinstance(node, ast.Raise) for node in nodes_of(path)), path
+            modules = {each.split(".")[0] for each in importing(path)}
+            pure = {
+                "math",
+                "typing",
+                "numpy",
+                "numba",
+                "collections",
+                "contextlib",
+                "functools",
+                "array",
+                "heapq",
+                "itertools",
+            }
+            assert modules <= {"suslov_fast", *pure}
+
+
+def test_compiled_functions_assign_no_arrays_to_slices():
+    """Numba would compile the text of its error for other shapes, in seconds: write a loop."""
+    kinds = {"function", "formula", "inlined", "kernel", "for_users", "universal", "c_function"}
+    compiled = 0
+    for path in filter(is_core, TEXTS):
+        for each in (node for node in nodes_of(path) if isinstance(node, ast.FunctionDef)):
+            names = {ast.unparse(decorator).partition("(")[0] for decorator in each.decorator_list}
+            compiled += bool(names & kinds)
+            for node in ast.walk(each) if names & kinds else ():
+                if isinstance(node, ast.Assign) and any(
+                    isinstance(part, ast.Slice) for t in node.targets for part in ast.walk(t)
+                ):
+                    is_number = isinstance(node.value, (ast.Constant, ast.Attribute))
+                    assert is_number, (path, ast.unparse(node))
+    assert compiled > 100
+
+
+def test_arrays_live_longer_than_those_without_reference_counts():
+    """Numba frees an array after its last use, which has to be `keep` where a function made it."""
+    kept_somewhere = set()
+    for path in (path for path, text in TEXTS.items() if "uncounted(" in text):
+        for each in (node for node in nodes_of(path) if isinstance(node, ast.FunctionDef)):
+            calls = [node for node in ast.walk(each) if isinstance(node, ast.Call)]
+            calls = [call for call in calls if ast.unparse(call.func) == "uncounted"]
+            made = {part.id for call in calls for part in ast.walk(call) if hasattr(part, "id")}
+            if {"kernel", "for_users"} & {ast.unparse(word) for word in each.decorator_list}:
+                made -= {argument.arg for argument in each.args.args}
+            ends = takewhile(lambda line: "keep(" in line, reversed(ast.unparse(each).split("\n")))
+            kept = {line.strip()[len("keep(") : -1] for line in ends}
+            assert kept == made - {"uncounted"}, (path, each.name)
+            kept_somewhere |= kept
+    assert kept_somewhere
+
+
+def test_the_architecture_names_each_room_of_the_core():
+    page = (Path(__file__).parents[2] / "docs/architecture.md").read_text("utf-8")
+    assert re.findall(r"\n\| `core/(\w+)/`", page) == [*IN_CORE]
+
+
+# What lies at the top level of the repository, beside files whose names begin with a dot.
+TOP = """
+    CHANGELOG.md CITATION.cff LICENSE README.md bench docs pyproject.toml suslov_fast tests tox.ini
+"""
+
+
+def test_nothing_else_lies_at_the_top_level():
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():
+        pytest.skip("needs a checkout")
+    try:
+        listed = subprocess.run(
+            ["git", "ls-files", "-z"], cwd=root, capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("needs git, and a checkout that git accepts")
+    names = {name.split("/")[0] for name in listed.stdout.split("\0") if name}
+    assert {name for name in names if name[0] != "."} == set(TOP.split())
+
+
+def test_names_of_datasets_are_no_parameters_of_fields():
+    field = suslov_fast.QuadraticField([[[1.0]]])
+    run = suslov_fast.iterate(field, [0.1], 0.1, 1)
+    points = suslov_fast.crossings(field, [0.1], 0.1, 1, lambda x: x[..., 0])
+    for data in (run.to_xarray(), points.to_xarray()):
+        assert [name for name in (*data.variables, *data.dims) if not clash(name)] == []
+    free = "a rho f H K J I omega steps state names energy body table about".split()
+    assert not any(map(clash, free))
+
+
+def test_the_reference_imports_nothing_from_the_package():
+    text = (Path(__file__).parents[1] / "naive.py").read_text(encoding="utf-8")
+    imports = [n for n in ast.walk(ast.parse(text)) if isinstance(n, (ast.Import, ast.ImportFrom))]
+    modules = {getattr(node, "module", None) or node.names[0].name for node in imports}
+    assert modules <= {"fractions", "functools", "itertools", "mpmath", "collections", "math"}
+
+
+@pytest.mark.compiled
+def test_headers_of_docstrings_are_underlined():
+    """Sphinx takes a header without its line for a sentence, and says nothing."""
+    headers = "Parameters|Attributes|Returns|Raises|Notes|Examples"
+    for path, text in TEXTS.items():
+        for space, header, below in re.findall(rf"\n( *)({headers})\n(.*)\n", text):
+            assert below == space + "-" * len(header), (path, header)
+
+
+WITH_EXAMPLES = [name for name, path in FILES.items() if ">>>" in TEXTS[path]]
+# Long reports, and loops and steps of users that take long to compile.
+LONG = [f"suslov_fast.{name}" for name in ("compiled", "maps.base")]
+LONG += [f"suslov_fast.integrability.{name}" for name in ("implicit", "locus")]
+
+
+@pytest.mark.sampled(10)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in WITH_EXAMPLES],
+)
+def test_examples(name):
+    assert doctest.testmod(importlib.import_module(name)).failed == 0
+
+
+def documented():
+    """Yield public functions, classes and the methods of public classes, with their names."""
+    modules = [suslov_fast, *([suslov_fast.integrability] if find_spec("flint") else [])]
+    things = [getattr(module, name) for module in modules for name in module.__all__]
+    for thing in {id(thing): thing for thing in things}.values():
+        yield thing.__name__, thing
+        for name in dir(thing) if inspect.isclass(thing) else ():
+            method = getattr(thing, name)
+            if not name.startswith("_") and hasattr(method, "__wrapped__"):
+                yield f"{thing.__name__}.{name}", getattr(method, "__func__", method)
+
+
+SECTIONS = "Parameters Attributes Returns Raises Warns Notes Examples".split()
+# No call of these fails.
+WITHOUT_ERRORS = {"admissible_I3", "reduced", "show_versions", "symbols", "to_dict", "zoo"}
+
+
+@pytest.mark.parametrize(
+    ("name", "thing"), [pytest.param(*each, id=each[0]) for each in documented()]
+)
+def test_public_docstrings(name, thing):
+    """A line for a summary, parameters in the order of the signature, and what is returned."""
+    text = inspect.getdoc(thing)
+    assert text
+    assert text.partition("\n\n")[0].endswith("."), text[:100]
+    assert "\n" not in text.partition("\n\n")[0]
+    found = [each for each in re.findall(r"\n(\w+)\n---", text) if each in SECTIONS]
+    assert found == sorted(found, key=SECTIONS.index)
+    if not inspect.isfunction(thing) or name == "LiftedField.field":
+        return
+    assert "Examples" in found
+    short = name.rpartition(".")[-1]
+    assert ("Raises" in found) == (short not in WITHOUT_ERRORS), found
+    signature = inspect.signature(thing)
+    assert ("Returns" in found) == (signature.return_annotation not in (None, "None"))
+    parameters = [each for each in signature.parameters if each not in ("self", "cls")]
+    assert ("Parameters" in found) == bool(parameters)
+    if parameters:
+        part = re.split(r"\n\n\w+\n---+\n", text.split("\nParameters\n", 1)[1])[0]
+        heads = [line.split(" : ")[0] for line in part.split("\n")[1:] if line[:1] not in ("", " ")]
+        assert re.findall(r"\w+", ", ".join(heads)) == parameters
+
+
+def test_names_are_imported_when_they_are_asked_for():
+    code = """
+        import sys, suslov_fast
+        ours = {name for name in sys.modules if name.startswith("suslov_fast.")}
+        assert not ours and not {"numba", "numpy", "xarray"} & sys.modules.keys()
+        modules = "compiled", "integrability"
+        assert set(dir(suslov_fast)) == {*suslov_fast.__all__, "__version__", *modules}
+        suslov_fast.Suslov3D(4, 1, -0.5, -0.3)
+        assert not {"numba", "matplotlib", "scipy", "xarray", "flint"} & sys.modules.keys()
+        from suslov_fast import *
+        assert all(name in globals() for name in suslov_fast.__all__)
+    """
+    children.run(code)
+    with pytest.raises(AttributeError, match=r"module 'suslov_fast' has no attribute 'nothing'$"):
+        _ = suslov_fast.nothing
+
+
+@pytest.mark.parametrize(
+    ("name", "here"),
+    [
+        ("poincare_section", "crossings"), ("poincaresos", "crossings"),
+        ("solve_ivp", "flow, which"),
+        ("basins_of_attraction", "crossings"), ("lyapunov_spectrum", "lyapunov_exponents"),
+        ("odeint", "flow, which"), ("Trajectory", "iterate"), ("fixedpoints", "fixed_points"),
+    ],
+)  # fmt: skip
+def test_names_of_other_packages_say_where_it_is(name, here):
+    with pytest.raises(AttributeError, match=f"has no attribute '{name}': use {here}"):
+        getattr(suslov_fast, name)
+    assert (PACKAGE / "py.typed").exists()

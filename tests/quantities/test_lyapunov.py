@@ -1,0 +1,519 @@
+"""Derivatives of maps, and Lyapunov exponents: against naive ones, and against each other."""
+
+import warnings
+from itertools import pairwise
+
+import naive
+import numba
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast import maps
+from suslov_fast.core.fields import lengths, tangent
+from suslov_fast.engine import derivatives
+
+# Long steps on purpose, from states with det A < 0.
+pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+
+THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
+GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+# Orbits with t > 1 jump through infinity.
+BEYOND = sf.Suslov3D(3, 3, -0.2, -0.2)
+
+
+def lorenz(x):
+    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+LORENZ = sf.QuadraticField.from_function(lorenz, 3)
+
+
+@pytest.mark.parametrize("eps", [0.4, -3.0, 60.0])
+@pytest.mark.parametrize("m", [3, 4, 6])
+def test_derivatives_of_a_step(rng, m, eps):
+    J, I, omega = rng.uniform(1, 4, m), *rng.normal(size=(2, m))
+    body = sf.SuslovND(J, I)
+    exact = naive.derivative(lambda v: naive.step_nd(J, I, eps, v), omega)
+    error = naive.relative_error(sf.jacobian(body, omega, eps).ravel(), sum(exact, ()))
+    assert error < 2e-14 * np.linalg.cond(sf.matrix(body, omega, eps))
+
+
+@pytest.mark.sampled(8)
+@pytest.mark.parametrize(
+    ("body", "omega", "eps", "steps", "tolerance"),
+    [(THREE, [1.0, 0.5], eps, steps, 1e-13) for eps in (0.2, -0.2) for steps in (1, 2, 40)]
+    + [(GYROSTAT, [1.0, 0.5], 0.4, 40, 1e-13)]
+    + [(BEYOND, omega, 1.0, 12, 1e-11) for omega in ((-40, -250), (35, -20), (-300, 500))]
+    + [(m, None, eps, 25, 1e-12) for m in (1, 2, 3, 4, 7) for eps in (0.3, -0.3)]
+    + [(LORENZ, [1.0, 2.0, 20.0], eps, 100, 1e-12) for eps in (1 / 64, 0.5)]
+    + [(m, None, 1.6, 8, 1e-11) for m in (10, 12)],  # negative pivots, and rows exchanged
+)
+def test_against_derivatives_one_by_one(rng, body, omega, eps, steps, tolerance):
+    """Compare with NumPy's QR of each Jacobian, and the sum with the mean of log |det|."""
+    if isinstance(body, int):
+        J, I, omega = rng.uniform(1, 3, body), *rng.normal(size=(2, body))
+        body = sf.SuslovND(J, I)
+    assert body is not BEYOND or sf.criticality(body, omega, eps) > 1
+    exponents = sf.lyapunov_exponents(body, omega, eps, steps)
+    Q, total, of_det = np.eye(len(omega)), np.zeros(len(omega)), 0.0
+    for _ in range(steps):
+        derivative = sf.jacobian(body, omega, eps)
+        Q, R = np.linalg.qr(derivative @ Q)
+        total += np.log(abs(np.diag(R)))
+        of_det += np.log(abs(np.linalg.det(derivative)))
+        omega = sf.step(body, omega, eps)
+    np.testing.assert_allclose(exponents, np.sort(total / steps)[::-1], atol=tolerance)
+    np.testing.assert_allclose(exponents.sum(), of_det / steps, atol=tolerance)
+
+
+@pytest.mark.compiled  # interpreted, a million steps take more than half an hour
+def test_tangent_vectors_go_through_the_transient(rng):
+    """From vectors that start with the mean the exponent that is 0 has the bias -1.1 / T."""
+    x0 = sf.iterate(LORENZ, rng.normal((1, 1, 20), size=(400, 3)), 1 / 128, 3840, save_every=None)
+    found = sf.lyapunov_exponents(LORENZ, x0.final, 1 / 128, 1280, transient=1280).mean(axis=0)
+    assert abs(128 * found[1]) < 0.015
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("has_loops", [False, True])
+def test_a_line_without_code_of_its_own_ends_when_no_lane_is_left(monkeypatch, has_loops):
+    """By loops, or where LLVM refuses the code. One start is NaN, and one reaches a pole."""
+    if has_loops:
+        monkeypatch.setattr("suslov_fast.core.fields.tangent.MOST", 0)
+        monkeypatch.setattr("suslov_fast.core.fields.tangent.MOST_OF_DENSE", 0)
+    else:
+        monkeypatch.setattr("suslov_fast.core.fields.tangent.code_of", lambda *_: None)
+    square = sf.QuadraticField([[[1.0]]])
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.lyapunov_exponents(square, [[np.nan], [2.0]], 0.5, 40)).all()
+
+
+def test_batches_and_a_transient():
+    starts, run = sf.RandomStarts(3, 5.0), (1 / 64, 40)
+    starts = starts.states(3, dimension=3)
+    starts[2] = np.nan
+    expected = sf.lyapunov_exponents(LORENZ, starts, *run, 30)
+    assert np.isnan(expected[2]).all()
+    for index in (slice(3), 1, np.array([[0, 1, 2]])):
+        found = sf.lyapunov_exponents(LORENZ, starts[index], *run, 30)
+        np.testing.assert_array_equal(found, expected[index])
+    # Their sums are those of all steps, less those of the transient.
+    whole, first = (sf.lyapunov_exponents(LORENZ, starts, 1 / 64, n).sum(1) for n in (70, 30))
+    np.testing.assert_allclose(40 * expected.sum(1), 70 * whole - 30 * first, rtol=1e-12)
+    bodies = sf.Suslov3D(4, 1, -0.5, [-0.3, 0.2])
+    found = sf.lyapunov_exponents(bodies, [1.0, 0.5], [[0.1], [0.2]], 10, 5)
+    single = sf.lyapunov_exponents(sf.Suslov3D(4, 1, -0.5, 0.2), [1.0, 0.5], 0.1, 10, 5)
+    np.testing.assert_array_equal(found[0, 1], single)
+    assert sf.lyapunov_exponents(LORENZ, np.empty((0, 3)), *run).shape == (0, 3)
+    for body, eps in ((bodies, 0.0), (sf.Suslov3D(4, 1, 0, 0), 0.2)):  # the identity map
+        assert abs(sf.lyapunov_exponents(body, [1.0, 0.5], eps, 5)).max() <= 1e-15
+    with pytest.raises(ValueError, match="transient"):
+        sf.lyapunov_exponents(LORENZ, starts, *run, transient=-1)
+    square = sf.QuadraticField([[[1]]])
+    with pytest.warns(sf.SingularStepWarning, match="1 of 1"):  # a pole in the transient
+        sf.lyapunov_exponents(square, [1.0], 1.0, 5, 3)
+    with pytest.warns(sf.SingularStepWarning, match="1 of 2"):  # and later
+        found = sf.lyapunov_exponents(square, [[2.0], [-1.0]], 0.5, 5)
+    assert np.isnan(found).ravel().tolist() == [True, False]
+
+
+@pytest.mark.compiled
+def test_lanes_that_need_pivoting_change_no_bits(monkeypatch):
+    """Kernels without elimination end at such a lane, and the steps are taken anew."""
+    starts = 20 * np.random.default_rng(0).normal(size=(20, 3))
+    able, had_solve = tangent.able, []
+
+    def noting(arguments):
+        had_solve.append(able(arguments).solves)
+        return able(arguments)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        run = LORENZ, starts, 0.5, 60, 5
+        monkeypatch.setattr(tangent, "able", noting)
+        found = sf.lyapunov_exponents(*run)
+        assert had_solve[:2] == [None, True]
+        had_solve.clear()
+        slopes = sf.jacobian(LORENZ, starts, 0.9)
+        assert had_solve == [None, True]
+        monkeypatch.setattr("suslov_fast.engine.derivatives._STRETCH", 2000)  # 1 step a call
+        np.testing.assert_array_equal(sf.lyapunov_exponents(*run), found)
+        monkeypatch.setattr(tangent, "able", lambda arguments: arguments._replace(solves=True))
+        np.testing.assert_array_equal(sf.lyapunov_exponents(*run), found)
+        np.testing.assert_array_equal(sf.jacobian(LORENZ, starts, 0.9), slopes)
+
+
+def poles_told(function, *arguments, **keywords):
+    """Return what a function warns of."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        function(*arguments, **keywords)
+    return [str(each.message) for each in told]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("method", "start", "eps", "steps"),
+    [
+        ("auto", [0.05, 0.05], 0.05, 170),
+        ("order6", [1.0747581894475755, 6.66376067084367], 0.4434432134948084, 21),
+    ],
+)
+def test_signs_tell_poles_as_for_runs(method, start, eps, steps, monkeypatch):
+    """A population turns negative, with det A > 0 all the way."""
+    prey = sf.QuadraticField.from_function(
+        lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
+    )
+    batch = [start, [4.0, 5.0], start]
+    monkeypatch.setattr("suslov_fast.core.code.compiler._codes", {})
+    for other in ("order4", "auto"):  # the code of sub-steps has no tests of signs
+        sf.lyapunov_exponents(prey, [[4.0, 5.0], [4.1, 5.0]], 0.01, 2, method=other)
+    for x0 in (start, batch):
+        told = poles_told(sf.iterate, prey, x0, eps, steps, method=method)
+        assert "(a component that cannot change its sign did)" in told[0]
+        arguments = prey, x0, eps, 5, steps - 5
+        assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
+    assert told[0].startswith("2 of 3")
+    monkeypatch.setattr("suslov_fast.core.fields.tangent.MOST", 0)  # as of many variables
+    monkeypatch.setattr("suslov_fast.core.fields.tangent.MOST_OF_DENSE", 0)
+    assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
+    monkeypatch.undo()
+    monkeypatch.setattr(
+        "suslov_fast.core.fields.tangent.code_of", lambda *_: None
+    )  # every step by `solve`
+    assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
+
+
+def test_steps_that_are_not_invertible(unit):
+    """The map takes the line y = -2a / eps to a point."""
+    exponents = sf.lyapunov_exponents(unit, [0.5, 2.0], 1.0, 3)
+    assert exponents[1] == -np.inf
+    assert np.isfinite(exponents[0])
+    field = sf.QuadraticField(np.zeros((2, 2, 2)), [[-2, 0], [0, 1]])
+    exponents = sf.lyapunov_exponents(field, [[1.0, 2.0]], 1.0, 3)
+    np.testing.assert_allclose(exponents, [[np.log(3), -np.inf]], atol=1e-15)
+
+
+@pytest.mark.compiled  # interpreted steps, all by `solve`, take no logarithms of 1 + x
+@pytest.mark.parametrize("k", [0.0, 1e-3, -1.0, 1e3])
+@pytest.mark.parametrize("eps", [1.0, -0.125, 1e-5])
+def test_the_sum_is_that_of_the_invariant_density(k, eps):
+    """The sum is log |rho(0) / rho(n)| / n, to 1e-10 of the mean modulus of its terms."""
+    parameters, omega, steps = (2.3, 1.4, 0.5, -0.7), [0.5, -1.25], 40
+    body = sf.SuslovGyrostat(*parameters, k) if k else sf.Suslov3D(*parameters)
+    states = naive.orbit(*parameters, eps, omega, steps, k)
+    densities = (naive.invariant_density(*parameters, eps, each, k) for each in states)
+    logs = [naive.mpmath.log(abs(each)) for each in densities]
+    modulus = sum(abs(v - w) for v, w in zip(logs[1:], logs, strict=False)) / steps
+    total = sf.lyapunov_exponents(body, omega, eps, steps).sum()
+    assert abs(total - (logs[0] - logs[-1]) / steps) < 1e-10 * modulus
+
+
+def log_of_step(f, eps, x, following):
+    """log |det DPhi| from 1 - (eps/2) f'(x) and 1 + (eps/2) f'(x_next), in 60 digits."""
+    dets = []
+    for state, half in ((x, -eps / 2), (following, eps / 2)):
+        slope = naive.mpmath.matrix(naive.derivative(f, state))
+        dets.append(naive.mpmath.det(naive.mpmath.eye(len(x)) + half * slope))
+    return naive.mpmath.log(abs(dets[1] / dets[0]))
+
+
+@pytest.mark.parametrize(
+    ("start", "eps", "steps"),
+    [
+        ((1.0, 2.0, 20.0), 1 / 64, 40),
+        ((1.0, 2.0, 20.0), 1e-9, 4),
+        ((1.0, 2.0, 20.0), 0.5, 12),  # with pivots
+        ((1.0, 2.0, 20.0), -4.0, 12),
+        ((-4.0, 300.0, 8.0), 1e-3, 12),
+    ],
+)
+def test_the_sum_is_that_of_determinants(start, eps, steps):
+    """To rounding of the mean modulus of their logarithms, for short steps, too."""
+    states = naive.iterated(lambda x: naive.kahan_step(lorenz, eps, x), start, steps)
+    logs = [log_of_step(lorenz, naive.mpf(eps), *each) for each in pairwise(states)]
+    modulus = float(sum(map(abs, logs)))
+    total = sf.lyapunov_exponents(LORENZ, start, eps, steps).sum()
+    # Interpreted steps, all by `solve`, take the logarithm of a determinant that is rounded near 1.
+    rounding = steps * 1e-15 if numba.config.DISABLE_JIT else 0.0
+    assert abs(total * steps - float(sum(logs))) < 1e-11 * modulus + rounding
+
+
+@pytest.mark.parametrize(("body", "eps"), [(LORENZ, 1 / 64), (LORENZ, 0.5), (ND, 0.4), (ND, 30.0)])
+def test_bits_do_not_depend_on_batches_and_stretches(rng, monkeypatch, body, eps):
+    """Also where columns are orthonormalised after some steps, lane by lane, or after every one."""
+    x = rng.normal(size=(13 if numba.config.DISABLE_JIT else 133, 3))
+    whole = sf.lyapunov_exponents(body, x, eps, 20)
+    for stretch in (2**9, 2**15):
+        monkeypatch.setattr(derivatives, "_STRETCH", stretch)
+        found = sf.lyapunov_exponents(body, x, eps, 20)
+        np.testing.assert_array_equal(found, whole)
+    np.testing.assert_array_equal(sf.lyapunov_exponents(body, x[7], eps, 20), whole[7])
+    np.testing.assert_array_equal(sf.lyapunov_exponents(body, x[7:9], eps, 20), whole[7:9])
+
+
+def test_growth_over_many_orders_of_magnitude():
+    """|det DPhi| over the whole run underflows, and the logarithms do not."""
+    field = sf.QuadraticField(np.zeros((2, 2, 2)), [[-1.0, 0.0], [0.5, -4.0]])
+    exponents = sf.lyapunov_exponents(field, [1.0, 1.0], 0.25, 5000)
+    first, second = np.log(0.875 / 1.125), np.log(0.5 / 1.5)
+    assert exponents.sum() == pytest.approx(first + second, rel=1e-12)
+    np.testing.assert_allclose(exponents, [first, second], rtol=1e-3)
+
+
+def exponents_by_qr(field, x, eps, steps):
+    """Exponents by NumPy's QR of the derivative of each step."""
+    Q, total = np.eye(len(x)), np.zeros(len(x))
+    for state in sf.iterate(field, x, eps, steps - 1).states:
+        Q, R = np.linalg.qr(sf.jacobian(field, state, eps) @ Q)
+        total += np.log(abs(np.diag(R)))
+    return np.sort(total / steps)[::-1]
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("linear", "eps", "tolerance"),
+    [
+        (-np.eye(4), 1 / 64, 1e-14),  # orthonormalised after every 16 steps
+        (-np.diag([0.1, 1.0, 10.0, 100.0]), 0.05, 1e-13),  # after some steps
+        (np.triu(np.full((4, 4), 30.0)) - 30 * np.eye(4), 0.5, 1e-9),  # far from normal
+        (-np.diag([1.0, 1.0, 1.0, 2 - 1e-9]), 1.0, 1e-13),  # a factor of 2.5e-10 at each step
+        (-np.diag([1.0, 1.0, 1.0, -2 + 1e-9]), 1.0, 1e-13),  # and of 4e9
+        (-1.9999999 * np.eye(4), 1.0, 1e-13),  # all columns shrink, and leave the range of floats
+    ],
+)
+def test_columns_are_orthonormalised_in_time(rng, linear, eps, tolerance):
+    """As by QR at each step, whether columns grow apart slowly or at once, or shrink together."""
+    quadratic = rng.normal(size=(4, 4, 4)) / 16 if eps < 1 else np.zeros((4, 4, 4))
+    field = sf.QuadraticField(quadratic, linear)
+    x = 0.1 * rng.normal(size=(20, 4)) if eps < 1 else np.zeros((20, 4))
+    found = sf.lyapunov_exponents(field, x, eps, 40)
+    for k in (0, 19):
+        np.testing.assert_allclose(found[k], exponents_by_qr(field, x[k], eps, 40), atol=tolerance)
+
+
+def test_lanes_that_are_due_are_orthonormalised(rng):
+    """As by QR, with products of lengths; others are left as they are. A column of 0 is told."""
+    D, room = 3, 4
+    columns, g = rng.normal(size=(3, D, D)), np.full((lengths.LENGTHS + D, 3), 0.5)
+    columns[1, :, 2] = 0.0
+    q = np.zeros((D, room, 3))
+    q[:, :D] = columns.transpose(1, 2, 0)
+    q = q.reshape(D * room, 3)
+    lengths.orthonormalise.py_func(q, g, room, 0b110)
+    found = q.reshape(D, room, 3)[:, :D].transpose(2, 0, 1)
+    np.testing.assert_array_equal(found[0], columns[0])
+    assert (g[:, 0] == 0.5).all()
+    Q, R = np.linalg.qr(columns[2])
+    np.testing.assert_allclose(abs(found[2]), abs(Q), rtol=1e-12)
+    np.testing.assert_allclose(g[lengths.LENGTHS :, 2], 0.5 * abs(np.diag(R)), rtol=1e-13)
+    assert g[lengths.VOLUME].tolist() == [0.5, 0.0, 1.0]
+    assert (found[1, :, 2] == 0.0).all()
+
+
+@pytest.mark.parametrize("is_sum", [False, True])
+def test_logarithms_are_taken_of_products_that_leave_their_range(is_sum):
+    """And of all at the end. Row 1 has 1 less than a product, or a sum of logarithms already."""
+    g = np.array([[1.0, 1.0], [0.5, -0.9995], [3.0, 1e101], [2.0, 1e-101], [5.0, 7.0]])
+    sums, of_det = np.zeros((3, 2)), np.array([0.0, 1.0, 2.0])
+    near = g[1].copy() if is_sum else np.log1p(g[1])
+    lengths.take_logarithms.py_func(g, sums, of_det, 1, False, is_sum)
+    tens = 101 * np.log(10.0)
+    np.testing.assert_allclose(of_det, [0.0, 1.0, 2.0 + near[1] + tens], rtol=1e-15)
+    np.testing.assert_allclose(sums, [[0.0, 0.0], [0.0, 0.0], [-tens, 0.0]], rtol=1e-15)
+    assert g[:, 1].tolist() == [1.0, 0.0, 1.0, 1.0, 7.0]
+    lengths.take_logarithms.py_func(g, sums, of_det, 1, True, is_sum)
+    np.testing.assert_allclose(of_det[1], 1.0 + near[0] + np.log(3.0), rtol=1e-15)
+    np.testing.assert_allclose(sums[1:], [np.log([2, 5]), [-tens, np.log(7)]], rtol=1e-15)
+    assert g.tolist() == [[1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [1.0, 1.0], [1.0, 1.0]]
+
+
+def ring(x):
+    return [x[k - 1] * (x[(k + 1) % len(x)] - x[k - 2]) - x[k] + 8 for k in range(len(x))]
+
+
+def everything(x):
+    """All products, as of a Galerkin system."""
+    total = sum(x)
+    return [(k % 3 - 1) * x[k] * total / len(x) - x[k] + x[k - 1] for k in range(len(x))]
+
+
+def in_a_cascade(x):
+    """Rates from -1 to -150, and a growing component: columns grow apart within a step."""
+    return [x[k - 1] * x[k] / 8 - (1 + 3 * k) * x[k] + 1 for k in range(len(x) - 1)] + [9 * x[-1]]
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("f", "D", "size", "tolerance"),
+    [(ring, 44, 8.0, 1e-12), (everything, 48, 0.5, 1e-12), (in_a_cascade, 50, 0.1, 1e-10)],
+)
+def test_many_variables(rng, monkeypatch, f, D, size, tolerance):
+    """Loops in place of lists: as NumPy's QR of each derivative; bits over batches and cuts."""
+    monkeypatch.setattr("suslov_fast.core.fields.tangent.MOST", 700)
+    field, x = sf.QuadraticField.from_function(f, D), size + 0.1 * rng.normal(size=(3, D))
+    for method in ("auto", "order4"):
+        slopes = sf.jacobian(field, x[0], 1 / 64, method=method)
+        for k in (0, D // 2, D - 1):
+            nearby = x[0] + 1e-6 * np.outer([1, -1], np.eye(D)[k])
+            above, below = sf.step(field, nearby, 1 / 64, method=method)
+            np.testing.assert_allclose(slopes[:, k], (above - below) / 2e-6, atol=1e-7)
+    found = sf.lyapunov_exponents(field, x, 1 / 64, 40)
+    np.testing.assert_allclose(found[0], exponents_by_qr(field, x[0], 1 / 64, 40), atol=tolerance)
+    dets = np.linalg.slogdet(sf.jacobian(field, sf.iterate(field, x[1], 1 / 64, 39).x, 1 / 64))[1]
+    assert found[1].sum() == pytest.approx(dets.mean(), rel=1e-10)
+    np.testing.assert_array_equal(sf.lyapunov_exponents(field, x[2], 1 / 64, 40), found[2])
+    monkeypatch.setattr(derivatives, "_STRETCH", 1)  # a call for each step
+    np.testing.assert_array_equal(sf.lyapunov_exponents(field, x, 1 / 64, 40), found)
+
+
+def test_determinants_above_the_range_of_numbers():
+    """The pivots of a step with pivoting are about 1e8: the product of 40 of them is 1e320."""
+    D, rate = 40, 2e8
+    k = np.arange(D)
+    indices = np.concatenate([[k, k, k * 0 + D], [k[:-1], k[1:], k[1:] * 0 + D]], axis=1)
+    values = np.append(-rate * np.ones(D), 1e-3 * np.ones(D - 1))
+    field = sf.QuadraticField.from_terms(indices, values, D)
+    exponents = sf.lyapunov_exponents(field, np.ones(D), 1.0, 3)
+    np.testing.assert_allclose(exponents, -2 / (rate / 2), rtol=1e-6)
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+@pytest.mark.parametrize("most", [4000, 0])
+def test_determinants_of_many_variables(monkeypatch, most):
+    """Factors near 1 have a product below rounding: 0.6**100 for x_i' = -x_i and eps = 1/2."""
+    monkeypatch.setattr(
+        "suslov_fast.core.fields.tangent.MOST", most
+    )  # code, or loops over the pattern
+    D = 100
+    field = sf.QuadraticField.from_terms([range(D), range(D), [D] * D], -np.ones(D), D)
+    exponents = sf.lyapunov_exponents(field, np.ones(D), 0.5, 3)
+    np.testing.assert_allclose(exponents, np.log(0.6), rtol=1e-12)
+
+
+def test_exponents_by_products_of_jacobians(monkeypatch):
+    """Of three variables: of two, the first column and the determinant give both exponents."""
+    monkeypatch.setitem(vars(maps.MAPS["Kahan"]), "growth", derivatives.growth_by_jacobian)
+    starts, eps, steps = [[1.0, 2.0, 20.0], [-3.0, 1.0, 15.0]], 0.05, 60
+    rates, states = (
+        sf.lyapunov_exponents(LORENZ, starts, eps, steps),
+        sf.iterate(LORENZ, starts, eps, steps).states,
+    )
+    for found, slopes in zip(
+        rates, sf.jacobian(LORENZ, states[:-1].swapaxes(0, 1), eps), strict=True
+    ):
+        Q, total = np.eye(3), np.zeros(3)
+        for slope in slopes:
+            Q, R = np.linalg.qr(slope @ Q)
+            total += np.log(abs(np.diag(R)))
+        np.testing.assert_allclose(found, -np.sort(-total / steps), rtol=1e-12)
+    # A turn by a right angle, whose first pivot is 0, beside a decay to 1 / 3, or to 0.
+    for rate, last in ((0.5, -np.log(3)), (1.0, -np.inf)):
+        field = sf.QuadraticField.from_function(lambda x, r=rate: (x[1], -x[0], -r * x[2]), 3)
+        assert sf.jacobian(field, [1.0, 0.5, 2.0], 2.0)[0, 0] == 0.0
+        found = sf.lyapunov_exponents(field, [1.0, 0.5, 2.0], 2.0, 5)
+        np.testing.assert_allclose(found, [0.0, 0.0, last], atol=1e-14)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("by_jacobian", [False, True])
+def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian):
+    """All stand at the same step; False ends the run, with means over the steps done."""
+    if by_jacobian:
+        record = vars(maps.MAPS["Kahan"])
+        monkeypatch.setitem(record, "growth", derivatives.growth_by_jacobian)
+    monkeypatch.setattr(derivatives, "_STRETCH", 2**12)
+    family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[1, 0, 2] * 30)
+    starts, seen = rng.normal(size=(90, 2)), []
+
+    def exponents(steps, progress=None):
+        return sf.lyapunov_exponents(family, starts, 0.1, steps, transient=5, progress=progress)
+
+    def progress(done, total):
+        seen.append((done, total))
+
+    np.testing.assert_array_equal(exponents(40, progress), exponents(40))
+    assert seen == sorted(seen)
+    assert len(seen) > 3
+    assert seen[-1] == (45, 45)
+    for least in (3, 9, 45):
+        reached = []
+
+        def until(done, total, least=least, reached=reached):
+            reached.append(done)
+            return done < least
+
+        found = exponents(40, until)
+        if reached[-1] <= 5:
+            assert np.isnan(found).all()
+        else:  # compiled runs take one more step
+            steps = {min(reached[-1] - 5 + more, 40) for more in (0, 1)}
+            assert any(np.array_equal(found, exponents(each)) for each in steps)
+    assert sf.lyapunov_exponents(family, np.empty((0, 1, 2)), 0.1, 4).size == 0
+    with pytest.raises(TypeError, match=r"^progress must be True"):
+        sf.lyapunov_exponents(family, starts, 0.1, 40, progress=len)
+
+
+# -------------------------------------------------------------------------------- along the motion
+@pytest.mark.parametrize("rates", [(-1.0, -1e4), (0.5, -2.0), (3.0, 1e-9)])
+def test_motion_of_linear_fields(rates):
+    """The exponents are the rates, the largest first, whatever the size of the state."""
+    a, b = rates
+    field = sf.QuadraticField.from_function(lambda x: (a * x[0], x[0] + b * x[1]), 2)
+    for size in (1e-8, 1.0, 1e8):
+        found = sf.lyapunov_exponents(field, [size, 0.0], time=10.0, transient=20.0, rtol=1e-8)
+        np.testing.assert_allclose(found, sorted(rates, reverse=True), rtol=1e-5, atol=1e-5)
+
+
+def test_motion_of_lorenz(rng):
+    lorenz = sf.QuadraticField.from_function(
+        lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
+    )
+    x = rng.normal(size=(64, 3)) * 5 + [0, 0, 20]
+    found = sf.lyapunov_exponents(lorenz, x, time=50.0, transient=10.0, rtol=1e-6)
+    assert abs(found.sum(axis=1) + 41 / 3).max() < 1e-6  # the trace of f'
+    assert abs(found.mean(axis=0) - [0.9056, 0.0, -14.5723]).max() < 0.02
+    for k in (0, 63):
+        alone = sf.lyapunov_exponents(lorenz, x[k], time=50.0, transient=10.0, rtol=1e-6)
+        assert (alone == found[k]).all()
+
+
+def test_motion_leaves_clocks_out():
+    """A damped oscillator with a force cos t: the real parts of the eigenvalues are -0.1."""
+    forced = sf.Field.from_function(
+        lambda s: (s[1], -s[0] - 0.2 * s[1] + np.cos(s[2]), 1.0), "q p t"
+    )
+    found = sf.lyapunov_exponents(forced, [0.0, 0.0, 0.0], time=2000.0, transient=20.0, rtol=1e-6)
+    assert found.shape == (2,)
+    assert abs(found + 0.1).max() < 1e-3
+
+
+def test_motion_of_families_that_end():
+    family = sf.QuadraticField.from_function(lambda x, a: (a * x[0] ** 2 - x[0],), 1, a=[0, 2])
+    with pytest.warns(sf.PoleWarning):
+        found = sf.lyapunov_exponents(family, [1.0], time=3.0)
+    assert found[0] == pytest.approx(-1.0)
+    assert np.isnan(found[1])
+    stopped = sf.lyapunov_exponents(family, [0.1], time=3.0, progress=lambda done, total: False)
+    assert np.isfinite(stopped).any()
+
+
+@pytest.mark.parametrize(
+    ("error", "name", "options"),
+    [
+        (TypeError, "eps", {"time": 1.0, "eps": 0.1}),
+        (TypeError, "steps", {"time": 1.0, "steps": 3}),
+        (TypeError, "eps", {}),
+        (ValueError, "time", {"time": -1.0}),
+        (ValueError, "transient", {"time": 1.0, "transient": -1.0}),
+        (ValueError, "rtol", {"time": 1.0, "rtol": 1.0}),
+        (ValueError, "method", {"time": 1.0, "method": "order4"}),
+    ],
+)
+def test_bad_arguments_of_motions(error, name, options):
+    with pytest.raises(error, match=name):
+        sf.lyapunov_exponents(sf.QuadraticField([[[1.0]]]), [0.1], **options)

@@ -1,0 +1,170 @@
+"""The table of columns: each is in runs, files, datasets and stores, or in none of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.runs import columns
+
+pytest.importorskip("zarr")
+# Two populations: from these starts a failure after a pole, a pole, and neither.
+FIELD = sf.QuadraticField.from_function(
+    lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
+)
+STARTS = [[0.05, 0.25], [0.05, 0.05], [4.5, 5.0]]
+NAMES = {column.name for column in columns.RUN if column.is_public}
+
+
+def entries(path):
+    with np.load(path) as file:
+        return dict(file)
+
+
+def test_one_column_marks_tiles_as_done():
+    last = [column.name for column in columns.RUN if column.is_last]
+    assert last == ["status"]
+    assert not any(column.is_saved for column in columns.RUN if column.is_last)
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_each_column_is_everywhere(tmp_path):
+    """The same values in a run, its file, its dataset and a store, under one name."""
+    run = sf.iterate(FIELD, STARTS, 0.1, 60, save_every=20, on_singular="ignore")
+    run.save(tmp_path / "run.npz")
+    found, data = entries(tmp_path / "run.npz"), run.to_xarray()
+    store = tmp_path / "run.zarr"
+    stored = sf.ensemble(FIELD, STARTS, 0.1, 60, save_every=20, store=store, chunk=1)
+    public = columns.of_runs(turns=False)
+    assert {column.name for column in public} == NAMES - {"attitude"}
+    for column in public:
+        values, name = getattr(run, column.name), column.name.replace("states", "x")
+        dims = columns.dims_of(column, ("trajectory",))
+        for others in (found[column.name], data[name].values, stored[name].values):
+            np.testing.assert_array_equal(others, values)
+            assert others.dtype == column.type
+        assert data[name].dims == stored[name].dims == dims
+        assert not column.meaning or stored[name].attrs["long_name"] == column.meaning
+    assert (run.first_pole >= 0).any()
+    assert (run.status < 0).any()
+
+
+def test_columns_of_orientations(tmp_path):
+    body = sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3])
+    for turns in (False, True):
+        run = sf.iterate(body, [1.0, 0.5, 0.2], 0.1, 5, attitude=turns)
+        run.save(tmp_path / "run.npz", overwrite=True)
+        found = {*entries(tmp_path / "run.npz")} - {"about", "body", "eps"}
+        expected = columns.present(columns.RUN, {"turns"} if turns else ())
+        assert found == {column.name for column in expected}
+        assert ("attitude" in run.to_xarray()) == turns
+        assert sf.Trajectories.load(tmp_path / "run.npz") == run
+
+
+def test_files_and_stores_without_a_column_are_refused(tmp_path):
+    body = sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3])
+    sf.iterate(body, [1.0, 0.5, 0.2], 0.1, 5, attitude=True).save(tmp_path / "run.npz")
+    found = entries(tmp_path / "run.npz")
+    for column in columns.present(columns.RUN, {"turns"}):
+        np.savez(tmp_path / "run.npz", **{k: v for k, v in found.items() if k != column.name})
+        with pytest.raises(ValueError, match=column.name):
+            sf.Trajectories.load(tmp_path / "run.npz")
+    arguments = body, [1.0, 0.5, 0.2], 0.1, 5
+    sf.ensemble(*arguments, attitude=True, store=tmp_path / "runs.zarr")
+    file = tmp_path / "runs.zarr" / "zarr.json"
+    whole = json.loads(file.read_text())
+    for name in NAMES - {"states"} | {"omega", "n", "component", "eps"}:
+        changed = json.loads(json.dumps(whole))
+        del changed["consolidated_metadata"]["metadata"][name]
+        changed["consolidated_metadata"]["sha256"] = _digest(changed)
+        file.write_text(json.dumps(changed))
+        with pytest.raises(ValueError, match=name):
+            sf.open_ensemble(tmp_path / "runs.zarr")
+
+
+def _digest(document):
+    from suslov_fast.runs.files.metadata import digest_of
+
+    return digest_of(document["attributes"], document["consolidated_metadata"]["metadata"])
+
+
+@pytest.mark.parametrize(
+    ("change", "advice"), [(-1, "compute it anew"), (1, "a newer suslov_fast")]
+)
+def test_stores_of_other_formats_say_what_to_do(tmp_path, change, advice):
+    sf.ensemble(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5], 0.1, 5, store=tmp_path / "runs.zarr")
+    file = tmp_path / "runs.zarr" / "zarr.json"
+    whole = json.loads(file.read_text())
+    whole["attributes"] |= {"format": columns.FORMAT + change, "version": "7.8.9"}
+    file.write_text(json.dumps(whole))
+    age = "a later" if change > 0 else "an earlier"
+    with pytest.raises(
+        ValueError, match=rf"^store: .*zarr is of {age} format .* suslov_fast 7\.8\.9: {advice}"
+    ):
+        sf.open_ensemble(tmp_path / "runs.zarr")
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_files_whose_poles_contradict_statuses_are_refused(tmp_path):
+    run = sf.iterate(FIELD, STARTS, 0.1, 60, save_every=20, on_singular="ignore")
+    run.save(tmp_path / "run.npz")
+    found = entries(tmp_path / "run.npz")
+    assert run.status.tolist() == [sf.Status.SINGULAR, sf.Status.PASSED_POLE, sf.Status.OK]
+    for k, number in ((0, 0), (0, 46), (1, -1), (1, 3), (2, 5)):
+        first_pole = found["first_pole"].copy()
+        first_pole[k] = number
+        np.savez(tmp_path / "run.npz", **found | {"first_pole": first_pole})
+        with pytest.raises(ValueError, match="first_pole"):
+            sf.Trajectories.load(tmp_path / "run.npz")
+
+
+# ----------------------------------------------------------------------- users' functions of states
+def rounded(x):
+    return np.sign(x[..., 0]).astype(int)
+
+
+def is_positive(x):
+    return x[..., 0] > 0
+
+
+def masked(x):
+    return np.ma.masked_less(x[..., 0], 0.5)
+
+
+def unordered(x):
+    return x[..., 0] + 1j
+
+
+def of_one(x):
+    return x[..., 0].sum()
+
+
+@pytest.mark.parametrize("function", [rounded, is_positive])
+def test_functions_are_nan_at_states_that_do_not_exist(tmp_path, function):
+    """Integers and truth values too: from a pole on, and for starts that are NaN."""
+    field, starts = sf.QuadraticField([[[1.0]]]), [[1.0], [-0.25], [np.nan]]
+    data = sf.ensemble(
+        *(field, starts, 1.0, 2), save_every=1, store=tmp_path / "a.zarr", functions={"f": function}
+    )
+    with np.errstate(invalid="ignore"):
+        expected = np.where(np.isnan(data.x[..., 0]), np.nan, function(data.x.to_numpy()))
+    assert np.isnan(expected).sum() == 5
+    np.testing.assert_array_equal(data.f, expected)
+
+
+@pytest.mark.parametrize(
+    ("function", "error", "match"),
+    [
+        (masked, TypeError, r"functions\['f'\] .* masked array: return NaN"),
+        (unordered, TypeError, r"functions\['f'\] .*complex"),
+        (of_one, ValueError, r"functions\['f'\] .*\(3,\) *|functions\['f'\] .* for states"),
+    ],
+)
+def test_functions_without_real_values_are_refused(tmp_path, function, error, match):
+    arguments = sf.QuadraticField([[[1.0]]]), [[0.1]], 0.1, 2
+    with pytest.raises(error, match=match):
+        sf.ensemble(*arguments, store=tmp_path / "a.zarr", functions={"f": function})
+    assert not (tmp_path / "a.zarr").exists()
+    with pytest.raises(error, match="surface "):
+        sf.crossings(*arguments, function)

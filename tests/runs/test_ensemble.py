@@ -1,0 +1,1032 @@
+"""Stored runs equal those of `iterate`, bit for bit, whatever happened in between."""
+
+import asyncio
+import errno
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+import warnings
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from types import SimpleNamespace
+
+import dask.array
+import distributed
+import numpy as np
+import pytest
+import xarray
+import zarr
+from scipy.spatial.transform import Rotation
+from zarr.core import sync
+
+import suslov_fast as sf
+from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
+from suslov_fast.runs.ensemble import _sizes
+from suslov_fast.runs.files import access, stores, tiles as computed
+from suslov_fast.runs.files.stores import described
+
+BODY = Suslov3D(4, 1, -0.5, -0.3)
+BODY_4D = sf.SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
+GYROSTAT = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
+PENDING = -128
+
+
+def lorenz(rho):
+    return sf.QuadraticField.from_function(
+        lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
+        3,
+        rho=rho,
+    )
+
+
+def call(function, body, omega0, **options):
+    """Call a function with all arguments by name, also those that it takes by position alone."""
+    return function(body, omega0, **options)
+
+
+@pytest.fixture
+def store(tmp_path):
+    return tmp_path / "run.zarr"
+
+
+def assert_same(dataset, orbits):
+    """Compare all stored variables with the results of `iterate`, bit for bit."""
+    for name in (orbits.map.variable, "final", "status", "failed_at", "attitude", "n", "time"):
+        expected = getattr(orbits, name)
+        if expected is None:
+            assert name not in dataset
+        elif name != "time" or np.ndim(orbits.eps) == 0:
+            found = np.asarray(dataset[name].values)
+            assert found.shape == np.shape(expected), name
+            assert found.tobytes() == np.asarray(expected).tobytes(), name
+
+
+def contents(store):
+    return {
+        path.relative_to(store).as_posix(): path.read_bytes()
+        for path in sorted(store.rglob("*"))
+        if path.is_file() and path.suffix != ".partial"
+    }
+
+
+CHUNK, TURNING = {"chunk": {"trajectory": 7, "n": 8}}, {"attitude": True}
+TURNS = Rotation.random(20, random_state=1).as_matrix()
+FAMILY = lorenz(np.linspace(10.0, 40.0, 5)[:, None])
+ASKED = {"body": BODY, "omega0": [[1.0, 0.5]], "eps": 0.2, "steps": 20, "save_every": 2}
+FIELD = {"body": FAMILY, "omega0": [1.0, 1.0, 1.0], "eps": 0.01, "steps": 9}
+
+
+RUNS = [
+    (BODY, 20, 0.3, CHUNK, {"save_every": 4}),
+    (BODY, 20, 0.3, CHUNK, {"save_every": None} | TURNING),
+    (BODY_4D, 20, 0.3, CHUNK, {"save_every": 1, "method": "gauss"} | TURNING),
+    (GYROSTAT, 20, 0.3, CHUNK, {"save_every": 1} | TURNING),
+    (FAMILY, 20, 0.01, {"chunk": {"rho": 2, "batch_1": 7, "n": 3}}, {"save_every": 2}),
+    (BODY, 20, [[0.2], [0.3]], {}, {"save_every": 1}),
+    (BODY, 20, np.linspace(0.1, 0.3, 20), {"chunk": 7}, {"save_every": None}),
+    (BODY, 20, 0.3, CHUNK, {"save_every": 4, "attitude": TURNS}),
+    (BODY, 20, 0.3, {"chunk": {"n": 1}}, {"save_every": 1} | TURNING),
+    *[(BODY, shape, 0.2, {}, {"save_every": 5}) for shape in ((), (1,), (3, 0))],
+]
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize(
+    ("body", "shape", "eps", "ours", "settings", "steps"),
+    [*((*run, 25) for run in RUNS), *((*run, k % 2) for k, run in enumerate(RUNS))],
+)
+def test_a_stored_run_equals_iterate(store, rng, body, shape, eps, ours, settings, steps):
+    omega0 = rng.uniform(-2.0, 2.0, np.append(shape, body.dimension).astype(int))
+    if shape == 20:
+        omega0[3], omega0[9] = np.nan, 1e308
+    orbits = iterate(body, omega0, eps, steps, on_singular="ignore", **settings)
+    for _ in range(2):
+        assert_same(ensemble(body, omega0, eps, steps, store=store, **ours, **settings), orbits)
+    assert_same(open_ensemble(str(store)), orbits)
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("body", [BODY, BODY_4D, FAMILY, lorenz(28.0)])
+def test_a_store_has_the_variables_and_coordinates_of_a_run(store, body):
+    """Tables of coefficients are stored as they are, and opened as columns."""
+    starts = np.ones((5, 3, body.dimension))[0 if body is not FAMILY else slice(None)]
+    run = iterate(body, starts, 0.01, 7)
+    data = ensemble(body, starts, 0.01, 7, store=store, save_every=1)
+    expected = run.to_xarray()
+    xarray.testing.assert_equal(data, expected)
+    assert {*data.coords} == {*expected.coords}
+    assert len(data.to_dataframe()) == run.states.size
+    for name, each in expected.variables.items():
+        if name != "status":
+            assert data[name].attrs == each.attrs
+
+
+def test_parameters_are_axes_of_the_batch(store, rng):
+    body = Suslov3D(4, 1, np.linspace(-0.5, 0.5, 3)[:, None], -0.3)
+    eps, omega0 = np.array([0.1, 0.5])[:, None, None], rng.uniform(-2.0, 2.0, (8, 2))
+    ours = {"dims": ("eps", "I13", "start"), "coords": {"start": list("abcdefgh")}}
+    ours["chunk"] = {"I13": 2, "start": 3, "n": 2}
+    dataset = ensemble(body, omega0, eps, 20, store=store, save_every=3, **ours)
+    orbits = iterate(body, omega0, eps, 20, save_every=3)
+    assert dataset.omega.dims == ("n", "eps", "I13", "start", "component")
+    one = dataset.sel(eps=0.5, I13=0.0, start="c")
+    assert np.array_equal(one.omega, orbits.omega[:, 1, 1, 2])
+    assert np.array_equal(dataset.time.sel(eps=0.5), 0.5 * orbits.n)
+
+
+@pytest.mark.slow
+def test_sources_of_initial_states(tmp_path):
+    random = RandomStarts((5, 10), 2.0, seed=5)
+    array = random.states(50).reshape(5, 10, 2)
+    np.save(tmp_path / "starts.npy", array)
+    lazy = dask.array.from_array(array, chunks=(2, 7, 2))
+    sources = {"random": random, "array": array, "dask": lazy}
+    sources["map"] = np.load(tmp_path / "starts.npy", mmap_mode="r")
+    orbits = iterate(BODY, random, 0.2, 20, save_every=None)
+    for name, omega0 in sources.items():
+        place = tmp_path / f"{name}.zarr"
+        assert_same(ensemble(BODY, omega0, 0.2, 20, store=place, chunk=9), orbits)
+    # A run is identified by its initial states: those of an array, a map and Dask are the same.
+    for name in ("array", "dask"):
+        ensemble(BODY, sources[name], 0.2, 20, store=tmp_path / "map.zarr")
+
+
+def test_every_initial_state_identifies_a_run(tmp_path):
+    """Of many states there is a digest, of all of their parts."""
+    array, store = np.linspace(-1.0, 1.0, 1400).reshape(700, 2), tmp_path / "run.zarr"
+    ensemble(BODY, array, 0.2, 2, store=store)
+    for place in ((0, 0), (350, 1), (699, 1)):
+        other = array.copy()
+        other[place] = np.nextafter(other[place], 0.0)
+        with pytest.raises(ValueError, match=r"omega0.*, the store has others"):
+            ensemble(BODY, other, 0.2, 2, store=store)
+    large = np.arange(2.0**21 + 5)[:, None]  # in two parts
+    text = described("omega0", large)
+    assert text.startswith("2097157 values from 0 to 2.09716e+06, sha256 ")
+    large[-1] += 0.5
+    assert described("omega0", large) != text
+    assert described("I1", array[:3, 0]) == array[:3, 0].tolist()
+
+
+def radius(x):
+    return np.hypot(x[..., 0], x[..., 1])
+
+
+def one_component(x):
+    return x[..., 0]
+
+
+def doubled(x):
+    x *= 2
+    return x[..., 0]
+
+
+def first_of_two(x):
+    u, _v = x
+    return u
+
+
+def test_functions_of_states(store, rng):
+    omega0 = rng.uniform(-2.0, 2.0, (20, 2))
+    chosen = {"radius": radius, "up": lambda x: x[..., 1] > 0}
+    ours = {"store": store, "chunk": {"trajectory": 7, "n": 3}, "save_every": 3}
+    for _ in range(2):
+        dataset = ensemble(BODY, omega0, 0.3, 30, functions=chosen, **ours)
+    orbits = iterate(BODY, omega0, 0.3, 30, save_every=3)
+    assert_same(dataset, orbits)
+    for name, function in chosen.items():
+        assert dataset[name].dims == ("n", "trajectory")
+        assert np.array_equal(dataset[name], function(orbits.omega))
+
+
+def oscillator(constant):
+    H = lambda x: (x[0] ** 2 + x[1] ** 2) / 2 + constant  # noqa: E731
+    return sf.QuadraticField.from_hamiltonian(H, 2)
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize(
+    ("asked", "change", "words"),
+    [
+        (ASKED, {"body": Suslov3D(4, 1, -0.5, -0.31)}, "I23: -0.31, the store has -0.3"),
+        (ASKED, {"omega0": [[1.0, 0.5 + 1e-12]]}, "omega0.*, the store has others"),
+        (ASKED, {"save_every": None}, "save_every: None, the store has 2"),
+        (ASKED, {"attitude": True}, "attitude: 9 values from 0 to 1, the store has None"),
+        (ASKED, {"functions": {"radius": radius}}, "functions: radius, the store has None"),
+        (ASKED | {"functions": {"r": radius}}, {"functions": {"r": one_component}}, "has others"),
+        (ASKED, {"dims": "start"}, "dims: start, the store has trajectory"),
+        (ASKED, {"coords": {"a": 3}}, "coords: a, the store has None"),
+        (ASKED, {"steps": 19}, "steps: 19, the store has 20"),
+        (FIELD, {"body": lorenz([[10], [40]])}, "rho: 2 values from 10 to 40, the store has 5 "),
+        (ASKED | {"body": oscillator(0)}, {"body": oscillator(9)}, "H: "),
+    ],
+)
+def test_stores_of_other_runs_are_refused_in_words(store, asked, change, words):
+    call(ensemble, **asked, store=store)
+    before = contents(store)
+    with pytest.raises(ValueError, match=words) as raised:
+        call(ensemble, **{**asked, **change}, store=store)
+    assert "sha256" not in str(raised.value)
+    assert contents(store) == before
+
+
+UNKNOWN = dask.array.ones((5, 2))
+UNKNOWN = UNKNOWN[UNKNOWN[:, 0] > 0]
+BAD = [
+    ({"omega0": "starts.txt"}, TypeError, "omega0"), ({"omega0": UNKNOWN}, ValueError, "omega0"),
+    ({"omega0": dask.array.full((9, 2), np.inf)}, ValueError, "omega0"),
+    ({"chunk": 0}, ValueError, "chunk"), ({"chunk": {"time": 3}}, ValueError, "chunk.*time"),
+    ({"chunk": "many"}, TypeError, "chunk"), ({"dims": ("a", "b")}, ValueError, "dims"),
+    *[({"coords": {name: 3}}, ValueError, "coords") for name in ("a/b", "omega", "zarr.json")],
+    *[({"functions": {name: radius}}, ValueError, "functions") for name in ("", ".", "..", "/r")],
+    *[({"dims": name}, ValueError, "dims") for name in ("", "..", "a/b")],
+    *[
+        ({"functions": {name: radius}}, ValueError, "functions")
+        for name in ("omega", "time", "trajectory")
+    ],
+    ({"functions": {"r": lambda x: np.add(x, 1, out=x)[..., 0]}}, ValueError, "read-only"),
+    ({"functions": {"r": doubled}}, ValueError, "read-only"),
+    ({"functions": {"r": first_of_two}}, ValueError, r"functions\['r'\] must take components on"),
+    ({"functions": {"r": np.sin}}, TypeError, "functions.*r"),
+    ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
+    ({"functions": {"r": lambda x: x[..., 0] * 1j}}, TypeError, "functions.*r"),
+    ({"omega0": RandomStarts(10**15, 1)}, OSError, r"[\d.]+ [MGT]B are free, .* [\d,]{5,} TB"),
+    ({"store": None}, TypeError, "store"),
+    ({"client": 5}, TypeError, "client"), ({"progress": 5}, TypeError, "progress"),
+    (FIELD | {"attitude": True}, TypeError, "attitude"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "error", "message"), BAD)
+def test_bad_arguments_leave_nothing_behind(store, change, error, message):
+    with pytest.raises(error, match=message):
+        call(ensemble, **{"store": store, **ASKED, **change})
+    assert list(store.parent.iterdir()) == []
+
+
+def test_places_that_cannot_hold_a_store(store):
+    (store.parent / "file").write_text("1")
+    for place in ("file", "file/run.zarr"):
+        with pytest.raises((NotADirectoryError, FileExistsError), match="file"):
+            call(ensemble, **ASKED, store=store.parent / place)
+    (store.parent / "link").symlink_to(store.parent / "nowhere")
+    with pytest.raises(FileExistsError, match="a link without a target: pass a new name"):
+        call(ensemble, **ASKED, store=store.parent / "link")
+    (store.parent / "thesis").mkdir()
+    (store.parent / "thesis" / "thesis.tex").touch()
+    with pytest.raises(ValueError, match=r"store.*thesis\.tex in it: pass a new name"):
+        call(ensemble, **ASKED, store=store.parent / "thesis")
+    zarr.open_group(store, mode="w").attrs.update({"source": "suslov_fast 0.5.0", "steps": 3})
+    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
+        with pytest.raises(ValueError, match=r"store.*0\.5\.0"):
+            opens(store)
+    by_xarray = store.with_name("own.zarr")
+    call(iterate, **ASKED).to_xarray().to_zarr(by_xarray, zarr_format=3, consolidated=False)
+    with pytest.raises(ValueError, match=r"of to_xarray\(\): open it by xarray\.open_zarr"):
+        open_ensemble(by_xarray)
+    with pytest.raises(FileNotFoundError, match="store"):
+        open_ensemble(store.with_name("missing.zarr"))
+
+
+def test_a_finished_store_needs_no_space(store, monkeypatch):
+    call(ensemble, **ASKED, store=store)
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=0))
+    call(ensemble, **ASKED, store=store)
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT])
+def test_a_disk_that_fills_up_on_the_way(store, monkeypatch, code):
+    """The error names the store, and the same call goes on."""
+    given, written = computed._compute, []
+
+    def compute(*arguments):
+        if written:
+            raise OSError(code, os.strerror(code), f"{store}/x/c/0")
+        written.append(given(*arguments))
+        return written[0]
+
+    asked = ASKED | {"body": Suslov3D(4, 1, -0.5, -0.3), "omega0": np.eye(5, 2)}
+    monkeypatch.setattr(computed, "_compute", compute)
+    with pytest.raises(OSError, match="make room, then call ensemble again") as told:
+        call(ensemble, **asked, store=store, chunk=2)
+    assert (told.value.errno, told.value.filename) == (code, str(store))
+    monkeypatch.setattr(computed, "_compute", given)
+    assert_same(call(ensemble, **asked, store=store, chunk=2), call(iterate, **asked))
+
+
+def test_a_file_that_cannot_be_made_says_why(tmp_path, monkeypatch):
+    """Not that there is no file to remove."""
+
+    def refuse(*_):
+        raise PermissionError(errno.EACCES, "refused")
+
+    monkeypatch.setattr(access, "open", refuse, raising=False)
+    with pytest.raises(PermissionError, match="refused"):
+        access._write(tmp_path / "zarr.json", [b"{}"])
+
+
+@pytest.mark.parametrize("steps", [0, 1])
+def test_runs_of_no_step_and_of_one(store, steps):
+    run = BODY, [[1.0, 0.5], [0.3, 0.4]], 0.2, steps
+    assert_same(ensemble(*run, store=store), iterate(*run, save_every=None))
+
+
+def test_the_url_of_a_folder(tmp_path):
+    folder = tmp_path / "a folder"
+    data = call(ensemble, **ASKED, store=folder.as_uri())
+    assert_same(data, call(iterate, **ASKED))
+    assert open_ensemble(folder).identical(data)
+
+
+def test_other_kinds_of_stores():
+    orbits = call(iterate, **ASKED)
+    for place in (zarr.storage.MemoryStore(), "memory://run.zarr"):
+        for _ in range(2):
+            assert_same(call(ensemble, **ASKED, store=place), orbits)
+
+
+def test_two_that_begin_a_store_at_once(store, monkeypatch):
+    """With other chunks both have those of the first; another run is told what differs."""
+    run, begun = ASKED | {"omega0": np.linspace(0.0, 1.0, 20).reshape(10, 2)}, threading.Barrier(2)
+    given, errors = stores.create, []
+
+    def create(*arguments):
+        begun.wait(60)  # both have found that there is no store
+        given(*arguments)
+
+    def begin(name, **changes):
+        try:
+            call(ensemble, **run | changes, store=store.with_name(name))
+        except ValueError as error:
+            errors.append(str(error))
+
+    monkeypatch.setattr(stores, "create", create)
+    for name, change in (("a.zarr", {"chunk": 3}), ("b.zarr", {"eps": 0.3})):
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(lambda change, name=name: begin(name, **change), ({}, change)))
+        monkeypatch.setattr(stores, "create", given)
+        found = open_ensemble(store.with_name(name))
+        assert_same(found, call(iterate, **run | {"eps": found.eps.item()}))
+        monkeypatch.setattr(stores, "create", create)
+    assert len(errors) == 1
+    assert "b.zarr holds another run: eps: 0." in errors[0]
+
+
+def test_a_store_that_is_read_only(store):
+    """It opens, and a finished run is found in it; what is missing is not written."""
+    call(ensemble, **ASKED, store=store)
+    closed = zarr.storage.LocalStore(store, read_only=True)
+    assert_same(call(ensemble, **ASKED, store=closed), call(iterate, **ASKED))
+    (store / "final/c/0/0").unlink()
+    with pytest.raises(ValueError, match="store must be a store that can be written, not file://"):
+        call(ensemble, **ASKED, store=closed)
+    assert not (store / "final/c/0/0").exists()
+    empty = store.with_name("empty")
+    empty.mkdir()
+    new = zarr.storage.LocalStore(empty, read_only=True)
+    with pytest.raises(ValueError, match="store must be a store that can be written, not file://"):
+        call(ensemble, **ASKED, store=new)
+
+
+def test_an_interrupted_run_goes_on(store, rng):
+    """Tiles that are stored are not computed again."""
+    run = {"body": BODY, "omega0": rng.uniform(-2.0, 2.0, (50, 2)), "eps": 0.2, "steps": 30}
+    ours = {"store": store, "save_every": 2, "chunk": {"trajectory": 10, "n": 5}}
+
+    def stop(done, total):
+        if done >= 20 * 30:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        call(ensemble, **run, **ours, progress=stop)
+    unfinished, tile = open_ensemble(store), store / "omega/c/0/0/0"
+    missing = unfinished.status.values == PENDING
+    assert missing.sum() in (20, 30)
+    assert np.isnan(unfinished.final.values[missing]).all()
+    written = tile.stat().st_mtime_ns
+    assert_same(call(ensemble, **run, **ours), call(iterate, **run, save_every=2))
+    assert tile.stat().st_mtime_ns == written
+
+
+RUN = """
+    import sys
+    from suslov_fast import RandomStarts, Suslov3D, ensemble
+    body, starts = Suslov3D(4, 1, -0.5, -0.3), RandomStarts(5000, 1.5, seed=4)
+    chunk = {"trajectory": 200, "n": 5}
+    ensemble(body, starts, 0.3, 900, save_every=100, store=sys.argv[1], chunk=chunk)
+"""
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+@pytest.mark.slow
+def test_a_killed_run_is_finished(store, monkeypatch):
+    """Kill processes at several moments; the store becomes that of an undisturbed run."""
+    command = [sys.executable, "-c", textwrap.dedent(RUN), str(store)]
+    for number, tiles in ((signal.SIGKILL, 1), (signal.SIGINT, 8), (signal.SIGKILL, 16)):
+        with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
+            while len([*store.glob("status/c/*")]) < tiles and process.poll() is None:
+                time.sleep(0.002)
+            process.send_signal(number)
+    assert len([*store.glob("status/c/*")]) >= 8
+    for place in (store, store.with_name("other.zarr")):
+        monkeypatch.setattr(sys, "argv", ["run", str(place)])
+        exec(textwrap.dedent(RUN), {})
+    assert contents(store) == contents(store.with_name("other.zarr"))
+
+
+def test_a_run_killed_while_its_store_is_made_is_finished(store):
+    """With the chunks that it began with, whatever a later call asks for."""
+    run = ASKED | {"omega0": np.linspace(0.0, 1.0, 10).reshape(5, 2)}
+    call(ensemble, **run, store=store, chunk=2)
+    whole = contents(store)
+    made = json.loads(whole["zarr.json"])
+    del made["consolidated_metadata"]  # which is written last
+    (store / "zarr.json").write_text(json.dumps(made))
+    for unmade in ("status", "n/c"):
+        shutil.rmtree(store / unmade)
+    (store / "zarr.0.partial").touch()
+    call(ensemble, **run, store=store, chunk=3)
+    finished = contents(store)  # whose metadata Zarr 3.1.3 writes in another order
+    for name in ("zarr.json", "status/run.json"):
+        assert json.loads(finished.pop(name)) == json.loads(whole.pop(name))
+    assert finished == whole
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    "name", ["omega/c/0/0/0", "final/c/0/0", "status/c/0", "n/c/0", "eps/c", "zarr.json"]
+)
+def test_damage_is_an_error(store, name):
+    """Bytes that differ are never a number; a file of another size is written again."""
+    call(ensemble, **ASKED, store=store)
+    whole, array = contents(store), name.partition("/")[0]
+    damaged = bytes([whole[name][0] ^ 1]) + whole[name][1:]
+    (store / name).write_bytes(damaged)
+    with pytest.raises(ValueError, match=rf"the chunk {name} of .* is damaged: delete it|char \d+"):
+        open_ensemble(store).load()
+    if array in ("n", "eps"):  # which the call knows
+        call(ensemble, **ASKED, store=store)
+        assert contents(store) == whole
+    elif name != "zarr.json":
+        (store / name).unlink()
+        call(ensemble, **ASKED, store=store)
+        assert contents(store) == whole
+    for damaged in (whole[name][:-3], whole[name] + b"0", b""):
+        (store / name).write_bytes(damaged)
+        with pytest.raises(
+            ValueError, match=rf"1 chunk of {array}:|{name} of .* is damaged|char \d+"
+        ):
+            open_ensemble(store).load()
+        if name == "zarr.json":
+            with pytest.raises(ValueError, match=r"damaged metadata.* \(char \d+\)"):
+                call(ensemble, **ASKED, store=store)
+        else:
+            call(ensemble, **ASKED, store=store)
+            assert contents(store) == whole
+
+
+def test_parameters_and_metadata_are_those_of_the_run(store):
+    """Metadata have a digest; parameters, labels and step sizes are compared with the run's."""
+    call(ensemble, **ASKED, store=store)
+    whole = contents(store)
+    for name, other in (("I1/c", "I2/c"), ("eps/c", "I23/c")):
+        (store / name).write_bytes(whole[other])
+        call(ensemble, **ASKED, store=store)
+        assert contents(store) == whole
+    made = whole["zarr.json"].decode()
+    for change in (('"steps": 20', '"steps": 21'), ('"eps": 0.2', '"eps": 0.3')):
+        assert made.count(change[0]) == 1
+        (store / "zarr.json").write_text(made.replace(*change))
+        with pytest.raises(ValueError, match="damaged metadata: sha256"):
+            open_ensemble(store)
+    # Zarr writes metadata anew, and without a digest, when a user adds to them.
+    (store / "zarr.json").write_text(made)
+    zarr.open_group(store, mode="r+").attrs["note"] = "mine"
+    assert open_ensemble(store).attrs["note"] == "mine"
+
+
+def lack(name):
+    return lambda attributes, arrays: arrays.pop(name)
+
+
+def have(name, **changes):
+    return lambda attributes, arrays: arrays[name].update(changes)
+
+
+def say(**changes):
+    return lambda attributes, arrays: attributes.update(changes)
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize(
+    "change",
+    [
+        lack("eps"), lack("final"), lack("I13"), lack("status"), lack("component"),
+        have("final", shape=[2, 2]), have("final", data_type="float32"), have("n", shape=[12]),
+        have("failed_at", shape=[2]), have("n", data_type="float64"),
+        say(steps=22), say(save_every=1), say(map="other"), say(method="gauss"),
+        have("final", chunk_grid={"name": "regular", "configuration": {"chunk_shape": [3, 2]}}),
+        have("final", dimension_names=["start", "component"]),
+    ],
+)  # fmt: skip
+def test_metadata_that_contradict_themselves(store, change):
+    """Of a store whose metadata have no digest any more, and no copy."""
+    call(ensemble, **ASKED, store=store)
+    made = json.loads((store / "zarr.json").read_text())
+    (store / "status/run.json").unlink()
+    consolidated = made["consolidated_metadata"]
+    del consolidated["sha256"]
+    (store / "zarr.json").write_text(json.dumps(made))
+    assert_same(open_ensemble(store), call(iterate, **ASKED))
+    change(made["attributes"], consolidated["metadata"])
+    (store / "zarr.json").write_text(json.dumps(made))
+    with pytest.raises(ValueError, match=r"store.* a copy by others"):
+        open_ensemble(store)
+
+
+def test_tiles_without_metadata_are_of_no_run(store):
+    """Statuses of another run do not make tiles of a new one."""
+    call(ensemble, **ASKED, store=store)
+    for path in (*store.rglob("zarr.json"), store / "status/run.json"):
+        path.unlink()
+    with pytest.raises(ValueError, match="with tiles, but without zarr"):
+        call(ensemble, **ASKED | {"eps": 0.3}, store=store)
+
+
+@pytest.mark.parametrize("place", ["omega/c/0/0/0", "omega/c", "status/c/0"])
+def test_folders_and_files_in_places_of_the_other_are_named(store, place):
+    call(ensemble, **ASKED, store=store)
+    path = store / place
+    if path.is_file():
+        path.unlink()
+        path.mkdir()
+    else:
+        shutil.rmtree(path)
+        path.touch()
+    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
+        with pytest.raises(ValueError, match=rf"store.*{place.replace('/', '.')}: remove it"):
+            opens(store)
+
+
+@pytest.mark.slow
+def test_two_at_once_write_the_same(store):
+    seen, run = [], {**ASKED, "omega0": RandomStarts(200, 1.0)}
+    ours = {"store": store, "chunk": 5, "progress": lambda *done: seen.append(done)}
+    with ThreadPoolExecutor(2) as pool:
+        for each in [pool.submit(call, ensemble, **run, **ours) for _ in range(2)]:
+            each.result()
+    assert_same(open_ensemble(store), call(iterate, **run))
+    assert seen[-1] == max(seen) == (4000, 4000)
+
+
+@pytest.mark.slow
+def test_workers_of_a_cluster(store):
+    random = RandomStarts(50, 1.5)
+    orbits = iterate(BODY, random, 0.2, 40, save_every=3)
+    settings = {"save_every": 3, "chunk": {"trajectory": 7, "n": 3}, "functions": {"r": radius}}
+    with distributed.Client(n_workers=1, processes=False, dashboard_address=":0") as client:
+        for name, omega0 in (("random", random), ("states", random.states(50))):
+            place = store.with_name(f"{name}.zarr")
+            dataset = ensemble(BODY, omega0, 0.2, 40, store=place, client=client, **settings)
+            assert_same(dataset, orbits)
+            assert np.array_equal(dataset.r, radius(orbits.omega))
+    with pytest.raises(ValueError, match="client must be an open client"):
+        ensemble(BODY, random, 0.2, 40, store=store, client=client)
+    assert not store.exists()
+
+
+def test_attributes_are_plain(store):
+    """They can be written to NetCDF, and the dataset is read by xarray alone."""
+    dataset = call(ensemble, **FIELD, store=store, functions={"radius": radius})
+    assert xarray.open_zarr(store).attrs == dataset.attrs
+    assert json.loads(json.dumps(dataset.attrs)) == dataset.attrs
+    assert json.loads(dataset.attrs["rho"]) == FAMILY.parameters["rho"].tolist()
+    assert (dataset.attrs["eps"], dataset.attrs["steps"]) == (0.01, 9)
+
+
+@pytest.mark.slow
+def test_a_lost_chunk_is_an_error_and_computed_anew(store):
+    """One of each array in turn, of parameters, too, whose value is 0."""
+    body = Suslov3D(4, 1, 0.0, -0.3)
+    omega0 = np.linspace(-1.0, 1.0, 12).reshape(6, 2)
+    omega0[2:4] = np.nan  # a tile of fill values
+    ours = {"save_every": 1, "chunk": {"trajectory": 2, "n": 3}, "functions": {"radius": radius}}
+    orbits = iterate(body, omega0, 0.0, 4, on_singular="ignore")
+    ensemble(body, omega0, 0.0, 4, store=store, **ours)
+    whole = contents(store)
+    chunks = [name for name in whole if "/c" in name]
+    assert {name.partition("/")[0] for name in chunks} == {*open_ensemble(store).variables} - {
+        "time"
+    }
+    for lost in chunks:
+        (store / lost).unlink()
+        name = lost.partition("/")[0]
+        if name == "status":  # its tile counts as not computed
+            assert (open_ensemble(store).status == PENDING).sum() == 2
+        else:
+            with pytest.raises(ValueError, match=f"1 chunk of {name}: ensemble, called again"):
+                open_ensemble(store)
+        assert_same(ensemble(body, omega0, 0.0, 4, store=store, **ours), orbits)
+        assert contents(store) == whole
+    shutil.rmtree(store / "omega" / "c")
+    with pytest.raises(ValueError, match="6 chunks of omega"):
+        open_ensemble(store)
+
+
+def test_coordinates_that_xarray_writes_along_are_not_named(store):
+    data = call(ensemble, **FIELD, store=store)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of Zarr
+        (data.x**2).rename("mean").to_dataset().to_zarr(store, mode="a")
+    assert (store / "time").exists()
+    assert (store / "linear_1").exists()
+    with pytest.warns(UserWarning, match="also has mean, which ensemble did not write"):
+        open_ensemble(store)
+
+
+def mean_of(data):
+    return xarray.Dataset({"mean": ("n", data.omega.mean(("trajectory", "component")).values)})
+
+
+def note(store, data):
+    zarr.open_group(store, mode="r+").attrs["note"] = "mine"
+
+
+def whole_again(store, data):
+    """With all of its arrays, and attributes of one's own in place of those of the run."""
+    mine = data.load().drop_encoding().assign(mean=mean_of(data)["mean"])
+    mine.assign_attrs(steps=7, note="mine").to_zarr(store, mode="a")
+
+
+def append(store, data, dim):
+    data.isel({dim: [0, 1]}).load().drop_encoding().to_zarr(store, append_dim=dim)
+
+
+WAYS_TO_WRITE = {
+    "a variable": lambda store, data: mean_of(data).to_zarr(store, mode="a"),
+    "a variable without consolidated metadata": lambda store, data: mean_of(data).to_zarr(
+        store, mode="a", consolidated=False
+    ),
+    "a group": lambda store, data: mean_of(data).to_zarr(store, group="mean"),
+    "a compressed array": lambda store, data: zarr.open_group(store, mode="r+").create_array(
+        "mean", shape=(3,), dtype=float, compressors=zarr.codecs.ZstdCodec()
+    ),
+    "an attribute": note,
+    "all of it": whole_again,
+    "states": lambda store, data: append(store, data, "n"),
+    "trajectories": lambda store, data: append(store, data, "trajectory"),
+    "states alone": lambda store, data: append(store, data[["omega"]], "n"),
+    "metadata": lambda store, data: zarr.consolidate_metadata(store),
+    "a variable alone": lambda store, data: (
+        data[["eps"]].rename(eps="mean").to_zarr(store, mode="a", consolidated=False)
+    ),
+}
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize(
+    ("way", "unfinished"), [(way, k % 2 == 1) for k, way in enumerate(WAYS_TO_WRITE)]
+)
+@pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
+@pytest.mark.filterwarnings("ignore:Failed to open Zarr store:RuntimeWarning")  # of xarray
+def test_what_others_write_into_a_store_does_not_cost_the_run(store, way, unfinished):
+    """It opens, is finished by the same call, and stays this run; what is not of it is named."""
+    run = (BODY, RandomStarts(100, 2.0, seed=1), 0.2, 10)
+    ours = {"store": store, "chunk": 40, "save_every": 5}
+    orbits = iterate(*run, save_every=5)
+    before = ensemble(*run, **ours)
+    attributes, variables = before.attrs, {*before.variables}
+    WAYS_TO_WRITE[way](store, before)
+    if unfinished:
+        (store / "status/c/1").unlink()
+        (store / "I1/c").unlink()
+    caught = []
+    for opens in (lambda: ensemble(*run, **ours), lambda: open_ensemble(store)):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            data = opens()
+        assert_same(data, orbits)
+        assert {**data.attrs, **attributes} == data.attrs
+        assert {*data.variables} == variables
+        caught += [
+            str(each.message) for each in told if "ensemble did not write" in str(each.message)
+        ]
+    assert data.attrs.get("note", "mine") == "mine"
+    if way in ("a variable", "a group", "all of it", "a variable alone"):
+        assert len(caught) == 2
+        assert all("also has mean, which" in text for text in caught)
+        assert all("in a store of their own" in text for text in caught)
+    for steps in (10, 11):  # attributes of others are none of the run
+        with pytest.raises(ValueError, match="the store has"):
+            ensemble(BODY, RandomStarts(100, 2.0, seed=2), 0.2, steps, **ours)
+
+
+class Wrapper(zarr.storage.WrapperStore):
+    """A view of a store, which Zarr opens for reading; its own does so from version 3.1.6 on."""
+
+    def with_read_only(self, read_only=False):
+        return type(self)(self._store.with_read_only(read_only))
+
+
+class Slashes(Wrapper):
+    """A store that lists folders, and finds keys, as a web server does."""
+
+    async def exists(self, key):
+        return await self._store.exists(key.replace("//", "/"))
+
+    async def list_dir(self, prefix):
+        async for name in self._store.list_dir(prefix):
+            yield name if "." in name else f"{name}/"
+
+
+def test_times_in_place_of_a_step_size_are_noticed():
+    with pytest.warns(UserWarning, match=r"^eps: 11 step sizes from 0 to 1, .*eps=0.1, steps=10$"):
+        ensemble(BODY, [1, 2], np.linspace(0, 1, 11), 10, store=zarr.storage.MemoryStore())
+
+
+def test_slashes_in_a_listing_are_no_part_of_names(recwarn):
+    store = Slashes(zarr.storage.MemoryStore())
+    ensemble(BODY, RandomStarts(9, 1.0), 0.2, 3, store=store)
+    open_ensemble(store)
+    assert not recwarn.list
+
+
+class ResponseError(Exception):
+    """As that of aiohttp, which is no OSError."""
+
+
+class Unlisted(Wrapper):
+    """A store that does not permit lists, as some buckets and web servers do not."""
+
+    async def list_prefix(self, prefix):
+        raise ResponseError("403, Forbidden")
+        yield
+
+    list_dir = list_prefix
+
+
+class Unread(Unlisted):
+    """A store that permits nothing."""
+
+    async def get(self, *arguments, **options):
+        raise ResponseError("403, Forbidden")
+
+
+def test_a_store_that_permits_no_lists_opens():
+    place = zarr.storage.MemoryStore()
+    data = ensemble(BODY, RandomStarts(9, 1.0), 0.2, 3, store=place, chunk=4)
+    assert open_ensemble(Unlisted(place)).identical(data)
+    with pytest.raises(OSError, match=r"store: zarr.json cannot be read: check .*403, Forbidden"):
+        open_ensemble(Unread(place))
+
+
+def test_names_of_functions_and_parameters_of_a_store(tmp_path):
+    """A parameter may be called states; a function not like a column of coefficients."""
+    turns = sf.QuadraticField.from_function(lambda x, states: (x[1], -states * x[0]), 2, states=3.0)
+    data = ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "a.zarr")
+    assert (data.states.item(), data.x.shape) == (3.0, (1, 2))
+    for name in ("linear_1", "time", "x"):
+        with pytest.raises(ValueError, match="functions must be names that the dataset does not"):
+            ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "b.zarr", functions={name: radius})
+    with pytest.raises(ValueError, match=r"store.*Trajectories.load reads"):
+        ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "b.npz")
+    assert not (tmp_path / "b.zarr").exists()
+
+
+def test_lost_metadata_are_restored_from_their_copy(store):
+    """An interrupted copy of a store may lack them."""
+    data = call(ensemble, **ASKED, store=store).load()
+    (store / "zarr.json").unlink()
+    assert open_ensemble(store).identical(data)
+    assert not (store / "zarr.json").exists(), "opening writes nothing"
+    assert call(ensemble, **ASKED, store=store).identical(data)
+    assert xarray.open_zarr(store, consolidated=True).attrs == data.attrs
+
+
+@pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
+def test_a_store_that_others_wrote_anew_is_none_of_ensemble(store, tmp_path):
+    data = call(ensemble, **ASKED, store=store).load().drop_encoding()
+    data.to_zarr(store, mode="w", consolidated=True)
+    with pytest.raises(ValueError, match=r"a copy by others, for xarray.open_zarr: .* as ensemble"):
+        open_ensemble(store)
+    path = tmp_path / "runs.zip"
+    path.touch()
+    with pytest.raises(ValueError, match=r"^store .* pass zarr.storage.ZipStore\('.*runs.zip', mo"):
+        open_ensemble(path)
+
+
+@pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
+def test_an_array_that_others_replaced_is_named(store):
+    """Its chunks are not those that `ensemble` wrote."""
+    data = call(ensemble, **ASKED, store=store).load()
+    mine = xarray.Dataset({"final": data.final.astype(np.float32).drop_encoding()})
+    shutil.rmtree(store / "final")
+    mine.to_zarr(store, mode="a")
+    with pytest.raises(ValueError, match=r"store.*final must .* ensemble ma"):
+        open_ensemble(store)
+
+
+def test_a_store_in_a_zip_file(store):
+    data = call(ensemble, **ASKED, store=store)
+    shutil.make_archive(store, "zip", store)
+    with zarr.storage.ZipStore(f"{store}.zip", mode="r") as opened:
+        assert_same(open_ensemble(opened), call(iterate, **ASKED))
+    closed = zarr.storage.ZipStore(f"{store}.zip", mode="r")
+    assert_same(open_ensemble(closed), call(iterate, **ASKED))
+    assert open_ensemble(closed).attrs == data.attrs
+    for mode, name in (("r", f"{store}.zip"), ("w", f"{store}.new.zip")):
+        with pytest.raises(ValueError, match=r"store.* ZipStore: write into a folder"):
+            call(ensemble, **ASKED, store=zarr.storage.ZipStore(name, mode=mode))
+    closed.close()
+
+
+def test_a_callable_ends_a_run(store):
+    """After a tile; the same call goes on."""
+    run, ours = (BODY, RandomStarts(50, 1.0), 0.2, 30), {"store": store, "chunk": 10}
+    finished = 0
+    for first, tiles in ((0, 0), (300, 1), (900, 2), (1500, 5)):
+        seen = []
+
+        def progress(done, total, seen=seen, first=first):
+            seen.append((done, total))
+            return np.False_ if done >= first else None
+
+        data = ensemble(*run, **ours, progress=progress)
+        assert seen[0] == (30 * finished, 1500)
+        finished = (data.status.values != PENDING).sum()
+        assert finished == max(10 * tiles, seen[-1][0] // 30)
+        assert seen[-1][1] == 1500
+    assert_same(data, iterate(*run, save_every=None))
+    meanings = data.status.attrs["flag_meanings"].split()
+    assert dict(zip(meanings, data.status.attrs["flag_values"], strict=True)) == {
+        **{each.name: each.value for each in sf.Status},
+        "PENDING": PENDING,
+    }
+
+
+@pytest.mark.slow
+def test_a_callable_ends_the_work_of_a_cluster(store):
+    run = (BODY, RandomStarts(50, 1.5), 0.2, 40)
+    with distributed.Client(n_workers=1, processes=False, dashboard_address=":0") as client:
+        ours = {"store": store, "chunk": 2, "client": client}
+        data = ensemble(*run, **ours, progress=lambda done, total: done < 400)
+        assert (data.status.values != PENDING).sum() >= 10
+        assert_same(ensemble(*run, **ours), iterate(*run, save_every=None))
+
+
+def test_two_functions_in_one_line_are_told_apart(store):
+    pair = [lambda x: x[..., 0], lambda x: x[..., 1]]
+    for f in (pair[0], pair[0]):
+        call(ensemble, **ASKED, store=store, functions={"f": f})
+    with pytest.raises(ValueError, match="functions"):
+        call(ensemble, **ASKED, store=store, functions={"f": pair[1]})
+
+
+def test_a_tile_finished_while_its_store_is_opened(store, monkeypatch):
+    """A cancelled worker may still write one: its status comes last, and is looked for first."""
+    omega0 = np.ones((4, 2))
+    ensemble(BODY, omega0, 0.2, 9, save_every=1, store=store, chunk=2)
+    parts = ("final/c", "omega/c", "status/c")
+    tile = {
+        store / name: value for name, value in contents(store).items() if name.startswith(parts)
+    }
+    for path in tile:
+        path.unlink()
+    is_whole = stores._is_whole
+
+    def written_meanwhile(path, nbytes):
+        found = is_whole(path, nbytes)
+        if not found:
+            for name, content in tile.items():
+                name.write_bytes(content)
+        return found
+
+    monkeypatch.setattr(stores, "_is_whole", written_meanwhile)
+    assert_same(open_ensemble(store), iterate(BODY, omega0, 0.2, 9))
+
+
+def test_requests_that_an_interrupt_has_left():
+    """They end, or are cancelled: at the end of a process asyncio would print them."""
+    begun = threading.Event()
+
+    async def left(seconds):
+        begun.set()
+        await asyncio.sleep(seconds)
+
+    for seconds, limit in ((0.01, 60.0), (600.0, 0.01)):
+        future = asyncio.run_coroutine_threadsafe(left(seconds), sync._get_loop())
+        begun.wait()
+        access.run(access.settle(limit))
+        if seconds < limit:
+            assert future.result() is None
+        else:
+            with pytest.raises(CancelledError):
+                future.result()
+        begun.clear()
+
+
+def test_only_format_3_is_opened(store):
+    """Zarr reads no metadata of format 2, and no codecs that stores do not have."""
+    zarr.open_group(store, mode="w", zarr_format=2).attrs.update({"format": 9})
+    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
+        with pytest.raises(ValueError, match=r"store.*format 2"):
+            opens(store)
+    shutil.rmtree(store)
+    call(ensemble, **ASKED, store=store)
+    made = json.loads((store / "zarr.json").read_text())
+    arrays = made["consolidated_metadata"]["metadata"]
+    for change in ({"zarr_format": 2}, {"codecs": [{"name": "numcodecs.lz4"}]}, {"shape": [3]}):
+        metadata = {**arrays, "final": arrays["final"] | change}
+        about = {**made, "consolidated_metadata": {"kind": "inline", "metadata": metadata}}
+        (store / "zarr.json").write_text(json.dumps(about))
+        with pytest.raises(ValueError, match=r"store.*final"):
+            open_ensemble(store)
+
+
+@pytest.mark.slow
+def test_workers_that_do_not_share_the_store():
+    """The memory of another process: an error after the first tile."""
+    place = "memory://elsewhere.zarr"
+    with (
+        distributed.LocalCluster(1, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.Client(cluster) as client,
+        pytest.raises(ValueError, match=r"^client must have workers.* whose tile is not at"),
+    ):
+        ensemble(BODY, RandomStarts(50, 1.5), 0.2, 10, store=place, client=client, chunk=7)
+
+
+@pytest.mark.parametrize("eps", [0.2, [[0.1], [0.2]]])
+def test_a_store_as_netcdf(store, eps):
+    path = store.with_suffix(".nc")
+    data = ensemble(BODY, [[1.0, 0.5], [0.3, 0.4]], eps, 6, store=store, attitude=True)
+    data.to_netcdf(path)
+    with xarray.open_dataset(path) as again:
+        np.testing.assert_array_equal(again.final, data.final)
+    data.close()
+
+
+class Counting(Wrapper):
+    """Counts requests; on object storage each takes some 30 ms."""
+
+    count = 0
+
+    async def get(self, *arguments, **options):
+        Counting.count += 1
+        return await self._store.get(*arguments, **options)
+
+    async def exists(self, *arguments, **options):
+        Counting.count += 1
+        return await self._store.exists(*arguments, **options)
+
+    def list_prefix(self, prefix):
+        Counting.count += 1
+        return self._store.list_prefix(prefix)
+
+
+@pytest.mark.slow
+def test_a_finished_store_takes_few_requests():
+    """One listing, and no request for each tile; statuses are read in one task, many at a time."""
+    place, run = Counting(zarr.storage.MemoryStore()), (BODY, RandomStarts(200, 1.0), 0.2, 3)
+    ensemble(*run, store=place, chunk=1)
+    Counting.count = 0
+    dataset = ensemble(*run, store=place)
+    assert Counting.count < 20
+    assert dataset.status.data.npartitions == 1
+    assert_same(dataset, iterate(*run, save_every=None))
+
+
+@pytest.mark.parametrize("steps", [10, 10**6, 10**9])
+def test_tiles_take_neither_long_nor_much_memory(steps):
+    """Of 2**24 states of 3 numbers, 5 of them saved; of a long run 2**12 trajectories at least."""
+    sizes = {"n": 5, "component": 3}
+    status = SimpleNamespace(sizes={"a": 2**12, "b": 2**12}, size=2**24)
+    data = SimpleNamespace(sizes=sizes, status=status, attrs={"steps": steps, "tiled": "[]"})
+    found = _sizes(data, None)
+    count = found["a"] * found["b"]
+    assert 24 * count * found["n"] <= 2**24
+    assert count * steps <= max(2**31, 2**12 * steps)
+    assert count >= 2**12
+
+
+def test_tasks_read_as_many_chunks_as_fill_one(store, monkeypatch):
+    """Along the last axis first; a task reads at most one chunk, or the bytes of a large one."""
+    monkeypatch.setattr("suslov_fast.runs.ensemble._CHUNK", 16 * 24)
+    starts, chunk = RandomStarts((6, 8), 1.0), {"batch_0": 1, "batch_1": 2, "n": 5}
+    dataset = ensemble(BODY, starts, 0.2, 9, store=store, chunk=chunk, save_every=1)
+    assert dataset.status.chunks == ((6,), (8,))
+    assert dataset.final.chunks == ((2,) * 3, (8,), (2,))
+    assert dataset.omega.chunks == ((5, 5), (1,) * 6, (4, 4), (2,))
+    assert_same(dataset, iterate(BODY, starts, 0.2, 9))
+
+
+def test_without_dask_nothing_is_computed(store, monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask", None)
+    with pytest.raises(ImportError, match="the package dask is not installed"):
+        call(ensemble, **ASKED, store=store)
+    assert not store.exists()

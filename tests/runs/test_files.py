@@ -1,0 +1,491 @@
+"""Runs in files."""
+
+import contextlib
+import errno
+import json
+import os
+import stat
+import sys
+import threading
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray
+from test_trajectories import BODY, RUNS, run_of
+
+import suslov_fast as sf
+from suslov_fast.command.main import main as command
+from suslov_fast.runs.columns import FORMAT
+from suslov_fast.runs.files import storage
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "run.npz"
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_file_holds_all_of_a_run(name, path):
+    run = run_of(name)
+    run.save(path)
+    again = sf.Trajectories.load(path)
+    assert again == run
+    assert again.body.to_dict() == run.body.to_dict()
+    assert again.extend(3, on_singular="ignore") == run.extend(3, on_singular="ignore")
+    assert os.listdir(path.parent) == [path.name]
+    run.to_xarray().to_netcdf(path.with_suffix(".nc"))
+    with xarray.open_dataset(path.with_suffix(".nc")) as data:
+        np.testing.assert_array_equal(data[run.map.variable].values, run.states)
+
+
+def test_a_file_of_trajectories_that_fail_at_once(path):
+    """Or at their last step; and of orbits without crossings."""
+    starts = [[np.nan, 0.0], [1.0, -3.0], [0.3, 0.1]]
+    body = sf.Suslov3D(1, 1, 1, 0)
+    for steps, failed_at in ((0, [0, -1, -1]), (1, [0, 1, -1])):
+        run = sf.iterate(body, starts, 1.0, steps, on_singular="ignore")
+        assert run.failed_at.tolist() == failed_at
+        run.save(path, overwrite=True)
+        assert sf.Trajectories.load(path) == run
+        points = sf.crossings(
+            body, starts, 1.0, steps, lambda omega: omega[..., 0], on_singular="ignore"
+        )
+        assert points.failed_at.tolist() == failed_at
+        assert len(points) == 0
+        points.save(path, overwrite=True)
+        assert sf.Crossings.load(path) == points
+    count_up = sf.QuadraticField.from_function(lambda x: (1,), 1)
+    points = sf.crossings(
+        count_up, [0.0], 1.0, 2, lambda x: -((x[..., 0] - 1) ** 2), direction=0, most=2
+    )
+    assert points.n.tolist() == [0, 1]
+    points.save(path, overwrite=True)
+    assert sf.Crossings.load(path) == points
+
+
+@pytest.mark.parametrize(
+    ("code", "why"),
+    [(errno.ENOSPC, r"[\d.,]+ \w+ are free"), (errno.EDQUOT, "the disk quota is used up")],
+)
+def test_a_full_disk_leaves_no_part_and_the_old_file(path, monkeypatch, code, why):
+    """The error has the file, its size, and what to do."""
+    run = run_of("one")
+    run.save(path)
+
+    def filled(file, **arrays):
+        file.write(b"PK")
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(np, "savez", filled)
+    size = rf"{why}, the file takes [\d.]+ \w+: make room, or raise save_every"
+    for target in (path, path.with_name("other.npz")):
+        with pytest.raises(OSError, match=size) as told:
+            run.save(target, overwrite=True)
+        assert (told.value.errno, told.value.filename) == (code, str(target))
+    assert os.listdir(path.parent) == [path.name]
+    assert sf.Trajectories.load(path) == run
+
+
+def test_a_file_that_others_read_on_windows(path, monkeypatch):
+    path.touch()
+    denied = PermissionError(errno.EACCES, "Access is denied")
+    monkeypatch.setattr(storage, "os", SimpleNamespace(name="posix"))
+    assert storage._why_not(denied, path, 0) == "Access is denied"
+    monkeypatch.setattr(storage, "os", SimpleNamespace(name="nt"))
+    assert "close what has it open" in storage._why_not(denied, path, 0)
+    assert storage._why_not(denied, path.with_name("new.npz"), 0) == "Access is denied"
+
+
+@pytest.mark.parametrize("name", ["link", "replace"])
+def test_a_file_is_complete_when_it_gets_its_name(path, monkeypatch, name):
+    moved, given = [], getattr(os, name)
+
+    def move(new, target):
+        with zipfile.ZipFile(new) as file:
+            moved.append(file.testzip())
+        given(new, target)
+
+    monkeypatch.setattr(os, name, move)
+    run_of("one").save(path, overwrite=name == "replace")
+    assert moved == [None]
+
+
+def test_existing_files(path):
+    run = run_of("one")
+    path.write_bytes(b"kept")
+    with pytest.raises(FileExistsError, match=r"run\.npz"):
+        run.save(path)
+    assert path.read_bytes() == b"kept"
+    run.save(os.fspath(path), overwrite=True)
+    assert sf.Trajectories.load(path) == run
+    for name in ("run.nc", "run", "run.zarr"):
+        with pytest.raises(ValueError, match=r"^path.*\.npz.*ensemble"):
+            run.save(path.with_name(name))
+    with pytest.raises(FileNotFoundError, match=r"absent.+run\.npz"):
+        run.save(path.parent / "absent" / "run.npz")
+    with pytest.raises(FileNotFoundError):
+        sf.Trajectories.load(path.with_name("absent.npz"))
+
+
+def test_an_interrupted_save_leaves_nothing(path, monkeypatch):
+    def interrupted(file, **arrays):
+        file.write(b"some")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "savez", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_of("one").save(path)
+    assert os.listdir(path.parent) == []
+
+
+def entries(path):
+    with np.load(path) as file:
+        return dict(file)
+
+
+def test_files_of_others(path):
+    """A file that lacks an array, or is of another version."""
+    run_of("one").save(path)
+    found = entries(path)
+    about, needed = str(found["about"]), ("states", "about", "body", "status", "eps")
+    others = [{name: found[name] for name in found if name != lost} for lost in needed]
+    others.append(found | {"about": about.replace(f'"format": {FORMAT}', '"format": 9')})
+    for each in others:
+        np.savez(path, **each)
+        with pytest.raises(ValueError, match=r"run\.npz "):
+            sf.Trajectories.load(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "advice"), [(-1, "compute it anew"), (1, "a newer suslov_fast")]
+)
+def test_files_of_other_formats_say_what_to_do(path, change, advice):
+    run_of("one").save(path)
+    found = entries(path)
+    about = str(found["about"]).replace(f'"format": {FORMAT}', f'"format": {FORMAT + change}')
+    about = about.replace(sf.__version__, "7.8.9")
+    np.savez(path, **found | {"about": about})
+    age = "a later" if change > 0 else "an earlier"
+    with pytest.raises(
+        ValueError, match=rf"run\.npz is of {age} format .* suslov_fast 7\.8\.9: {advice}"
+    ):
+        sf.Trajectories.load(path)
+
+
+def test_a_tilde_is_the_home_folder(path, monkeypatch):
+    """In names of files, of stores, and where a shell leaves it to the command."""
+    monkeypatch.setenv("HOME", str(path.parent))
+    monkeypatch.setenv("USERPROFILE", str(path.parent))
+    monkeypatch.chdir(path.parent)
+    run = run_of("one")
+    run.save("~/run.npz")
+    assert sf.Trajectories.load(Path("~/run.npz")) == run
+    made = sf.ensemble(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5], 0.1, 5, store="~/runs.zarr")
+    assert sf.open_ensemble(path.parent / "runs.zarr").identical(made)
+    Path("body.json").write_text(json.dumps(run.body.to_dict()))
+    words = "run --body=~/body.json --eps .1 --steps 5 --trajectories 3 --output=~/some.npz"
+    assert command.main(words.split()) == 0
+    assert command.main(["info", "~/some.npz", "~/runs.zarr"]) == 0
+    assert sorted(os.listdir()) == ["body.json", "run.npz", "runs.zarr", "some.npz"]
+
+
+def test_damaged_files(path):
+    run_of("batch").save(path)
+    whole = path.read_bytes()
+    for cut in (0, 10, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(ValueError, match=r"run\.npz "):
+            sf.Trajectories.load(path)
+    for place in range(200, len(whole) // 2, 301):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 255]) + whole[place + 1 :])
+        with contextlib.suppress(ValueError):
+            assert sf.Trajectories.load(path) == run_of("batch")
+
+
+def test_an_entry_that_no_run_has_is_not_read(path):
+    """One of 1 MB may need gigabytes, and has no header that NumPy reads."""
+    run_of("batch").save(path)
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("junk.npy", b"no array")
+    assert sf.Trajectories.load(path) == run_of("batch")
+
+
+@pytest.mark.parametrize("name", ["turning", "last", "field"])
+def test_arrays_of_other_types_and_shapes(path, name):
+    """They are refused by their headers, before they are read."""
+    run_of(name).save(path)
+    found = entries(path)
+    for array in found.keys() - {"about", "body"}:
+        values = found[array]
+        others = [values.astype(np.float32), values.astype(complex)]
+        if values.ndim:  # one step size may have any axes
+            others.append(values[..., np.newaxis])
+        for other in others:
+            np.savez(path, **(found | {array: other}))
+            with pytest.raises(ValueError, match=r"run\.npz .*: .* must |broadcast"):
+                sf.Trajectories.load(path)
+    changes = [
+        ("steps", -1),
+        ("steps", "6"),
+        ("save_every", 0),
+        ("method", "gauss"),
+        ("map", "other"),
+    ]
+    about = json.loads(str(found["about"]))
+    for key, value in changes:
+        if about[key] != value:
+            np.savez(path, **(found | {"about": json.dumps(about | {key: value})}))
+            with pytest.raises(ValueError, match=r"run\.npz "):
+                sf.Trajectories.load(path)
+
+
+def test_parts_of_killed_processes_are_deleted(path):
+    """Those of processes that live are not: they hold a lock."""
+    left = path.with_name(".run.npz.0123abcd.part")
+    left.write_bytes(b"half")
+    os.utime(left, (0, 0))
+    other = path.with_name(".other.npz.0123abcd.part")
+    other.touch()
+    new, file = storage._partial(path)
+    with file:
+        assert not left.exists()
+        run_of("one").save(path)
+        assert new.exists() or sys.platform == "win32"
+    if new.exists():
+        os.utime(new, (0, 0))  # Windows, which has no locks, waits for a minute
+    run_of("one").save(path, overwrite=True)
+    assert sorted(os.listdir(path.parent)) == [other.name, path.name]
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
+    """On file systems without links, too; the file is that of the one that succeeded."""
+    if not links:
+
+        def link(*_):
+            raise OSError(errno.EOPNOTSUPP, "no links")
+
+        monkeypatch.setattr(os, "link", link)
+    runs = [sf.iterate(BODY, [1.0, 0.5], 0.1 * k, 5) for k in range(1, 5)]
+    start = threading.Barrier(len(runs))
+
+    def attempt(run):
+        start.wait()
+        try:
+            run.save(path)
+        except FileExistsError as error:
+            return str(error)
+        return ""
+
+    with ThreadPoolExecutor(len(runs)) as pool:
+        for _ in range(5):
+            told = [*pool.map(attempt, runs)]
+            assert told.count("") == 1
+            assert all(f"pass overwrite=True: {os.fspath(path)!r}" in text for text in told if text)
+            assert sf.Trajectories.load(path) == runs[told.index("")]
+            assert os.listdir(path.parent) == [path.name]
+            path.unlink()
+
+
+def test_a_name_that_is_taken_meanwhile_stays(path, monkeypatch):
+    """The look at the beginning does not see a file that another process makes later."""
+    savez = np.savez
+
+    def slow(file, **arrays):
+        savez(file, **arrays)
+        path.write_bytes(b"of another")
+
+    monkeypatch.setattr(np, "savez", slow)
+    with pytest.raises(FileExistsError, match=r"run\.npz"):
+        run_of("one").save(path)
+    assert path.read_bytes() == b"of another"
+    assert os.listdir(path.parent) == [path.name]
+
+
+posix = pytest.mark.skipif(os.name != "posix", reason="modes and links of POSIX")
+
+
+@posix
+def test_overwriting_keeps_mode_and_link(path, monkeypatch):
+    run, other = run_of("one"), run_of("batch")
+    real = path.with_name("real.npz")
+    run.save(real)
+    path.symlink_to(real.name)
+    seen, savez = [], np.savez
+
+    def watched(file, **arrays):
+        seen.append(stat.S_IMODE(os.fstat(file.fileno()).st_mode))
+        savez(file, **arrays)
+
+    monkeypatch.setattr(np, "savez", watched)
+    for mode in (0o600, 0o640):
+        real.chmod(mode)
+        other.save(path, overwrite=True)
+        assert path.is_symlink()
+        assert stat.S_IMODE(real.stat().st_mode) == mode == seen[-1]
+        assert sf.Trajectories.load(real) == other
+    with pytest.raises(FileExistsError, match=r"run\.npz"):
+        run.save(path)
+    real.unlink()  # the link now names a file that is yet to be made
+    run.save(path)
+    assert path.is_symlink()
+    assert sf.Trajectories.load(real) == run
+    assert sorted(os.listdir(path.parent)) == [real.name, path.name]
+
+
+def changed(name, index, value):
+    """Return what changes one number of an array of a file."""
+
+    def change(found):
+        found[name][index] = value
+
+    return change
+
+
+CONTRADICTIONS = {
+    "final": ("batch", changed("final", (1, 0), 7.0)),
+    "final of one that failed": ("failed", changed("final", 0, 1.0)),
+    "final that is missing": ("field", changed("final", (2, 1), np.nan)),
+    "last": ("last", changed("final", (1, 0), 7.0)),
+    "a status that failed": ("batch", changed("status", 2, -1)),
+    "a status that did not": ("failed", changed("status", 0, 0)),
+    "failed_at": ("batch", changed("failed_at", 2, 3)),
+    "no failed_at": ("failed", changed("failed_at", 0, -1)),
+    "failed_at beyond the end": ("failed", changed("failed_at", 0, 6)),
+    "failed_at below -1": ("batch", changed("failed_at", 0, -2)),
+    "states before a failure": ("failed", changed("states", (0, 0), np.nan)),
+    "states after a failure": ("failed", changed("states", (3, 0), 1.0)),
+    "a missing state": ("batch", changed("states", (2, 1), np.nan)),
+    "statuses that there are not": ("batch", changed("status", 0, 99)),
+}
+
+
+@pytest.mark.parametrize("name", CONTRADICTIONS)
+def test_files_that_contradict_themselves(path, name):
+    kind, change = CONTRADICTIONS[name]
+    run_of(kind).save(path)
+    found = entries(path)
+    change(found)
+    np.savez(path, **found)
+    with pytest.raises(ValueError, match=r"run\.npz .*(final|status|failed_at|states) must"):
+        sf.Trajectories.load(path)
+
+
+def two_crossings(path):
+    """Write a file of three orbits, of which one fails and one ends at its second crossing."""
+    field = sf.QuadraticField.from_function(lambda x: (x[1], -x[0], x[2] ** 2), 3)
+    pole = sf.iterate(sf.QuadraticField([[[1]]]), [4.0], -0.25, 11).final[0]  # 12 steps away
+    starts = [[1.0, 0.0, 0.0], [1.0, 0.0, pole], [1.0, 0.0, 1 / 40]]
+    points = sf.crossings(
+        field, starts, 0.25, 90, lambda x: x[..., 0], transient=3, most=2, direction=0,
+        on_singular="ignore",
+    )  # fmt: skip
+    points.save(path)
+    return points
+
+
+def number(name, value):
+    def change(found):
+        found["about"] = json.dumps(json.loads(str(found["about"])) | {name: value})
+
+    return change
+
+
+OF_CROSSINGS = {
+    "more": changed("count", 0, 3),
+    "fewer": changed("count", 0, 1),
+    "negative": changed("count", 0, -1),
+    "n before the transient": changed("n", 0, 2),
+    "n after the end": changed("n", 1, 93),
+    "n in another order": changed("n", 0, 92),
+    "fraction": changed("fraction", 0, 1.5),
+    "no fraction": changed("fraction", 0, np.nan),
+    "before": changed("before", (0, 0), np.nan),
+    "after": changed("after", (1, 0), 3.0),
+    "final": changed("final", (0, 0), 3.0),
+    "failed_at": changed("failed_at", 1, -1),
+    "status": changed("status", 0, -1),
+    **{f"{name} {value}": number(name, value) for name, value in (
+        ("steps", -1), ("transient", 1.5), ("direction", 2), ("most", 0), ("most", 1),
+        ("_n", 94), ("_n", -1), ("method", "rank2"), ("map", "Suslov3D"),
+    )},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OF_CROSSINGS)
+def test_files_of_crossings(path, name):
+    points = two_crossings(path)
+    assert points.count.tolist() == [2, 1, 2]
+    assert points.status.tolist() == [0, -1, 0]
+    again = sf.Crossings.load(path)
+    assert again == points
+    assert not any(each.flags.writeable for each in (again.before, again.trajectory, again.status))
+    found = entries(path)
+    OF_CROSSINGS[name](found)
+    np.savez(path, **found)
+    with pytest.raises(ValueError, match=r"run\.npz is not a complete file of Crossings\.save: "):
+        sf.Crossings.load(path)
+
+
+def test_each_kind_of_file_names_what_loads_it(path):
+    points = two_crossings(path)
+    with pytest.raises(ValueError, match=r"run\.npz .* Crossings\.load"):
+        sf.Trajectories.load(path)
+    with pytest.raises(FileExistsError):
+        points.save(path)
+    run_of("batch").save(path, overwrite=True)
+    with pytest.raises(ValueError, match=r"run\.npz .* Trajectories\.load"):
+        sf.Crossings.load(path)
+
+
+def entry(size, header):
+    """Return an entry of zeros, `size` bytes of numbers or letters, with a header."""
+    start = np.lib.format.magic(2, 0) + len(header).to_bytes(4, "little")
+    return start + header.encode("latin1") + bytes(size)
+
+
+def header(dtype, shape, spaces=0):
+    words = {"descr": dtype, "fortran_order": False, "shape": shape}
+    return repr(words) + " " * spaces + "\n"
+
+
+LARGE = {
+    "a long about": ("about", entry(2**23, header(f"<U{2**21}", ()))),
+    "a long body": ("body", entry(2**25, header(f"<U{2**23}", ()))),
+    "a long header": ("states", entry(672, header("<f8", (7, 3, 4), 2**25))),
+    "numbers that no header tells of": ("final", entry(2**25, header("<f8", (5, 2)))),
+    "numbers that are not there": ("states", entry(8, header("<f8", (10**7, 2)))),
+}
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_entries_are_refused_by_their_sizes(path, name, monkeypatch):
+    """At most a header is read of an entry that no run has."""
+    run_of("batch").save(path)
+    array, data = LARGE[name]
+    with zipfile.ZipFile(path) as file:
+        others = {each: file.read(each) for each in file.namelist() if each != f"{array}.npy"}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        for each, content in {**others, f"{array}.npy": data}.items():
+            file.writestr(each, content)
+    sizes, read = [], zipfile.ZipExtFile.read
+
+    def counted(self, n=-1):
+        data = read(self, n)
+        sizes.append(len(data))
+        return data
+
+    monkeypatch.setattr(zipfile.ZipExtFile, "read", counted)
+    with pytest.raises(ValueError, match=rf"run\.npz .*(bytes|{array})"):
+        sf.Trajectories.load(path)
+    assert sum(sizes) < 2**18
+
+
+def test_files_that_were_compressed(path):
+    run_of("batch").save(path)
+    np.savez_compressed(path, **entries(path))
+    assert sf.Trajectories.load(path) == run_of("batch")

@@ -1,0 +1,84 @@
+"""Published quadratic flows, typed as published: bounded orbits and the exponents of an integrator.
+
+`data/flows.json` has right-hand sides, initial states near the attractor, and largest exponents by
+an integrator of high order with their standard errors.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from suslov_fast import QuadraticField, Status, iterate, lyapunov_exponents, matrix
+
+pytestmark = pytest.mark.compiled  # millions of steps
+FLOWS = json.loads((Path(__file__).parents[1] / "data" / "flows.json").read_text("utf-8"))["flows"]
+ORDINARY = "Rossler", "SprottB", "LorenzStenflo"
+PER_PERIOD = 1600
+
+
+def field_of(flow):
+    def f(x, **parameters):
+        known = dict(zip(flow["variables"], x, strict=True)) | parameters
+        return [eval(text, {}, known) for text in flow["rhs"]]
+
+    return QuadraticField.from_function(f, flow["variables"], **flow["parameters"])
+
+
+@pytest.mark.parametrize(
+    "flow",
+    [
+        pytest.param(
+            flow, marks=[pytest.mark.slow] * (flow["name"] not in ORDINARY), id=flow["name"]
+        )
+        for flow in FLOWS
+    ],
+)
+def test_published_flows(flow):
+    field, eps = field_of(flow), flow["period"] / PER_PERIOD
+    assert field.names == tuple(flow["variables"])
+    run = iterate(field, flow["start"], eps, 100 * PER_PERIOD, save_every=40)
+    assert run.ok
+    first, second = np.split(run.x[1:], 2)
+    assert abs(second).max() < 2 * abs(first).max()
+    # Windows that do not overlap, since the map takes the same orbit from each state on it.
+    steps, windows = flow["periods"] * PER_PERIOD, 4 if flow["name"] in ORDINARY else 8
+    starts = iterate(field, run.final, eps, (windows - 1) * steps, save_every=steps).x
+    rates = lyapunov_exponents(field, starts, eps, steps) / eps
+    largest = rates[:, 0]
+    if flow["name"] == "NoseHoover":  # conservative: depends on the orbit
+        assert (largest > 0).all()
+        assert abs(rates.sum(axis=1)).max() < 0.01
+    else:
+        error = np.hypot(flow["spread"], largest.std(ddof=1) / windows**0.5)
+        assert abs(largest.mean() - flow["largest_exponent"]) < 3 * error
+    linear, quadratic = field.linear.astype(float), field.quadratic.astype(float)
+    divergence = np.trace(linear)
+    if not np.trace(quadratic, axis1=0, axis2=1).any():  # it is constant
+        assert rates.sum(axis=1) == pytest.approx(divergence, abs=1e-3 * max(1, abs(divergence)))
+
+
+def test_no_flow_passes_a_pole_at_long_steps():
+    """Of 1 / 25 of a period: what is resolved raises no alarm. Each is bounded."""
+    for flow in FLOWS:
+        run = iterate(field_of(flow), flow["start"], flow["period"] / 25, 2500, save_every=None)
+        assert (run.status, run.failed_at) == (Status.OK, -1), flow["name"]
+
+
+def lorenz_84(s, F=4.83, a=1.32, b=7.91, G=4.194):
+    x, y, z = s
+    return -(y**2) - z**2 - a * x + a * F, x * y - b * x * z - y + G, b * x * y + x * z - z
+
+
+@pytest.mark.slow
+def test_long_steps_may_have_other_attractors():
+    """The table of the page of fields; right is 0.43. Halving once shows nothing at 1/64."""
+    field = QuadraticField.from_function(lorenz_84, "x y z")
+    table = {32: 0.50, 64: 0.0, 128: 0.0, 256: 0.41, 512: 0.43, 1024: 0.43}
+    for k, expected in table.items():
+        rates = lyapunov_exponents(field, [1, 1, 1], 1 / k, 8000 * k, transient=500 * k) * k
+        assert rates[0] == pytest.approx(expected, abs=0.02)  # chaotic: seeds differ by 0.006
+        x = iterate(field, [1, 1, 1], 1 / k, 200 * k, save_every=k // 8).x
+        size = abs(1 - np.linalg.eigvals(matrix(field, x, 1 / k))).max()
+        assert (size < 0.02) == (k >= 512)

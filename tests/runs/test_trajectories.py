@@ -1,0 +1,363 @@
+"""`Trajectories`: attributes, methods, orientations, and conversion to labelled arrays."""
+
+import pickle
+import re
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.core.suslov import orientations, steps as steps_3d
+from suslov_fast.engine.problem import check
+from suslov_fast.engine.stretches import March
+from suslov_fast.maps import MAPS
+
+BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
+FOUR = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [0.0, 0.9, 1.8])
+LOTKA = sf.QuadraticField.from_function(
+    lambda x, a: (x[0] * (1 - a * x[1]), x[1] * (x[0] - 1)), 2, a=[1, 2, 3]
+)
+HENON = sf.QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 2 / 2 - x[0] ** 3, 2)
+THIRDS = sf.QuadraticField.from_function(lambda x, rho: (x[0] / 3 - rho * x[0] ** 2,), 1, rho=2)
+STARTS = np.random.default_rng(3).normal(size=(5, 2))
+RUNS = {
+    "batch": (BODY, STARTS, 0.2, 20, {"save_every": 5}),
+    "one": (BODY, STARTS[0], -0.2, 3, {}),
+    "last": (BODY, STARTS, [0.1, 0.2, 0.3, 0.4, 0.5], 7, {"save_every": None, "attitude": True}),
+    "turning": (BODY, STARTS, 0.2, 7, {"save_every": 5, "attitude": True}),
+    "empty": (BODY, np.empty((2, 0, 2)), np.full((2, 1), 0.1), 3, {}),
+    "failed": (sf.Suslov3D(1, 1, 1, 0), [[1.0, -3.0], [0.3, 0.1]], 1, 5, {}),
+    "four": (FOUR, [0.3, 0.9, -0.6], 0.4, 6, {"method": "gauss", "attitude": True}),
+    "gyrostat": (GYROSTAT, STARTS[:3], 0.35, 6, {"save_every": 4}),
+    "field": (LOTKA, [0.5, 0.7], 0.125, 6, {}),
+    "hamiltonian": (HENON, [0.1, 0.05], 0.1, 6, {"save_every": 2}),
+    "exact field": (THIRDS, [0.1], 0.1, 3, {}),
+}
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "run.npz"
+
+
+def run_of(name):
+    *problem, options = RUNS[name]
+    return sf.iterate(*problem, on_singular="ignore", **options)
+
+
+QUANTITIES = {"first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction"}
+HAS = {
+    "batch": QUANTITIES,
+    "gyrostat": QUANTITIES - {"to_xy"},
+    "four": {"energy", "modified_energy", "reaction"},
+    "field": set(),
+    "hamiltonian": {"energy", "modified_energy"},
+}
+
+
+@pytest.mark.parametrize("name", HAS)
+def test_a_run_has_the_functions_of_its_map(name):
+    run = run_of(name)
+    assert QUANTITIES & {*dir(run)} == HAS[name]
+    for quantity in HAS[name]:
+        eps = () if quantity in ("energy", "to_xy") else (run.eps,)
+        expected = getattr(sf, quantity)(run.body, run.states, *eps)
+        np.testing.assert_array_equal(getattr(run, quantity)(), expected)
+    for quantity in QUANTITIES - HAS[name]:
+        with pytest.raises((TypeError, sf.NotIntegrableError)):
+            getattr(run, quantity)()
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_attributes(name):
+    run, (body, _, eps, steps, options) = run_of(name), RUNS[name]
+    every = options.get("save_every", 1)
+    assert run.n.tolist() == ([steps] if every is None else [*range(0, steps + 1, every)])
+    assert run.states.shape == (len(run.n), *run.status.shape, body.dimension)
+    assert len(run) == len(run.time) == len(run.n)
+    np.testing.assert_array_equal(run.time, np.multiply.outer(run.n, eps))
+    assert (run.status.dtype, run.failed_at.dtype) == (np.int8, np.int64)
+    assert run.ok == (name != "failed")
+    assert (run.method, run.steps, run.save_every) == (options.get("method", "auto"), steps, every)
+    assert re.fullmatch(r"Trajectories\((omega|x): .{,98}\)", repr(run))
+    more = f" ... {run.n[-1]}" if len(run) > 2 else ""
+    assert f" n: {', '.join(map(str, run.n[:2]))}{more}, " in repr(run)
+    own, other = ("x", "omega") if isinstance(body, sf.QuadraticField) else ("omega", "x")
+    assert getattr(run, own) is run.states
+    with pytest.raises(AttributeError, match=f"^no attribute '{other}': .* run.{own}$"):
+        getattr(run, other)
+    with pytest.raises(AttributeError, match=r"^no attribute 'savefig': use run\.plot\(\)\.figure"):
+        _ = run.savefig
+    assert own in dir(run)
+    assert other not in dir(run)
+
+
+def test_a_run_as_an_array():
+    run, other = run_of("failed"), run_of("batch")
+    assert np.asarray(run) is run.states
+    assert np.array(run) is not run.states
+    assert np.asarray(run, np.float32).dtype == np.float32
+    assert (run == run.extend(0)) is (run == replace(run)) is True
+    assert (run == replace(run, states=run.states + 1.0)) is (run == other) is (run == 1) is False
+    assert run != replace(run, attitude=np.ones(3))
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(run)
+    for index in (2, -1, slice(None, None, 2), (..., 1), (slice(2), 0), run.n % 2 == 0, [0, 3]):
+        np.testing.assert_array_equal(run[index], run.states[index])
+    np.testing.assert_array_equal([*run], run.states)
+
+
+ARRAYS = "states omega eps status failed_at final attitude n time".split()
+
+
+def test_arrays_of_a_run_are_read_only(path):
+    """In-place arithmetic fails before it changes a number, in copies and files, too."""
+    run, out = run_of("last"), np.empty((8, 5, 2))
+    run.save(path)
+    written = sf.iterate(BODY, STARTS, 0.2, 7, out=out)
+    copies = [pickle.loads(pickle.dumps(run)), deepcopy(run), replace(run), run.extend(2)]
+    for each in (run, *copies, sf.Trajectories.load(path)):
+        for name in ARRAYS:
+            before = getattr(each, name).copy()
+            with pytest.raises(ValueError, match=r"read-only|output array"):
+                exec(f"each.{name} *= 2")
+            np.testing.assert_array_equal(getattr(each, name), before)
+        assert not each.valid.flags.writeable
+    with pytest.raises(ValueError, match=r"read-only|output array"):
+        written.omega *= 2
+    given = run.states.copy()
+    assert not replace(run, states=given).states.flags.writeable
+    given[0] = out[0] = 1.0  # arrays of the caller
+    assert written.omega.base is out
+
+
+def test_results_keep_their_step_sizes():
+    """Whoever changes the array that was passed changes no result."""
+    eps = np.full(5, 0.2)
+    run = sf.iterate(BODY, STARTS, eps, 3)
+    points = sf.crossings(BODY, STARTS, eps, 3, lambda omega: omega[..., 1])
+    eps[:] = 9.0
+    for result in (run, run.extend(1), points):
+        assert (result.eps == 0.2).all()
+
+
+@pytest.mark.compiled
+def test_read_only_arrays_compile_nothing():
+    run = sf.iterate(BODY, STARTS, np.full(5, 0.2), 7, attitude=True)
+    compiled = [steps_3d.steps.compiled, orientations.turn_along.compiled]
+    before = [len(each.signatures) for each in compiled]
+    assert all(before)
+    sf.iterate(BODY, run.final, run.eps, 3, attitude=run.attitude[-1]).extend(2)
+    sf.attitude(BODY, run.omega, run.eps)
+    assert [len(each.signatures) for each in compiled] == before
+
+
+def test_an_extended_run_stays_as_it_is(path):
+    """It can be extended again, and differently; copies cannot."""
+    run = run_of("failed")
+    assert run.extend(5) == run.extend(2).extend(3)
+    assert run == run_of("failed")
+    for other in (replace(run, eps=0.5), replace(run)):
+        with pytest.raises(ValueError, match=r"^extend: "):
+            other.extend(1)
+        with pytest.raises(ValueError, match=r"^save: "):
+            other.save(path)
+    with pytest.raises(ValueError, match=r"^steps must"):
+        run.extend(-1)
+
+
+def test_orientations_change_no_state():
+    run = run_of("turning")
+    assert (run.states == sf.iterate(BODY, STARTS, 0.2, 7, save_every=5).states).all()
+
+
+def test_parameters_and_names_of_the_user_as_coordinates():
+    sizes = np.array([0.1, 0.2, 0.3])[:, None, None]
+    body = sf.Suslov3D(4, 1, np.array([[-0.5], [-0.4]]), -0.3)
+    run = sf.iterate(body, [[1.0, 0.5], [0.2, -0.7]], sizes, 5)
+    data = run.to_xarray(dims=("eps", "I13", "start"), coords={"colour": ("start", ["a", "b"])})
+    assert (data.omega.sel(eps=0.2, I13=-0.4).values == run.omega[:, 1, 1]).all()
+    assert (data.time.sel(eps=0.3).values == 0.3 * np.arange(6)).all()
+    assert data.colour.dims == ("start",)
+    assert run.to_xarray(("a", "b", "start"), {"start": [10, 20]}).start.values.tolist() == [10, 20]
+    one = sf.iterate(BODY, [[1.0, 0.5]], [0.2], 5).to_xarray(dims="eps")
+    assert one.omega.sel(eps=0.2).shape == (6, 2)
+    for last in ("a", "n", "omega", 3, "eps", "I1"):  # eps varies along another axis, I1 along none
+        with pytest.raises(ValueError, match=r"^dims "):
+            run.to_xarray(dims=("a", "b", last))
+    too_long = {"start": [1, 2, 3]}, {"colour": ("start", ["a", "b", "c"])}
+    for coords in ({"omega": 3}, {"I1": [1, 2]}, [1, 2], *too_long):
+        with pytest.raises((TypeError, ValueError), match=r"^coords must"):
+            run.to_xarray(("eps", "I13", "start"), coords)
+    family = run_of("field").to_xarray()
+    assert (family.x.sel(a=2).values == run_of("field").x[:, 1]).all()
+
+
+def test_contents_of_a_dataset():
+    run = run_of("turning")
+    data = run.to_xarray()
+    names = "omega n time eps status failed_at first_pole final attitude component I1 I2 I13 I23"
+    assert set(data.variables) == set(names.split())
+    assert (data.attrs["method"], data.attrs["save_every"]) == ("auto", 5)
+    assert data.omega.dims == ("n", "trajectory", "component")
+    assert (data.omega.sel(n=5, component="Omega2") == run.omega[1, :, 1]).all()
+    assert (data.time.values == run.time).all()
+    names = data.status.attrs["flag_meanings"].split()
+    for value, name in zip(data.status.attrs["flag_values"], names, strict=True):
+        assert sf.Status[name] == value
+    assert run_of("four").to_xarray().component.values.tolist() == ["Omega1n", "Omega2n", "Omega3n"]
+    several = sf.iterate(FOUR, np.full((5, 3), 0.3), 0.4, 2, method="gauss").to_xarray()
+    assert (several.J.dims, several.omega.shape) == (("component",), (3, 5, 3))
+    assert (sf.first_integral(BODY, data.omega, 0.2) == run.first_integral()).all()
+
+
+def test_tables_have_a_row_for_each_state_and_component():
+    """Coefficients are coordinates, a column for each monomial; those of zeros are left out."""
+    field = sf.QuadraticField.from_function(
+        lambda x, rho: (
+            10 * (x[1] - x[0]),
+            x[0] * (rho - x[2]) - x[1],
+            x[0] * x[1] + 2 * x[2] ** 2,
+        ),
+        "u v w",
+        rho=[20, 28],
+    )
+    run = sf.iterate(field, [0.1, 0.1, 0.2], 1 / 128, 100, on_singular="ignore")
+    data = run.to_xarray()
+    names = {"rho", "linear_1", "linear_2", "quadratic_1_2", "quadratic_1_3", "quadratic_3_3"}
+    assert {*data.coords} == {"n", "time", "component", "constant", *names}
+    assert data.linear_1.dims == ("rho", "component")
+    np.testing.assert_array_equal(data.linear_1, [[-10, 20, 0], [-10, 28, 0]])
+    np.testing.assert_array_equal(data.quadratic_1_3[0], [0, -1, 0])
+    np.testing.assert_array_equal(data.quadratic_3_3[0], [0, 0, 2])
+    assert data.quadratic_1_2.attrs["long_name"] == "coefficient of u*v"
+    table = data.to_dataframe()
+    assert len(table) == 101 * 2 * 3
+    assert table.x.loc[(7, 28.0, "w")] == run.x[7, 1, 2]
+    assert len(run.to_xarray().x.sel(rho=28).to_pandas()) == 101
+    four = run_of("four").to_xarray()
+    assert {"J", "I"} < {*four.coords}
+    assert len(four.drop_vars("attitude").to_dataframe()) == 7 * 3
+    points = sf.crossings(field, [0.1, 0.1, 0.2], 1 / 128, 50, lambda x: x[..., 0] - 0.2)
+    assert len(points)
+    table = points.to_xarray().to_dataframe()
+    assert len(table) == 3 * len(points)
+    assert {"u", "v", "w"} == {*table.index.get_level_values("component")}
+    columns = {"trajectory", "n", "time", "eps", "rho", "before", "after", "fraction", "x"}
+    assert {*table} == columns | {"over_pole"}
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_times_in_place_of_a_step_size_are_noticed(more):
+    """As `odeint` takes them; step sizes of a family are not."""
+    times = np.linspace(0, 10, 100 + more)
+    how = rf"^eps: {100 + more} step sizes from 0 to 10, .* pass eps=0.1.*, steps={99 + more}$"
+    with pytest.warns(UserWarning, match=how):
+        run = sf.iterate(BODY, STARTS[0], times, 100)
+    assert run.omega.shape == (101, 100 + more, 2)
+    with pytest.warns(UserWarning, match=how):
+        sf.crossings(BODY, STARTS[0], times, 100, lambda x: x[..., 0])
+    with pytest.warns(UserWarning, match=how):
+        sf.lyapunov_exponents(BODY, STARTS[0], times, 100)
+    with pytest.warns(UserWarning, match=how):
+        sf.iterate(BODY, STARTS[0], times, 1000)  # whatever the number of steps
+    for eps in (times + 0.1, times**2, times[::-1], times[1:], np.linspace(0, 0.5, 6)):
+        sf.iterate(BODY, STARTS[0], eps, 100 if eps.size != 6 else 5)
+
+
+SHORT = {"_STRETCH": 2**10, "_TURNING": 2**10, "_BETWEEN": 1}
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("answer", [False, np.False_])
+@pytest.mark.parametrize("name", RUNS)
+def test_a_callable_ends_a_run(monkeypatch, name, answer):
+    """All trajectories stand at the step of the call; the run is that of so many steps."""
+    body, omega0, eps, _, options = RUNS[name]
+    options = options | {"on_singular": "ignore"}
+    whole = sf.iterate(body, omega0, eps, 300, **options)
+    for short, value in SHORT.items():
+        monkeypatch.setattr(f"suslov_fast.engine.stretches.{short}", value)
+    for first in (0, 23, 299):
+        seen = []
+
+        def progress(done, total, seen=seen, first=first):
+            seen.append((done, total))
+            return answer if done >= first else None
+
+        run = sf.iterate(body, omega0, eps, 300, **options, progress=progress)
+        steps = run.steps
+        assert seen[-1] == (steps, 300)
+        assert steps == 300 or not first or steps - first < 100
+        assert run == sf.iterate(body, omega0, eps, steps, **options)
+        assert run.extend(300 - steps, on_singular="ignore") == whole
+        more = run.extend(300 - steps, on_singular="ignore", progress=progress)
+        assert seen[-1] == (more.steps - steps, 300 - steps)
+        assert more.extend(300 - more.steps, on_singular="ignore") == whole
+
+
+def test_rows_beyond_the_end_of_a_run_are_untouched(monkeypatch):
+    for short, value in SHORT.items():
+        monkeypatch.setattr(f"suslov_fast.engine.stretches.{short}", value)
+    out = np.full((101, 5, 2), 7.0)
+    run = sf.iterate(BODY, STARTS, 0.2, 100, out=out, progress=lambda done, total: done < 30)
+    assert 30 <= run.steps < 100
+    assert (out[run.steps + 1 :] == 7).all()
+    assert run.omega.base is out
+    assert run == sf.iterate(BODY, STARTS, 0.2, run.steps)
+    last = np.full((1, 5, 2), 7.0)
+    run = sf.iterate(BODY, STARTS, 0.2, 100, save_every=None, out=last, progress=lambda *_: False)
+    assert run == sf.iterate(BODY, STARTS, 0.2, run.steps, save_every=None)
+    assert (last[0] == run.final).all()
+
+
+def test_answers_of_a_callable_that_do_not_end_a_run(monkeypatch):
+    for short, value in SHORT.items():
+        monkeypatch.setattr(f"suslov_fast.engine.stretches.{short}", value)
+    for answer in (None, True, 0, "", np.zeros(1, bool)):
+        assert sf.iterate(BODY, STARTS, 0.2, 99, progress=lambda *_, a=answer: a).steps == 99
+
+
+def test_progress_of_steps_that_cost_nothing():
+    """As the estimate of a kernel of one's own may say."""
+    march, seen = March(check(MAPS["Suslov3D"], BODY, STARTS, 0.2)), []
+    march.steps = march.steps._replace(cost=lambda D, arguments: 0.0)
+    march.to(100, report=lambda done: not seen.append(done))
+    assert seen[-1] == march.n == 100
+
+
+class Bar:
+    def __init__(self, iterable=None, total=None):
+        raise AssertionError
+
+
+@pytest.mark.parametrize("progress", [Bar, lambda: 0, lambda done: 0, dict, len, 3])
+def test_what_progress_is_called_with(progress):
+    """Before anything is computed; `tqdm.tqdm` takes an iterable."""
+    with pytest.raises(TypeError, match=r"^progress must be True.*progress\(done, total\)"):
+        sf.iterate(BODY, STARTS, 0.2, 3, progress=progress)
+
+
+def test_a_name_that_is_both_a_component_and_a_word_of_other_packages():
+    upper = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "X T")
+    lower = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "x t")
+    for field, here in (upper, r"run\.time"), (lower, r"run\.x\[\.\.\., 1\]"):
+        with pytest.raises(AttributeError, match=f"^no attribute 't': use {here}"):
+            _ = sf.iterate(field, [1.0, 0.5], 0.1, 1).t
+
+
+def test_components_that_cannot_be_drawn():
+    run = sf.iterate(
+        sf.QuadraticField.from_function(lambda x: [-v for v in x], 30), [1.0] * 30, 0.1, 1
+    )
+    with pytest.raises(
+        ValueError, match=r"x1, x2, x3, \.\.\., x30, time, such as \(\"time\", \"x7\"\)"
+    ):
+        run.plot("x7")
+    with pytest.raises(
+        ValueError, match=r"not \('time', \['x1', 'x2'\]\): draw one after the other"
+    ):
+        run.plot("time", ["x1", "x2"])

@@ -125,6 +125,9 @@ class Text:
     def root(self, a):
         return self._call("sqrt", a)
 
+    def floor(self, a):
+        return self._call("floor", a)
+
     def _call(self, name, *operands):
         function = f"{self.V} @llvm.{name}.{self.suffix}"
         kinds = ", ".join([self.V] * len(operands))

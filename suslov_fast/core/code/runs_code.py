@@ -49,7 +49,7 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
     """
     text, all_lanes = Code(W), (1 << W) - 1
     integer = text.integer
-    _add_runs(text, f"{name}_runs", for_each)
+    add_runs(text, f"{name}_runs", for_each)
     text.add(f"define i64 @{name}(i64 %arguments) #0 {{")
     text.label("entry")
     a = ListArguments(*(text.load("i64", text.plus("%arguments", 8 * k)) for k in SLOT))
@@ -67,7 +67,7 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
 
     def truth(results, k):
         row = text.load("i64", text.at(results, integer("add", a.D, k)))
-        return _truth(text, text.row(a.rows, 0, row))
+        return truth_of(text, text.row(a.rows, 0, row))
 
     def replace(results, choose):
         """Replace components by choose(result, component)."""
@@ -123,21 +123,24 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
     return text.finished()
 
 
-def _truth(text, value):
+def truth_of(text, value):
     """Return truth values from a row, in which all bits of a lane are equal."""
     integers = f"<{text.W} x i64>" if text.W > 1 else "i64"
     value = text.new(f"bitcast {text.V} {value} to {integers}")
     return text.new(f"icmp slt {integers} {value}, {'zeroinitializer' if text.W > 1 else 0}")
 
 
-def _add_runs(text, name, for_each, called=()):
+def add_runs(text, name, for_each, called=(), only=None):
     """Add the function void name(rows, table, heads, places, count), which carries out runs.
 
     Of the functions in CALLED it has these alone, because each takes longer to compile than all
-    others.
+    others; and of all instructions only those that begin with one of `only`, if it is given.
     """
     integer = text.integer
     own_kinds = [k for k, kind in enumerate(KINDS) if kind[0] in called or kind[0] not in CALLED]
+    if only is not None:
+        own_kinds = [k for k in own_kinds if KINDS[k][0].startswith(only)]
+    regular = [k for k in REGULAR if k in own_kinds]
     text.add(f"define internal void @{name}(i64 %rows, i64 %table, i64 %heads, i64 %places, "
              "i64 %count) #0 {")  # fmt: skip
     text.label("entry")
@@ -149,11 +152,11 @@ def _add_runs(text, name, for_each, called=()):
     kind, own, size = (text.load("i64", text.plus("%head", 8 * k)) for k in range(3))
     text.add(f"  %last = add i64 %first, {size}")
     ways = [f"i64 {number}, label %run{number}" for number in own_kinds]
-    ways += [f"i64 {len(KINDS) + number}, label %regular{number}" for number in REGULAR]
+    ways += [f"i64 {len(KINDS) + number}, label %regular{number}" for number in regular]
     text.add(f"  switch i64 {kind}, label %next [ {' '.join(ways)} ]")
     for number in own_kinds:
         _add_run(text, number, own, for_each)
-    for number in REGULAR:
+    for number in regular:
         _add_regular_run(text, number, own, for_each)
     text.label("next")
     text.add("  %head1 = add i64 %head, 24")
@@ -238,7 +241,7 @@ def _value(text, number, operand, begin, end):
         return operands[0]
     if instruction in (*JOINING, "select"):
         count = 1 if instruction == "select" else 2
-        operands = [_truth(text, value) for value in operands[:count]] + operands[count:]
+        operands = [truth_of(text, value) for value in operands[:count]] + operands[count:]
     values = dict(enumerate(operands))
     text.carry_out([(instruction, -1, tuple(values))], values, None)
     if instruction in OF_NUMBERS:
@@ -309,9 +312,9 @@ def numbers_of(step, table):
     return np.concatenate([each.numbers.of(table) for each in (programs.usual, programs.rare)])
 
 
-_ANY = Step(np.empty((3, 0), np.int64), 1)  # the code does not depend on it
+ANY = Step(np.empty((3, 0), np.int64), 1)  # the code does not depend on it
 
 
 def listed_code(W, for_each):
     """Return the address of the code of `text_of_listed_steps`, None where LLVM refuses it."""
-    return code_of(text_of_listed_steps, _ANY, W, for_each)
+    return code_of(text_of_listed_steps, ANY, W, for_each)

@@ -41,6 +41,11 @@ class Code(Text):
         self.add("  ret void")
         self.add("}")
 
+    def leave(self, result):
+        """Return from the function; the code that follows, up to the next block, is not reached."""
+        self.add(f"  ret {result}")
+        self.label(self._name("left"))
+
     def next_block(self):
         """End the block of straight-line code, and begin another."""
         name = self._name("next")

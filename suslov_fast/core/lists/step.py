@@ -37,9 +37,6 @@ from .planned_elimination import Factors, Matrix, elimination_order, places_of, 
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
 MANY = 4000  # operations of a list, above which compiling takes longer than it saves: see `listed`
-# A list of more than WHOLE operations is divided into functions of PIECE operations. Where LLVM
-# does not optimise, each value for eight lanes takes 64 bytes of a stack.
-WHOLE, PIECE = 4000, 1000
 # A field has a plan unless more terms and products of elimination depend on the state than MOST,
 # and than a part of those of a dense matrix, because elimination without a plan is faster then; or
 # unless planning takes long: more than LONGEST products in all.
@@ -368,26 +365,6 @@ class Step:
     def _results(self):
         """Return the numbers of values that are read after the operations."""
         return [*self.after, *self.after_rare]
-
-    @functools.cached_property
-    def pieces(self):
-        """The usual operations in pieces, and a row for each value that a later piece needs.
-
-        One function for all would take more memory of a stack than a thread has. All tests are in
-        the last piece, because rows hold numbers and no truth values.
-        """
-        usual = enumerate(self.usual)
-        tests = (k for k, (instruction, *_) in usual if instruction in OF_TRUTH_VALUES)
-        length = PIECE if len(self.usual) > WHOLE else WHOLE
-        first = range(0, max(next(tests, len(self.usual)), 1), length)
-        pieces = [self.usual[k : k + length] for k in first[:-1]] + [self.usual[first[-1] :]]
-        piece_of = {number: k for k, piece in enumerate(pieces) for _, number, _ in piece}
-        last = len(pieces) - 1
-        needed = [(k, a) for k, piece in enumerate(pieces) for *_, of in piece for a in of]
-        needed += [(last, a) for *_, of in self.rare for a in of]
-        needed += [(last, number) for number in (self.good, *self._results())]
-        kept = dict.fromkeys(a for k, a in needed if isinstance(a, int) and piece_of.get(a, k) < k)
-        return pieces, {number: row for row, number in enumerate(kept)}
 
     def table_of(self, halves):
         """Return the values of the table (n, ...), for h v of the terms (T, ...)."""

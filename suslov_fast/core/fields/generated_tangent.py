@@ -53,7 +53,7 @@ def columns_at_once(D, W, operations):
 def text_of_tangent(tangent, name, W, for_each, _):
     """Return the text of i64 name(line, table, kept, plan, ignored, steps): steps of a line.
 
-        Columns q become -DPhi q; `kept` and `plan` are for `long_tangent`. The code returns the number
+    Columns q become -DPhi q; `kept` and `plan` are for `long_tangent`. The code returns the number
     of steps with bits of lanes, see STEP. It stops after a step with such bits, and before a step
     that is not accurate. Bits in `ignored` mark lanes that do not stop it.
     """

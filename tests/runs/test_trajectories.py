@@ -87,10 +87,8 @@ def test_attributes(name):
     assert f" n: {', '.join(map(str, run.n[:2]))}{more}, " in repr(run)
     own, other = ("x", "omega") if isinstance(body, sf.QuadraticField) else ("omega", "x")
     assert getattr(run, own) is run.states
-    with pytest.raises(AttributeError, match=f"^no attribute '{other}': .* run.{own}$"):
+    with pytest.raises(AttributeError, match=rf"'{other}'.* run\.{own}$"):
         getattr(run, other)
-    with pytest.raises(AttributeError, match=r"^no attribute 'savefig': use run\.plot\(\)\.figure"):
-        _ = run.savefig
     assert own in dir(run)
     assert other not in dir(run)
 
@@ -344,8 +342,8 @@ def test_what_progress_is_called_with(progress):
 def test_a_name_that_is_both_a_component_and_a_word_of_other_packages():
     upper = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "X T")
     lower = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "x t")
-    for field, here in (upper, r"run\.time"), (lower, r"run\.x\[\.\.\., 1\]"):
-        with pytest.raises(AttributeError, match=f"^no attribute 't': use {here}"):
+    for field, here in (upper, "time"), (lower, r"run\.x\[\.\.\., 1\]"):
+        with pytest.raises(AttributeError, match=f"'t'.*{here}"):
             _ = sf.iterate(field, [1.0, 0.5], 0.1, 1).t
 
 

@@ -440,13 +440,13 @@ class Named(sf.QuadraticField):
 
 @pytest.mark.slow
 def test_words_for_own_bodies():
-    with pytest.raises(TypeError, match=r"^Sleigh has no argument 'mas': pass mass="):
+    with pytest.raises(TypeError, match=r"^Sleigh .*'mas'.*\bmass\b"):
         own.Sleigh(mas=2.0, J=1.5, b=0.4)
-    with pytest.raises(TypeError, match=r"^Sleigh needs b; the call is Sleigh\(mass, J, b\)"):
+    with pytest.raises(TypeError, match=r"^Sleigh.*'b'"):
         own.Sleigh(2.0, 1.5)
-    with pytest.raises(AttributeError, match="cannot be changed: make it again with J=2"):
+    with pytest.raises(AttributeError, match="J"):
         SLEIGHS.J = 2
-    with pytest.raises(AttributeError, match="has no attribute 'masss': use mass"):
+    with pytest.raises(AttributeError, match=r"'masss'.*\bmass\b"):
         SLEIGHS.masss  # noqa: B018
 
 
@@ -794,8 +794,8 @@ def test_parameters_with_different_numbers_of_axes(rng, tmp_path):
         run = iterate(bodies, x, 0.1, 6)
         for k, body in enumerate(bodies):
             assert iterate(body, x[k], 0.1, 6).x.tolist() == run.x[:, k].tolist()
-        middle = x + 0.05 * bodies.fields.field()(x)
-        np.testing.assert_allclose(run.x[1], x + 0.1 * bodies.fields.field()(middle), rtol=1e-13)
+        middle = x + 0.05 * bodies.field()(x)
+        np.testing.assert_allclose(run.x[1], x + 0.1 * bodies.field()(middle), rtol=1e-13)
         run.save(tmp_path / "run.npz", overwrite=True)
         assert sf.Trajectories.load(tmp_path / "run.npz") == run
         points = sf.crossings(bodies, x, 0.1, 6, lambda x: x[..., 0], direction=0)

@@ -25,8 +25,9 @@ _TABLE = (
     ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
     ("order integrator solver alg algorithm scheme method", "method",
      "iterate has method=; steps of flow follow from rtol="),
-    ("n nsteps numsteps iterations maxsteps maxiter steps", "steps n", "maps have steps="),
-    ("x0 y0 u0 z0 omega0 omega x state states ic", "states components",
+    ("n nsteps numsteps iterations maxsteps maxiter steps", "steps n",
+     "maps have steps=, and those of flow follow from rtol="),
+    ("x0 y0 u0 z0 omega0 omega x state states ic", "states components omega0",
      "states are the second argument, without a name"),
     ("body system field f fun rhs model", "body",
      "the system is the first argument, without a name; system(x) is its right-hand side"),
@@ -45,7 +46,7 @@ _TABLE = (
     ("verbose callback", "progress", ""),
     ("seed rng randomstate", "seed RandomStarts", "RandomStarts(size, seed=...) as states"),
     ("filename file", "path store", ""),
-    ("overwrite mode", "", "another name, or delete the folder of the store"),
+    ("overwrite mode", "force", "another name, or delete the folder of the store"),
     ("c color colour colors", "color", "plots have color="),
     ("y z axis", "components states", ""),
     ("figsize xlim ylim xlabel ylabel grid legend", "ax", ""),
@@ -71,7 +72,7 @@ _TABLE = (
      "jacobian(x) of a field, its right-hand side's; that of a body is QuadraticField.of(body)"),
     ("quadratic linear constant terms", "", "QuadraticField.of(body), whose terms they are"),
     ("solveivp odeint ode integrate solve", "flow", ""),
-    ("trajectory simulate evolve", "iterate", ""),
+    ("trajectory simulate evolve", "iterate run", ""),
     ("orbitdiagram bifurcationdiagram bifurcation", "iterate", ""),
     ("phaseportrait plot", "plot plot_phase", "iterate(...).plot()"),
     ("lyapunov lyapunovs lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
@@ -81,10 +82,10 @@ _TABLE = (
      "from_function(sympy.lambdify([symbols], expressions), names)"),
     ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
     ("suslov", "Suslov3D", ""),
-    ("figures picture pictures", "", "Suslov3D.figure(k), or the command suslov-fast figures"),
+    ("figures picture pictures", "figures", "Suslov3D.figure(k)"),
     ("animate animation", "animate_body", ""),
     ("report integrals firstintegrals zoo examples kahan", "", "suslov_fast.integrability"),
-    ("warmup compile", "", "the command suslov-fast warm-up"),
+    ("warmup compile", "warm_up", "the command suslov-fast warm-up"),
 )  # fmt: skip
 _OWN = {"self", "cls", "_cls"}  # which a caller does not pass
 _WORDS = {word: (names.split(), how) for words, names, how in _TABLE for word in words.split()}
@@ -93,7 +94,8 @@ _WORDS = {word: (names.split(), how) for words, names, how in _TABLE for word in
 def instead(word: str, known: Collection[str]) -> str:
     """Return what to use for a word: a known name, or a sentence, or nothing."""
     names, how = _WORDS.get(word.lower().replace("_", ""), ((), ""))
-    found = [name for name in names if name in known]
+    found = [each for each in known if each.lower() == word.lower()]
+    found += [name for name in names if name in known]
     near = get_close_matches(word, known, 1, 0.75)
     return (found or [how] * bool(how) or near or [""])[0]
 

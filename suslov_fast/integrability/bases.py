@@ -4,6 +4,8 @@ The relations hold for all points of an orbit, so that quotients of their coeffi
 integrals (Petrera, Pfadler and Suris, arXiv:1008.1040).
 """
 
+from __future__ import annotations
+
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,11 +17,17 @@ from ..checks import integer
 from ..keywords import public
 from . import arithmetic
 from .arguments import exponents_of
-from .arithmetic import Point, Residues
+from .arithmetic import Point, Residues, over_rationals
 from .functions import over_common_denominator, rank_of_quotients
 from .maps import RationalMap, check_map
-from .polynomials import Exponents, Polynomials, exponents_up_to, renamed, sort_key
-from .reconstruction import over_rationals, polynomials_with
+from .polynomials import (
+    Exponents,
+    Polynomials,
+    exponents_up_to,
+    polynomials_with,
+    renamed,
+    sort_key,
+)
 from .relations import count_relations, integrals_of_relations, relations_along
 from .search import Search
 

@@ -31,31 +31,6 @@ _MODULE_OF = {
 }
 __all__ = sorted(_MODULE_OF)
 _MODULES = ("compiled", "integrability")
-_OF_SYMPY = (
-    "QuadraticField.from_function(sympy.lambdify([symbols], expressions), [*map(str, symbols)])"
-)
-# Names in other packages for functions of this one, in lower case without underscores.
-_ELSEWHERE = {
-    "crossings": "poincare poincaremap poincaresection poincaresos events basins "
-    "basinsofattraction",
-    "flow, which returns the states at given times, or iterate": "solveivp odeint ode integrate",
-    "iterate": "trajectory simulate evolve",
-    "iterate, or crossings, with a family of fields": "orbitdiagram bifurcationdiagram bifurcation",
-    "iterate(...).plot()": "phaseportrait plot",
-    "lyapunov_exponents": "lyapunov lyapunovs lyapunovspectrum maxlyapunov lyapunovexponent",
-    "fixed_points": "fixedpoints equilibria equilibrium",
-    "QuadraticField.from_function, or Field.from_function": "fromfunction field system",
-    _OF_SYMPY: "fromsympy fromexpressions fromequations",
-    "QuadraticField.from_hamiltonian": "fromhamiltonian hamiltonianfield hamiltonian",
-    "suslov_fast.integrability.report": "report conservedquantities integrals firstintegrals",
-    "suslov_fast.integrability.zoo": "zoo examples lorenz lotkavolterra henonheiles",
-    "Suslov3D, SuslovGyrostat or SuslovND": "suslov body",
-    "Suslov3D.figure(k), k = 1 ... 4": "figure figures picture pictures",
-    "animate_body": "animate animation",
-    "the argument threads= of each function": "setnumthreads setthreads threads numthreads",
-    "the command suslov-fast warm-up": "warmup compile",
-    "Trajectories.load, or Crossings.load": "load",
-}
 
 
 def _imported(name: str) -> ModuleType:
@@ -65,18 +40,13 @@ def _imported(name: str) -> ModuleType:
         return import_module(name, __name__)
 
 
-def _here(name: str) -> str:
-    """Return what this package has for a name of other packages, or nothing."""
-    plain = name.lower().replace("_", "")
-    return next((here for here, names in _ELSEWHERE.items() if plain in names.split()), "")
-
-
 def __getattr__(name: str) -> object:
     """Import the module of a public name when the name is first used."""
     if name in _MODULES:
         return _imported(f".{name}")
     if name not in _MODULE_OF:
-        import_module(".keywords", __name__).refuse(sys.modules[__name__], name, _here(name))
+        answers = import_module(".keywords", __name__)
+        raise answers.lacking(sys.modules[__name__], name, f"module {__name__!r}")
     value: object = getattr(_imported(_MODULE_OF[name]), name)
     globals()[name] = value
     return value

@@ -87,10 +87,8 @@ def to_vector(
         A single body in three dimensions, or a batch.
     omega : array_like(float, shape=(..., 2))
         Angular velocities (Omega1, Omega2).
-    rotation : array_like(float, shape=(..., 3, 3)), optional
-        The rotation that `from_inertia` returned: the result is in the basis of the tensor.
-    attitude : array_like(float, shape=(..., 3, 3)), optional
-        Orientations of the body from :func:`attitude`: the result is in space.
+    rotation, attitude
+        As in :func:`to_matrix`.
 
     Returns
     -------
@@ -100,8 +98,7 @@ def to_vector(
     Raises
     ------
     TypeError, ValueError
-        For a field, for a body in n dimensions (use :func:`to_matrix`), or if both `rotation` and
-        `attitude` are passed.
+        As in :func:`to_matrix`, and for a body in n dimensions.
 
     Examples
     --------
@@ -135,11 +132,8 @@ def momentum(
         A single body, or a batch.
     omega : array_like(float, shape=(..., D))
         Angular velocities of the body.
-    rotation : array_like(float, shape=(..., n, n)), optional
-        The rotation that `from_inertia` or `from_mass_tensor` returned: the result is in the basis
-        of the tensor.
-    attitude : array_like(float, shape=(..., n, n)), optional
-        Orientations of the body from :func:`attitude`: the result is in space.
+    rotation, attitude
+        As in :func:`to_matrix`.
 
     Returns
     -------
@@ -149,7 +143,7 @@ def momentum(
     Raises
     ------
     TypeError, ValueError
-        For a field, or if both `rotation` and `attitude` are passed.
+        As in :func:`to_matrix`.
 
     Examples
     --------

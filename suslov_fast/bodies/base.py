@@ -4,26 +4,19 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..keywords import INSTEAD_IN_BODIES, nearest, public
+from ..keywords import lacking, public
 from .fields.bounds import check_axes
 from .fields.polynomials import from_lists, to_lists
 from .members import Members
 
 Kind = TypeVar("Kind", bound="Body")
 
-# Names of other packages for functions of this one.
-_ELSEWHERE = {
-    "trajectory": "iterate",
-    "lyapunov": "lyapunov_exponents",
-    "poincare_section": "crossings",
-}
 # Attributes for authors and for other modules; `dir` hides them from users.
 OF_AUTHORS = frozenset(
     "arrays axes batch_of_one called constants coordinates described instead labels lists_terms "
@@ -36,7 +29,7 @@ class Parameters(dict[str, Any]):
     """Parameters by name: a copy, in which a new value would not reach the body."""
 
     def __setitem__(self, name: str, value: Any) -> None:
-        how = Body._remade(name, value)
+        how = f"make it again with {name}={checks.short(value)}"
         raise TypeError(f"parameters of a body or field cannot be changed: {how}")
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -95,10 +88,6 @@ class Body(Members):
     lists_terms: ClassVar[bool] = False
     remake: ClassVar[Any] = None
     may_escape: ClassVar[Any] = False  # the energy of a body is constant
-
-    @staticmethod
-    def _remade(name: str, value: Any) -> str:
-        return f"make it again with {name}={checks.short(value)}"
 
     def _made_by(self: Kind, maker: Any, *arguments: Any) -> Kind:
         """Keep what made this field from a function; copies, members and files do without it."""
@@ -224,24 +213,9 @@ class Body(Members):
 
         def __getattr__(self, name: str) -> Any:
             """Raise an AttributeError that says where a public name is found instead."""
-            kind, instead = type(self).__name__, ""
-            if name in vars(self).get("coordinates", ()):
-                instead = f"parameters[{name!r}]"
-            elif name in INSTEAD_IN_BODIES:
-                instead = INSTEAD_IN_BODIES[name]
-            elif name in import_module("suslov_fast").__all__ or name in _ELSEWHERE:
-                instead = f"suslov_fast.{_ELSEWHERE.get(name, name)}(body, ...)"
-            instead = instead or self._near(name)
-            text = f"{kind!r} object has no attribute {name!r}"
-            if instead:
-                raise AttributeError(f"{text}: use {instead}")
-            raise AttributeError(text, name=name, obj=self)
-
-        def _near(self, name: str) -> str:
-            """Return the name of this package for an attribute, or one that is spelt alike."""
-            if name.startswith("_"):
-                return ""
-            return import_module("suslov_fast")._here(name) or nearest(name, dir(self))
+            is_parameter = name in vars(self).get("coordinates", ())
+            here = f"parameters[{name!r}]" if is_parameter else ""
+            raise lacking(self, name, f"{type(self).__name__!r} object", here)
 
     @property
     def _key(self) -> tuple[Any, ...]:

@@ -182,9 +182,9 @@ class Suslov3D(_In3D):
         (Suslov3D(I1=4.0, I2=3.0, I13=-0.4, I23=-0.2), 0.2)
         """
         number = checks.integer("k", k, 1)
-        if number not in PICTURES:
+        if number not in FIGURES:
             raise wrong("k", "the number of a figure of the paper, 1 to 4", number)
-        body, eps, _ = PICTURES[number]
+        body, eps, _ = FIGURES[number]
         return body, eps
 
     @classmethod
@@ -304,7 +304,7 @@ class SuslovGyrostat(_In3D):
         return cls(I1, I2, I13, I23, k, I3), rotation
 
 
-class Picture(NamedTuple):
+class Figure(NamedTuple):
     """A body, a step size, and the extent of the axes, which the paper does not state."""
 
     body: Suslov3D
@@ -312,11 +312,11 @@ class Picture(NamedTuple):
     extent: float
 
 
-PICTURES = {  # the four examples at the end of Section 4
-    1: Picture(Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
-    2: Picture(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
-    3: Picture(Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
-    4: Picture(Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
+FIGURES = {  # the four examples at the end of Section 4
+    1: Figure(Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
+    2: Figure(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
+    3: Figure(Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
+    4: Figure(Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
 }
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from fractions import Fraction
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
@@ -81,16 +80,6 @@ def _recurrence(z: Callable[[Any, Any], Any]) -> tuple[RationalMap, None]:
     return rational_map(lambda x: (x[1], z(*x)), 2, inverse=lambda x: (z(*x[::-1]), x[0])), None
 
 
-class _Zoo(dict[str, tuple[Any, Any]]):
-    """Fields by name; a name that is none is answered with the one that is meant."""
-
-    def __missing__(self, name: object) -> NoReturn:
-        by_lower = {each.lower(): each for each in self}
-        near = get_close_matches(str(name).lower(), by_lower, 1)
-        how = f"did you mean {by_lower[near[0]]!r}?" if near else f"choose from {', '.join(self)}"
-        raise KeyError(f"the zoo has no field {name!r}: {how}")
-
-
 @public
 def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     """Return the fields of the page "A zoo of Kahan maps", by name, each with a step size.
@@ -148,11 +137,10 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
             of(lambda x, y: (x**2 - y - x / 8, (x * y + y**2) / 2 + x - y / 8)),
         ),
     }
-    examples = {
+    return {
         **{name: (field, Fraction(eps)) for name, (eps, field) in fields.items()},
         "Lyness": _recurrence(lambda x, y: (y + 3) / x),
         "McMillan": _recurrence(lambda x, y: 6 * y / (1 + y**2) - x),
         # The polarization of x'' = -x^3: z - 2 y + x = -x y z / 4.
         "Hone-Quispel": _recurrence(lambda x, y: (2 * y - x) / (1 + x * y / 4)),
     }
-    return _Zoo(examples)

@@ -1,4 +1,4 @@
-"""Runs and crossings as an `xarray.Dataset`: dimensions, coordinates, coefficients of fields."""
+"""Results as an `xarray.Dataset`: dimensions, coordinates, coefficients of fields."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -7,19 +7,17 @@ import numpy as np
 
 from ...checks import extra, instance, short, wrong
 from ...engine.status import Status
-from ..columns import ARGUMENTS, CROSSINGS, RUN, dims_of
+from ..columns import ARGUMENTS, CROSSINGS, MOTION, RUN, dims_of, in_stores
 
 # The terms of a field in a store, and their axes: the names are no identifiers, as those of
 # parameters are.
 _INDICES, _VALUES, _OF_TERMS = "terms-indices", "terms-values", ("terms-places", "terms-numbers")
-_VARIABLES = [column for column in RUN if column.is_public]
 # Names that neither an axis of the batch nor a coordinate of the user may have.
 TAKEN = (
     *("n", "time", "component", "space", "body"),
     *_OF_TERMS,
-    *(c.name for c in _VARIABLES),
+    *(column.name for column in (*RUN, *MOTION) if column.is_public),
     *ARGUMENTS["Trajectories"],
-    "end",
 )
 
 
@@ -29,51 +27,31 @@ def to_xarray(
     coords: Mapping[Any, Any] | None = None,
     with_terms: bool = False,
 ) -> Any:
-    """Return a run as a dataset; see `Trajectories.to_xarray`.
+    """Return a run or a motion as a dataset; see `States.to_xarray`.
 
     With `with_terms`, the coefficients of a field stay one list, because a store should have few
     arrays; `as_columns` divides it when it is opened.
     """
-    map = run.map
-    special = {"states": {"long_name": map.meaning}, "status": flags()}
+    special = {"states": {"long_name": run._meaning}, "status": flags()}
 
     def variables(batch: tuple[str, ...]) -> dict[str, Any]:
         found: dict[str, Any] = {
-            (map.variable if column.name == "states" else column.name): (
+            (run._variable if column.name == "states" else column.name): (
                 dims_of(column, batch),
                 values,
                 special.get(column.name, {"long_name": column.meaning}),
             )
-            for column in _VARIABLES
+            for column in in_stores(type(run).__name__, turns=True)
             if (values := getattr(run, column.name, None)) is not None
         }
-        return found | {"n": ("n", run.n, {"long_name": "number of steps"})}
+        if hasattr(type(run), "n"):
+            found["n"] = "n", run.n, {"long_name": "number of steps"}
+        return found
 
-    attributes = {"title": map.title, "map": map.name, **_arguments_of(run)}
-    of_steps = {"eps": np.asarray(run.eps)}
+    of_steps = {"eps": np.asarray(run.eps)} if hasattr(type(run), "n") else {}
+    attributes = {**run._titles, **_arguments_of(run)}
     dataset = with_time(_labelled(run, variables, of_steps, attributes, dims, coords))
     return dataset if with_terms else as_columns(dataset)
-
-
-def motion_to_xarray(
-    motion: Any,
-    dims: str | Sequence[str] | None = None,
-    coords: Mapping[Any, Any] | None = None,
-) -> Any:
-    """Return a motion as a dataset; see `Motion.to_xarray`."""
-    meaning = {"long_name": "state" if motion._variable == "x" else "angular velocity"}
-
-    def variables(batch: tuple[str, ...]) -> dict[str, Any]:
-        return {
-            motion._variable: (("time", *batch, "component"), motion.states, meaning),
-            "end": (batch, motion.end, {"long_name": "time at which a solution ends"}),
-            "steps": (batch, motion.steps, {"long_name": "number of steps"}),
-            "status": (batch, motion.status, flags()),
-            "time": ("time", motion.time, {"long_name": "time"}),
-        }
-
-    attributes = {"title": f"Motion of a {type(motion.body).__name__}", **_arguments_of(motion)}
-    return as_columns(_labelled(motion, variables, {}, attributes, dims, coords))
 
 
 def flags() -> dict[str, Any]:
@@ -134,14 +112,17 @@ def _arguments_of(result: Any) -> dict[str, Any]:
     """Return the attributes of a dataset for the arguments of a run or of crossings."""
     arguments = {name: getattr(result, name) for name in ARGUMENTS[type(result).__name__]}
     return {
-        name: int(value) if isinstance(value, bool) else value  # files have no truth values
+        # NetCDF has no truth values, and JSON no tuples.
+        name: {bool: int, tuple: list}.get(type(value), lambda same: same)(value)
         for name, value in arguments.items()
         if value is not None
     }
 
 
 def with_time(data: Any) -> Any:
-    """Return a dataset with the coordinate `time`, n eps."""
+    """Return a dataset with the coordinate `time`: n eps for runs of a map."""
+    if "n" not in data.variables:
+        return data
     time = data.variables["n"] * data.variables["eps"]
     time.attrs = {"long_name": "time"}
     return data.assign_coords(time=time)
@@ -248,3 +229,19 @@ def crossings_to_xarray(points: Any) -> Any:
         coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
     attributes = {"title": map.title, "map": map.name, "version": __version__}
     return dataset(variables, coords, attributes | _arguments_of(points))
+
+
+def motion_crossings_to_xarray(points: Any) -> Any:
+    """Return crossings of a motion as a dataset; see `MotionCrossings.to_xarray`."""
+    from ... import __version__
+
+    body, names = points.body, ("trajectory", "surface", "time")
+    coords: dict[str, Any] = {"component": np.array(body._labels, object)}
+    coords |= {name: ("crossing", getattr(points, name)) for name in names}
+    for name, values in varying(body).items():
+        axes = body._axes.get(name, 0)
+        coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
+    variables = {points._variable: (("crossing", "component"), points.states)}
+    attributes = {"title": f"Crossings by motions of a {type(body).__name__}"}
+    attributes |= {"version": __version__, **_arguments_of(points)}
+    return extra("xarray", "xarray").Dataset(variables, coords, attributes)

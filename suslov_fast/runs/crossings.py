@@ -16,7 +16,7 @@ from ..engine.problem import Problem
 from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
-from ..keywords import public, unchanging
+from ..keywords import public
 from ..maps import Map
 from .columns import ARGUMENTS, CROSSINGS
 from .failures import ON_SINGULAR, OnSingular, report_failures
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     import xarray
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False)
 class Crossings(Points):
     """Points where orbits of a batch cross a surface: the result of :func:`crossings`.
@@ -84,6 +83,8 @@ class Crossings(Points):
     >>> points.time.round(2)
     array([ 4.72, 11.01, 17.3 , 23.59])
     """
+
+    called = "a result of crossings"
 
     trajectory: NDArray[np.int64]
     n: NDArray[np.int64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray
-from ..keywords import public, unchanging
+from ..keywords import public
 from .motion import variable_of
 from .points import Points
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import xarray
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionCrossings(Points):
     """Points where motions of a batch cross surfaces: the result of ``crossings(..., time=T)``.
@@ -93,7 +92,7 @@ class MotionCrossings(Points):
 
     @property
     def _variable(self) -> str:
-        return variable_of(self.body)
+        return variable_of(type(self.body))
 
     @property
     def _conserved(self) -> str | None:

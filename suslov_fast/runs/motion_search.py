@@ -82,7 +82,7 @@ class MotionSearch:
         self.batch, self.last, self.sign, self.surfaces = batch, last, sign, surfaces
         self.direction, self.limit, self.transient = direction, most or math.inf, transient
         (B, self.D), count, self.groups = x.shape, threads_for(len(x), threads), []
-        for where, f, table in right_hand_sides(field._right_hand_sides, field.shape, batch):
+        for where, f, table in right_hand_sides(field.right_hand_sides, field.shape, batch):
             own = np.arange(B) if where is ALL else where
             states = np.empty((1, len(own), self.D))
             arguments = f, table, x[own], [last], sign, settings, states, count

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.fields.field import QuadraticField
 from ..checks import FloatArray, integer, real_number, short, warn, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from ..maps import Method, map_of, problem
 from ..quantities.derivatives import jacobian, vector_field
 from .iterate import iterate
@@ -33,17 +33,6 @@ _DIVISORS = 2, 3, 5, 7, 11, 13
 _NEAR = 1e-4  # below this residual, errors are looked for if it does not fall further
 
 
-_RUN = "iterate(field, orbit.state, orbit.period / steps, steps, method='order8')"
-_INSTEAD = {
-    "plot orbit trajectory states run": f"{_RUN}, whose result has states and plot()",
-    "x start x0": "orbit.state",
-    "T": "orbit.period",
-    "stable is_stable": "abs(orbit.multipliers), at most 1 for a stable orbit",
-    "monodromy eigenvalues": "orbit.multipliers, the eigenvalues of the monodromy matrix",
-}
-
-
-@answers("a periodic orbit", _INSTEAD)
 class PeriodicOrbit(NamedTuple):
     """A periodic orbit: the result of :func:`periodic_orbit`.
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import operator
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, short, wrong
-from ..keywords import nearest, public
-from .results import INSTEAD_IN_CROSSINGS, Result
+from ..keywords import public
+from .results import Result
 
 
 class Points(Result):
@@ -26,34 +26,7 @@ class Points(Result):
     final: FloatArray
     body: BodyOrField
 
-    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
-
-        def __getattr__(self, name: str) -> Any:
-            """Raise an AttributeError that names the attribute to use instead, if there is one."""
-            instead = INSTEAD_IN_CROSSINGS.get(name, "")
-            if "body" in vars(self):
-                if name in self.body._labels:
-                    column = f"crossings.states[:, {self.body._labels.index(name)}]"
-                    both = f"crossings.states, or {column} for the variable {name}"
-                    instead = both if name == self._variable else column
-                elif name in self.body.parameters:
-                    instead = f"crossings.body.parameters[{name!r}]"
-            if instead or (instead := nearest(name, dir(self))):
-                raise AttributeError(f"no attribute {name!r}: use {instead}")
-            text = f"crossings have no attribute {name!r}"
-            raise AttributeError(text, name=name, obj=self)
-
-        def __getitem__(self, index: Any) -> Any:
-            labels = self.body._labels
-            how = "crossings.states[k], or of(i)"
-            if isinstance(index, str):
-                how = f"crossings.states[:, {labels.index(index) if index in labels else 'k'}]"
-            raise TypeError(f"crossings[{short(index)}]: use {how}")
-
-    @property
-    def ok(self) -> bool:
-        """True if no trajectory failed before it ended; a passed pole is not a failure."""
-        return bool((self.status >= 0).all())
+    called = "a result of crossings"
 
     def _at_crossings(self, values: Any, axes: int = 0) -> Any:
         """Return for each crossing the value (...) of its trajectory, an array of `axes` axes."""

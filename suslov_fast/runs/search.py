@@ -191,9 +191,9 @@ class Search:
             return found
 
         before = np.where(k == 0, self.last[which], values[k - 1, which])
-        first = numbers[:, -1]
-        found, over_pole = crossing_fractions(values_at, first, before, values[k, which])
-        return found, over_pole
+        found: tuple[FloatArray, NDArray[np.bool_]]
+        found = crossing_fractions(values_at, numbers[:, -1], before, values[k, which])
+        return found
 
     def _note_poles(self, integers: NDArray[np.int64]) -> None:
         """Give trajectories whose steps have a pole within their length the status of one."""

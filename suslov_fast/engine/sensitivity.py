@@ -45,8 +45,8 @@ class Columns:
         B, self.D = x.shape
         groups = field._derived_by(parameters) if parameters else field._listed_right_hand_sides
         self.count = self.D * by_starts + len(parameters)
-        sizes = np.array([field._arrays[name] for name in parameters], dtype=object)
-        sizes = [_power_of_2(np.broadcast_to(size, field.shape)) for size in sizes]
+        values = [field._arrays[name] for name in parameters]
+        sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]
         tables = []
         for members, f, table in groups:
             own = variational(f, self.count)

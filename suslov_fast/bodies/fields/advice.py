@@ -113,8 +113,9 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         return text
     if is_family:
         return f"{text}: an array is a family, f receives one number of it at a time"
+    symbols = f"{len(names)} symbols" + f", {', '.join(names)}" * (len(names) < 9)
     how = "write formulas of x by + - * / ** and functions of NumPy"
-    return f"{text}: {f_name} is called with symbols: {how}, see {page(GENERAL)}"
+    return f"{text}: {f_name} is called with {symbols}: {how}, see {page(GENERAL)}"
 
 
 def raise_explained(argument: str, error: Exception, cause: str) -> NoReturn:

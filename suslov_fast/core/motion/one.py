@@ -42,7 +42,7 @@ def _plan(f, table, settings, sign):
     numbers = array("d", numbers_of(f, settings, sign, 1.0, 1.0))
     rows = array("d", bytes(_SIZE * half.rows.size))
     rows[half.rows.state] = BEGINS
-    work = bytes(_SIZE * (half.work.size + lane_numbers(f)))
+    work = bytes(_SIZE * (half.work.size + lane_numbers(half)))
     budget = max(BUDGET // f.work, 1)
     return code, array("q", arguments), numbers, rows, work, half.rows, budget, (arrays, own)
 

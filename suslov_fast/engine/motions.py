@@ -133,26 +133,11 @@ def threads_for(B: int, threads: int | None) -> int:
 
 
 def _of_one(
-<<<<<<< HEAD
     field: Any, starts: FloatArray, times: FloatArray, sign: int, settings: Settings
 ) -> Found | None:
     """Return the motion of one trajectory, in few microseconds, or None if that is impossible."""
-    _, f, table = field._right_hand_sides[0]
-    result = motion_of_one(f, table.tobytes(), starts.tobytes(), times.tobytes(), sign, settings)
-=======
-    field: Any,
-    starts: FloatArray,
-    times: FloatArray,
-    sign: int,
-    settings: Settings,
-    found: Found,
-) -> bool:
-    """Find the motion of one trajectory in few microseconds; return whether that is possible."""
     _, f, table = field.right_hand_sides[0]
-    table = table[0]
-    x, of_times = starts[0].tolist(), times.tolist()
-    result = motion_of_one(f, table.tobytes(), x, of_times, sign, settings)
->>>>>>> main
+    result = motion_of_one(f, table.tobytes(), starts.tobytes(), times.tobytes(), sign, settings)
     if result is None:
         return None
     states, t, steps, state = result

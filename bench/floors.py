@@ -19,9 +19,7 @@ _MOTIONS = (
 def _motions():
     """Yield the rows of motions of 1,024 orbits, beside heyoka and DOP853 in lanes."""
     for title, rows, *bounds in _MOTIONS:
-        for key, said, of_key in zip(
-            ("heyoka", "dop853"), ("heyoka", "DOP853"), bounds, strict=True
-        ):
+        for key, of_key in zip(("heyoka", "dop853"), bounds, strict=True):
             for below, bound in zip((0.001, 1e-06, 1e-09), of_key, strict=True):
                 if bound is not None:
                     label = f"{title} by `flow`, error below {below:.0e}, beside {key}"

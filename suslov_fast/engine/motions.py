@@ -87,7 +87,7 @@ def solve(
         return found
     count = threads_for(B, threads)
     done = 0
-    for where, f, table in right_hand_sides(field._right_hand_sides, field.shape, batch):
+    for where, f, table in right_hand_sides(field.right_hand_sides, field.shape, batch):
         x0, states = starts, found.states
         if where is not ALL:
             x0 = starts[where]
@@ -136,7 +136,7 @@ def _of_one(
     found: Found,
 ) -> bool:
     """Find the motion of one trajectory in few microseconds; return whether that is possible."""
-    _, f, table = field._right_hand_sides[0]
+    _, f, table = field.right_hand_sides[0]
     table = table[0]
     x, of_times = starts[0].tolist(), times.tolist()
     result = motion_of_one(f, table.tobytes(), x, of_times, sign, settings)

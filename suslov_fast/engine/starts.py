@@ -65,7 +65,7 @@ def checked_settings(system: Any, rtol: Any, atol: Any, max_step: Any, stiff: An
 
 def checked_starts(system: Any, x0: Any, n: int) -> tuple[FloatArray, tuple[int, ...]]:
     """Return the initial states (B, D) and the batch shape, if memory holds n states of each."""
-    labels, how = system._labels, "compute fewer states at a time"
+    labels, how = system.labels, "compute fewer states at a time"
     if isinstance(x0, RandomStarts):
         size = math.prod(x0.shape)
         require(8 * len(labels) * size * (n + 2), how)

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from .. import checks
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray, integer, one_of, short, wrong
+from ..checks import FloatArray, integer, one_of, wrong
 from ..engine.problem import Problem
 from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
-from ..keywords import lacking, public
+from ..keywords import public
 from ..maps import Map
 from .columns import ARGUMENTS, CROSSINGS
 from .failures import ON_SINGULAR, OnSingular, report_failures
@@ -85,6 +85,8 @@ class Crossings(Result):
     array([ 4.72, 11.01, 17.3 , 23.59])
     """
 
+    called = "a result of crossings"
+
     trajectory: NDArray[np.int64]
     n: NDArray[np.int64]
     before: FloatArray
@@ -146,27 +148,6 @@ class Crossings(Result):
         first = first_beyond(self.failed_at, self.first_pole).ravel()
         return read_only((self.n + 1 < first[self.trajectory]) & ~self.over_pole)
 
-    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
-
-        def __getattr__(self, name: str) -> Any:
-            """Raise an AttributeError that names the attribute to use instead, if there is one."""
-            here = ""
-            if "body" in vars(self) and name in self.body._labels:
-                here = f"crossings.states[:, {self.body._labels.index(name)}]"
-            raise lacking(self, name, "crossings", here)
-
-        def __getitem__(self, index: Any) -> Any:
-            labels = self.body._labels
-            how = "crossings.states[k], or of(i)"
-            if isinstance(index, str):
-                how = f"crossings.states[:, {labels.index(index) if index in labels else 'k'}]"
-            raise TypeError(f"crossings[{short(index)}]: use {how}")
-
-    @property
-    def ok(self) -> bool:
-        """True if no trajectory failed before it ended; a passed pole is not a failure."""
-        return bool((self.status >= 0).all())
-
     def _at_crossings(self, values: Any, axes: int = 0) -> Any:
         """Return for each crossing the value (...) of its trajectory, an array of `axes` axes."""
         inner = values.shape[values.ndim - axes :]
@@ -174,7 +155,7 @@ class Crossings(Result):
         return by_trajectory[self.trajectory]
 
     def __len__(self) -> int:
-        return len(self.n)
+        return len(self.n)  # `states` need not be computed
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the surface, because most functions cannot be pickled."""

@@ -120,8 +120,7 @@ def flow(
     x, batch = checked_starts(system, x0, len(times))
     with reporter(progress, len(times) * math.prod(batch)) as report:
         arguments = times, sign, settings, thread_count(threads), report
-        found = _motion_of(system, x, batch, *arguments)
-    ends = np.where(found.status < 0, found.t, np.nan)
+        found = motion_of(system, x, batch, *arguments)
     warn_of_ends(found, x, batch)
     return Motion._of(
         {
@@ -129,7 +128,7 @@ def flow(
             "time": times,
             "body": system,
             "status": found.status.reshape(batch),
-            "end": ends.reshape(batch),
+            "end": ends_of(found).reshape(batch),
             "steps": found.steps.reshape(batch),
             "rtol": settings.rtol,
             "atol": settings.atol,
@@ -140,7 +139,12 @@ def flow(
 
 
 # ------------------------------------------------------------------------------------------ motions
-def _motion_of(
+def ends_of(found: Found) -> FloatArray:
+    """Return the times at which solutions end; NaN for those that reach the last time."""
+    return np.where(found.status < 0, found.t, np.nan)
+
+
+def motion_of(
     system: Any,
     x: FloatArray,
     batch: tuple[int, ...],
@@ -167,7 +171,7 @@ def _motion_of(
     for exact in (True, False):
         where = np.flatnonzero(is_exact == exact)
         members, count = _members(system, batch, where), (len(where),)
-        part = _motion_of(members, x[where], count, *arguments)
+        part = motion_of(members, x[where], count, *arguments)
         found.states[:, where], found.t[where] = part.states, part.t
         found.steps[where], found.status[where] = part.steps, part.status
     return found
@@ -191,7 +195,7 @@ def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any
     parts = {}
     for name, value in body._parts.items():
         array = np.asarray(value)
-        inner = array.shape[array.ndim - body._axes.get(name, 0) :]
+        inner = array.shape[array.ndim - body.axes.get(name, 0) :]
         parts[name] = np.broadcast_to(array, (*batch, *inner)).reshape(-1, *inner)[where]
     return body._with(parts)
 

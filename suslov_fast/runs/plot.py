@@ -158,7 +158,7 @@ def _in_place_of(run: Any, components: Any) -> str:
 
 def _components(run: Any, components: Any) -> list[int]:
     """Return the indices of two or three components, given by index or label, or _TIME."""
-    labels = [*run.body._labels]
+    labels = [*run.body.labels]
     last, names = len(labels) - 1, [*labels, "time"]
     if last == 0 and components == (0, 1):  # the only component, over time
         return [_TIME, 0]
@@ -210,7 +210,7 @@ def _colours(
     `of_crossings`, or have the shape of the batch.
     """
     of_crossings = of_crossings or {}
-    parameters = {k: array for k, array in varying(run.body).items() if k not in run.body._axes}
+    parameters = {k: array for k, array in varying(run.body).items() if k not in run.body.axes}
     if np.ndim(eps := vars(run).get("eps", 0.0)):
         parameters["eps"] = np.asarray(eps)
     if color is None:
@@ -342,7 +342,7 @@ def _range(values: FloatArray) -> tuple[float, float]:
 
 def _label(axes: Any, run: Any, chosen: list[int]) -> None:
     """Label the axes with the names of the components."""
-    labels = ["$t$" if k == _TIME else _symbol(str(run.body._labels[k])) for k in chosen]
+    labels = ["$t$" if k == _TIME else _symbol(str(run.body.labels[k])) for k in chosen]
     axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
 
 

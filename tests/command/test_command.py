@@ -185,6 +185,10 @@ def test_a_motion_is_flow():
     assert {**facts, **found} == facts | {"file": "m.npz"}
     assert "Field of shape (2, 1)" in succeed("info m.npz")
     assert succeed("plot m.npz -o m.png --components time,q") == "m.png\n"
+    assert facts_of(f"{line} -o m.zarr")["status"] == {"OK": 6}
+    assert facts_of(f"{line} -o m.zarr")["complete_already"] == "m.zarr"
+    np.testing.assert_array_equal(sf.open_ensemble("m.zarr").x, expected.x)
+    assert "6 OK" in succeed("info m.zarr")
 
 
 def test_a_motion_of_a_body_keeps_its_energy():
@@ -381,7 +385,6 @@ MISTAKES = """
 2 | run --time 3 --eps 1 | --eps
 2 | run --time 3 --save-every 2 | --save-every
 2 | run --rtol 1e-3 | --rtol
-2 | run --time 3 -o o.zarr | o.zarr
 2 | report --body good.json --eps 1/0 | --eps
 2 | report --body good.json --eps 1e99999999 | --eps
 2 | explore --port 65536 | --port
@@ -509,15 +512,19 @@ def test_streams():
         assert (done.returncode, done.stderr) == (1, "suslov-fast: No space left on device\n")
 
 
-def test_warm_up_says_where_code_is_kept(monkeypatch):
-    for folders, words in (
-        ([("/a/b/c", True), ("/a/b", True)], "compiled code is kept in /a/b"),
-        ([("/a/b/c", False), ("/a/d", True)], "compiled code is kept in /a, which cannot be"),
-        ([(None, False), ("/a/b", True)], "nothing is kept: no folder can be written"),
+def test_warm_up_says_where_code_is_kept(monkeypatch, tmp_path):
+    for name in ("a", "a/b"):
+        (tmp_path / name).mkdir()
+    for folders, writable, words in (
+        (("a/b", "a"), True, f"is kept in {tmp_path / 'a'}"),
+        (("a/b", "a"), False, f"is kept in {tmp_path / 'a'}, which cannot be written"),
+        ((None, "a"), True, "nothing is kept: no folder can be written"),
     ):
         given = iter(folders)
-        monkeypatch.setattr(warm_up, "folder_of", lambda compiled, given=given: next(given))
-        assert warm_up.where_code_is_kept().startswith(words)
+        found = lambda _, given=given: (name := next(given)) and str(tmp_path / name)  # noqa: E731
+        monkeypatch.setattr(warm_up, "folder_of", found)
+        monkeypatch.setattr(warm_up.os, "access", lambda *_, may=writable: may)
+        assert words in warm_up.where_code_is_kept()
 
 
 def test_report():

@@ -13,10 +13,9 @@ The map of the Suslov problem is that of V. Dragovic and B. Gajic, arXiv:0807.29
 import ast
 import os
 import sys
-from functools import cached_property
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from threading import RLock
 from types import ModuleType
 
 __version__ = "0.9.0"
@@ -62,31 +61,12 @@ _threads_are_gone = False
 
 
 def _after_fork() -> None:
-    """Note in a forked child that threads are gone, if its parent had started some to compute.
-
-    Threads of a `prange` of the user count as well. Nobody can ask torch whether it started
-    threads, so its import counts.
-    """
+    """Compute on one thread in a forked child of a process that had threads, or has torch."""
     global _threads_are_gone
-    numba, ours = sys.modules.get("numba"), sys.modules.get(f"{__name__}.engine.threads")
-    try:
-        numba.threading_layer()  # type: ignore[union-attr]
+    _threads_are_gone |= "torch" in sys.modules
+    with suppress(KeyError, ValueError, AttributeError):  # no Numba, or none of its threads
+        sys.modules["numba"].threading_layer()
         _threads_are_gone = True
-    except (ValueError, AttributeError):  # none were started, or Numba is not imported
-        _threads_are_gone |= "torch" in sys.modules
-    if hasattr(ours, "renew"):  # else another thread has just begun to import it
-        ours.renew()
-    if sys.version_info < (3, 12):
-        _renew_locks()
-
-
-def _renew_locks() -> None:
-    """Give all cached properties new locks, because threads that are gone may hold the old ones."""
-    modules = [module for name, module in sys.modules.items() if name.startswith(f"{__name__}.")]
-    for value in [value for module in modules for value in vars(module).values()]:
-        for attribute in vars(value).values() if isinstance(value, type) else ():
-            if isinstance(attribute, cached_property):
-                attribute.lock = RLock()  # type: ignore[attr-defined]
 
 
 if hasattr(os, "register_at_fork"):

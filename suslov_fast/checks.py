@@ -242,6 +242,26 @@ def refuse_unit(name: str, value: Any) -> None:
         raise wrong(name, "numbers without a unit", f"a {kind} in {unit}: {how}", TypeError)
 
 
+def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
+    """Return matrices (..., n, n) of finite real numbers."""
+    matrices = real_array(name, value, allow_nan)
+    if matrices.shape[-2:] != (n, n):
+        how = f": pass np.diag({name})" if matrices.shape == (n,) else ""
+        raise wrong(name, f"have the shape (..., {n}, {n})", f"{matrices.shape}{how}")
+    return matrices
+
+
+def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
+    matrices = square_matrices(name, value, n)
+    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
+    least = np.linalg.det(matrices).min(initial=1.0)
+    if error > 1e-10 or least < 0:
+        deviation = f"|R R.T - 1| = {error:.2g} and the determinant {least:.2g}"
+        raise wrong(name, f"a rotation matrix: it has {deviation}")
+    return matrices
+
+
 def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the shape that the named batch shapes broadcast to."""
     others = {*filter(None, shapes.values())}
@@ -292,11 +312,11 @@ def instance(name: str, value: Any, expected: Any) -> None:
     """Raise TypeError unless an object is of a class, or of one in a tuple or a union."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
-        called = either([vars(kind).get("_called", kind.__name__) for kind in classes])
+        called = either([vars(kind).get("called", kind.__name__) for kind in classes])
         instead = ""
         if expected is Mapping:
             called, instead = "a dictionary", ": a text is read by json.loads"
-        elif all(hasattr(kind, "_instead") for kind in classes):
+        elif all(hasattr(kind, "instead") for kind in classes):
             instead = in_place_of(value)
         raise wrong(name, called, kind_of(value) + instead, TypeError)
 
@@ -305,7 +325,7 @@ def in_place_of(value: Any) -> str:
     """Return advice, for messages, on what to pass in place of a value of the wrong class."""
     if isinstance(value, type):
         return ": pass an object of the class"
-    instead: str = getattr(value, "_instead", "")
+    instead: str = getattr(value, "instead", "")
     known = ": pass a body, or a field such as QuadraticField.from_function(f, names)"
     return instead or known
 

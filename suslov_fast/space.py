@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from . import checks
 from .bodies.classes import AnyBody, BodyIn3D
-from .bodies.rigid import Suslov3D, rotations, square_matrices
+from .bodies.rigid import Suslov3D
 from .checks import FloatArray, common_shape, first_index, spell, wrong
 from .core.suslov import orientations
 from .engine.arguments import flat_arrays, flat_parameter
@@ -168,9 +168,9 @@ def _shown(
     if rotation is not None and attitude is not None:
         raise ValueError("pass rotation or attitude, not both")
     if rotation is not None:
-        R = square_matrices("rotation", rotation, n).swapaxes(-2, -1)
+        R = checks.square_matrices("rotation", rotation, n).swapaxes(-2, -1)
     elif attitude is not None:
-        R = square_matrices("attitude", attitude, n, allow_nan=True)
+        R = checks.square_matrices("attitude", attitude, n, allow_nan=True)
     else:
         return np.asarray(values)
     common_shape({"omega": checked.batch, "matrices": R.shape[:-2]})
@@ -232,11 +232,11 @@ def attitude(
            [-0.536,  0.341, -0.773]])
     """
     map_of(body).require("attitude", body)
-    path, D = checks.states("omega", omega, body._labels), body.dimension
+    path, D = checks.states("omega", omega, body.labels), body.dimension
     if path.ndim < 2 or len(path) == 0:
         raise wrong("omega", f"have the shape (N + 1, ..., {D})", path.shape)
     first = problem("attitude", body, path[0], eps, threads)
-    R0 = np.eye(D + 1) if R0 is None else rotations("R0", R0, D + 1)
+    R0 = np.eye(D + 1) if R0 is None else checks.rotations("R0", R0, D + 1)
     batch = common_shape({"omega and eps": first.batch, "R0": R0.shape[:-2]})
     path = np.expand_dims(path, tuple(range(1, len(batch) + 3 - path.ndim)))
     path = np.broadcast_to(path, (len(path), *batch, D))

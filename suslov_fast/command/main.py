@@ -238,7 +238,7 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
             raise ValueError(
                 f"--omega0 must be {body.dimension} numbers, such as {example}, not {given}"
             )
-        return checks.states(name, checks.real_array(name, states), body._labels)
+        return checks.states(name, checks.real_array(name, states), body.labels)
 
 
 def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
@@ -354,7 +354,7 @@ def plot(options: argparse.Namespace) -> None:
     named = {}
     if options.components:
         named["components"] = options.components
-        known = [*result.body._labels, "time"]
+        known = [*result.body.labels, "time"]
         unknown = [k for k in options.components if isinstance(k, str) and k not in known]
         if unknown or len(options.components) not in (2, 3):
             expected = f"two or three of {', '.join(known)}, such as time,{known[0]}"

@@ -246,7 +246,7 @@ def _why_degenerate(map: RationalMap | None) -> str:
     if not isinstance(map, KahanMap):
         return ""
     field = map.field
-    if not field._may_escape:
+    if not field.may_escape:
         return "the field is linear"
     moving = {*field.terms[0][0].tolist()}
     return " and ".join(f"{name}' = 0" for i, name in enumerate(field.names) if i not in moving)

@@ -42,12 +42,12 @@ def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> QuadraticField:
     return QuadraticField.from_function(field, 6)
 
 
-def _in_potential(slope: Callable[..., Any], I1: int = 1, I2: int = 1) -> QuadraticField:
+def _in_potential(slope: Callable[..., Any], I2: int = 1) -> QuadraticField:
     """Suslov's problem in a potential with the derivatives slope(g1, g2, g3), without products."""
 
     def field(w1: Any, w2: Any, *g: Any) -> Any:
         torque = np.cross(g, slope(*g))
-        return torque[0] / I1, torque[1] / I2, *np.cross(g, (w1, w2, 0))
+        return torque[0], torque[1] / I2, *np.cross(g, (w1, w2, 0))
 
     return of(field, 5)  # type: ignore[no-any-return]
 

@@ -171,7 +171,7 @@ def ensemble(
         whole = Problem(None, system, np.empty(0), 0.0, system.shape, thread_count(threads))
     is_random = isinstance(x0, RandomStarts)
     if not (is_random or isinstance(x0, np.memmap) or hasattr(x0, "dask")):
-        x0 = checks.states("x0", x0, system._labels)
+        x0 = checks.states("x0", x0, system.labels)
     shape = (*x0.shape, system.dimension) if is_random else x0.shape
     if shape[-1:] != (system.dimension,) or np.isnan(shape).any():
         raise wrong("x0", f"have a known shape (..., {system.dimension})", shape)
@@ -312,7 +312,7 @@ def _template(
         column.name: np.broadcast_to(np.array(column.fill, column.type), shape_of(column, sizes))
         for column in columns
     }
-    arguments = {**body._described}
+    arguments = {**body.described}
     run: dict[str, Any] = {"body": body, **task.arguments}
     if isinstance(task, Times):
         arguments["time"], filled["time"] = task.times, task.times.copy()

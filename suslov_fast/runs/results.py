@@ -62,8 +62,8 @@ class Result:
     states: Any
     body: Any
     status: Any
-    _instead: ClassVar[str] = ": pass its body, run.body"
-    _called: ClassVar[str] = "a run"  # in messages
+    instead: ClassVar[str] = ": pass its body, run.body"
+    called: ClassVar[str] = "a run"  # in messages
     _functions: Any = ()  # the names of the quantities that the system has
 
     @property
@@ -136,10 +136,10 @@ class Result:
             """Raise an AttributeError that names the attribute to use instead, if there is one."""
             if "body" not in vars(self):
                 raise AttributeError(name)
-            x, labels = self._variable, self.body._labels
+            x, labels = self._variable, self.body.labels
             here = f"run.{x}[..., {labels.index(name)}]" if name in labels else ""
             here = f"run.{x}" if name in ("omega", "x") else here
-            raise lacking(self, name, self._called, here)
+            raise lacking(self, name, self.called, here)
 
     def __dir__(self) -> list[str]:
         other = "x" if self._variable == "omega" else "omega"
@@ -151,7 +151,7 @@ class Result:
 
     def __getitem__(self, index: Any) -> FloatArray:
         if isinstance(index, str):
-            labels = self.body._labels
+            labels = self.body.labels
             part = f"{self._variable}[..., {labels.index(index) if index in labels else 'k'}]"
             is_attribute = index in dir(self) and index not in labels
             raise TypeError(f"run[{index!r}]: use run.{index if is_attribute else part}")

@@ -234,30 +234,33 @@ def test_names_that_variables_may_and_may_not_have():
 
 def test_parameters_that_have_names_of_arguments():
     """Only what really clashes is refused."""
-    f = lambda x, omega, f, H, K, steps, states: (omega * f * x[0] + H * K, steps * x[1] - states)  # noqa: E731
-    values = {"omega": [1.0, 2.0], "f": 3, "H": 4, "K": 5, "steps": [6.0, 7.0], "states": 8}
-    field = of_function(f, 2, **values)
+
+    def right_hand_side(x, omega, f, H, K, save_every, states):
+        return omega * f * x[0] + H * K, save_every * x[1] - states
+
+    values = {"omega": [1.0, 2.0], "f": 3, "H": 4, "K": 5, "save_every": [6.0, 7.0], "states": 8}
+    field = of_function(right_hand_side, 2, **values)
     assert field.parameters.keys() == values.keys()
-    assert field.sel(omega=2).parameters["steps"] == 7.0
+    assert field.sel(omega=2).parameters["save_every"] == 7.0
     assert field[1].constant.tolist() == [20, -8]
     assert QuadraticField.from_dict(field.to_dict()) == field
     data = iterate(field, [1.0, 1.0], 0.01, 10).to_xarray()
-    assert (data.steps.values.tolist(), data.attrs["steps"]) == ([6, 7], 10)
+    assert (data.save_every.values.tolist(), data.attrs["save_every"]) == ([6, 7], 1)
     wells = of_hamiltonian(lambda x, H: H * x[0] ** 2 + x[1] ** 2, 2, H=[1.0, 3.0])
     assert wells.sel(H=3).H([1, 1]) == 4
 
 
 def test_names_and_parameters_identify_a_store(tmp_path):
-    f = lambda x, steps, H: (steps * x[1], -H * x[0])  # noqa: E731
-    field = of_function(f, "u v", steps=[1.0, 2.0], H=3)
+    f = lambda x, save_every, H: (save_every * x[1], -H * x[0])  # noqa: E731
+    field = of_function(f, "u v", save_every=[1.0, 2.0], H=3)
     arguments = [1.0, 0.5], 0.1, 10
     data = ensemble(field, *arguments, store=tmp_path / "s.zarr")
     assert data.component.values.tolist() == ["u", "v"]
-    assert (data.steps.values.tolist(), data.H.item(), data.attrs["steps"]) == ([1, 2], 3, 10)
+    assert (data.save_every.values.tolist(), data.H.item()) == ([1, 2], 3)
     ensemble(field, *arguments, store=tmp_path / "s.zarr")
     for other in (
-        of_function(f, 2, steps=[1.0, 2.0], H=3),
-        of_function(f, "u p", steps=[1.0, 2.0], H=3),
+        of_function(f, 2, save_every=[1.0, 2.0], H=3),
+        of_function(f, "u p", save_every=[1.0, 2.0], H=3),
     ):
         with pytest.raises(ValueError, match=r"names.*u, v"):
             ensemble(other, *arguments, store=tmp_path / "s.zarr")
@@ -374,11 +377,18 @@ def test_fields_are_true_and_single_ones_have_no_length():
         len(single)
 
 
-def test_eps_is_a_name_where_no_step_has_a_size():
-    """Runs of maps have the coordinate eps; fields without a map have none."""
-    for read in (partial(variables, "names", "u eps"), partial(named, {"eps": 2.0}, ["u"])):
-        with pytest.raises(ValueError, match="eps"):
+def test_fields_without_a_map_have_the_names_of_maps():
+    """Datasets of maps have the coordinates eps and n, those of motions have none."""
+    for name, read in (
+        ("eps", partial(variables, "names", "u eps")),
+        ("eps", partial(named, {"eps": 2.0}, ["u"])),
+        ("n", partial(named, {"n": 2.0}, ["u"])),
+    ):
+        with pytest.raises(ValueError, match=name):
             read()
-        assert "eps" in read(has_eps=False)
-    with pytest.raises(ValueError, match="eps"):
-        named({"eps": 2.0}, ["u", "eps"], has_eps=False)
+        assert name in read(has_map=False)
+    for name in ("eps", "n", "end"):
+        with pytest.raises(ValueError, match=name):
+            named({name: 2.0}, ["u", "eps", "n"], has_map=False)
+    field = sf.Field.from_function(lambda x, n: (-(x[0] ** n),), "u", n=[1.0, 2.0])
+    assert sf.flow(field, [1.0], time=[0.0, 0.5]).to_xarray().n.values.tolist() == [1.0, 2.0]

@@ -512,15 +512,19 @@ def test_streams():
         assert (done.returncode, done.stderr) == (1, "suslov-fast: No space left on device\n")
 
 
-def test_warm_up_says_where_code_is_kept(monkeypatch):
-    for folders, words in (
-        ([("/a/b/c", True), ("/a/b", True)], "compiled code is kept in /a/b"),
-        ([("/a/b/c", False), ("/a/d", True)], "compiled code is kept in /a, which cannot be"),
-        ([(None, False), ("/a/b", True)], "nothing is kept: no folder can be written"),
+def test_warm_up_says_where_code_is_kept(monkeypatch, tmp_path):
+    for name in ("a", "a/b"):
+        (tmp_path / name).mkdir()
+    for folders, writable, words in (
+        (("a/b", "a"), True, f"is kept in {tmp_path / 'a'}"),
+        (("a/b", "a"), False, f"is kept in {tmp_path / 'a'}, which cannot be written"),
+        ((None, "a"), True, "nothing is kept: no folder can be written"),
     ):
         given = iter(folders)
-        monkeypatch.setattr(warm_up, "folder_of", lambda compiled, given=given: next(given))
-        assert warm_up.where_code_is_kept().startswith(words)
+        found = lambda _, given=given: (name := next(given)) and str(tmp_path / name)  # noqa: E731
+        monkeypatch.setattr(warm_up, "folder_of", found)
+        monkeypatch.setattr(warm_up.os, "access", lambda *_, may=writable: may)
+        assert words in warm_up.where_code_is_kept()
 
 
 def test_report():

@@ -83,7 +83,7 @@ ARROWS = {
     "errors": "",
     "versions": "keywords",
     "bodies": "core checks keywords errors",
-    "engine": "core checks keywords bodies",
+    "engine": "core checks keywords",
     "maps": "core checks keywords bodies engine",
     "quantities": "checks keywords bodies engine maps",
     "space": "core checks keywords bodies engine maps",
@@ -248,10 +248,12 @@ def test_names_of_datasets_are_no_parameters_of_fields():
     field = suslov_fast.QuadraticField([[[1.0]]])
     run = suslov_fast.iterate(field, [0.1], 0.1, 1)
     points = suslov_fast.crossings(field, [0.1], 0.1, 1, lambda x: x[..., 0])
-    for data in (run.to_xarray(), points.to_xarray()):
-        assert [name for name in (*data.variables, *data.dims) if not clash(name)] == []
-    free = "a rho f H K J I omega steps state names energy body table about".split()
-    assert not any(map(clash, free))
+    motion = suslov_fast.flow(field, [0.1], time=[0.0, 0.5])
+    for data in (run.to_xarray(), points.to_xarray(), motion.to_xarray()):
+        assert [name for name in (*data.variables, *data.dims) if not clash(name, ())] == []
+    assert [clash(name, (), has_map=False) for name in motion.to_xarray().variables].count("") == 0
+    for name in "a rho f H K J I omega state names energy body table about".split():
+        assert not clash(name, ())
 
 
 def test_the_reference_imports_nothing_from_the_package():

@@ -57,7 +57,7 @@ class FieldScene:
 
     def __init__(self, field: Any, start: Any, **asked: Any) -> None:
         self.field = field
-        self.names = field._labels
+        self.names = field.labels
         self.methods = [*methods_of(type(field))] if "method" in asked else []
         D = field.dimension
         if start is None:
@@ -66,7 +66,7 @@ class FieldScene:
         if starts.ndim > 2:
             raise wrong("x0", f"a state or a list of them, (..., {D})", f"of shape {starts.shape}")
         # A field keeps the function that made it in the process that called the function.
-        single = field._remake is not None and not field.shape
+        single = field.remake is not None and not field.shape
         given = field.parameters if single else {}
         self.numbers = {name: float(value) for name, value in given.items()}
         values = {"x": self.names[0], "y": self.names[min(1, D - 1)], "starts": starts, **asked}
@@ -161,7 +161,7 @@ class FieldScene:
         if numbers == (*self.numbers.values(),):
             return self.field
         try:
-            return self.field._remake(**dict(zip(self.numbers, numbers, strict=True)))
+            return self.field.remake(**dict(zip(self.numbers, numbers, strict=True)))
         except TypeError as error:  # its function refuses a number
             raise ValueError(str(error)) from error
 

@@ -220,7 +220,7 @@ def explore(
     if method != "auto":
         raise wrong("method", '"auto" for a body in three dimensions', repr(method))
     constants = field.constants
-    state = states("omega0", (1.0, 0.5) if x0 is None else x0, field._labels)
+    state = states("omega0", (1.0, 0.5) if x0 is None else x0, field.labels)
     if field.shape or state.ndim != 1:
         received = f"a body of shape {field.shape} and states of shape {state.shape}"
         raise wrong("body, omega0", "a single body and a single state", received)

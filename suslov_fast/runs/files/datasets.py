@@ -71,8 +71,8 @@ def _labelled(
     from ... import __version__
 
     xarray, body, count = extra("xarray", "xarray"), run.body, run.status.ndim
-    axes, arrays = {**body._axes, _VALUES: 1}, {**of_steps, **body._arrays}
-    if body._lists_terms:
+    axes, arrays = {**body.axes, _VALUES: 1}, {**of_steps, **body.arrays}
+    if body.lists_terms:
         indices, arrays[_VALUES] = body.terms
     parameters = {  # with all axes of the batch
         name: np.array(array, ndmin=count + axes.get(name, 0)) for name, array in arrays.items()
@@ -80,15 +80,15 @@ def _labelled(
     batch = _batch_names(run, dims, parameters)
     variables = variables_along(batch)
     # Strings of variable length, because Zarr format 3 has none of fixed length.
-    variables["component"] = "component", np.array(body._labels, object)
-    coordinates = [*body._coordinates, *({*batch} & {*parameters})]
+    variables["component"] = "component", np.array(body.labels, object)
+    coordinates = [*body.coordinates, *({*batch} & {*parameters})]
     for name, array in parameters.items():
         inner = _inner(name, array.ndim - count) if name != _VALUES else _OF_TERMS[1:]
         variable = xarray.Variable((*batch, *inner), array)
         constant = [axis for axis in batch if variable.sizes[axis] == 1 and axis != name]
         variables[name] = variable.squeeze(constant)
         coordinates += [name] if axes.get(name) else []
-    if body._lists_terms:
+    if body.lists_terms:
         variables[_INDICES] = _OF_TERMS, indices
     attributes = {**attributes, "version": __version__}
     dataset = xarray.Dataset(variables, attrs=attributes).set_coords(coordinates)
@@ -115,7 +115,7 @@ def _arguments_of(result: Any) -> dict[str, Any]:
         # NetCDF has no truth values, and JSON no tuples.
         name: {bool: int, tuple: list}.get(type(value), lambda same: same)(value)
         for name, value in arguments.items()
-        if value is not None
+        if value is not None and value != ()
     }
 
 
@@ -179,7 +179,7 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
             axis_of[name] = axes[0]
     if dims is None:
         names = ["trajectory"] if count == 1 else [f"batch_{k}" for k in range(count)]
-        for name in reversed([name for name in run.body._coordinates if name in axis_of]):
+        for name in reversed([name for name in run.body.coordinates if name in axis_of]):
             names[axis_of[name]] = name
         return tuple(names)
     if not isinstance(dims, str | Iterable):
@@ -200,7 +200,7 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
 
 def varying(body: Any) -> dict[str, Any]:
     """Return the parameters that vary along the batch of a body; of a field, the named ones."""
-    arrays, axes, names = body._arrays, body._axes, body.parameters
+    arrays, axes, names = body.arrays, body.axes, body.parameters
     return {name: arrays[name] for name in names if arrays[name].ndim > axes.get(name, 0)}
 
 
@@ -221,11 +221,27 @@ def crossings_to_xarray(points: Any) -> Any:
     there = {"long_name": f"{map.meaning} there"}
     variables[map.variable] = ("crossing", "component"), points.states, there
     del variables["n"]  # a coordinate
-    coords: dict[str, Any] = {"component": np.array(body._labels, object)}
+    coords: dict[str, Any] = {"component": np.array(body.labels, object)}
     coords |= {name: ("crossing", getattr(points, name)) for name in ("trajectory", "n", "time")}
     coords["eps"] = "crossing", points._at_crossings(np.asarray(points.eps))
     for name, values in varying(body).items():
-        axes = body._axes.get(name, 0)
+        axes = body.axes.get(name, 0)
         coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
     attributes = {"title": map.title, "map": map.name, "version": __version__}
     return dataset(variables, coords, attributes | _arguments_of(points))
+
+
+def motion_crossings_to_xarray(points: Any) -> Any:
+    """Return crossings of a motion as a dataset; see `MotionCrossings.to_xarray`."""
+    from ... import __version__
+
+    body, names = points.body, ("trajectory", "surface", "time")
+    coords: dict[str, Any] = {"component": np.array(body._labels, object)}
+    coords |= {name: ("crossing", getattr(points, name)) for name in names}
+    for name, values in varying(body).items():
+        axes = body._axes.get(name, 0)
+        coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
+    variables = {points._variable: (("crossing", "component"), points.states)}
+    attributes = {"title": f"Crossings by motions of a {type(body).__name__}"}
+    attributes |= {"version": __version__, **_arguments_of(points)}
+    return extra("xarray", "xarray").Dataset(variables, coords, attributes)

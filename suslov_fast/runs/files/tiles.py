@@ -19,7 +19,7 @@ from ...engine.problem import Problem, Where, along, part_of
 from ...engine.random_starts import RandomStarts
 from ...engine.stretches import March
 from ..columns import RUN
-from ..flow import ends_of, motion_of
+from ..flow import motion_of
 from ..functions import returned_at, values_at
 from ..motion import variable_of
 from . import access, stores
@@ -108,7 +108,7 @@ class Times:
         """The arguments of :func:`flow`, as a motion has them."""
         longest = self.settings.longest
         found = {name: getattr(self.settings, name) for name in ("rtol", "atol", "stiff")}
-        return found | {"max_step": None if longest == math.inf else longest}
+        return found | {"max_step": None if longest == math.inf else longest, "derivatives": ()}
 
     def pieces(self, part: Problem, rows: int) -> Iterator[Piece]:
         """Yield the states, `rows` at a time, and at last the other columns."""
@@ -119,7 +119,7 @@ class Times:
         states = found.states.reshape(n, *batch, body.dimension)
         for k in range(0, n, rows):
             yield {"states": states[k : k + rows]}
-        last: Piece = {"end": ends_of(found), "steps": found.steps, "status": found.status}
+        last: Piece = {"end": found.t, "steps": found.steps, "status": found.status}
         yield {name: values.reshape(batch) for name, values in last.items()}
 
 
@@ -240,7 +240,7 @@ def _problem_of(whole: Problem, where: Where) -> Problem:
     tile = part_of(whole, where)
     if isinstance(tile.omega, RandomStarts):
         return tile
-    return tile._replace(omega=checks.states("x0", np.asarray(tile.omega), tile.body._labels))
+    return tile._replace(omega=checks.states("x0", np.asarray(tile.omega), tile.body.labels))
 
 
 def place_of(tile: Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> Where:

@@ -145,8 +145,8 @@ def test_a_tilde_is_the_home_folder(path, monkeypatch):
     assert sf.open_ensemble(path.parent / "runs.zarr").identical(made)
     Path("body.json").write_text(json.dumps(run.body.to_dict()))
     words = "run --body=~/body.json --eps .1 --steps 5 --trajectories 3 --output=~/some.npz"
-    assert command.main(words.split()) == 0
-    assert command.main(["info", "~/some.npz", "~/runs.zarr"]) == 0
+    assert command(words.split()) == 0
+    assert command(["info", "~/some.npz", "~/runs.zarr"]) == 0
     assert sorted(os.listdir()) == ["body.json", "run.npz", "runs.zarr", "some.npz"]
 
 

@@ -31,8 +31,10 @@ def facts_in(path: Path) -> dict[str, Any]:
         return {**facts, **_counts(status, first_pole)}
     if path.suffix != ".npz":
         raise ValueError("not the name of a saved run, such as run.npz or run.zarr")
+    from ..runs.points import Points
+
     result = result_in(path)
-    if isinstance(result, sf.Crossings):
+    if isinstance(result, Points):
         return _facts_of_crossings(result)
     if isinstance(result, sf.Motion):
         return facts_of_motion(result)
@@ -56,8 +58,7 @@ def result_in(path: Path) -> Any:
     if path.suffix == ".zarr":
         how = f"or in Python plot a variable of open_ensemble({str(path)!r})"
         raise ValueError(f"{path} is a store, and plot takes a file of run -o FILE.npz; {how}")
-    attributes = load(path)
-    return getattr(sf, attributes.pop("kind"))._of(attributes)
+    return load(path)
 
 
 def _value(attribute: Any) -> Any:
@@ -92,10 +93,17 @@ def facts_of_motion(motion: Any) -> dict[str, Any]:
 
 
 def _facts_of_crossings(points: Any) -> dict[str, Any]:
-    """Return the summary of crossings."""
-    names = "transient", "direction", "most", "method"
+    """Return the summary of crossings, along a map or along motions."""
+    from ..runs.columns import ARGUMENTS
+
+    if isinstance(points, sf.Crossings):
+        common = _common_facts(points)
+    else:
+        steps = {"steps": int(points.steps.sum())}
+        common = {"body": _body_of(points), **_counts(points.status), **steps}
+    names = ARGUMENTS[type(points).__name__]
     arguments = {name: getattr(points, name) for name in names if getattr(points, name) is not None}
-    return {**_common_facts(points), "crossings": len(points), **arguments}
+    return {**common, "crossings": len(points), **arguments}
 
 
 def _common_facts(result: Any) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ..bodies.fields.names import latex
 from ..checks import FloatArray, extra, instance, integer, real_array, short, wrong
 from .files.datasets import varying
-from .results import States
 
 try:
     import matplotlib.pyplot as plt
@@ -149,7 +148,7 @@ def _in_place_of(run: Any, components: Any) -> str:
         for name in filter(run.body.parameters.__contains__, components):
             values = f"body.parameters[{name!r}]"
             drawn = f"run.{values}, run.{run._variable}[-1, :, 0]"
-            if not isinstance(run, States):
+            if hasattr(run, "trajectory"):  # of crossings
                 drawn = f"points.{values}[points.trajectory], points.states[:, 0]"
             return f": draw a parameter by ax.plot({drawn}, '.')"
         for name in quantities:

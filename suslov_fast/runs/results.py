@@ -64,6 +64,7 @@ class Result:
     status: Any
     instead: ClassVar[str] = ": pass its body, run.body"
     called: ClassVar[str] = "a run"  # in messages
+    kinds: ClassVar[tuple[str, ...]] = ()  # names of classes that `load` accepts, if more than one
     _functions: Any = ()  # the names of the quantities that the system has
 
     @property
@@ -214,7 +215,8 @@ class Result:
         Returns
         -------
         Trajectories, Crossings or Motion
-            An instance of the class whose method this is, equal to the saved one.
+            An instance of the class whose method this is, or a MotionCrossings from
+            ``Crossings.load``, equal to the saved one.
 
         Raises
         ------
@@ -230,7 +232,8 @@ class Result:
         """
         from .files.storage import load
 
-        return cls._of(load(path, cls.__name__))
+        result: Self = load(path, *(cls.kinds or (cls.__name__,)))
+        return result
 
 
 class States(Result):

@@ -184,6 +184,10 @@ def test_a_motion_is_flow():
     found = facts_of("info m.npz")
     assert {**facts, **found} == facts | {"file": "m.npz"}
     assert "Field of shape (2, 1)" in succeed("info m.npz")
+    points = sf.crossings(pendulum(), [1.0, 0.5], surface=lambda x: x[..., 0], time=9.0)
+    points.save("c.npz")
+    assert sf.Crossings.load("c.npz") == points
+    assert facts_of("info c.npz")["crossings"] == len(points)
     assert succeed("plot m.npz -o m.png --components time,q") == "m.png\n"
     assert facts_of(f"{line} -o m.zarr")["status"] == {"OK": 6}
     assert facts_of(f"{line} -o m.zarr")["complete_already"] == "m.zarr"

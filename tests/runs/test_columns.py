@@ -90,19 +90,14 @@ def test_files_and_stores_without_a_column_are_refused(tmp_path):
             sf.open_ensemble(tmp_path / "runs.zarr")
 
 
-@pytest.mark.parametrize(
-    ("change", "advice"), [(-1, "compute it anew"), (1, "a newer suslov_fast")]
-)
-def test_stores_of_other_formats_say_what_to_do(tmp_path, change, advice):
+@pytest.mark.parametrize("change", [-1, 1])
+def test_stores_of_other_formats_are_refused(tmp_path, change):
     sf.ensemble(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5], 0.1, 5, store=tmp_path / "runs.zarr")
     file = tmp_path / "runs.zarr" / "zarr.json"
     whole = json.loads(file.read_text())
     whole["attributes"] |= {"format": columns.FORMAT + change, "version": "7.8.9"}
     file.write_text(json.dumps(whole))
-    age = "a later" if change > 0 else "an earlier"
-    with pytest.raises(
-        ValueError, match=rf"^store: .*zarr is of {age} format .* suslov_fast 7\.8\.9: {advice}"
-    ):
+    with pytest.raises(ValueError, match=rf"runs\.zarr .*{columns.FORMAT + change}.*7\.8\.9"):
         sf.open_ensemble(tmp_path / "runs.zarr")
 
 

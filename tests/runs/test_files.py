@@ -10,7 +10,6 @@ import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -67,37 +66,25 @@ def test_a_file_of_trajectories_that_fail_at_once(path):
     assert sf.Crossings.load(path) == points
 
 
-@pytest.mark.parametrize(
-    ("code", "why"),
-    [(errno.ENOSPC, r"[\d.,]+ \w+ are free"), (errno.EDQUOT, "the disk quota is used up")],
-)
-def test_a_full_disk_leaves_no_part_and_the_old_file(path, monkeypatch, code, why):
-    """The error has the file, its size, and what to do."""
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, None])
+def test_what_interrupts_a_save_leaves_no_part_and_the_old_file(path, monkeypatch, code):
+    """The error of a full disk has the file, and what to do."""
     run = run_of("one")
     run.save(path)
 
     def filled(file, **arrays):
         file.write(b"PK")
-        raise OSError(code, os.strerror(code))
+        raise KeyboardInterrupt if code is None else OSError(code, os.strerror(code))
 
     monkeypatch.setattr(np, "savez", filled)
-    size = rf"{why}, the file takes [\d.]+ \w+: make room, or raise save_every"
     for target in (path, path.with_name("other.npz")):
-        with pytest.raises(OSError, match=size) as told:
+        with pytest.raises((OSError, KeyboardInterrupt)) as told:
             run.save(target, overwrite=True)
-        assert (told.value.errno, told.value.filename) == (code, str(target))
+        if code is not None:
+            assert (told.value.errno, told.value.filename) == (code, str(target))
+            assert "save_every" in str(told.value)
     assert os.listdir(path.parent) == [path.name]
     assert sf.Trajectories.load(path) == run
-
-
-def test_a_file_that_others_read_on_windows(path, monkeypatch):
-    path.touch()
-    denied = PermissionError(errno.EACCES, "Access is denied")
-    monkeypatch.setattr(storage, "os", SimpleNamespace(name="posix"))
-    assert storage._why_not(denied, path, 0) == "Access is denied"
-    monkeypatch.setattr(storage, "os", SimpleNamespace(name="nt"))
-    assert "close what has it open" in storage._why_not(denied, path, 0)
-    assert storage._why_not(denied, path.with_name("new.npz"), 0) == "Access is denied"
 
 
 @pytest.mark.parametrize("name", ["link", "replace"])
@@ -131,48 +118,18 @@ def test_existing_files(path):
         sf.Trajectories.load(path.with_name("absent.npz"))
 
 
-def test_an_interrupted_save_leaves_nothing(path, monkeypatch):
-    def interrupted(file, **arrays):
-        file.write(b"some")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(np, "savez", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        run_of("one").save(path)
-    assert os.listdir(path.parent) == []
-
-
 def entries(path):
     with np.load(path) as file:
         return dict(file)
 
 
-def test_files_of_others(path):
-    """A file that lacks an array, or is of another version."""
-    run_of("one").save(path)
-    found = entries(path)
-    about, needed = str(found["about"]), ("states", "about", "body", "status", "eps")
-    others = [{name: found[name] for name in found if name != lost} for lost in needed]
-    others.append(found | {"about": about.replace(f'"format": {FORMAT}', '"format": 9')})
-    for each in others:
-        np.savez(path, **each)
-        with pytest.raises(ValueError, match=r"run\.npz "):
-            sf.Trajectories.load(path)
-
-
-@pytest.mark.parametrize(
-    ("change", "advice"), [(-1, "compute it anew"), (1, "a newer suslov_fast")]
-)
-def test_files_of_other_formats_say_what_to_do(path, change, advice):
+@pytest.mark.parametrize("change", [-1, 1])
+def test_files_of_other_formats_are_refused(path, change):
     run_of("one").save(path)
     found = entries(path)
     about = str(found["about"]).replace(f'"format": {FORMAT}', f'"format": {FORMAT + change}')
-    about = about.replace(sf.__version__, "7.8.9")
-    np.savez(path, **found | {"about": about})
-    age = "a later" if change > 0 else "an earlier"
-    with pytest.raises(
-        ValueError, match=rf"run\.npz is of {age} format .* suslov_fast 7\.8\.9: {advice}"
-    ):
+    np.savez(path, **found | {"about": about.replace(sf.__version__, "7.8.9")})
+    with pytest.raises(ValueError, match=rf"run\.npz .*{FORMAT + change}.*7\.8\.9"):
         sf.Trajectories.load(path)
 
 
@@ -188,8 +145,8 @@ def test_a_tilde_is_the_home_folder(path, monkeypatch):
     assert sf.open_ensemble(path.parent / "runs.zarr").identical(made)
     Path("body.json").write_text(json.dumps(run.body.to_dict()))
     words = "run --body=~/body.json --eps .1 --steps 5 --trajectories 3 --output=~/some.npz"
-    assert command.main(words.split()) == 0
-    assert command.main(["info", "~/some.npz", "~/runs.zarr"]) == 0
+    assert command(words.split()) == 0
+    assert command(["info", "~/some.npz", "~/runs.zarr"]) == 0
     assert sorted(os.listdir()) == ["body.json", "run.npz", "runs.zarr", "some.npz"]
 
 

@@ -12,6 +12,7 @@ import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
 from glob import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,12 @@ _NUMBERS = ARGUMENTS | {"Crossings": (*ARGUMENTS["Crossings"], "_n")}
 _ROOM = "make room, or raise save_every"
 _TEXTS = "about", "body"
 _OF_MAPS = "Trajectories", "Crossings"
+_MODULES = {
+    "Trajectories": "trajectories",
+    "Crossings": "crossings",
+    "Motion": "motion",
+    "MotionCrossings": "motion_crossings",
+}
 # Largest sizes in bytes: of the header of an entry, of the text `about`, and of the text `body`,
 # which may be larger if its compressed size is at least 1/64: JSON is never compressed so much.
 _MOST_HEADER, _MOST_ABOUT, _MOST_BODY, _RATIO = 2**14, 2**20, 2**24, 64
@@ -168,12 +175,11 @@ def _lock(file: Any) -> None:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def load(path: PathLike, *kinds: str) -> dict[str, Any]:
-    """Return the attributes of the result in a file of `save`.
+def load(path: PathLike, *kinds: str) -> Any:
+    """Return the result in a file of `save`.
 
-    `kinds` are names of classes to accept; without them any is, and the attributes have its `kind`.
-    Only known entries are read, and arrays only if their types and shapes are right. Errors name
-    the file.
+    `kinds` are names of classes to accept; without them any is. Only known entries are read, and
+    arrays only if their types and shapes are right. Errors name the file.
     """
     name = os.fspath(_checked(path, "open_ensemble reads a store"))
     writers = " or ".join(f"{kind}.save" for kind in kinds or OF_KIND)
@@ -182,8 +188,9 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
             about, texts = _about(entries)
             kind = checks.one_of("kind", about["kind"], OF_KIND)
             if not kinds or kind in kinds:
-                found = _read(entries, kind, about, texts["body"])
-                return found | ({} if kinds else {"kind": kind})
+                attributes = _read(entries, kind, about, texts["body"])
+                module = import_module(f"...{_MODULES[kind]}", __name__)  # which imports this one
+                return getattr(module, kind)._of(attributes)
     except (OSError, MemoryError):
         raise
     except OtherFormat as error:
@@ -191,7 +198,8 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
     except Exception as error:  # from NumPy, zipfile or json
         text = f"it has no entry {error}" if isinstance(error, KeyError) else str(error)
         raise ValueError(f"{name} is not a complete file of {writers}: {text}") from error
-    raise ValueError(f"{name} is a file of {kind}.save: load it by {kind}.load")
+    by = kind.removeprefix("Motion") or kind  # crossings of both kinds have one `load`
+    raise ValueError(f"{name} is a file of {kind}.save: load it by {by}.load")
 
 
 def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:

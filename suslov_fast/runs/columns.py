@@ -71,6 +71,7 @@ MOTION = (
     Column("end", "float64", "batch", "time at which a solution ends"),
     Column("steps", "int64", "batch", "number of steps", fill=PENDING),
     Column("status", "int8", "batch", fill=PENDING, is_last=True),
+    Column("_derivatives", "float64", "time batch component direction", when="derivatives"),
 )
 MOTION_CROSSINGS = (
     Column("surface", "int64", "crossing"),
@@ -92,7 +93,7 @@ OF_KIND = {
 ARGUMENTS = {
     "Trajectories": ("method", "steps", "save_every"),
     "Crossings": ("method", "steps", "transient", "direction", "most"),
-    "Motion": ("rtol", "atol", "max_step", "stiff"),
+    "Motion": ("rtol", "atol", "max_step", "stiff", "derivatives"),
     "MotionCrossings": (
         "last",
         "transient",

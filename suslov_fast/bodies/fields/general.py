@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -228,19 +227,20 @@ class Field(FieldOfFunction):
 
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
-        return self._of_members(self._equations.for_motion)
+        return self._of_members(self._equations.for_motion, self._inputs)
 
     @cached_property
     def listed_right_hand_sides(self) -> list[OfMembers]:
         """The same without fixed choices, for variational equations."""
-        return self._of_members(self._equations.right_hand_side)
+        return self._of_members(self._equations.right_hand_side, self._inputs)
 
-    def _of_members(self, f: RightHandSide) -> list[OfMembers]:
-        count = math.prod(self.shape)
-        inputs = self._inputs.reshape(-1, count)
-        choices = np.zeros((f.P - len(inputs), count))  # of no state yet
-        table = f.table_of(np.concatenate([inputs, choices]))
-        return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
+    def derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
+        """The same as `listed_right_hand_sides`, with the derivatives of f by parameters."""
+        return self._of_members(_with_derivatives(self._equations, names), self._inputs)
+
+    def _of_members(self, f: RightHandSide, parameters: FloatArray) -> list[OfMembers]:
+        choices = np.zeros((f.P - len(parameters), *self.shape))  # of no state yet
+        return super()._of_members(f, np.concatenate([parameters, choices]))
 
     def _value_at(self, x: Any) -> FloatArray:
         x = checks.states("x", x, self.names, later=True)
@@ -457,6 +457,14 @@ class Field(FieldOfFunction):
             matrix = structure_matrix(K, len(names))
             shared = _of_hamiltonian(tracer, names, [*values], operands[0], matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: shared})
+
+
+@lru_cache(64)
+def _with_derivatives(equations: Equations, names: tuple[str, ...]) -> RightHandSide:
+    """Return f with its derivatives by parameters."""
+    values, results = in_order(equations.values, equations.results)
+    by = [len(equations.names) + equations.parameters.index(name) for name in names]
+    return RightHandSide(values, results, len(equations.parameters), by)
 
 
 class Energy:

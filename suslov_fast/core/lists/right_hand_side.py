@@ -142,24 +142,26 @@ class RightHandSide:
     places       the place of each of these in the table
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
     derivative   `List` of f' by itself; results are the entries of `pattern`
+    of_parameters  `List` of df/dp for the parameters `by`; D results for each, in `by`
     clocks       components of constant rate, not 0, that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators numbers of values of `f` that divide, and depend on clocks and parameters alone
     key          what tells this right-hand side from others
     """
 
-    def __init__(self, values, results, P=0, slopes=None, surfaces=(), kept=()):
+    def __init__(self, values, results, P=0, by=(), slopes=None, surfaces=(), kept=()):
         """Take `Expressions` whose operations are those of f, and the operands that are f.
 
-        `slopes` are the entries of each row of f', by column, or others that may stand for them.
-        `surfaces` are other operands whose values are wanted, and `kept` are parameters that the
-        table begins with.
+        `by` are numbers of parameters to differentiate by. `slopes` are the entries of each row of
+        f', by column, or others that may stand for them. `surfaces` are other operands whose values
+        are wanted, and `kept` are parameters that the table begins with.
         """
         self.D, self.P = len(results), P
         self._results = [*results]
         of_f = [*values.operations]
         if slopes is None:
-            slopes = gradients(values, of_f, results, self.D)
+            slopes = gradients(values, of_f, results, self.D, by)
+        self.by = [row.pop(p, 0.0) for p in by for row in slopes]
         self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.pattern]
         fixed = values.fixed
@@ -167,7 +169,8 @@ class RightHandSide:
         self.f = List(needed_for(varying, results), self._results)
         self.derivative = List(needed_for(varying, entries), entries)
         self.surfaces = List(needed_for(varying, surfaces), [*surfaces])
-        lists = self.f, self.derivative, self.surfaces
+        self.of_parameters = List(needed_for(varying, self.by), self.by)
+        lists = self.f, self.derivative, self.surfaces, self.of_parameters
         used = [a for each in lists for a in _operands(each)]
         self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed]
         self.places = {number: place for place, number in enumerate(self.table)}

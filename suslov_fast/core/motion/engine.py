@@ -183,7 +183,7 @@ class Motion:
                 return True
 
             return in_numpy
-        work = zeros(half.work.size + (lane_numbers(half.f) if W == 1 else 0), W)
+        work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
         arguments = np.array(Arguments(
             rows=lines.ctypes.data, lines=len(lines), line=0, budget=0, table=table.ctypes.data,
             table_bytes=table[0].nbytes if for_each else 0, work=work.ctypes.data,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import operator
-import os
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, short, wrong
-from ..keywords import public
 from .results import Result
 
 
@@ -54,38 +52,3 @@ class Points(Result):
             body = body[tuple(k if size > 1 else 0 for k, size in body_place)]
         i = int(np.ravel_multi_index(place, batch)) if place else 0
         return place, body, i, np.searchsorted(self.trajectory, [i, i + 1])
-
-    @classmethod
-    @public
-    def load(cls, path: str | os.PathLike[str]) -> Any:
-        """Return the crossings in a file of `save`, along a map or along a motion.
-
-        Parameters
-        ----------
-        path : str or path-like
-            The name of the file.
-
-        Returns
-        -------
-        Crossings or MotionCrossings
-            An object equal to the saved one.
-
-        Raises
-        ------
-        FileNotFoundError
-            If there is no file of this name.
-        ValueError
-            If the file is damaged, or holds something else.
-
-        Examples
-        --------
-        >>> from suslov_fast import Crossings
-        >>> points = Crossings.load("section.npz")  # doctest: +SKIP
-        """
-        from .crossings import Crossings
-        from .files.storage import load
-        from .motion_crossings import MotionCrossings
-
-        attributes = load(path, "Crossings", "MotionCrossings")
-        kind: Any = Crossings if "map" in attributes else MotionCrossings
-        return kind._of(attributes)

@@ -36,6 +36,8 @@ def facts_in(path: Path) -> dict[str, Any]:
     result = result_in(path)
     if isinstance(result, Points):
         return _facts_of_crossings(result)
+    if isinstance(result, sf.MotionCrossings):
+        return _facts_of_motion_crossings(result)
     if isinstance(result, sf.Motion):
         return facts_of_motion(result)
     return facts_of(result, result.states[0] if result.n[0] == 0 else None)
@@ -104,6 +106,20 @@ def _facts_of_crossings(points: Any) -> dict[str, Any]:
     names = ARGUMENTS[type(points).__name__]
     arguments = {name: getattr(points, name) for name in names if getattr(points, name) is not None}
     return {**common, "crossings": len(points), **arguments}
+
+
+def _facts_of_motion_crossings(points: Any) -> dict[str, Any]:
+    """Return the summary of crossings along motions."""
+    names = "transient", "direction", "most", "rtol", "atol"
+    arguments = {name: getattr(points, name) for name in names if getattr(points, name) is not None}
+    return {
+        "body": _body_of(points),
+        **_counts(points.status),
+        "steps": int(points.steps.sum()),
+        "time": points.last,
+        "crossings": len(points),
+        **arguments,
+    }
 
 
 def _common_facts(result: Any) -> dict[str, Any]:

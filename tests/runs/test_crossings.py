@@ -651,6 +651,6 @@ def test_an_extension_reports_a_failure_at_its_first_step():
 
 def test_names_of_attributes_that_crossings_lack():
     points = sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 9, first)
-    for name, here in (("x", "states"), ("t", "time"), ("times", "time"), ("nothing", "")):
+    for name, here in (("t", "time"), ("times", "time"), ("nothing", "")):
         with pytest.raises(AttributeError, match=f"'{name}'.*{here}"):
             getattr(points, name)

@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
+from suslov_fast.command.summary import facts_in
 
 OSCILLATOR = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
 BALL = sf.Field.from_function(lambda x: (x[1], -9.81), "h v")
@@ -258,6 +259,8 @@ def test_files_and_datasets(tmp_path):
     points = of_oscillator([[1.0, 0.0], [0.0, 1.0]], time=20.0, atol=[1e-9, 1e-8])
     points.save(tmp_path / "points.npz")
     assert sf.Crossings.load(tmp_path / "points.npz") == points
+    facts = facts_in(tmp_path / "points.npz")
+    assert (facts["crossings"], facts["time"]) == (len(points), 20.0)
     data = points.to_xarray()
     assert data.x.dims == ("crossing", "component")
     np.testing.assert_array_equal(data.time, points.time)

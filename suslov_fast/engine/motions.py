@@ -21,6 +21,7 @@ from .threads import available
 
 # Trajectories from which on threads are started, unless the user gives their number.
 _MANY = 64
+DONE = int(State.DONE)
 _STATUS = np.full(len(State), Status.TOO_MANY_STEPS, np.int8)  # also of a run that was ended
 _STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
 _STATUS[State.NO_VALUE], _STATUS[State.SLIDING] = Status.NONFINITE, Status.SLIDING
@@ -30,7 +31,7 @@ class Found(NamedTuple):
     """What the engine found of B trajectories."""
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
-    t: FloatArray  # (B,), the time at which a trajectory ended, or the last one
+    t: FloatArray  # (B,), the time at which a trajectory ended, NaN if it reached the last one
     steps: NDArray[np.int64]  # (B,)
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
@@ -82,16 +83,13 @@ def solve(
 
     `report` takes the number of states that are done; if it returns False, the others stay NaN.
     """
-    B, found = len(starts), nothing_found(starts, len(times))
+    B = len(starts)
+    if B == 1 and report is None:
+        alone = _of_one(field, starts, times, sign, settings)
+        if alone is not None:
+            return alone
+    found = nothing_found(starts, len(times))
     if not B:
-        return found
-    is_smooth = getattr(field.right_hand_sides[0].f, "conditions", None) is None
-    if (
-        B == 1
-        and report is None
-        and is_smooth
-        and _of_one(field, starts, times, sign, settings, found)
-    ):
         return found
     count = threads_for(B, threads)
     done = 0
@@ -106,7 +104,8 @@ def solve(
         is_stopped, t, steps, status = call_engine(*arguments, count, own)
         if where is not ALL:
             found.states[:, where] = states
-        found.t[where], found.steps[where], found.status[where] = t, steps, status
+        found.t[where] = np.where(status == Status.OK, np.nan, t)
+        found.steps[where], found.status[where] = steps, status
         done += len(times) * len(x0)
         if is_stopped:
             return found._replace(is_stopped=True)
@@ -174,23 +173,18 @@ def threads_for(B: int, threads: int | None) -> int:
 
 
 def _of_one(
-    field: Any,
-    starts: FloatArray,
-    times: FloatArray,
-    sign: int,
-    settings: Settings,
-    found: Found,
-) -> bool:
-    """Find the motion of one trajectory in few microseconds; return whether that is possible."""
+    field: Any, starts: FloatArray, times: FloatArray, sign: int, settings: Settings
+) -> Found | None:
+    """Return the motion of one trajectory, in few microseconds, or None if that is impossible."""
     _, f, table = field.right_hand_sides[0]
-    table = table[0]
-    x, of_times = starts[0].tolist(), times.tolist()
-    result = motion_of_one(f, table.tobytes(), x, of_times, sign, settings)
+    if f.conditions is not None:
+        return None
+    result = motion_of_one(f, table.tobytes(), starts.tobytes(), times.tobytes(), sign, settings)
     if result is None:
-        return False
-    states, (t, steps, state) = result
-    found.states[:] = np.frombuffer(states).reshape(found.states.shape)
-    if state != State.DONE:
-        found.states[~(times <= t)] = np.nan
-    found.t[0], found.steps[0], found.status[0] = sign * t, steps, _STATUS[state]
-    return True
+        return None
+    states, t, steps, state = result
+    states = np.frombuffer(states).reshape(len(times), *starts.shape)
+    if state != DONE:
+        states[~(times <= t)] = np.nan
+    end = np.nan if state == DONE else sign * t
+    return Found(states, np.array([end]), np.array([steps]), _STATUS[state : state + 1].copy())

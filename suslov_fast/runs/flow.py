@@ -145,7 +145,7 @@ def flow(
             "time": times,
             "body": system,
             "status": found.status.reshape(batch),
-            "end": ends_of(found).reshape(batch),
+            "end": found.t.reshape(batch),
             "steps": found.steps.reshape(batch),
             "rtol": settings.rtol,
             "atol": settings.atol,
@@ -204,11 +204,6 @@ def _with_derivatives(
 
 
 # ------------------------------------------------------------------------------------------ motions
-def ends_of(found: Found) -> FloatArray:
-    """Return the times at which solutions end; NaN for those that reach the last time."""
-    return np.where(found.status < 0, found.t, np.nan)
-
-
 def motion_of(
     system: Any,
     x: FloatArray,
@@ -290,13 +285,14 @@ def _to_tolerance(
 ) -> Found:
     """Return the motion of a field at times in any order."""
     moduli = abs(times)
-    if len(moduli) and moduli[0] > 0.0 and (moduli[1:] > moduli[:-1]).all():
+    if len(moduli) and moduli[0] > 0.0 and not np.count_nonzero(moduli[1:] <= moduli[:-1]):
         return solve(field, x, batch, moduli, sign, settings, threads, report)
     later = moduli > 0.0
     ascending, places = np.unique(moduli[later], return_inverse=True)
     if not len(ascending):
         found = nothing_found(x, len(times))
         found.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
+        found.t[:] = np.nan
     else:
         found = solve(field, x, batch, ascending, sign, settings, threads, report)
     states = np.empty((len(times), *x.shape))

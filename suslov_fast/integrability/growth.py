@@ -239,16 +239,18 @@ def _recurrence(sequences: list[list[int]], order: int, spare: int) -> list[int]
     return coefficients if is_minimal and not any(np.array(rows, object) @ coefficients) else None
 
 
+def moduli_outside(factor: Any) -> list[float]:
+    """Return the moduli of the roots outside the unit circle of an irreducible polynomial."""
+    roots = () if factor.is_cyclotomic() else factor.complex_roots()
+    return [modulus for root, _ in roots if (modulus := abs(complex(root))) > 1 + _ROUNDING]
+
+
 def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
     """Return the kind and entropy of a monic recurrence; None if its roots are not suitable."""
-    power = 0  # of n with which terms grow, if no root is outside the unit circle
-    outside = []  # the moduli and multiplicities of such roots
-    for factor, multiplicity in flint.fmpz_poly(recurrence).factor()[1]:
-        if factor.is_cyclotomic():
-            power = max(power, multiplicity - 1)
-        else:
-            moduli = [abs(complex(root)) for root, _ in factor.complex_roots()]
-            outside += [(modulus, multiplicity) for modulus in moduli if modulus > 1 + _ROUNDING]
+    factors = flint.fmpz_poly(recurrence).factor()[1]
+    # The power of n with which terms grow, if no root is outside the unit circle.
+    power = max((m - 1 for factor, m in factors if factor.is_cyclotomic()), default=0)
+    outside = [(modulus, m) for factor, m in factors for modulus in moduli_outside(factor)]
     largest = max((modulus for modulus, _ in outside), default=1.0)
     largest_is_simple = all(m == 1 for modulus, m in outside if modulus > largest * (1 - _ROUNDING))
     fits_the_plane = sum(m for _, m in outside) <= 1 and (outside or power <= _HIGHEST_IN_THE_PLANE)

@@ -155,10 +155,6 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     >>> found = growth([5, 21, 85, 341, 1365, 5461])
     >>> found.kind, round(found.entropy, 12), found.entropy_error
     ('exponential', 1.38629436112, 0.0)
-    >>> late = [2, 4, 8, 16, 32, 63, 124, 244, 480, 944, 1856]  # d(k+2) = 4 d(k+1) - 4 d(k), so far
-    >>> found = growth(late, planar=True)
-    >>> round(found.entropy, 4), round(found.entropy_error, 4)
-    (0.6765, 0.0008)
     """
     try:
         d = [operator.index(degree) for degree in degrees]

@@ -26,15 +26,13 @@ def exponents_of(monomials: Any, n: int) -> Exponents:
         degree = integer("monomials", monomials, 0)
         check_unknowns("monomials", degree, n, _MOST)
         return exponents_up_to(degree, n)
+    expected = f"a degree, or a list of at most {_MOST} different tuples of {n} exponents"
     try:
         exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
     except TypeError:
-        how = ", such as 2 or [(1, 0), (0, 1)]"
-        expected = f"a degree or a list of exponents{how}"
         raise wrong("monomials", expected, short(monomials), TypeError) from None
     are_different = len({*exponents}) == len(exponents)
     if {*map(len, exponents)} != {n} or not are_different or len(exponents) > _MOST:
-        expected = f"at most {_MOST} different tuples of {n} exponents"
         raise wrong("monomials", expected, short(monomials))
     return exponents
 

@@ -31,8 +31,6 @@ from .polynomials import (
 from .relations import count_relations, integrals_of_relations, relations_along
 from .search import Search
 
-Matrix = tuple[Point, ...]
-
 
 @dataclass(frozen=True)
 class HKBasis:
@@ -52,7 +50,7 @@ class HKBasis:
     integrals: Polynomials
     complete: bool
     point: Point
-    basis: Matrix | None
+    basis: tuple[Point, ...] | None
     names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
 
     @property
@@ -133,16 +131,21 @@ def hk_bases(
         integrals = _integrals_up_to(map, int(monomials), independent, seed)
         for d in range(1, int(monomials)):
             lower = exponents_up_to(d, n)
-            relations, integrals_shown = count_relations(map, lower, seed)
-            if integrals_shown == independent:
-                exponents, dimension = lower, relations
+            counted = count_relations(map, lower, seed)
+            if counted.integrals == independent:
+                exponents, dimension = lower, counted.relations
                 break
     elif independent:
         integrals = integrals_of_relations(map, exponents, seed)
     complete = rank_of_quotients(integrals) == independent
-    basis: Matrix | None = None if map.is_symbolic else ()
+    basis: tuple[Point, ...] | None = None if map.is_symbolic else ()
     if not map.is_symbolic and (dimension > 0 or point is not None):
-        basis = _basis_over_rationals(map, exponents, start, seed)
+
+        def search(p: int, eps: int) -> Residues:
+            return relations_along(map, exponents, eps, arithmetic.point_modulo(p, start))
+
+        rows = over_rationals(map.generator(seed), search)
+        basis = None if rows is None else tuple(tuple(a for (a,) in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
         max(sum(e) for e in exponents),
@@ -165,15 +168,3 @@ def _integrals_up_to(map: RationalMap, degree: int, enough: int, seed: int) -> P
             break
     polynomials = over_common_denominator(search.known.integrals, map.ring)
     return tuple(sorted(polynomials, key=sort_key))
-
-
-def _basis_over_rationals(
-    map: RationalMap, exponents: Exponents, start: Point, seed: int
-) -> Matrix | None:
-    """Return the relations along the orbit of a point; None if they are too long."""
-
-    def search(p: int, eps: int) -> Residues:
-        return relations_along(map, exponents, eps, arithmetic.point_modulo(p, start))
-
-    rows = over_rationals(map.generator(seed), search)
-    return None if rows is None else tuple(tuple(a for (a,) in row) for row in rows)

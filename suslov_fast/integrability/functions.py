@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import flint
 
@@ -45,14 +45,6 @@ IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 _NAME = r"[^\W\d]\w*"
 
 
-class Differentiable(Protocol):
-    """A function whose independence of others can be tested."""
-
-    def gradient_of_logarithm(self, p: int) -> list[Any]:
-        """Return the gradient of its logarithm at the random point modulo p of `arithmetic`."""
-
-
-F = TypeVar("F", bound=Differentiable)
 L = TypeVar("L", bound="WithLetter")
 
 
@@ -448,7 +440,7 @@ def independent(candidates: Iterable[RationalFunction], p: int) -> tuple[Rationa
     return tuple(independent_of((), by_degree, p))
 
 
-def independent_of(known: Iterable[Differentiable], candidates: Iterable[F], p: int) -> Iterator[F]:
+def independent_of(known: Iterable[Any], candidates: Iterable[Any], p: int) -> Iterator[Any]:
     """Yield the candidates that are independent, modulo p, of known ones and of earlier ones."""
     gradients = [f.gradient_of_logarithm(p) for f in known]
     for f in candidates:

@@ -155,10 +155,6 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     >>> found = growth([5, 21, 85, 341, 1365, 5461])
     >>> found.kind, round(found.entropy, 12), found.entropy_error
     ('exponential', 1.38629436112, 0.0)
-    >>> late = [2, 4, 8, 16, 32, 63, 124, 244, 480, 944, 1856]  # d(k+2) = 4 d(k+1) - 4 d(k), so far
-    >>> found = growth(late, planar=True)
-    >>> round(found.entropy, 4), round(found.entropy_error, 4)
-    (0.6765, 0.0008)
     """
     try:
         d = [operator.index(degree) for degree in degrees]
@@ -239,16 +235,18 @@ def _recurrence(sequences: list[list[int]], order: int, spare: int) -> list[int]
     return coefficients if is_minimal and not any(np.array(rows, object) @ coefficients) else None
 
 
+def moduli_outside(factor: Any) -> list[float]:
+    """Return the moduli of the roots outside the unit circle of an irreducible polynomial."""
+    roots = () if factor.is_cyclotomic() else factor.complex_roots()
+    return [modulus for root, _ in roots if (modulus := abs(complex(root))) > 1 + _ROUNDING]
+
+
 def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
     """Return the kind and entropy of a monic recurrence; None if its roots are not suitable."""
-    power = 0  # of n with which terms grow, if no root is outside the unit circle
-    outside = []  # the moduli and multiplicities of such roots
-    for factor, multiplicity in flint.fmpz_poly(recurrence).factor()[1]:
-        if factor.is_cyclotomic():
-            power = max(power, multiplicity - 1)
-        else:
-            moduli = [abs(complex(root)) for root, _ in factor.complex_roots()]
-            outside += [(modulus, multiplicity) for modulus in moduli if modulus > 1 + _ROUNDING]
+    factors = flint.fmpz_poly(recurrence).factor()[1]
+    # The power of n with which terms grow, if no root is outside the unit circle.
+    power = max((m - 1 for factor, m in factors if factor.is_cyclotomic()), default=0)
+    outside = [(modulus, m) for factor, m in factors for modulus in moduli_outside(factor)]
     largest = max((modulus for modulus, _ in outside), default=1.0)
     largest_is_simple = all(m == 1 for modulus, m in outside if modulus > largest * (1 - _ROUNDING))
     fits_the_plane = sum(m for _, m in outside) <= 1 and (outside or power <= _HIGHEST_IN_THE_PLANE)

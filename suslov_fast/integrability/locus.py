@@ -10,6 +10,7 @@ import random
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cache
+from itertools import product
 from typing import Any, NamedTuple
 
 from ..bodies.fields.field import QuadraticField
@@ -160,7 +161,8 @@ def locus(
     if not of_general:
         raise ArithmeticError("f makes no map for general values of the parameter")
     generic = min(of_general)
-    first = counts_modulo_large_prime(fractions_up_to(height))
+    pairs = product(range(-height, height + 1), range(1, height + 1))
+    first = counts_modulo_large_prime(sorted({Fraction(a, b) for a, b in pairs}))
     report_progress(1, parts)
     second = counts_modulo_large_prime([value for value, n in first.items() if n > generic])
     report_progress(2, parts)
@@ -190,12 +192,6 @@ def locus(
         report_progress(part, parts)
     left_out = [value for value, n in first.items() if n < 0]
     return Locus(special, generic, height, left_out, algebraic)
-
-
-def fractions_up_to(height: int) -> list[Fraction]:
-    """Return the fractions whose numerator and denominator are at most `height`, ascending."""
-    pairs = ((a, b) for b in range(1, height + 1) for a in range(-height, height + 1))
-    return sorted({Fraction(a, b) for a, b in pairs})
 
 
 class _Maps:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from operator import itemgetter
 from typing import Any
 
 import flint
@@ -19,7 +20,7 @@ from ..checks import integer, wrong
 from ..keywords import public
 from .contracted import Passage, Plane, is_proved, orbit_of_line, passages_across, why_never
 from .functions import IDENTITY, RationalFunction
-from .growth import agreed_degrees, rational_series
+from .growth import agreed_degrees, moduli_outside, rational_series
 from .maps import RationalMap, check_map
 from .polynomials import determinant, exponents_in_x
 
@@ -27,7 +28,6 @@ _STEPS = 80  # of an orbit that are computed
 _DEGREES = 24  # that are predicted
 _HIGHEST = 1_000  # of degrees that are compared with those on random lines
 _TERMS = 60  # degrees of a monomial map from which their recurrence follows
-_ROUNDING = 1e-9  # of the modulus of a root
 
 
 @dataclass(frozen=True)
@@ -277,13 +277,9 @@ def _in_x(polynomial: Any) -> Any:
 
 def _factor_with_largest_root(polynomial: Any) -> tuple[Any, float]:
     """Return the factor with the largest root, and this root; x - 1 if no root is larger."""
-    largest, with_it = 1.0, flint.fmpz_poly([-1, 1])
-    for factor, _ in polynomial.factor()[1]:
-        if not factor.is_cyclotomic():
-            modulus = max(abs(complex(root)) for root, _ in factor.complex_roots())
-            if modulus > largest + _ROUNDING:
-                largest, with_it = modulus, factor
-    return with_it, largest
+    moduli = ((max(moduli_outside(f), default=1.0), f) for f, _ in polynomial.factor()[1])
+    modulus, factor = max(moduli, key=itemgetter(0), default=(1.0, None))
+    return (factor, modulus) if modulus > 1.0 else (flint.fmpz_poly([-1, 1]), 1.0)
 
 
 # Monomial maps, x_i~ = c_i x1^a_i1 ... xD^a_iD: their iterates have the powers of A as exponents.

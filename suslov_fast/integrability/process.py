@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from .search import Search
 
@@ -26,22 +26,28 @@ process.serve()
 """
 _PAUSE = 0.2  # seconds after which Ctrl-C is handled at the latest
 
-Parts = Iterator[tuple[Any, int, int]]
+
+class Part(NamedTuple):
+    """A report on the way, and the numbers of tasks that are done and known."""
+
+    report: Any
+    done: int
+    known: int
 
 
-def search(report: Any, seed: int) -> Parts:
-    """Fill a `Report`; yield it after each task, with the numbers of tasks done and known."""
+def search(report: Any, seed: int) -> Iterator[Part]:
+    """Fill a `Report`, and yield it after each task."""
     facts = Search(report.map, report.degree, seed)
     tasks = facts.queue
     for _ in tasks:
         facts.fill(report)
-        yield report, tasks.done, tasks.done + len(tasks)
+        yield Part(report, tasks.done, tasks.done + len(tasks))
     report.finished = True
     known = tasks.done + len(tasks)
-    yield report, known, known
+    yield Part(report, known, known)
 
 
-def search_until(deadline: float, report: Any, seed: int) -> Parts:
+def search_until(deadline: float, report: Any, seed: int) -> Iterator[Part]:
     """Yield what `search` yields in another process, until `time.monotonic()` is the deadline."""
     pipe, command = subprocess.PIPE, [sys.executable, "-c", _START.format(sys.path)]
     process: Any = subprocess.Popen(command, stdin=pipe, stdout=pipe)
@@ -57,7 +63,7 @@ def search_until(deadline: float, report: Any, seed: int) -> Parts:
                     continue
                 if isinstance(result, Exception):
                     raise result
-                report = result[0]
+                report = result.report
                 yield result
         finally:
             process.kill()
@@ -86,8 +92,7 @@ def serve() -> None:
     out, written = sys.stdout.buffer, b""
     try:
         for result in search(*pickle.load(sys.stdin.buffer)):
-            report, _, _ = result
-            if (pickled := pickle.dumps(report)) != written or report.finished:
+            if (pickled := pickle.dumps(result.report)) != written or result.report.finished:
                 written = pickled
                 pickle.dump(result, out)
                 out.flush()

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import accumulate, combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import flint
 
@@ -70,23 +70,30 @@ def gradients_of_coefficients(
     return [[row[k : k + n] for row in solved] for k in range(count, len(rows[0]), n)]
 
 
-@lru_cache(maxsize=32)
-def count_relations(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]:
-    """Return the number of relations along an orbit, and of the independent integrals they show.
+class Counted(NamedTuple):
+    """The number of relations along an orbit, and of the independent integrals they show.
 
     The latter is the rank of the gradients of their coefficients.
     """
+
+    relations: int
+    integrals: int
+
+
+@lru_cache(maxsize=32)
+def count_relations(map: RationalMap, exponents: Exponents, seed: int) -> Counted:
+    """Return how many relations and integrals there are, on which two primes agree."""
     rng = map.generator(seed)
 
-    def count_modulo(p: int, eps: int) -> tuple[int, int]:
+    def count_modulo(p: int, eps: int) -> Counted:
         x = arithmetic.random_point(map.dimension, p, rng)
         relations = relations_along(map, exponents, eps, x)
         if not relations:
-            return 0, 0
+            return Counted(0, 0)
         length = len(exponents) + EXTRA
         gradients = gradients_of_coefficients(map.at_eps(eps), exponents, relations, x, length)
         rows = [gradient for of_relation in gradients for gradient in of_relation]
-        return len(relations), int(flint.nmod_mat(rows, p).rank())
+        return Counted(len(relations), int(flint.nmod_mat(rows, p).rank()))
 
     return arithmetic.agreed_by_primes(rng, count_modulo)  # type: ignore[no-any-return]
 
@@ -96,7 +103,7 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents, seed: int) ->
 
     They are if the relations of all orbits span one dimension more than those of one orbit.
     """
-    rng, (dimension, _) = map.generator(seed), count_relations(map, exponents, seed)
+    rng, dimension = map.generator(seed), count_relations(map, exponents, seed).relations
     if dimension == 0:
         return ()
 

@@ -328,8 +328,8 @@ def report(
     with closing(parts):
         try:
             for part in parts:
-                latest, done, known = part
-                if is_false(report_progress(done, known)):
+                latest = part.report
+                if is_false(report_progress(part.done, part.known)):
                     raise KeyboardInterrupt("progress returned False")
         except KeyboardInterrupt as error:
             error.report = latest  # type: ignore[attr-defined]

@@ -308,7 +308,7 @@ class Search:
     def _count_relations(self, k: int) -> Tasks:
         """Count the integrals that relations up to degree k show."""
         exponents = exponents_up_to(k, self.map.dimension)
-        _, independent = count_relations(self.map, exponents, self.seed)
+        independent = count_relations(self.map, exponents, self.seed).integrals
         if independent > (self.relations or 0):
             cost = _FEW_MONOMIALS + 1e-7 * self._unknowns(k) ** 3
             yield Task(cost, partial(self._integrals_between_few_monomials, k), "implicit", k)

@@ -45,8 +45,8 @@ class Columns:
         B, self.D = x.shape
         groups = field.derived_by(parameters) if parameters else field.listed_right_hand_sides
         self.count = self.D * by_starts + len(parameters)
-        given = [np.broadcast_to(field.arrays[name], field.shape) for name in parameters]
-        sizes = [_power_of_2(size) for size in given]
+        values = [field.arrays[name] for name in parameters]
+        sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]
         tables = []
         for members, f, table in groups:
             own = variational(f, self.count)

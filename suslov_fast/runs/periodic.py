@@ -23,6 +23,7 @@ _AT_REST = 1e-6  # part of its size that a state at rest moves in a period
 _DIVISORS = 2, 3, 5, 7, 11, 13
 _SMALL = 1e-4  # a residual that a larger tolerance may make one of a solution
 _MOST_ARCS = 32
+_ROUGH = 1e-6  # tolerance of the search for a near return
 
 
 class PeriodicOrbit(NamedTuple):
@@ -131,7 +132,7 @@ def periodic_orbit(
     checked_settings(system, rtol, None, None, None)
     field = system if isinstance(system, FieldOfFunction) else system.field()
     motion = OfMotion(field, x, rtol)
-    T = _checked_period(motion, x, period, system.labels)
+    T = _checked_period(field, motion, x, period)
     with np.errstate(all="ignore"):
         search = shooting.found(motion, x, T, rtol, _MOST_ARCS)
         _raise_unless_found(search, T, f"rtol = {rtol:g}", lambda: _larger(field, x, T, rtol))
@@ -148,21 +149,23 @@ def _checked_start(system: Any, start: Any) -> FloatArray:
     return np.array(x)
 
 
-def _checked_period(motion: OfMotion, x: FloatArray, period: Any, names: Any) -> float:
+def _checked_period(field: Any, motion: OfMotion, x: FloatArray, period: Any) -> float:
     """Return the period that is given, or the time of a near return."""
     if period is not None:
         return checks.positive("period", period)
-    clocks = [name for name, drifts in zip(names, motion.drifts, strict=True) if drifts]
     if motion.is_forced:
-        expected = f"given, because the equations depend on {clocks[0]}, which has a constant rate"
+        name = field.names[int(motion.drifts.argmax())]
+        expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
-    T, _ = shooting.near_return(motion, x)
-    if np.isfinite(T):
+    with np.errstate(all="ignore"):
+        T = shooting.near_return(OfMotion(field, x, max(motion.settings.rtol, _ROUGH)), x)
+    if T is not None:
         return T
     where = f"the motion from start = {short(x.tolist())}"
     if not motion.rate[~motion.drifts].any():
         raise RuntimeError(f"periodic_orbit: start is the equilibrium {short(x.tolist())}")
-    raise RuntimeError(f"periodic_orbit: {where} does not return near it: pass another start")
+    how = "pass period=, or another start"
+    raise RuntimeError(f"periodic_orbit: {where} does not return near it: {how}")
 
 
 def _of_map(
@@ -223,8 +226,8 @@ def _raise_unless_found(search: Shooting, given: float, tolerance: str, larger: 
     found = f"no orbit: the residual is {search.residual:.1e}, not {search.allowed:.1e}"
     if search.residual < _SMALL and (enough := larger()) is not None:
         raise RuntimeError(
-            f"periodic_orbit found {found}, because {tolerance} is too tight for the rounding "
-            f"errors of this orbit: pass rtol={enough:g}"
+            f"periodic_orbit found {found}, because {tolerance} is too tight for this orbit: "
+            f"pass rtol={enough:g}"
         )
     raise RuntimeError(f"periodic_orbit found {found}; {far}")
 

@@ -132,7 +132,7 @@ def _agree(terms: Terms, index: tuple[int, ...], exact: _Places) -> bool:
 
 
 def _by_columns(call: _Call, K: Any) -> tuple[Terms, Terms | None]:
-    """Return the result of `terms_of_function` from one call with columns; raise anything if that fails."""
+    """Return `terms_of_function` by one call with columns; raise anything if that fails."""
     tracer, D = Exact(call.names, call.parameters), call.D
     result, symbols = call(tracer), tracer.columns
     if K is None:

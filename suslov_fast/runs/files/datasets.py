@@ -121,7 +121,7 @@ def _arguments_of(result: Any) -> dict[str, Any]:
 
 def with_time(data: Any) -> Any:
     """Return a dataset with the coordinate `time`: n eps for runs of a map."""
-    if "n" not in data.variables:
+    if "map" not in data.attrs:
         return data
     time = data.variables["n"] * data.variables["eps"]
     time.attrs = {"long_name": "time"}

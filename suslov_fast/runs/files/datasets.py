@@ -115,7 +115,7 @@ def _arguments_of(result: Any) -> dict[str, Any]:
         # NetCDF has no truth values, and JSON no tuples.
         name: {bool: int, tuple: list}.get(type(value), lambda same: same)(value)
         for name, value in arguments.items()
-        if value is not None
+        if value is not None and value != ()
     }
 
 

@@ -108,7 +108,7 @@ class Times:
         """The arguments of :func:`flow`, as a motion has them."""
         longest = self.settings.longest
         found = {name: getattr(self.settings, name) for name in ("rtol", "atol", "stiff")}
-        return found | {"max_step": None if longest == math.inf else longest}
+        return found | {"max_step": None if longest == math.inf else longest, "derivatives": ()}
 
     def pieces(self, part: Problem, rows: int) -> Iterator[Piece]:
         """Yield the states, `rows` at a time, and at last the other columns."""

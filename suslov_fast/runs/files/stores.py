@@ -37,8 +37,17 @@ from .metadata import Contents, Stored, Tile, read_contents, stored_in
 _FILLS = {column.name: column.fill for column in (*RUN, *MOTION)}
 # Attributes that only some runs have.
 _OPTIONAL = (
-    *("names", "H", "K", "map", "save_every", "attitude", "functions", "coords"),
-    *("atol", "max_step", "stiff"),
+    "map",
+    "save_every",
+    "attitude",
+    "names",
+    "H",
+    "K",
+    "functions",
+    "coords",
+    "atol",
+    "max_step",
+    "stiff",
 )
 # Attributes that identify no run, or follow from others.
 _NOT_COMPARED = "version", "coordinates", "title", "tiled", "shared"

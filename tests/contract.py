@@ -44,7 +44,7 @@ from suslov_fast.checks import FloatArray, short
 from suslov_fast.core.compiling import codes
 from suslov_fast.engine.arguments import flat_arrays
 from suslov_fast.engine.problem import Problem
-from suslov_fast.engine.trial import check_arguments
+from suslov_fast.engine.trial import check_rows
 
 SHARED = INDICES, H_INDICES, MATRIX  # parts that all members of a family of fields share
 _SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, those of a wide batch, and steps
@@ -213,8 +213,8 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
         of_equals = steps.arguments(family_like(body, size), many, (size,))
     except Exception:  # the class has no families
         of_equals = steps.arguments(body, many, (size,))
-    check_arguments(of_one, size)
-    check_arguments(of_equals, size)
+    check_rows(of_one, size)
+    check_rows(of_equals, size)
     has_rows = [getattr(a, "dtype", None) == np.float64 and len(a) == size for a in of_equals]
     equal = _rows(of_one, has_rows, np.zeros(size, int))
     arguments = _rows(equal, has_rows, slice(None), np.linspace(0.99, 0.49, size))

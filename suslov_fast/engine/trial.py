@@ -26,7 +26,7 @@ def arguments_for(problem: Problem, steps: Any, size: int) -> Arguments:
     """Return the arguments of a run of `size` trajectories, after a trial of a new step."""
     arguments: Arguments = steps.arguments(problem.body, problem.eps, problem.batch)
     if isinstance(steps.kernel, KernelOfStep):
-        check_arguments(arguments, size)
+        check_rows(arguments, size)
         key = steps.kernel, problem.body.dimension
         if size and key not in _TRIED:
             _try(steps.kernel, arguments, problem.omega)
@@ -34,7 +34,7 @@ def arguments_for(problem: Problem, steps: Any, size: int) -> Arguments:
     return arguments
 
 
-def check_arguments(arguments: Any, size: int) -> None:
+def check_rows(arguments: Any, size: int) -> None:
     """Raise an error unless arrays of floats have one row, or one for each trajectory."""
     if not isinstance(arguments, tuple):
         raise wrong("Steps.arguments", "a tuple of arrays", type(arguments).__name__, TypeError)

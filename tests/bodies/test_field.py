@@ -14,7 +14,7 @@ import pytest
 import suslov_fast as sf
 from suslov_fast import QuadraticField, energy, ensemble, fixed_points, iterate, vector_field
 from suslov_fast.bodies.fields.names import variables
-from suslov_fast.bodies.fields.polynomials import named
+from suslov_fast.bodies.fields.polynomials import named_parameters
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
 
@@ -381,14 +381,14 @@ def test_fields_without_a_map_have_the_names_of_maps():
     """Datasets of maps have the coordinates eps and n, those of motions have none."""
     for name, read in (
         ("eps", partial(variables, "names", "u eps")),
-        ("eps", partial(named, {"eps": 2.0}, ["u"])),
-        ("n", partial(named, {"n": 2.0}, ["u"])),
+        ("eps", partial(named_parameters, {"eps": 2.0}, ["u"])),
+        ("n", partial(named_parameters, {"n": 2.0}, ["u"])),
     ):
         with pytest.raises(ValueError, match=name):
             read()
         assert name in read(has_map=False)
     for name in ("eps", "n", "end"):
         with pytest.raises(ValueError, match=name):
-            named({name: 2.0}, ["u", "eps", "n"], has_map=False)
+            named_parameters({name: 2.0}, ["u", "eps", "n"], has_map=False)
     field = sf.Field.from_function(lambda x, n: (-(x[0] ** n),), "u", n=[1.0, 2.0])
     assert sf.flow(field, [1.0], time=[0.0, 0.5]).to_xarray().n.values.tolist() == [1.0, 2.0]

@@ -13,7 +13,7 @@ from .symbolic import Symbol, Tracer, Untraceable, applied, interpolated
 from .tracing import check_same, checked_function, components
 
 
-def traced(
+def operands_of_function(
     argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], maker: str
 ) -> tuple[Tracer, list[Any]]:
     """Return the tracer with which f was called, and the operands that are f, or [H]."""

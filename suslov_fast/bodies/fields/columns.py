@@ -18,14 +18,14 @@ from ...checks import OTHERS, FloatArray, within
 
 _ARITHMETIC = {"positive", "negative", "add", "subtract", "multiply", "divide"}
 # A sum of products: each coefficient with the sorted indices of its symbols.
-Terms = Sequence[tuple[Fraction, Sequence[int]]]
+Products = Sequence[tuple[Fraction, Sequence[int]]]
 
 
 class Refused(Exception):
     """A column cannot do what f asks of it: f is called for each member instead."""
 
 
-class Symbol(NamedTuple):
+class ColumnSymbol(NamedTuple):
     """A symbol in a polynomial: it stands for the values of a column, or for their inverses."""
 
     values: Any
@@ -35,7 +35,7 @@ class Symbol(NamedTuple):
 class Column:
     """The values of a parameter, or of an expression of parameters, for all members of a family."""
 
-    def __init__(self, values: FloatArray, symbols: list[Symbol]) -> None:
+    def __init__(self, values: FloatArray, symbols: list[ColumnSymbol]) -> None:
         self.values = values
         self._symbols = symbols  # shared by all columns of the family
         self._indices: dict[bool, int] = {}  # where its symbols are, by is_inverse
@@ -49,7 +49,7 @@ class Column:
         if not ((size > 1e-100) & (size < 1e100)).all() or (is_inverse and not self.values.all()):
             raise Refused
         if is_inverse not in self._indices:
-            self._symbols.append(Symbol(self.values, is_inverse))
+            self._symbols.append(ColumnSymbol(self.values, is_inverse))
             self._indices[is_inverse] = -len(self._symbols)
         return self._indices[is_inverse]
 
@@ -89,7 +89,7 @@ def alone(value: Any) -> Any:
     return array
 
 
-def rounded(terms: Terms, symbols: Sequence[Symbol]) -> Any:
+def rounded(terms: Products, symbols: Sequence[ColumnSymbol]) -> Any:
     """Return a sum of products of symbols for all members, rounded once."""
     ((c, indices), *others) = terms
     single = symbols[-1 - indices[0]] if len(indices) == 1 and not others else None
@@ -100,13 +100,13 @@ def rounded(terms: Terms, symbols: Sequence[Symbol]) -> Any:
     return _checked(values) + 0.0  # no -0.0
 
 
-def exact_values(terms: Terms, symbols: Sequence[Symbol]) -> Any:
+def exact_values(terms: Products, symbols: Sequence[ColumnSymbol]) -> Any:
     """Return a sum of products of symbols for all members, as fractions."""
     products = (_product(c, [symbols[-1 - i] for i in indices]) for c, indices in terms)
     return reduce(operator.add, products)
 
 
-def _product(c: Fraction, factors: Sequence[Symbol]) -> Any:
+def _product(c: Fraction, factors: Sequence[ColumnSymbol]) -> Any:
     """Return c times the values of symbols for all members, as fractions."""
     product = alone(c)
     for values, is_inverse in factors:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from .columns import Column, Symbol as ColumnSymbol
+from .columns import Column, ColumnSymbol
 from .polynomials import NoPolynomial, Polynomial, exact
 from .symbolic import Symbol, Symbols, Untraceable
 

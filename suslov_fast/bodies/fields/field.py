@@ -29,15 +29,15 @@ from .field_of_terms import (
     parts_of,
 )
 from .names import labels, variables
-from .polynomials import as_given, named, to_lists
+from .polynomials import as_given, named_parameters, to_lists
 from .terms import (
     Terms,
+    components_of,
     polynomial_in,
-    rows_of,
     slopes_at,
     values_at,
 )
-from .tracing import traced
+from .tracing import terms_of_function
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -214,8 +214,8 @@ class QuadraticField(_FieldOfTerms):
         ((3,), QuadraticField(u' = -u*v + u, v' = 2*u*v - 2*v))
         """
         names = variables("dimension", dimension)
-        values = named(parameters, names)
-        terms, _ = traced("f", f, names, values)
+        values = named_parameters(parameters, names)
+        terms, _ = terms_of_function("f", f, names, values)
         field = cls._of({**parts_of(terms, names), **values})
         return field._made_by(cls.from_function, f, names)
 
@@ -264,9 +264,9 @@ class QuadraticField(_FieldOfTerms):
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
         names = variables("dimension", dimension)
-        values = named(parameters, names)
+        values = named_parameters(parameters, names)
         matrix = structure_matrix(K, len(names), names)
-        energy, terms = traced("H", H, names, values, matrix)
+        energy, terms = terms_of_function("H", H, names, values, matrix)
         field = cls._of_hamiltonian(energy, matrix, {**parts_of(terms, names), **values})
         return field._made_by(cls.from_hamiltonian, H, names, K)
 
@@ -340,7 +340,7 @@ class QuadraticField(_FieldOfTerms):
 
     @property
     def _formulas(self) -> Iterator[str]:
-        for row in rows_of(self._exact, self.dimension):
+        for row in components_of(self._exact, self.dimension):
             yield polynomial_in(row, self.dimension).text(self.names)
 
     @public
@@ -370,7 +370,7 @@ class QuadraticField(_FieldOfTerms):
         checks.instance("parameters", parameters or {}, Mapping)
         D = len(variables("dimension", dimension))
         names = variables("names", names, D)
-        named_values = named(parameters or {}, names)
+        named_values = named_parameters(parameters or {}, names)
         if H is None and K is None:
             terms = with_arrays({"values": of_file(indices, values, D)}, None, None, D)
             return cls._of({**parts_of(terms, names), **named_values})

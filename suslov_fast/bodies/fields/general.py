@@ -18,11 +18,11 @@ from ...core.lists.right_hand_side import RightHandSide, in_order
 from ...core.lists.step import evaluate
 from ...keywords import public
 from ..base import frozen
-from .calls import called_by_name, traced
+from .calls import called_by_name, operands_of_function
 from .coefficients import structure_matrix
 from .field_of_terms import LONGEST, NAMES, FieldOfFunction, OfMembers
 from .names import variables
-from .polynomials import named, to_lists
+from .polynomials import named_parameters, to_lists
 from .symbolic import Tracer
 from .texts import brief, values_of, written
 
@@ -316,8 +316,8 @@ class Field(FieldOfFunction):
         Field(T' = where(T < least, 1, 0) - 0.1*T)
         """
         names = variables("dimension", dimension, has_map=False)
-        values = named(parameters, names, has_map=False)
-        tracer, rows = traced("f", f, names, values, f"{cls.__name__}.from_function")
+        values = named_parameters(parameters, names, has_map=False)
+        tracer, rows = operands_of_function("f", f, names, values, f"{cls.__name__}.from_function")
         equations = Equations(names, [*values], tracer.values, rows)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 
@@ -366,9 +366,11 @@ class Field(FieldOfFunction):
         -0.5
         """
         names = variables("dimension", dimension, has_map=False)
-        values = named(parameters, names, has_map=False)
+        values = named_parameters(parameters, names, has_map=False)
         matrix = structure_matrix(K, len(names), names)
-        tracer, [energy] = traced("H", H, names, values, f"{cls.__name__}.from_hamiltonian")
+        tracer, [energy] = operands_of_function(
+            "H", H, names, values, f"{cls.__name__}.from_hamiltonian"
+        )
         equations = _of_hamiltonian(tracer, names, [*values], energy, matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 
@@ -402,7 +404,7 @@ class Field(FieldOfFunction):
         if unknown := [name for name in parameters if name not in known]:
             how = f"it has {', '.join(known)}" if known else "it has none"
             raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
-        values = self._parts | named(parameters, self.names, has_map=False)
+        values = self._parts | named_parameters(parameters, self.names, has_map=False)
         return self._of({**values, **self._shared})
 
     @property
@@ -440,7 +442,7 @@ class Field(FieldOfFunction):
         names = variables("names", names, has_map=False)
         checks.instance("parameters", parameters or {}, Mapping)
         checks.instance("definitions", definitions or {}, Mapping)
-        values = named(parameters or {}, names, has_map=False)
+        values = named_parameters(parameters or {}, names, has_map=False)
         rows = [H] if H is not None else equations
         is_list = isinstance(rows, (list, tuple)) and (H is not None or len(rows) == len(names))
         if not is_list or (H is None) == (equations is None):

@@ -74,7 +74,7 @@ def coefficients(name: str, value: Any, is_batch: bool) -> Any:
     return within(name, numbers(name, value, is_batch), OTHERS)
 
 
-def named(
+def named_parameters(
     parameters: Mapping[str, Any], variables: Sequence[str], *, has_map: bool = True
 ) -> dict[str, Any]:
     """Return checked parameters by name: numbers as they are, arrays as floats.

@@ -195,7 +195,7 @@ def slopes_at(terms: Terms, x: FloatArray) -> FloatArray:
         return slopes + 0.0 * x[..., np.newaxis, :]
 
 
-def rows_of(terms: Terms, D: int) -> list[dict[tuple[int, ...], Any]]:
+def components_of(terms: Terms, D: int) -> list[dict[tuple[int, ...], Any]]:
     """Return the exact terms of each component of a single field: {(j, k): value}, in order."""
     rows: list[dict[tuple[int, ...], Any]] = [{} for _ in range(D)]
     for (i, j, k), v in sorted(terms.exact.members()):

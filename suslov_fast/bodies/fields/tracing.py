@@ -23,7 +23,7 @@ from .advice import (
     prefixed,
     raise_explained,
 )
-from .columns import Refused, Symbol as ColumnSymbol, exact_values, rounded
+from .columns import ColumnSymbol, Refused, exact_values, rounded
 from .exact import Exact
 from .polynomials import Polynomial
 from .symbolic import Symbol
@@ -79,7 +79,7 @@ def check_same(argument: str, first: Any, second: Any) -> None:
         raise ValueError(f"{argument}: two calls of f differ: {how}")
 
 
-def traced(
+def terms_of_function(
     argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], K: Any = None
 ) -> tuple[Terms, Terms | None]:
     """Return (terms, None) for a field f, or (terms, terms of f or None) for a Hamiltonian with K.
@@ -132,7 +132,7 @@ def _agree(terms: Terms, index: tuple[int, ...], exact: _Places) -> bool:
 
 
 def _by_columns(call: _Call, K: Any) -> tuple[Terms, Terms | None]:
-    """Return the result of `traced` from one call with columns; raise anything if that fails."""
+    """Return `terms_of_function` by one call with columns; raise anything if that fails."""
     tracer, D = Exact(call.names, call.parameters), call.D
     result, symbols = call(tracer), tracer.columns
     if K is None:

@@ -41,6 +41,8 @@ _OPTIONAL = (
     "save_every",
     "attitude",
     "names",
+    "H",
+    "K",
     "functions",
     "coords",
     "atol",

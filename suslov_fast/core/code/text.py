@@ -85,13 +85,13 @@ class Code(Text):
         self.jump(f"{name}_after")
         self.label(f"{name}_after")
 
-    def otherwise(self, truth, values, body, kinds=None):
-        """Return these values if a truth value is true, as is likely, else what `body()` returns.
+    def otherwise(self, truth, values, body, kinds=None, likely=True):
+        """Return these values if a truth value is true, else what `body()` returns.
 
         They are W numbers each, or of these kinds.
         """
         name, before = self._name("otherwise"), self.target.block
-        self.branch(truth, f"{name}_after", name, likely=True)
+        self.branch(truth, f"{name}_after", name, likely)
         self.label(name)
         others, end = body(), self.target.block
         self.jump(f"{name}_after")

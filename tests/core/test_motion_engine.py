@@ -8,7 +8,8 @@ from suslov_fast.core.lists.elimination import Elimination
 from suslov_fast.core.lists.numbers import Number
 from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
 from suslov_fast.core.lists.step import evaluate
-from suslov_fast.core.motion import columns, engine, functions, half, one
+from suslov_fast.core.lists.variational import variational
+from suslov_fast.core.motion import columns, engine, functions, half, one, stepping
 from suslov_fast.core.motion.rows import State
 
 needs_code = pytest.mark.compiled
@@ -41,6 +42,12 @@ def pole_of_a_clock(s):
     return x / (t - 1.5), 1.0
 
 
+def driven_from_rest(s):
+    """With the value of number 1 and the constant 1.0 as results."""
+    x, v, t = s
+    return v, t.then("sin") - x, 1.0
+
+
 def lattice(s):
     D = len(s)
     return [s[i - 1] * (s[(i + 1) % D] - s[i - 2]) - s[i] + 8.0 for i in range(D)]
@@ -57,6 +64,7 @@ CASES = {
     "van_der_pol": (van_der_pol, np.array([[2.0, 0.0], [1.0, 1.0], [np.nan, 1.0]]), 900.0),
     "robertson": (robertson, np.array([[1.0, 0.0, 0.0], [0.5, 1e-5, 0.1]]), 4e4),
     "pole_of_a_clock": (pole_of_a_clock, np.array([[1.0, 0.0], [1.0, 2.0]]), 2.0),
+    "driven_from_rest": (driven_from_rest, np.array([[0.0, 0.0, 0.0], [0.3, 0.1, 1.0]]), 20.0),
     "large_lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(2, 60)), 0.5),
     "lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(3, 20)), 1.0),
 }
@@ -115,6 +123,46 @@ def test_runs_have_the_bits_of_straight_line_code(case, monkeypatch):
     assert_equal(usual, motion(again, x0, [0.3 * last, last]))
 
 
+@pytest.mark.parametrize("case", ["robertson", "pole_of_a_clock"])
+@pytest.mark.parametrize("is_stiff", [None, True])
+@needs_code
+def test_variational_equations_have_the_same_bits(case, is_stiff, monkeypatch):
+    """Of a batch, of one, by runs, and by NumPy."""
+    function, x0, last = CASES[case]
+    x0, last = x0[:2], 0.02 * last
+    of, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
+    f, by_runs = (variational(each, of.D, True) for each in (of, again))
+    start = np.zeros((len(x0), f.D))
+    start[:, : of.D], start[:, of.D : -2 : of.D + 1], start[:, -2] = x0, 1.0, 0.5
+    run = start, [0.3 * last, last]
+    usual = motion(f, *run, stiff=is_stiff)
+    for k in range(len(x0)):
+        alone = motion(f, start[k : k + 1], run[1], stiff=is_stiff)
+        np.testing.assert_array_equal(alone[0][:, 0], usual[0][:, k])
+    monkeypatch.setattr(functions, "LONGEST", -1)
+    by_runs.key = f"runs of variational {case}"
+    assert_equal(usual, motion(by_runs, *run, stiff=is_stiff))
+    monkeypatch.setattr(engine, "compiled", lambda *_, **__: None)
+    assert_equal(usual, motion(f, *run, stiff=is_stiff))
+
+
+@needs_code
+def test_a_component_and_a_constant_with_its_number():
+    """In a function that is called: x' = y, y' = a long sum, t' = 1."""
+
+    def long(s):
+        x, y, t = s
+        total = -x
+        for k in range(1, 90):
+            total = total + (0.1 * k * t).then("sin") * 1e-3 * x
+        return y, total, 1.0
+
+    f = right_hand_side(long, 3)
+    assert len(f.f.operations) > 160
+    states, *_ = motion(f, np.array([[1.0, 0.0, 0.0]] * 2), [2.0])
+    np.testing.assert_allclose(states[0, :, 2], 2.0, rtol=1e-13)
+
+
 @pytest.mark.parametrize("case", ["van_der_pol", "robertson", "lattice"])
 @needs_code
 def test_dense_elimination_agrees_with_the_planned_one(case, monkeypatch):
@@ -137,12 +185,13 @@ def test_one_trajectory_has_the_bits_of_a_batch(case):
         of_one = motion(f, x0[k : k + 1], times)
         assert_equal(of_one, (states[:, k : k + 1], t[[k]], steps[[k]], state[[k]]))
         settings = engine.Settings(1e-6, None, np.inf, None)
-        found = one.motion_of_one(f, b"", x0[k].tolist(), times, 1.0, settings)
+        given = x0[k].tobytes(), np.array(times).tobytes()
+        found = one.motion_of_one(f, b"", *given, 1.0, settings)
         if found is not None and state[k] == State.DONE:
             np.testing.assert_array_equal(
                 np.array(found[0]).reshape(states[:, k].shape), states[:, k]
             )
-            assert found[1] == (t[k], steps[k], state[k])
+            assert found[1:] == (t[k], steps[k], state[k])
 
 
 @needs_code
@@ -266,3 +315,19 @@ def test_populations_keep_their_sign():
         states, *_ = motion(f, x0, np.linspace(1.0, 60.0, 60), 1e-3, stiff=stiff)
         assert (states[:, :2] > 0.0).all()
         assert (states[:, 2, 0] == 0.0).all()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
+    f, x0, T = CASES[name]
+    f, states = right_hand_side(f, x0.shape[1]), np.full((1, *x0.shape), np.nan)
+    settings = engine.Settings(1e-6, None, np.inf, None)
+    steps = stepping.Stepping(f, np.zeros(0), x0, [T], 1.0, settings, states, 1)
+    state = steps.flat[:, steps.rows.state]
+    while (k := np.flatnonzero(state < State.DONE)).size:
+        some = steps.flat[k]
+        steps.attempt(some, k, T)
+        steps.flat[k] = some
+    rows = steps.rows
+    found = states, *(steps.flat[:, row] for row in (rows.t, rows.steps, rows.state))
+    assert_equal(found, motion(f, x0, [T]))

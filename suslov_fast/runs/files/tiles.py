@@ -19,7 +19,7 @@ from ...engine.problem import Problem, Where, along, part_of
 from ...engine.random_starts import RandomStarts
 from ...engine.stretches import March
 from ..columns import RUN
-from ..flow import ends_of, motion_of
+from ..flow import motion_of
 from ..functions import returned_at, values_at
 from ..motion import variable_of
 from . import access, stores
@@ -119,7 +119,7 @@ class Times:
         states = found.states.reshape(n, *batch, body.dimension)
         for k in range(0, n, rows):
             yield {"states": states[k : k + rows]}
-        last: Piece = {"end": ends_of(found), "steps": found.steps, "status": found.status}
+        last: Piece = {"end": found.t, "steps": found.steps, "status": found.status}
         yield {name: values.reshape(batch) for name, values in last.items()}
 
 

@@ -161,8 +161,7 @@ class _Steps:
     def finished(self):
         """Return the whole text."""
         text = self.text
-        text.add(f"define i64 @{self.name}(i64 %arguments) #0 {{")
-        text.label("entry")
+        text.begin(self.name, "arguments")
         self.of = of = CodeArguments(*(text.load("i64", self.slot(k)) for k in SLOT))
         at = {"lo": of.line, "n": of.n, "stage": of.stage, "until": of.until, "row": of.row}
         last = text.cycle({key: ("i64", value) for key, value in at.items()}, self.block)
@@ -370,8 +369,7 @@ def text_of_step(step, name, *_):
     It returns 1, and leaves the state, if the step is not accurate; else 2 if det A < 0, or 0.
     """
     text = Code(1)
-    text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
-    text.label("entry")
+    text.begin(name, "x", "table")
     stage = Stage(text, step, loader(text, step, False, "%x", "%table"))
     usual = stage.take([text.row("%x", i) for i in range(step.D)])
 

@@ -61,9 +61,7 @@ def text_of_tangent(tangent, name, W, for_each, _):
     """
     text, D, all_lanes = Code(W), tangent.D, (1 << W) - 1
     integer, V = text.integer, text.V
-    arguments = "i64 %line, i64 %table, i64 %kept, i64 %plan, i64 %ignored, i64 %steps"
-    text.add(f"define i64 @{name}({arguments}) #0 {{")
-    text.label("entry")
+    text.begin(name, "line", "table", "kept", "plan", "ignored", "steps")
     of_columns = {*tangent.column, *(number for _, number, _ in tangent.columns)}
     operands = (number for *_, operands in tangent.columns for number in operands)
     load = loader(text, tangent, for_each, "%line", "%table")
@@ -191,9 +189,7 @@ def text_of_orthonormalise(step, name, W, *_):
     # over lanes are no SIMD, because the compiler does not know that rows do not overlap.
     text, D, zero, one = Code(W), step.D, *map(Code(W).constant, (0.0, 1.0))
     integer, V, room = text.integer, text.V, room_of(D, W)
-    arguments = "i64 %columns, i64 %carried, i64 %due, i64 %kept, i64 %plan"  # for `long_tangent`
-    text.add(f"define i64 @{name}({arguments}) #0 {{")
-    text.label("entry")
+    text.begin(name, "columns", "carried", "due", "kept", "plan")  # two for `long_tangent`
     due = text.new(f"trunc i64 %due to i{W}")
     due = text.new(f"bitcast i{W} {due} to {text.M}") if W > 1 else due
     is_due = text.select(due, one, zero)

@@ -129,7 +129,7 @@ def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
 @pytest.mark.parametrize(("W", "count"), [(1, 1), (8, 13), (2, 1), (4, 1), (8, 1)])
 def test_the_loop_over_regular_runs_does_what_numpy_does(rng, monkeypatch, W, count):
     """A lattice has operations whose operands are in rows that follow each other, and others."""
-    monkeypatch.setattr(operations, "MANY", 0)
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE", 0)
     D, B, steps, fractions = 37, 13 if W == 8 else W, 5, (0.5, -0.25, 0.75)
     field = sf.QuadraticField.from_function(
         lambda x: [1, *(x[i - 1] * (x[(i + 1) % D] - x[i - 2]) - x[i] + 2 for i in range(1, D))], D
@@ -194,7 +194,7 @@ def test_steps_by_elimination_pause(monkeypatch):
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_a_system_takes_the_steps_of_a_long_list(monkeypatch):
     """Of states whose steps are good, rare or missing, those of runs, which solve the equations."""
-    monkeypatch.setattr(operations, "MANY", 0)
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE", 0)
     D = 9
     field = sf.QuadraticField.from_function(
         lambda x: [x[k] * (x[k - 1] - x[(k + 1) % D]) + x[k] ** 2 / 8 - 1 for k in range(D)], D

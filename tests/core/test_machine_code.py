@@ -24,7 +24,6 @@ from suslov_fast.core.fields import (
 )
 from suslov_fast.core.fields.generated_tangent import text_of_orthonormalise, text_of_tangent
 from suslov_fast.core.fields.stages import Stages
-from suslov_fast.core.lists import step as operations
 from suslov_fast.engine import derivatives, stretches
 
 pytestmark = pytest.mark.compiled
@@ -177,7 +176,7 @@ def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
         return met
 
     usual = found()
-    monkeypatch.setattr("suslov_fast.core.lists.step.MANY", 0)
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE", 0)
     for one, other in zip(usual, found(), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -221,7 +220,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew, is_sparse):
         ]
 
     planned = found()
-    monkeypatch.setattr(operations, "MOST", -1)
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.PRODUCTS", -1)
     monkeypatch.setattr(machine_code, "_codes", {})
     caches = (
         (steps_field, "_step_of"),

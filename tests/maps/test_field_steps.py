@@ -169,13 +169,21 @@ def test_fields_have_a_plan_unless_it_takes_too_long():
         assert bool(plans.Step(np.array(terms).T, D).usual) == has_plan
 
 
-def test_linear_fields_have_a_plan_that_may_take_longer(monkeypatch):
-    """Elimination is done once for a step size; one product of states makes it one of each step."""
-    monkeypatch.setattr(plans, "LONGEST", 100)
-    monkeypatch.setattr(plans, "LONGEST_LINEAR", 400)
-    for D, terms, has_plan in ((10, [], True), (10, [(0, 0, 0)], False), (12, [], False)):
-        indices = [*terms, *((i, j, D) for i in range(D) for j in range(D))]
-        assert bool(plans.Step(np.array(indices).T, D).usual) == has_plan
+@pytest.mark.parametrize(
+    ("D", "terms", "longest", "has_plan"),
+    [
+        (10, [], 1000, True),
+        (10, [(0, 0, 0)], 100, False),
+        (10, [], 100, False),
+        (12, [], 1000, False),
+    ],
+)
+def test_the_work_of_a_plan_is_bounded(monkeypatch, D, terms, longest, has_plan):
+    """Also that of elimination which is done once for a step size, of a linear field."""
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.LONGEST", longest)
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.LONGEST_ONCE", 400)
+    indices = [*terms, *((i, j, D) for i in range(D) for j in range(D))]
+    assert bool(plans.Step(np.array(indices).T, D).usual) == has_plan
 
 
 def test_grids_have_a_plan():
@@ -452,9 +460,9 @@ def test_interpreted_fields_without_a_plan(monkeypatch):
 
     planned = [*found()]
     with monkeypatch.context() as patch:
-        patch.setattr("suslov_fast.core.lists.step.MANY", 0)
+        patch.setattr("suslov_fast.core.lists.sizes.CODE", 0)
         np.testing.assert_array_equal(next(found()), planned[0])
-    monkeypatch.setattr(plans, "MOST", -1)
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.PRODUCTS", -1)
     for module, name in (
         ("core.fields.steps", "_step_of"),
         ("core.fields.tangent", "_tangent_of"),

@@ -79,10 +79,9 @@ def test_tangent_vectors_go_through_the_transient(rng):
 @pytest.mark.slow
 @pytest.mark.parametrize("has_loops", [False, True])
 def test_a_line_without_code_of_its_own_ends_when_no_lane_is_left(monkeypatch, has_loops):
-    """By loops, or where LLVM refuses the code. One start is NaN, and one reaches a pole."""
+    """By runs, or where LLVM refuses the code. One start is NaN, and one reaches a pole."""
     if has_loops:
-        monkeypatch.setattr("suslov_fast.core.fields.tangent.MOST", 0)
-        monkeypatch.setattr("suslov_fast.core.fields.tangent.MOST_OF_DENSE", 0)
+        monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE_OF_TANGENT", 0)
     else:
         monkeypatch.setattr("suslov_fast.core.fields.tangent.code_of", lambda *_: None)
     square = sf.QuadraticField([[[1.0]]])
@@ -176,8 +175,7 @@ def test_signs_tell_poles_as_for_runs(method, start, eps, steps, monkeypatch):
         arguments = prey, x0, eps, 5, steps - 5
         assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
     assert told[0].startswith("2 of 3")
-    monkeypatch.setattr("suslov_fast.core.fields.tangent.MOST", 0)  # as of many variables
-    monkeypatch.setattr("suslov_fast.core.fields.tangent.MOST_OF_DENSE", 0)
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE_OF_TANGENT", 0)  # as of many variables
     assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
     monkeypatch.undo()
     monkeypatch.setattr(
@@ -351,8 +349,8 @@ def in_a_cascade(x):
     [(ring, 44, 8.0, 1e-12), (everything, 48, 0.5, 1e-12), (in_a_cascade, 50, 0.1, 1e-10)],
 )
 def test_many_variables(rng, monkeypatch, f, D, size, tolerance):
-    """Loops in place of lists: as NumPy's QR of each derivative; bits over batches and cuts."""
-    monkeypatch.setattr("suslov_fast.core.fields.tangent.MOST", 700)
+    """Runs, or dense loops: as NumPy's QR of each derivative; bits over batches and cuts."""
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE_OF_TANGENT", 700)
     field, x = sf.QuadraticField.from_function(f, D), size + 0.1 * rng.normal(size=(3, D))
     for method in ("auto", "order4"):
         slopes = sf.jacobian(field, x[0], 1 / 64, method=method)
@@ -385,9 +383,7 @@ def test_determinants_above_the_range_of_numbers():
 @pytest.mark.parametrize("most", [4000, 0])
 def test_determinants_of_many_variables(monkeypatch, most):
     """Factors near 1 have a product below rounding: 0.6**100 for x_i' = -x_i and eps = 1/2."""
-    monkeypatch.setattr(
-        "suslov_fast.core.fields.tangent.MOST", most
-    )  # code, or loops over the pattern
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE_OF_TANGENT", most)  # code, or runs
     D = 100
     field = sf.QuadraticField.from_terms([range(D), range(D), [D] * D], -np.ones(D), D)
     exponents = sf.lyapunov_exponents(field, np.ones(D), 0.5, 3)

@@ -11,7 +11,6 @@ from test_field import HENON, LORENZ, henon_heiles, of_hamiltonian
 
 import suslov_fast as sf
 from suslov_fast.core.fields import steps as steps_field
-from suslov_fast.core.lists import step as operations
 
 
 def exact_matrix(f, eps, x):
@@ -180,7 +179,7 @@ def test_the_density_and_steps_of_a_field_too_large_to_plan(rng, monkeypatch):
     """They are found by pivoting; those of a plan are the same."""
     x = rng.normal(size=(5, 4))
     planned, run = sf.invariant_density(HENON, x, 0.25), sf.iterate(HENON, x, 0.25, 3)
-    monkeypatch.setattr(operations, "MOST", -1)
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.PRODUCTS", -1)
     monkeypatch.setattr(steps_field, "_step_of", steps_field._step_of.__wrapped__)
     assert not steps_field.scheme_of(HENON.terms[0], 4).step.usual
     np.testing.assert_allclose(sf.invariant_density(HENON, x, 0.25), planned, rtol=1e-14)

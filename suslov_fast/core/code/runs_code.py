@@ -1,12 +1,13 @@
 """Machine code that carries out any `listed.Program`, for lines of W lanes."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
 
 from ..compiling.codes import CHANGED
 from ..lists.step import OF_NUMBERS, Step
-from .compiler import Text, code_of
+from .compiler import code_of
 from .runs import CALLED, JOINING, KINDS, REGULAR, operand_kinds, programs_of
 from .text import Code
 
@@ -50,8 +51,7 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
     text, all_lanes = Code(W), (1 << W) - 1
     integer = text.integer
     add_runs(text, f"{name}_runs", for_each)
-    text.add(f"define i64 @{name}(i64 %arguments) #0 {{")
-    text.label("entry")
+    text.begin(name, "arguments")
     a = ListArguments(*(text.load("i64", text.plus("%arguments", 8 * k)) for k in SLOT))
 
     def get(slot):
@@ -145,56 +145,53 @@ def add_runs(text, name, for_each, called=(), only=None):
              "i64 %count) #0 {")  # fmt: skip
     text.label("entry")
     end = integer("add", "%heads", integer("mul", "%count", 24))
-    text.jump("run")
-    text.label("run")
-    text.add("  %head = phi i64 [ %heads, %entry ], [ %head1, %next ]")
-    text.add("  %first = phi i64 [ %places, %entry ], [ %last, %next ]")
-    kind, own, size = (text.load("i64", text.plus("%head", 8 * k)) for k in range(3))
-    text.add(f"  %last = add i64 %first, {size}")
-    ways = [f"i64 {number}, label %run{number}" for number in own_kinds]
-    ways += [f"i64 {len(KINDS) + number}, label %regular{number}" for number in regular]
-    text.add(f"  switch i64 {kind}, label %next [ {' '.join(ways)} ]")
-    for number in own_kinds:
-        _add_run(text, number, own, for_each)
-    for number in regular:
-        _add_regular_run(text, number, own, for_each)
-    text.label("next")
-    text.add("  %head1 = add i64 %head, 24")
-    text.branch(text.compare_integers("ult", "%head1", end), "run", "end")
-    text.label("end")
+
+    def take(head, places):
+        kind, own, size = (text.load("i64", text.at(head, k)) for k in range(3))
+        last, cases = integer("add", places, size), {}
+        for k in own_kinds:
+            cases[k] = functools.partial(_add_run, text, k, own, for_each, places, last)
+        for k in regular:
+            at = functools.partial(_add_regular_run, text, k, own, for_each, places, last)
+            cases[len(KINDS) + k] = at
+        text.switch(kind, cases)
+        head = text.plus(head, 24)
+        return {"head": head, "places": last}, text.compare_integers("ult", head, end)
+
+    text.cycle({"head": ("i64", "%heads"), "places": ("i64", "%places")}, take)
     text.add("  ret void")
     text.add("}")
 
 
-def _add_run(text, number, size, for_each):
+def _add_run(text, number, size, for_each, begin, end):
     """Add the loop of a run of a kind, whose operations have places of this size in bytes."""
-    place, before = f"%at{number}", "done_run" if KINDS[number][0] == "sum0" else "run"
-    text.label(f"run{number}")
-    text.add(f"  {place} = phi i64 [ %first, %run ], [ {place}_1, %{before}{number} ]")
-    text.add(f"  {place}_1 = add i64 {place}, {size}")
 
-    def operand(k, kind, at=place):
-        return _load(text, kind, _address(text, kind, at, k, for_each), for_each)
+    def operation(place):
+        following = text.integer("add", place, size)
 
-    value = _value(text, number, operand, place, f"{place}_1")
-    text.store(text.V, value, _address(text, "r", place, 0, for_each))
-    text.branch(text.compare_integers("ult", f"{place}_1", "%last"), f"run{number}", "next")
+        def operand(k, kind, at=place):
+            return _load(text, kind, _address(text, kind, at, k, for_each), for_each)
+
+        value = _value(text, number, operand, place, following)
+        text.store(text.V, value, _address(text, "r", place, 0, for_each))
+        return {"place": following}, text.compare_integers("ult", following, end)
+
+    text.cycle({"place": ("i64", begin)}, operation)
 
 
-def _add_regular_run(text, number, count, for_each):
+def _add_regular_run(text, number, count, for_each, begin, end):
     """Add the loop of a regular run of a kind, whose operands are in rows that follow each other.
 
     It takes four operations of a single lane at once, and some of the last four twice.
     """
     integer, at_once = text.integer, 4 if text.W == 1 else 1
-    inner, kinds = Text(max(text.W, at_once), text), f"r{operand_kinds(number)}"
-    text.label(f"regular{number}")
-    firsts = [_address(text, kind, "%first", k, for_each) for k, kind in enumerate(kinds)]
+    inner, kinds = Code(max(text.W, at_once), text), f"r{operand_kinds(number)}"
+    firsts = [_address(text, kind, begin, k, for_each) for k, kind in enumerate(kinds)]
     last = integer("sub", count, at_once)
     times = integer("udiv", text.plus(count, at_once - 1), at_once)
-    with text.loop(f"regular_{number}", times) as n:
+    with text.times(times) as n:
         n = integer("mul", n, at_once)
-        n = text.new(f"select i1 {text.compare_integers('ult', n, last)}, i64 {n}, i64 {last}")
+        n = text.choice("i64", text.compare_integers("ult", n, last), n, last)
 
         def following(kind, address):
             return integer("add", address, integer("mul", n, _size(text, kind, for_each)))
@@ -203,9 +200,8 @@ def _add_regular_run(text, number, count, for_each):
             first = firsts[k] if at is None else _address(text, kind, at, k, for_each)
             return _load(inner, kind, following(kind, first), for_each)
 
-        value = _value(inner, number, operand, "%first", "%last")
+        value = _value(inner, number, operand, begin, end)
         inner.store(inner.V, value, following("r", firsts[0]))
-    text.jump("next")
 
 
 def _size(text, kind, for_each):
@@ -254,32 +250,28 @@ def _value(text, number, operand, begin, end):
 def _sum(text, number, operand, begin, end):
     """Return the sum of an optional start and of products."""
     instruction, kinds = KINDS[number]
-    start, (one, other), outer = kinds[:-2], kinds[-2:], text.target
-    total, first, before = operand(1, start) if start else None, 1 + len(start), outer.block
+    start, (one, other) = kinds[:-2], kinds[-2:]
+    total, first = operand(1, start) if start else None, 1 + len(start)
     for k in range(first, first + 2 * (int(instruction[-1]) or not start), 2):
         term = text.operate("fmul", operand(k, one), operand(k + 1, other))
         total = term if total is None else text.operate("fadd", total, term)
     if instruction != "sum0":
         return total
-    at, label = text.plus(begin, 4 * (first + 2 * (not start))), f"terms_{before}"
-    outer.jump(label)  # a long sum has more products
-    outer.label(label)
-    text.add(f"  %at_{label} = phi i64 [ {at}, %{before} ], [ %at_{label}_1, %{label} ]")
-    text.add(f"  %{label}_0 = phi {text.V} [ {total}, %{before} ], [ %{label}_1, %{label} ]")
-    term = text.operate("fmul", operand(0, one, f"%at_{label}"), operand(1, other, f"%at_{label}"))
-    text.add(f"  %{label}_1 = fadd {text.V} %{label}_0, {term}")
-    text.add(f"  %at_{label}_1 = add i64 %at_{label}, 8")
-    more = text.compare_integers("ult", f"%at_{label}_1", end)
-    text.branch(more, label, f"done_{before}")
-    outer.label(f"done_{before}")
-    return f"%{label}_1"
+
+    def add(at, total):  # a long sum has more products
+        term = text.operate("fmul", operand(0, one, at), operand(1, other, at))
+        at = text.plus(at, 8)
+        found = {"at": at, "total": text.operate("fadd", total, term)}
+        return found, text.compare_integers("ult", at, end)
+
+    at = text.plus(begin, 4 * (first + 2 * (not start)))
+    return text.cycle({"at": ("i64", at), "total": (text.V, total)}, add)["total"]
 
 
 def text_of_listed_step(step, name, *_):
     """Return the text of `generated.text_of_step` for a long list; its table is `numbers_of`."""
     programs, text = programs_of(step), Code(1)
-    text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
-    text.label("entry")
+    text.begin(name, "x", "table")
     rows = text.memory(max(programs.usual.rows, programs.rare.rows))
     own, tables = text.memory(len(SLOT)), text.memory(2)
     text.store("i64", "%table", tables)

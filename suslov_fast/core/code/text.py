@@ -30,6 +30,12 @@ class Code(Text):
         self.target.lines.append(f"{name}:")
         self.block = self.target.block = name
 
+    def begin(self, name, *arguments):
+        """Begin the function i64 name(arguments), of integers."""
+        arguments = ", ".join(f"i64 %{argument}" for argument in arguments)
+        self.add(f"define i64 @{name}({arguments}) #0 {{")
+        self.label("entry")
+
     @contextmanager
     def function(self, name):
         """Add void name(from, table, to, scratch), whose body is the block of `with`."""
@@ -85,13 +91,13 @@ class Code(Text):
         self.jump(f"{name}_after")
         self.label(f"{name}_after")
 
-    def otherwise(self, truth, values, body, kinds=None):
-        """Return these values if a truth value is true, as is likely, else what `body()` returns.
+    def otherwise(self, truth, values, body, kinds=None, likely=True):
+        """Return these values if a truth value is true, else what `body()` returns.
 
         They are W numbers each, or of these kinds.
         """
         name, before = self._name("otherwise"), self.target.block
-        self.branch(truth, f"{name}_after", name, likely=True)
+        self.branch(truth, f"{name}_after", name, likely)
         self.label(name)
         others, end = body(), self.target.block
         self.jump(f"{name}_after")
@@ -127,6 +133,17 @@ class Code(Text):
         self.branch(goes_on, name, f"{name}_after")
         self.label(f"{name}_after")
         return found
+
+    def switch(self, value, cases):
+        """Add a block for each of some integers, which `cases[integer]()` writes."""
+        name = self._name("switch")
+        ways = " ".join(f"i64 {number}, label %{name}_{number}" for number in cases)
+        self.add(f"  switch i64 {value}, label %{name}_after [ {ways} ]")
+        for number, body in cases.items():
+            self.label(f"{name}_{number}")
+            body()
+            self.jump(f"{name}_after")
+        self.label(f"{name}_after")
 
     @contextmanager
     def times(self, count):

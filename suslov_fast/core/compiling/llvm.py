@@ -7,8 +7,6 @@ Each function brings its own typing and lowering, because an overload is itself 
 `gep` name their types, because pointers of later versions of llvmlite have none.
 """
 
-import operator
-
 from llvmlite import ir
 from numba import types
 from numba.core.imputils import lower_constant
@@ -181,60 +179,3 @@ def _lesser(context, builder, signature, arguments):
     is_float = isinstance(signature.return_type, types.Float)
     compare = builder.fcmp_ordered if is_float else builder.icmp_signed
     return builder.select(compare("<", a, b), a, b)
-
-
-# ---------------------------------------------------------------------------------------- vectors
-QUAD = 4  # numbers of a vector
-_QUAD = ir.VectorType(_NUMBER, QUAD)
-
-
-class _Quad(types.Type):
-    """The type of vectors."""
-
-
-_quad = _Quad("Quad")
-register_model(_Quad)(lambda manager, kind: models.PrimitiveModel(manager, kind, _QUAD))
-
-
-def get(array, i):
-    """Return the vector i of an array (-,). NUMBA_BOUNDSCHECK does not check i, here and in `put`.
-
-    LLVM does not see by itself that arrays do not overlap. Vectors have products and differences.
-    """
-    return array[i * QUAD : (i + 1) * QUAD].copy()
-
-
-def put(array, i, quad):
-    """Set the vector i of an array (-,)."""
-    array[i * QUAD : (i + 1) * QUAD] = quad
-
-
-type_callable(get)(lambda context: lambda array, i: _quad)
-type_callable(put)(lambda context: lambda array, i, quad: types.none)
-
-
-def _place(context, builder, signature, arguments):
-    array = context.make_array(signature.args[0])(context, builder, arguments[0])
-    i = context.cast(builder, arguments[1], signature.args[1], types.intp)
-    data = builder.bitcast(array.data, _QUAD.as_pointer())
-    return builder.gep(data, [i], source_etype=_QUAD)
-
-
-@lower_builtin(get, types.Array, types.Integer)
-def _get(context, builder, signature, arguments):
-    return builder.load(_place(context, builder, signature, arguments), align=8, typ=_QUAD)
-
-
-@lower_builtin(put, types.Array, types.Integer, _Quad)
-def _put(context, builder, signature, arguments):
-    builder.store(arguments[2], _place(context, builder, signature, arguments), align=8)
-    return context.get_dummy_value()
-
-
-for _operator, _instruction in ((operator.mul, "fmul"), (operator.sub, "fsub")):
-    type_callable(_operator)(lambda context: lambda a, b: _quad if a == b == _quad else None)
-    lower_builtin(_operator, _Quad, _Quad)(
-        lambda context, builder, signature, arguments, emit=_instruction: getattr(builder, emit)(
-            *arguments
-        )
-    )

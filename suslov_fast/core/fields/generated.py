@@ -49,6 +49,16 @@ SLOT = CodeArguments(*range(len(CodeArguments._fields)))  # places in the array
 
 
 # ---------------------------------------------------------------------------------------- a stage
+class Rare(NamedTuple):
+    """What the rare operations of a stage find."""
+
+    after: list  # the next state, where it is accurate
+    accurate: str
+    good: str  # the bits of lanes where it is
+    told: str  # of lanes with det A < 0; from CHANGED on, in which a component changed its sign
+    values: dict
+
+
 class Stage:
     """A stage of a line: its operations, and what it tells.
 
@@ -58,34 +68,29 @@ class Stage:
     def __init__(self, text, step, load):
         self.text, self.step, self.load, self.values = text, step, load, {}
 
-    def take(self, x):
+    def take(self, x, others=()):
         """Carry out the usual operations on the state x; return the next state."""
-        self.values = dict(enumerate(x))
+        self.values = dict(enumerate(x)) | dict(others)
         self.text.carry_out(self.step.usual, self.values, self.load)
-        return self.results(self.step.after)
+        return self._results(self.values, self.step.after)
 
-    def results(self, numbers):
-        """Return values by their numbers."""
-        return [self.values[k] if k in self.values else self.load(k) for k in numbers]
+    def _results(self, values, numbers):
+        return [values[k] if k in values else self.load(k) for k in numbers]
 
     def is_good(self):
         """Return whether the usual operations suffice in all lanes."""
         return self.text.all_true(self.values[self.step.good])
 
     def take_rare(self):
-        """Carry out the rare operations, too.
-
-        Return the next state, where it is accurate, the bits of these lanes, and those of lanes
-        with det A < 0, and from CHANGED on of lanes in which a component changed its sign.
-        """
-        text, step = self.text, self.step
-        text.carry_out(step.rare, self.values, self.load)
-        accurate = self.values[step.accurate]
-        told = text.bits(self.values[step.negative])
+        """Carry out the rare operations, too; return `Rare`."""
+        text, step, values = self.text, self.step, dict(self.values)
+        text.carry_out(step.rare, values, self.load)
+        accurate, told = values[step.accurate], text.bits(values[step.negative])
         if step.changed is not None:
-            changed = text.integer("shl", text.bits(self.values[step.changed]), CHANGED)
+            changed = text.integer("shl", text.bits(values[step.changed]), CHANGED)
             told = text.integer("or", told, changed)
-        return self.results(step.after_rare), accurate, text.bits(accurate), told
+        after = self._results(values, step.after_rare)
+        return Rare(after, accurate, text.bits(accurate), told, values)
 
 
 def loader(text, step, for_each, state, table, fixed=()):
@@ -156,8 +161,7 @@ class _Steps:
     def finished(self):
         """Return the whole text."""
         text = self.text
-        text.add(f"define i64 @{self.name}(i64 %arguments) #0 {{")
-        text.label("entry")
+        text.begin(self.name, "arguments")
         self.of = of = CodeArguments(*(text.load("i64", self.slot(k)) for k in SLOT))
         at = {"lo": of.line, "n": of.n, "stage": of.stage, "until": of.until, "row": of.row}
         last = text.cycle({key: ("i64", value) for key, value in at.items()}, self.block)
@@ -248,7 +252,7 @@ class _Steps:
             # Loaded and computed anew, so that the registers of usual lines need not be stored.
             x = [text.row(state, i) for i in range(self.step.D)]
             stage.take(x)
-        after, accurate, good, told = stage.take_rare()
+        after, accurate, good, told, _ = stage.take_rare()
         after = [text.select(accurate, *both) for both in zip(after, x, strict=True)]
         for k, value in enumerate(after):
             text.put(value, state, k)
@@ -365,13 +369,12 @@ def text_of_step(step, name, *_):
     It returns 1, and leaves the state, if the step is not accurate; else 2 if det A < 0, or 0.
     """
     text = Code(1)
-    text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
-    text.label("entry")
+    text.begin(name, "x", "table")
     stage = Stage(text, step, loader(text, step, False, "%x", "%table"))
     usual = stage.take([text.row("%x", i) for i in range(step.D)])
 
     def rare():
-        after, accurate, _, told = stage.take_rare()
+        after, accurate, _, told, _ = stage.take_rare()
         with text.when(text.new(f"xor i1 {accurate}, true")):
             text.leave("i64 1")
         negative = text.integer("and", told, 1)

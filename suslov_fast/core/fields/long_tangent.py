@@ -125,9 +125,7 @@ def text_of_runs(_, name, *_others):
     inner, integer = Code(LANES, text), text.integer
     add_runs(text, f"{name}_runs", False)
     add_runs(columns, f"{name}_columns", False, only=("sum", "copy"))
-    arguments = "i64 %line, i64 %table, i64 %kept, i64 %plan, i64 %ignored, i64 %steps"
-    text.add(f"define i64 @{name}({arguments}) #0 {{")
-    text.label("entry")
+    text.begin(name, "line", "table", "kept", "plan", "ignored", "steps")
     a = Plan(*(text.load("i64", text.at("%plan", k)) for k in SLOT))
     last = text.memory(1)
     text.store("i64", 0, last)

@@ -29,6 +29,7 @@ from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
 from ..compiling.llvm import call_code, for_size, lesser
 from ..compiling.numba import function, inlined, kernel, share
+from ..lists import sizes
 from ..lists.step import Tangent, length_of
 from . import long_tangent
 from .careful import changes_sign
@@ -52,9 +53,6 @@ from .lengths import orthonormalise, take_logarithms
 from .stages import distinct
 from .steps import Scheme, scheme_of, tables_of
 
-# Operations of a step with columns, above which one trajectory at a time (`long_tangent`) is
-# faster, or compiling takes longer than most runs.
-MOST = 4000
 # Steps, after which columns that lose digits soon are orthonormalised, too: those of several lanes
 # at once, which takes no longer than those of one.
 INTERVAL = 8
@@ -93,7 +91,7 @@ def _tangent(step):
 def _is_long(step):
     """Return whether `long_tangent` takes the steps of a field with columns."""
     tangent = _tangent(step)
-    return tangent.length + length_of(tangent.columns) > MOST or not tangent.usual
+    return tangent.length + length_of(tangent.columns) > sizes.CODE_OF_TANGENT or not tangent.usual
 
 
 @functools.lru_cache(8)

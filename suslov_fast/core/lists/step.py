@@ -28,6 +28,7 @@ from itertools import chain
 
 import numpy as np
 
+from . import sizes
 from .far import PARTS
 from .functions import ELEMENTARY
 from .planned_elimination import Factors, Matrix, elimination_order, places_of, work_of
@@ -36,11 +37,6 @@ from .planned_elimination import Factors, Matrix, elimination_order, places_of, 
 # components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
-MANY = 4000  # operations of a list, above which compiling takes longer than it saves: see `listed`
-# A field has a plan unless more terms and products of elimination depend on the state than MOST,
-# and than a part of those of a dense matrix, because elimination without a plan is faster then; or
-# unless planning takes long: more than LONGEST products in all.
-MOST, PART_OF_DENSE, LONGEST = 36_000, 1 / 24, 1_500_000
 AT_MOST = 8  # factors of abs(det DPhi) near 1, after which their product may be far from 1
 
 
@@ -246,7 +242,7 @@ class Step:
     changed     true if a component that keeps its sign along the motion does not; a value of
                 `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
-    is_long     true if loops carry out the operations, because there are more than MANY
+    is_long     true if loops carry out the operations, because there are many
     of_one_sign   components that keep their signs along the motion
     keeps_signs   true if the operations are a whole step, so that they test these signs
     """
@@ -263,7 +259,9 @@ class Step:
         order, right = elimination_order(pattern, D), {}
         work, of_state = work_of(pattern, order, varying)
         of_state += int((indices[2] < D).sum())
-        if work > LONGEST or of_state > max(MOST, PART_OF_DENSE * D**3):
+        dense = max(sizes.PRODUCTS, sizes.PART_OF_DENSE * D**3)
+        is_long = work > sizes.LONGEST or work - of_state > sizes.LONGEST_ONCE
+        if is_long or of_state > dense:
             return
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         self.factors = Factors(matrix, order, right)
@@ -276,7 +274,7 @@ class Step:
         self._separate_fixed()
 
     length = functools.cached_property(lambda self: length_of(self.usual))
-    is_long = property(lambda self: self.length > MANY)
+    is_long = property(lambda self: self.length > sizes.CODE)
 
     def _add_tests(self, halves):
         """Add the tests that increments do not cancel the state, and that pivots are not small.

@@ -98,7 +98,7 @@ def test_variables_of_our_datasets_are_arrays():
         states.transpose("start", "n", "component"), states.rename(component="Omega"), [states],
         states.to_dataset(name="omega"),
     ):  # fmt: skip
-        with pytest.raises(TypeError, match=r"omega.*\.to_numpy\(\)"):
+        with pytest.raises(TypeError, match=r"omega\b"):
             sf.energy(BODY, value)
 
 

@@ -120,8 +120,8 @@ def _arguments_of(result: Any) -> dict[str, Any]:
 
 
 def with_time(data: Any) -> Any:
-    """Return a dataset with the coordinate `time`: n eps for runs of a map."""
-    if "n" not in data.dims:
+    """Return a dataset with the coordinate `time`, which runs of a map lack: n eps."""
+    if "time" in data.variables:
         return data
     time = data.variables["n"] * data.variables["eps"]
     time.attrs = {"long_name": "time"}

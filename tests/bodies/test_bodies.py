@@ -165,7 +165,7 @@ def test_selection_by_value():
     assert bodies.sel(I1=slice(7, None)).shape == (0, 3)
     decreasing = QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=[3, 1, 2])
     assert decreasing.sel(a=slice(2, 9)).parameters["a"].tolist() == [3, 2]
-    with pytest.raises(ValueError, match=r"^I1.* 4.0, or method="):  # equal, not close
+    with pytest.raises(ValueError, match=r"^I1\b"):  # equal, not close
         bodies.sel(I1=np.nextafter(4.0, 5.0))
     table = Suslov3D([[1, 2], [3, 4]], 1, 0, 0)
     for family, name, words in (

@@ -27,6 +27,7 @@ from scipy.interpolate import interp1d
 
 import suslov_fast as sf
 from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, checks, maps
+from suslov_fast.bodies.base import OF_AUTHORS
 from suslov_fast.keywords import instead, public
 
 NAN, INF, ID = float("nan"), float("inf"), np.eye(3)
@@ -134,7 +135,6 @@ TABLE = [
      lambda: RUN.plot("run.png"), lambda: RUN.plot("time", "energy"),
      lambda: POINTS.plot("rho", "u")),
     (sf.NotIntegrableError, "criticality", lambda: sf.criticality(ND, [1, 2, 3], 0.1)),
-    (TypeError, "crossings", lambda: POINTS["x1"], lambda: POINTS[0]),
     (TypeError, "dimension", field([1, 2], [*sympy.symbols("u v")]), field(2, lambda x: x),
      field(lambda x: (1,), 1.5), field(tuple, ["u", 1])),
     (ValueError, "dimension", changed(dimension=0), field(lambda x: (x[1], 1), r"\theta w"),
@@ -274,7 +274,7 @@ TABLE = [
     (TypeError, "rho", lambda: FAMILY["rho"]),
     (ValueError, "rho", lambda: FAMILY.sel(rho=21)),
     (ValueError, "rotation", lambda: sf.to_matrix(BODY, [1, 2], rotation=np.eye(2))),
-    (TypeError, "run", lambda: RUN["x1"], lambda: RUN["time"]),
+    (TypeError, "run", lambda: RUN["x1"], lambda: RUN["time"], lambda: POINTS["x1"]),
     (FileNotFoundError, "run.npz", lambda: sf.Trajectories.load("nowhere/run.npz")),
     (TypeError, "save_every", run(save_every=1.5)),
     (ValueError, "save_every", run(save_every=0)),
@@ -360,7 +360,7 @@ ATTRIBUTES = [
     (RUN, "lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"), (MOTION, "t", "time"),
     (MOTION, "sol", "states"), (MOTION, "Omega2", r"run\.omega\[\.\.\., 1\]"),
     (MOTION, "nfev", ""), (POINTS, "index", "trajectory"), (POINTS, "t_events", "time|crossings"),
-    (POINTS, "x1", r"crossings\.states\[:, 0\]"), (BODY, "energy", r"suslov_fast\.energy"),
+    (POINTS, "x1", r"run\.x\[\.\.\., 0\]"), (BODY, "energy", r"suslov_fast\.energy"),
     (BODY, "trajectory", r"suslov_fast\.iterate"), (BODY, "dim", "dimension"),
     (NAMED, "rho", "parameters"), (NAMED, "to_latex", "str"), (FIELD, "sigma", ""),
     (sf, "odeint", "flow"), (sf, "zoo", "integrability"),
@@ -403,7 +403,7 @@ def callables():
         if not inspect.isclass(thing) or thing in MADE_FOR_MAPS:
             continue
         in_laboratory = thing.__module__.startswith("suslov_fast.integrability")
-        for name in IN_LABORATORY if in_laboratory else dir(thing):
+        for name in IN_LABORATORY if in_laboratory else sorted({*dir(thing)} - OF_AUTHORS):
             method = getattr(thing, name, None)
             ours = (getattr(method, "__module__", "") or "").startswith("suslov_fast")
             if ours and inspect.isroutine(method) and (in_laboratory or not name.startswith("_")):

@@ -77,9 +77,7 @@ def test_states_that_are_not_consecutive(case):
         with pytest.raises(ValueError, match=r"state 0 of trajectory 0 to the next"):
             sf.attitude(body, wrong, 0.2)
     for eps in (0.2001, -0.2, 0.4, 0.0):
-        with pytest.raises(
-            ValueError, match="omega: a step of the map with this eps does not take state"
-        ):
+        with pytest.raises(ValueError, match=r"omega\b"):
             sf.attitude(body, omega, eps)
     slow = states(body, omega0, 1e-8, 4)
     sf.attitude(body, slow, 1e-8)

@@ -449,7 +449,7 @@ def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian
             steps = {min(reached[-1] - 5 + more, 40) for more in (0, 1)}
             assert any(np.array_equal(found, exponents(each)) for each in steps)
     assert sf.lyapunov_exponents(family, np.empty((0, 1, 2)), 0.1, 4).size == 0
-    with pytest.raises(TypeError, match=r"^progress must be True"):
+    with pytest.raises(TypeError, match=r"^progress\b"):
         sf.lyapunov_exponents(family, starts, 0.1, 40, progress=len)
 
 

@@ -336,7 +336,7 @@ class Bar:
 @pytest.mark.parametrize("progress", [Bar, lambda: 0, lambda done: 0, dict, len, 3])
 def test_what_progress_is_called_with(progress):
     """Before anything is computed; `tqdm.tqdm` takes an iterable."""
-    with pytest.raises(TypeError, match=r"^progress must be True.*progress\(done, total\)"):
+    with pytest.raises(TypeError, match=r"^progress\b"):
         sf.iterate(BODY, STARTS, 0.2, 3, progress=progress)
 
 

@@ -218,7 +218,8 @@ def page(content):
             row = record["rows"][k] if record["rows"] else {}
             found = [row.get(m) for m in METHODS]
             cells = [record["name"], str(record["D"])]
-            cells += ["" if each is None else figure(each[0], 2) for each in found]
+            errors = (None if each is None else each[0] for each in found)
+            cells += ["" if e is None else figure(e, 2) if e >= 0.01 else "< 0.01" for e in errors]
             cells.append("" if found[0] is None else f"{found[0][1]:,}")
             cells += ["" if each is None else figure(1e3 * each[2], 2) for each in found]
             text.append("| " + " | ".join(cells) + " |")

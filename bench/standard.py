@@ -36,7 +36,7 @@ from suslov_fast import Field, flow
 
 RTOL = 1e-4, 1e-6, 1e-9
 FOLDER = results.BENCH / "results"
-PATIENCE = 5.0  # seconds for a solver of SciPy, 20 times as many for a reference
+PATIENCE = 2.0  # seconds for a solver of SciPy, 20 times as many for a reference
 EXPLICIT = "PLEI", "RING", "BEAM"  # other references that DOP853 reaches
 TINY = 2.0**-20  # of the largest component: smaller ones have no relative digits by default
 

@@ -204,7 +204,7 @@ METHODS = "flow", "LSODA", "Radau", "DOP853"
 def page(content):
     """Return the text of the docs: a table for each tolerance."""
     info = SimpleNamespace(machine=content["machine_info"], date=content["datetime"])
-    text = [f"Measured on {caption(info)}.\n"]
+    text = [f"Times are those of the processor, measured on {caption(info)}.\n"]
     for k, rtol in enumerate(RTOL):
         text.append(f"**rtol = {rtol:.0e}**".replace("e-0", "e-") + "\n")
         head = ["", "D", *(f"error: {m}" for m in METHODS), "steps: flow"]

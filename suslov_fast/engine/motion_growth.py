@@ -76,9 +76,10 @@ class _Run:
 
     def __init__(self, f: Any, table: FloatArray, x: FloatArray, settings: Settings, threads: int):
         self.f, self.table, self.x = f, table, x.copy()
-        self.settings, self.threads, self.tangent = settings, threads, variational(f)
-        self.of_tangent = np.ascontiguousarray(self.tangent.table_of(table.T).T)
-        self.n = f.D - len(f.clocks)
+        self.settings, self.threads = settings, threads
+        self.moving = np.setdiff1d(np.arange(f.D), [*f.clocks])
+        self.n = len(self.moving)
+        self.tangent = variational(f, self.n, True)
         self.Q = np.tile(np.eye(self.n), (len(x), 1, 1))
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
         self.t = np.zeros(len(x))
@@ -120,16 +121,17 @@ class _Run:
         sizes = np.exp2(np.round(np.log2(abs(self.x[which]).max(axis=1) + 2.0**-1000)))
         start = np.zeros((K, self.tangent.D))
         start[:, :D] = self.x[which]
-        columns = self.Q[which].transpose(0, 2, 1).reshape(K, n * n)
-        start[:, D : D + n * n] = columns * sizes[:, np.newaxis]
+        columns = start[:, D:-2].reshape(K, n, D)
+        columns[:, :, self.moving] = self.Q[which].transpose(0, 2, 1) * sizes[:, None, None]
         start[:, -2] = sizes
         states = np.full((1, K, self.tangent.D), np.nan)
-        table = self.of_tangent if self.table.ndim == 1 else self.of_tangent[which]
+        table = self.table if self.table.ndim == 1 else self.table[which]
         arguments = self.tangent, table, start, np.array([length]), 1, self.settings, states
         _, t, _, status = call_engine(*arguments, self.threads)
         (end,) = states
         ended = status != Status.OK
-        V = end[:, D : D + n * n].reshape(K, n, n).transpose(0, 2, 1) / sizes[:, None, None]
+        columns = end[:, D:-2].reshape(K, n, D)[:, :, self.moving]
+        V = columns.transpose(0, 2, 1) / sizes[:, None, None]
         V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(n)
         Q, R = np.linalg.qr(V)
         diagonal = abs(np.diagonal(R, axis1=1, axis2=2))

@@ -71,13 +71,39 @@ MOTION = (
     Column("end", "float64", "batch", "time at which a solution ends"),
     Column("steps", "int64", "batch", "number of steps", fill=PENDING),
     Column("status", "int8", "batch", fill=PENDING, is_last=True),
+    Column("_derivatives", "float64", "time batch component direction", when="derivatives"),
 )
-OF_KIND = {"Trajectories": RUN, "Crossings": CROSSINGS, "Motion": MOTION}
+MOTION_CROSSINGS = (
+    Column("surface", "int64", "crossing"),
+    Column("time", "float64", "crossing"),
+    Column("states", "float64", "crossing component"),
+    Column("count", "int64", "batch"),
+    Column("status", "int8", "batch"),
+    Column("end", "float64", "batch"),
+    Column("final", "float64", "batch component"),
+    Column("steps", "int64", "batch"),
+)
+OF_KIND = {
+    "Trajectories": RUN,
+    "Crossings": CROSSINGS,
+    "Motion": MOTION,
+    "MotionCrossings": MOTION_CROSSINGS,
+}
 # The arguments of the functions that made a result: texts, numbers or None.
 ARGUMENTS = {
     "Trajectories": ("method", "steps", "save_every"),
     "Crossings": ("method", "steps", "transient", "direction", "most"),
-    "Motion": ("rtol", "atol", "max_step", "stiff"),
+    "Motion": ("rtol", "atol", "max_step", "stiff", "derivatives"),
+    "MotionCrossings": (
+        "last",
+        "transient",
+        "direction",
+        "most",
+        "rtol",
+        "atol",
+        "max_step",
+        "stiff",
+    ),
 }
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
+from ..bodies.fields.field import QuadraticField
 from ..bodies.fields.field_of_terms import FieldOfFunction
+from ..bodies.fields.general import Field
 from ..bodies.nd import NotIntegrableError
-from ..checks import FloatArray
+from ..checks import FloatArray, short, wrong
 from ..core.motion.engine import Settings
 from ..engine.motions import Found, nothing_found, solve
 from ..engine.problem import Problem
+from ..engine.sensitivity import Columns
 from ..engine.starts import checked_settings, checked_starts, checked_times, warn_of_ends
 from ..engine.status import Status
 from ..engine.stretches import Progress, Report, reporter
@@ -38,6 +42,7 @@ def flow(
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
+    derivatives: str | Sequence[str] = (),
     threads: int | None = None,
     progress: Progress = None,
 ) -> Motion:
@@ -67,6 +72,12 @@ def flow(
     stiff : bool, optional
         True or False takes all steps by the method for stiff equations, or by the other one. By
         default each trajectory chooses, from step to step.
+    derivatives : str or sequence of str
+        "x0", and names of parameters of the field: what ``motion.derivative(name)`` is wanted by.
+        Derivatives solve the variational equations beside the states, with the same tolerance:
+        those by x0 relative to the size of x0, those by a parameter relative to its size. Where f
+        jumps, what follows from the moment of the jump is not in them. The motion of a body whose
+        closed form is known is computed to the tolerance, too.
     threads : int, optional
         As in :func:`iterate`; a solution has the same bits on any number of threads, in any batch.
     progress : bool or callable, optional
@@ -117,10 +128,16 @@ def flow(
     checks.instance("system", system, Body)
     times, sign = checked_times(time)
     settings = checked_settings(system, rtol, atol, max_step, stiff)
-    x, batch = checked_starts(system, x0, len(times))
+    asked, field = checked_derivatives(system, derivatives)
+    directions = sum(system.dimension if name == "x0" else 1 for name in asked)
+    x, batch = checked_starts(system, x0, len(times) * (1 + directions))
+    of_columns = None
     with reporter(progress, len(times) * math.prod(batch)) as report:
-        arguments = times, sign, settings, thread_count(threads), report
-        found = motion_of(system, x, batch, *arguments)
+        others = times, sign, settings, thread_count(threads), report
+        if asked:
+            found, of_columns = _with_derivatives(field, x, batch, asked, *others)
+        else:
+            found = motion_of(system, x, batch, *others)
     warn_of_ends(found, x, batch)
     return Motion._of(
         {
@@ -134,8 +151,56 @@ def flow(
             "atol": settings.atol,
             "max_step": max_step if max_step is None else settings.longest,
             "stiff": stiff,
+            "derivatives": asked,
+            "_derivatives": of_columns,
         }
     )
+
+
+def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...], Any]:
+    """Return the names of derivatives, and the field whose equations have them."""
+    names = (derivatives,) if isinstance(derivatives, str) else derivatives
+    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
+        raise wrong("derivatives", "a tuple of names", short(derivatives), TypeError)
+    field, named = system if isinstance(system, FieldOfFunction) else None, ()
+    if names and field is None:
+        field = system.field()
+    if {*names} - {"x0"}:
+        if isinstance(field, QuadraticField) and field.remake is not None:
+            maker, (f, *others) = field.remake.func, field.remake.args
+            make = getattr(Field, maker.__name__)
+            field = make(f, *others, **field.parameters)
+        named = field.coordinates if isinstance(field, Field) else ()
+        if unknown := [name for name in names if name not in ("x0", *named)]:
+            how = f"{', '.join(map(repr, ('x0', *named)))}"
+            if not named and system.parameters:
+                how += ", because this system keeps no function of its parameters: make it by "
+                how += "Field.from_function"
+            raise wrong("derivatives", f"names of {how}", short(unknown[0]))
+    if len({*names}) < len(names):
+        raise wrong("derivatives", "different names", short(names))
+    return tuple(names), field
+
+
+def _with_derivatives(
+    field: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    asked: tuple[str, ...],
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    threads: int | None,
+    report: Report | None,
+) -> tuple[Found, FloatArray]:
+    """Return the motion, and its derivatives (n, ..., D, C), those by x0 first."""
+    parameters = tuple(name for name in asked if name != "x0")
+    columns = Columns(field, x, batch, "x0" in asked, parameters, settings)
+    others = times, sign, columns.settings, threads, report
+    found = _to_tolerance(columns.field, columns.starts, batch, *others)
+    states, derivatives = columns.parted(found.states)
+    shape = len(times), *batch, *derivatives.shape[2:]
+    return found._replace(states=states), derivatives.reshape(shape)
 
 
 # ------------------------------------------------------------------------------------------ motions

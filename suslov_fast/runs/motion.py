@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray
+from ..checks import FloatArray, one_of, short, wrong
+from ..keywords import public
 from .results import QUANTITIES, States
 
 # Quantities that take a step size, which is 0 along the motion.
@@ -40,7 +41,7 @@ class Motion(States):
         Number of steps that were taken; 0 where the solution is exact.
     ok : bool
         True if all solutions reach the last time.
-    body, rtol, atol, max_step, stiff
+    body, rtol, atol, max_step, stiff, derivatives
         The arguments of :func:`flow`.
 
     Notes
@@ -72,6 +73,50 @@ class Motion(States):
     atol: float | tuple[float, ...] | None
     max_step: float | None
     stiff: bool | None
+    derivatives: tuple[str, ...] = ()
+    _derivatives: FloatArray | None = None  # (n, ..., D, C) those by x0 first
+
+    @public
+    def derivative(self, by: str) -> FloatArray:
+        """Return the derivatives of the states by the starts, or by a parameter.
+
+        Parameters
+        ----------
+        by : str
+            "x0", or the name of a parameter: one of `derivatives`, see :func:`flow`.
+
+        Returns
+        -------
+        ndarray(float, shape=(n, ..., D, D) or (n, ..., D))
+            The derivative of component i by component j of x0 at [..., i, j]; by a parameter that
+            of component i at [..., i].
+
+        Raises
+        ------
+        TypeError, ValueError
+            If :func:`flow` was not called with this name in `derivatives`.
+
+        Examples
+        --------
+        How does a decay depend on its rate, and on its start?
+
+        >>> from suslov_fast import Field, flow
+        >>> decay = Field.from_function(lambda x, k: (-k * x[0],), "c", k=0.5)
+        >>> motion = flow(decay, [3.0], time=[0.0, 2.0], derivatives=("x0", "k"))
+        >>> motion.derivative("k").round(6), motion.derivative("x0").round(6).tolist()
+        (array([[ 0.      ],
+               [-2.207277]]), [[[1.0]], [[0.367879]]])
+        """
+        if not self.derivatives:
+            how = "a name in derivatives: flow(..., derivatives=('x0',))"
+            raise wrong("by", how, short(by))
+        by, D = one_of("by", by, self.derivatives), self.body.dimension
+        assert self._derivatives is not None
+        if by == "x0":
+            return np.ascontiguousarray(self._derivatives[..., :D])
+        parameters = [name for name in self.derivatives if name != "x0"]
+        k = parameters.index(by) + D * ("x0" in self.derivatives)
+        return np.ascontiguousarray(self._derivatives[..., k])
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -8,7 +8,8 @@ from suslov_fast.core.lists.elimination import Elimination
 from suslov_fast.core.lists.numbers import Number
 from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
 from suslov_fast.core.lists.step import evaluate
-from suslov_fast.core.motion import columns, engine, functions, half, one
+from suslov_fast.core.lists.variational import variational
+from suslov_fast.core.motion import columns, engine, functions, half, one, stepping
 from suslov_fast.core.motion.rows import State
 
 needs_code = pytest.mark.compiled
@@ -120,6 +121,46 @@ def test_runs_have_the_bits_of_straight_line_code(case, monkeypatch):
     monkeypatch.setattr(functions, "LONGEST", -1)
     again.__dict__["key"] = f"runs of {case}"
     assert_equal(usual, motion(again, x0, [0.3 * last, last]))
+
+
+@pytest.mark.parametrize("case", ["robertson", "pole_of_a_clock"])
+@pytest.mark.parametrize("is_stiff", [None, True])
+@needs_code
+def test_variational_equations_have_the_same_bits(case, is_stiff, monkeypatch):
+    """Of a batch, of one, by runs, and by NumPy."""
+    function, x0, last = CASES[case]
+    x0, last = x0[:2], 0.02 * last
+    of, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
+    f, by_runs = (variational(each, of.D, True) for each in (of, again))
+    start = np.zeros((len(x0), f.D))
+    start[:, : of.D], start[:, of.D : -2 : of.D + 1], start[:, -2] = x0, 1.0, 0.5
+    run = start, [0.3 * last, last]
+    usual = motion(f, *run, stiff=is_stiff)
+    for k in range(len(x0)):
+        alone = motion(f, start[k : k + 1], run[1], stiff=is_stiff)
+        np.testing.assert_array_equal(alone[0][:, 0], usual[0][:, k])
+    monkeypatch.setattr(functions, "LONGEST", -1)
+    by_runs.key = f"runs of variational {case}"
+    assert_equal(usual, motion(by_runs, *run, stiff=is_stiff))
+    monkeypatch.setattr(engine, "compiled", lambda *_, **__: None)
+    assert_equal(usual, motion(f, *run, stiff=is_stiff))
+
+
+@needs_code
+def test_a_component_and_a_constant_with_its_number():
+    """In a function that is called: x' = y, y' = a long sum, t' = 1."""
+
+    def long(s):
+        x, y, t = s
+        total = -x
+        for k in range(1, 90):
+            total = total + (0.1 * k * t).then("sin") * 1e-3 * x
+        return y, total, 1.0
+
+    f = right_hand_side(long, 3)
+    assert len(f.f.operations) > 160
+    states, *_ = motion(f, np.array([[1.0, 0.0, 0.0]] * 2), [2.0])
+    np.testing.assert_allclose(states[0, :, 2], 2.0, rtol=1e-13)
 
 
 @pytest.mark.parametrize("case", ["van_der_pol", "robertson", "lattice"])
@@ -274,3 +315,19 @@ def test_populations_keep_their_sign():
         states, *_ = motion(f, x0, np.linspace(1.0, 60.0, 60), 1e-3, stiff=stiff)
         assert (states[:, :2] > 0.0).all()
         assert (states[:, 2, 0] == 0.0).all()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
+    f, x0, T = CASES[name]
+    f, states = right_hand_side(f, x0.shape[1]), np.full((1, *x0.shape), np.nan)
+    settings = engine.Settings(1e-6, None, np.inf, None)
+    steps = stepping.Stepping(f, np.zeros(0), x0, [T], 1.0, settings, states, 1)
+    state = steps.flat[:, steps.rows.state]
+    while (k := np.flatnonzero(state < State.DONE)).size:
+        some = steps.flat[k]
+        steps.attempt(some, k, T)
+        steps.flat[k] = some
+    rows = steps.rows
+    found = states, *(steps.flat[:, row] for row in (rows.t, rows.steps, rows.state))
+    assert_equal(found, motion(f, x0, [T]))

@@ -1,4 +1,4 @@
-"""Periodic orbits against published values, and against integration by SciPy."""
+"""Periodic orbits of motions and maps, against published values, exact ones, and SciPy."""
 
 import numpy as np
 import pytest
@@ -6,62 +6,109 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import suslov_fast as sf
-from suslov_fast.runs import periodic
+from suslov_fast import Field, QuadraticField, flow, periodic_orbit
+from suslov_fast.runs import shooting
 
-pytestmark = pytest.mark.compiled  # 20,000 steps of order 8 take minutes as Python
+pytestmark = pytest.mark.compiled
 
 
 def lorenz(x):
     return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
 
 
-LORENZ = sf.QuadraticField.from_function(lorenz, 3)
+LORENZ = QuadraticField.from_function(lorenz, 3)
+VOLTERRA = QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
 
 
-def roessler(a, b, c):
-    return sf.QuadraticField.from_function(
-        lambda x: (-x[1] - x[2], x[0] + a * x[1], b + x[2] * (x[0] - c)), 3
+def roessler(c):
+    return QuadraticField.from_function(
+        lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - c)), 3
     )
 
 
-VOLTERRA = sf.QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+def three_bodies(s, mu):
+    """The restricted three-body problem in space: positions, then velocities."""
+    x, y, z, u, v, w = s
+    a, b = x + mu, x + mu - 1
+    r1, r2 = (a * a + y * y + z * z) ** 1.5, (b * b + y * y + z * z) ** 1.5
+    return (
+        u,
+        v,
+        w,
+        2 * v + x - (1 - mu) * a / r1 - mu * b / r2,
+        -2 * u + y - (1 - mu) * y / r1 - mu * y / r2,
+        -(1 - mu) * z / r1 - mu * z / r2,
+    )
 
 
-def nearest_return(field, start, surface, turns, eps):
-    """Return the crossing that is nearest to the one some turns later, and the time between."""
-    points = sf.crossings(field, start, eps, 20_000, surface, transient=500, method="order8")
-    gaps = abs(points.states[turns:] - points.states[:-turns]).max(axis=1)
-    k = gaps.argmin()
-    return points.states[k], points.time[k + turns] - points.time[k]
+def morris_lecar(s):
+    v, w = s
+    m, rest = 0.5 * (1 + np.tanh((v + 1.2) / 18)), 0.5 * (1 + np.tanh((v - 2) / 30))
+    current = 90 - 2 * (v + 60) - 4.4 * m * (v - 120) - 8 * w * (v + 84)
+    return current / 20, 0.04 * np.cosh((v - 2) / 60) * (rest - w)
 
 
-# Periods of the symbolic orbits AB and AAB; Roessler's period and multiplier.
-@pytest.mark.parametrize(
-    ("field", "surface", "turns", "steps", "period", "multiplier"),
-    [
-        (LORENZ, lambda x: x[..., 2] - 27, 2, 400, 1.558652210716175, None),
-        (LORENZ, lambda x: x[..., 2] - 27, 3, 500, 2.3059072639398, None),
-        (roessler(0.2, 0.2, 5.7), lambda x: x[..., 0], 1, 1200, 5.881088455555, -2.4039535318),
-    ],
-    ids=["AB", "AAB", "Roessler"],
-)
-def test_published_orbits(field, surface, turns, steps, period, multiplier):
-    start, about = nearest_return(field, [1.0, 1.0, 1.0], surface, turns, 1 / 32)
-    orbit = sf.periodic_orbit(field, start, about, steps)
-    assert abs(orbit.period / period - 1) < 1e-12
-    assert orbit.residual <= 1e-12
-    run = sf.iterate(field, orbit.state, orbit.period / steps, steps, method="order8")
-    assert abs(run.final - orbit.state).max() <= 1e-12 * abs(orbit.state).max()
+def of_masses(s):
+    """Three equal masses in the plane."""
+    places, rates = s[:6].reshape(3, 2), [*s[6:]]
+    for i in range(3):
+        ways = [places[j] - places[i] for j in range(3) if j != i]
+        rates += [*sum(d / (d[0] ** 2 + d[1] ** 2) ** 1.5 for d in ways)]
+    return rates
+
+
+HALO = Field.from_function(three_bodies, 6, mu=0.01215058560962404)
+ARENSTORF = Field.from_function(three_bodies, 6, mu=0.012277471)
+X, V = np.array([0.97000436, -0.24308753]), np.array([-0.93240737, -0.86473146])
+# A field, a start, an approximate period or None, the period and how exact it is, or None.
+KNOWN = {
+    "AB": (LORENZ, [-13.4, -18.2, 25.5], 1.7, 1.558652210716175, 1e-12),
+    "AB, no period": (LORENZ, [-13.76, -19.58, 27.0], None, 1.558652210716175, 1e-12),
+    "AAB": (LORENZ, [-12.6, -17.0, 27.0], 2.3, 2.3059072639398, 1e-12),
+    "Roessler": (roessler(5.7), [0.0, -8.4, 0.03], None, 5.881088455555, 1e-11),
+    "halo": (
+        HALO, [1.0134037728554581, 0, -0.1753622728109184, 0, -0.083688427472776439, 0], 1.396,
+        1.3960732332950263, 1e-10,
+    ),
+    "Arenstorf": (
+        ARENSTORF, [0.994, 0, 0, 0, -2.00158510637908252, 0], None, 17.0652165601579625, 1e-9
+    ),
+    "Morris-Lecar": (Field.from_function(morris_lecar, 2), [-35.0, 0.06], None, 102.72716533, 1e-9),
+    "figure eight": (
+        Field.from_function(of_masses, 12), [*X, *-X, 0, 0, *-V / 2, *-V / 2, *V], 6.3, 6.32591398,
+        1e-8,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_published_periods(name):
+    field, start, about, period, digits = KNOWN[name]
+    if name == "Morris-Lecar":
+        start = flow(field, start, time=500.0).x[0]
+    orbit = periodic_orbit(field, start, about)
+    assert abs(orbit.period / period - 1) < digits
+    assert orbit.residual < 1e-10
+    assert abs(orbit.multipliers - 1).min() < 1e-4
+    back = flow(field, orbit.state, time=orbit.period, rtol=1e-12).x[0]
+    assert abs(back - orbit.state).max() < 1e-8 * abs(orbit.state).max()
+
+
+def test_published_multipliers():
+    orbit = periodic_orbit(roessler(5.7), [0.0, -8.4, 0.03])
+    assert abs(orbit.multipliers[0] + 2.4039535318) < 1e-9
     assert abs(orbit.multipliers[1] - 1) < 1e-9
-    if multiplier:
-        assert abs(orbit.multipliers[0] - multiplier) < 1e-9
-        assert isinstance(orbit.period, float)
+    orbit = periodic_orbit(LORENZ, [-13.76, -19.58, 27.0])
+    np.testing.assert_allclose(
+        np.prod(orbit.multipliers), np.exp(-41 / 3 * orbit.period), atol=1e-9
+    )
 
 
-def test_multipliers_are_those_of_the_motion():
-    """Against the derivative of the flow over a period, by differences of SciPy's solutions."""
-    start, about = nearest_return(LORENZ, [1.0, 1.0, 20.0], lambda x: x[..., 2] - 27, 2, 1 / 32)
-    orbit = sf.periodic_orbit(LORENZ, start, about, 300)
+@pytest.mark.parametrize("steps", [None, 300])
+def test_multipliers_are_those_of_the_motion(steps):
+    """Against the derivative of the motion over a period, by differences of SciPy's solutions."""
+    orbit = periodic_orbit(LORENZ, [-13.7, -19.5, 27.0], 1.56, steps=steps)
+    assert abs(orbit.period / 1.558652210716175 - 1) < 1e-12
 
     def after(x):
         slopes = lambda t, y: lorenz(y.tolist())  # noqa: E731
@@ -73,146 +120,225 @@ def test_multipliers_are_those_of_the_motion():
     ).T
     expected = sorted(np.linalg.eigvals(derivative), key=abs, reverse=True)
     np.testing.assert_allclose(orbit.multipliers, expected, atol=1e-5)
-    np.testing.assert_allclose(
-        np.prod(orbit.multipliers), np.exp(-(41 / 3) * orbit.period), atol=1e-9
-    )
 
 
 def test_a_family_is_followed_to_its_bifurcation():
     """Roessler's system with a = b = 0.2 doubles its period at c = 2.832445."""
-    run = sf.iterate(roessler(0.2, 0.2, 2.5), [1, 1, 0], 1 / 16, 4000, save_every=None)
-    points = sf.crossings(
-        roessler(0.2, 0.2, 2.5), run.final, 1 / 16, 400, lambda x: x[..., 1], method="order8"
-    )
-    known = [points.states[-1], points.time[-1] - points.time[-2]]
+    orbit = periodic_orbit(roessler(2.5), flow(roessler(2.5), [1, 1, 0], time=300.0).x[0])
 
     def distance(c):
-        orbit = sf.periodic_orbit(roessler(0.2, 0.2, c), known[0], known[1], 300)
-        known[:] = orbit.state, orbit.period
+        nonlocal orbit
+        orbit = periodic_orbit(roessler(c), orbit.state, orbit.period)
         others = np.delete(orbit.multipliers, abs(orbit.multipliers - 1).argmin())
         return others.real.min() + 1
 
     assert abs(brentq(distance, 2.7, 2.9, xtol=1e-9) - 2.832445) < 1e-6
 
 
-@pytest.mark.parametrize("method", ["auto", "order4", "order6", "order8"])
-def test_systems_with_an_integral(method):
+@pytest.mark.parametrize(("c", "turns"), [(2.5, 1), (3.8, 2), (4.1, 4)])
+def test_doublings(c, turns):
+    orbit = periodic_orbit(roessler(c), flow(roessler(c), [1, 1, 0], time=1500.0).x[0])
+    assert round(orbit.period / 5.78) == turns
+    assert abs(orbit.multipliers[1]) < 1
+
+
+@pytest.mark.parametrize(("mu", "period"), [(1.0, 6.6632868593231), (1000.0, 1614.401)])
+def test_van_der_pol(mu, period):
+    """Also where it is stiff; the period is Urabe's for mu = 1."""
+    field = Field.from_function(lambda x: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2)
+    orbit = periodic_orbit(field, flow(field, [2.0, 0.0], time=4 * max(mu, 5.0)).x[0])
+    assert orbit.period == pytest.approx(period, rel=1e-6 if mu > 1 else 1e-11)
+
+
+def kuramoto_sivashinsky(b, nu):
+    """Odd solutions by 12 sine modes, of period 2 pi."""
+    n = len(b)
+    rates = []
+    for k in range(1, n + 1):
+        sums = sum(b[m - 1] * b[k - m - 1] for m in range(1, k))
+        sums = sums - 2 * sum(b[m - 1] * b[m - k - 1] for m in range(k + 1, n + 1))
+        rates.append((k**2 - nu * k**4) * b[k - 1] - k * sums)
+    return rates
+
+
+@pytest.mark.slow
+def test_kuramoto_sivashinsky():
+    """An unstable orbit of a stiff system, against Radau over a period."""
+    field = QuadraticField.from_function(kuramoto_sivashinsky, 12, nu=0.0303)
+    start = flow(field, [0.3, 0.2, -0.4, 0.1, *[0] * 8], time=20.0, rtol=1e-8).x[0]
+    orbit = periodic_orbit(field, start, rtol=1e-10)
+    end = solve_ivp(
+        lambda t, x: field(x), (0, orbit.period), orbit.state, "Radau", rtol=1e-10, atol=1e-12,
+        jac=lambda t, x: field.jacobian(x),
+    ).y[:, -1]  # fmt: skip
+    assert abs(end - orbit.state).max() < 1e-6
+    assert abs(orbit.multipliers - 1).min() < 1e-6
+
+
+def test_several_arcs():
+    """The orbit of a circle beside a saddle whose differences grow by 2e27 in a period."""
+    field = QuadraticField.from_function(lambda x: (x[1], -x[0], 10 * x[2]), 3)
+    orbit = periodic_orbit(field, [1.0, 0.0, 0.0], 6.0)
+    assert orbit.period == pytest.approx(2 * np.pi, rel=1e-12)
+    assert orbit.multipliers[0] == pytest.approx(np.exp(20 * np.pi), rel=1e-8)
+    motion = shooting.OfMotion(LORENZ, np.array([-12.6, -17.0, 27.0]), 1e-12)
+    nodes = motion.states(np.array([-12.6, -17.0, 27.0]), np.arange(8) * 2.3 / 8)
+    search = shooting.Shooting(motion, nodes, 2.3, 1e-12, np.ones(3))
+    assert search.search()
+    assert abs(search.T / 2.3059072639398 - 1) < 1e-12
+
+
+@pytest.mark.parametrize("steps", [None, 120])
+def test_systems_with_an_integral(steps):
     """Of a family of orbits one near the start is found; both multipliers are 1."""
-    orbit = sf.periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8, 120, method=method)
+    orbit = periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8, steps=steps)
     assert abs(orbit.state - [1, 2]).max() < 0.1
-    values = abs(orbit.multipliers - 1)
-    assert values.max() < 1e-5
+    assert abs(orbit.multipliers - 1).max() < 1e-5
     solution = solve_ivp(
         lambda t, x: sf.vector_field(VOLTERRA, x), (0, 8), orbit.state, "DOP853", rtol=1e-12,
         atol=1e-12, events=lambda t, x: x[0] - orbit.state[0],
     )  # fmt: skip
-    error = {"auto": 3e-3, "order4": 1e-5, "order6": 1e-8, "order8": 1e-9}[method]
-    assert abs(solution.t_events[0][-1] / orbit.period - 1) < error
+    assert abs(solution.t_events[0][-1] / orbit.period - 1) < 1e-8
 
 
-def test_the_middle_of_a_circle_is_no_orbit():
-    with pytest.raises(RuntimeError, match=r"equilibrium.*start or period = 3 is too far"):
-        sf.periodic_orbit(VOLTERRA, [1.0, 1.0 + 1e-9], 3.0, 20)
+def test_an_ellipse_of_kepler():
+    kepler = Field.from_function(
+        lambda s: (s[2], s[3], *(-s[:2] / (s[0] ** 2 + s[1] ** 2) ** 1.5)), "x y u v"
+    )
+    for about in (16.0, None):
+        orbit = periodic_orbit(kepler, [1.0, 0.0, 0.0, 1.2], about)
+        size = 1 / (2 - 1.2**2)  # half of the major axis
+        assert orbit.period == pytest.approx(2 * np.pi * size**1.5, rel=1e-9)
+        assert abs(orbit.state - [1.0, 0.0, 0.0, 1.2]).max() < 1e-9
 
 
-def test_time_as_a_variable_never_returns():
-    """And a force by two variables does: the orbit of a linear oscillator is known."""
-    forced = sf.QuadraticField.from_function(lambda s: (s[1], -s[0] - s[1] + s[2], 1), "q p t")
-    with pytest.raises(ValueError, match=r"not one in which t grows at a constant rate: write"):
-        sf.periodic_orbit(forced, [0.1, 0.1, 0.0], np.pi, 40)
-    own = sf.QuadraticField.from_function(
+def test_forces_keep_their_period():
+    """By a variable t, and the same by two variables: the orbit is known."""
+    forced = Field.from_function(lambda s: (s[1], -s[0] - s[1] + np.cos(2 * s[2]), 1), "q p t")
+    amplitude = 1 / (1 - 4 + 2j)  # of q = Re(amplitude exp(2 i t))
+    for t in (0.0, 0.7):
+        orbit = periodic_orbit(forced, [0.5, 0.1, t], np.pi)
+        turned = amplitude * np.exp(2j * t)
+        assert abs(orbit.state[:2] - [turned.real, (2j * turned).real]).max() < 1e-11
+        assert orbit.state[2] == t
+        assert orbit.period == np.pi
+        assert len(orbit.multipliers) == 2
+        assert abs(orbit.multipliers) == pytest.approx(np.exp(-np.pi / 2))
+    with pytest.raises(ValueError, match="period"):
+        periodic_orbit(forced, [0.5, 0.1, 0.0])
+    own = QuadraticField.from_function(
         lambda s: (s[1], -s[0] - s[1] + s[2], -2 * s[3], 2 * s[2]), "q p c s"
     )
-    orbit = sf.periodic_orbit(own, [-0.2, 0.3, 1.0, 0.0], np.pi, 40)
-    amplitude = 1 / (1 - 4 + 2j)  # of q = Re(amplitude exp(2 i t)), for a force of size 1
-    c, s = orbit.state[2:]
-    known = [(amplitude * (c + 1j * s)).real, (2j * amplitude * (c + 1j * s)).real]
-    assert abs(orbit.state[:2] - known).max() < 1e-9
+    orbit = periodic_orbit(own, [-0.2, 0.3, 1.0, 0.0], np.pi)
+    turned = amplitude * complex(*orbit.state[2:])
+    assert abs(orbit.state[:2] - [turned.real, (2j * turned).real]).max() < 1e-9
 
 
-def test_a_period_that_tends_to_0_is_no_equilibrium():
-    with pytest.raises(RuntimeError, match=r"no orbit: the period tended to 0 at the state \[0\.5"):
-        sf.periodic_orbit(sf.QuadraticField.from_function(lambda x: (1 - x[0],), 1), [0.5], 2.0, 20)
-
-
-def test_a_start_at_rest_is_no_orbit():
-    with pytest.raises(RuntimeError, match=r"found the equilibrium .*start or period = 3 is too"):
-        sf.periodic_orbit(LORENZ, [0, 0, 0], 3.0, 20)
+def test_a_variable_that_drifts():
+    """An angle that nothing depends on does not return, and does not count."""
+    field = Field.from_function(lambda s: (s[1], -s[0] - s[0] ** 3, 0.3), "q p angle")
+    orbit = periodic_orbit(field, [1.0, 0.0, 5.0])
+    other = periodic_orbit(
+        Field.from_function(lambda s: (s[1], -s[0] - s[0] ** 3), 2), [1.0, 0.0], orbit.period
+    )
+    assert orbit.period == pytest.approx(other.period, rel=1e-9)
+    assert len(orbit.multipliers) == 2
 
 
 @pytest.mark.parametrize(
-    ("start", "period"), [([1, 1, 20], 1.0), ([8.4, 8.4, 27.1], 0.7), ([1e200, 1, 1], 1.0)]
-)
-def test_no_orbit_is_an_error(start, period):
-    with pytest.raises(RuntimeError, match=r"residual .* exceeds tol = 1e-12; start or period"):
-        sf.periodic_orbit(LORENZ, start, period, 100)
+    ("field", "start", "period", "reason"),
+    [
+        (LORENZ, [0, 0, 0], 3.0, "equilibrium"),
+        (LORENZ, [0, 0, 0], None, "equilibrium"),
+        (LORENZ, [8.4, 8.4, 27.1], 0.7, "equilibrium"),
+        (VOLTERRA, [1.0, 1.0 + 1e-9], 3.0, "equilibrium"),
+        (LORENZ, [1e200, 1, 1], 1.0, "ends"),
+        (QuadraticField([[[1.0]]]), [1.0], 2.0, "ends"),
+        (QuadraticField.from_function(lambda x: (1 - x[0],), 1), [0.5], 2.0, "equilibrium"),
+        (QuadraticField.from_function(lambda x: (1 - x[0],), 1), [0.5], None, "does not return"),
+        (QuadraticField.from_function(lambda x: (1 + x[1] ** 2, x[0]), 2), [1, 1], 0.5, "orbit"),
+        (
+            QuadraticField.from_function(lambda x: (x[1], -x[0], 400 * x[2]), 3), [1, 0, 0],
+            2 * np.pi, "range",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_no_orbit_is_told(field, start, period, reason):
+    with pytest.raises(RuntimeError, match=reason):
+        periodic_orbit(field, start, period)
 
 
-def test_a_multiple_of_a_period_is_named():
-    about = sf.periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8, 120).period
-    for k in (2, 3, 4, 11, 13):
-        with pytest.warns(UserWarning, match=rf"is {k} times the shorter period 6\.6"):
-            sf.periodic_orbit(VOLTERRA, [1.0, 2.0], k * about, 240)
+def test_a_tolerance_that_works_is_named():
+    """Jumps of f leave errors near the tolerance, which steps of Newton cannot reduce."""
+    field = Field.from_function(lambda x: (x[1], -np.sign(x[0])), 2)
+    with pytest.raises(RuntimeError, match="pass rtol=") as told:
+        periodic_orbit(field, [1.0, 0.0], 5.6, rtol=1e-12)
+    enough = float(str(told.value).rpartition("pass rtol=")[2])
+    orbit = periodic_orbit(field, [1.0, 0.0], 5.6, rtol=enough)
+    assert orbit.period == pytest.approx(4 * np.sqrt(2 * orbit.state[0]), rel=1e-5)
+
+
+def test_an_orbit_far_from_the_origin():
+    field = Field.from_function(lambda x: (x[1], (1 - (x[0] - 1e5) ** 2) * x[1] - (x[0] - 1e5)), 2)
+    for about in (6.6, None):
+        orbit = periodic_orbit(field, [1e5 + 2.0, 0.0], about)
+        assert orbit.period == pytest.approx(6.6632868593231, rel=1e-6)
+
+
+@pytest.mark.parametrize("k", [2, 3, 4, 11])
+def test_a_multiple_of_a_period_is_named(k):
+    about = periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8).period
+    with pytest.warns(UserWarning, match=rf"is {k} times the shorter period 6\.6"):
+        periodic_orbit(VOLTERRA, [1.0, 2.0], k * about)
 
 
 def test_time_scales_with_its_unit():
     """In another unit of time and of the state the orbit is the same."""
     unit = 2.0**-14
-    fast = sf.QuadraticField.from_function(
+    fast = QuadraticField.from_function(
         lambda x: (x[0] * (1 - 8 * x[1]) / unit, x[1] * (8 * x[0] - 1) / unit), 2
     )
-    one = sf.periodic_orbit(VOLTERRA, [1.0, 2.0], 6.5, 60)
-    other = sf.periodic_orbit(fast, [0.125, 0.25], 6.5 * unit, 60)
-    np.testing.assert_allclose(8 * other.state, one.state, rtol=1e-9)
-    assert abs(other.period / (one.period * unit) - 1) < 1e-9
+    for about in (None, 6.5):
+        one = periodic_orbit(VOLTERRA, [1.0, 2.0], about)
+        other = periodic_orbit(fast, [0.125, 0.25], about and about * unit)
+        np.testing.assert_allclose(8 * other.state, one.state, rtol=1e-8)
+        assert abs(other.period / (one.period * unit) - 1) < 1e-8
+
+
+# --------------------------------------------------------------------------------- orbits of maps
+@pytest.mark.parametrize(("method", "digits"), [("auto", 3e-3), ("order4", 1e-5), (None, 1e-9)])
+def test_orbits_of_maps(method, digits):
+    orbit = periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8, steps=120, method=method)
+    run = sf.iterate(VOLTERRA, orbit.state, orbit.period / 120, 120, method=method or "order8")
+    assert abs(run.final - orbit.state).max() <= 1e-12 * abs(orbit.state).max()
+    motion = periodic_orbit(VOLTERRA, orbit.state, orbit.period)
+    assert abs(motion.period / orbit.period - 1) < digits
+
+
+def test_a_clock_has_no_orbit_of_a_map():
+    forced = QuadraticField.from_function(lambda s: (s[1], -s[0] - s[1] + s[2], 1), "q p t")
+    with pytest.raises(ValueError, match="system"):
+        periodic_orbit(forced, [0.1, 0.1, 0.0], np.pi, steps=40)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "options", "message"),
+    ("error", "name", "start", "period", "options"),
     [
-        (
-            ([[1.0, 2.0]], 6.5, 60),
-            {},
-            r"single QuadraticField, state and period, not a batch \(1,\)",
-        ),
-        (([1.0, 2.0], [6.5, 6.6], 60), {}, "single QuadraticField, state and period"),
-        (([1.0, np.nan], 6.5, 60), {}, "start must be finite"),
-        (([1.0, 2.0], -6.5, 60), {}, "period must be positive, not -6.5"),
-        (([1.0, 2.0], 6.5, 0), {}, "steps must be"),
-        (([1.0, 2.0], 6.5, 60), {"tol": 0.5}, "tol must be from 1e-14 to 1e-2, not 0.5"),
-        (([1.0, 2.0], 6.5, 60), {"method": "order9"}, "method must be"),
-        (([1.0, 2.0, 3.0], 6.5, 60), {}, "2"),
+        (ValueError, "periodic_orbit", [[1.0, 2.0]], 6.5, {}),
+        (ValueError, "periodic_orbit", [[1.0, 2.0]], 6.5, {"steps": 60}),
+        (ValueError, "period", [1.0, 2.0], [6.5, 6.6], {}),
+        (ValueError, "start", [1.0, np.nan], 6.5, {}),
+        (ValueError, "start", [1.0, np.nan], 6.5, {"steps": 60}),
+        (ValueError, "period", [1.0, 2.0], -6.5, {}),
+        (ValueError, "period", [1.0, 2.0], -6.5, {"steps": 60}),
+        (ValueError, "period", [1.0, 2.0], None, {"steps": 60}),
+        (ValueError, "steps", [1.0, 2.0], 6.5, {"steps": 0}),
+        (ValueError, "rtol", [1.0, 2.0], 6.5, {"rtol": 0.5}),
+        (ValueError, "method", [1.0, 2.0], 6.5, {"steps": 60, "method": "order9"}),
+        (TypeError, "method", [1.0, 2.0], 6.5, {"method": "order8"}),
+        (ValueError, "start", [1.0, 2.0, 3.0], 6.5, {}),
     ],
 )
-def test_bad_input(arguments, options, message):
-    with pytest.raises(ValueError, match=message):
-        sf.periodic_orbit(VOLTERRA, *arguments, **options)
-
-
-def test_a_period_that_leads_away_is_not_taken():
-    search = periodic._Shooting(VOLTERRA, np.array([1.0, 3.0]), 5.0, 60, "auto")
-    before = search.eps, search.residual
-    search._correct_period()
-    assert (search.eps, search.residual) == before
-
-
-def test_a_start_from_which_whole_steps_lead_away():
-    """Then parts of Newton's steps are taken: to the orbit AB."""
-    orbit = sf.periodic_orbit(LORENZ, [-13.4, -18.2, 25.5], 1.7, 200)
-    assert abs(orbit.period / 1.558652210716175 - 1) < 1e-12
-
-
-def test_multipliers_that_exceed_the_range_of_numbers():
-    """exp(800 pi) for a circle beside a third component that grows as exp(400 t)."""
-    field = sf.QuadraticField.from_function(lambda x: (x[1], -x[0], 400 * x[2]), 3)
-    with pytest.raises(RuntimeError, match=r"period 6\.28319 whose multipliers .*call iterate"):
-        sf.periodic_orbit(field, [1.0, 0.0, 0.0], 2 * np.pi, 2000)
-
-
-def test_a_step_all_of_whose_parts_lead_away_is_taken_back(monkeypatch):
-    orbit = sf.periodic_orbit(VOLTERRA, [1.0, 2.0], 6.6, 60, method="auto")
-    search = periodic._Shooting(VOLTERRA, orbit.state, orbit.period, 60, "auto")
-    monkeypatch.setattr(search, "_step", lambda: np.array([1.0, 1.0, 0.0]))
-    before = search.x.tolist(), search.eps, search.residual
-    assert not search._improve()
-    assert (search.x.tolist(), search.eps, search.residual) == before
+def test_bad_input(error, name, start, period, options):
+    with pytest.raises(error, match=name):
+        periodic_orbit(VOLTERRA, start, period, **options)

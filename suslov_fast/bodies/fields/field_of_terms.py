@@ -74,7 +74,9 @@ class FieldOfFunction(Body):
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
         """f for the motion, and its table, for groups of members with the same operations."""
-        f, parameters = self.right_hand_side
+        return self._of_members(*self.right_hand_side)
+
+    def _of_members(self, f: Any, parameters: FloatArray) -> list[OfMembers]:
         count = math.prod(self.shape)
         table = f.table_of(parameters).reshape(len(f.table), count)
         return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ... import checks
 from ...checks import FloatArray
+from ...core.lists.conditions import with_fixed_choices
 from ...core.lists.derivative import gradients
 from ...core.lists.right_hand_side import RightHandSide, in_order
 from ...core.lists.step import evaluate
@@ -19,7 +20,7 @@ from ...keywords import public
 from ..base import frozen
 from .calls import called_by_name, traced
 from .coefficients import structure_matrix
-from .field_of_terms import LONGEST, NAMES, FieldOfFunction
+from .field_of_terms import LONGEST, NAMES, FieldOfFunction, OfMembers
 from .names import variables
 from .polynomials import named, to_lists
 from .symbolic import Tracer
@@ -69,6 +70,13 @@ class Equations:
     def right_hand_side(self) -> RightHandSide:
         values, results = in_order(self.values, self.results)
         return RightHandSide(values, results, len(self.parameters))
+
+    @cached_property
+    def for_motion(self) -> RightHandSide:
+        """The right-hand side whose choices are fixed within a step, if it has any."""
+        values, results = in_order(self.values, self.results)
+        fixed = with_fixed_choices(values, results, len(self.parameters))
+        return self.right_hand_side if fixed is None else fixed
 
     @cached_property
     def texts(self) -> tuple[dict[str, str], list[str]]:
@@ -216,6 +224,23 @@ class Field(FieldOfFunction):
     def right_hand_side(self) -> tuple[RightHandSide, FloatArray]:
         """f, and its parameters (P, ...) of all members."""
         return self._equations.right_hand_side, self._inputs
+
+    @cached_property
+    def right_hand_sides(self) -> list[OfMembers]:
+        return self._of_members(self._equations.for_motion, self._inputs)
+
+    @cached_property
+    def listed_right_hand_sides(self) -> list[OfMembers]:
+        """The same without fixed choices, for variational equations."""
+        return self._of_members(self._equations.right_hand_side, self._inputs)
+
+    def derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
+        """The same as `listed_right_hand_sides`, with the derivatives of f by parameters."""
+        return self._of_members(_with_derivatives(self._equations, names), self._inputs)
+
+    def _of_members(self, f: RightHandSide, parameters: FloatArray) -> list[OfMembers]:
+        choices = np.zeros((f.P - len(parameters), *self.shape))  # of no state yet
+        return super()._of_members(f, np.concatenate([parameters, choices]))
 
     def _value_at(self, x: Any) -> FloatArray:
         x = checks.states("x", x, self.names, later=True)
@@ -432,6 +457,14 @@ class Field(FieldOfFunction):
             matrix = structure_matrix(K, len(names))
             shared = _of_hamiltonian(tracer, names, [*values], operands[0], matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: shared})
+
+
+@lru_cache(64)
+def _with_derivatives(equations: Equations, names: tuple[str, ...]) -> RightHandSide:
+    """Return f with its derivatives by parameters."""
+    values, results = in_order(equations.values, equations.results)
+    by = [len(equations.names) + equations.parameters.index(name) for name in names]
+    return RightHandSide(values, results, len(equations.parameters), by)
 
 
 class Energy:

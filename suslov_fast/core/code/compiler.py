@@ -60,9 +60,9 @@ class Text:
     def jump(self, label):
         self.add(f"  br label %{label}")
 
-    def branch(self, truth, label, other, likely=False):
+    def branch(self, truth, label, other, likely=None):
         """Go to `label` if a truth value is true, else to `other`; `likely` is a hint for LLVM."""
-        weights = ", !prof !0" if likely else ""
+        weights = {None: "", True: ", !prof !0", False: ", !prof !2"}[likely]
         self.add(f"  br i1 {truth}, label %{label}, label %{other}{weights}")
 
     def load(self, kind, address, align=8):
@@ -125,6 +125,9 @@ class Text:
     def root(self, a):
         return self._call("sqrt", a)
 
+    def floor(self, a):
+        return self._call("floor", a)
+
     def _call(self, name, *operands):
         function = f"{self.V} @llvm.{name}.{self.suffix}"
         kinds = ", ".join([self.V] * len(operands))
@@ -179,6 +182,11 @@ class Text:
                 names.append(values[operand])
             if instruction in ("fabs", "sqrt", "floor", "copysign"):
                 name = self._call(instruction, *names)
+            elif instruction == "sum":
+                name = names.pop(0) if len(names) % 2 else None
+                for a, b in zip(names[::2], names[1::2], strict=True):
+                    product = self.operate("fmul", a, b)
+                    name = product if name is None else self.operate("fadd", name, product)
             elif instruction in ("max", "min"):
                 is_first = self.compare("ogt" if instruction == "max" else "olt", *names)
                 name = self.select(is_first, *names)
@@ -283,7 +291,8 @@ class Text:
             # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
             # stack, registers saved there may lie across cache lines, in one process or another.
             'attributes #0 = { nounwind "stackrealign" "min-legal-vector-width"="512" }',
-            '!0 = !{!"branch_weights", i32 1000000, i32 1}', "!1 = !{i32 1}", "",
+            '!0 = !{!"branch_weights", i32 1000000, i32 1}', "!1 = !{i32 1}",
+            '!2 = !{!"branch_weights", i32 1, i32 1000000}', "",
         ])  # fmt: skip
 
 

@@ -41,6 +41,11 @@ class Code(Text):
         self.add("  ret void")
         self.add("}")
 
+    def leave(self, result):
+        """Return from the function; the code that follows, up to the next block, is not reached."""
+        self.add(f"  ret {result}")
+        self.label(self._name("left"))
+
     def next_block(self):
         """End the block of straight-line code, and begin another."""
         name = self._name("next")
@@ -61,12 +66,17 @@ class Code(Text):
         self.target.constants.append(f"@{name} = private constant {kind} [{values}], align 64")
         return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
 
+    def memory(self, count):
+        """Return the address of memory for so many numbers, on the stack."""
+        place = self.new(f"alloca double, i64 {count}")
+        return self.new(f"ptrtoint {pointer('double')} {place} to i64")
+
     def copy(self, source, target, count):
         """Add a loop that copies rows."""
         self.fold(count, {}, lambda k: self.put(self.row(source, 0, k), target, 0, k))
 
     @contextmanager
-    def when(self, truth, likely=False):
+    def when(self, truth, likely=None):
         """Add a block that is carried out if a truth value is true."""
         name = self._name("when")
         self.branch(truth, name, f"{name}_after", likely)
@@ -74,6 +84,49 @@ class Code(Text):
         yield
         self.jump(f"{name}_after")
         self.label(f"{name}_after")
+
+    def otherwise(self, truth, values, body, kinds=None):
+        """Return these values if a truth value is true, as is likely, else what `body()` returns.
+
+        They are W numbers each, or of these kinds.
+        """
+        name, before = self._name("otherwise"), self.target.block
+        self.branch(truth, f"{name}_after", name, likely=True)
+        self.label(name)
+        others, end = body(), self.target.block
+        self.jump(f"{name}_after")
+        self.label(f"{name}_after")
+        return [
+            self.new(f"phi {kind} [ {value}, %{before} ], [ {other}, %{end} ]")
+            for kind, value, other in zip(
+                kinds or [self.V] * len(values), values, others, strict=True
+            )
+        ]
+
+    def choice(self, kind, truth, a, b):
+        """Return one of two values of a kind, which are both there."""
+        return self.new(f"select i1 {truth}, {kind} {a}, {kind} {b}")
+
+    def cycle(self, carried, body):
+        """Add a loop that carries on values, given with their kinds by name; return the last ones.
+
+        `body(**values)` returns the next values, and whether the loop goes on.
+        """
+        name, before = self._name("cycle"), self.target.block
+        self.jump(name)
+        self.label(name)
+        place, phis = len(self.target.lines), {key: f"%{name}_{key}" for key in carried}
+        found, goes_on = body(**phis)
+        # The next values have names only now.
+        self.target.lines[place:place] = [
+            f"  {phi} = phi {kind} [ {value}, %{before} ], [ {found[key]}, %{name}_end ]"
+            for (key, phi), (kind, value) in zip(phis.items(), carried.values(), strict=True)
+        ]
+        self.jump(f"{name}_end")
+        self.label(f"{name}_end")
+        self.branch(goes_on, name, f"{name}_after")
+        self.label(f"{name}_after")
+        return found
 
     @contextmanager
     def times(self, count):

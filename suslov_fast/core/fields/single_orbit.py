@@ -9,8 +9,7 @@ from array import array
 import numpy as np
 
 from ..code.compiler import address_of, code_of
-from .generated import text_of_compositions, text_of_steps
-from .generated_stages import SLOT, CodeArguments
+from .generated import SLOT, CodeArguments, text_of_compositions, text_of_steps
 from .stages import distinct
 
 PLANS = 32  # of fields, whose tables are kept
@@ -48,7 +47,7 @@ def compares_signs(step):
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values, saves):
     """Return code and arguments for one orbit, and what has to stay alive; None if it has none."""
-    if not step.usual or step.is_long or step.pieces[1]:
+    if not step.usual or step.is_long:
         return None
     text_of = text_of_compositions if compares_signs(step) else text_of_steps
     address = code_of(text_of, step, 1, False, 8 if saves else 0)

@@ -4,14 +4,15 @@ from .records import RECORDS, power, same
 from .step import OF_TRUTH_VALUES
 
 
-def gradients(values, operations, results, D):
+def gradients(values, operations, results, D, by=()):
     """Return the derivative of each result: a dict {component of the state: operand}.
 
-    Its operations are added to `values`. Components that are missing have the derivative 0.
+    `by` are numbers of parameters to differentiate by, too. The operations are added to `values`.
+    Components that are missing have the derivative 0.
     """
-    rows = {i: {i: 1.0} for i in range(D)}
+    rows = {i: {i: 1.0} for i in (*range(D), *by)}
     for instruction, number, operands in operations:
-        if number not in values.fixed and instruction not in OF_TRUTH_VALUES:
+        if (by or number not in values.fixed) and instruction not in OF_TRUTH_VALUES:
             rows[number] = _row_of(values, instruction, number, operands, rows)
     return [{} if isinstance(a, float) else dict(rows.get(a, {})) for a in results]
 

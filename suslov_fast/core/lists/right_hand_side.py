@@ -142,44 +142,51 @@ class RightHandSide:
     places       the place of each of these in the table
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
     derivative   `List` of f' by itself; results are the entries of `pattern`
+    of_parameters  `List` of df/dp for the parameters `by`; D results for each, in `by`
     clocks       components of constant rate, not 0, that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators numbers of values of `f` that divide, and depend on clocks and parameters alone
     key          what tells this right-hand side from others
     """
 
-    def __init__(self, values, results, P=0, slopes=None):
+    def __init__(self, values, results, P=0, by=(), slopes=None, surfaces=(), kept=()):
         """Take `Expressions` whose operations are those of f, and the operands that are f.
 
-        `slopes` are the entries of each row of f', by column, or others that may stand for them.
+        `by` are numbers of parameters to differentiate by. `slopes` are the entries of each row of
+        f', by column, or others that may stand for them. `surfaces` are other operands whose values
+        are wanted, and `kept` are parameters that the table begins with.
         """
         self.D, self.P = len(results), P
         self._results = [*results]
         of_f = [*values.operations]
         if slopes is None:
-            slopes = gradients(values, of_f, results, self.D)
+            slopes = gradients(values, of_f, results, self.D, by)
+        self.by = [row.pop(p, 0.0) for p in by for row in slopes]
         self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.pattern]
         fixed = values.fixed
         varying = [operation for operation in values.operations if operation[1] not in fixed]
         self.f = List(needed_for(varying, results), self._results)
         self.derivative = List(needed_for(varying, entries), entries)
-        used = [a for each in (self.f, self.derivative) for a in _operands(each)]
-        self.table = [a for a in dict.fromkeys(used) if a in fixed]
+        self.surfaces = List(needed_for(varying, surfaces), [*surfaces])
+        self.of_parameters = List(needed_for(varying, self.by), self.by)
+        lists = self.f, self.derivative, self.surfaces, self.of_parameters
+        used = [a for each in lists for a in _operands(each)]
+        self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed]
         self.places = {number: place for place, number in enumerate(self.table)}
         of_parameters = [operation for operation in values.operations if operation[1] in fixed]
         self.fixed = needed_for(of_parameters, self.table)
         self._fixed = fixed
         self._find_properties()
 
-    is_dense = False
+    is_dense, conditions = False, None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 
     @functools.cached_property
     def key(self):
         """What tells the lists of this right-hand side from those of others."""
-        return repr((self.D, self.P, self.f, self.fixed, self.derivative, self.pattern))
+        return repr((self.D, self.table, self.f, self.fixed, self.derivative, self.pattern))
 
     def _find_properties(self):
         """Find clocks, components that keep their sign, and denominators of clocks."""
@@ -234,6 +241,10 @@ class RightHandSide:
         both = List(self.f.operations, [*self.f.results, *self.denominators])
         return self._carried_out(both, None, x, table)
 
+    def surface_values(self, x, table):
+        """Return the values of the surfaces (surfaces, ...) at states (D, ...)."""
+        return self._carried_out(self.surfaces, "_groups_of_surfaces", x, table)
+
     def derivative_entries(self, x, table):
         """Return the entries of f' (entries, ...) at states (D, ...)."""
         return self._carried_out(self.derivative, "_groups_of_derivative", x, table)
@@ -249,6 +260,10 @@ class RightHandSide:
     @functools.cached_property
     def _groups_of_f(self):
         return Groups(self.f, [*range(self.D), *self.table])
+
+    @functools.cached_property
+    def _groups_of_surfaces(self):
+        return Groups(self.surfaces, [*range(self.D), *self.table])
 
     @functools.cached_property
     def _groups_of_derivative(self):

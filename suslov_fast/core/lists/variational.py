@@ -1,47 +1,108 @@
-"""The variational equations of a right-hand side: V' = f'(x) V, and the trace of f'."""
+"""The variational equations of a right-hand side: x, and columns of derivatives beside it."""
 
 import functools
+import itertools
 
-from .right_hand_side import Expressions, RightHandSide
+import numpy as np
+
+from .right_hand_side import List
+from .step import evaluate
 
 
-@functools.lru_cache(64)
-def variational(f):
-    """Return the right-hand side of x, the columns of V, u and s, where u' = 0, s' = u trace f'.
+class Variational:
+    """The right-hand side of x, of columns v' = f'(x) v, and of s' = u trace f' with u' = 0.
 
-    V has rows and columns for the components of x but for clocks, and stands column by column.
-    u is a size that states of V have, because they and s should count as much as x in the error.
-    Its parameters are the table of f. What implicit steps take for f' is block-diagonal: a block
-    for x, and one for each column.
+    A column has D components. The last ones are derivatives by the parameters of `f.by`, times
+    scales that stand in the table after that of f: v' = f'(x) v + scale df/dp. `trace` says whether
+    u and s are there; u is a size that columns have, because they and s should count as much as x
+    in the error. What implicit steps take for the derivative has one block for x, and the same for
+    each column.
+
+    It has what steps of the motion read of a `RightHandSide`.
+
+    of       the right-hand side of x
+    columns  their number
+    base     `List` of f, its denominators, trace f' or nothing, scale df/dp and the entries of f'
     """
-    D, moving = f.D, [i for i in range(f.D) if i not in f.clocks]
-    n = len(moving)
-    size = D + n * n + 2
-    first = {j: D + place for place, j in enumerate(moving)}  # of column 0 of V
-    given = range(size, size + len(f.table))
-    values = Expressions(given.stop, given)
-    number = {i: i for i in range(D)} | dict(zip(f.table, given, strict=True))
 
-    def renumbered(operand):
-        return operand if isinstance(operand, float) else number[operand]
+    is_dense = False
 
-    for instruction, own, operands in [*f.f.operations, *f.derivative.operations]:
-        if own not in number:
-            number[own] = values.emit(instruction, *map(renumbered, operands))
-    results = [renumbered(a) for a in f.f.results]
-    slopes = [{} for _ in range(D)]
-    for (i, j), entry in zip(f.pattern, f.derivative.results, strict=True):
-        slopes[i][j] = renumbered(entry)
-    rows = [*slopes]
-    for column in range(n):
-        for i in moving:
-            own = {first[j] + column * n: a for j, a in slopes[i].items() if j in first}
-            results.append(_sum(values.emit, [values.emit("fmul", a, j) for j, a in own.items()]))
-            rows.append(own)
-    trace = _sum(values.emit, [slopes[i][i] for i in moving if i in slopes[i]])
-    results += [0.0, values.emit("fmul", size - 2, trace)]
-    return RightHandSide(values, results, len(given), [*rows, {}, {}])
+    def __init__(self, f, columns, has_trace=False):
+        self.of, self.columns, self.has_trace = f, columns, has_trace
+        self.D = f.D * (1 + columns) + 2 * has_trace
+        self.clocks, self.of_one_sign = f.clocks, f.of_one_sign
+        self.denominators, self.entries = f.denominators, f.entries
+        self.q = len(f.by) // f.D
+        lists = f.f, f.derivative, f.of_parameters
+        operations = {each[1]: each for list_ in lists for each in list_.operations}
+        numbers = itertools.count(max([f.D, *f.table, *operations]) + 1)
+
+        def emit(instruction, *operands):
+            number = next(numbers)
+            operations[number] = instruction, number, operands
+            return number
+
+        scales = [next(numbers) for _ in range(self.q)]
+        self.table = [*f.table, *scales]
+        self.places = {number: place for place, number in enumerate(self.table)}
+        entries = dict(zip(f.pattern, f.derivative.results, strict=True))
+        diagonal = [entries[i, i] for i in range(f.D) if (i, i) in entries]
+        trace = functools.reduce(lambda a, b: emit("fadd", a, b), diagonal or [0.0])
+        by = [
+            emit("fmul", scales[k // f.D], a) if a or type(a) is int else 0.0
+            for k, a in enumerate(f.by)
+        ]
+        results = [*f.f.results, *f.denominators, *[trace] * has_trace, *by]
+        self.before = len(results)
+        self.base = List([*operations.values()], [*results, *f.derivative.results])
+        self.work = len(operations) + columns * len(f.pattern) + 16
+        self.key = repr(("variational", f.key, columns, has_trace, f.of_parameters))
+
+    def table_of(self, table, scales=()):
+        """Return the table (n, ...) for that of f and scales (q, ...)."""
+        rows = [np.broadcast_to(a, table.shape[1:]) for a in scales]
+        return np.concatenate([table, np.reshape(rows, (len(rows), *table.shape[1:]))])
+
+    def value_and_denominators(self, x, table):
+        """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
+        f, shape = self.of, np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
+        values = dict(enumerate(x[: f.D]))
+        values |= {number: table[place] for number, place in self.places.items()}
+        with np.errstate(all="ignore"):
+            evaluate(self.base.operations, values)
+            known = [a if isinstance(a, float) else values[a] for a in self.base.results]
+            entries, found = known[self.before :], np.zeros((self.D + len(f.denominators), *shape))
+            found[: f.D] = np.array([np.broadcast_to(a, shape) for a in known[: f.D]])
+            for k, a in enumerate(f.denominators):
+                found[self.D + k] = values[a]
+            for c in range(self.columns):
+                first = f.D * (1 + c)
+                for k, total in product(f, entries, x[first : first + f.D]).items():
+                    found[first + k] = total
+            parts = found[f.D * (1 + self.columns - self.q) :]
+            by = known[self.before - len(f.by) : self.before]
+            for part, a in zip(parts, by, strict=False):
+                part += a
+            if self.has_trace:
+                found[self.D - 1] = x[self.D - 2] * known[f.D + len(f.denominators)]
+        return found
+
+    def value(self, x, table):
+        """Return f (D, ...) at states (D, ...)."""
+        return self.value_and_denominators(x, table)[: self.D]
+
+    def derivative_entries(self, x, table):
+        """Return the entries of a block of the derivative (entries, ...) at states (D, ...)."""
+        return self.of.derivative_entries(x[: self.of.D], table[: len(self.of.table)])
 
 
-def _sum(emit, terms):
-    return functools.reduce(lambda a, b: emit("fadd", a, b), terms) if terms else 0.0
+def product(f, entries, vector):
+    """Return the components of f' times a vector that are not 0, with sums in order."""
+    totals = {}
+    for (i, j), entry in zip(f.pattern, entries, strict=True):
+        part = entry * vector[j]
+        totals[i] = totals[i] + part if i in totals else part
+    return totals
+
+
+variational = functools.lru_cache(64)(Variational)

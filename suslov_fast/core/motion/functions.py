@@ -12,8 +12,9 @@ from collections import defaultdict
 import numpy as np
 
 from ..code.runs import program_of
-from ..code.runs_code import _add_runs
+from ..code.runs_code import add_runs
 from ..lists.step import evaluate
+from .text import INLINED
 
 BLOCK = 64  # operations of a block of straight-line code
 LONGEST = 4000  # operations of straight-line code: a longer list takes seconds to compile
@@ -71,9 +72,12 @@ class OfList:
         Inputs are read anew in each block, and results written where they are found.
         """
         operations, results = self.list_.operations, self.list_.results
-        rows, constants = defaultdict(list), []
-        for k, a in enumerate(results):  # the constant 1.0 is not the value of number 1
-            constants.append((k, a)) if isinstance(a, float) else rows[a].append(k)
+        rows, constants = defaultdict(list), []  # 1 is a number of a value, 1.0 a constant
+        for k, a in enumerate(results):
+            if isinstance(a, float):
+                constants.append((a, [k]))
+            else:
+                rows[a].append(k)
         with text.function(name):
             load = self._loader(text, lambda k: text.row("%from", k), "%table", for_each)
             computed = {}
@@ -86,11 +90,9 @@ class OfList:
                     computed[number] = found[number]
                     for k in rows.pop(number, ()):
                         text.put(found[number], "%to", k)
-            for a, places in rows.items():
+            for a, places in [*rows.items(), *constants]:
                 for k in places:
-                    text.put(load(a), "%to", k)
-            for k, a in constants:
-                text.put(text.constant(a), "%to", k)
+                    text.put(self._result(text, a, {}, load), "%to", k)
 
 
 class OfLongList:
@@ -118,7 +120,7 @@ class OfLongList:
     def add(self, text, name, for_each, first):
         if not text.has_runs:
             text.has_runs = True
-            _add_runs(text, "runs", for_each, text.called)
+            add_runs(text, "runs", for_each, text.called)
         runs, size = self.program.runs, text.size if for_each else 8
         with text.function(name):
             heads, places = (text.integers(f"{name}_{k}", array) for k, array in enumerate(runs))
@@ -149,6 +151,9 @@ def of_list(list_, inputs, places=None):
     return kind(list_, inputs, places or {})
 
 
+_ADDRESSES = "i64 %from, i64 %table, i64 %to, i64 %scratch"
+
+
 class _Loops:
     """A function that is written as loops."""
 
@@ -156,6 +161,131 @@ class _Loops:
 
     def numbers(self, table):
         return table[:0]
+
+
+class Tangents(_Loops):
+    """f of a `Variational`: its base list, then f' times each column, from rows in between."""
+
+    def __init__(self, f, product):
+        self.f, self.inputs = f, f.of.D
+        self.first = of_list(f.base, self.inputs, f.places)
+        self.product = of_list(product, f.entries + 1 + self.inputs)
+        self.own = len(f.base.results) + 1 + self.inputs
+        parts = self.first, self.product
+        self.scratch = self.own + max(part.scratch for part in parts)
+        self.called = {name for part in parts for name in part.called}
+        self.length = max(INLINED + 1, *(part.length for part in parts))
+
+    def numbers(self, table):
+        return np.concatenate([self.first.numbers(table), self.product.numbers(table)])
+
+    def add(self, text, name, for_each, first):
+        f, D, integer = self.f, self.inputs, text.integer
+        self.first.add(text, f"{name}_first", for_each, first)
+        later = first + len(self.first.numbers(np.zeros(len(f.table))))
+        self.product.add(text, f"{name}_product", for_each, later)
+        entries, vector = f.before, f.before + f.entries + 1
+        extended, of_parameters = D + len(f.denominators), f.before - f.q * D
+
+        def call(function, *addresses):
+            numbers = ", ".join(f"i64 {a}" for a in (*addresses, inner))
+            text.add(f"  call void @{name}_{function}({numbers})")
+
+        with text.function(name):
+            inner = text.place("%scratch", self.own)
+            call("first", "%from", "%table", "%scratch")
+            text.copy("%scratch", "%to", D)
+            for k in range(D, extended):
+                text.put(text.row("%scratch", k), "%to", f.D - D + k)
+
+            def column(c):
+                place = integer("mul", integer("add", c, 1), D)
+                at = text.place("%scratch", vector)
+                text.copy(text.place("%from", 0, place), at, D)
+                call(
+                    "product",
+                    text.place("%scratch", entries),
+                    "%table",
+                    text.place("%to", 0, place),
+                )
+
+            text.fold(f.columns, {}, column)
+            own = f.D - 2 * f.has_trace - f.q * D
+
+            def add(k):
+                a = text.row("%scratch", of_parameters, k)
+                text.put(text.operate("fadd", text.row("%to", own, k), a), "%to", own, k)
+
+            if f.q:
+                text.fold(f.q * D, {}, add)
+            if f.has_trace:
+                text.put(text.constant(0.0), "%to", f.D - 2)
+                s = text.operate("fmul", text.row("%from", f.D - 2), text.row("%scratch", extended))
+                text.put(s, "%to", f.D - 1)
+
+
+class FirstBlock(_Loops):
+    """A function of the first of equal blocks, and 0 for the others, `rows` in all."""
+
+    def __init__(self, function, D, rows):
+        self.function, self.D, self.rows = function, D, rows
+        self.scratch, self.called = function.scratch, function.called
+
+    def numbers(self, table):
+        return self.function.numbers(table)
+
+    def in_numpy(self, rows):
+        found = np.zeros((self.rows, *np.shape(rows[0])))
+        found[: self.D] = self.function.in_numpy(rows)
+        return found
+
+    def add(self, text, name, for_each, first):
+        self.function.add(text, f"{name}_block", for_each, first)
+        with text.function(name):
+            text.add(f"  call void @{name}_block({_ADDRESSES})")
+            zero = text.constant(0.0)
+            text.fold(self.rows - self.D, {}, lambda k: text.put(zero, "%to", self.D, k))
+
+
+class Blocks(_Loops):
+    """The solution for each of some equal blocks; `count` factors stand before the first one.
+
+    Rows after the blocks stay as they are.
+    """
+
+    def __init__(self, solution, count, D, blocks):
+        self.solution, self.count, self.D, self.blocks = solution, count, D, blocks
+        self.scratch, self.called = D + solution.scratch, solution.called
+
+    def numbers(self, table):
+        return self.solution.numbers(table)
+
+    def in_numpy(self, rows):
+        factors, right = rows[: self.count], np.array(rows[self.count :])
+        for first in range(0, self.D * self.blocks, self.D):
+            own = slice(first, first + self.D)
+            right[own] = self.solution.in_numpy([*factors, *right[own]])
+        return right
+
+    def add(self, text, name, for_each, first):
+        """Add the function, which takes the first block last: solutions read a block there."""
+        self.solution.add(text, f"{name}_block", for_each, first)
+        D, kept = self.D, "%scratch"
+
+        def solve(to):
+            inner = text.place("%scratch", D)
+            text.add(f"  call void @{name}_block(i64 %from, i64 %table, i64 {to}, i64 {inner})")
+
+        def block(c):
+            own = text.place("%to", 0, text.integer("mul", text.integer("add", c, 1), D))
+            text.copy(own, "%to", D)
+            solve(own)
+
+        with text.function(name):
+            text.copy("%to", kept, D)
+            text.fold(self.blocks - 1, {}, block)
+            text.copy(kept, "%to", D)
+            solve("%to")
 
 
 class DenseFactors(_Loops):

@@ -7,12 +7,16 @@ import numpy as np
 from ..lists.elimination import Elimination, work_of_elimination
 from ..lists.right_hand_side import List
 from ..lists.step import Values
+from ..lists.variational import Variational
 from .columns import EXPLICIT, IMPLICIT
 from .functions import (
+    Blocks,
     DenseFactors,
     DenseProduct,
     DenseQuadratic,
     DenseSolution,
+    FirstBlock,
+    Tangents,
     of_list,
 )
 from .rows import rows_of, work_of
@@ -34,8 +38,12 @@ class Half:
         self.f, self.is_implicit, self.has_atol = f, is_implicit, has_atol
         D, extended = f.D, len(f.denominators)
         self.rows = rows_of(D, extended)
+        # What the derivative has a block of for x, and the same for each column beside it.
+        self.block = f.of if isinstance(f, Variational) else f
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
+        elif self.block is not f:
+            self.functions = {"f": Tangents(f, _product(self.block))}
         else:
             self.functions = {
                 "f": of_list(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
@@ -49,21 +57,24 @@ class Half:
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""
-        f, D = self.f, self.f.D
+        f, D, functions = self.block, self.block.D, self.functions
         if f.is_dense:
-            self.functions["j"] = DenseQuadratic(D, True)
-            self.functions["power"] = DenseProduct(D)
+            functions["j"] = DenseQuadratic(D, True)
+            functions["power"] = DenseProduct(D)
         else:
-            self.functions["j"] = of_list(f.derivative, D, f.places)
-            self.functions["power"] = of_list(_product(f), f.entries + 1 + D)
+            functions["j"] = of_list(f.derivative, D, f.places)
+            functions["power"] = of_list(_product(f), f.entries + 1 + D)
         if f.is_dense or work_of_elimination(f.pattern, D) > PLANNED:
-            self.functions["factor"] = DenseFactors(f.pattern, D)
-            self.functions["solve"] = DenseSolution(D)
-            return D * D + D
-        elimination = Elimination(f.pattern, D)
-        count = len(elimination.factors.results)
-        self.functions["factor"] = of_list(elimination.factors, f.entries + 1)
-        self.functions["solve"] = of_list(elimination.solution, count + D)
+            functions["factor"], functions["solve"] = DenseFactors(f.pattern, D), DenseSolution(D)
+            count = D * D + D
+        else:
+            elimination = Elimination(f.pattern, D)
+            count = len(elimination.factors.results)
+            functions["factor"] = of_list(elimination.factors, f.entries + 1)
+            functions["solve"] = of_list(elimination.solution, count + D)
+        if self.block is not self.f:
+            functions["power"] = FirstBlock(functions["power"], D, self.f.D)
+            functions["solve"] = Blocks(functions["solve"], count, D, 1 + self.f.columns)
         return count
 
     @functools.cached_property

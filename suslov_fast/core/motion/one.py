@@ -42,7 +42,7 @@ def _plan(f, table, settings, sign):
     rows = array("d", bytes(_SIZE * half.rows.size))
     rows[half.rows.state] = BEGINS
     rows = rows[f.D :]  # those after x
-    work = array("d", bytes(_SIZE * (half.work.size + lane_numbers(f))))
+    work = array("d", bytes(_SIZE * (half.work.size + lane_numbers(half))))
     budget = max(BUDGET // f.work, 1)
     return code, array("q", arguments), numbers, rows, work, half.rows, budget, (arrays, own)
 

@@ -56,6 +56,7 @@ class Numbers(NamedTuple):
     switches: float  # 1 if lanes may change to the other half, else 0
     first_next: float  # the first time
     first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
+    most: float  # steps, also refused ones, from one time to the next
 
 
 LANES = 4  # of columns of one trajectory
@@ -71,9 +72,10 @@ _ENDS = [(4, 1), (4, 2), (2, 2), (3, 1), (4, 0)]
 SLOT, NUMBER = Arguments(*range(len(Arguments._fields))), Numbers(*range(len(Numbers._fields)))
 
 
-def lane_numbers(f):
+def lane_numbers(half):
     """Return how many numbers columns in lanes need, after the rows of `Work` of one trajectory."""
-    return LANES * (8 * f.D + len(f.denominators))
+    own = 8 * half.f.D + len(half.f.denominators)
+    return LANES * (own + half.functions["f"].scratch)
 
 
 def text_of_half(half, name, W, for_each):
@@ -166,6 +168,7 @@ class _Steps:
         )
         rows = text.place("%work", work.size)  # a, b and f of all lanes, then ends
         first_a, first_b, first_f, ends = 0, D, 2 * D, 2 * D + self.extended
+        scratch = inner.place(rows, ends + len(_PARTS) * D)
         signed = inner.splat(text.row("%work", work.signed), LANES)
 
         def shared(base, i):
@@ -195,7 +198,7 @@ class _Steps:
             else:
                 for of, to, length in ((first_b, first_a, double), (first_a, first_b, factor)):
                     places = inner.place(rows, of), "%table", inner.place(rows, first_f)
-                    self.call_with("f_lanes", *places, rows)
+                    self.call_with("f_lanes", *places, scratch)
                     text.fold(D, {}, lambda i, to=to, length=length: add(i, to, length))
             of_pair = text.integer("add", ends, text.integer("mul", m, D))
 

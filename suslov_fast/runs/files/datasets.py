@@ -115,13 +115,13 @@ def _arguments_of(result: Any) -> dict[str, Any]:
         # NetCDF has no truth values, and JSON no tuples.
         name: {bool: int, tuple: list}.get(type(value), lambda same: same)(value)
         for name, value in arguments.items()
-        if value is not None
+        if value not in (None, ())
     }
 
 
 def with_time(data: Any) -> Any:
     """Return a dataset with the coordinate `time`: n eps for runs of a map."""
-    if "n" not in data.variables:
+    if "n" not in data.dims:
         return data
     time = data.variables["n"] * data.variables["eps"]
     time.attrs = {"long_name": "time"}
@@ -229,3 +229,19 @@ def crossings_to_xarray(points: Any) -> Any:
         coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
     attributes = {"title": map.title, "map": map.name, "version": __version__}
     return dataset(variables, coords, attributes | _arguments_of(points))
+
+
+def motion_crossings_to_xarray(points: Any) -> Any:
+    """Return crossings of a motion as a dataset; see `MotionCrossings.to_xarray`."""
+    from ... import __version__
+
+    body, names = points.body, ("trajectory", "surface", "time")
+    coords: dict[str, Any] = {"component": np.array(body.labels, object)}
+    coords |= {name: ("crossing", getattr(points, name)) for name in names}
+    for name, values in varying(body).items():
+        axes = body.axes.get(name, 0)
+        coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
+    variables = {points._variable: (("crossing", "component"), points.states)}
+    attributes = {"title": f"Crossings by motions of a {type(body).__name__}"}
+    attributes |= {"version": __version__, **_arguments_of(points)}
+    return extra("xarray", "xarray").Dataset(variables, coords, attributes)

@@ -1,0 +1,82 @@
+"""Derivatives of motions by starts and parameters, as columns beside the states.
+
+Columns are scaled by powers of 2 to the size of the states, with which they share an error: those
+by starts with the size of the start, those by a parameter with the size of its value.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..bodies.fields.field_of_terms import OfMembers
+from ..checks import FloatArray
+from ..core.lists.variational import variational
+from ..core.motion.engine import Settings
+from .arguments import flat_arrays
+
+
+@dataclass
+class WithColumns:
+    """What `motions.solve` reads of a field, for its states with columns beside them."""
+
+    shape: tuple[int, ...]
+    right_hand_sides: list[OfMembers]
+
+
+class Columns:
+    """The columns of a batch of trajectories x (B, D) of a field.
+
+    field, settings  to compute the motion with, in place of the field and its settings
+    starts           (B, D + D C) for C columns
+    """
+
+    def __init__(
+        self,
+        field: Any,
+        x: FloatArray,
+        batch: tuple[int, ...],
+        by_starts: bool,
+        parameters: tuple[str, ...],
+        settings: Settings,
+    ) -> None:
+        B, self.D = x.shape
+        groups = field.derived_by(parameters) if parameters else field.listed_right_hand_sides
+        self.count = self.D * by_starts + len(parameters)
+        values = [field.arrays[name] for name in parameters]
+        sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]
+        tables = []
+        for members, f, table in groups:
+            own = variational(f, self.count)
+            scales = [np.ravel(size)[members] for size in sizes]
+            tables.append(OfMembers(members, own, np.column_stack([table, *scales])))
+        self.field = WithColumns(field.shape, tables)
+        of_starts = _power_of_2(abs(x).max(axis=1))
+        self.scales = np.empty((B, self.count))
+        self.starts = np.zeros((B, self.D * (1 + self.count)))
+        self.starts[:, : self.D] = x
+        columns = self.starts[:, self.D :].reshape(B, self.count, self.D)
+        if by_starts:
+            self.scales[:, : self.D] = of_starts[:, np.newaxis]
+            columns[:, : self.D] = of_starts[:, np.newaxis, np.newaxis] * np.eye(self.D)
+        for k, size in enumerate(sizes, self.D * by_starts):
+            self.scales[:, k] = flat_arrays(size[..., np.newaxis], batch)[:, 0]
+        self.settings = settings
+        if isinstance(settings.atol, tuple):
+            self.settings = settings._replace(atol=settings.atol * (1 + self.count))
+
+    def parted(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return states (n, B, D), and derivatives (n, B, D, C) by all that columns stand for."""
+        n, B, _ = states.shape
+        columns = states[..., self.D :].reshape(n, B, self.count, self.D)
+        columns = columns.swapaxes(2, 3) / self.scales[:, np.newaxis]
+        return np.ascontiguousarray(states[..., : self.D]), columns
+
+
+def _power_of_2(values: FloatArray) -> FloatArray:
+    """Return powers of 2 near values, 1 for 0 and NaN."""
+    moduli = abs(np.asarray(values, np.float64))
+    with np.errstate(divide="ignore"):
+        return np.where(moduli > 0.0, np.exp2(np.round(np.log2(moduli))), 1.0)

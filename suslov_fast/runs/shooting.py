@@ -1,0 +1,323 @@
+"""Newton's method for periodic orbits: arcs that must join, of a motion or of a map.
+
+M arcs of equal duration T / M start at nodes x_k. The unknowns are the nodes and log T, the
+equations
+
+Phi(x_k) - x_k+1 = 0,    where x_M = x_0,
+
+for all components but those of constant rates. They are fewer than the unknowns, and have families
+of solutions where the system has integrals; a step is the shortest one that solves the linear
+equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray
+from ..core.motion.engine import Settings
+from ..engine.motions import Found
+from ..engine.sensitivity import Columns
+from ..quantities.derivatives import jacobian
+from .flow import _to_tolerance
+from .iterate import iterate
+
+_ROUNDS, _HALVINGS = 60, 10
+# Singular values below this part of the largest one, or below the residual, are directions along a
+# family of orbits, of which a system with an integral has one for each of its values.
+_LEAST = 1e-8
+_LONGEST = 0.3  # step of log T
+_CORRECTIONS, _LEAST_CHANGE = 5, 1e-6  # of T before Newton's steps, relative to it
+_ARCS = 1, 4, 16  # that are tried
+# Of derivatives: above which an orbit is found again with more arcs, and that along one of these.
+_GROWTH, _GROWTH_OF_ARC = 1e3, 30.0
+# The residual that is a solution, in units of rtol and of how much derivatives grow.
+_NOISE, _MOST_RESIDUAL = 10.0, 1e-9
+_STEP = 1e-6  # of log T, for the difference quotient of a map
+
+
+@dataclass
+class Arcs:
+    """The ends of arcs from nodes (M, D)."""
+
+    nodes: FloatArray
+    T: float
+    ends: FloatArray  # (M, D), NaN where an arc has none
+    slopes: FloatArray  # (M, D, D), derivatives of the ends by the nodes
+    rates: FloatArray  # (M, D), derivatives of the ends by log T
+
+
+class Flow(Protocol):
+    """What has arcs: a motion, or a map."""
+
+    drifts: NDArray[np.bool_]  # (D,) components of constant rates
+    is_forced: bool  # whether others depend on one of them, and T is fixed
+    rate: FloatArray  # (D,) f at the start
+
+    def arcs(self, nodes: FloatArray, T: float) -> Arcs: ...
+
+    def states(self, x: FloatArray, times: Any) -> FloatArray: ...
+
+
+class OfMotion:
+    """Arcs of the motion of a field, to a tolerance."""
+
+    def __init__(self, field: Any, start: FloatArray, rtol: float) -> None:
+        self.field, self.settings = field, Settings(rtol, None, np.inf, None)
+        (_, f, table), *_ = field.listed_right_hand_sides
+        self.f, self.table = f, table[0][:, np.newaxis]
+        self.rate = f.value(start, table[0])
+        depends = {i for i, _ in f.pattern}
+        has_rate = [i not in depends and self.rate[i] != 0.0 for i in range(f.D)]
+        self.drifts, self.is_forced = np.array(has_rate), bool(f.clocks)
+
+    def _solved(self, field: Any, x: FloatArray, times: FloatArray, settings: Settings) -> Found:
+        return _to_tolerance(field, x, (len(x),), times, 1, settings, None, None)
+
+    def arcs(self, nodes: FloatArray, T: float) -> Arcs:
+        M = len(nodes)
+        columns = Columns(self.field, nodes, (M,), True, (), self.settings)
+        times = np.array([T / M])
+        found = self._solved(columns.field, columns.starts, times, columns.settings)
+        (ends,), (slopes,) = columns.parted(found.states)
+        rates: FloatArray = self.f.value(ends.T, self.table).T * (T / M)
+        return Arcs(nodes, T, ends, slopes, rates)
+
+    def states(self, x: FloatArray, times: Any) -> FloatArray:
+        """Return the states (n, D) at times, all 0 or later."""
+        return self._solved(self.field, x[np.newaxis], times, self.settings).states[:, 0]
+
+    def steps(self, x: FloatArray, time: float) -> int:
+        """Return how many steps the motion takes."""
+        return int(
+            self._solved(self.field, x[np.newaxis], np.array([time]), self.settings).steps[0]
+        )
+
+
+class OfMap:
+    """One arc, of N steps of a map."""
+
+    is_forced = False
+
+    def __init__(self, field: Any, rate: FloatArray, steps: int, method: str) -> None:
+        self.field, self.steps, self.method, self.rate = field, steps, method, rate
+        self.drifts = np.zeros(len(rate), bool)
+
+    def _run(self, x: FloatArray, eps: Any, **options: Any) -> Any:
+        options |= {"method": self.method, "on_singular": "ignore"}
+        return iterate(self.field, x, eps, self.steps, **options)
+
+    def arcs(self, nodes: FloatArray, T: float) -> Arcs:
+        eps, (x,) = T / self.steps, nodes
+        states = self._run(x, eps).states
+        near = self._run(x, eps * np.array([1 + _STEP, 1 - _STEP]), save_every=None).final
+        factors = jacobian(self.field, states[:-1], eps, method=self.method)
+        while len(factors) > 1:  # the later one of two is the left one
+            last = factors[len(factors) // 2 * 2 :]
+            factors = np.concatenate([factors[1::2] @ factors[: len(factors) - 1 : 2], last])
+        rates = (near[:1] - near[1:]) / (2 * _STEP)
+        return Arcs(nodes, T, states[-1:], factors, rates)
+
+    def states(self, x: FloatArray, times: Any) -> FloatArray:
+        """Return the states (n, D) after N steps each."""
+        found: FloatArray = self._run(x, times / self.steps, save_every=None).final
+        return found
+
+
+class Shooting:
+    """A search that begins with arcs from nodes (M, D)."""
+
+    def __init__(
+        self, flow: Flow, nodes: FloatArray, T: float, rtol: float, sizes: FloatArray
+    ) -> None:
+        self.flow, self.rtol, self.drifts, self.sizes = flow, rtol, flow.drifts, sizes
+        self._go_to(nodes, T)
+
+    def _go_to(self, nodes: FloatArray, T: float) -> None:
+        self._take(self.flow.arcs(nodes, T))
+
+    def _take(self, arcs: Arcs) -> None:
+        self.arcs, self.T, self.nodes = arcs, arcs.T, arcs.nodes
+        gaps = arcs.ends - np.roll(arcs.nodes, -1, axis=0)
+        gaps[:, self.drifts] = 0.0
+        self.gaps = gaps
+        sizes = abs(arcs.nodes[:, ~self.drifts]).max(initial=0.0)
+        residual = abs(gaps).max() / sizes if sizes else np.inf
+        self.residual = float(residual) if np.isfinite(residual) else np.inf
+        distance = np.linalg.norm(gaps / self.sizes)  # what a short enough step reduces
+        self.distance = float(distance) if np.isfinite(distance) else np.inf
+
+    @property
+    def growth(self) -> float:
+        """By how much differences of states, in units of their sizes, grow along an arc."""
+        scaled = self.arcs.slopes * self.sizes / self.sizes[:, np.newaxis]
+        scaled = scaled[:, ~self.drifts][:, :, ~self.drifts]
+        norm = np.sqrt((scaled**2).sum(axis=(1, 2))).max()
+        return float(max(norm, 1.0)) if np.isfinite(norm) else np.inf
+
+    @property
+    def allowed(self) -> float:
+        """The residual that a solution has."""
+        most = max(_MOST_RESIDUAL, _NOISE * self.rtol)
+        return min(_NOISE * self.rtol * self.growth, most)
+
+    @property
+    def is_found(self) -> bool:
+        return self.residual <= self.allowed
+
+    def _step(self) -> tuple[FloatArray, float]:
+        """Return the step of the nodes and of log T."""
+        M, D = self.nodes.shape
+        own = np.flatnonzero(~self.drifts)
+        n, sizes = len(own), self.sizes[own]
+        matrix = np.zeros((M, n, M * n + 1))
+        for k in range(M):
+            slopes = self.arcs.slopes[k][np.ix_(own, own)]
+            matrix[k, :, k * n : (k + 1) * n] += slopes * sizes
+            following = (k + 1) % M * n
+            matrix[k, :, following : following + n] -= np.diag(sizes)
+            if not self.flow.is_forced:
+                matrix[k, :, -1] = self.arcs.rates[k, own]
+        matrix = (matrix / sizes[:, np.newaxis]).reshape(M * n, -1)
+        right = (-self.gaps[:, own] / sizes).ravel()
+        if not np.isfinite(matrix).all():
+            return np.full((M, D), np.nan), np.nan
+        left, values, rows = np.linalg.svd(matrix, full_matrices=False)
+        # Levenberg and Marquardt's step, which is Newton's but for small singular values.
+        damping = (_LEAST * values[0]) ** 2 + right @ right
+        step = (values / (values**2 + damping) * (right @ left)) @ rows
+        change = np.zeros((M, D))
+        change[:, own] = step[:-1].reshape(M, n) * sizes
+        return change, float(np.clip(step[-1], -_LONGEST, _LONGEST))
+
+    def _improve(self) -> bool:
+        """Take a step, or a part of it; return whether the ends came nearer."""
+        before, distance = self.arcs, self.distance
+        change, of_T = self._step()
+        if not (np.isfinite(change).all() and np.isfinite(of_T)):
+            return False
+        for k in range(_HALVINGS):
+            nodes = before.nodes + change / 2**k
+            self._go_to(nodes, before.T * float(np.exp(of_T / 2**k)))
+            if self.distance < distance:
+                return True
+        self._take(before)
+        return False
+
+    def correct_period(self) -> None:
+        """Go to the T at which the orbit of the start passes nearest to it.
+
+        A system with several integrals has orbits of all periods near by, turned against each
+        other, and Newton's steps would rather turn a Kepler ellipse than correct a period.
+        """
+        for _ in range(0 if self.flow.is_forced else _CORRECTIONS):
+            before, distance = self.arcs, self.distance
+            rate, gap = (a[0, ~self.drifts] for a in (before.rates, self.gaps))
+            change = -(rate @ gap) / (rate @ rate)
+            if not _LEAST_CHANGE < abs(change) < 0.5:  # false for NaN
+                break
+            self._go_to(before.nodes, before.T * float(1.0 + change))
+            if not self.distance < distance:
+                self._take(before)
+                break
+
+    def search(self) -> bool:
+        """Take steps as long as the ends come nearer; return whether it is that of a solution."""
+        for _ in range(_ROUNDS):
+            was_found, last = self.is_found, self.distance
+            if not self._improve() or (was_found and self.distance > last / 2):
+                break
+        return self.is_found
+
+
+def found(flow: Flow, start: FloatArray, T: float, rtol: float, most: int) -> Shooting:
+    """Return the search that found an orbit with at most so many arcs, or came nearest."""
+    best, sizes = None, _sizes(flow, start, T)
+    for M in _ARCS:
+        if most < M:
+            break
+        nodes = flow.states(start, np.arange(M) * (T / M)) if M > 1 else start[np.newaxis]
+        if not np.isfinite(nodes).all():
+            break
+        search = Shooting(flow, nodes, T, rtol, sizes)
+        if M == 1:
+            search.correct_period()
+            T = search.T
+        search.search()
+        if best is None or search.is_found or search.residual < best.residual:
+            best = search
+        if search.is_found:
+            break
+    assert best is not None
+    if best.is_found and best.growth > _GROWTH and len(best.nodes) < most:
+        x, T = best.nodes[0], best.T
+        M = int(min(np.ceil(len(best.nodes) * np.log(best.growth) / np.log(_GROWTH_OF_ARC)), most))
+        nodes = flow.states(x, np.arange(M) * (T / M))
+        if np.isfinite(nodes).all():
+            search = Shooting(flow, nodes, T, rtol, sizes)
+            best = search if search.search() else best
+    return best
+
+
+def _sizes(flow: Flow, start: FloatArray, T: float) -> FloatArray:
+    """Return by how much components vary, for the units in which steps are short."""
+    states = np.vstack([start, flow.states(start, T * np.arange(1, 33) / 32)])
+    states = states[np.isfinite(states).all(axis=1)]
+    sizes = np.ptp(states, axis=0)
+    if not sizes[~flow.drifts].any():
+        sizes = abs(start)
+    largest = sizes[~flow.drifts].max(initial=0.0) or 1.0
+    return np.maximum(np.where(flow.drifts, 0.0, sizes), 2.0**-20 * largest)
+
+
+# ------------------------------------------------------------------------------------ near returns
+_POINTS, _DOUBLINGS = 512, 12  # times in each stretch, and stretches, each as long as all before
+_INSIDE = np.arange(33) / 32  # parts of the time between two points, where a return is looked for
+_FAR, _NEAR = 0.7, 0.1  # of the extent of an orbit: what is not looked at, and what is near
+_STEPS = 64  # of the first stretch, at most
+_NEAREST = 4  # returns from the first near one on, of which the nearest is taken
+
+
+def near_return(flow: OfMotion, start: FloatArray) -> float | None:
+    """Return the time after which the motion of the start returns near to it, or None.
+
+    A return passes the plane through the start that is normal to f, in the direction of f.
+    """
+    own = ~flow.drifts
+    rate, size = flow.rate[own], abs(start[own]).max()
+    if not rate.any():
+        return None
+    low, high = 0.0, 4.0 * float(size or 1.0) / float(abs(rate).max())
+    while flow.steps(start, high) > _STEPS:
+        high /= 4.0
+    last = extent = np.zeros(own.sum())
+    best: tuple[float, float | None] = _NEAR, None
+    left = _NEAREST
+    for _ in range(_DOUBLINGS):
+        times = np.linspace(low, high, _POINTS + 1)
+        ways = np.vstack([last, flow.states(start, times[1:])[:, own] - start[own]])
+        ways = ways[np.isfinite(ways).all(axis=1)]
+        extent = np.maximum(extent, abs(ways).max(axis=0))
+        scale = np.where(extent > 0.0, extent, 1.0)
+        heights = ways @ (rate / scale**2)
+        near = np.sqrt(((ways / scale) ** 2).mean(axis=1)) < _FAR
+        rises = (heights[:-1] < 0.0) & (heights[1:] >= 0.0) & (near[:-1] | near[1:])
+        for k in np.flatnonzero(rises):
+            inside, state = (times[k + 1] - times[k]) * _INSIDE, start.copy()
+            state[own] += ways[k]  # constant rates do not matter, where no other depends on them
+            found = (flow.states(state, inside)[:, own] - start[own]) / scale
+            distances = np.sqrt((found**2).mean(axis=1))
+            nearest = int(distances.argmin())
+            if distances[nearest] < 0.7 * best[0]:
+                best = float(distances[nearest]), float(times[k] + inside[nearest])
+            left -= best[1] is not None
+            if left == 0 or best[0] < _NEAR / 10:
+                return best[1]
+        if len(ways) <= _POINTS:
+            break
+        last, low, high = ways[-1], high, 2.0 * high
+    return best[1]

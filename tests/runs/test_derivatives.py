@@ -1,0 +1,262 @@
+"""Derivatives of motions by starts and parameters, against power series of 60 digits."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from series import solution_and_derivatives
+
+import suslov_fast as sf
+from suslov_fast import Field, Motion, QuadraticField, flow
+
+
+def _of(name):
+    """A function of NumPy, and of power series."""
+    return lambda a: getattr(a, name)() if hasattr(a, "coeffs") else getattr(np, name)(a)
+
+
+cos, exp, sin, sqrt = map(_of, ("cos", "exp", "sin", "sqrt"))
+
+
+def lorenz(x, sigma, rho, beta):
+    return sigma * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - beta * x[2]
+
+
+def henon_heiles(x, a):
+    return x[2], x[3], -x[0] - 2 * a * x[0] * x[1], -x[1] - a * (x[0] * x[0] - x[1] * x[1])
+
+
+def predators(x, a, b):
+    return x[0] * (a - x[1]), x[1] * (b * x[0] - 1)
+
+
+def pendulum(x, g, c):
+    return x[1], -g * sin(x[0]) - c * x[1]
+
+
+def brusselator(x, a, b):
+    product = x[0] * x[0] * x[1]
+    return a - (b + 1) * x[0] + product, b * x[0] - product
+
+
+def kepler(x, mu):
+    r = sqrt(x[0] * x[0] + x[1] * x[1])
+    factor = -mu / (r * r * r)
+    return x[2], x[3], factor * x[0], factor * x[1]
+
+
+def duffing(x, delta, force):
+    """With a clock."""
+    return x[1], x[0] - x[0] * x[0] * x[0] - delta * x[1] + force * cos(x[2]), 1.0
+
+
+def toggle(x, a, m):
+    return a / (1 + exp(m * x[1])) - x[0], a / (1 + x[0] * x[0]) - x[1]
+
+
+def robertson(x, k1, k3):
+    slow, back, fast = k1 * x[0], 1e4 * x[1] * x[2], k3 * x[1] * x[1]
+    return back - slow, slow - back - fast, fast
+
+
+def van_der_pol(x, mu):
+    return x[1], mu * (1 - x[0] * x[0]) * x[1] - x[0]
+
+
+def hires(y, k):
+    pair = k * y[5] * y[7]
+    return (
+        -1.71 * y[0] + 0.43 * y[1] + 8.32 * y[2] + 0.0007,
+        1.71 * y[0] - 8.75 * y[1],
+        -10.03 * y[2] + 0.43 * y[3] + 0.035 * y[4],
+        8.32 * y[1] + 1.71 * y[2] - 1.12 * y[3],
+        -1.745 * y[4] + 0.43 * y[5] + 0.43 * y[6],
+        -pair + 0.69 * y[3] + 1.71 * y[4] - 0.43 * y[5] + 0.69 * y[6],
+        pair - 1.81 * y[6],
+        -pair + 1.81 * y[6],
+    )
+
+
+def oregonator(x, s, q):
+    return (
+        s * (x[1] + x[0] * (1 - q * x[0] - x[1])),
+        (x[2] - (1 + x[0]) * x[1]) / s,
+        0.161 * (x[0] - x[2]),
+    )
+
+
+# f, start, time, length of a step of the series, parameters.
+CASES = {
+    "lorenz": (lorenz, [1.0, 1.0, 20.0], 1.5, 0.05, {"sigma": 10.0, "rho": 28.0, "beta": 2.5}),
+    "henon_heiles": (henon_heiles, [0.1, 0.2, 0.3, -0.1], 8.0, 0.4, {"a": 1.0}),
+    "predators": (predators, [1.0, 2.0], 6.0, 0.2, {"a": 1.0, "b": 0.8}),
+    "pendulum": (pendulum, [2.0, 0.0], 5.0, 0.4, {"g": 1.5, "c": 0.1}),
+    "brusselator": (brusselator, [1.0, 2.0], 4.0, 0.1, {"a": 1.0, "b": 3.0}),
+    "kepler": (kepler, [1.0, 0.0, 0.0, 1.2], 4.0, 0.2, {"mu": 1.0}),
+    "duffing": (duffing, [0.5, 0.0, 0.0], 5.0, 0.2, {"delta": 0.3, "force": 0.5}),
+    "toggle": (toggle, [0.5, 1.5], 5.0, 0.2, {"a": 4.0, "m": 1.2}),
+}
+STIFF = {
+    "robertson": (robertson, [1.0, 0.0, 0.0], 0.05, 5e-4, {"k1": 0.04, "k3": 3e7}),
+    "van_der_pol": (van_der_pol, [2.0, -0.6], 0.1, 1e-3, {"mu": 300.0}),
+    "hires": (hires, [1, 0, 0, 0, 0, 0, 0, 0.0057], 2.0, 0.05, {"k": 280.0}),
+    "oregonator": (oregonator, [1.0, 2.0, 3.0], 0.2, 2e-3, {"s": 77.27, "q": 8.375e-6}),
+}
+# Values of the series, which take half a minute each.
+WANTED = json.loads((Path(__file__).parents[1] / "data" / "derivatives.json").read_text())
+
+
+def errors(name, rtol, **options):
+    """Return the largest errors of states, and of derivatives by starts and by parameters."""
+    f, x, time, _, parameters = (CASES | STIFF)[name]
+    field, wanted = Field.from_function(f, len(x), **parameters), WANTED[name]
+    by = ["x0", *parameters]
+    motion = flow(field, x, time=time, rtol=rtol, derivatives=by, **options)
+    found = {"x": motion.x[0]} | {each: motion.derivative(each)[0] for each in by}
+    return [abs(found[k] - wanted[k]).max() / abs(np.array(wanted[k])).max() for k in ("x", *by)]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_against_series(name):
+    for rtol in (1e-4, 1e-6, 1e-9, 1e-12):
+        assert max(errors(name, rtol)) < 1e3 * rtol
+    assert max(errors(name, 1e-9, stiff=True)) < 1e-6
+
+
+@pytest.mark.parametrize("name", STIFF)
+@pytest.mark.parametrize("stiff", [None, True])
+def test_stiff_equations_against_series(name, stiff):
+    for rtol in (1e-4, 1e-6, 1e-9):
+        assert max(errors(name, rtol, stiff=stiff)) < 1e3 * rtol
+    assert max(errors(name, 1e-12, stiff=stiff)) < 1e-10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["pendulum", "robertson"])
+def test_the_series(name):
+    f, x, time, step, parameters = (CASES | STIFF)[name]
+    state, by_starts, others = solution_and_derivatives(f, x, time, 0.7 * step, **parameters)
+    found = {"x": state, "x0": by_starts, **others}
+    for key, value in found.items():
+        np.testing.assert_allclose(value, WANTED[name][key], rtol=1e-14, atol=0)
+
+
+PREDATORS = Field.from_function(predators, "u v", a=[1.0, 1.5], b=0.8)
+
+
+def test_batches_and_families(rng):
+    """Each member by itself has the same bits; times in any order, and backward."""
+    x, times = rng.uniform(0.5, 2.0, (5, 2, 2)), [3.0, 0.0, 1.0]
+    motion = flow(PREDATORS, x, time=times, derivatives=("b", "x0"))
+    assert motion.derivative("x0").shape == (3, 5, 2, 2, 2)
+    assert motion.derivative("b").shape == (3, 5, 2, 2)
+    assert (motion.derivative("x0")[1] == np.eye(2)).all()
+    assert not motion.derivative("b")[1].any()
+    for k in (0, 1):
+        alone = flow(PREDATORS[k], x[2, k], time=times, derivatives=("x0", "b"), threads=2)
+        for name in ("x0", "b"):
+            assert (alone.derivative(name) == motion.derivative(name)[:, 2, k]).all()
+    there = flow(PREDATORS[0], x[0, 0], time=2.0, rtol=1e-12, derivatives="x0")
+    back = flow(PREDATORS[0], there.x[0], time=-2.0, rtol=1e-12, derivatives="x0")
+    product = back.derivative("x0")[0] @ there.derivative("x0")[0]
+    np.testing.assert_allclose(product, np.eye(2), atol=1e-10)
+
+
+def test_states_are_those_without_derivatives():
+    x = [1.0, 2.0]
+    with_, without = (flow(PREDATORS, x, time=10.0, derivatives=by) for by in (("a", "x0"), ()))
+    assert abs(with_.x - without.x).max() < 1e-7
+    assert (with_.steps < 1.5 * without.steps).all()
+
+
+def test_quadratic_fields_keep_their_function():
+    quadratic = QuadraticField.from_function(predators, "u v", a=[1.0, 1.5], b=0.8)
+    own, other = (
+        flow(field, [1.0, 2.0], time=3.0, derivatives=("x0", "a"))
+        for field in (quadratic, PREDATORS)
+    )
+    assert (own.derivative("a") == other.derivative("a")).all()
+    terms = flow(quadratic[1], [1.0, 2.0], time=3.0, derivatives="x0")
+    assert abs(terms.derivative("x0") - own.derivative("x0")[:, 1]).max() < 1e-6
+    energy = lambda x, w: x[1] ** 2 / 2 + w * x[0] ** 2 / 2  # noqa: E731
+    for kind in (Field, QuadraticField):
+        oscillator = kind.from_hamiltonian(energy, "q p", w=4.0)
+        motion = flow(oscillator, [1.0, 0.0], time=0.5, rtol=1e-12, derivatives="w")
+        exact = [-np.sin(1.0) / 8, -np.sin(1.0) / 4 - np.cos(1.0) / 4]
+        np.testing.assert_allclose(motion.derivative("w")[0], exact, atol=1e-11)
+
+
+def test_bodies_by_starts():
+    body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    found = flow(body, [1.0, 0.5], time=2.0, rtol=1e-12, derivatives="x0").derivative("x0")[0]
+    h = 1e-5 * np.eye(2)
+    ends = [flow(body, [1.0, 0.5] + sign * h, time=2.0).omega[0] for sign in (1, -1)]
+    np.testing.assert_allclose(found, (ends[0] - ends[1]).T / 2e-5, atol=1e-8)
+
+
+def test_small_and_large_parameters_and_states():
+    """Columns have the size of states, whatever the units."""
+    for size, rate in ((1e-9, 1e-6), (1e9, 1e6), (1.0, 0.0)):
+        field = Field.from_function(lambda x, k: (-k * x[0] + x[1] * 0, 0.0), 2, k=rate)
+        time = 2.0 / (rate or 1.0)
+        motion = flow(field, [size, 0.1 * size], time=time, derivatives=("x0", "k"))
+        factor = np.exp(-rate * time)
+        assert motion.x[0, 0] == pytest.approx(size * factor, rel=1e-8)
+        assert motion.derivative("k")[0, 0] == pytest.approx(-time * size * factor, rel=1e-8)
+        assert motion.derivative("x0")[0, 0, 0] == pytest.approx(factor, rel=1e-8)
+
+
+def test_atol_for_each_component():
+    f, x, _, _, parameters = STIFF["robertson"]
+    field = Field.from_function(f, 3, **parameters)
+    options = {"rtol": 1e-7, "atol": [1e-8, 1e-13, 1e-8], "derivatives": "k1"}
+    found = flow(field, x, time=4e4, **options).derivative("k1")[0]
+    h = 1e-6
+    ends = [
+        flow(field.with_parameters(k1=0.04 + k * h), x, time=4e4, rtol=1e-12).x[0] for k in (1, -1)
+    ]
+    np.testing.assert_allclose(found, (ends[0] - ends[1]) / (2 * h), rtol=1e-3)
+
+
+def test_solutions_that_end():
+    family = Field.from_function(lambda x, a: (a * x[0] ** 2,), 1, a=[0.1, 2.0])
+    with pytest.warns(sf.PoleWarning):
+        motion = flow(family, [1.0], time=[0.2, 1.0], derivatives=("a", "x0"))
+    exact = 1 / (1 - np.outer([0.2, 1.0], [0.1, 2.0])) ** 2
+    by_start = motion.derivative("x0")[..., 0, 0]
+    np.testing.assert_allclose(by_start[:, 0], exact[:, 0], rtol=1e-8)
+    np.testing.assert_allclose(by_start[0, 1], exact[0, 1], rtol=1e-7)
+    assert np.isnan(by_start[1, 1])
+    assert np.isnan(motion.derivative("a")[1, 1, 0])
+
+
+def test_files(tmp_path):
+    for by in ((), ("b", "x0")):
+        motion = flow(PREDATORS, [1.0, 2.0], time=[1.0, 2.0], derivatives=by)
+        motion.save(tmp_path / f"{len(by)}.npz")
+        assert Motion.load(tmp_path / f"{len(by)}.npz") == motion
+
+
+@pytest.mark.parametrize(
+    ("error", "system", "derivatives"),
+    [
+        (ValueError, PREDATORS, "c"),
+        (ValueError, PREDATORS, ("x0", "x0")),
+        (TypeError, PREDATORS, 3),
+        (TypeError, PREDATORS, (1.0,)),
+        (ValueError, QuadraticField.from_function(predators, 2, a=[1, 2], b=1)[0], "a"),
+        (ValueError, sf.Suslov3D(4, 1, -0.5, -0.3), "I1"),
+    ],
+)
+def test_bad_names(error, system, derivatives):
+    with pytest.raises(error, match="derivatives"):
+        flow(system, [1.0, 2.0], time=1.0, derivatives=derivatives)
+
+
+def test_what_was_not_asked_for():
+    motion = flow(PREDATORS, [1.0, 2.0], time=1.0, derivatives="a")
+    with pytest.raises(ValueError, match="by"):
+        motion.derivative("x0")
+    with pytest.raises(ValueError, match="derivatives"):
+        flow(PREDATORS, [1.0, 2.0], time=1.0).derivative("a")

@@ -16,13 +16,17 @@ _MOTIONS = (
 )
 
 
+SAID = {"heyoka": "heyoka", "dop853": "DOP853 in lanes"}
+
+
 def _motions():
-    """Yield the rows of motions of 1,024 orbits, beside heyoka and DOP853 in lanes."""
+    """Yield the rows of motions of 1,024 orbits, beside others."""
     for title, rows, *bounds in _MOTIONS:
-        for key, of_key in zip(("heyoka", "dop853"), bounds, strict=True):
+        for key, of_key in zip(SAID, bounds, strict=True):
             for below, bound in zip((0.001, 1e-06, 1e-09), of_key, strict=True):
                 if bound is not None:
-                    label = f"{title} by `flow`, error below {below:.0e}, beside {key}"
+                    error = f"{below:.0e}".replace("e-0", "e-")
+                    label = f"{title} by `flow`, error below {error}, beside {SAID[key]}"
                     pair = (f"{rows.format(each)}-{below}" for each in ("flow", key))
                     yield label, *pair, "≤", bound
 

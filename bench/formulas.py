@@ -5,7 +5,7 @@ The peers and the references in long doubles use them. They share no code with t
 
 import numpy as np
 
-BODY, EPS = (4, 1, -0.5, -0.3), 0.2  # the paper's first picture
+BODY, EPS = (4, 1, -0.5, -0.3), 0.2  # the paper's first figure
 I1, I2, I13, I23 = map(float, BODY)
 K1, K2, K3, K4 = EPS * I13 / (2 * I1), EPS * I23 / (2 * I2), EPS * I23 / I1, EPS * I13 / I2
 

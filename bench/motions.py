@@ -1,12 +1,13 @@
 """Motions that integrators compute at equal error: systems, starts and references."""
 
 import functools
+import sys
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import problem
-from work import OTHERS, OURS, Work, load
+from work import OTHERS, OURS, C, Work, load
 
 from suslov_fast import Field, QuadraticField, flow, iterate
 
@@ -191,6 +192,7 @@ STIFF_TOLERANCES = {
 }
 METHODS = {
     "flow": (OURS, "`flow`", by_flow),
+    "dop853": (C, "C, DOP853, 8 lanes", "dop853.in_lanes"),
     "heyoka": (OTHERS, "heyoka, Taylor integrator, 16 at once", "motions.by_heyoka"),
     "lsoda": (OTHERS, "SciPy, `odeint`, f by Numba", "motions.by_odeint"),
 }
@@ -232,3 +234,29 @@ def add_cases(add):
         arguments = at_equal_error, function, name, (number,), 1024 if key == "flow" else 16, 1e-6
         label = f"{SYSTEMS[name].title}: {label}"
         add("stiff motions", f"{name}-{key}", whose, label, *arguments, x=1e-6, one_thread=True)
+
+
+def search(name, key, below, batch):
+    """Return the largest tolerance of a grid whose error is below a bound."""
+    call = load(METHODS[key][2])
+    x, wanted = SYSTEMS[name].starts(batch), reference(name, batch)
+    for number in 1e-2 * 10 ** (-0.1 * np.arange(112)):
+        found = call(name, float(f"{number:.1e}"))(x)
+        if abs(found - wanted).max() < below * abs(wanted).max():
+            return float(f"{number:.1e}")
+    raise ValueError(f"{name}, {key}: no tolerance gives an error below {below}")
+
+
+def main():
+    """Print the tolerances of all methods at equal error, of the systems that are named, or all."""
+    for name in sys.argv[1:] or [*SYSTEMS]:
+        is_large = name.startswith("lorenz-96")
+        bounds = (1e-6,) if is_large or name in STIFF else BELOW
+        for key in ("flow", "lsoda") if name in STIFF else ("flow", "dop853", "heyoka"):
+            batch = 16 if key == "lsoda" else 64 if is_large else 1024
+            found = tuple(search(name, key, below, batch) for below in bounds)
+            print(f"    {(name, key)}: {found},", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,6 +1,6 @@
 """The problem that every benchmark solves, and its solution in long doubles.
 
-Long doubles have 64 bits of mantissa on x86. The body is that of the paper's first picture, the
+Long doubles have 64 bits of mantissa on x86. The body is that of the paper's first figure, the
 states are random.
 """
 

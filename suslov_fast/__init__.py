@@ -1,4 +1,4 @@
-"""Kahan (Hirota-Kimura) maps of quadratic fields and of the nonholonomic Suslov problem.
+"""Hirota-Kimura (Kahan) maps of the Suslov problem and of quadratic equations; motion of any.
 
 Iterate the orbits of a body from two initial angular velocities::
 
@@ -13,10 +13,9 @@ The map of the Suslov problem is that of V. Dragovic and B. Gajic, arXiv:0807.29
 import ast
 import os
 import sys
-from functools import cached_property
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from threading import RLock
 from types import ModuleType
 
 __version__ = "0.9.0"
@@ -32,31 +31,6 @@ _MODULE_OF = {
 }
 __all__ = sorted(_MODULE_OF)
 _MODULES = ("compiled", "integrability")
-_OF_SYMPY = (
-    "QuadraticField.from_function(sympy.lambdify([symbols], expressions), [*map(str, symbols)])"
-)
-# Names in other packages for functions of this one, in lower case without underscores.
-_ELSEWHERE = {
-    "crossings": "poincare poincaremap poincaresection poincaresos events basins "
-    "basinsofattraction",
-    "flow, which returns the states at given times, or iterate": "solveivp odeint ode integrate",
-    "iterate": "trajectory simulate evolve",
-    "iterate, or crossings, with a family of fields": "orbitdiagram bifurcationdiagram bifurcation",
-    "iterate(...).plot()": "phaseportrait plot",
-    "lyapunov_exponents": "lyapunov lyapunovs lyapunovspectrum maxlyapunov lyapunovexponent",
-    "fixed_points": "fixedpoints equilibria equilibrium",
-    "QuadraticField.from_function, or Field.from_function": "fromfunction field system",
-    _OF_SYMPY: "fromsympy fromexpressions fromequations",
-    "QuadraticField.from_hamiltonian": "fromhamiltonian hamiltonianfield hamiltonian",
-    "suslov_fast.integrability.report": "report conservedquantities integrals firstintegrals",
-    "suslov_fast.integrability.zoo": "zoo examples lorenz lotkavolterra henonheiles",
-    "Suslov3D, SuslovGyrostat or SuslovND": "suslov body",
-    "Suslov3D.figure(k), k = 1 ... 4": "figure figures picture pictures",
-    "animate_body": "animate animation",
-    "the argument threads= of each function": "setnumthreads setthreads threads numthreads",
-    "the command suslov-fast warm-up": "warmup compile",
-    "Trajectories.load, or Crossings.load": "load",
-}
 
 
 def _imported(name: str) -> ModuleType:
@@ -66,18 +40,13 @@ def _imported(name: str) -> ModuleType:
         return import_module(name, __name__)
 
 
-def _here(name: str) -> str:
-    """Return what this package has for a name of other packages, or nothing."""
-    plain = name.lower().replace("_", "")
-    return next((here for here, names in _ELSEWHERE.items() if plain in names.split()), "")
-
-
 def __getattr__(name: str) -> object:
     """Import the module of a public name when the name is first used."""
     if name in _MODULES:
         return _imported(f".{name}")
     if name not in _MODULE_OF:
-        import_module(".keywords", __name__).refuse(sys.modules[__name__], name, _here(name))
+        answers = import_module(".keywords", __name__)
+        raise answers.lacking(sys.modules[__name__], name, f"module {__name__!r}")
     value: object = getattr(_imported(_MODULE_OF[name]), name)
     globals()[name] = value
     return value
@@ -92,31 +61,12 @@ _threads_are_gone = False
 
 
 def _after_fork() -> None:
-    """Note in a forked child that threads are gone, if its parent had started some to compute.
-
-    Threads of a `prange` of the user count as well. Nobody can ask torch whether it started
-    threads, so its import counts.
-    """
+    """Compute on one thread in a forked child of a process that had threads, or has torch."""
     global _threads_are_gone
-    numba, ours = sys.modules.get("numba"), sys.modules.get(f"{__name__}.engine.threads")
-    try:
-        numba.threading_layer()  # type: ignore[union-attr]
+    _threads_are_gone |= "torch" in sys.modules
+    with suppress(KeyError, ValueError, AttributeError):  # no Numba, or none of its threads
+        sys.modules["numba"].threading_layer()
         _threads_are_gone = True
-    except (ValueError, AttributeError):  # none were started, or Numba is not imported
-        _threads_are_gone |= "torch" in sys.modules
-    if hasattr(ours, "renew"):  # else another thread has just begun to import it
-        ours.renew()
-    if sys.version_info < (3, 12):
-        _renew_locks()
-
-
-def _renew_locks() -> None:
-    """Give all cached properties new locks, because threads that are gone may hold the old ones."""
-    modules = [module for name, module in sys.modules.items() if name.startswith(f"{__name__}.")]
-    for value in [value for module in modules for value in vars(module).values()]:
-        for attribute in vars(value).values() if isinstance(value, type) else ():
-            if isinstance(attribute, cached_property):
-                attribute.lock = RLock()  # type: ignore[attr-defined]
 
 
 if hasattr(os, "register_at_fork"):

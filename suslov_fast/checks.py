@@ -43,12 +43,6 @@ MOMENTS, OTHERS = 50, 60
 _PACKAGES = {"flint": "python-flint"}  # packages whose modules have another name
 # Requests for up to this many bytes are not checked, for speed; this many bytes are kept free.
 _SMALL = 2**26
-# What to say of arrays, by the kind of their dtype.
-_PARTS = ", which is complex: pass real and imaginary parts as components, or one of them"
-_TEXT = ", which is text: pass numbers"
-_SECONDS = ", a time with a unit: divide it by np.timedelta64(1, 's')"
-_FIELDS = ", a structured array: pass np.array(a.tolist()) in place of a"
-_NOT_REAL = {"U": _TEXT, "S": _TEXT, "c": _PARTS, "m": _SECONDS, "V": _FIELDS}
 _HERE = os.path.dirname(__file__) + os.sep
 
 
@@ -153,18 +147,11 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
 
 def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
     """Return advice, for messages, on states of a wrong shape."""
-    advice = []
-    if shape == (len(labels), 1):
-        advice.append("pass np.ravel of it, for one state")
-    elif len(shape) > 1 and shape[0] == len(labels) and shape[1]:
-        advice.append("pass the transpose, because the last axis holds the components")
-    elif shape in ((), (0,), (1,)):
-        advice.append(f"pass one number for each, such as {[1.0] * min(len(labels), 3)}")
     if shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
         rotated = "(omega @ rotation.T)[..., :2]" if len(shape) > 1 else "(rotation @ omega)[:2]"
-        how = f"pass {rotated}, with the rotation that from_inertia returns"
-        advice.append(f"for vectors of 3 components {how}")
-    return f": {'; or '.join(advice)}" if advice else ""
+        return f": for vectors in space pass {rotated}, with the rotation of from_inertia"
+    is_transposed = len(shape) > 1 and shape[0] == len(labels)
+    return ": pass the transpose, because the last axis holds the components" * is_transposed
 
 
 def _floats(name: str, value: Any) -> FloatArray:
@@ -185,22 +172,12 @@ def _floats(name: str, value: Any) -> FloatArray:
         received = f"{kind_of(value)}, which is no array: {error}"
         raise wrong(name, "hold real numbers", received, TypeError) from error
     if array.dtype.kind not in "iuf":
-        what = _NOT_REAL.get(array.dtype.kind, f" of dtype {array.dtype}")
-        what = _no_number_in(array) if array.dtype.kind == "O" else what
+        what = f" of dtype {array.dtype}"
+        if array.dtype.kind == "O":
+            item = next(each for each in array.flat if not isinstance(each, numbers.Real))
+            what = f", in which {short(item)} is a {kind_of(item)}" if array.ndim else ""
         raise wrong(name, "hold real numbers", f"{short(value)}{what}", TypeError)
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
-
-
-def _no_number_in(array: NDArray[Any]) -> str:
-    """Return which object of an array is no real number, and what to pass, for messages."""
-    item = next(each for each in array.flat if not isinstance(each, numbers.Real))
-    how = ": pass float(...) of it" if hasattr(item, "__float__") else ""
-    if type(item).__name__ == "NAType":
-        how = ": pass .to_numpy(float, na_value=np.nan) of the labelled data"
-    if array.ndim == 0:
-        how = ": pass a list" if hasattr(item, "__iter__") else how
-        return ": pass its .toarray()" if hasattr(item, "toarray") else how  # of scipy.sparse
-    return f", in which {short(item)} is a {kind_of(item)}{how}" if item is not None else ""
 
 
 def _of_list(value: Any) -> FloatArray | None:
@@ -265,6 +242,26 @@ def refuse_unit(name: str, value: Any) -> None:
         raise wrong(name, "numbers without a unit", f"a {kind} in {unit}: {how}", TypeError)
 
 
+def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
+    """Return matrices (..., n, n) of finite real numbers."""
+    matrices = real_array(name, value, allow_nan)
+    if matrices.shape[-2:] != (n, n):
+        how = f": pass np.diag({name})" if matrices.shape == (n,) else ""
+        raise wrong(name, f"have the shape (..., {n}, {n})", f"{matrices.shape}{how}")
+    return matrices
+
+
+def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
+    matrices = square_matrices(name, value, n)
+    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
+    least = np.linalg.det(matrices).min(initial=1.0)
+    if error > 1e-10 or least < 0:
+        deviation = f"|R R.T - 1| = {error:.2g} and the determinant {least:.2g}"
+        raise wrong(name, f"a rotation matrix: it has {deviation}")
+    return matrices
+
+
 def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the shape that the named batch shapes broadcast to."""
     others = {*filter(None, shapes.values())}
@@ -289,9 +286,7 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
             raise TypeError
         number = operator.index(value)
     except TypeError as error:
-        how = f": pass {value:.0f}" if isinstance(value, float) and value.is_integer() else ""
-        how = f": pass {value}" if isinstance(value, str) and value.isdecimal() else how
-        received = "None" if value is None else f"the {type(value).__name__} {short(value)}{how}"
+        received = "None" if value is None else f"the {type(value).__name__} {short(value)}"
         raise wrong(name, expected, received, TypeError) from error
     if not minimum <= number <= maximum:
         limit = ", at most 2**62" if number > maximum == 2**62 else ""
@@ -317,14 +312,11 @@ def instance(name: str, value: Any, expected: Any) -> None:
     """Raise TypeError unless an object is of a class, or of one in a tuple or a union."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
-        called = either([vars(kind).get("_called", kind.__name__) for kind in classes])
+        called = either([vars(kind).get("called", kind.__name__) for kind in classes])
         instead = ""
         if expected is Mapping:
-            called = "a dictionary"
-            instead = ": pass json.loads(text)" if isinstance(value, (str, bytes)) else ""
-            is_path = isinstance(value, os.PathLike)
-            instead = ": pass json.loads(path.read_text())" if is_path else instead
-        elif all(hasattr(kind, "_instead") for kind in classes):
+            called, instead = "a dictionary", ": a text is read by json.loads"
+        elif all(hasattr(kind, "instead") for kind in classes):
             instead = in_place_of(value)
         raise wrong(name, called, kind_of(value) + instead, TypeError)
 
@@ -333,20 +325,9 @@ def in_place_of(value: Any) -> str:
     """Return advice, for messages, on what to pass in place of a value of the wrong class."""
     if isinstance(value, type):
         return ": pass an object of the class"
-    instead: str = getattr(value, "_instead", "")
-    if isinstance(value, tuple) and value and hasattr(value[0], "_instead"):
-        return ": pass the body alone, the first item of the tuple"
-    if isinstance(value, dict):
-        return ": pass body_from_dict(parameters)"
-    if isinstance(value, (list, np.ndarray)):
-        return ": the body or field comes first; for a family of them pass arrays of parameters"
-    if value is None or isinstance(value, str):
-        return ": pass an object, such as QuadraticField.from_function(f, names)"
-    if type(value).__module__.startswith((f"{__package__}.core.", f"{__package__}.compiled")):
-        return ": pass the body or field itself; frames and systems are for loops of your own"
-    if callable(value) and not instead:
-        return ": pass QuadraticField.from_function(f, names), or Field if f is not quadratic"
-    return instead
+    instead: str = getattr(value, "instead", "")
+    known = ": pass a body, or a field such as QuadraticField.from_function(f, names)"
+    return instead or known
 
 
 def either(names: Sequence[str]) -> str:

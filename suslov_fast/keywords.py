@@ -1,254 +1,162 @@
-"""Answers to unknown keywords and names: what other packages call them, and what is here."""
+"""Unknown keywords and attributes: the nearest name here, or what another package's word is."""
 
 from __future__ import annotations
 
 import inspect
-import opcode
-import os
-import sys
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import FrozenInstanceError
+from collections.abc import Callable, Collection
 from difflib import get_close_matches
 from functools import wraps
-from types import ModuleType
-from typing import Any, NoReturn, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
+
+import suslov_fast
 
 P = ParamSpec("P")
 R = TypeVar("R")
-T = TypeVar("T")
 
-# Objects with fewer public names than this list them in their errors.
-_FEW = 20
-_TENSOR = "from_inertia(I, a) makes a body from an inertia tensor and the constrained axis"
-_MATRIX = "from_mass_tensor makes a body from a matrix"
-
-# Words of other packages for arguments of this one: a function is asked for those that it has.
-_WORDS = {
-    "eps": "dt h epsilon step_size stepsize delta_t first_step",
-    "max_step": "maxstep dtmax",
-    "steps": "n N n_steps num_steps nsteps iterations max_steps maxiter",
-    "time": "t T times t_eval t_span tspan saveat ts t_end t_max tend tf t_final tmax duration",
-    "period": "T",
-    "n": "N n_steps",
-    "rtol": "tol reltol",
-    "tol": "rtol reltol",
-    "atol": "abstol",
-    "method": "order integrator solver alg algorithm scheme",
-    "surface": "events event section condition value axis",
-    "most": "terminal k",
-    "transient": "burn_in transient_time n_transient Ttr discard",
-    "save_every": "every stride thin sample save_at",
-    "threads": "n_jobs workers num_threads cores n_workers",
-    "client": "n_jobs workers n_workers cores",
-    "time_limit": "timeout max_time budget",
-    "progress": "verbose callback timeout time_limit max_time budget",
-    "seed": "rng random_state",
-    "store": "filename file",
-    "path": "filename file",
-    "color": "c colour colors",
-    "components": "x y z axis",
-    "ax": "figsize xlim ylim xlabel ylabel grid legend",
-    **{f"I{k}": f"I{k}{k}" for k in (1, 2, 3)},
-    **{f"I{k}3": f"I3{k}" for k in (1, 2)},
-}
-# What to do with words for which there is no argument, if the function has one of another name:
-# "2" stands for the states, its second argument, which has no name.
-_INSTEAD = (
-    ("x0 y0 u0 z0 X0 omega0 omega x state states ic", "2", "the states are the second argument"),
-    ("body field f fun rhs system model", "2", "the first argument has no name"),
-    ("args p params parameters", "2", "parameters belong to the field or body"),
-    ("t time t_eval t_span t_end t_max tmax T", "steps", "a run ends at the time eps * steps"),
-    ("dt h epsilon step_size eps steps method order", "rtol", "steps follow from rtol="),
-    ("events event section condition terminal", "eps", "use crossings"),
-    ("events event section condition terminal", "rtol", "use crossings"),
-    ("tol rtol atol reltol abstol", "steps", "steps of maps have no tolerance, flow has one"),
-    ("seed rng random_state", "steps", "pass RandomStarts as states"),
-    ("k n_exponents num_exponents", "transient", "all exponents are returned"),
-    ("overwrite mode", "store", "delete the folder of the store"),
-    ("color", "steps", "plots have it"),
-    ("I12 I21", "I13", f"it is 0 in the adapted basis: {_TENSOR}"),
-    ("I inertia tensor", "I13", _TENSOR),
-    ("inertia tensor", "J", _MATRIX),
-    ("n N", "J", "J and I have n - 1 entries each"),
-)
-
-
-# Attributes of bodies in other packages, or of other objects, and what they are here.
-_NEW_FIELD = "from_function again, with the new parameters; arrays of parameters make a family"
-_IN_BODIES = {
-    "to_latex latex equations to_sympy": "str(field), the equations",
-    "save to_json to_file dump": "json.dump(body.to_dict(), file)",
-    "replace subs with_parameters set_parameters": _NEW_FIELD,
-    "lambdify": "field(x), or compiled.system(field, eps) in loops of your own",
-    "hamiltonian": "suslov_fast.energy(field, x), for a field of from_hamiltonian",
-    "dim ndim D N": "dimension",
-    "x omega states": "the states of a run, as iterate returns it",
-    "rhs f func fun": "field(x), the right-hand side at states x",
-    "quadratic linear constant terms": "QuadraticField.of(body), whose terms they are",
-    "jac jacobian Df df Dx eigenvalues eigvals derivative": "QuadraticField.of(body).jacobian(x), "
-    "the derivative of the right-hand side; suslov_fast.jacobian is that of a step",
-    "dt h t": "eps, an argument of iterate",
-}
-INSTEAD_IN_BODIES = {name: how for names, how in _IN_BODIES.items() for name in names.split()}
-
-
-def public_class(kind: type[T]) -> type[T]:
-    """Let the constructor of a dataclass, or of a named tuple, answer as a public function."""
-    if issubclass(kind, tuple):
-        kind.__new__ = staticmethod(public(kind.__new__))  # type: ignore[method-assign]
-    else:
-        kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
-    return unchanging(kind) if hasattr(kind, "_remade") else kind
+# Words of other packages, in lower case without underscores; what they are called here, of which a
+# function or an object may have one; and what to do where it has none.
+_TABLE = (
+    ("dt h epsilon stepsize deltat firststep dtmax eps", "eps max_step",
+     "a map has steps of length eps=; those of flow follow from rtol="),
+    ("t times teval saveat ts tend tmax tf tfinal duration period", "time period steps",
+     "iterate runs to eps * steps, flow to time="),
+    ("tspan t0", "time", "iterate runs to eps * steps, flow to time="),
+    ("tol rtol reltol", "rtol tol", "flow(..., rtol=); steps of a map have no tolerance"),
+    ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
+    ("order integrator solver alg algorithm scheme method", "method",
+     "iterate has method=; steps of flow follow from rtol="),
+    ("n nsteps numsteps iterations maxsteps maxiter steps", "steps n",
+     "maps have steps=, and those of flow follow from rtol="),
+    ("x0 y0 u0 z0 omega0 omega x state states ic", "states components omega0",
+     "states are the second argument, without a name"),
+    ("body system field f fun rhs model", "body",
+     "the system is the first argument, without a name; system(x) is its right-hand side"),
+    ("args p params parameters", "parameters",
+     "parameters belong to the system, as body.parameters"),
+    ("withparameters setparameters replace subs", "with_parameters",
+     "make it again, with the new parameters; arrays make a family"),
+    ("events event section condition value", "surface crossings", "crossings(..., surface=)"),
+    ("poincare poincaremap poincaresection poincaresos tevents yevents", "crossings", ""),
+    ("terminal k", "most", "crossings(..., most=)"),
+    ("burnin ntransient transienttime ttr discard", "transient", ""),
+    ("every stride thin sample saveat", "save_every", ""),
+    ("njobs nworkers workers numthreads setnumthreads setthreads cores", "threads client",
+     "threads= of each function"),
+    ("timeout maxtime budget timelimit", "time_limit progress", ""),
+    ("verbose callback", "progress", ""),
+    ("seed rng randomstate", "seed RandomStarts", "RandomStarts(size, seed=...) as states"),
+    ("filename file", "path store", ""),
+    ("overwrite mode", "force", "another name, or delete the folder of the store"),
+    ("c color colour colors", "color", "plots have color="),
+    ("y z axis", "components states", ""),
+    ("figsize xlim ylim xlabel ylabel grid legend", "ax", ""),
+    *((f"i{k}{k}", f"I{k}", "") for k in (1, 2, 3)),
+    *((f"i3{k}", f"I{k}3", "") for k in (1, 2)),
+    ("i inertia tensor i12 i21", "from_inertia from_mass_tensor",
+     "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
+    ("u values data trajectories solution sol points shape tonumpy select", "states",
+     "iterate, whose result has states"),
+    ("index idx orbit orbits member which", "trajectory", ""),
+    ("success retcode", "ok", ""),
+    ("message error errors failedat", "status", ""),
+    ("last end final", "final", "states[-1]"),
+    ("resume restart continue extend", "extend", "it again, from the last states"),
+    ("df todataframe topandas tocsv tonetcdf tozarr sel isel", "to_xarray", ""),
+    ("savefig figure", "plot", "plot().figure.savefig(path)"),
+    ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
+    ("load", "load", "Trajectories.load, or Crossings.load, or Motion.load"),
+    ("latex tolatex equations tosympy", "", "str(field), the equations"),
+    ("lambdify", "compiled", "field(x), or compiled.system in loops of your own"),
+    ("dim ndim d", "dimension", ""),
+    ("jac df dx derivative eigenvalues", "",
+     "jacobian(x) of a field, its right-hand side's; that of a body is QuadraticField.of(body)"),
+    ("quadratic linear constant terms", "", "QuadraticField.of(body), whose terms they are"),
+    ("solveivp odeint ode integrate solve", "flow", ""),
+    ("trajectory simulate evolve", "iterate run", ""),
+    ("orbitdiagram bifurcationdiagram bifurcation", "iterate", ""),
+    ("phaseportrait plot", "plot plot_phase", "iterate(...).plot()"),
+    ("lyapunov lyapunovs lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
+    ("fixedpoints equilibria equilibrium", "fixed_points", ""),
+    ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
+    ("fromsympy fromexpressions", "",
+     "from_function(sympy.lambdify([symbols], expressions), names)"),
+    ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
+    ("suslov", "Suslov3D", ""),
+    ("figures picture pictures", "figures", "Suslov3D.figure(k)"),
+    ("animate animation", "animate_body", ""),
+    ("report integrals firstintegrals zoo examples kahan", "", "suslov_fast.integrability"),
+    ("warmup compile", "warm_up", "the command suslov-fast warm-up"),
+)  # fmt: skip
+_OWN = {"self", "cls", "_cls"}  # which a caller does not pass
+_WORDS = {word: (names.split(), how) for words, names, how in _TABLE for word in words.split()}
 
 
-def unchanging(kind: type[T]) -> type[T]:
-    """Let objects of a frozen dataclass answer an assignment with what to do instead.
+def instead(word: str, known: Collection[str]) -> str:
+    """Return what to use for a word: a known name, or a sentence, or nothing."""
+    names, how = _WORDS.get(word.lower().replace("_", ""), ((), ""))
+    found = [each for each in known if each.lower() == word.lower()]
+    found += [name for name in names if name in known]
+    near = get_close_matches(word, known, 1, 0.75)
+    return (found or [how] * bool(how) or near or [""])[0]
 
-    Their `_remade(name, value)` is that advice.
-    """
 
-    def answering(thing: Any, name: str, value: object) -> NoReturn:
-        text = f"{type(thing).__name__} cannot be changed"
-        raise FrozenInstanceError(f"{text}: {thing._remade(name, value)}")
-
-    kind.__setattr__ = answering  # type: ignore[method-assign]
-    return kind
+def lacking(thing: Any, name: str, called: str, here: str = "") -> AttributeError:
+    """Return the error of an object without an attribute; `here` is what to use, if it is known."""
+    if not here and not name.startswith("_"):
+        own = [each for each in dir(thing) if not each.startswith("_")]
+        functions = dir(suslov_fast)
+        here = instead(name, own + functions)
+        if here in functions and here not in own:
+            here = f"suslov_fast.{here}"
+    text = f"{called} has no attribute {name!r}"
+    if here:
+        return AttributeError(f"{text}: use {here}")
+    return AttributeError(text, name=name, obj=thing)
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function answer a keyword that it does not have with the one to use.
 
-    It also says what the arguments are that a call lacks.
+    Other calls that do not fit are answered with the arguments that it takes.
     """
-    parameters = [*inspect.signature(function).parameters.values()]
-    kinds = [each.kind for each in parameters]
-    takes_any = inspect.Parameter.VAR_KEYWORD in kinds
-    most = len(kinds) - kinds.count(inspect.Parameter.KEYWORD_ONLY) - takes_any
-    is_method = int(parameters[0].name in ("self", "cls", "_cls")) if kinds else 0
-    by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
-    known = {each.name for each in parameters[is_method:] if each.kind in by_name}
-    unnamed = kinds.count(inspect.Parameter.POSITIONAL_ONLY)
-    positional = [each.name for each in parameters[unnamed:most]]
-    others = [f"{each.name}=" for each in parameters if each.kind is each.KEYWORD_ONLY]
-    others += ["parameters, such as a=1"] * takes_any
-    stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
-    required = [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
-    written = [f"{a.name}=..." if a.kind is a.KEYWORD_ONLY else a.name for a in parameters]
-    written = [name for name in written if name.removesuffix("=...") in required]
-    whole = f"({', '.join(written[is_method:])})" if len(required) > 1 + is_method else ""
     *_, owner, called = ("", *function.__qualname__.split("."))
     called = owner if called.startswith("__") else called
-
-    def mistake(args: tuple[object, ...], kwargs: dict[str, object]) -> Exception | None:
-        """Return the error of a call whose arguments are not those of the function."""
-        if len(args) > most and inspect.Parameter.VAR_POSITIONAL not in kinds:
-            count, s = most - is_method, "" if most - is_method < 2 else "s"
-            first = ", ".join(each.name for each in parameters[is_method:most])
-            takes = f"{count or 'no'} argument{s} by position" + f" ({first})" * bool(count)
-            received = f"{takes}, not {len(args) - is_method}"
-            how = f"; by name: {', '.join(others)}" if others else ""
-            return TypeError(f"{called} takes {received}{how}")
-        if kwargs and not takes_any and not kwargs.keys() <= known:
-            names: dict[str, list[str]] = {}  # by the advice
-            for name in kwargs:
-                if name not in known:
-                    how = advice(name, known, unnamed)
-                    names.setdefault(how, []).append(repr(name))
-            each = [f"no argument {', '.join(given)}: {how}" for how, given in names.items()]
-            return TypeError(f"{called} has {'; '.join(each)}")
-        if len(args) > unnamed and not kwargs.keys().isdisjoint(positional[: len(args) - unnamed]):
-            twice = [name for name in positional if name in kwargs]
-            if takes_any:  # what is passed by name is a parameter of the equations
-                how = f"rename it, to {twice[0]}_ for example"
-                return ValueError(f"parameters: {twice[0]!r} clashes with an argument: {how}")
-            return TypeError(f"{called} got {twice[0]} twice, by position and by name")
-        if len(args) < len(required):
-            for i, name in enumerate(required[len(args) :], len(args)):
-                if name not in kwargs or i < unnamed:  # a parameter of equations may be called so
-                    text = f"{called} needs {name}"
-                    return TypeError(f"{text}; the call is {called}{whole}" if whole else text)
-        return None
 
     @wraps(function)
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return function(*args, **kwargs)
         except TypeError:  # of Python if the call is wrong: looked at only now, for speed
-            if (error := mistake(args, kwargs)) is not None:
-                raise error from None
+            if mistake := _mistake(called, inspect.signature(function), args, kwargs):
+                raise TypeError(mistake) from None
             raise
 
     return answering
 
 
-def advice(name: str, known: Collection[str], unnamed: int = 0) -> str:
-    """Return what to pass in place of a keyword to a function with the `known` keywords.
-
-    Of its `unnamed` arguments the first is a body or a field, and the second the states.
-    """
-    has = {*known, *("2" * (unnamed == 2))}
-    words = {name, name.lower()}
-    found = [ours for ours, theirs in _WORDS.items() if ours in known and words & {*theirs.split()}]
-    for theirs, needed, how in () if found else _INSTEAD:
-        if needed in has and words & {*theirs.split()}:
-            return how
-    if found or (found := get_close_matches(name, known, 1, 0.7)):
-        return f"pass {found[0]}="
-    how = f"it has {', '.join(sorted(known))}" if known else "it takes no argument by name"
-    return f"{how}; parameters of equations belong to the field or body" if unnamed else how
+def public_class(kind: type[R]) -> type[R]:
+    """Let the constructor of a dataclass, or of a named tuple, answer as a public function."""
+    if issubclass(kind, tuple):
+        kind.__new__ = staticmethod(public(kind.__new__))  # type: ignore[method-assign]
+    else:
+        kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
+    return kind
 
 
-def refuse(module: ModuleType, name: str, how: str) -> NoReturn:
-    """Raise the error of a module, in whose `__getattr__` this is called, that lacks a name.
-
-    `from module import name` drops the text of an AttributeError, so it gets an ImportError.
-    """
-    frame = sys._getframe(2)
-    text = f": use {how}" if how else ""
-    if how and frame.f_code.co_code[frame.f_lasti] == opcode.opmap["IMPORT_FROM"]:
-        raise ImportError(f"cannot import name {name!r} from {module.__name__!r}{text}")
-    # Python adds suggestions.
-    text = f"module {module.__name__!r} has no attribute {name!r}{text}"
-    raise AttributeError(text, name=name, obj=module)
-
-
-def answers(called: str, instead: Mapping[str, str] | None = None) -> Callable[[type[T]], type[T]]:
-    """Let objects of a class answer for an attribute that they lack with the one to use.
-
-    `called` is what messages call such an object, and `instead` has names that other packages use,
-    with blanks between them, and what there is here. Type checkers would take a method
-    `__getattr__` in the class for leave to use any name.
-    """
-    table = {name: how for names, how in (instead or {}).items() for name in names.split()}
-
-    def unknown(thing: Any, name: str) -> NoReturn:
-        text, known = f"{called} has no attribute {name!r}", []
-        if not name.startswith("_"):  # `dir` asks for __dict__
-            known = [k for k in dir(thing) if not k.startswith("_") and not hasattr(tuple, k)]
-        if how := table.get(name) or nearest(name, known):
-            raise AttributeError(f"{text}: use {how}")
-        text += f": it has {', '.join(known)}" if 0 < len(known) < _FEW else ""
-        raise AttributeError(text, name=name, obj=thing)
-
-    def answering(kind: type[T]) -> type[T]:
-        kind.__getattr__ = unknown  # type: ignore[attr-defined]
-        return kind
-
-    return answering
-
-
-def missing_file(path: str) -> str:
-    """Return in words that there is no such file, and where it was looked for, or a similar one."""
-    folder, name = os.path.split(os.path.abspath(path))
-    if not os.path.isdir(folder):
-        return f"there is no folder {folder}"
-    text = f"there is no such file in {folder}"
-    if near := nearest(name, os.listdir(folder)):
-        return f"{text}: did you mean {near}?"
-    return text + ": write it by json.dump(body.to_dict(), file)" * name.endswith(".json")
-
-
-def nearest(name: str, known: Collection[str]) -> str:
-    """Return the known public name that is spelt most like a name, or nothing."""
-    near = get_close_matches(name, [each for each in known if not each.startswith("_")], 1, 0.75)
-    return near[0] if near else ""
+def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) -> str:
+    """Return what is wrong with the arguments of a call, or nothing if they fit."""
+    parameters = [*signature.parameters.values()]
+    by_name = {each.name for each in parameters if each.kind is not each.POSITIONAL_ONLY}
+    takes_any = any(each.kind is each.VAR_KEYWORD for each in parameters)
+    if unknown := [] if takes_any else [name for name in kwargs if name not in by_name]:
+        names = sorted(by_name - _OWN)
+        known = f"one of {', '.join(names)}" if names else "none by name"
+        each = [f"{name!r}: use {instead(name, names) or known}" for name in unknown]
+        return f"{called} has no argument {', and no '.join(each)}"
+    try:
+        signature.bind(*args, **kwargs)
+    except TypeError as error:
+        shown = [p.replace(annotation=p.empty) for p in parameters if p.name not in _OWN]
+        takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
+        return f"{called}: {error}: the call is {called}{takes}"
+    return ""

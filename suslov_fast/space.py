@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from . import checks
 from .bodies.classes import AnyBody, BodyIn3D
-from .bodies.rigid import Suslov3D, rotations, square_matrices
+from .bodies.rigid import Suslov3D
 from .checks import FloatArray, common_shape, first_index, spell, wrong
 from .core.suslov import orientations
 from .engine.arguments import flat_arrays, flat_parameter
@@ -87,10 +87,8 @@ def to_vector(
         A single body in three dimensions, or a batch.
     omega : array_like(float, shape=(..., 2))
         Angular velocities (Omega1, Omega2).
-    rotation : array_like(float, shape=(..., 3, 3)), optional
-        The rotation that `from_inertia` returned: the result is in the basis of the tensor.
-    attitude : array_like(float, shape=(..., 3, 3)), optional
-        Orientations of the body from :func:`attitude`: the result is in space.
+    rotation, attitude
+        As in :func:`to_matrix`.
 
     Returns
     -------
@@ -100,8 +98,7 @@ def to_vector(
     Raises
     ------
     TypeError, ValueError
-        For a field, for a body in n dimensions (use :func:`to_matrix`), or if both `rotation` and
-        `attitude` are passed.
+        As in :func:`to_matrix`, and for a body in n dimensions.
 
     Examples
     --------
@@ -135,11 +132,8 @@ def momentum(
         A single body, or a batch.
     omega : array_like(float, shape=(..., D))
         Angular velocities of the body.
-    rotation : array_like(float, shape=(..., n, n)), optional
-        The rotation that `from_inertia` or `from_mass_tensor` returned: the result is in the basis
-        of the tensor.
-    attitude : array_like(float, shape=(..., n, n)), optional
-        Orientations of the body from :func:`attitude`: the result is in space.
+    rotation, attitude
+        As in :func:`to_matrix`.
 
     Returns
     -------
@@ -149,7 +143,7 @@ def momentum(
     Raises
     ------
     TypeError, ValueError
-        For a field, or if both `rotation` and `attitude` are passed.
+        As in :func:`to_matrix`.
 
     Examples
     --------
@@ -174,9 +168,9 @@ def _shown(
     if rotation is not None and attitude is not None:
         raise ValueError("pass rotation or attitude, not both")
     if rotation is not None:
-        R = square_matrices("rotation", rotation, n).swapaxes(-2, -1)
+        R = checks.square_matrices("rotation", rotation, n).swapaxes(-2, -1)
     elif attitude is not None:
-        R = square_matrices("attitude", attitude, n, allow_nan=True)
+        R = checks.square_matrices("attitude", attitude, n, allow_nan=True)
     else:
         return np.asarray(values)
     common_shape({"omega": checked.batch, "matrices": R.shape[:-2]})
@@ -238,11 +232,11 @@ def attitude(
            [-0.536,  0.341, -0.773]])
     """
     map_of(body).require("attitude", body)
-    path, D = checks.states("omega", omega, body._labels), body.dimension
+    path, D = checks.states("omega", omega, body.labels), body.dimension
     if path.ndim < 2 or len(path) == 0:
         raise wrong("omega", f"have the shape (N + 1, ..., {D})", path.shape)
     first = problem("attitude", body, path[0], eps, threads)
-    R0 = np.eye(D + 1) if R0 is None else rotations("R0", R0, D + 1)
+    R0 = np.eye(D + 1) if R0 is None else checks.rotations("R0", R0, D + 1)
     batch = common_shape({"omega and eps": first.batch, "R0": R0.shape[:-2]})
     path = np.expand_dims(path, tuple(range(1, len(batch) + 3 - path.ndim)))
     path = np.broadcast_to(path, (len(path), *batch, D))

@@ -1,6 +1,5 @@
 import gc
 import importlib
-import math
 import signal
 import sys
 from collections import defaultdict
@@ -93,7 +92,7 @@ def rng():
 
 @pytest.fixture
 def body():
-    """Body of the paper's first picture."""
+    """Body of the paper's first figure."""
     return sf.Suslov3D(4, 1, -0.5, -0.3)
 
 
@@ -127,13 +126,6 @@ def _settings():
     matplotlib = sys.modules.get("matplotlib")
     # Not by the methods of its class, which choose a backend.
     return matplotlib and dict(dict.items(matplotlib.rcParams))
-
-
-@pytest.fixture(autouse=True)
-def _search_in_this_process(monkeypatch):
-    """Let no search of a report begin anew in another process, but where a test asks for it."""
-    if process := sys.modules.get("suslov_fast.integrability.process"):
-        monkeypatch.setattr(process, "_BRIEF", math.inf)
 
 
 @pytest.fixture(scope="session")

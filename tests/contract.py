@@ -39,11 +39,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suslov_fast import Status
+from suslov_fast.bodies.fields.field_of_terms import H_INDICES, INDICES, MATRIX
 from suslov_fast.checks import FloatArray, short
 from suslov_fast.core.compiling import codes
 from suslov_fast.engine.arguments import flat_arrays
 from suslov_fast.engine.problem import Problem
-from suslov_fast.engine.trial import check_arguments, family_like
+from suslov_fast.engine.trial import check_arguments
 
 _SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, those of a wide batch, and steps
 # Runs from these states must have the bits of a run from state 0; they pass state 64, and a round
@@ -190,6 +191,15 @@ def _rows(arguments: Any, has_rows: Any, which: Any, scale: Any = 1.0) -> Any:
 
 
 # --------------------------------------------------------------------------------------- the trial
+def family_like(body: Any, size: int) -> Any:
+    """Return a batch of `size` copies of a single body."""
+    parts = dict(body._parts)
+    for name, value in parts.items():
+        if np.asarray(value).dtype.kind in "iufO" and name not in (INDICES, H_INDICES, MATRIX):
+            parts[name] = np.broadcast_to(value, (size, *np.shape(value)))
+    return body._with(parts)
+
+
 def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
     """Try a kernel with one body of the problem, states near one of its own, and its step size."""
     body = problem.body[(0,) * len(problem.body.shape)] if problem.body.shape else problem.body

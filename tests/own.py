@@ -116,9 +116,9 @@ class Mixed(Body):
     b: Any
     A: Any
 
-    _axes: ClassVar = {"b": 1, "A": 2}
+    axes: ClassVar = {"b": 1, "A": 2}
     dimension = 3
-    _labels = "x", "y", "z"
+    labels = "x", "y", "z"
 
     def field(self):
         scale, b, A = (np.asarray(each) for each in (self.scale, self.b, self.A))

@@ -6,6 +6,7 @@ Right-hand sides are compiled, by heyoka, by Numba or by gcc.
 
 import functools
 import math
+from types import SimpleNamespace
 
 import numba
 import numpy as np
@@ -21,45 +22,62 @@ class _Symbol:
     def __init__(self, name, lines):
         self.name, self.lines = name, lines
 
-    def _line(self, text):
+    def line(self, text):
         result = f"t{len(self.lines)}"
         self.lines.append((result, text))
         return _Symbol(result, self.lines)
 
-    def sqrt(self):
-        return self._line(f"sqrt({self.name})")
-
-    def sin(self):
-        return self._line(f"sin({self.name})")
-
-    def __neg__(self):
-        return self._line(f"-{self.name}")
-
     def __pow__(self, power):
         return functools.reduce(lambda a, b: a * b, [self] * power)
 
+    def __neg__(self):
+        return self.line(f"-{self.name}")
+
+    def __le__(self, other):
+        return self.line(f"{self.name} <= {_text(other)}")
+
+
+def _text(a):
+    return a.name if isinstance(a, _Symbol) else repr(float(a))
+
 
 def _add_operation(method, sign):
-    def text(each):
-        return each.name if isinstance(each, _Symbol) else repr(float(each))
-
-    forward = lambda a, b: a._line(f"{text(a)} {sign} {text(b)}")  # noqa: E731
+    forward = lambda a, b: a.line(f"{a.name} {sign} {_text(b)}")  # noqa: E731
     setattr(_Symbol, f"__{method}__", forward)
-    setattr(_Symbol, f"__r{method}__", lambda a, b: a._line(f"{text(b)} {sign} {text(a)}"))
+    backward = lambda a, b: a.line(f"{_text(b)} {sign} {a.name}")  # noqa: E731
+    setattr(_Symbol, f"__r{method}__", backward)
 
 
 for _method, _sign in (("add", "+"), ("sub", "-"), ("mul", "*"), ("truediv", "/")):
     _add_operation(_method, _sign)
 
 
-def program(name):
-    """Return lines (result, expression), and the names of the derivatives; variables are x0, x1 …
+def _function(name):
+    return lambda a, *others: a.line(f"{name}({', '.join(map(_text, (a, *others)))})")
+
+
+# In place of NumPy, for the functions that systems use.
+FUNCTIONS = SimpleNamespace(
+    **{name: _function(name) for name in ("sqrt", "sin", "cos", "exp")},
+    power=_function("pow"),
+    where=lambda truth, a, b: truth * a + (1.0 - truth) * b,
+)
+
+
+def lines_of(f, names):
+    """Return lines (result, expression) of f, a function of symbols, and the names of its results.
 
     The text is valid in Python and in C.
     """
-    system, lines = SYSTEMS[name], []
-    found = system.f([_Symbol(f"x{i}", lines) for i in range(system.D)], np)
-    return lines, [each.name for each in found]
+    lines = []
+    found = f([_Symbol(name, lines) for name in names])
+    return lines, [_text(each) for each in found]
+
+
+def program(name):
+    """Return the lines of a system, whose variables are x0, x1 ..."""
+    system = SYSTEMS[name]
+    return lines_of(lambda x: system.f(x, FUNCTIONS), [f"x{i}" for i in range(system.D)])
 
 
 @functools.cache

@@ -4,38 +4,32 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..keywords import INSTEAD_IN_BODIES, nearest, public
+from ..keywords import lacking, public
 from .fields.bounds import check_axes
 from .fields.polynomials import from_lists, to_lists
 from .members import Members
 
-if TYPE_CHECKING:
-    from .fields.field import QuadraticField
-
 Kind = TypeVar("Kind", bound="Body")
 
-# Names of other packages for functions of this one.
-_ELSEWHERE = {
-    "trajectory": "iterate",
-    "lyapunov": "lyapunov_exponents",
-    "poincare_section": "crossings",
-}
-# Attributes for other modules of the package; `dir` hides them.
-_FOR_KERNELS = {"batch_of_one", "constants"}
+# Attributes for authors and for other modules; `dir` hides them from users.
+OF_AUTHORS = frozenset(
+    "arrays axes batch_of_one called constants coordinates described instead labels lists_terms "
+    "listed_right_hand_sides may_escape of_member positive read reduction remake right_hand_side "
+    "right_hand_sides steady texts without_value".split()
+)
 
 
 class Parameters(dict[str, Any]):
     """Parameters by name: a copy, in which a new value would not reach the body."""
 
     def __setitem__(self, name: str, value: Any) -> None:
-        how = Body._remade(name, value)
+        how = f"make it again with {name}={checks.short(value)}"
         raise TypeError(f"parameters of a body or field cannot be changed: {how}")
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -44,32 +38,60 @@ class Parameters(dict[str, Any]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Body(Members):
-    """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters."""
+    """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters.
 
-    _axes: ClassVar[dict[str, int]] = {}  # number of axes of vector parameters
-    _positive: ClassVar[dict[str, int]] = {}  # range of positive parameters, for `within`
-    _called: ClassVar[str] = "a body or a field"  # the name of the class in messages
-    # What messages advise where a function does not accept this class.
-    _instead: ClassVar[str] = ""
-    _steady: ClassVar[str] = ""  # formula of the steady states, for messages
+    A class of your own is a frozen dataclass that defines its parameters, `dimension` and `labels`,
+    and :meth:`field`. These attributes have defaults; what is computed may be a property.
+
+    Attributes
+    ----------
+    dimension : int
+        The number of components of a state.
+    labels : tuple of str
+        The names of the components.
+    axes : dict of str to int
+        The number of axes of each parameter that is a vector (1) or a matrix (2): otherwise its
+        components count as members of a batch.
+    positive : dict of str to int
+        Parameters that must be positive, and the power of ten up to which they may be.
+    constants : tuple
+        The arguments of formulas and kernels of the map, by default the parameters.
+    coordinates : tuple of str
+        Parameters that are coordinates of datasets, and that ``==`` ignores.
+    steady : str
+        The steady states as a formula, for messages.
+    called, instead : str
+        What messages call the class, and what they advise where a function does not accept it.
+    may_escape : bool
+        Whether motions may escape to infinity.
+    read, texts : callable, tuple of str
+        What makes a body from its dictionary, and the entries that hold no numbers.
+    described : dict of str to array or str
+        What identifies the body in a store.
+    lists_terms : bool
+        Whether datasets hold the terms of a field in place of parameters.
+    remake : callable or None
+        Makes the field with other named parameters.
+    """
+
+    axes: ClassVar[dict[str, int]] = {}
+    positive: ClassVar[dict[str, int]] = {}
+    called: ClassVar[str] = "a body or a field"
+    instead: ClassVar[str] = ""
+    steady: ClassVar[str] = ""
     if not TYPE_CHECKING:  # type checkers know the property below
-        dimension: ClassVar[Any] = 2  # number of components of a state
-    _labels: ClassVar[Any] = "Omega1", "Omega2"  # their names
-    # Named parameters: coordinates of datasets, which == does not compare.
-    _coordinates: ClassVar[Any] = ()
-    _field: ClassVar[Any]  # the equations of motion, a QuadraticField
-    _read: ClassVar[Any] = None  # makes a body from its dictionary; None: the class itself does
-    _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary that hold no numbers
-    _lists_terms: ClassVar[bool] = False  # whether datasets hold the terms, and not the parameters
-    _remake: ClassVar[Any] = None  # makes the field with other named parameters, if its f is there
-
-    @staticmethod
-    def _remade(name: str, value: Any) -> str:
-        return f"make it again with {name}={checks.short(value)}"
+        dimension: ClassVar[Any] = 2
+    labels: ClassVar[Any] = "Omega1", "Omega2"
+    coordinates: ClassVar[Any] = ()
+    read: ClassVar[Any] = None
+    texts: ClassVar[tuple[str, ...]] = ()
+    lists_terms: ClassVar[bool] = False
+    remake: ClassVar[Any] = None
+    may_escape: ClassVar[Any] = False  # the energy of a body is constant
 
     def _made_by(self: Kind, maker: Any, *arguments: Any) -> Kind:
         """Keep what made this field from a function; copies, members and files do without it."""
-        vars(self)["_remake"] = partial(maker, *arguments)
+        vars(self)["remake"] = partial(maker, *arguments)
         return self
 
     def __post_init__(self) -> None:
@@ -78,8 +100,8 @@ class Body(Members):
             if value is None and field.default is None:
                 continue
             array = checks.real_array(name, value)
-            checks.within(name, array, self._positive.get(name, checks.OTHERS))
-            if name in self._positive and not (array > 0).all():
+            checks.within(name, array, self.positive.get(name, checks.OTHERS))
+            if name in self.positive and not (array > 0).all():
                 is_tensor = array.ndim > 1 and array.shape[-1] == array.shape[-2]
                 makers = [m for m in ("from_inertia", "from_mass_tensor") if m in dir(type(self))]
                 how = f": a body is made from a tensor by {' or '.join(makers)}"
@@ -109,18 +131,16 @@ class Body(Members):
         return self._of(parts)
 
     @property
-    def _arrays(self) -> dict[str, FloatArray]:
+    def arrays(self) -> dict[str, FloatArray]:
+        """The parameters by name, as arrays of floats."""
         return {name: np.asarray(each, np.float64) for name, each in self._parts.items()}
 
     @property
-    def _described(self) -> dict[str, Any]:
+    def described(self) -> dict[str, Any]:
         """The attributes that identify the body in a store: texts and arrays, by name."""
-        return self._arrays
+        return self.arrays
 
-    # True if motions may escape to infinity. Those of bodies cannot: their energy is constant.
-    _may_escape = False
-
-    def _without_value(self, x: Any, which: Any) -> str:
+    def without_value(self, x: Any, which: Any) -> str:
         """Return why the equations have no value at the first of some states (...), or nothing."""
         return ""
 
@@ -130,7 +150,7 @@ class Body(Members):
         def dimension(self) -> int: ...
 
     @public
-    def field(self) -> "QuadraticField":
+    def field(self) -> Any:
         """Return the equations of motion as a field, as :meth:`QuadraticField.of` does.
 
         Returns
@@ -141,7 +161,8 @@ class Body(Members):
         Raises
         ------
         TypeError
-            If the body is a `Field`, whose equations need not be quadratic.
+            If the body is a `Field`, whose equations need not be quadratic, or of a class that
+            defines no equations.
 
         Examples
         --------
@@ -149,8 +170,7 @@ class Body(Members):
         >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).field()
         QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
         """
-        equations: QuadraticField = self._field
-        return equations
+        raise TypeError(f"{type(self).__name__} has no equations: define field()")
 
     @property
     def _terms(self) -> Any:
@@ -172,7 +192,7 @@ class Body(Members):
     @property
     def constants(self) -> tuple[Any, ...]:
         """The parameters in the order in which formulas and kernels of the map take them."""
-        return tuple(self._arrays.values())
+        return tuple(self.arrays.values())
 
     @cached_property
     def batch_of_one(self) -> tuple[Any, ...]:
@@ -182,40 +202,25 @@ class Body(Members):
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
-        axes, parts = self._axes, self._parts
+        axes, parts = self.axes, self._parts
         shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
         return checks.common_shape(shapes)
 
     def __dir__(self) -> list[str]:
-        return [name for name in super().__dir__() if name not in _FOR_KERNELS]
+        return [name for name in super().__dir__() if name not in OF_AUTHORS]
 
     if not TYPE_CHECKING:  # type checkers know the attributes
 
         def __getattr__(self, name: str) -> Any:
             """Raise an AttributeError that says where a public name is found instead."""
-            kind, instead = type(self).__name__, ""
-            if name in vars(self).get("_coordinates", ()):
-                instead = f"parameters[{name!r}]"
-            elif name in INSTEAD_IN_BODIES:
-                instead = INSTEAD_IN_BODIES[name]
-            elif name in import_module("suslov_fast").__all__ or name in _ELSEWHERE:
-                instead = f"suslov_fast.{_ELSEWHERE.get(name, name)}(body, ...)"
-            instead = instead or self._near(name)
-            text = f"{kind!r} object has no attribute {name!r}"
-            if instead:
-                raise AttributeError(f"{text}: use {instead}")
-            raise AttributeError(text, name=name, obj=self)
-
-        def _near(self, name: str) -> str:
-            """Return the name of this package for an attribute, or one that is spelt alike."""
-            if name.startswith("_"):
-                return ""
-            return import_module("suslov_fast")._here(name) or nearest(name, dir(self))
+            is_parameter = name in vars(self).get("coordinates", ())
+            here = f"parameters[{name!r}]" if is_parameter else ""
+            raise lacking(self, name, f"{type(self).__name__!r} object", here)
 
     @property
     def _key(self) -> tuple[Any, ...]:
         """The values that == and hash compare."""
-        compared = {n: a for n, a in self._parts.items() if n not in self._coordinates}
+        compared = {n: a for n, a in self._parts.items() if n not in self.coordinates}
         return tuple((name, np.shape(a), *np.ravel(a).tolist()) for name, a in compared.items())
 
     def __eq__(self, other: object) -> bool:
@@ -228,7 +233,7 @@ class Body(Members):
         return self._of, (self._parts,)
 
     def __repr__(self) -> str:
-        name, arrays = type(self).__name__, self._arrays.items()
+        name, arrays = type(self).__name__, self.arrays.items()
         text = ", ".join(
             f"{each}={a.tolist()}" for each, a in arrays if a.size <= 25 or not self.shape
         )
@@ -293,14 +298,14 @@ class Body(Members):
         check_axes("parameters", given)
         how = ": body_from_dict makes a body of any class"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)
-        read = cls._read or cls
+        read = cls.read or cls
         try:
             inspect.signature(read).bind(**given)
         except TypeError as error:
             names = ", ".join(map(str, given)) or "none"
             text = f"these are not the parameters of {cls.__name__}: {names} ({error})"
             raise ValueError(text) from None
-        texts = {name: given.pop(name) for name in cls._texts if name in given}
+        texts = {name: given.pop(name) for name in cls.texts if name in given}
         return read(**from_lists("parameters", given), **texts)
 
 

@@ -17,7 +17,7 @@ _FAMILY = "for a family pass an array as a parameter"
 class Members:
     """A batch of bodies, whose members an index or the values of parameters select."""
 
-    _axes: ClassVar[dict[str, int]]
+    axes: ClassVar[dict[str, int]]
     _parts: Any
     shape: Any
     _with: Any
@@ -116,9 +116,9 @@ class Members:
     @property
     def _scalars(self) -> dict[str, Any]:
         """The parameters that are a number, not a vector, for each member."""
-        return {name: each for name, each in self._parts.items() if name not in self._axes}
+        return {name: each for name, each in self._parts.items() if name not in self.axes}
 
-    def _of_member(self, i: int | tuple[int, ...]) -> str:
+    def of_member(self, i: int | tuple[int, ...]) -> str:
         """Return " of member i (a=1.0)" for messages, "" for a single body."""
         if not self.shape:
             return ""
@@ -153,7 +153,7 @@ class Members:
         parts, end = {}, axis + axes
         for name, value in self._parts.items():
             array = np.asarray(value)
-            inner = array.shape[array.ndim - self._axes.get(name, 0) :]
+            inner = array.shape[array.ndim - self.axes.get(name, 0) :]
             batch = array.shape[: array.ndim - len(inner)]
             if len(batch) > len(self.shape) - end:  # the parameter has some of these axes
                 batch = (1,) * (len(self.shape) - len(batch)) + batch
@@ -174,7 +174,7 @@ class Members:
         parts = {}
         for name, value in self._parts.items():
             array = np.asarray(value)
-            its_axis = axis - len(self.shape) + array.ndim - self._axes.get(name, 0)
+            its_axis = axis - len(self.shape) + array.ndim - self.axes.get(name, 0)
             if its_axis >= 0:
                 selected = index if array.shape[its_axis] == self.shape[axis] else common
                 array = array[(slice(None),) * its_axis + (selected,)]

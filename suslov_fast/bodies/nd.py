@@ -79,9 +79,9 @@ class SuslovND(Body):
     J: Any  # array_like when given, then an array
     I: Any
 
-    _axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1}
-    _positive: ClassVar[dict[str, int]] = {"J": OTHERS}
-    _steady: ClassVar[str] = "c I for all numbers c, or all states if I = 0"
+    axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1}
+    positive: ClassVar[dict[str, int]] = {"J": OTHERS}
+    steady: ClassVar[str] = "c I for all numbers c, or all states if I = 0"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -101,8 +101,12 @@ class SuslovND(Body):
         return self.dimension + 1
 
     @cached_property
-    def _labels(self) -> tuple[str, ...]:
+    def labels(self) -> tuple[str, ...]:
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
+
+    @public
+    def field(self) -> QuadraticField:
+        return self._field
 
     @cached_property
     def _field(self) -> QuadraticField:
@@ -123,7 +127,7 @@ class SuslovND(Body):
         return places, np.concatenate([I[..., j] / J[..., i], -I[..., i] / J[..., i]], axis=-1)
 
     @cached_property
-    def _reduction(self) -> Reduction:
+    def reduction(self) -> Reduction:
         return Reduction(self.J, self.I)
 
     @public
@@ -179,7 +183,7 @@ class SuslovND(Body):
         >>> bool(abs(from_reduced(orbit, omega) - run.omega).max() < 1e-14)
         True
         """
-        parts, labels_of = self._reduction, self._labels
+        parts, labels_of = self.reduction, self.labels
         size = int(parts.count.max(initial=1))
         J, I = parts.parameters(size)
         body = SuslovND._of({"J": J, "I": I})
@@ -190,7 +194,7 @@ class SuslovND(Body):
             return parts.states(given, size)
 
         def from_reduced(x: ArrayLike, omega: ArrayLike) -> FloatArray:
-            found, given = states("x", x, body._labels), states("omega", omega, labels_of)
+            found, given = states("x", x, body.labels), states("omega", omega, labels_of)
             shapes = {"x": found.shape[:-1], "omega": given.shape[:-1]}
             common_shape({"body": self.shape, **shapes})
             return parts.back(found, given)
@@ -273,7 +277,7 @@ def check_known(body: SuslovND, function: str) -> None:
     """Raise NotIntegrableError unless the formula of a function is known for all bodies."""
     if function not in _INSTEAD:
         return
-    parts = body._reduction
+    parts = body.reduction
     known, expected = parts.steady | (parts.count == 2), "two coordinates"
     if function == "invariant_density":
         known = known | (parts.count == 3) & parts.one_coupled

@@ -38,12 +38,12 @@ class _In3D(Body):
     I13: Any
     I23: Any
 
-    _positive: ClassVar[dict[str, int]] = dict.fromkeys(("I1", "I2", "I3"), checks.MOMENTS)
+    positive: ClassVar[dict[str, int]] = dict.fromkeys(("I1", "I2", "I3"), checks.MOMENTS)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if "I3" in self._arrays:
-            tensors = self._inertia(self._arrays["I3"])
+        if "I3" in self.arrays:
+            tensors = self._inertia(self.arrays["I3"])
             # Twice the tolerance of from_inertia, because the rotation to its basis rounds, too.
             if not (fits := _excess(tensors) >= -2 * _ROUNDING).all():
                 text = "no body has I3 = {} with these I1, I2, I13 and I23: see admissible_I3()"
@@ -60,6 +60,10 @@ class _In3D(Body):
         I1, I2, I13, I23, I3, zero = np.broadcast_arrays(*self.constants[:4], I3, 0.0)
         rows = [I1, zero, I13], [zero, I2, I23], [I13, I23, I3]
         return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+    @public
+    def field(self) -> QuadraticField:
+        return self._field
 
     @cached_property
     def _field(self) -> QuadraticField:
@@ -118,7 +122,7 @@ class Suslov3D(_In3D):
 
     I3: Any = None
 
-    _steady: ClassVar[str] = "c (I23, -I13) for all numbers c"
+    steady: ClassVar[str] = "c (I23, -I13) for all numbers c"
 
     @public
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
@@ -178,9 +182,9 @@ class Suslov3D(_In3D):
         (Suslov3D(I1=4.0, I2=3.0, I13=-0.4, I23=-0.2), 0.2)
         """
         number = checks.integer("k", k, 1)
-        if number not in PICTURES:
+        if number not in FIGURES:
             raise wrong("k", "the number of a figure of the paper, 1 to 4", number)
-        body, eps, _ = PICTURES[number]
+        body, eps, _ = FIGURES[number]
         return body, eps
 
     @classmethod
@@ -259,8 +263,8 @@ class SuslovGyrostat(_In3D):
     k: Any
     I3: Any = None
 
-    _instead: ClassVar[str] = ": with a rotor use exact, iterate or flow"
-    _steady: ClassVar[str] = "0, and the states with I13 Omega1 + I23 Omega2 = -k"
+    instead: ClassVar[str] = ": with a rotor use exact, iterate or flow"
+    steady: ClassVar[str] = "0, and the states with I13 Omega1 + I23 Omega2 = -k"
 
     @classmethod
     @public
@@ -300,7 +304,7 @@ class SuslovGyrostat(_In3D):
         return cls(I1, I2, I13, I23, k, I3), rotation
 
 
-class Picture(NamedTuple):
+class Figure(NamedTuple):
     """A body, a step size, and the extent of the axes, which the paper does not state."""
 
     body: Suslov3D
@@ -308,11 +312,11 @@ class Picture(NamedTuple):
     extent: float
 
 
-PICTURES = {  # the four examples at the end of Section 4
-    1: Picture(Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
-    2: Picture(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
-    3: Picture(Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
-    4: Picture(Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
+FIGURES = {  # the four examples at the end of Section 4
+    1: Figure(Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
+    2: Figure(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
+    3: Figure(Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
+    4: Figure(Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
 }
 
 
@@ -348,26 +352,6 @@ def _of_batch(name: str, where: tuple[int, ...], bad: Any) -> str:
     return f"{name}: member {checks.spell(where)} {others}"
 
 
-def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
-    """Return matrices (..., n, n) of finite real numbers."""
-    matrices = checks.real_array(name, value, allow_nan)
-    if matrices.shape[-2:] != (n, n):
-        how = f": pass np.diag({name})" if matrices.shape == (n,) else ""
-        raise wrong(name, f"have the shape (..., {n}, {n})", f"{matrices.shape}{how}")
-    return matrices
-
-
-def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
-    matrices = square_matrices(name, value, n)
-    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
-    least = np.linalg.det(matrices).min(initial=1.0)
-    if error > 1e-10 or least < 0:
-        deviation = f"|R R.T - 1| = {error:.2g} and the determinant {least:.2g}"
-        raise wrong(name, f"a rotation matrix: it has {deviation}")
-    return matrices
-
-
 def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
     """Return inertia matrices (..., n, n) in adapted bases, and rotations to these bases.
 
@@ -376,7 +360,7 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     if isinstance(a, str):
         example = [*[0] * (n - 1), 1]
         raise wrong("a", f"{n} numbers, such as {example}", repr(a), TypeError)
-    matrix, axis = square_matrices("I", I, n), checks.real_array("a", a)
+    matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
     if (bad := ~(asymmetry <= 1e-12 * size)).any():

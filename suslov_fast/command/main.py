@@ -5,7 +5,6 @@ import inspect
 import io
 import json
 import os
-import re
 import shutil
 import sys
 import threading
@@ -19,35 +18,24 @@ from typing import Any
 
 import suslov_fast as sf
 
-from ..keywords import missing_file
-from .options import PARAMETERS, check_method, parsed
-from .summary import facts_in, facts_of, is_complete, lines_of, result_in
+from .options import PARAMETERS, parsed
+from .summary import facts_in, facts_of, facts_of_motion, is_complete, lines_of, result_in
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
 
 # Seconds: longer than any search; from one sign of life in a log to the next.
 _NO_LIMIT, _BEAT = 1e9, 60.0
-# Words of messages for Python, and what they are in a shell.
-_IN_A_SHELL = {
-    "raise save_every or divide the batch": "raise --save-every, or lower --trajectories",
-    "divide the batch": "lower --trajectories",
-    "use fewer initial states, or ensemble": "lower --trajectories, or write a store, -o run.zarr",
-    "raise save_every": "raise --save-every",
-    " (open_ensemble reads a store)": "",
-    "below high,": "below --high,",
-    " with high = ": " with --high ",
-}
-# How messages for Python begin whose argument is an option of the same name.
-_ARGUMENT = re.compile(
-    "(steps|method|save_every|threads|degree|low( and high)?|extent|seed) must be (None or )?"
-)
-_FIGURES = ".png", ".svg", ".pdf"
+_ENDINGS = ".png", ".svg", ".pdf"
+# Options of runs of a map, and of the motion.
+_OF_STEPS = "eps", "steps", "method", "save_every", "attitude"
+_OF_TIMES = "points", "rtol", "atol"
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command, and return its exit status; errors are one line on stderr."""
+    options = None
     try:
-        commands = run, info, plot, report, pictures, explore, warm_up
+        commands = run, info, plot, report, figures, explore, warm_up
         options = parsed(sys.argv[1:] if words is None else words, commands)
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: _tell(f"warning: {message}")
@@ -59,7 +47,9 @@ def main(words: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # nobody reads the output
         return 141
     except Exception as error:
-        _tell(_text_of(error))
+        text = _text_of(error)
+        name = text.partition(" must ")[0]
+        _tell(f"--{name.replace('_', '-')}{text[len(name) :]}" if hasattr(options, name) else text)
         return 1
     finally:
         try:
@@ -95,11 +85,6 @@ def _text_of(error: Exception, subject: object = "") -> str:
     text = str(error) or type(error).__name__
     if isinstance(error, OSError) and error.strerror:
         subject, text = error.filename or subject, error.strerror
-        text = missing_file(str(subject)) if isinstance(error, FileNotFoundError) else text
-    for words, here in _IN_A_SHELL.items():
-        text = text.replace(words, here)
-    if argument := _ARGUMENT.match(text):
-        text = f"--{argument[1].replace('_', '-')} must be {text[argument.end() :]}"
     return text if text.startswith(str(subject)) else f"{subject}: {text}"
 
 
@@ -113,38 +98,55 @@ def _about(subject: object) -> Iterator[None]:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Iterate a batch of trajectories and print a summary.
+    """Compute a batch of trajectories of a map, or of the motion, and print a summary.
 
     By default it takes 1000 steps from 65,536 random states, with the body and the step size of
     figure 2 of the paper. A run into FILE.zarr is written in parts; if it is interrupted, the same
-    command continues it.
+    command continues it. With --time it solves the equations of motion, as `flow` does.
     """
     path = options.output
     if path is not None and path.suffix not in (".npz", ".zarr"):
         options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr")
+    is_motion = options.time is not None
+    for name in _OF_STEPS if is_motion else _OF_TIMES:
+        if getattr(options, name) is not None and getattr(options, name) is not False:
+            how = "not allowed with" if is_motion else "needs"
+            options.usage_error(f"argument --{name.replace('_', '-')}: {how} --time")
+    if is_motion and path is not None and path.suffix != ".npz":
+        options.usage_error(f"argument -o/--output: '{path}' must end in .npz, with --time")
     if path is None and (options.attitude or options.save_every is not None):
         options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
     if str(options.body) == str(options.initial) == "-":
         options.usage_error("arguments --body and --initial: only one can be standard input")
     import numpy as np
 
-    body, eps = _body_and_step(options)
-    check_method(options, body, eps)
+    body, eps = _body_and_step(options, needs_step=not is_motion)
+    if isinstance(body, sf.Field) and not is_motion:
+        options.usage_error("a Field has a motion, and no map: add --time T")
     starts = _starts(options, body)
     if body.shape and isinstance(starts, sf.RandomStarts):  # each member with all states
         body = body._part(len(body.shape) - 1, np.arange(body.shape[-1])[:, np.newaxis])
-    work = body, starts, eps, options.steps
     import numba
 
     if options.threads is not None:
         from ..engine.threads import thread_count
 
         numba.set_num_threads(thread_count(options.threads))
-    settings = {name: getattr(options, name) for name in ("save_every", "method", "attitude")}
-    settings["progress"] = os.isatty(2) and find_spec("tqdm") is not None
     is_stored = path is not None and path.suffix == ".zarr"
+    compute: Any = _motion if is_motion else _in_store if is_stored else _in_memory
+    names = (
+        ("time", "points", "rtol", "atol") if is_motion else ("save_every", "method", "attitude")
+    )
+    settings = {name: getattr(options, name) for name in names}
+    settings = {name: value for name, value in settings.items() if value is not None}
+    settings["progress"] = os.isatty(2) and find_spec("tqdm") is not None
+    work = (
+        (body, starts)
+        if is_motion
+        else (body, starts, eps, 1000 if options.steps is None else options.steps)
+    )
     try:
-        facts = (_in_store if is_stored else _in_memory)(path, options.force, work, settings)
+        facts = compute(path, options.force, work, settings)
     except KeyboardInterrupt:
         kept = "keeps its tiles; the same command goes on" if is_stored else "was not written"
         raise KeyboardInterrupt(f": {path} {kept}" if path else "") from None
@@ -231,21 +233,17 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
             raise ValueError(
                 f"--omega0 must be {body.dimension} numbers, such as {example}, not {given}"
             )
-        return checks.states(name, checks.real_array(name, states), body._labels)
+        return checks.states(name, checks.real_array(name, states), body.labels)
 
 
 def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
     """Compute a run in memory, save it if there is a path, and return its summary."""
     from ..engine.threads import CROSSOVER
 
-    if path is not None:
-        _require_new([path], force)
-        if not os.access(f"{path.absolute().parent}/", os.W_OK):
-            raise PermissionError(f"{path}: nothing can be written there: choose another folder")
+    _check_writable(path, force)
     body, starts, eps, steps = work
-    if isinstance(starts, sf.RandomStarts):
-        starts = starts.states(starts.shape[0], dimension=body.dimension)
-    settings = settings | {"on_singular": "ignore"}
+    starts = _states_of(starts, body)
+    settings = {"save_every": None, "on_singular": "ignore", **settings}
     # A short run first, not timed, because it compiles and starts the threads.
     few = min(steps, CROSSOVER // max(1, len(starts)) + 1)
     sf.iterate(body, starts, eps, few, **settings | {"progress": None})
@@ -255,7 +253,48 @@ def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict
     failed = result.status < 0
     computed = (failed * result.failed_at + ~failed * steps).sum()
     rate = {"seconds": seconds, "steps_per_second": float(computed) / seconds}
-    facts = facts_of(result, starts) | rate
+    return _saved(result, path, force, facts_of(result, starts) | rate)
+
+
+def _motion(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
+    """Solve the equations of motion from 0 to a time, as `_in_memory` computes a run."""
+    import numpy as np
+
+    from ..checks import integer, real_number
+
+    _check_writable(path, force)
+    body, starts = work
+    starts = _states_of(starts, body)
+    end, points = real_number("time", settings["time"]), settings.get("points", 101)
+    named = {name: settings[name] for name in settings.keys() - {"time", "points"}}
+    if len(named.get("atol", ())) == 1:
+        [named["atol"]] = named["atol"]
+    times = np.linspace(0.0, end, integer("points", points, 1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sf.PoleWarning)  # the summary counts them
+        begin = time.perf_counter()
+        result = sf.flow(body, starts, time=times, **named)
+        seconds = time.perf_counter() - begin
+    return _saved(result, path, force, facts_of_motion(result) | {"seconds": seconds})
+
+
+def _check_writable(path: Path | None, force: bool) -> None:
+    """Raise an error if a file cannot be written."""
+    if path is not None:
+        _require_new([path], force)
+        if not os.access(f"{path.absolute().parent}/", os.W_OK):
+            raise PermissionError(f"{path}: nothing can be written there: choose another folder")
+
+
+def _states_of(starts: Any, body: Any) -> Any:
+    """Return initial states as an array."""
+    if isinstance(starts, sf.RandomStarts):
+        return starts.states(starts.shape[0], dimension=body.dimension)
+    return starts
+
+
+def _saved(result: Any, path: Path | None, force: bool, facts: dict[str, Any]) -> dict[str, Any]:
+    """Save a result, if there is a path, and return its summary."""
     if path is not None:
         result.save(path, overwrite=force)
         facts["written"] = str(path)
@@ -309,7 +348,7 @@ def info(options: argparse.Namespace) -> int:
 
 def plot(options: argparse.Namespace) -> None:
     """Draw a saved run, or saved crossings, as PNG, SVG or PDF."""
-    if options.output.suffix.lower() not in _FIGURES:
+    if options.output.suffix.lower() not in _ENDINGS:
         ends = "must end in .png, .svg or .pdf"
         options.usage_error(f"argument -o/--output: '{options.output}' {ends}")
     _require_new([options.output], options.force)
@@ -319,7 +358,7 @@ def plot(options: argparse.Namespace) -> None:
     named = {}
     if options.components:
         named["components"] = options.components
-        known = [*result.body._labels, "time"]
+        known = [*result.body.labels, "time"]
         unknown = [k for k in options.components if isinstance(k, str) and k not in known]
         if unknown or len(options.components) not in (2, 3):
             expected = f"two or three of {', '.join(known)}, such as time,{known[0]}"
@@ -355,17 +394,17 @@ def report(options: argparse.Namespace) -> None:
         raise
 
 
-def pictures(options: argparse.Namespace) -> None:
+def figures(options: argparse.Namespace) -> None:
     """Draw the four figures of the paper as PNG. The gallery of the documentation has others."""
-    from ..bodies.rigid import PICTURES
+    from ..bodies.rigid import FIGURES
     from ..plots.phase import plot_phase
     from ..runs.plot import plt
 
-    paths = [options.output / f"picture{number}.png" for number in PICTURES]
+    paths = [options.output / f"figure{number}.png" for number in FIGURES]
     _require_new(paths, options.force)
     options.output.mkdir(parents=True, exist_ok=True)
-    for path, picture in zip(paths, PICTURES.values(), strict=True):
-        plot_phase(*picture).figure.savefig(path, dpi=150)
+    for path, figure in zip(paths, FIGURES.values(), strict=True):
+        plot_phase(*figure).figure.savefig(path, dpi=150)
         plt.close()
     print(*paths, sep="\n", flush=True)
 

@@ -4,12 +4,13 @@ import argparse
 import os
 import re
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NoReturn
 
 import suslov_fast as sf
+
+from ..keywords import instead
 
 Command = Callable[[argparse.Namespace], int | None]
 
@@ -27,52 +28,6 @@ PARAMETERS = {
 }
 _JSON = "a body or a field, saved by json.dump(body.to_dict(), file); - is standard input"
 _STATES = "array of numpy.save with a state in each row; - is standard input"
-# What Python calls an option of the command, or other packages do.
-_OTHERS = {
-    "dt h": "eps",
-    "x0 y0 u0": "omega0",
-    "n-steps num-steps nsteps t t-span t-end t-max tmax tend tf time duration": "steps",
-    "order integrator solver": "method",
-    "max-step step stepsize step-size delta-t": "eps",
-    "m count size orbits": "trajectories",
-    "c x y columns variables": "components",
-    "d": "degree",
-    "timeout limit": "time-limit",
-    "workers jobs j cores nproc": "threads",
-    "f file out": "output",
-    "field system config model": "body",
-    "overwrite": "force",
-    "format": "json",
-    "iterate simulate integrate": "run",
-    "draw figure": "plot",
-    "show summary status": "info",
-    "compile": "warm-up",
-    "gui serve": "explore",
-    "list": "help",
-}
-_OTHERS = {word: name for words, name in _OTHERS.items() for word in words.split()}
-# What --steps has in place of times.
-_SPAN = "a run ends at the time eps * steps"
-_TOLERANCE = "a map has steps, --eps and --steps: call suslov_fast.flow in Python for a tolerance"
-_SPANS = {"t", "t-span", "t-end", "t-max", "tmax", "tend", "tf", "time", "duration"}
-# What to do with a file that stands where a command belongs.
-_FOR_FILE = {
-    ".json": "write suslov-fast run --body {} --eps 0.01",
-    ".npz": "write suslov-fast info {}",
-    ".zarr": "write suslov-fast info {}",
-}
-# What no option does.
-_WITHOUT_OPTION = {
-    "tol rtol atol reltol abstol tolerance": _TOLERANCE,
-    "section surface event events": "call suslov_fast.crossings in Python",
-    "n": "did you mean --steps, or --trajectories?",
-    "plot": "write the run, -o run.npz, and then suslov-fast plot run.npz -o run.png",
-    "set param params parameter parameters p": "parameters are part of the file of --body: write "
-    "it anew, with QuadraticField.from_function(f, names, rho=20) for example",
-    "timeout": "a run into FILE.zarr may be interrupted, and the same command continues it",
-    "v verbose q quiet log-level progress": "progress is shown on a terminal, and once a minute "
-    "in a log",
-}
 _FORCE = "replace an existing file"
 
 
@@ -80,34 +35,14 @@ class _Parser(argparse.ArgumentParser):
     """A parser whose errors suggest the option or the command that is closest."""
 
     def error(self, message: str) -> NoReturn:
-        unknown = re.search(
-            r"unrecognized arguments: (-*[^\s=]+)|invalid choice: '([^']*)'", message
-        )
         names = {}
         for action in self._actions:
             for name in (*action.option_strings, *map(str, action.choices or ())):
-                names[name.strip("-").lower()] = name
-        given = (unknown[1] or unknown[2]).lower() if unknown else ""
-        word = given.strip("-")
-        if given == word and unknown and unknown[1]:  # a word without an option
-            word = "body" if word.endswith(".json") else "components" if "," in word else "file"
-        is_number = unknown and unknown[1] and re.match(r"-?\.?\d", given)
-        close = [] if is_number else get_close_matches(_OTHERS.get(word, word), names, 1)
-        advice = f"did you mean {names[close[0]]}?" if close else ""
-        advice += f" {_SPAN}" if close and word in _SPANS else ""
-        for words, how in {} if close else _WITHOUT_OPTION.items():
-            advice = how if word in words.split() else advice
-        advice = "write lists with commas, such as --omega0 1,0.5" if is_number else advice
-        if unknown and unknown[1] and given != word and not advice and self.prog.endswith("run"):
-            advice = f"if {word} is a parameter of the field, it is part of the file of --body"
-        if unknown and unknown[2] and not close and get_close_matches(word, dir(sf), 1):
-            [function] = get_close_matches(word, dir(sf), 1)
-            advice = f"call suslov_fast.{function} in Python"
-        if unknown and unknown[2] and (ending := os.path.splitext(unknown[2])[1]) in _FOR_FILE:
-            advice = _FOR_FILE[ending].format(unknown[2])
-        if message.endswith(" are required: -o/--output"):
-            advice = "it is the figure, such as -o run.png"
-        super().error(f"{message}; {advice}" if advice else message)
+                names[name.strip("-").replace("-", "_")] = name
+        unknown = re.search(r"arguments: --?([^\s=]+)|invalid choice: '([^']*)'", message)
+        word = (unknown[1] or unknown[2] or "") if unknown else ""
+        near = names.get(instead(word.replace("-", "_"), names))
+        super().error(f"{message}; did you mean {near}?" if near else message)
 
 
 def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namespace:
@@ -166,38 +101,6 @@ def path(text: str) -> Path:
     return Path(os.path.expanduser(text))
 
 
-def reading(path: Path) -> str:
-    """Return the expression of Python that reads a body."""
-    return f"body_from_dict(json.loads(Path({str(path)!r}).read_bytes()))"
-
-
-def writing(source: str, name: str) -> str:
-    """Return the command that writes the value of an expression of Python as a body."""
-    code = f"Path({name!r}).write_text(json.dumps({source}.to_dict()))"
-    imports = "import json; from pathlib import Path; from suslov_fast import *"
-    return f'python -c "{imports}; {code}"'
-
-
-def check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
-    """Raise an error if a body lacks the method; for one of fields, say how to make its field."""
-    from ..maps import map_of
-
-    method = options.method
-    try:
-        map_of(body, method)
-    except ValueError as error:
-        text, advice, methods = str(error).partition(": QuadraticField.of(body) has ")
-        if not advice:
-            raise
-        text += f"; the field of this body has {methods}"
-        if repr(method) not in methods:
-            raise ValueError(text) from None
-        source = reading(options.body) if options.body else repr(body)
-        make = writing(f"QuadraticField.of({source})", "field.json")
-        then = f"suslov-fast run --body field.json --eps {eps} --method {method}"
-        raise ValueError(f"{text}: {make}, and then {then}") from None
-
-
 def names_or_indices(text: str) -> list[str | int]:
     """Return the components in a text such as x,z or 0,2."""
     return [int(part) if part.isdecimal() else part.strip() for part in text.split(",")]
@@ -246,16 +149,22 @@ def _run(parser: Any) -> None:
     add("--low", type=numbers, metavar="X,...", help=f"random states lie above this: {of_each}")
     add("--high", type=numbers, metavar="X,...", help=f"random states lie below this: {of_each}")
     add("--seed", type=integer, metavar="N", help="seed of the random states (default 0)")
-    add = parser.add_argument_group("run").add_argument
+    add = parser.add_argument_group("steps of the map").add_argument
     add("--eps", type=fraction, metavar="X", help="step size (default: that of the figure)")
-    add("--steps", type=integer, metavar="N", default=1000, help="number of steps (default 1000)")
+    add("--steps", type=integer, metavar="N", help="number of steps (default 1000)")
     methods = "auto (default); of fields order4, order6, order8; in n dimensions gauss, rank2"
-    add("--method", default="auto", help=methods)
-    add("--threads", type=integer, metavar="N", help="number of threads (default: all)")
+    add("--method", metavar="NAME", help=methods)
     every = "save every K-th state (default: the last one only)"
     add("--save-every", type=integer, metavar="K", help=every)
     add("--attitude", action="store_true", help="compute the orientation as well")
-    add("-o", "--output", type=path, metavar="FILE", help="write the run to a .npz or .zarr file")
+    add = parser.add_argument_group("motion, to a tolerance").add_argument
+    add("--time", type=float, metavar="T", help="the motion from 0 to T, in place of the map")
+    add("--points", type=integer, metavar="N", help="number of times from 0 to T (default 101)")
+    add("--rtol", type=float, metavar="X", help="relative tolerance (default 1e-9)")
+    add("--atol", type=numbers, metavar="X,...", help="absolute tolerance, or of each component")
+    add = parser.add_argument_group("run").add_argument
+    add("--threads", type=integer, metavar="N", help="number of threads (default: all)")
+    add("-o", "--output", type=path, metavar="FILE", help="write .npz, or of a map .zarr as well")
     add("--force", action="store_true", help=_FORCE)
     add("--json", action="store_true", help="print one JSON object")
 
@@ -268,7 +177,7 @@ def _info(parser: Any) -> None:
 
 def _plot(parser: Any) -> None:
     add = parser.add_argument
-    add("file", type=path, metavar="FILE.npz", help="a file of a run or of crossings")
+    add("file", type=path, metavar="FILE.npz", help="a file of a run, of crossings or of a motion")
     which = "two or three components, such as x,z or time,x (default: the first two)"
     add("--components", type=names_or_indices, metavar="X,Y", help=which)
     add("-o", "--output", type=path, metavar="FILE.png", required=True, help="the figure")
@@ -295,7 +204,7 @@ def _report(parser: Any) -> None:
     add("--json", action="store_true", help="print one JSON object")
 
 
-def _pictures(parser: Any) -> None:
+def _figures(parser: Any) -> None:
     add = parser.add_argument
     add(
         "-o",
@@ -326,6 +235,6 @@ _ADD_OPTIONS: dict[str, Callable[[Any], None]] = {
     "info": _info,
     "plot": _plot,
     "report": _report,
-    "pictures": _pictures,
+    "figures": _figures,
     "explore": _explore,
 }

@@ -33,6 +33,8 @@ def facts_in(path: Path) -> dict[str, Any]:
     result = result_in(path)
     if isinstance(result, sf.Crossings):
         return _facts_of_crossings(result)
+    if isinstance(result, sf.Motion):
+        return facts_of_motion(result)
     return facts_of(result, result.states[0] if result.n[0] == 0 else None)
 
 
@@ -69,7 +71,24 @@ def facts_of(run: Any, start: Any) -> dict[str, Any]:
         **_common_facts(run),
         "saved_states": len(run),
         "method": run.method,
-        "drift": {} if start is None else _drift(run, start),
+        "drift": {} if start is None else _largest_change(run, run._conserved, start, run.final),
+    }
+
+
+def facts_of_motion(motion: Any) -> dict[str, Any]:
+    """Return the summary of a motion."""
+    import numpy as np
+
+    name, (first, last) = motion._conserved, motion.states[[0, -1]]
+    tolerances = {"rtol": motion.rtol} | ({} if motion.atol is None else {"atol": motion.atol})
+    return {
+        "body": _body_of(motion),
+        **_counts(motion.status, np.full(motion.status.shape, -1)),
+        "steps": int(motion.steps.sum()),
+        "time": float(motion.time[-1]),
+        "saved_states": len(motion),
+        **tolerances,
+        "drift": _largest_change(motion, name, first, last),
     }
 
 
@@ -83,12 +102,17 @@ def _facts_of_crossings(points: Any) -> dict[str, Any]:
 def _common_facts(result: Any) -> dict[str, Any]:
     """Return the facts that the summaries of runs and of crossings share."""
     return {
-        "body": repr(result.body) if result.body.shape else result.body.to_dict(),
+        "body": _body_of(result),
         "eps": result.eps if isinstance(result.eps, float) else f"{result.eps.size} values",
         **_counts(result.status, result.first_pole),
         "steps": result.steps,
         "map": result.map.name,
     }
+
+
+def _body_of(result: Any) -> Any:
+    """Return the body of a result: a dictionary, or for a family a text."""
+    return repr(result.body) if result.body.shape else result.body.to_dict()
 
 
 def _counts(status: Any, first_pole: Any) -> dict[str, Any]:
@@ -102,16 +126,14 @@ def _counts(status: Any, first_pole: Any) -> dict[str, Any]:
     return {**facts, "failed_after_a_pole": hidden} if hidden else facts
 
 
-def _drift(run: Any, start: Any) -> dict[str, float]:
+def _largest_change(result: Any, name: str | None, first: Any, last: Any) -> dict[str, float]:
     """Return the largest finite relative change of the conserved quantity, under its name."""
     import numpy as np
 
-    name = run.map.conserves(run.body)
     if name is None:
         return {}
     with np.errstate(all="ignore"):
-        last, first = (run._value(name, x) for x in (run.final, start))
-        change = np.asarray(abs(last / first - 1))
+        change = np.asarray(abs(result._value(name, last) / result._value(name, first) - 1))
     finite = change[np.isfinite(change)]
     return {name: float(finite.max())} if finite.size else {}
 
@@ -141,13 +163,13 @@ def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
     """Return the facts to print: fields as formulas, and the method only if there are others."""
     from ..maps import MAPS
 
-    shown, record = dict(facts), MAPS[facts["map"]]
-    for name in ("map", "status"):
+    shown, record = dict(facts), MAPS.get(facts.get("map", ""))  # none of a motion
+    for name in {"map", "status"} & shown.keys():
         del shown[name]
-    same_body = [other for other in MAPS.values() if other.body is record.body]
+    same_body = [other for other in MAPS.values() if record and other.body is record.body]
     if sum(len(other.methods) for other in same_body) == 1:
         del shown["method"]
-    if record.variable == "x":
+    if record is None or record.variable == "x":
         body = facts["body"]
         lists = [n for n in _LISTS if n in facts]
         if not isinstance(body, dict) and "dimension" in facts:  # the attributes of a store

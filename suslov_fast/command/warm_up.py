@@ -66,12 +66,11 @@ def call_all() -> None:
 def where_code_is_kept() -> str:
     """Return a line for users: the folder of the cache, or why nothing is kept."""
     folders = [folder_of(compiled) for compiled in (steps.compiled, step)]
-    paths = [path for path, _ in folders if path is not None]
-    if len(paths) < len(folders):
+    if None in folders:
         return (
             "nothing is kept: no folder can be written (NUMBA_CACHE_DIR names another one), or "
             "NUMBA_DISABLE_JIT or NUMBA_BOUNDSCHECK is set"
         )
-    text = f"compiled code is kept in {os.path.commonpath(paths)}"
-    is_writable = all(writable for _, writable in folders)
+    text = f"compiled code is kept in {os.path.commonpath(folders)}"
+    is_writable = all(os.access(folder, os.W_OK) for folder in folders)
     return text if is_writable else f"{text}, which cannot be written"

@@ -53,10 +53,10 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
     """
     if not body.shape:
         return *body.batch_of_one, flat_parameter(eps, batch)
-    if not body._axes:  # all constants are numbers, also those that are no parameters
+    if not body.axes:  # all constants are numbers, also those that are no parameters
         constants = [flat_parameter(value, batch) for value in body.constants]
         return *constants, flat_parameter(eps, batch)
-    axes = [body._axes.get(name, 0) for name in body._arrays]
+    axes = [body.axes.get(name, 0) for name in body.arrays]
     constants = [flat_parameter(a, batch, n) for a, n in zip(body.constants, axes, strict=True)]
     return *constants, flat_parameter(eps, batch)
 
@@ -111,7 +111,7 @@ def with_scheme(
     return scheme_of(indices, body.dimension, stages), values, eps
 
 
-def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
+def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
     """Group trajectories as `alike` does, with arguments as of `by_scheme`."""
     (step, stages), values, eps = arguments
     for where, *of_group in alike(step.indices, values, eps):

@@ -29,7 +29,7 @@ def groups_of_alike(problem: Problem, batch: tuple[int, ...]) -> Iterator[tuple[
     """Yield groups of a batch, as indices, and the scheme, values and step sizes of each."""
     make = in_stages(problem.map.stages)
     arguments = make(problem.body, problem.eps, batch)
-    yield from by_zeros(problem.body.dimension, arguments)
+    yield from by_zeros(arguments)
 
 
 def _of_part(part: slice, *parameters: FloatArray) -> list[FloatArray]:

@@ -40,7 +40,7 @@ def exponents_of(
 ) -> tuple[FloatArray, Found]:
     """Return exponents (B, n), the largest first, of n components that are no clocks, and ends."""
     found, exponents = nothing_found(starts, 0), None
-    groups = list(right_hand_sides(field._listed_right_hand_sides, field.shape, batch))
+    groups = list(right_hand_sides(field.listed_right_hand_sides, field.shape, batch))
     total, before = transient + time, 0.0
     for where, f, table in groups:
         x, count = starts[where], len(starts[where])

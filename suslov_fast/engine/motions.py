@@ -10,25 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
+from ..core.motion.choosing import Choosing
 from ..core.motion.engine import Motion as Engine, Settings
 from ..core.motion.one import motion_of_one
 from ..core.motion.rows import State
+from ..core.motion.rules import MOST_STEPS
 from .arguments import ALL
 from .status import Status
 from .threads import available
 
 # Trajectories from which on threads are started, unless the user gives their number.
 _MANY = 64
+DONE = int(State.DONE)
 _STATUS = np.full(len(State), Status.TOO_MANY_STEPS, np.int8)  # also of a run that was ended
 _STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
-_STATUS[State.NO_VALUE] = Status.NONFINITE
+_STATUS[State.NO_VALUE], _STATUS[State.SLIDING] = Status.NONFINITE, Status.SLIDING
 
 
 class Found(NamedTuple):
     """What the engine found of B trajectories."""
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
-    t: FloatArray  # (B,), the time at which a trajectory ended, or the last one
+    t: FloatArray  # (B,), the time at which a trajectory ended, NaN if it reached the last one
     steps: NDArray[np.int64]  # (B,)
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
@@ -80,14 +83,17 @@ def solve(
 
     `report` takes the number of states that are done; if it returns False, the others stay NaN.
     """
-    B, found = len(starts), nothing_found(starts, len(times))
+    B = len(starts)
+    if B == 1 and report is None:
+        alone = _of_one(field, starts, times, sign, settings)
+        if alone is not None:
+            return alone
+    found = nothing_found(starts, len(times))
     if not B:
-        return found
-    if B == 1 and report is None and _of_one(field, starts, times, sign, settings, found):
         return found
     count = threads_for(B, threads)
     done = 0
-    for where, f, table in right_hand_sides(field._right_hand_sides, field.shape, batch):
+    for where, f, table in right_hand_sides(field.right_hand_sides, field.shape, batch):
         x0, states = starts, found.states
         if where is not ALL:
             x0 = starts[where]
@@ -98,7 +104,8 @@ def solve(
         is_stopped, t, steps, status = call_engine(*arguments, count, own)
         if where is not ALL:
             found.states[:, where] = states
-        found.t[where], found.steps[where], found.status[where] = t, steps, status
+        found.t[where] = np.where(status == Status.OK, np.nan, t)
+        found.steps[where], found.status[where] = steps, status
         done += len(times) * len(x0)
         if is_stopped:
             return found._replace(is_stopped=True)
@@ -117,9 +124,47 @@ def call_engine(
     report: Callable[[int], bool] | None = None,
 ) -> tuple[bool, FloatArray, NDArray[np.int64], NDArray[np.int8]]:
     """Write states (n, B, D); return whether `report` ended the run, ends, steps and statuses."""
+    if f.conditions is not None:
+        return _choosing(f, table, x0, times, sign, settings, states, threads, report)
     engine = Engine(f, table, x0, times, sign, settings, states)
     engine.run(threads, report)
-    return engine.is_stopped, sign * engine.t, engine.steps, _STATUS[np.maximum(engine.state, 0)]
+    return engine.is_stopped, sign * engine.t, engine.steps, status_of(engine.state)
+
+
+def _choosing(
+    f: Any,
+    table: FloatArray,
+    x0: FloatArray,
+    times: FloatArray,
+    sign: int,
+    settings: Settings,
+    states: FloatArray,
+    threads: int,
+    report: Callable[[int], bool] | None,
+) -> tuple[bool, FloatArray, NDArray[np.int64], NDArray[np.int8]]:
+    """Do the same where f has conditions, at whose changes steps end."""
+    engine = Choosing(f, table, x0, times, sign, settings, states, threads)
+    rows, flat, last = engine.rows, engine.flat, float(times[-1])
+    tries, is_stopped, length = np.zeros(len(x0), np.int64), False, 1
+    place, state = flat[:, rows.place].view(np.int64), flat[:, rows.state]
+    while len(own := np.flatnonzero(state <= State.IMPLICIT)) and not is_stopped:
+        reached, changes = place.copy(), engine.changes
+        for k, found in engine.attempts(flat[own], own, last, length):
+            flat[own[k]] = found[-1]
+            tries[own[k]] += len(found) - 1
+        tries[place > reached] = 0
+        state[(tries > MOST_STEPS) & (state <= State.IMPLICIT)] = State.TOO_MANY
+        length = min(2 * length, 32) if engine.changes == changes else max(length // 2, 1)
+        is_stopped = report is not None and not report(int(place.sum()))
+    t = flat[:, rows.t]
+    states[times[:, np.newaxis] > t] = np.nan  # some steps went beyond
+    return is_stopped, sign * t, flat[:, rows.steps].astype(np.int64), status_of(state.astype(int))
+
+
+def status_of(state: Any) -> NDArray[np.int8]:
+    """Return the `Status` of trajectories with these states of the engine."""
+    found: NDArray[np.int8] = _STATUS[np.maximum(state, 0)]
+    return found
 
 
 def threads_for(B: int, threads: int | None) -> int:
@@ -128,23 +173,18 @@ def threads_for(B: int, threads: int | None) -> int:
 
 
 def _of_one(
-    field: Any,
-    starts: FloatArray,
-    times: FloatArray,
-    sign: int,
-    settings: Settings,
-    found: Found,
-) -> bool:
-    """Find the motion of one trajectory in few microseconds; return whether that is possible."""
-    _, f, table = field._right_hand_sides[0]
-    table = table[0]
-    x, of_times = starts[0].tolist(), times.tolist()
-    result = motion_of_one(f, table.tobytes(), x, of_times, sign, settings)
+    field: Any, starts: FloatArray, times: FloatArray, sign: int, settings: Settings
+) -> Found | None:
+    """Return the motion of one trajectory, in few microseconds, or None if that is impossible."""
+    _, f, table = field.right_hand_sides[0]
+    if f.conditions is not None:
+        return None
+    result = motion_of_one(f, table.tobytes(), starts.tobytes(), times.tobytes(), sign, settings)
     if result is None:
-        return False
-    states, (t, steps, state) = result
-    found.states[:] = np.frombuffer(states).reshape(found.states.shape)
-    if state != State.DONE:
-        found.states[~(times <= t)] = np.nan
-    found.t[0], found.steps[0], found.status[0] = sign * t, steps, _STATUS[state]
-    return True
+        return None
+    states, t, steps, state = result
+    states = np.frombuffer(states).reshape(len(times), *starts.shape)
+    if state != DONE:
+        states[~(times <= t)] = np.nan
+    end = np.nan if state == DONE else sign * t
+    return Found(states, np.array([end]), np.array([steps]), _STATUS[state : state + 1].copy())

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..bodies.rigid import rotations
 from ..checks import FloatArray, common_shape, kind_of, real_number, wrong
 from .random_starts import RandomStarts
 from .threads import thread_count
@@ -76,10 +75,10 @@ def check(
     The caller makes at least `made` states of each trajectory: if they do not fit into memory, a
     large array of initial states is refused before it is read.
     """
-    labels, turns = components or body._labels, None
+    labels, turns = components or body.labels, None
     if components is None and len(labels) != body.dimension:
         expected = f"have {body.dimension} entries, the dimension of {type(body).__name__}"
-        raise wrong("_labels", expected, checks.short(labels))
+        raise wrong("labels", expected, checks.short(labels))
     if map.variable == "x" and name in ("omega", "omega0"):
         name = "x"
     if isinstance(omega, RandomStarts):
@@ -101,7 +100,7 @@ def check(
         if map.attitude == "axial" and n != 3:
             expected = "'in_rows', because states do not have two components"
             raise wrong(f"attitude of the map {map.name!r}", expected, "'axial'")
-        turns = np.eye(n) if attitude is True else rotations("attitude", attitude, n)
+        turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]
     batch, threads = common_shape(shapes), thread_count(threads)
     return Problem(map, body, omega, eps, batch, threads, name, method, turns)

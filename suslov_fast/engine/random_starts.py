@@ -8,11 +8,10 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ..checks import FloatArray, integer, positive, real_array, require, wrong
-from ..keywords import answers, public, public_class
+from ..keywords import public, public_class
 
 
 @public_class
-@answers("random starts", {"x x0 omega sample values": "states(count, dimension=...)"})
 @dataclass(frozen=True)
 class RandomStarts:
     """Random initial states, uniform in a cube around 0 or in a box.

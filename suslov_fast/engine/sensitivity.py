@@ -23,7 +23,7 @@ class WithColumns:
     """What `motions.solve` reads of a field, for its states with columns beside them."""
 
     shape: tuple[int, ...]
-    _right_hand_sides: list[OfMembers]
+    right_hand_sides: list[OfMembers]
 
 
 class Columns:
@@ -43,9 +43,9 @@ class Columns:
         settings: Settings,
     ) -> None:
         B, self.D = x.shape
-        groups = field._derived_by(parameters) if parameters else field._listed_right_hand_sides
+        groups = field.derived_by(parameters) if parameters else field.listed_right_hand_sides
         self.count = self.D * by_starts + len(parameters)
-        values = [field._arrays[name] for name in parameters]
+        values = [field.arrays[name] for name in parameters]
         sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]
         tables = []
         for members, f, table in groups:

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, require, short, spell, wrong
@@ -65,7 +66,7 @@ def checked_settings(system: Any, rtol: Any, atol: Any, max_step: Any, stiff: An
 
 def checked_starts(system: Any, x0: Any, n: int) -> tuple[FloatArray, tuple[int, ...]]:
     """Return the initial states (B, D) and the batch shape, if memory holds n states of each."""
-    labels, how = system._labels, "compute fewer states at a time"
+    labels, how = system.labels, "compute fewer states at a time"
     if isinstance(x0, RandomStarts):
         size = math.prod(x0.shape)
         require(8 * len(labels) * size * (n + 2), how)
@@ -83,17 +84,28 @@ def checked_starts(system: Any, x0: Any, n: int) -> tuple[FloatArray, tuple[int,
 
 def warn_of_ends(found: Found, x: FloatArray, batch: tuple[int, ...]) -> None:
     """Warn once of all solutions that stop before the last time, but for starts of NaN."""
-    if not np.count_nonzero(found.status):  # all but OK are negative
-        return
+    if message := ends_in_words(found.status, found.t, found.is_stopped, x, batch):
+        checks.warn(message, PoleWarning)
+
+
+def ends_in_words(
+    statuses: NDArray[np.int8],
+    t: FloatArray,
+    is_stopped: bool,
+    x: FloatArray,
+    batch: tuple[int, ...],
+) -> str:
+    """Return why solutions stop, and when the first ones do; "" if there are none to tell of."""
+    if not np.count_nonzero(statuses):  # all but OK are negative
+        return ""
     # The closed form has told why it has no state, and then there is no time.
-    texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(found.t))
+    texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(t))
     for status, text in _CAUSES.items():
-        which = (found.status == status) & exists
-        if (status == Status.TOO_MANY_STEPS and found.is_stopped) or not which.any():
+        which = (statuses == status) & exists
+        if (status == Status.TOO_MANY_STEPS and is_stopped) or not which.any():
             continue
         first = int(np.argmax(which))
         index = spell(first_index(which.reshape(batch)))
         count = f"{np.count_nonzero(which)} of {which.size} solutions"
-        texts.append(f"{count} {text}, first: trajectory {index} at t = {found.t[first]:.9g}")
-    if texts:
-        checks.warn("; ".join(texts), PoleWarning)
+        texts.append(f"{count} {text}, first: trajectory {index} at t = {t[first]:.9g}")
+    return "; ".join(texts)

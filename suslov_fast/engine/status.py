@@ -179,7 +179,7 @@ def warn_of_poles(
     `by_sign`, a change of sign revealed one of them.
     """
     (index, step), why = first, "eps is too long"
-    if problem.body._may_escape:
+    if problem.body.may_escape:
         time = step * float(np.broadcast_to(problem.eps, problem.batch)[index])
         why = f"the motion escapes to infinity before t = {_at_least(time)}, or {why}"
     if by_sign:

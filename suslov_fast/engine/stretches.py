@@ -103,8 +103,8 @@ class Steps(NamedTuple):
     lanes: int = 128  # trajectories that a thread takes at a time
     # Returns the constants of `compiled.step_system` for (body, eps). None: it refuses the body.
     system: Callable[[Any, float], NDSystem | FieldSystem] | None = None
-    # Yields groups of trajectories, as indices, and the arguments of each, for (D, arguments).
-    divide: Callable[[int, Arguments], Iterator[tuple[Any, Arguments]]] | None = None
+    # Yields groups of trajectories, as indices, and the arguments of each, for all arguments.
+    divide: Callable[[Arguments], Iterator[tuple[Any, Arguments]]] | None = None
     # True if carry[0] is the number of the first state after a step from det A < 0, else 0;
     # negative if a change of sign told it.
     notes_poles: bool = False
@@ -159,7 +159,7 @@ class March:
         if arguments is None:
             arguments = arguments_for(problem, self.steps, size)
         divide, self.arguments = self.steps.divide, arguments
-        self.groups: list[Any] = [(ALL, arguments)] if divide is None else [*divide(D, arguments)]
+        self.groups: list[Any] = [(ALL, arguments)] if divide is None else [*divide(arguments)]
         self.turned: FloatArray | None = None
         if earlier is not None:
             self.n = earlier.n

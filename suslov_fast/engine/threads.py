@@ -17,9 +17,9 @@ from ..core.compiling.numba import Kernel
 CROSSOVER = 1_000_000
 
 # One parallel call at a time, because Numba's `workqueue` layer aborts under two. Meanwhile other
-# threads of Python make serial calls, whose results are bit-identical.
+# threads of Python make serial calls, whose results are bit-identical; so does a child that was
+# forked during the call, in which nobody gives the lock back.
 _one_at_a_time = threading.RLock()
-_threads_are_gone = suslov_fast._threads_are_gone
 
 
 def thread_count(threads: int | None) -> int | None:
@@ -33,7 +33,7 @@ def thread_count(threads: int | None) -> int | None:
 
 def available() -> int:
     """Return the number of threads that Numba uses now; asking starts them."""
-    return 1 if _threads_are_gone else int(numba.get_num_threads())
+    return 1 if suslov_fast._threads_are_gone else int(numba.get_num_threads())
 
 
 def call_kernel(
@@ -66,7 +66,7 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
     A signal handler may raise between any two lines, but not before the first call in `finally`.
     Calls that the handler makes are serial, because it may have interrupted a parallel call.
     """
-    if _threads_are_gone or _one_at_a_time._is_owned():  # type: ignore[attr-defined]
+    if suslov_fast._threads_are_gone or _one_at_a_time._is_owned():  # type: ignore[attr-defined]
         return False
     try:
         if not _one_at_a_time.acquire(blocking=False):
@@ -78,12 +78,3 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
             _one_at_a_time.release()
         except RuntimeError:  # another thread has it
             pass
-
-
-def renew() -> None:
-    """Renew the lock in a forked child; calls are serial if the threads of the parent are gone."""
-    global _threads_are_gone, _one_at_a_time
-    # A thread of the parent that has the lock may just be starting the threads of Numba.
-    suslov_fast._threads_are_gone |= not _one_at_a_time.acquire(blocking=False)
-    _one_at_a_time = threading.RLock()
-    _threads_are_gone = suslov_fast._threads_are_gone

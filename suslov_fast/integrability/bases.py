@@ -4,6 +4,8 @@ The relations hold for all points of an orbit, so that quotients of their coeffi
 integrals (Petrera, Pfadler and Suris, arXiv:1008.1040).
 """
 
+from __future__ import annotations
+
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,21 +14,26 @@ from typing import Any
 import numpy as np
 
 from ..checks import integer
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arguments import exponents_of
-from .arithmetic import Point, Residues
+from .arithmetic import Point, Residues, over_rationals
 from .functions import over_common_denominator, rank_of_quotients
 from .maps import RationalMap, check_map
-from .polynomials import Exponents, Polynomials, exponents_up_to, renamed, sort_key
-from .reconstruction import over_rationals, polynomials_with
+from .polynomials import (
+    Exponents,
+    Polynomials,
+    exponents_up_to,
+    polynomials_with,
+    renamed,
+    sort_key,
+)
 from .relations import count_relations, integrals_of_relations, relations_along
 from .search import Search
 
 Matrix = tuple[Point, ...]
 
 
-@answers("a Hirota-Kimura basis")
 @dataclass(frozen=True)
 class HKBasis:
     """Linear relations between `monomials` along orbits, as `hk_bases` returns them.

@@ -4,6 +4,8 @@ P solves linear equations at random points modulo a prime; cofactors are product
 factors of det DPhi and of the denominator (Celledoni and others, arXiv:1902.04715).
 """
 
+from __future__ import annotations
+
 import random
 from collections.abc import Iterator
 from fractions import Fraction
@@ -16,7 +18,7 @@ from ..checks import integer
 from ..keywords import public
 from . import arithmetic
 from .arguments import check_unknowns
-from .arithmetic import EPS, EXTRA, Residues
+from .arithmetic import EPS, EXTRA, Residues, over_rationals
 from .functions import RationalFunction, factored, product_of, rational_roots
 from .maps import TERMS, RationalMap, check_map
 from .polynomials import (
@@ -26,10 +28,10 @@ from .polynomials import (
     modulo,
     monomial_values,
     on_line,
+    polynomials_with,
     random_line,
     renamed,
 )
-from .reconstruction import over_rationals, polynomials_with
 
 
 @public

@@ -21,7 +21,7 @@ from ..bodies.fields.advice import check_arguments
 from ..bodies.fields.names import labels, latex
 from ..bodies.fields.polynomials import from_lists
 from ..checks import extra, short, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS
 from .polynomials import (
@@ -33,13 +33,13 @@ from .polynomials import (
     letter_of,
     modulo,
     polynomial_ring,
+    polynomials_with,
     prime_of,
     renamed,
     sort_key,
     value_at,
     variables_of,
 )
-from .reconstruction import polynomials_with
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 _NAME = r"[^\W\d]\w*"
@@ -53,14 +53,64 @@ class Differentiable(Protocol):
 
 
 F = TypeVar("F", bound=Differentiable)
+L = TypeVar("L", bound="WithLetter")
 
 
-@answers(
-    "a rational function",
-    {"simplify factor expand latex to_latex to_sympy expr": "sympy.sympify(str(f), f.symbols())"},
-)
+class WithLetter:
+    """What may have a symbol in its coefficients: eps, or another letter."""
+
+    letter: Any  # its name, "" without one
+    _at: Any  # the method that returns the same for a number in place of the letter
+
+    @property
+    def is_symbolic(self) -> bool:
+        """True if eps, or another letter, is symbolic."""
+        return bool(self.letter)
+
+    @public
+    def subs(self: L, *value: Any, **named: Any) -> L:
+        """Return the map or function for a value of eps, or of another letter.
+
+        Parameters
+        ----------
+        *value, **named : int, Fraction, float or str
+            The value, by the name of the letter, as in ``subs(eps=1)``, or without one; a float is
+            taken exactly, a string may be "1/3" or "0.1".
+
+        Returns
+        -------
+        KahanMap, RationalMap or RationalFunction
+
+        Raises
+        ------
+        TypeError, ValueError
+            If this is no number, or there is no letter of this name.
+        ArithmeticError
+            If there is no map, or the function has no value, for this number.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> from suslov_fast.integrability import kahan, rational_map
+        >>> kahan(QuadraticField([[[1]]])).subs(eps=1)([2])
+        (Fraction(-2, 1),)
+        >>> rational_map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, letter="h").subs(h=3)
+        rational_map(x2, (x2 + 3)/x1)
+        >>> (image,) = kahan(QuadraticField([[[1]]]))([2])
+        >>> image, image.subs(eps="1/3")
+        (2/(-2*eps + 1), 6)
+        """
+        return self._at(value_of(self._letter_of(named), value, named))  # type: ignore[no-any-return]
+
+    def _letter_of(self, named: Mapping[str, Any]) -> str:
+        """Return the letter that a value, which may have its name, is for."""
+        if not self.letter:
+            raise TypeError(f"{self} has no letter: its coefficients are numbers")
+        return self.letter  # type: ignore[no-any-return]
+
+
 @dataclass(frozen=True, repr=False)
-class RationalFunction:
+class RationalFunction(WithLetter):
     """A product of powers of polynomials and a constant, exact.
 
     Called with a point, D rational numbers, it returns a fraction. Functions and numbers can be
@@ -86,46 +136,14 @@ class RationalFunction:
         return math.prod(values, start=self.constant)
 
     @property
-    def is_symbolic(self) -> bool:
-        """True if eps, or another letter, is symbolic."""
-        return bool(self.letter)
-
-    @property
     def letter(self) -> str:
         """The name of the symbol in the coefficients, such as eps; "" without one."""
         return letter_of(self.factors[0][0]) if self.factors else ""
 
-    @public
-    def subs(self, *value: Any, **named: Any) -> RationalFunction:
-        """Return the function of x alone for a value of eps, or of another letter.
+    def _letter_of(self, named: Mapping[str, Any]) -> str:
+        return self.letter or next(iter(named), "eps")  # a constant has none, and needs none
 
-        Parameters
-        ----------
-        *value, **named : int, Fraction, float or str
-            The value, by the name of the letter, as in ``subs(eps=1)``, or without one; a float is
-            taken exactly, a string may be "1/3" or "0.1".
-
-        Returns
-        -------
-        RationalFunction
-
-        Raises
-        ------
-        TypeError, ValueError
-            If this is no number, or there is no letter of this name.
-        ZeroDivisionError
-            If the function has no value there.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField
-        >>> from suslov_fast.integrability import kahan
-        >>> (image,) = kahan(QuadraticField([[[1]]]))([2])
-        >>> image, image.subs(eps="1/3")
-        (2/(-2*eps + 1), 6)
-        """
-        letter = self.letter or next(iter(named), "eps")  # a constant has none, and needs none
-        number = value_of(letter, value, named)
+    def _at(self, number: Fraction) -> RationalFunction:
         powers = (factored(modulo(P, 0, arithmetic.fmpq(number))) ** e for P, e in self.factors)
         try:
             product = math.prod(powers, start=RationalFunction((), self.constant))

@@ -16,14 +16,10 @@ import flint
 import numpy as np
 
 from ..checks import integer, short, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from .arithmetic import DRAWS, random_prime
 from .maps import RationalMap, check_map
 from .polynomials import random_line
-from .tasks import Task
-
-_ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
-_CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees
 
 
 @public
@@ -94,40 +90,6 @@ def _degrees_on_a_line(map: RationalMap, p: int, eps: int) -> Iterator[int]:
         yield max(x.degree() for x in line)
 
 
-def degrees_of_iterates(search: Any) -> Iterator[Task]:
-    """Yield the task of a search for the next degree: as a recurrence needs it, or it is cheap."""
-    map, following = search.map, agreed_degrees(search.map, search.seed)
-
-    def expected() -> float:
-        """Return the degree that is expected next, d_n**2 / d_(n - 1)."""
-        d: list[int] = [1, *search.degrees]
-        return d[-1] ** 2 / max(1, d[-2]) if len(d) > 2 else float(d[-1] * map.degree)
-
-    def task() -> Task:
-        n, degree = map.dimension, expected()
-        return Task(1e-7 * n**3 * degree + 2e-8 * n * degree**2, run, "degrees")
-
-    def run() -> list[Task]:
-        search.degrees = [*search.degrees, next(following)]
-        check_degrees(search)
-        if expected() > _TOO_COSTLY or len(search.degrees) == _MOST:
-            return []
-        are_enough = len(search.degrees) >= _ENOUGH and search.degrees[-1] > _CHEAP
-        may_end = are_enough or expected() > _COSTLY
-        if may_end and growth(search.degrees, planar=map.is_planar).entropy_error == 0:
-            return []
-        return [task()]
-
-    yield task()
-
-
-def check_degrees(search: Any) -> None:
-    """Raise an error if degrees and contracted curves contradict each other."""
-    if search.planar and (text := search.planar.contradiction(search.degrees)):
-        raise ArithmeticError(f"{search.map}: {text}: this is an error of the package")
-
-
-@answers("a growth", {"rate": "entropy", "degrees": "degrees(map, n)"})
 class Growth(NamedTuple):
     """Growth of a sequence of degrees, as `growth` returns it: evidence, never a proof.
 

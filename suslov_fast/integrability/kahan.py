@@ -7,7 +7,7 @@ energy is H + grad H (x~ - x) / 3 (Celledoni, McLachlan, Owren and Quispel 2013)
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -33,10 +33,8 @@ class KahanMap(RationalMap):
     A `RationalMap`. If `eps` is None, the step size is symbolic; `subs` replaces it by a number.
     """
 
-    _step = "eps"
-
-    def __init__(self, field: QuadraticField, eps: Fraction | None) -> None:
-        self.field, self.eps = field, eps
+    def __init__(self, field: QuadraticField, eps: Fraction | None, sign: int = 1) -> None:
+        self.field, self.eps, self._sign = field, eps, sign
         self.dimension, self.letter = field.dimension, "eps" if eps is None else ""
         self.names = None if field.names == labels(field.dimension) else field.names
         self._parts: dict[tuple[int, ...], tuple[list[Any], Any]] = {}  # see `_matrices`
@@ -44,31 +42,19 @@ class KahanMap(RationalMap):
     @cached_property
     def inverse(self) -> KahanMap:
         """The inverse map, which is the Kahan map of the same field with -eps."""
-        if self.eps is None:
-            raise TypeError("eps is symbolic here: set it by map.subs(eps=Fraction(1, 3))")
-        return KahanMap(self.field, -self.eps)
+        return self._with(None if self.eps is None else -self.eps, -self._sign)
 
-    @property
-    def has_inverse(self) -> bool:
-        """True: every Kahan map has the inverse with -eps."""
-        return True
-
-    def _at(self, value: Fraction) -> KahanMap:
-        return KahanMap(self.field, value)
-
-    @property
-    def inverse_forms(self) -> list[Any]:
-        if self.eps is not None:
-            return self.inverse.forms
-        eps, *x = self.ring.gens()
-        return [F.compose(-eps, *x) for F in self.forms]
-
-    def at_eps(self, eps: int) -> KahanMap:
-        if not self.is_symbolic:
-            return self
-        map = KahanMap(self.field, Fraction(eps))
+    def _with(self, eps: Fraction | None, sign: int = 1) -> KahanMap:
+        """Return the map for another eps; for a symbolic one with its sign."""
+        map = KahanMap(self.field, eps, sign if eps is None else 1)
         map._equations = self._equations  # these take long, and do not depend on eps
         return map
+
+    def _letter_of(self, named: Mapping[str, Any]) -> str:
+        return "eps"
+
+    def _at(self, value: Fraction) -> KahanMap:
+        return self._with(self._sign * value)
 
     @cached_property
     def coefficients(self) -> list[int]:
@@ -77,10 +63,11 @@ class KahanMap(RationalMap):
         return [part for c in numbers for part in (c.numerator, c.denominator)]
 
     def __repr__(self) -> str:
-        return f"kahan({self.field}{'' if self.eps is None else f', eps={self.eps}'})"
+        eps = "" if self._sign > 0 else ", eps=-eps"
+        return f"kahan({self.field}{eps if self.eps is None else f', eps={self.eps}'})"
 
     def __reduce__(self) -> Any:
-        return KahanMap, (self.field, self.eps)
+        return KahanMap, (self.field, self.eps, self._sign)
 
     @cached_property
     def _equations(self) -> list[Any]:
@@ -100,39 +87,37 @@ class KahanMap(RationalMap):
                 forms[i][k].setdefault(j, [0, 0])[1] += v if k == D else -v
         return [[[(j, *form[j]) for j in sorted(form)] for form in row] for row in forms]
 
-    def _forms(self, sign: int) -> list[Any]:
-        """Return `_equations` with entries (j, a), for terms a x_j, at sign * eps."""
+    def _forms(self) -> list[Any]:
+        """Return `_equations` with entries (j, a), for terms a x_j, at eps."""
         if self.eps is None:
-            eps, unit = sign * self.ring.gens()[0], 1
+            eps, unit = self._sign * self.ring.gens()[0], 1
         else:
-            eps, unit = sign * self.eps.numerator, self.eps.denominator
+            eps, unit = self.eps.numerator, self.eps.denominator
         return [
             [[(j, c * unit + d * eps) for j, c, d in form] for form in row]
             for row in self._equations
         ]
 
-    def _system(self, x: Sequence[Any], sign: int = 1) -> list[list[Any]]:
-        """Return the rows of (A | b), or with the sign -1 those of the inverse map, at a point."""
+    def _system(self, x: Sequence[Any]) -> list[list[Any]]:
+        """Return the rows of (A | b) at a point."""
         zero = 0 * x[-1]
-        return [
-            [sum((a * x[j] for j, a in form), zero) for form in row] for row in self._forms(sign)
-        ]
+        return [[sum((a * x[j] for j, a in form), zero) for form in row] for row in self._forms()]
 
-    def _matrices(self, x: Sequence[Any], sign: int = 1) -> tuple[Any, Any]:
-        """Return A and b, or with the sign -1 those of the inverse map, at a point of numbers."""
-        kind = sign, *moduli(x[0])
-        if kind not in self._parts:
-            self._parts[kind] = self._parts_of(*kind)
-        parts, B = self._parts[kind]
+    def _matrices(self, x: Sequence[Any]) -> tuple[Any, Any]:
+        """Return A and b at a point of numbers."""
+        modulus = (*moduli(x[0]),)
+        if modulus not in self._parts:
+            self._parts[modulus] = self._parts_of(*modulus)
+        parts, B = self._parts[modulus]
         A = sum((a * part for a, part in zip(x[1:], parts[1:], strict=True)), x[0] * parts[0])
         return A, B * matrix([[a] for a in x])
 
-    def _parts_of(self, sign: int, *modulus: int) -> tuple[list[Any], Any]:
+    def _parts_of(self, *modulus: int) -> tuple[list[Any], Any]:
         """Return the matrices A_j of A = sum_j x_j A_j, and the matrix B of b = B x."""
         D = self.dimension
         rows_of_A = [[[0] * D for _ in range(D)] for _ in range(D + 1)]
         rows_of_B = [[0] * (D + 1) for _ in range(D)]
-        for i, row in enumerate(self._forms(sign)):
+        for i, row in enumerate(self._forms()):
             for k, form in enumerate(row):
                 for j, a in form:
                     if k < D:
@@ -150,7 +135,7 @@ class KahanMap(RationalMap):
 
     def derivative(self, x: Sequence[Any]) -> Any:
         # A(x; eps) DPhi(x) = A(Phi(x); -eps)
-        return self._matrices(x)[0].solve(self._matrices(self.image(x), -1)[0])
+        return self._matrices(x)[0].solve(self.inverse._matrices(self.image(x))[0])
 
     @cached_property
     def _solution(self) -> list[Any]:
@@ -167,7 +152,7 @@ class KahanMap(RationalMap):
 
     def _determinant(self) -> RationalFunction | None:
         # With det A homogeneous of degree D: det A(F; -eps) / (F_0^D det A(x; eps)).
-        backward = factored(cramer(self._system(self.variables, -1))[-1])
+        backward = factored(cramer(self.inverse._system(self.variables))[-1])
         determinant = RationalFunction((), backward.constant) / factored(self.denominator)
         determinant /= factored(self.forms[-1]) ** backward.degree
         for f, e in backward.factors:
@@ -197,7 +182,7 @@ class KahanMap(RationalMap):
         """Return det A times the numerator of det DPhi at a point."""
         y = self.homogeneous_image(x)
         # det DPhi is this determinant at the homogeneous image y, over y_0^D det A(x).
-        determinant = cramer(self._system(y, -1))[-1]
+        determinant = cramer(self.inverse._system(y))[-1]
         return determinant // determinant.gcd(y[-1] ** (self.dimension + 1)) * y[-1]
 
     @cached_property

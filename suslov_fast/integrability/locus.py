@@ -9,11 +9,12 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import cache
 from typing import Any, NamedTuple
 
 from ..bodies.fields.field import QuadraticField
 from ..checks import integer, kind_of, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arguments import exponents_of, progress_function
 from .kahan import KahanMap, kahan
@@ -27,7 +28,6 @@ _STEP_SIZES = 3  # modulo each of these
 _STARTS = 3  # orbits at each of these
 
 
-@answers("a special value")
 class Special(NamedTuple):
     """A value of a parameter with more relations than a general one.
 
@@ -198,33 +198,22 @@ def fractions_up_to(height: int) -> list[Fraction]:
     return sorted({Fraction(a, b) for a, b in pairs})
 
 
-def _is_arithmetic(error: BaseException) -> bool:
-    """Return True for an error of f without a value, also where a tracer of f reports it."""
-    return isinstance(error, ArithmeticError) or isinstance(error.__cause__, ArithmeticError)
-
-
 class _Maps:
     """The maps of a function at exact numbers; fields have a symbolic eps."""
 
     def __init__(self, f: Any) -> None:
         if not callable(f):
             raise wrong("f", "a function of the parameter", kind_of(f), TypeError)
-        self._f = f
-        self._by_value: dict[Fraction, RationalMap | None] = {}
-        self._dimension: int | None = None
+        self._f, self._dimension = f, 0
+        self.at = cache(self._at)  # the map at a value; None if there is none
         self.error: Exception | None = None  # of a value without a map
 
-    def at(self, value: Fraction) -> RationalMap | None:
-        """Return the map; None if there is none."""
-        if value not in self._by_value:
-            self._by_value[value] = self._call(value)
-        return self._by_value[value]
-
-    def _call(self, value: Fraction) -> RationalMap | None:
+    def _at(self, value: Fraction) -> RationalMap | None:
         try:
             returned = self._f(value)
         except (ArithmeticError, ValueError) as error:
-            if not _is_arithmetic(error):
+            # A tracer of f reports the errors of f.
+            if not isinstance(error.__cause__ or error, ArithmeticError):
                 raise
             self.error = error
             return None
@@ -257,7 +246,7 @@ def _why_degenerate(map: RationalMap | None) -> str:
     if not isinstance(map, KahanMap):
         return ""
     field = map.field
-    if not field._may_escape:
+    if not field.may_escape:
         return "the field is linear"
     moving = {*field.terms[0][0].tolist()}
     return " and ".join(f"{name}' = 0" for i, name in enumerate(field.names) if i not in moving)

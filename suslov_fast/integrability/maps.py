@@ -18,11 +18,12 @@ import numpy as np
 
 from ..bodies.fields.names import labels
 from ..checks import integer
-from ..keywords import answers, public
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, Point
-from .functions import RationalFunction, check_letter, factored, traced, value_of
+from .functions import RationalFunction, WithLetter, check_letter, factored, traced
 from .polynomials import (
+    cleared,
     coprime,
     degree_of,
     determinant,
@@ -39,11 +40,9 @@ from .polynomials import (
 TERMS = 300_000  # of the largest polynomial that is factored
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
 _POINTS = 3  # random points, whose common roots in eps are those of all points
-_SHAPES = {0: "a point", 1: "a curve", 2: "a surface"}  # by dimension
 
 
-@answers("a map", {"iterate step": "map(x), the next point", "to_latex latex": "str(map)"})
-class RationalMap:
+class RationalMap(WithLetter):
     """A birational map, exact, with components F_i / F_0; made by `rational_map`.
 
     Called with a point, D rational numbers, it returns the next one, a tuple of fractions. At a
@@ -52,8 +51,7 @@ class RationalMap:
     """
 
     letter = ""  # a symbol in the coefficients, such as eps
-    _step = ""  # the name of a letter that also a map with its number has
-    _instead = ": pass the field itself; a rational map is only for the functions of integrability"
+    instead = ": pass the field itself; a rational map is only for the functions of integrability"
     names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
@@ -65,11 +63,6 @@ class RationalMap:
     ) -> None:
         self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse
         self.letter = letter
-
-    @property
-    def is_symbolic(self) -> bool:
-        """True if eps, or another letter, is symbolic."""
-        return bool(self.letter)
 
     def __repr__(self) -> str:
         *numerators, denominator = (factored(F).renamed(None, self.letter) for F in self.forms)
@@ -84,47 +77,8 @@ class RationalMap:
     def __reduce__(self) -> Any:
         return RationalMap, (self.forms, self.inverse, self.letter)
 
-    @public
-    def subs(self, *value: Any, **named: Any) -> RationalMap:
-        """Return the map for a value of eps, or of another letter that is symbolic.
-
-        Parameters
-        ----------
-        *value, **named : int, Fraction, float or str
-            The value, by the name of the letter, as in ``subs(eps=1)``, or without one; a float is
-            taken exactly, a string may be "1/3" or "0.1".
-
-        Returns
-        -------
-        KahanMap or RationalMap
-
-        Raises
-        ------
-        TypeError, ValueError
-            If this is no number, or there is no letter of this name.
-        ArithmeticError
-            If there is no map for this value.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField
-        >>> from suslov_fast.integrability import kahan, rational_map
-        >>> kahan(QuadraticField([[[1]]])).subs(eps=1)([2])
-        (Fraction(-2, 1),)
-        >>> rational_map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, letter="h").subs(h=3)
-        rational_map(x2, (x2 + 3)/x1)
-        """
-        if not (letter := self.letter or self._step):
-            raise TypeError(f"{self} has no letter: its coefficients are numbers")
-        return self._at(value_of(letter, value, named))
-
     def _at(self, value: Fraction) -> RationalMap:
-        at_number = [modulo(F, 0, arithmetic.fmpq(value)) for F in self.forms]
-        scale = math.lcm(*(int(c.q) for F in at_number for c in F.coeffs()))
-        ring = polynomial_ring(self.dimension, False)
-        forms = [
-            ring.from_dict({e: (c * scale).p for e, c in F.to_dict().items()}) for F in at_number
-        ]
+        forms = cleared(*(modulo(F, 0, arithmetic.fmpq(value)) for F in self.forms))
         if not any(forms) or forms[-1] == 0:
             raise ArithmeticError(f"{self} is no map at {self.letter} = {value}")
         return RationalMap(coprime(forms), self.inverse and self.inverse._at(value))
@@ -132,11 +86,6 @@ class RationalMap:
     def at_eps(self, eps: int) -> RationalMap:
         """Return the map for a number eps if it is symbolic, else the map itself."""
         return self._at(Fraction(eps)) if self.is_symbolic else self
-
-    @property
-    def inverse_forms(self) -> list[Any]:
-        """The forms of the inverse map."""
-        return self.inverse.forms  # type: ignore[no-any-return]
 
     @cached_property
     def degenerate_eps(self) -> tuple[Fraction, ...]:
@@ -296,33 +245,19 @@ class RationalMap:
 
     # Kinds of maps.
 
-    def _random_derivative(self) -> Any:
-        """Return the matrix of derivatives at a random point modulo a prime."""
-        return self.at_eps(EPS).derivative(arithmetic.random_point(self.dimension, self.prime))
-
     @cached_property
     def is_invertible(self) -> bool:
         """True if det DPhi is not 0 at a random point modulo a prime; False without a map."""
         try:
-            return bool(self._random_derivative().det() != 0)
+            x = arithmetic.random_point(self.dimension, self.prime)
+            return bool(self.at_eps(EPS).derivative(x).det() != 0)
         except ZeroDivisionError:
             return False
-
-    @property
-    def shape_of_image(self) -> str:
-        """The kind of the image, by its dimension: the rank of DPhi at a random point."""
-        rank = int(self._random_derivative().rank())
-        return _SHAPES.get(rank, f"of dimension {rank}")
-
-    @property
-    def has_inverse(self) -> bool:
-        """True if an inverse is known: without one the map may not be birational."""
-        return self.inverse is not None
 
     @cached_property
     def is_planar(self) -> bool:
         """True for a birational map of the plane."""
-        return self.dimension == 2 and self.is_invertible and self.has_inverse
+        return self.dimension == 2 and self.is_invertible and self.inverse is not None
 
     # Polynomials.
 
@@ -509,5 +444,4 @@ def check_map(map: Any) -> None:
     try:
         at_number.image(image)
     except ZeroDivisionError:
-        shape = map.shape_of_image
-        raise ArithmeticError(f"{map}: the image is {shape}, and it consists of poles") from None
+        raise ArithmeticError(f"{map}: its image consists of poles") from None

@@ -13,28 +13,23 @@ from itertools import islice
 from typing import Any
 
 import flint
+import numpy as np
 
 from ..checks import integer, wrong
-from ..keywords import answers, public
-from .confinement import is_proved
-from .contracted import Passage, Plane, passages_across
+from ..keywords import public
+from .contracted import Passage, Plane, is_proved, orbit_of_line, passages_across, why_never
 from .functions import IDENTITY, RationalFunction
-from .growth import agreed_degrees, check_degrees, rational_series
+from .growth import agreed_degrees, rational_series
 from .maps import RationalMap, check_map
-from .monomials import degrees_of_monomials, exponents_of_monomials
-from .never_confined import orbit_of_line, why_never
-from .polynomials import determinant
-from .tasks import Task
+from .polynomials import determinant, exponents_in_x
 
 _STEPS = 80  # of an orbit that are computed
 _DEGREES = 24  # that are predicted
 _HIGHEST = 1_000  # of degrees that are compared with those on random lines
 _TERMS = 60  # degrees of a monomial map from which their recurrence follows
-_COST = 0.2  # seconds, roughly
 _ROUNDING = 1e-9  # of the modulus of a root
 
 
-@answers("a contraction")
 @dataclass(frozen=True)
 class Contraction:
     """A curve that a map contracts to a point, and what becomes of it.
@@ -60,24 +55,21 @@ class Contraction:
         return f"{self.curve}{curves}: {confined}{self.how}"
 
 
-@answers("a planar entropy", {"value": "entropy"})
 @dataclass(frozen=True, repr=False)
 class PlanarEntropy:
     """The algebraic entropy of a birational map of the plane, as `planar_entropy` returns it.
 
     The entropy is the logarithm of the largest root of `polynomial`, the characteristic polynomial
     of the action on the plane blown up at the points of the confined orbits; `minimal` is its
-    factor with this root. `degrees` are those of the first iterates, as they follow from it. If
-    `proved`, the entropy is exact, and `entropy_error` 0. Else this is the difference that it would
-    make if the orbits that are not decided were confined at the first step that was not computed,
-    or NaN if that makes none. Without an entropy, `reason` says why there is none.
+    factor with this root. `degrees` are those of the first iterates, as they follow from it.
+    `proved` says whether the entropy is, and `based_on` by what. Without an entropy, `reason` says
+    why there is none.
     """
 
     contractions: tuple[Contraction, ...] = ()
     polynomial: Any = None  # flint.fmpz_mpoly in x
     minimal: Any = None
     entropy: float | None = None
-    entropy_error: float = math.nan
     degrees: tuple[int, ...] = ()
     proved: bool = False
     based_on: str = ""
@@ -95,35 +87,15 @@ class PlanarEntropy:
 
     @property
     def certainty(self) -> str:
-        """Whether the entropy is proved, in words, and its error if it is known."""
-        if self.proved:
-            return "proved"
-        error = self.entropy_error
-        return "not proved" if math.isnan(error) else f"not proved, error {error:.1g}"
+        """Whether the entropy is proved, in words."""
+        return "proved" if self.proved else "not proved"
 
     def contradiction(self, degrees: Sequence[int]) -> str:
-        """Return how the degrees of the first iterates contradict this object, or it itself; or "".
-
-        It does so if its degrees are other ones, or its polynomial is not that of a recurrence of
-        them, from the identity on, or its entropy not that of its polynomial.
-        """
-        d = [*degrees]
-        expected = [*self.degrees[: len(d)]]
-        if d[: len(expected)] != expected:
-            return f"the degrees are {d}, but {expected} by the contracted curves"
-        if self.polynomial is None:
+        """Return how degrees of the first iterates contradict those that are expected, or ""."""
+        expected = [*self.degrees[: len(degrees)]]
+        if [*degrees[: len(expected)]] == expected:
             return ""
-        sequence = [1, *d, *self.degrees[len(d) :]]
-        c = _coefficients(self.polynomial)
-        for k in range(len(sequence) - len(c) + 1):
-            if sum(a * n for a, n in zip(c, sequence[k:], strict=False)):
-                return f"the degrees are {sequence[1:]}, without the recurrence {self.polynomial}"
-        _, root = _factor_with_largest_root(flint.fmpz_poly(c))
-        if abs(math.log(root) - (self.entropy or 0)) > _ROUNDING:
-            return (
-                f"the entropy is {self.entropy}, but the largest root of {self.polynomial} {root}"
-            )
-        return ""
+        return f"the degrees are {degrees}, but {expected} by the contracted curves"
 
     def __repr__(self) -> str:
         if self.entropy is None:
@@ -142,12 +114,10 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     follows from the lengths of these orbits (Diller and Favre 2001). All orbits are followed for
     80 steps modulo primes, two of which must agree. Then confinement is confirmed over the
     rational numbers, or a number field for conjugate lines and conics. An orbit is never confined
-    if it is periodic modulo a small prime, with images at all points, or if it stays on an
-    invariant line, on which a power of the map is a Moebius transformation, and never meets a base
-    point. The
-    entropy of a monomial map is the logarithm of the spectral radius of its exponents (Hasselblatt
-    and Propp 2007); its curves are not followed. An entropy that is not proved is compared with
-    the degrees of iterates on random lines, and not given if they contradict it.
+    if it is periodic modulo a small prime, with images at all points. The entropy of a monomial map
+    is the logarithm of the spectral radius of its exponents (Hasselblatt and Propp 2007); its
+    curves are not followed. An entropy that is not proved is compared with the degrees of iterates
+    on random lines, and not given if they contradict it.
 
     Parameters
     ----------
@@ -183,7 +153,7 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     if not map.is_planar:
         missing = "det DPhi = 0" if not map.is_invertible else "no inverse was given"
         return PlanarEntropy(reason=f"the map is not known to be birational: {missing}")
-    if (A := exponents_of_monomials(map)) is not None:
+    if (A := _exponents_of_monomials(map)) is not None:
         return _of_monomials(A)
     plane = Plane(map)
     passages = passages_across(plane, _STEPS, seed)
@@ -196,13 +166,10 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
         return PlanarEntropy(reason=f"{why} in the {steps} steps that could be computed")
     found = _from_series(series, contractions)
     proved = all(curve.proved for curve in contractions)
-    known = predicted_degrees(plane, passages, _DEGREES)
-    lines = [] if proved else [*_few_degrees(map, seed)]
-    if why := found.contradiction(known) or found.contradiction(lines):
+    if why := found.contradiction([] if proved else [*_few_degrees(map, seed)]):
         return PlanarEntropy(reason=why)
-    error = 0.0 if proved else _error(plane, passages, contractions, found.root or 1.0)
     based_on = "; ".join(str(curve) for curve in contractions) or "no contracted curve"
-    return replace(found, entropy_error=error, proved=proved, based_on=based_on)
+    return replace(found, proved=proved, based_on=based_on)
 
 
 def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...]) -> PlanarEntropy:
@@ -220,16 +187,6 @@ def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...])
     )
 
 
-def _of_monomials(A: Sequence[Sequence[int]]) -> PlanarEntropy:
-    """Return the entropy of a monomial map: the log of the spectral radius of its exponents."""
-    sequence = [1, *islice(degrees_of_monomials(A), _TERMS)]
-    series = rational_series(sequence)
-    assert series, sequence  # they are largest entries of sums of powers of A, which has a rule
-    found = _from_series(tuple(map(flint.fmpz_poly, series)), ())
-    based_on = f"a monomial map, with the exponents {A}: their spectral radius"
-    return replace(found, entropy_error=0.0, proved=True, based_on=based_on)
-
-
 def proved_by_integral(
     found: PlanarEntropy | None, integrals: Sequence[RationalFunction]
 ) -> PlanarEntropy | None:
@@ -242,7 +199,7 @@ def proved_by_integral(
         return found
     known = found if found.entropy == 0 else PlanarEntropy(found.contractions)
     facts = {"minimal": _in_x(flint.fmpz_poly([-1, 1])), "based_on": f"the integral {proofs[0]}"}
-    return replace(known, entropy=0.0, entropy_error=0.0, proved=True, **facts)
+    return replace(known, entropy=0.0, proved=True, **facts)
 
 
 def _few_degrees(map: RationalMap, seed: int) -> Iterator[int]:
@@ -251,18 +208,6 @@ def _few_degrees(map: RationalMap, seed: int) -> Iterator[int]:
         yield degree
         if degree > _HIGHEST:
             break
-
-
-def entropy_of_planar_maps(search: Any) -> Iterator[Task]:
-    """Yield the task of a search for the entropy of a birational map of the plane."""
-
-    def run() -> list[Task]:
-        search.planar = planar_entropy(search.map, seed=search.seed)
-        check_degrees(search)
-        return []
-
-    if search.map.is_planar:
-        yield Task(_COST, run, "planar entropy")
 
 
 def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
@@ -287,28 +232,6 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
 # orders of a germ. So, with d_0 = 1 and the degree d of the map,
 #   s_j = deg(C) d_j - sum over curves and k of curve_orders(k) s_(j - k),
 #   d_(j + 1) = d d_j - sum over curves and k of common_orders(k) s_(j - k).
-
-
-def predicted_degrees(plane: Plane, passages: list[Passage], count: int) -> list[int]:
-    """Return the degrees of iterates that follow from the passages."""
-    known = (len(passage.common_orders) + 1 for passage in passages if passage.endless)
-    d = [1]
-    s: list[list[int]] = [[] for _ in passages]
-    for j in range(min([count, *known])):
-        for curve, degree in enumerate(plane.degrees):
-            lost = sum(
-                orders[curve] * s[other][j - k]
-                for other, passage in enumerate(passages)
-                for k, orders in enumerate(passage.curve_orders[:j], start=1)
-            )
-            s[curve].append(degree * d[j] - lost)
-        lost = sum(
-            order * s[other][j - k]
-            for other, passage in enumerate(passages)
-            for k, order in enumerate(passage.common_orders[:j], start=1)
-        )
-        d.append(plane.degree * d[j] - lost)
-    return d[1:]
 
 
 def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any] | None:
@@ -347,12 +270,6 @@ def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any] 
     return sign * P, sign * Q
 
 
-def _coefficients(polynomial: Any) -> list[int]:
-    """Return the coefficients of a polynomial in x, the constant one first."""
-    terms = {int(e): int(c) for (e,), c in polynomial.to_dict().items()}
-    return [terms.get(k, 0) for k in range(max(terms) + 1)]
-
-
 def _in_x(polynomial: Any) -> Any:
     terms = {(k,): c for k, c in enumerate(polynomial.coeffs())}
     return flint.fmpz_mpoly_ctx.get(("x",), ordering="deglex").from_dict(terms)
@@ -369,49 +286,34 @@ def _factor_with_largest_root(polynomial: Any) -> tuple[Any, float]:
     return with_it, largest
 
 
-def _error(
-    plane: Plane, passages: list[Passage], contractions: tuple[Contraction, ...], root: float
-) -> float:
-    """Return how much less the entropy is if undecided orbits are confined at the next step.
-
-    Orbits without an end count as if they ended with the steps that were computed. NaN if that
-    makes no difference, which is no proof.
-    """
-    if any(passage.endless for passage in passages):
-        ended = [passage._replace(endless=False) for passage in passages]
-        _, other = _factor_with_largest_root(_polynomial(plane, ended))
-        return abs(math.log(root / other)) or math.nan
-    undecided = [k for k, curve in enumerate(contractions) if not curve.proved and not curve.length]
-    if root == 1 or not undecided:
-        return math.nan
-    confined = [*passages]
-    for k in undecided:
-        confined[k] = _confined_next(passages[k], len(passages))
-    before, after = (_polynomial(plane, each) for each in (passages, confined))
-    return abs(_relative_change_of_root(before, after, root))
+# Monomial maps, x_i~ = c_i x1^a_i1 ... xD^a_iD: their iterates have the powers of A as exponents.
 
 
-def _polynomial(plane: Plane, passages: list[Passage]) -> Any:
-    """Return the polynomial of the recurrence of degrees if all passages end."""
-    _, Q = series_of_degrees(plane, passages)  # type: ignore[misc]
-    return flint.fmpz_poly(Q.coeffs()[::-1])
+def _of_monomials(A: Sequence[Sequence[int]]) -> PlanarEntropy:
+    """Return the entropy of a monomial map: the log of the spectral radius of its exponents."""
+    sequence = [1, *islice(_degrees_of_monomials(A), _TERMS)]
+    series = rational_series(sequence)
+    assert series, sequence  # they are largest entries of sums of powers of A, which has a rule
+    found = _from_series(tuple(map(flint.fmpz_poly, series)), ())
+    based_on = f"a monomial map, with the exponents {A}: their spectral radius"
+    return replace(found, proved=True, based_on=based_on)
 
 
-def _confined_next(passage: Passage, curves: int) -> Passage:
-    """Return a passage that is confined at the first step that was not computed."""
-    common = (*passage.common_orders, *(0,) * (_STEPS - len(passage.common_orders)), 1)
-    of_curves = passage.curve_orders or ((0,) * curves,)
-    return Passage(common, of_curves, _STEPS + 2)
+def _exponents_of_monomials(map: RationalMap) -> list[list[int]] | None:
+    """Return the matrix A of a monomial map; None for other maps."""
+    if any(len(F) != 1 for F in map.forms):
+        return None
+    *rows, denominator = (
+        [*map_exponents] for F in map.forms for map_exponents in exponents_in_x(F)
+    )
+    return [[int(a - b) for a, b in zip(row, denominator, strict=True)] for row in rows]
 
 
-def _relative_change_of_root(before: Any, after: Any, root: float) -> float:
-    """Return the change of a root of a polynomial that becomes another one, in first order.
-
-    The change of the root is too small for floats, but not that of the polynomial there. Both
-    polynomials are multiplied by powers of x to the same degree.
-    """
-    shift = after.degree() - before.degree()
-    of_before, of_after = (flint.fmpz_poly([0] * max(0, k) + [1]) for k in (shift, -shift))
-    change = after * of_after - before * of_before
-    x = flint.arb(root)
-    return float(change(x) / of_before(x) / before.derivative()(x) / x)
+def _degrees_of_monomials(A: Sequence[Sequence[int]]) -> Iterator[int]:
+    """Yield the degrees of the iterates of a monomial map, as maps of projective space."""
+    power = [[*row] for row in A]
+    while True:
+        # The common denominator has the largest negative exponents of each variable.
+        negative = sum(max(0, *(-a for a in column)) for column in zip(*power, strict=True))
+        yield max(0, *map(sum, power)) + negative
+        power = (np.array(power, object) @ np.array(A, object)).tolist()

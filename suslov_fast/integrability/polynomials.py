@@ -10,17 +10,18 @@ import copyreg
 import math
 import random
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache, reduce
 from itertools import combinations_with_replacement
-from typing import Any
+from typing import Any, TypeVar
 
 import flint
 
-from .arithmetic import EPS, prime_for
+from .arithmetic import EPS, Rows, prime_for
 
 Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
+A = TypeVar("A")
 
 _LETTER = "_letter_"  # before the name of a letter other than eps
 
@@ -124,6 +125,17 @@ def sort_key(P: Any) -> tuple[Any, ...]:
     return degree_of(P), len(monomials), monomials, str(P)
 
 
+def coefficients_in(P: Any, place: int) -> list[Any]:
+    """Return the coefficients of the powers of the variable at a place, the constant one first."""
+    terms: list[dict[Any, Any]] = []
+    for e, c in P.to_dict().items():
+        others = [*e]
+        power, others[place] = int(e[place]), 0
+        terms += [{} for _ in range(len(terms), power + 1)]
+        terms[power][*others] = c
+    return [P.context().from_dict(of_power) for of_power in terms]
+
+
 # Factors.
 
 
@@ -154,13 +166,14 @@ def irreducible_factors(P: Any) -> list[tuple[Any, int]]:
     rationals = flint.fmpq_mpoly_ctx.get(P.context().names(), ordering="deglex")
     powers = rationals.from_dict(P.to_dict()).factor()[1]
     powers = sorted(powers, key=lambda pair: (int(pair[1]), [*pair[0].terms()]))
-    return [(primitive(cleared(factor)), int(power)) for factor, power in powers]
+    return [(primitive(*cleared(factor)), int(power)) for factor, power in powers]
 
 
-def cleared(P: Any) -> Any:
-    """Return the least multiple of a rational polynomial that has integer coefficients."""
-    scale = math.lcm(*(int(c.q) for c in P.coeffs()))
-    return _from_terms(P.context().names(), {e: (c * scale).p for e, c in P.to_dict().items()})
+def cleared(*polynomials: Any) -> list[Any]:
+    """Return rational polynomials times the least number that makes all coefficients integers."""
+    scale = math.lcm(*(int(c.q) for P in polynomials for c in P.coeffs()))
+    names, terms = polynomials[0].context().names(), [P.to_dict() for P in polynomials]
+    return [_from_terms(names, {e: (c * scale).p for e, c in each.items()}) for each in terms]
 
 
 def without_content(P: Any) -> Any:
@@ -285,6 +298,17 @@ def rank(polynomials: Sequence[Any]) -> int:
     return int(flint.nmod_mat(rows, p).rank()) if monomials else 0
 
 
+def selected(
+    candidates: Iterable[A], known: Iterable[A] = (), of: Callable[[A], Any] = lambda P: P
+) -> Iterator[A]:
+    """Yield candidates whose polynomials are independent of known and earlier ones."""
+    basis = [*map(of, known)]
+    for each in candidates:
+        if rank([*basis, of(each)]) > len(basis):
+            basis.append(of(each))
+            yield each
+
+
 def cramer(system: list[list[Any]]) -> list[Any]:
     """Return the numerators of the solution of a linear system (A | b), and det A.
 
@@ -308,6 +332,20 @@ def cramer(system: list[list[Any]]) -> list[Any]:
 def determinant(rows: Sequence[Sequence[Any]]) -> Any:
     """Return the determinant of a matrix of polynomials, if it is not 0."""
     return cramer([[*row, 0] for row in rows])[-1]
+
+
+def polynomials_with(rows: Rows, exponents: Exponents, symbolic: bool = False) -> Polynomials:
+    """Return primitive polynomials with the same span; with a number eps they are short."""
+    ring, integers = polynomial_ring(len(exponents[0]), symbolic), []
+    for row in rows:
+        scale = math.lcm(*(c.denominator for entry in row for c in entry))
+        integers.append([int(c * scale) for entry in row for c in entry])
+    if integers and not symbolic:
+        integers = flint.fmpz_mat(integers).lll().tolist()
+    powers = range(len(rows[0][0]) if rows else 0)
+    monomials = [(*[k] * symbolic, *e) for e in exponents for k in powers]
+    terms = (dict(zip(monomials, row, strict=True)) for row in integers)
+    return tuple(primitive(ring.from_dict(of_one)) for of_one in terms)
 
 
 # Limits for eps to 0.

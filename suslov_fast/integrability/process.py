@@ -1,19 +1,17 @@
-"""The search of a report, in this process or in another one, which can be ended at any time.
+"""The search of a report, in this process or, with a time limit, in another one.
 
-python-flint holds the interpreter for as long as an operation takes, so that neither Ctrl-C nor a
-time limit could end it in this process.
+python-flint holds the interpreter for as long as an operation takes, so that no time limit could
+end it in this process.
 """
 
-import dataclasses
-import math
-import os
+import contextlib
 import pickle
 import queue
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from .search import Search
@@ -26,49 +24,21 @@ sys.path[:] = {}
 import suslov_fast.integrability.process as process
 process.serve()
 """
-_BRIEF = 1.0  # seconds of processor time that a search may take in this process
 _PAUSE = 0.2  # seconds after which Ctrl-C is handled at the latest
 
 Parts = Iterator[tuple[Any, int, int]]
 
 
-def search(report: Any, seed: int, may_go_on: Callable[[float], bool] | None = None) -> Parts:
-    """Fill a `Report`; yield it after each task, with the numbers of tasks done and known.
-
-    The search ends before the first task for whose estimated seconds `may_go_on` is False.
-    """
+def search(report: Any, seed: int) -> Parts:
+    """Fill a `Report`; yield it after each task, with the numbers of tasks done and known."""
     facts = Search(report.map, report.degree, seed)
-    queue = facts.queue
-    for _ in queue:
+    tasks = facts.queue
+    for _ in tasks:
         facts.fill(report)
-        yield report, queue.done, queue.done + len(queue)
-        if may_go_on and not may_go_on(queue.next_cost):
-            return
+        yield report, tasks.done, tasks.done + len(tasks)
     report.finished = True
-    known = queue.done + len(queue)
+    known = tasks.done + len(tasks)
     yield report, known, known
-
-
-def search_with_interrupts(report: Any, seed: int) -> Parts:
-    """Yield what `search` yields, such that Ctrl-C takes effect within about a second.
-
-    A search that takes longer is repeated in another process, and goes on there.
-    """
-    begin, done, empty = time.thread_time(), 0, dataclasses.replace(report)
-
-    def may_go_on(estimate: float) -> bool:
-        return time.thread_time() - begin + estimate < _BRIEF or _is_frozen()
-
-    for result in search(report, seed, may_go_on):
-        done = result[1]
-        yield result
-    if not report.finished:  # the other process begins anew: skip what was yielded before
-        yield from (result for result in search_until(math.inf, empty, seed) if result[1] > done)
-
-
-def _is_frozen() -> bool:
-    """Return True if `sys.executable` is an application, not Python."""
-    return getattr(sys, "frozen", False) or not sys.executable
 
 
 def search_until(deadline: float, report: Any, seed: int) -> Parts:
@@ -112,21 +82,15 @@ def _exchange(process: Any, request: Any, answers: Any) -> None:
 
 
 def serve() -> None:
-    """Run the search with arguments from stdin, and write what it yields to stdout.
-
-    It ends with the process that waits for it, if this is killed.
-    """
-    parent = os.getppid()
-    out = sys.stdout.buffer
-    written = b""
+    """Run the search with arguments from stdin, and write what it yields to stdout."""
+    out, written = sys.stdout.buffer, b""
     try:
         for result in search(*pickle.load(sys.stdin.buffer)):
             report, _, _ = result
-            if os.getppid() != parent:
-                return
             if (pickled := pickle.dumps(report)) != written or report.finished:
                 written = pickled
                 pickle.dump(result, out)
                 out.flush()
     except Exception as error:
-        pickle.dump(error, out)
+        with contextlib.suppress(OSError):  # the process that waits may have ended
+            pickle.dump(error, out)

@@ -15,7 +15,7 @@ from typing import Any
 
 import flint
 
-from .arithmetic import EPS, Residues
+from .arithmetic import EPS, Residues, over_rationals
 from .functions import RationalFunction, rational_roots
 from .polynomials import (
     degree_of,
@@ -28,7 +28,6 @@ from .polynomials import (
     variables_of,
     without_content,
 )
-from .reconstruction import over_rationals
 
 _LARGEST = 3  # dimension of a space whose reducible members are sought
 _HIGHEST = 6  # degree of its polynomials
@@ -36,7 +35,7 @@ _WIDTHS = range(2, 5)  # of resultants, in powers of s
 _MORE = 3  # numbers of factors more than two, if a curve of members is reducible
 
 
-class _Plane:
+class _Equations:
     """Equations for the pairs (g, h) of polynomials f in x of a degree, on a random plane."""
 
     def __init__(self, n: int, degree: int, p: int, rng: random.Random) -> None:
@@ -68,7 +67,7 @@ def count_factors(P: Any) -> int:
     degree, n = degree_of(P), variables_of(P)
     if degree < 1 or n < 2:
         return degree
-    matrix = _Plane(n, degree, prime_of([P]), random.Random(0)).equations(P, EPS)
+    matrix = _Equations(n, degree, prime_of([P]), random.Random(0)).equations(P, EPS)
     return 1 + int(matrix.ncols() - matrix.rank())
 
 
@@ -116,8 +115,8 @@ def _parameters(space: Sequence[Any], more: int) -> Iterator[RationalFunction]:
         rng = random.Random(p)
         common = flint.nmod_poly([0], p)
         for _ in range(2):  # roots that depend on the plane are left out
-            plane = _Plane(n, degree, p, rng)
-            matrices = [plane.equations(P, eps) for P in space]
+            on_plane = _Equations(n, degree, p, rng)
+            matrices = [on_plane.equations(P, eps) for P in space]
             columns = matrices[0].ncols()
             mix = _random_matrix(columns, columns - more, p, rng)
             first, second, *others = (matrix * mix for matrix in matrices)

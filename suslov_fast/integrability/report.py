@@ -13,41 +13,32 @@ from contextlib import closing
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
+
 from ..bodies.base import Body
 from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.field_of_terms import H_VALUES, MATRIX, VALUES
 from ..checks import integer, is_false, kind_of, real_number, wrong
-from ..keywords import answers, public
+from ..keywords import public
 from .arguments import check_unknowns, progress_function
-from .decimals import as_decimal, in_decimals
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
-from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
 from .maps import RationalMap, check_map
 from .planar import PlanarEntropy
-from .process import search_until, search_with_interrupts
+from .process import search, search_until
+from .relations import ImplicitIntegral
 from .surfaces import Level
 from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 _ROUNDING = 1e-12  # of an entropy
+_LONG = 2**20  # denominators of floats such as 0.1
+_ODD = 1000  # factors of denominators of fractions of floats
 Functions = tuple[RationalFunction, ...]
 
 
-_INSTEAD = {
-    "entropy kind": "growth.entropy and growth.kind",
-    "integrable is_integrable": "integrals and growth, which are evidence, and no verdict",
-    "first_integrals conserved invariants": "integrals",
-    "densities density": "measures",
-    "cofactors": "[P.cofactor for P in report.polynomials]",
-    "bases basis": "hk_bases(map, degree); each integral has a basis of its own",
-    "save to_json": "json.dump(report.to_dict(), file)",
-    "to_latex latex": "str of each integral; in a notebook integrals are typeset",
-}
-
-
-@answers("a report", _INSTEAD)
 @dataclasses.dataclass(repr=False)
 class Report:
     """Results of `report` for a map.
@@ -90,7 +81,7 @@ class Report:
         if planar is None or planar.entropy is None or by_degrees.entropy_error > 0:
             return by_degrees
         error = abs(planar.entropy - by_degrees.entropy)
-        if error <= max(0.0, planar.entropy_error) + _ROUNDING:  # which may be NaN
+        if error <= _ROUNDING:
             return by_degrees
         based_on = f"{by_degrees.based_on}, by accident, as the contracted curves show"
         return by_degrees._replace(entropy_error=error, based_on=based_on)
@@ -304,8 +295,8 @@ def report(
         map of a field is 0 everywhere, so that the image is a curve, for example. Without `eps`,
         such step sizes are in `special_eps`.
     KeyboardInterrupt
-        After Ctrl-C, within about a second, or where `progress` returns False; its attribute
-        `report` has what was found so far.
+        After Ctrl-C, when the operation at hand ends, or where `progress` returns False; its
+        attribute `report` has what was found so far.
 
     Examples
     --------
@@ -323,13 +314,12 @@ def report(
     map, notes = _map_of(field, eps, decimals)
     check_map(map)
     if isinstance(map, KahanMap) and not map.is_invertible:
-        shape = map.shape_of_image
-        raise ArithmeticError(f"{map} has no inverse: det DPhi = 0, and the image is {shape}")
+        raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
     check_unknowns("degree", degree, map.dimension)
     report_progress = progress_function(progress)
     latest = Report(map, degree, notes=notes)
     if time_limit is None:
-        parts: Any = search_with_interrupts(latest, seed)
+        parts: Any = search(latest, seed)
     else:
         seconds = float(real_number("time_limit", time_limit))
         if seconds < 0:
@@ -353,16 +343,45 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
         if eps is not None:
             raise wrong("eps", "left out, because a map has its own", eps)
         note = "No inverse was given: it is not checked that the map is birational."
-        return field, [] if field.has_inverse else [note]
+        return field, [] if field.inverse else [note]
     if callable(field) and not isinstance(field, Body):
         how = "QuadraticField.from_function(f, names), with numbers as parameters; for symbols "
         how += "see integrability.locus, which finds the values of one with more integrals"
         raise wrong("field", "a field, a body or a map", f"{kind_of(field)}: pass {how}", TypeError)
     exact = QuadraticField.of(field)
     if decimals and not exact.shape:
-        exact = in_decimals(field)
-        eps = as_decimal(eps) if isinstance(eps, float) else eps
+        exact = _in_decimals(field)
+        eps = _as_decimal(eps) if isinstance(eps, float) else eps
     notes = []
     if hasattr(field, "reduced") and (count := field.reduced()[0].dimension) < field.dimension:
         notes.append(f"J has equal entries: SuslovND.reduced leaves {count} coordinates.")
     return kahan(exact, eps), notes
+
+
+def _as_decimal(a: Any) -> Fraction:
+    """Return the decimal as which a float was written, or its binary value, as that of 1/3.
+
+    It has 15 digits at most, or 12 if the float is only near to it, as a sum or product of floats.
+    """
+    binary = Fraction(a)
+    q = binary.denominator
+    odd = q // (q & -q)  # without its power of two: 1 for a float
+    if 1 < odd < _ODD:  # a third of a float, for example, as in a Hamiltonian
+        return _as_decimal(binary * odd) / odd
+    if odd > 1 or q < _LONG:
+        return binary
+    near, exact = (Fraction(f"{float(binary):.{digits}g}") for digits in (12, 15))
+    if abs(near - binary) <= abs(binary) / 2**50:
+        return near
+    return exact if float(exact) == binary else binary
+
+
+def _in_decimals(body: Any) -> QuadraticField:
+    """Return the field of a single body or field with its floats as decimals."""
+    decimals, parts = np.vectorize(_as_decimal, "O"), dict(body._parts)
+    is_field = isinstance(body, QuadraticField)
+    for name in {H_VALUES, VALUES, *body.parameters} & {*parts} if is_field else parts:
+        parts[name] = decimals(parts[name])[()]
+    if is_field and H_VALUES in parts:
+        parts[MATRIX] = np.vstack([parts[MATRIX][:2], decimals(parts[MATRIX][2])])
+    return body._with(parts) if is_field else QuadraticField.of(body._of(parts))

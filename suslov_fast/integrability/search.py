@@ -1,28 +1,25 @@
 """The search of a report: facts about a map, each found by a task of a queue.
 
-A kind of fact is a function that takes the `Search` and yields its first tasks; `_INTEGRALS` and
-`_OTHERS` list these functions. Tasks share their results through `Search`: a new Darboux polynomial
-leads to tasks for the cofactors of its products with earlier ones, and to a task for its proof.
+Tasks share their results through `Search`: a new Darboux polynomial leads to tasks for the
+cofactors of its products with earlier ones, and to a task for its proof.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import islice
 from typing import Any, NamedTuple
 
-from . import implicit
 from .darboux import candidate_cofactors, nullity, space_of, with_constants
 from .functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of, quotient_of
-from .growth import degrees_of_iterates
-from .implicit import ImplicitIntegral
-from .invariants import Invariants
+from .growth import agreed_degrees, growth
+from .invariants import Invariants, NormalForms
+from .kahan import KahanMap
 from .maps import LONGEST, RationalMap
-from .normal_form import NormalForms
-from .planar import PlanarEntropy, entropy_of_planar_maps, proved_by_integral
+from .planar import PlanarEntropy, planar_entropy, proved_by_integral
 from .polynomials import (
     Polynomials,
     degree_of,
@@ -32,15 +29,25 @@ from .polynomials import (
     sort_key,
     without_content,
 )
-from .relations import count_relations, integrals_of_relations
-from .surfaces import Level, entropy_on_levels
-from .symmetries import Reversor, reversing_symmetries
+from .relations import (
+    ImplicitIntegral,
+    count_relations,
+    implicit_integrals,
+    integrals_of_relations,
+    is_short,
+    written_out,
+)
+from .surfaces import Level, level_of
+from .symmetries import DEGREES, Reversor, reversors
 from .tasks import LATE, Queue, Task
 
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
 _EPS = 20  # values of a symbolic eps, from which coefficients are interpolated, roughly
 _FEW_MONOMIALS = 0.1  # the least cost of integrals from relations between few monomials
 _SOON = 5.0  # seconds, at most, that formulas from relations wait for Darboux polynomials
+_PLANAR, _LEVELS = 0.2, 5.0  # seconds, roughly, of an entropy in the plane, and on a level
+_ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
+_CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees
 
 ONE = RationalFunction(())
 Tasks = Iterable[Task]
@@ -70,7 +77,7 @@ class Search:
         self.on_level: PlanarEntropy | None = None  # the entropy of the map there
         self.version = 0  # of the polynomials, from which integrals and measures follow
         self._normal_forms = NormalForms(self.invariants)
-        self._levels: dict[int, int] = {}  # the degree of the latest task of each cofactor
+        self._searched_to: dict[int, int] = {}  # the degree of the latest task of each cofactor
         self._waiting: list[Polynomials] = []  # spaces found before the factors of the map
         self._of_relations: list[ImplicitIntegral] = []  # between few monomials
         self._known, self._version_of_known = Known(), self.version
@@ -108,19 +115,19 @@ class Search:
         enough = self.relations or self.map.dimension
         return bool(self.known.measures) and len(self.known.integrals) >= enough
 
-    def _is_wanted(self, level: int) -> bool:
+    def _is_wanted(self, degree: int) -> bool:
         """Return True if polynomials up to a degree may add integrals or replace known ones.
 
         When as many integrals are known as relations show, polynomials of lower degree than these
         can still replace them. Degrees above that of the report are searched for norms: products
         of conjugate polynomials with irrational coefficients, which have rational ones.
         """
-        is_small = self._unknowns(level) <= _FEW
-        if level > self.degree:
+        is_small = self._unknowns(degree) <= _FEW
+        if degree > self.degree:
             return is_small and len(self.known.integrals) < (self.relations or 0)
         highest = max((f.degree for f in self.known.integrals), default=0)
         if self.is_complete:
-            return highest > self.degree or (is_small and level <= highest)
+            return highest > self.degree or (is_small and degree <= highest)
         return True
 
     def _unknowns(self, degree: int) -> int:
@@ -130,14 +137,74 @@ class Search:
     # The tasks, by kind.
 
     def _first_tasks(self) -> Iterator[Task]:
-        for kind in () if self._only_integrals else _OTHERS:
-            yield from kind(self)
-        for kind in _INTEGRALS if self.map.is_invertible else ():
-            yield from kind(self)
-
-    def _hamiltonian(self) -> Iterator[Task]:
-        if self.map.hamiltonian is not None:
+        map = self.map
+        if not self._only_integrals:
+            yield self._next_degree(agreed_degrees(map, self.seed))
+            if map.is_planar:
+                yield Task(_PLANAR, self._find_planar_entropy, "planar entropy")
+            is_birational = map.inverse is not None and map.is_invertible
+            if map.dimension > 2 and is_birational and not map.is_symbolic:
+                yield Task(LATE + _LEVELS, self._find_entropy_on_level, "levels")
+            if isinstance(map, KahanMap) and map.dimension in DEGREES:
+                yield Task(LATE, self._find_symmetries, "symmetries")
+        if not map.is_invertible:
+            return
+        if map.hamiltonian is not None:
             yield Task(0.0, self._modified_energy, "hamiltonian")
+        yield from self._relations()
+        for cofactor in (ONE, None):
+            for sign in (1, -1):
+                yield self._polynomials_of(cofactor, sign, 1, "simple")
+        yield Task(map.cost_of_factors, self._find_factors, "factors")
+
+    def _next_degree(self, following: Iterator[int]) -> Task:
+        """Return the task that finds the next degree: as a recurrence needs it, or it is cheap."""
+        n, degree = self.map.dimension, self._expected_degree()
+
+        def run() -> Tasks:
+            self.degrees = [*self.degrees, next(following)]
+            self._check_degrees()
+            if not self._has_enough_degrees():
+                yield self._next_degree(following)
+
+        return Task(1e-7 * n**3 * degree + 2e-8 * n * degree**2, run, "degrees")
+
+    def _expected_degree(self) -> float:
+        """Return the degree that is expected next, d_n**2 / d_(n - 1)."""
+        d: list[int] = [1, *self.degrees]
+        return d[-1] ** 2 / max(1, d[-2]) if len(d) > 2 else float(d[-1] * self.map.degree)
+
+    def _has_enough_degrees(self) -> bool:
+        count, expected = len(self.degrees), self._expected_degree()
+        if expected > _TOO_COSTLY or count == _MOST:
+            return True
+        may_end = (count >= _ENOUGH and self.degrees[-1] > _CHEAP) or expected > _COSTLY
+        return may_end and growth(self.degrees, planar=self.map.is_planar).entropy_error == 0
+
+    def _check_degrees(self) -> None:
+        """Raise an error if degrees and contracted curves contradict each other."""
+        if self.planar and (text := self.planar.contradiction(self.degrees)):
+            raise ArithmeticError(f"{self.map}: {text}: this is an error of the package")
+
+    def _find_planar_entropy(self) -> Tasks:
+        self.planar = planar_entropy(self.map, seed=self.seed)
+        self._check_degrees()
+        return []
+
+    def _find_entropy_on_level(self) -> Tasks:
+        """Find the entropy on the generic level of D - 2 integrals."""
+        integrals = self.known.integrals
+        if len(integrals) == self.map.dimension - 2:
+            try:
+                self.level = level_of(self.map, integrals)
+                self.on_level = planar_entropy(self.level.map, seed=self.seed)
+            except (ArithmeticError, ValueError) as error:
+                self.on_level = PlanarEntropy(reason=str(error))
+        return []
+
+    def _find_symmetries(self) -> Tasks:
+        self.symmetries = tuple(reversors(self.map.field))  # type: ignore[attr-defined]
+        return []
 
     def _modified_energy(self) -> Tasks:
         """Add the modified energy of a field with a Hamiltonian, and the density 1/det A."""
@@ -178,28 +245,20 @@ class Search:
         exponents = exponents_up_to(k, self.map.dimension)
         if missing <= len(self.known.implicit):
             return
-        candidates = implicit.implicit_integrals(self.map, exponents)
+        candidates = implicit_integrals(self.map, exponents)
         independent = independent_of(self.known.integrals, candidates, self.map.prime)
         self._of_relations = [*islice(independent, missing)]
         self.version += 1
         # Darboux polynomials, which come with the factors, give nicer formulas, if they come soon.
         later = min(2 * self.map.cost_of_factors, _SOON)
-        for integral in filter(implicit.is_short, self._of_relations):
+        for integral in filter(is_short, self._of_relations):
             cost = LATE + later + 2 * self._cost(integral.degree)
             yield Task(cost, partial(self._write_out, integral), "formulas", integral.degree)
 
     def _write_out(self, integral: ImplicitIntegral) -> Tasks:
         """Write out the formula of an integral of a relation, if it is still needed."""
-        formula = implicit.written_out(integral) if integral in self.known.implicit else None
+        formula = written_out(integral) if integral in self.known.implicit else None
         return [] if formula is None else self._add_space(formula.as_quotient(self.map.ring))
-
-    def _simple_cofactors(self) -> Iterator[Task]:
-        for cofactor in (ONE, None):
-            for sign in (1, -1):
-                yield self._polynomials_of(cofactor, sign, 1, "simple")
-
-    def _factors(self) -> Iterator[Task]:
-        yield Task(self.map.cost_of_factors, self._find_factors, "factors")
 
     def _find_factors(self) -> Tasks:
         if self.map.factors is None:
@@ -264,9 +323,9 @@ class Search:
         if cofactor is not None:
             cofactor, sign = sign * cofactor, 1
             value = self.invariants.value(cofactor)
-            if self._levels.get(value, 0) >= k:
+            if self._searched_to.get(value, 0) >= k:
                 return []
-            self._levels[value] = k
+            self._searched_to[value] = k
             known = self.invariants.products.get(value, [])
         try:
             dimension = nullity(self.map, k, cofactor, sign)
@@ -339,7 +398,7 @@ class Search:
             lowest[value] = min(degree, lowest.get(value, degree))
         for value, degree in lowest.items():
             for sign in (1, -1):
-                if self._levels.get(sign * value % self.map.prime, 0) < degree <= self.degree:
+                if self._searched_to.get(sign * value % self.map.prime, 0) < degree <= self.degree:
                     yield self._polynomials_of(known.cofactors[value], sign, degree, "products")
 
     def _proof(self, g: RationalFunction) -> Task:
@@ -382,28 +441,21 @@ class Search:
 
     def _searched(self) -> Iterator[str]:
         """Yield what was searched, in words."""
-        levels = self.queue.finished()
+        degrees = self.queue.finished()
         if self.degrees:
             yield f"degrees of {len(self.degrees)} iterates"
         if not self.map.is_invertible:
             yield "nothing else: the map has no inverse, since det DPhi = 0"
         for kind, text in _TEXTS.items():
-            if (k := levels.get(kind)) is not None:
+            if (k := degrees.get(kind)) is not None:
                 count = self._unknowns(k)
                 yield text.format(k=k, count=count)
-        if "factors" in levels and not self.invariants.has_factors:
+        if "factors" in degrees and not self.invariants.has_factors:
             yield "no other Darboux polynomials, since det DPhi is too long"
         if self.is_complete and self.queue.has_set_aside:
             yield "no more, since as many integrals as relations show are known"
 
 
-_INTEGRALS = Search._hamiltonian, Search._relations, Search._simple_cofactors, Search._factors
-_OTHERS: tuple[Callable[[Any], Tasks], ...] = (
-    degrees_of_iterates,
-    entropy_of_planar_maps,
-    entropy_on_levels,
-    reversing_symmetries,
-)
 _TEXTS = {
     "hamiltonian": "the modified energy and 1/det A of the Hamiltonian",
     "relations": "relations between the {count} monomials up to degree {k}",

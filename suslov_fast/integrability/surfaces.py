@@ -9,14 +9,13 @@ times a polynomial in the letter.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..bodies.fields.names import labels
 from ..checks import short, wrong
-from ..keywords import answers
 from . import arithmetic
 from .arithmetic import EPS
 from .functions import (
@@ -30,8 +29,8 @@ from .functions import (
     without_constant,
 )
 from .maps import RationalMap
-from .planar import PlanarEntropy, planar_entropy
 from .polynomials import (
+    coefficients_in,
     coprime,
     degree_of,
     has_eps,
@@ -42,14 +41,11 @@ from .polynomials import (
     value_at,
     variables_of,
 )
-from .tasks import LATE, Task
 
 _OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of points of the generic level, but one
 _WIDTH = 60  # characters of a polynomial in the text
-_COST = 5.0  # seconds, roughly, of a level and the entropy on it
 
 
-@answers("a level")
 @dataclass(frozen=True, repr=False)
 class Level:
     """A map on a level of its integrals, as `on_level` returns it.
@@ -71,7 +67,7 @@ class Level:
 def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = "h") -> Level:
     """Return the level of integrals through a point, or the generic one, as `on_level`."""
     D = map.dimension
-    if D < 3 or not map.has_inverse or not map.is_invertible:
+    if D < 3 or not map.inverse or not map.is_invertible:
         raise wrong("map", "a birational map of 3 variables or more, with an inverse", f"{map}")
     if map.is_symbolic and point is None:
         raise wrong("point", f"a point of the level, because {map.letter} is symbolic", None)
@@ -83,24 +79,6 @@ def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = 
         start = [equations.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
         return equations.through(start, f"through ({', '.join([str(a) for a in x])})")
     return equations.by_value() or equations.through(*equations.generic_point())
-
-
-def entropy_on_levels(search: Any) -> Iterator[Task]:
-    """Yield the task of a search for the entropy on the generic level of D - 2 integrals."""
-    map = search.map
-
-    def run() -> list[Task]:
-        integrals = search.known.integrals
-        if len(integrals) == map.dimension - 2:
-            try:
-                search.level = level_of(map, integrals)
-                search.on_level = planar_entropy(search.level.map, seed=search.seed)
-            except (ArithmeticError, ValueError) as error:
-                search.on_level = PlanarEntropy(reason=str(error))
-        return []
-
-    if map.dimension > 2 and map.has_inverse and map.is_invertible and not map.is_symbolic:
-        yield Task(LATE + _COST, run, "levels")
 
 
 class _Solved(NamedTuple):
@@ -125,7 +103,7 @@ class _Equations:
         if len(functions) != D - 2 or len(independent(functions, map.prime)) < D - 2:
             raise wrong("integrals", f"{D - 2} independent ones", self.text or "none")
         self.forward, self.backward = (
-            [_in_ring(F, self.ring) for F in forms] for forms in (map.forms, map.inverse_forms)
+            [_in_ring(F, self.ring) for F in forms] for forms in (map.forms, map.inverse.forms)
         )
         for given, (P, Q) in zip(integrals, self.parts, strict=True):
             if getattr(given, "basis", "") != IDENTITY and not self._is_conserved(P, Q):
@@ -288,7 +266,7 @@ def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> 
     candidates = []
     for P in equations:
         for k in variables:
-            parts = _coefficients(P, k)
+            parts = coefficients_in(P, 1 + k)
             if len(parts) == 2 and (x is None or _at(parts[1], x) != 0):
                 sizes = [(degree_of(R), len(R)) for R in reversed(parts)]
                 candidates.append((sizes, k, P, parts))
@@ -304,17 +282,9 @@ def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> 
     return best
 
 
-def _coefficients(P: Any, k: int) -> list[Any]:
-    """Return the coefficients of the powers of a variable, the constant one first."""
-    terms: list[dict[Any, Any]] = [{} for _ in range(1 + max(int(e[1 + k]) for e in P.monoms()))]
-    for e, c in P.terms():
-        terms[int(e[1 + k])][(*e[: 1 + k], 0, *e[2 + k :])] = c
-    return [P.context().from_dict(of_power) for of_power in terms]
-
-
 def _substituted(P: Any, k: int, numerator: Any, denominator: Any) -> Any:
     """Return the numerator of a polynomial at a value of a variable."""
-    parts = _coefficients(P, k)
+    parts = coefficients_in(P, 1 + k)
     n = len(parts) - 1
     powers = (c * numerator**j * denominator ** (n - j) for j, c in enumerate(parts))
     return sum(powers, P.context().constant(0))

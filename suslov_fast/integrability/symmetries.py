@@ -25,11 +25,9 @@ from ..bodies.fields.field import QuadraticField
 from ..bodies.fields.names import labels
 from ..bodies.fields.polynomials import Polynomial
 from . import arithmetic
-from .arithmetic import Point
+from .arithmetic import Point, simplest_fraction
 from .kahan import KahanMap
 from .polynomials import exponents_up_to, ring_modulo
-from .reconstruction import simplest_fraction
-from .tasks import LATE, Task
 
 DEGREES = {1: 5, 2: 5, 3: 4}  # of the products of equations, at most, by dimension
 _AFFINE = 2  # the largest dimension with b; in three dimensions b = 0
@@ -75,17 +73,6 @@ def reversors(field: QuadraticField) -> list[Reversor]:
                 symmetries.append(reversor)
     symmetries.sort(key=lambda reversor: (len(repr(reversor)), repr(reversor)))
     return [replace(reversor, names=field.names) for reversor in symmetries]
-
-
-def reversing_symmetries(search: Any) -> Iterator[Task]:
-    """Yield the task of a search for the reversing symmetries of the map of a field."""
-
-    def run() -> list[Task]:
-        search.symmetries = tuple(reversors(search.map.field))
-        return []
-
-    if isinstance(search.map, KahanMap) and search.map.dimension in DEGREES:
-        yield Task(LATE, run, "symmetries")
 
 
 def reverses(reversor: Reversor, field: QuadraticField) -> bool:

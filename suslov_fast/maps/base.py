@@ -17,7 +17,6 @@ from ..core.fields.stages import WHOLE, Stages
 from ..engine.derivatives import Growth, growth, growth_by_jacobian
 from ..engine.problem import Problem, check
 from ..engine.stretches import Report, Steps, check_steps
-from ..engine.trial import check_parameters
 from ..keywords import public, public_class
 from .formulas import INSTEAD, KAHAN, PARTS, SERVED, Formula, Plane, check_formulas, eigenvalues
 from .methods import with_notes
@@ -127,7 +126,7 @@ class Map:
       steps are those of Kahan's map of the field of the body. Without it `compiled.system` refuses
       the body, and compiled loops of users call the step itself.
 
-    Before its first run, `engine.trial` tries a step on a few trajectories, and refuses one that
+    Before its first run, `engine.trial` tries a step from one state, and refuses one that
     reads or writes beyond its arrays, changes what it is given, or remembers another step.
     ``pytest tests/test_promises.py --maps MODULE`` measures the order, and compares "jacobian" with
     differences.
@@ -202,7 +201,7 @@ class Map:
             if isinstance(body, tuple(having)):
                 received += f", whose map ({self.title}) has no {name}"
             else:
-                received += INSTEAD.get(name) or body._instead
+                received += INSTEAD.get(name) or body.instead
             raise checks.wrong("body", checks.either(names or ["another one"]), received, TypeError)
         if name in self.formulas and (check := self.formulas[name].check):
             check(body)
@@ -244,7 +243,7 @@ def register(record: Map) -> None:
     TypeError, ValueError
         If the name or a method is taken, a part of the record does not have the type that `Map`
         says, a formula has a name that no public function has, or a parameter of a body is a vector
-        and `_axes` does not say so.
+        and `axes` does not say so.
 
     Examples
     --------
@@ -297,7 +296,14 @@ def register(record: Map) -> None:
     if record.pole is not None and not isinstance(record.pole[0], record.body):
         expected = f"a {record.body.__name__} and a state, or None"
         raise checks.wrong("pole", expected, repr(record.pole), TypeError)
-    check_parameters(record.body, record.random)
+    for k, make in enumerate(record.random):
+        body = make(np.random.default_rng(0), ())
+        if body.shape:
+            how = (
+                f"return a single body, or give the axes of vectors in {record.body.__name__}.axes"
+            )
+            text = f"random[{k}] made a batch {body.shape} for the shape ()"
+            raise ValueError(f"{text}: {how}, as {{'I': 1}} for a vector I")
     if "__init__" in vars(record.body) and not hasattr(record.body.__init__, "__wrapped__"):
         public_class(record.body)
     MAPS[record.name] = record
@@ -338,7 +344,7 @@ def methods_of(kind: Any) -> dict[str, Map]:
 
 
 # A class that defines one of these attributes has equations of its own.
-_EQUATIONS = {"field", "_field", "_terms", "constants"}
+_EQUATIONS = {"field", "_terms", "constants"}
 
 
 @lru_cache(maxsize=64)  # for speed in small calls

@@ -238,7 +238,7 @@ def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatAr
     A body of two coordinates with J = a, b and I = (c, d) is that of I1 = a, I2 = b, I13 = -d,
     I23 = c.
     """
-    parts, omega = problem.body._reduction, problem.omega
+    parts, omega = problem.body.reduction, problem.omega
     J, I = parts.parameters(2)
     plane = {"I1": J[..., 0], "I2": J[..., 1], "I13": -I[..., 1], "I23": I[..., 0]}
     steady = parts.steady[..., np.newaxis]
@@ -259,7 +259,7 @@ def _criticality_nd(problem: Problem) -> FloatArray:
 def _first_integral_nd(problem: Problem) -> FloatArray:
     """Return the modified energy over 2 a b, with the J of the two coordinates."""
     values: FloatArray = IN_ND["modified_energy"].compute(problem)
-    J, _ = problem.body._reduction.parameters(2)
+    J, _ = problem.body.reduction.parameters(2)
     return np.asarray(values / (2.0 * J.prod(axis=-1)))
 
 
@@ -269,7 +269,7 @@ def _density_nd(problem: Problem) -> FloatArray:
     States with the same r are a sphere, whose area is the power of r that each part in E0 adds.
     """
     body, omega, eps = problem.body, problem.omega, problem.eps
-    parts, values = body._reduction, np.ones(problem.batch)
+    parts, values = body.reduction, np.ones(problem.batch)
     for size in (2, 3):
         has_size = ~parts.steady & (parts.count == size)
         if has_size.any():

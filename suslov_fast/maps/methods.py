@@ -26,7 +26,7 @@ from ..keywords import public
 def _cost_of_field(D: int, arguments: Any) -> float:
     """Return the time of a usual step; a call with many careful steps ends early by itself."""
     step, stages = arguments[0]
-    return len(stages.fractions) * (0.1 * len(step.usual) if step.usual else float(D**3))
+    return len(stages.fractions) * (0.1 * step.length if step.usual else float(D**3))
 
 
 def _cost_in_nd(D: int, arguments: Any) -> float:

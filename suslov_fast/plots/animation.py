@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyIn3D
-from ..bodies.rigid import Suslov3D, rotations
-from ..checks import FloatArray, integer, positive, short, wrong
+from ..bodies.rigid import Suslov3D
+from ..checks import FloatArray, integer, positive, rotations, short, wrong
 from ..keywords import public
 from ..maps import map_of
 from ..runs.iterate import iterate

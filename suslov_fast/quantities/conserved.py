@@ -11,7 +11,7 @@ from ..bodies.classes import AnyBody, BodyIn3D, BodyOrField
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray
 from ..engine.problem import check
-from ..keywords import answers, public
+from ..keywords import public
 from ..maps import map_of, problem
 from .evaluation import evaluate, mask_and_warn
 
@@ -313,7 +313,6 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
     return mask_and_warn(checked, map.formulas["from_xy"].compute(checked))
 
 
-@answers("a closed form", {"x y states omega": "exact, which returns states"})
 class ClosedForm(NamedTuple):
     """Constants of a solution, as :func:`closed_form` returns them; each has the shape (...).
 

@@ -259,7 +259,7 @@ def _of_each_member(family: Any, points: list[Any], eps: ArrayLike, method: str)
             continue
         member, name = family[index], index if len(index) > 1 else index[0]
         of_member = problem("multipliers", member, x, steps[index], method=method, name="x")
-        values.append(_multipliers(of_member, family._of_member(name)))
+        values.append(_multipliers(of_member, family.of_member(name)))
     return values
 
 

@@ -90,7 +90,7 @@ def _in_order(family: Any, passed: Any) -> Any:
         ordered[index] = points
     infinite = [i for i in np.ndindex(family.shape) if ordered[i] is None]
     if infinite:
-        names = [passed._of_member(i if len(i) > 1 else i[0]) for i in infinite[:_SHOWN]]
+        names = [passed.of_member(i if len(i) > 1 else i[0]) for i in infinite[:_SHOWN]]
         names += [f" and {len(infinite) - _SHOWN} more"] * (len(infinite) > _SHOWN)
         text = f"infinitely many fixed points{','.join(names)}"
         warn(f"{text}; None stands in their place: {_what_to_do(passed)}")
@@ -109,14 +109,14 @@ def _points_of(field: Any, passed: Any, index: tuple[int, ...] = ()) -> Any:
         raise ValueError(f"field: infinitely many fixed points: {_what_to_do(passed)}")
     array = np.array(sorted(points), np.float64).reshape(-1, field.dimension)
     if np.isinf(array).any():
-        where = f"fixed points{passed._of_member(i)} are beyond the range of float64"
+        where = f"fixed points{passed.of_member(i)} are beyond the range of float64"
         raise ValueError(f"field: {where}: use other units")
     return array
 
 
 def _what_to_do(passed: Any) -> str:
     """Return the steady states of a body, or how to find some of a field."""
-    return f"its steady states are {passed._steady}" if passed._steady else _BEYOND
+    return f"its steady states are {passed.steady}" if passed.steady else _BEYOND
 
 
 def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Columns of the results of runs: one table, from which datasets, files and stores are made.
+"""Columns of results: one table of each kind, from which datasets, files and stores are made.
 
 A column of runs is a line of `RUN`, a field of `Trajectories`, which `run_to_end` sets, and an
 attribute of `March`, all of the same name. `FORMAT` changes whenever files or stores of the last
@@ -15,7 +15,7 @@ from ..checks import wrong
 from ..engine.status import PENDING
 
 # Version of files and stores.
-FORMAT = 12
+FORMAT = 13
 # Names that begin with _ are what a run continues from: files have them, datasets do not.
 _PRIVATE = "_"
 
@@ -28,7 +28,7 @@ class Column(NamedTuple):
     axes: str  # keys of `Sizes`, of which "batch" stands for all axes of the batch
     meaning: str = ""  # long name in datasets
     fill: float = math.nan  # value in a store where a tile is not computed yet
-    when: str = ""  # the condition, of `conditions_of`, under which results have it
+    when: str = ""  # the condition under which results have it
     is_last: bool = False  # whether tiles write it last, so that it marks them as done
 
     @property
@@ -39,7 +39,7 @@ class Column(NamedTuple):
     @property
     def is_saved(self) -> bool:
         """True if it has a row for each saved state; others have one for all steps."""
-        return self.axes.startswith("n ")
+        return self.axes.startswith(("n ", "time "))
 
 
 RUN = (
@@ -66,31 +66,47 @@ CROSSINGS = (
     Column("_last", "float64", "trajectory", when="surface"),
 )
 MOTION = (
+    Column("time", "float64", "time", "time"),
     Column("states", "float64", "time batch component"),
-    Column("time", "float64", "time"),
-    Column("status", "int8", "batch"),
-    Column("end", "float64", "batch"),
-    Column("steps", "int64", "batch"),
+    Column("end", "float64", "batch", "time at which a solution ends"),
+    Column("steps", "int64", "batch", "number of steps", fill=PENDING),
+    Column("status", "int8", "batch", fill=PENDING, is_last=True),
     Column("_derivatives", "float64", "time batch component direction", when="derivatives"),
 )
+MOTION_CROSSINGS = (
+    Column("surface", "int64", "crossing"),
+    Column("time", "float64", "crossing"),
+    Column("states", "float64", "crossing component"),
+    Column("count", "int64", "batch"),
+    Column("status", "int8", "batch"),
+    Column("end", "float64", "batch"),
+    Column("final", "float64", "batch component"),
+    Column("steps", "int64", "batch"),
+)
 OF_KIND = {
-    "Trajectories": [*RUN],
-    "Crossings": [*CROSSINGS],
-    "Motion": [*MOTION],
-}  # of files
+    "Trajectories": RUN,
+    "Crossings": CROSSINGS,
+    "Motion": MOTION,
+    "MotionCrossings": MOTION_CROSSINGS,
+}
 # The arguments of the functions that made a result: texts, numbers or None.
 ARGUMENTS = {
     "Trajectories": ("method", "steps", "save_every"),
     "Crossings": ("method", "steps", "transient", "direction", "most"),
     "Motion": ("rtol", "atol", "max_step", "stiff", "derivatives"),
+    "MotionCrossings": (
+        "last",
+        "transient",
+        "direction",
+        "most",
+        "rtol",
+        "atol",
+        "max_step",
+        "stiff",
+    ),
 }
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`
-
-
-def conditions_of(turns: bool) -> set[str]:
-    """Return the values of `Column.when` that hold for a run."""
-    return {"turns"} if turns else set()
 
 
 def present(table: Iterable[Column], conditions: Collection[str]) -> list[Column]:
@@ -98,9 +114,9 @@ def present(table: Iterable[Column], conditions: Collection[str]) -> list[Column
     return [column for column in table if not column.when or column.when in conditions]
 
 
-def of_runs(turns: bool) -> list[Column]:
-    """Return the columns that datasets and stores of runs have."""
-    return [column for column in present(RUN, conditions_of(turns)) if column.is_public]
+def in_stores(kind: str, turns: bool = False) -> list[Column]:
+    """Return the columns of a kind of results that datasets and stores have."""
+    return [c for c in present(OF_KIND[kind], {"turns"} if turns else ()) if c.is_public]
 
 
 def sizes_of(batch: tuple[int, ...], D: int, **others: int) -> Sizes:

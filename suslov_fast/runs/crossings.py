@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,27 +10,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import checks
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray, integer, one_of, short, wrong
+from ..checks import FloatArray, integer, one_of
 from ..engine.problem import Problem
 from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
-from ..keywords import nearest, public, unchanging
+from ..keywords import public
 from ..maps import Map
 from .columns import ARGUMENTS, CROSSINGS
 from .failures import ON_SINGULAR, OnSingular, report_failures
-from .results import INSTEAD_IN_CROSSINGS, Result, in_short, read_only
+from .points import Points
+from .results import in_short, read_only
 from .search import Search, Surface, check_surface
 
 if TYPE_CHECKING:
     import xarray
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False)
-class Crossings(Result):
+class Crossings(Points):
     """Points where orbits of a batch cross a surface: the result of :func:`crossings`.
 
     There are K crossings, ordered by trajectory, then by n.
@@ -85,6 +83,8 @@ class Crossings(Result):
     >>> points.time.round(2)
     array([ 4.72, 11.01, 17.3 , 23.59])
     """
+
+    called = "a result of crossings"
 
     trajectory: NDArray[np.int64]
     n: NDArray[np.int64]
@@ -147,44 +147,6 @@ class Crossings(Result):
         first = first_beyond(self.failed_at, self.first_pole).ravel()
         return read_only((self.n + 1 < first[self.trajectory]) & ~self.over_pole)
 
-    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
-
-        def __getattr__(self, name: str) -> Any:
-            """Raise an AttributeError that names the attribute to use instead, if there is one."""
-            instead = INSTEAD_IN_CROSSINGS.get(name, "")
-            if "body" in vars(self):
-                if name in self.body._labels:
-                    column = f"crossings.states[:, {self.body._labels.index(name)}]"
-                    both = f"crossings.states, or {column} for the variable {name}"
-                    instead = both if name == self._variable else column
-                elif name in self.body.parameters:
-                    instead = f"crossings.body.parameters[{name!r}]"
-            if instead or (instead := nearest(name, dir(self))):
-                raise AttributeError(f"no attribute {name!r}: use {instead}")
-            text = f"crossings have no attribute {name!r}"
-            raise AttributeError(text, name=name, obj=self)
-
-        def __getitem__(self, index: Any) -> Any:
-            labels = self.body._labels
-            how = "crossings.states[k], or of(i)"
-            if isinstance(index, str):
-                how = f"crossings.states[:, {labels.index(index) if index in labels else 'k'}]"
-            raise TypeError(f"crossings[{short(index)}]: use {how}")
-
-    @property
-    def ok(self) -> bool:
-        """True if no trajectory failed before it ended; a passed pole is not a failure."""
-        return bool((self.status >= 0).all())
-
-    def _at_crossings(self, values: Any, axes: int = 0) -> Any:
-        """Return for each crossing the value (...) of its trajectory, an array of `axes` axes."""
-        inner = values.shape[values.ndim - axes :]
-        by_trajectory = np.broadcast_to(values, (*self.count.shape, *inner)).reshape(-1, *inner)
-        return by_trajectory[self.trajectory]
-
-    def __len__(self) -> int:
-        return len(self.n)
-
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the surface, because most functions cannot be pickled."""
         return super().__getstate__() | {"_surface": None}
@@ -218,20 +180,7 @@ class Crossings(Result):
         array([25, 75])
         """
         batch = self.count.shape
-        try:
-            numbers = tuple(index) if np.ndim(index) else (index,)
-            pairs = zip(numbers, batch, strict=True)
-            place = tuple(range(size)[operator.index(k)] for k, size in pairs)
-        except (IndexError, TypeError, ValueError) as error:
-            expected = f"an index of one trajectory of a batch of shape {batch}"
-            kind = TypeError if isinstance(error, TypeError) else IndexError
-            raise wrong("index", expected, checks.short(index), kind) from None
-        body = self.body
-        if body.shape:
-            body_place = zip(place[len(batch) - len(body.shape) :], body.shape, strict=True)
-            body = body[tuple(k if size > 1 else 0 for k, size in body_place)]
-        i = int(np.ravel_multi_index(place, batch)) if place else 0
-        begin, end = np.searchsorted(self.trajectory, [i, i + 1])
+        place, body, i, (begin, end) = self._place(index)
         parts = {name: getattr(self, name) for name in ("map", *ARGUMENTS["Crossings"], "_n")}
         parts |= {name: getattr(self, name)[begin:end] for name in _BY_CROSSING}
         parts |= {name: np.array(getattr(self, name)[place]) for name in _BY_TRAJECTORY}

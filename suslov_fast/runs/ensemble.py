@@ -18,18 +18,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
+from ..bodies.base import Body
 from ..checks import require, wrong
 from ..engine.problem import Problem, check, warn_of_times
 from ..engine.random_starts import RandomStarts
+from ..engine.starts import checked_settings, checked_times
 from ..engine.status import PENDING, warn_of_poles
 from ..engine.stretches import Progress, reporter
+from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
-from .columns import FORMAT, of_runs, shape_of, sizes_of
+from .columns import FORMAT, in_stores, shape_of, sizes_of
 from .files import access, metadata, stores
 from .files.datasets import as_columns, columns_of, to_xarray, with_time
-from .files.tiles import Functions, Options, checked_values, count_in, finish, place_of
+from .files.tiles import Functions, Steps, Task, Times, checked_values, count_in, finish, place_of
 from .iterate import checked_counts
+from .motion import Motion, variable_of
 from .trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -40,23 +44,25 @@ if TYPE_CHECKING:
 _NEEDED = "zarr", "xarray", "dask", "google_crc32c"
 # Bytes of states in a chunk.
 _CHUNK = 2**24
-# Steps of all trajectories of a tile, which take a few seconds; and the least number of
-# trajectories that keeps a processor busy.
-_WORK, _FEWEST = 2**31, 2**12
 
 
 @public
 def ensemble(
-    body: Any,
-    omega0: Any,
+    system: Any,
+    x0: Any,
     /,
-    eps: ArrayLike,
-    steps: int,
+    eps: ArrayLike | None = None,
+    steps: int | None = None,
     *,
     store: Any,
     save_every: int | None = None,
     method: str = "auto",
     attitude: bool | ArrayLike = False,
+    time: ArrayLike | None = None,
+    rtol: float = 1e-9,
+    atol: ArrayLike | None = None,
+    max_step: float | None = None,
+    stiff: bool | None = None,
     dims: str | Sequence[str] | None = None,
     coords: Mapping[Any, Any] | None = None,
     chunk: int | Mapping[str, int] | None = None,
@@ -64,18 +70,19 @@ def ensemble(
     client: distributed.Client | None = None,
     progress: Progress = None,
 ) -> xarray.Dataset:
-    """Iterate a batch that is larger than memory, into a Zarr store (extra `large`).
+    """Compute a batch that is larger than memory, into a Zarr store (extra `large`).
 
-    The states are those of :func:`iterate`, bit for bit. The batch is cut into tiles, and each is
-    written when it is computed: if the process ends early, the same call computes the missing ones.
+    With `eps` and `steps` the states are those of :func:`iterate`, bit for bit; with `time` those
+    of :func:`flow`. The batch is cut into tiles, and each is written when it is computed: if the
+    process ends early, the same call computes the missing ones.
 
     Parameters
     ----------
-    body
-        As in :func:`iterate`.
-    omega0 : array_like(float, shape=(..., D)) or RandomStarts
+    system
+        As in :func:`iterate` or :func:`flow`.
+    x0 : array_like(float, shape=(..., D)) or RandomStarts
         Initial states. Memory maps and Dask arrays are read in parts.
-    eps, steps
+    eps, steps : optional
         As in :func:`iterate`.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a Zarr store object.
@@ -83,11 +90,14 @@ def ensemble(
         Store states 0, `save_every`, 2 `save_every`, ...; by default only the last states.
     method, attitude
         As in :func:`iterate`.
+    time, rtol, atol, max_step, stiff : optional
+        As in :func:`flow`, in place of `eps`, `steps` and the arguments of maps. All states of a
+        tile are in memory at once.
     dims, coords : optional
         As in :meth:`Trajectories.to_xarray`.
     chunk : int or mapping, optional
-        Number of trajectories in a tile, or lengths along `dims` and "n". An existing store keeps
-        its own.
+        Number of trajectories in a tile, or lengths along `dims`, and along "n" or "time". An
+        existing store keeps its own.
     functions : mapping of str to callable, optional
         Functions of the saved states (..., D), which they cannot change; their real values (...)
         are stored under these names. Their source code is part of the identity of the run; the
@@ -95,17 +105,20 @@ def ensemble(
     client : distributed.Client, optional
         Its Dask workers compute the tiles and write to the store.
     progress : bool or callable, optional
-        As in :func:`iterate`; `done` counts the steps of all trajectories. A function is called
-        before the first tile, with the steps that the store already has, and after each tile.
+        As in :func:`iterate`; `done` counts the steps of all trajectories, or their states along a
+        motion. A function is called before the first tile, with what the store already has, and
+        after each tile.
 
     Returns
     -------
     xarray.Dataset
-        The opened store, as by :func:`open_ensemble`. Failed trajectories have a status, and cause
-        no warning; poles that were passed cause one :class:`PoleWarning`.
+        The opened store, as by :func:`open_ensemble`. Failed trajectories and solutions that end
+        have a status, and cause no warning; poles that a map passed cause one :class:`PoleWarning`.
 
     Raises
     ------
+    TypeError
+        If neither `time` nor `eps` and `steps` are given, or arguments of both.
     ValueError
         If the store holds another run, or other data.
     OSError
@@ -129,43 +142,74 @@ def ensemble(
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
     if client is not None and client.status in ("closing", "closed"):
         raise wrong("client", "an open client", "one that is closed")
-    map = map_of(body, method)
+    checks.instance("system", system, Body)
+    of_map = {
+        "eps": (eps, None),
+        "steps": (steps, None),
+        "save_every": (save_every, None),
+        "method": (method, "auto"),
+        "attitude": (attitude, False),
+    }
+    of_flow = {
+        "rtol": (rtol, 1e-9),
+        "atol": (atol, None),
+        "max_step": (max_step, None),
+        "stiff": (stiff, None),
+    }
+    _check_left_out(of_map if time is not None else of_flow, time is not None)
+    task: Task
     threads = None if client is None else 1
-    whole = check(map, body, RandomStarts((), 1.0), eps, threads, attitude=attitude)
-    is_random = isinstance(omega0, RandomStarts)
-    if not (is_random or isinstance(omega0, np.memmap) or hasattr(omega0, "dask")):
-        omega0 = checks.states("omega0", omega0, body._labels)
-    shape = (*omega0.shape, body.dimension) if is_random else omega0.shape
-    if shape[-1:] != (body.dimension,) or np.isnan(shape).any():
-        raise wrong("omega0", f"have a known shape (..., {body.dimension})", shape)
-    batch = checks.common_shape({"omega0": shape[:-1], "the other arguments": whole.batch})
+    if time is None:
+        if eps is None or steps is None:
+            raise TypeError("ensemble must get eps and steps of a map, or time= of a motion")
+        map = map_of(system, method)
+        whole = check(map, system, RandomStarts((), 1.0), eps, threads, attitude=attitude)
+        warn_of_times(whole)
+        task = Steps(method, *checked_counts(steps, save_every))
+    else:
+        task = Times(*checked_times(time), checked_settings(system, rtol, atol, max_step, stiff))
+        whole = Problem(None, system, np.empty(0), 0.0, system.shape, thread_count(threads))
+    is_random = isinstance(x0, RandomStarts)
+    if not (is_random or isinstance(x0, np.memmap) or hasattr(x0, "dask")):
+        x0 = checks.states("x0", x0, system.labels)
+    shape = (*x0.shape, system.dimension) if is_random else x0.shape
+    if shape[-1:] != (system.dimension,) or np.isnan(shape).any():
+        raise wrong("x0", f"have a known shape (..., {system.dimension})", shape)
+    batch = checks.common_shape({"x0": shape[:-1], "the other arguments": whole.batch})
     functions = functions or {}
     checks.instance("functions", functions, Mapping)
-    steps, save_every = checked_counts(steps, save_every)
-    warn_of_times(whole)
-    options = method, steps, save_every, functions
-    whole, store = whole._replace(omega=omega0, batch=batch), stores.resolved(store)
-    data = _template(whole, options, dims, coords)
-    reports = reporter(progress, math.prod(batch) * steps)
+    whole, store = whole._replace(omega=x0, batch=batch), stores.resolved(store)
+    data = _template(whole, task, functions, dims, coords)
+    reports = reporter(progress, math.prod(batch) * task.work)
     with stores.naming_full_disks(store):
-        missing, contents = stores.prepare(store, data, _sizes(data, chunk))
+        missing, contents = stores.prepare(store, data, _sizes(data, task, chunk))
     arrays, status = contents.arrays, contents.arrays["status"]
     tiles = {tile: place_of(tile, status.shape, status.chunks) for tile in missing}
     done = math.prod(batch) - sum(count_in(where) for where in tiles.values())
-    finished = finish(tiles, whole, options, arrays, client, store)
+    finished = finish(tiles, whole, task, functions, arrays, client, store)
     by_sign = False
     with reports as report, closing(finished), stores.naming_full_disks(store):
-        goes_on = report is None or report(done * steps)
+        goes_on = report is None or report(done * task.work)
         while goes_on and (tile := next(finished, None)) is not None:
             done += count_in(tile[0])
             by_sign |= tile[1]
-            goes_on = report is None or report(done * steps)
-    data = _dataset(store, is_finished=done == math.prod(batch), is_known=not tiles)
-    if tiles and map.methods[method].notes_poles:
+            goes_on = report is None or report(done * task.work)
+    is_finished = done == math.prod(batch)
+    data = _dataset(store, is_finished, is_known=is_finished and (client is None or not tiles))
+    if tiles and isinstance(task, Steps) and map.methods[method].notes_poles:
         count, first = stores.passed_poles(store, contents)
         if first is not None:
             warn_of_poles(whole, map.methods[method], count, first, by_sign)
     return data
+
+
+def _check_left_out(arguments: Mapping[str, tuple[Any, Any]], is_motion: bool) -> None:
+    """Raise an error if an argument of the other kind of run is not its default."""
+    for name, (value, default) in arguments.items():
+        if value is not default and value != default:
+            kind = "eps and steps of a map" if is_motion else "time= of a motion"
+            own = "time=" if is_motion else "eps and steps"
+            raise TypeError(f"{name} belongs to {kind}: leave it out beside {own}")
 
 
 @public
@@ -218,6 +262,8 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     """
     import xarray
 
+    from .files.chunks import NamingStore
+
     contents = metadata.read_contents(store)
     if contents is None or not contents.arrays:
         raise FileNotFoundError(f"store: there is no store of ensemble at {store}")
@@ -228,21 +274,14 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     if is_finished and lost.pending:
         received = f"{store} without {len(lost.pending)} of the tiles that were computed"
         raise wrong("client", "have workers that write to the store", received)
-    foreign = access.run(access.members(access.reader(store), contents.arrays))
-    source = metadata.overlaid(store, contents)
+    source = NamingStore(access.reader(store))
     data = xarray.open_zarr(source, consolidated=True, zarr_format=3, chunks=None)
-    data = data.assign_attrs(contents.added)
     lazy = {
         name: data.variables[name].chunk(_parts(array), name=f"{name}-{uuid4().hex}")
         for name, array in contents.arrays.items()
         if array.shape and name not in data.indexes
     }
-    data = with_time(as_columns(data.assign(lazy)))
-    if others := foreign - {*data.variables}:  # xarray writes coordinates made here with a variable
-        names = ", ".join(sorted(others))
-        how = "keep derived variables in a store of their own"
-        checks.warn(f"store: {store} also has {names}, which ensemble did not write: {how}")
-    return data
+    return with_time(as_columns(data.assign(lazy)))
 
 
 def _parts(array: metadata.Stored) -> dict[Any, int]:
@@ -259,28 +298,29 @@ def _parts(array: metadata.Stored) -> dict[Any, int]:
     return parts
 
 
-def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
+def _template(
+    whole: Problem, task: Task, functions: Functions, dims: Any, coords: Any
+) -> xarray.Dataset:
     """Return the empty dataset of a run, with attributes that identify the run."""
-    (map, body, omega0, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
-    rows, D = 1 if every is None else steps // every + 1, body.dimension
-    require(24 * rows, "raise save_every")
-    sizes, columns = sizes_of(batch, D, n=rows), of_runs(turns is not None)
+    (map, body, x0, eps, batch, *_, turns), is_motion = whole, isinstance(task, Times)
+    kind: Any = Motion if is_motion else Trajectories
+    rows = task.rows
+    require(24 * rows, "save fewer states")
+    columns = in_stores(kind.__name__, turns=turns is not None)
+    sizes = sizes_of(batch, body.dimension, **{task.axis: rows})
     filled: dict[str, Any] = {
         column.name: np.broadcast_to(np.array(column.fill, column.type), shape_of(column, sizes))
         for column in columns
     }
-    arguments = {**body._described, "eps": np.asarray(eps)}
-    if turns is not None:
-        arguments["attitude"] = turns
-    run = {
-        "body": body,
-        "map": map,
-        "eps": eps,
-        "method": method,
-        "steps": steps,
-        "save_every": every,
-    }
-    data = to_xarray(Trajectories._of(filled | run), dims, coords, True).drop_vars("time")
+    arguments = {**body.described}
+    run: dict[str, Any] = {"body": body, **task.arguments}
+    if isinstance(task, Times):
+        arguments["time"], filled["time"] = task.times, task.times.copy()
+    else:
+        arguments |= {"eps": np.asarray(eps)} | ({} if turns is None else {"attitude": turns})
+        run |= {"map": map, "eps": eps}
+    data = to_xarray(kind._of(filled | run), dims, coords, with_terms=True)
+    data = data if is_motion else data.drop_vars("time")
     flags = data.status.attrs
     flags["flag_values"] = [*flags["flag_values"], PENDING]
     flags["flag_meanings"] += " PENDING"
@@ -293,14 +333,14 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
         name: value if isinstance(value, str) else stores.described(name, value)
         for name, value in arguments.items()
     }
-    identity["omega0"] = stores.described("omega0", omega0, few=0)
+    identity["x0"] = stores.described("x0", x0, few=0)
     labels = {name: data[name].values.tolist() for name in coords or ()}
     for name, texts in (("functions", sources), ("coords", labels)):
         digest = hashlib.sha256(repr(sorted(texts.items())).encode()).hexdigest()
         identity |= {name: f"{', '.join(texts)}, sha256 {digest}"} if texts else {}
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
-    filled[map.variable] = filled.pop("states")  # the name in the dataset
-    tiled = sorted({*filled, *functions})
+    variable = map.variable if map else variable_of(type(body))  # the name of states in the dataset
+    tiled = sorted({*filled, *functions, variable} - {"states", "time"})
     shared = sorted({*data.variables} - {*tiled})
     lists = {"tiled": tiled, "shared": shared}
     identity |= {name: json.dumps(value) for name, value in lists.items()}
@@ -325,8 +365,9 @@ def _add_functions(data: Any, functions: Functions) -> dict[str, str]:
             sources[name] += f"# column {min(starts, default=0)}"
         # A trial call, so that a wrong function is an error before anything is stored.
         checked_values(name, function, np.full((3, data.sizes["component"]), 0.5))
-        shape = data.sizes["n"], *data.status.shape
-        data[name] = ("n", *data.status.dims), np.broadcast_to(np.nan, shape)
+        axis = "n" if "n" in data.dims else "time"
+        shape = data.sizes[axis], *data.status.shape
+        data[name] = (axis, *data.status.dims), np.broadcast_to(np.nan, shape)
     return sources
 
 
@@ -339,24 +380,24 @@ def _is_storable(name: Any) -> bool:
     return text.isprintable() and len(text.encode()) <= 200
 
 
-def _sizes(data: Any, chunk: Any) -> dict[str, int]:
-    """Return the lengths of chunks along each axis of the batch, and along "n".
+def _sizes(data: Any, task: Task, chunk: Any) -> dict[str, int]:
+    """Return the lengths of chunks along each axis of the batch, and of saved states.
 
     A tile takes whole rows of the last axes. `chunk` is that of :func:`ensemble`.
     """
-    lengths = {"n": data.sizes["n"], **data.status.sizes}
+    lengths = {task.axis: task.rows, **data.status.sizes}
     expected = f"a number of trajectories, or sizes along {', '.join(map(str, lengths))}"
     width = 8 * max(data.sizes["component"], data.sizes.get("space", 0) ** 2)
-    default = min(_CHUNK // (width * lengths["n"]), _WORK // (data.attrs["steps"] + 1))
+    default = min(_CHUNK // (width * max(task.rows, 1)), task.most)
     by_axis = chunk if isinstance(chunk, Mapping) else {}
     arrays = len(json.loads(data.attrs["tiled"]))
-    fewest = max(_FEWEST, 4 * data.status.size * arrays // metadata.MOST_CHUNKS)
+    fewest = max(task.fewest, 4 * data.status.size * arrays // metadata.MOST_CHUNKS)
     left = max(fewest, default) if chunk is None or by_axis else chunk
     if unknown := by_axis.keys() - lengths:
         raise wrong("chunk", expected, ", ".join(repr(name) for name in unknown))
     sizes: dict[str, int] = {}
     for name, length in reversed(lengths.items()):
-        if name == "n":
+        if name == task.axis:
             left = max(1, _CHUNK // (width * math.prod(sizes.values())))
         most = checks.integer("chunk", by_axis.get(name, left), 1, expected)
         parts = math.ceil(length / most) or 1  # of equal size, so that no chunk is half empty

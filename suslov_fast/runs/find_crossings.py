@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, overload
+
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
-from ..checks import integer, one_of
+from ..bodies.fields.field_of_terms import FieldOfFunction
+from ..checks import FloatArray, instance, integer, one_of, real_number, short, warn, wrong
+from ..core.motion.engine import Settings
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
+from ..engine.starts import checked_settings, checked_starts, ends_in_words
+from ..engine.status import PoleWarning
 from ..engine.stretches import March, Progress, reporter
+from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
 from .crossings import Crossings, searched
-from .failures import ON_SINGULAR, OnSingular
+from .failures import ON_SINGULAR, OnSingular, SingularStepError
+from .motion_crossings import MotionCrossings
+from .motion_search import MotionSearch
 from .search import Search, Surface, check_surface
 
 
-@public
+@overload
 def crossings(
-    body: BodyOrField,
-    omega0: ArrayLike | RandomStarts,
+    system: BodyOrField,
+    x0: ArrayLike | RandomStarts,
     /,
     eps: ArrayLike,
     steps: int,
@@ -33,31 +44,85 @@ def crossings(
     threads: int | None = None,
     on_singular: OnSingular = "warn",
     progress: Progress = None,
-) -> Crossings:
+) -> Crossings: ...
+
+
+@overload
+def crossings(
+    system: BodyOrField,
+    x0: ArrayLike | RandomStarts,
+    /,
+    *,
+    surface: Surface | Sequence[Surface],
+    time: float,
+    rtol: float = 1e-9,
+    atol: ArrayLike | None = None,
+    direction: int = 1,
+    transient: float = 0.0,
+    most: int | None = None,
+    max_step: float | None = None,
+    stiff: bool | None = None,
+    threads: int | None = None,
+    on_singular: OnSingular = "warn",
+    progress: Progress = None,
+) -> MotionCrossings: ...
+
+
+@public
+def crossings(
+    system: BodyOrField,
+    x0: ArrayLike | RandomStarts,
+    /,
+    eps: ArrayLike | None = None,
+    steps: int | None = None,
+    surface: Surface | Sequence[Surface] | None = None,
+    *,
+    time: float | None = None,
+    rtol: float = 1e-9,
+    atol: ArrayLike | None = None,
+    direction: int = 1,
+    transient: float = 0,
+    most: int | None = None,
+    max_step: float | None = None,
+    stiff: bool | None = None,
+    method: str = "auto",
+    threads: int | None = None,
+    on_singular: OnSingular = "warn",
+    progress: Progress = None,
+) -> Any:
     """Find where orbits cross a surface s(x) = 0: Poincaré sections, maxima, escapes, basins.
 
-    The states are those of :func:`iterate`, bit for bit; only the crossings are kept. With
-    a = s(x_n) and b = s(x_{n+1}), an orbit crosses upwards between states n and n + 1 if
-    a < 0 <= b, and downwards if b < 0 <= a: 0 counts as positive.
+    With `time` the orbits are motions: a point where s becomes positive, or stops being so, has the
+    digits of the tolerance. With `eps` and `steps` they are orbits of the map: the states are those
+    of :func:`iterate`, bit for bit, and only the crossings are kept. With a = s(x_n) and
+    b = s(x_{n+1}), an orbit crosses upwards between states n and n + 1 if a < 0 <= b, and downwards
+    if b < 0 <= a. In both cases 0 counts as positive, so that an orbit that starts on the surface
+    and goes up does not cross it there.
 
     Parameters
     ----------
-    body, omega0, eps
-        As in :func:`iterate`.
-    steps : int
-        Number of steps after the transient, 0 or more.
-    surface : callable
+    system : QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
+        A single field or body, or a batch.
+    x0 : array_like(float, shape=(..., D))
+        Initial states, as in :func:`iterate`.
+    eps, steps
+        Along a map: the step size, as in :func:`iterate`, and the number of steps after the
+        transient, 0 or more.
+    surface : callable, or sequence of callables along a motion
         The function s: it takes states (..., D) and returns real values (...), each value from its
         own state alone. It uses NumPy, or is compiled by Numba. A section:
         ``lambda x: x[..., 2] - 27``; an escape: ``lambda x: (x**2).sum(-1) - 4``. It is called with
-        read-only pieces (rows, ..., D) of the run, which later pieces overwrite: copy states that
-        you keep. For methods above order 2 it is also called, at most 20 times for a piece, with
-        states between those of the run, NaN where there is none. A value of s that is NaN or
-        infinite makes no crossing.
+        read-only pieces (rows, ..., D) of the orbits, which later pieces overwrite: copy states
+        that you keep. Between the states of a run it is called with others, NaN where there is
+        none. A value of s that is NaN or infinite makes no crossing.
+    time : float
+        Along a motion: the time after the transient; negative backwards in time.
+    rtol, atol, max_step, stiff
+        As in :func:`flow`.
     direction : {1, -1, 0}
-        Upwards, downwards, or both, in the order of n. SciPy's events have the default 0.
-    transient : int
-        Number of steps taken first, in which crossings are ignored.
+        Upwards, downwards, or both. SciPy's events have the default 0.
+    transient : int or float
+        Number of steps, or the time, at first in which crossings are ignored.
     most : int, optional
         The number of crossings, 1 or more, at which a trajectory ends; the run ends when all
         trajectories have ended or failed.
@@ -67,49 +132,159 @@ def crossings(
         As in :func:`iterate`; the error holds the result as `crossings`.
     progress : bool or callable, optional
         As in :func:`iterate`, called with the steps of the transient included;
-        :meth:`Crossings.extend` continues a run that it ended.
+        :meth:`Crossings.extend` continues a run that it ended. Along motions it is called with
+        the number of trajectories that have ended.
 
     Returns
     -------
+    MotionCrossings
+        Along a motion. Each trajectory takes the steps of :func:`flow`, and a crossing is a state
+        after a shorter step of the method. Signs of s are compared at the ends of a step and at
+        seven points inside it: crossings within an eighth of a step of one another, and points
+        where a motion touches the surface, may be missed. A smaller `max_step` looks closer.
     Crossings
-        Its points are as accurate as the states. For methods of order 2 they lie on the straight
-        lines between consecutive states; for higher orders they are the states, with s = 0, after
-        a step of the length fraction * eps from `before`, unless the step has a pole within its
-        length (`over_pole`), over which the chord leads. If eps is too large for the map to follow
-        the motion, use `before` or `after` instead.
+        Along a map. Its points are as accurate as the states. For methods of order 2 they lie on
+        the straight lines between consecutive states; for higher orders they are the states, with
+        s = 0, after a step of the length fraction * eps from `before`, unless the step has a pole
+        within its length (`over_pole`), over which the chord leads. If eps is too large for the map
+        to follow the motion, use `before` or `after` instead.
 
     Raises
     ------
     TypeError, ValueError
-        As :func:`iterate`; also if `surface` does not return a real value for each state.
+        As :func:`iterate` and :func:`flow`; also if `surface` does not return a real value for each
+        state, or with both `time` and `steps`.
 
     Examples
     --------
     The section of the Lorenz attractor at x3 = 27, and the successive maxima of x3:
 
-    >>> from suslov_fast import QuadraticField, crossings, vector_field
+    >>> from suslov_fast import QuadraticField, crossings
     >>> def lorenz(x, rho):
     ...     return 10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
     >>> field = QuadraticField.from_function(lorenz, 3, rho=28)
     >>> starts = [[1.0, 1.0, 20.0], [-2.0, 1.0, 20.0]]
-    >>> section = crossings(field, starts, 1 / 64, 2000, lambda x: x[..., 2] - 27, transient=500)
-    >>> bool(abs(section.states[:, 2] - 27).max() < 1e-13)
+    >>> section = crossings(
+    ...     field, starts, surface=lambda x: x[..., 2] - 27, time=30.0, transient=8.0
+    ... )
+    >>> bool(abs(section.states[:, 2] - 27).max() < 1e-12)
     True
-    >>> peaks = crossings(field, starts, 1 / 64, 2000, lambda x: -vector_field(field, x)[..., 2])
-    >>> peaks.of(0).states[:3, 2].round(1)
-    array([40.5, 38.7, 44. ])
+    >>> peaks = crossings(field, starts, surface=lambda x: -field(x)[..., 2], time=3.0)
+    >>> peaks.of(0).states[:3, 2].round(3)
+    array([40.413, 38.669, 44.072])
+
+    The same section along the map, with steps of 1/64:
+
+    >>> section = crossings(field, starts, 1 / 64, 2000, lambda x: x[..., 2] - 27, transient=500)
+    >>> section.n[:3]
+    array([502, 548, 599])
     """
-    map = map_of(body, method)
-    problem = check(map, body, omega0, eps, threads, name="omega0")
-    steps, transient = integer("steps", steps, 0), integer("transient", transient, 0)
     direction = integer("direction", direction, -1, "1, -1 or 0", 1)
     if most is not None:
         most = integer("most", most, 1, "None or an integer of at least 1")
     one_of("on_singular", on_singular, ON_SINGULAR)
+    if surface is None:
+        raise TypeError("surface is missing: pass surface=lambda x: x[..., 0], for component 0")
+    if time is not None:
+        if eps is not None or steps is not None or method != "auto":
+            how = "pass time= for the motion, or eps and steps for a map"
+            raise TypeError(f"crossings takes time, or eps, steps and method: {how}")
+        settings = checked_settings(system, rtol, atol, max_step, stiff)
+        return _along_motion(
+            system, x0, surface, time, settings, direction, transient, most, threads, on_singular,
+            progress, max_step, stiff,
+        )  # fmt: skip
+    if eps is None or steps is None:
+        raise TypeError("crossings takes time=T along a motion, or eps and steps along a map")
+    if (rtol, atol, max_step, stiff) != (1e-9, None, None, None):
+        raise TypeError("rtol, atol, max_step and stiff belong to the motion: pass time=T")
+    map = map_of(system, method)
+    problem = check(map, system, x0, eps, threads, name="x0")
+    steps, transient = integer("steps", steps, 0), integer("transient", transient, 0)
     reports = reporter(progress, transient + steps)
-    check_surface(surface)
+    along_map: Any = surface
+    check_surface(along_map)
     warn_of_times(problem)
     if type(problem.eps) is not float:  # copied, because the result keeps it
         problem = problem._replace(eps=np.array(problem.eps))
-    search = Search(March(problem, method), surface, direction, most)
+    search = Search(March(problem, method), along_map, direction, most)
     return searched(search, steps, transient, method, on_singular, reports)
+
+
+def _along_motion(
+    system: Any,
+    x0: Any,
+    surface: Any,
+    time: Any,
+    settings: Settings,
+    direction: int,
+    transient: Any,
+    most: int | None,
+    threads: int | None,
+    on_singular: OnSingular,
+    progress: Progress,
+    max_step: float | None,
+    stiff: bool | None,
+) -> MotionCrossings:
+    """Return the crossings along motions, after checks of the arguments that maps do not have."""
+    instance("system", system, Body)
+    field = system if isinstance(system, FieldOfFunction) else system.field()
+    duration, before = _number("time", time), _number("transient", transient)
+    if before < 0.0:
+        raise wrong("transient", "0 or more", short(transient))
+    is_many = isinstance(surface, Sequence) and not isinstance(surface, str)
+    surfaces = tuple(surface) if is_many else (surface,)
+    if not surfaces:
+        raise wrong("surface", "a function, or one or more", "none")
+    for each in surfaces:
+        check_surface(each)
+    x, batch = checked_starts(system, x0, 2)
+    sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
+    search = MotionSearch(
+        field, x, batch, last, sign, settings, surfaces, direction, most, before,
+        thread_count(threads),
+    )  # fmt: skip
+    with reporter(progress, len(x)) as report:
+        search.run(report)
+    points = MotionCrossings._of(
+        search.found()
+        | {
+            "body": system,
+            "last": sign * last,
+            "transient": before,
+            "direction": direction,
+            "most": most,
+            "rtol": settings.rtol,
+            "atol": settings.atol,
+            "max_step": max_step if max_step is None else settings.longest,
+            "stiff": stiff,
+        }
+    )
+    report_ends(points, x, batch, search.is_stopped, on_singular)
+    return points
+
+
+def _number(name: str, value: Any) -> float:
+    number = real_number(name, value)
+    if not isinstance(number, float):
+        raise wrong(name, "a number", f"an array of shape {number.shape}")
+    return number
+
+
+def report_ends(
+    points: MotionCrossings,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    is_stopped: bool,
+    on_singular: OnSingular,
+) -> None:
+    """Warn of solutions that end early, or raise an error."""
+    if on_singular == "ignore":
+        return
+    ends = points.end.ravel()
+    status = points.status.ravel()
+    message = ends_in_words(status, ends, is_stopped, x, batch)
+    if message and on_singular == "raise":
+        raise SingularStepError(message, points, "crossings")
+    if message:
+        warn(message, PoleWarning)

@@ -137,8 +137,7 @@ def flow(
         if asked:
             found, of_columns = _with_derivatives(field, x, batch, asked, *others)
         else:
-            found = _motion_of(system, x, batch, *others)
-    ends = np.where(found.status < 0, found.t, np.nan)
+            found = motion_of(system, x, batch, *others)
     warn_of_ends(found, x, batch)
     return Motion._of(
         {
@@ -146,7 +145,7 @@ def flow(
             "time": times,
             "body": system,
             "status": found.status.reshape(batch),
-            "end": ends.reshape(batch),
+            "end": found.t.reshape(batch),
             "steps": found.steps.reshape(batch),
             "rtol": settings.rtol,
             "atol": settings.atol,
@@ -167,11 +166,11 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     if names and field is None:
         field = system.field()
     if {*names} - {"x0"}:
-        if isinstance(field, QuadraticField) and field._remake is not None:
-            maker, (f, *others) = field._remake.func, field._remake.args
+        if isinstance(field, QuadraticField) and field.remake is not None:
+            maker, (f, *others) = field.remake.func, field.remake.args
             make = getattr(Field, maker.__name__)
             field = make(f, *others, **field.parameters)
-        named = field._coordinates if isinstance(field, Field) else ()
+        named = field.coordinates if isinstance(field, Field) else ()
         if unknown := [name for name in names if name not in ("x0", *named)]:
             how = f"{', '.join(map(repr, ('x0', *named)))}"
             if not named and system.parameters:
@@ -205,7 +204,7 @@ def _with_derivatives(
 
 
 # ------------------------------------------------------------------------------------------ motions
-def _motion_of(
+def motion_of(
     system: Any,
     x: FloatArray,
     batch: tuple[int, ...],
@@ -232,7 +231,7 @@ def _motion_of(
     for exact in (True, False):
         where = np.flatnonzero(is_exact == exact)
         members, count = _members(system, batch, where), (len(where),)
-        part = _motion_of(members, x[where], count, *arguments)
+        part = motion_of(members, x[where], count, *arguments)
         found.states[:, where], found.t[where] = part.states, part.t
         found.steps[where], found.status[where] = part.steps, part.status
     return found
@@ -256,7 +255,7 @@ def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any
     parts = {}
     for name, value in body._parts.items():
         array = np.asarray(value)
-        inner = array.shape[array.ndim - body._axes.get(name, 0) :]
+        inner = array.shape[array.ndim - body.axes.get(name, 0) :]
         parts[name] = np.broadcast_to(array, (*batch, *inner)).reshape(-1, *inner)[where]
     return body._with(parts)
 
@@ -286,13 +285,14 @@ def _to_tolerance(
 ) -> Found:
     """Return the motion of a field at times in any order."""
     moduli = abs(times)
-    if len(moduli) and moduli[0] > 0.0 and (moduli[1:] > moduli[:-1]).all():
+    if len(moduli) and moduli[0] > 0.0 and not np.count_nonzero(moduli[1:] <= moduli[:-1]):
         return solve(field, x, batch, moduli, sign, settings, threads, report)
     later = moduli > 0.0
     ascending, places = np.unique(moduli[later], return_inverse=True)
     if not len(ascending):
         found = nothing_found(x, len(times))
         found.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
+        found.t[:] = np.nan
     else:
         found = solve(field, x, batch, ascending, sign, settings, threads, report)
     states = np.empty((len(times), *x.shape))

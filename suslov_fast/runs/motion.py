@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, one_of, short, wrong
-from ..keywords import public, unchanging
-from .results import INSTEAD_IN_MOTIONS, QUANTITIES, States
-
-if TYPE_CHECKING:
-    import xarray
+from ..keywords import public
+from .results import QUANTITIES, States
 
 # Quantities that take a step size, which is 0 along the motion.
 _OF_STEPS = {"first_integral"}
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False)
 class Motion(States):
     """Solutions of the equations of motion at given times: the result of :func:`flow`.
@@ -67,8 +62,6 @@ class Motion(States):
     >>> motion.x[-1].round(6), bool(np.ptp(motion.energy()) < 1e-8)
     (array([0.325746, 0.490267]), True)
     """
-
-    _table = INSTEAD_IN_MOTIONS
 
     states: FloatArray
     time: FloatArray
@@ -128,11 +121,11 @@ class Motion(States):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the components of a state."""
-        return tuple(self.body._labels)
+        return tuple(self.body.labels)
 
     @property
     def _variable(self) -> str:
-        return variable_of(self.body)
+        return variable_of(type(self.body))
 
     @property
     def _functions(self) -> list[str]:
@@ -146,14 +139,20 @@ class Motion(States):
     def _conserved(self) -> str | None:
         return "energy" if "energy" in self._functions else None
 
+    _is_whole = True
+
     @property
-    def _is_whole(self) -> bool:
-        return True
+    def _titles(self) -> dict[str, str]:
+        return {"title": f"Motion of a {type(self.body).__name__}"}
+
+    @property
+    def _meaning(self) -> str:
+        return "state" if self._variable == "x" else "angular velocity"
 
     @property
     def _heading(self) -> tuple[str, str, int]:
         last = max(self.time, key=abs, default=0.0)
-        return f"Motion of a {type(self.body).__name__}", f"to t = {last:g}", len(self.time)
+        return self._titles["title"], f"to t = {last:g}", len(self.time)
 
     def _value(self, name: str, states: FloatArray) -> FloatArray:
         """Return the values of a public function for states of this motion."""
@@ -161,80 +160,9 @@ class Motion(States):
         values: FloatArray = function(self.body, states, *[0.0] * (name in _OF_STEPS))
         return values
 
-    @public
-    def plot(
-        self,
-        *names: int | str | Sequence[int | str],
-        components: Sequence[int | str] = (0, 1),
-        lines: bool | None = None,
-        color: Any = None,
-        title: str | bool | None = True,
-        ax: Any = None,
-    ) -> Any:
-        """Draw the states over two components, over time, or in space (extra `plots`).
-
-        Parameters
-        ----------
-        *names, components, lines, color, title, ax
-            As in :meth:`Trajectories.plot`. States are joined in the order of time.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        TypeError, ValueError
-            If there is no such component or colour, or `ax` has the wrong kind.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from suslov_fast import QuadraticField, flow
-        >>> predators = lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1])
-        >>> field = QuadraticField.from_function(predators, "prey predator")
-        >>> motion = flow(field, [1.0, 0.5], time=np.linspace(0, 20, 401))
-        >>> motion.plot("time", "prey").figure.savefig("prey.png")  # doctest: +SKIP
-        """
-        from . import plot  # which imports Matplotlib
-
+    def _in_order(self) -> Motion:
         order = np.argsort(self.time, kind="stable")
-        drawn = replace(self, states=self.states[order], time=self.time[order])
-        chosen = names[0] if len(names) == 1 else names or components
-        return plot.plot_run(drawn, chosen, lines, color, title, ax)
-
-    @public
-    def to_xarray(
-        self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
-    ) -> xarray.Dataset:
-        """Return the motion as a labelled `xarray.Dataset` (extra `xarray`).
-
-        Parameters
-        ----------
-        dims, coords
-            As in :meth:`Trajectories.to_xarray`.
-
-        Returns
-        -------
-        xarray.Dataset
-            Dimensions: "time", those of the batch, and "component".
-
-        Raises
-        ------
-        ValueError
-            If the number of names is not that of the axes, or a name is taken.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField, flow
-        >>> field = QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
-        >>> data = flow(field, [1.0, 0.0], time=[0.0, 1.0, 2.0]).to_xarray()
-        >>> data.x.sel(time=1.0, component="q").round(6).item()
-        0.540302
-        """
-        from .files.datasets import motion_to_xarray
-
-        return motion_to_xarray(self, dims, coords)
+        return replace(self, states=self.states[order], time=self.time[order])
 
     def __repr__(self) -> str:
         time = self.time
@@ -246,9 +174,9 @@ class Motion(States):
         return f"Motion({states}, time: {times}, rtol: {self.rtol:g}, ended: {ended})"
 
 
-def variable_of(body: Any) -> str:
-    """Return the name of the states of a system, "omega" or "x"."""
+def variable_of(kind: type[Any]) -> str:
+    """Return the name of the states of a class of systems, "omega" or "x"."""
     from ..maps import methods_of
 
-    records = methods_of(type(body))
+    records = methods_of(kind)
     return next(iter(records.values())).variable if records else "x"

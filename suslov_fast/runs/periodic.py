@@ -13,7 +13,7 @@ from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..checks import FloatArray, integer, real_number, short, warn, wrong
 from ..engine.starts import checked_settings
-from ..keywords import answers, public
+from ..keywords import public
 from ..maps import Method, problem
 from ..quantities.derivatives import vector_field
 from . import shooting
@@ -25,17 +25,7 @@ _SMALL = 1e-4  # a residual that a larger tolerance may make one of a solution
 _MOST_ARCS = 32
 _ROUGH = 1e-6  # tolerance of the search for a near return
 
-_RUN = "flow(field, orbit.state, time=np.linspace(0, orbit.period, 200))"
-_INSTEAD = {
-    "plot orbit trajectory states run": f"{_RUN}, whose result has states and plot()",
-    "x start x0": "orbit.state",
-    "T": "orbit.period",
-    "stable is_stable": "abs(orbit.multipliers), at most 1 for a stable orbit",
-    "monodromy eigenvalues": "orbit.multipliers, the eigenvalues of the monodromy matrix",
-}
 
-
-@answers("a periodic orbit", _INSTEAD)
 class PeriodicOrbit(NamedTuple):
     """A periodic orbit: the result of :func:`periodic_orbit`.
 
@@ -150,7 +140,7 @@ def periodic_orbit(
 
 
 def _checked_start(system: Any, start: Any) -> FloatArray:
-    x = checks.states("start", start, system._labels)
+    x = checks.states("start", start, system.labels)
     if system.shape or x.ndim > 1:
         expected = f"called with a single {type(system).__name__} and state"
         raise wrong("periodic_orbit", expected, f"a batch {system.shape or x.shape[:-1]}")

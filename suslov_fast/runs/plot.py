@@ -120,16 +120,18 @@ def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any
     """Draw crossings, and return the axes; see `Crossings.plot`."""
     K = len(points)
     chosen = _components(points, _varying(points) if components is None else components)
-    numbers = {name: getattr(points, name) for name in ("trajectory", "n", "time")}
-    colours = _colours(points, color, (K,), numbers)
-    if colours.values is None and color is None and np.size(points.eps) == 1:
-        colours = _levels(points, points.before)
+    is_of_map = hasattr(points, "eps")
+    names = "trajectory", "n" if is_of_map else "surface", "time"
+    colours = _colours(points, color, (K,), {name: getattr(points, name) for name in names})
+    if colours.values is None and color is None and np.size(points.eps if is_of_map else 0.0) == 1:
+        colours = _levels(points, points.before if is_of_map else points.states)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
     drawn, count = _dots(axes, _drawn(points, points.states, chosen), colours, np.arange(K))
     colours.explain(axes, drawn)
     _label(axes, points, chosen)
     shown = f"{count:,} of {K:,}" if count < K else f"{K:,}"
-    _entitle(axes, title, f"{titled(points)}\n{shown} crossings by {_orbits(points.count.size)}")
+    what = titled(points) if is_of_map else f"Motion of a {type(points.body).__name__}"
+    _entitle(axes, title, f"{what}\n{shown} crossings by {_orbits(points.count.size)}")
     return axes
 
 
@@ -158,7 +160,7 @@ def _in_place_of(run: Any, components: Any) -> str:
 
 def _components(run: Any, components: Any) -> list[int]:
     """Return the indices of two or three components, given by index or label, or _TIME."""
-    labels = [*run.body._labels]
+    labels = [*run.body.labels]
     last, names = len(labels) - 1, [*labels, "time"]
     if last == 0 and components == (0, 1):  # the only component, over time
         return [_TIME, 0]
@@ -210,7 +212,7 @@ def _colours(
     `of_crossings`, or have the shape of the batch.
     """
     of_crossings = of_crossings or {}
-    parameters = {k: array for k, array in varying(run.body).items() if k not in run.body._axes}
+    parameters = {k: array for k, array in varying(run.body).items() if k not in run.body.axes}
     if np.ndim(eps := vars(run).get("eps", 0.0)):
         parameters["eps"] = np.asarray(eps)
     if color is None:
@@ -342,7 +344,7 @@ def _range(values: FloatArray) -> tuple[float, float]:
 
 def _label(axes: Any, run: Any, chosen: list[int]) -> None:
     """Label the axes with the names of the components."""
-    labels = ["$t$" if k == _TIME else _symbol(str(run.body._labels[k])) for k in chosen]
+    labels = ["$t$" if k == _TIME else _symbol(str(run.body.labels[k])) for k in chosen]
     axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
 
 

@@ -1,11 +1,10 @@
-"""The base of the results of runs: read-only arrays, equality, copies and files."""
+"""The base of results: read-only arrays, equality, names, files, plots and datasets."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
-from importlib import import_module
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
@@ -13,87 +12,12 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..engine.status import count_in_words
-from ..keywords import nearest, public
+from ..keywords import lacking, public
+
+if TYPE_CHECKING:
+    import xarray
 
 T = TypeVar("T", bound=np.generic)
-
-# Attributes that a run lacks, such as those of other packages, and what to use; {x} is omega or x.
-INSTEAD_IN_RUNS = {
-    **dict.fromkeys(
-        ("sel", "isel"),
-        "run.to_xarray().sel(...), which finds trajectories by the value of a parameter, or "
-        "run.{x}[:, k], the states of trajectory k",
-    ),
-    "t": "run.time, the times of the saved states; t of the paper is run.criticality()",
-    "F": "run.first_integral()",
-    **dict.fromkeys(
-        ("y", "u", "X", "values", "data", "trajectory", "trajectories", "solution", "sol"),
-        "run.{x}, the states with time on the first axis, so that y of solve_ivp is run.{x}.T",
-    ),
-    **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
-    **dict.fromkeys(("dt", "h", "step_size"), "run.eps, the step size"),
-    "T": "run.{x}.T, or run.time",
-    **dict.fromkeys(("last", "end"), "run.final"),
-    **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
-    "shape": "run.{x}.shape",
-    "to_numpy": "run.{x}, or np.asarray(run)",
-    "parameters": "run.body.parameters",
-    "savefig": "run.plot().figure.savefig(path)",
-    **dict.fromkeys(
-        ("resume", "continue_", "continue_run", "restart", "run_more"),
-        "run.extend(steps), which continues the run",
-    ),
-    "select": "run.{x}[:, k], the states of trajectory k",
-    **dict.fromkeys(("summary", "info"), "print(run), or suslov-fast info for a saved run"),
-    **dict.fromkeys(
-        ("message", "error", "errors", "status_counts", "status_text"),
-        "run.status and run.failed_at, with a Status for each trajectory",
-    ),
-    **dict.fromkeys(
-        ("to_netcdf", "to_zarr"),
-        "run.to_xarray(), whose Dataset has them",
-    ),
-}
-# Attributes of runs and of SciPy's results, and what crossings have.
-INSTEAD_IN_CROSSINGS = {
-    **dict.fromkeys(
-        "x omega y u sol points y_events values data shape to_numpy".split(),
-        "crossings.states, the points, or .before and .after",
-    ),
-    **dict.fromkeys(
-        "index idx indices i orbit orbits which member".split(),
-        "crossings.trajectory, the index of the trajectory of each crossing; n is the step",
-    ),
-    **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),
-    **dict.fromkeys(("success", "retcode"), "crossings.ok, or crossings.status"),
-    **dict.fromkeys(("dt", "h", "step_size"), "crossings.eps, the step size"),
-    "energy": "suslov_fast.energy(crossings.body, crossings.states)",
-    "message": "crossings.status and crossings.failed_at, with a Status for each trajectory",
-    **dict.fromkeys(
-        ("to_netcdf", "to_zarr"),
-        "crossings.to_xarray(), whose Dataset has them",
-    ),
-    "parameters": "crossings.body.parameters, or the coordinates of crossings.to_xarray()",
-}
-
-# The same for motions.
-INSTEAD_IN_MOTIONS = {
-    **{
-        name: INSTEAD_IN_RUNS[name]
-        for name in (
-            "sel isel y u X values data trajectory trajectories solution sol T shape to_numpy "
-            "parameters savefig select to_netcdf to_zarr F"
-        ).split()
-    },
-    **dict.fromkeys(("t", "times", "n"), "run.time"),
-    **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
-    **dict.fromkeys(("message", "error", "errors", "failed_at"), "run.status and run.end"),
-    **dict.fromkeys(("final", "last"), "run.{x}[-1]"),
-    **dict.fromkeys(("nfev", "nsteps", "n_steps"), "run.steps"),
-    **dict.fromkeys(("dt", "h", "eps"), "run.steps, the number of steps, whose lengths vary"),
-    **dict.fromkeys(("extend", "resume"), "flow again, from run.{x}[-1] and with later times"),
-    **dict.fromkeys(("t_events", "y_events"), "crossings, which finds the states on a surface"),
-}
 
 # Names of the methods of `quantity`; `dir(run)` hides those that its map does not have.
 QUANTITIES: set[str] = set()
@@ -128,14 +52,19 @@ def quantity(name: str) -> Callable[[Any], FloatArray]:
     return public(method)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """The base of the results of runs, frozen dataclasses whose arrays are read-only.
 
-    `_variable`, `_conserved` and `_value` are those of results of a map.
+    Subclasses have the attributes `states`, `body` and `status`. `_variable`, `_conserved` and
+    `_value` are those of results of a map.
     """
 
-    _instead: ClassVar[str] = ": pass its body, run.body"
+    states: Any
+    body: Any
+    status: Any
+    instead: ClassVar[str] = ": pass its body, run.body"
+    called: ClassVar[str] = "a run"  # in messages
+    _functions: Any = ()  # the names of the quantities that the system has
 
     @property
     def _variable(self: Any) -> str:
@@ -155,16 +84,12 @@ class Result:
 
         return evaluate(name, self.body, states, self.eps, map=self.map)
 
-    @staticmethod
-    def _remade(name: str, value: object) -> str:
-        return "change a copy of an array, such as run.final.copy()"
-
     def __post_init__(self) -> None:
         """Make arrays read-only: views of them, because a caller may go on writing to their own."""
         arrays = {k: value for k, value in vars(self).items() if isinstance(value, np.ndarray)}
         vars(self).update({k: read_only(array.view()) for k, array in arrays.items()})
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self: Any) -> dict[str, Any]:
         """Return the fields, without cached properties."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
@@ -183,11 +108,68 @@ class Result:
         result.__setstate__(attributes)  # faster than a call of the class
         return result
 
-    def __eq__(self, other: object) -> bool:
+    def __eq__(self: Any, other: object) -> bool:
         if not isinstance(other, type(self)):
             return NotImplemented
         names = [item.name for item in fields(self) if item.compare]
         return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+    @property
+    def omega(self) -> FloatArray:
+        """The states of a body, its angular velocities."""
+        return self._states_called("omega")
+
+    @property
+    def x(self) -> FloatArray:
+        """The states of a field."""
+        return self._states_called("x")
+
+    def _states_called(self, name: str) -> FloatArray:
+        if name != self._variable:
+            raise AttributeError  # `__getattr__` words the message
+        states: FloatArray = self.states
+        return states
+
+    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise an AttributeError that names the attribute to use instead, if there is one."""
+            if "body" not in vars(self):
+                raise AttributeError(name)
+            x, labels = self._variable, self.body.labels
+            here = f"run.{x}[..., {labels.index(name)}]" if name in labels else ""
+            here = f"run.{x}" if name in ("omega", "x") else here
+            raise lacking(self, name, self.called, here)
+
+    def __dir__(self) -> list[str]:
+        other = "x" if self._variable == "omega" else "omega"
+        hidden = {other, *(QUANTITIES - {*self._functions})}
+        return [name for name in super().__dir__() if name not in hidden]
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def __getitem__(self, index: Any) -> FloatArray:
+        if isinstance(index, str):
+            labels = self.body.labels
+            part = f"{self._variable}[..., {labels.index(index) if index in labels else 'k'}]"
+            is_attribute = index in dir(self) and index not in labels
+            raise TypeError(f"run[{index!r}]: use run.{index if is_attribute else part}")
+        states: FloatArray = self.states[index]
+        return states
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        return iter(self.states)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is None:  # NumPy 1.26 does not accept None
+            return np.asarray(self.states, dtype)
+        return np.array(self.states, dtype, copy=copy)
+
+    @property
+    def ok(self) -> bool:
+        """True if no trajectory failed or ended; a passed pole is not a failure."""
+        return bool((self.status >= 0).all())
 
     @public
     def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
@@ -254,91 +236,124 @@ class Result:
 class States(Result):
     """The base of `Trajectories` and `Motion`, which have states with time on the first axis.
 
-    Subclasses have the attributes `states`, `body` and `status`, and for plots `_is_whole`, whether
-    states follow one another, and `_heading`: what they are, how far orbits go, and the number of
-    states of one.
+    For plots they have `_is_whole`, whether states follow one another, and `_heading`: what they
+    are, how far orbits go, and the number of states of one; for datasets `_titles`, attributes, and
+    `_meaning` of states.
     """
 
-    states: FloatArray
-    body: Any
-    status: NDArray[np.int8]
     _is_whole: Any
     _heading: Any
-    _functions: Any  # the names of the quantities that the system has
-    _table: ClassVar[dict[str, str]] = {}  # attributes that it lacks, and what to use
-
-    @property
-    def omega(self) -> FloatArray:
-        """The states of a body, its angular velocities, shape (n, ..., D)."""
-        return self._states_called("omega")
-
-    @property
-    def x(self) -> FloatArray:
-        """The states of a field, shape (n, ..., D)."""
-        return self._states_called("x")
-
-    def _states_called(self, name: str) -> FloatArray:
-        if name != self._variable:
-            raise AttributeError  # `__getattr__` words the message
-        return self.states
-
-    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
-
-        def __getattr__(self, name: str) -> Any:
-            """Raise an AttributeError that names the attribute to use instead, if there is one."""
-            if "states" in vars(self):
-                x = self._variable
-                if name in ("omega", "x"):
-                    raise AttributeError(
-                        f"no attribute {name!r}: the states of this run are run.{x}"
-                    )
-                instead = self._table.get(name, "").format(x=x)
-                labels = [*self.body._labels]
-                alike = [k for k, label in enumerate(labels) if label.lower() == name.lower()]
-                if name in labels or (alike and not instead):
-                    instead = f"run.{x}[..., {labels.index(name) if name in labels else alike[0]}]"
-                elif name in import_module("suslov_fast").__all__:
-                    instead = f"suslov_fast.{name}(run.body, run.{x}, ...)"
-                elif name in self.body.parameters:
-                    instead = f"run.body.parameters[{name!r}]"
-                here = "" if name.startswith("_") else import_module("suslov_fast")._here(name)
-                if instead := instead or here or nearest(name, dir(self)):
-                    raise AttributeError(f"no attribute {name!r}: use {instead}")
-            raise AttributeError(f"a run has no attribute {name!r}", name=name, obj=self)
-
-    def __dir__(self) -> list[str]:
-        other = "x" if self._variable == "omega" else "omega"
-        hidden = {other, *QUANTITIES} - {*self._functions}
-        return [name for name in super().__dir__() if name not in hidden]
-
-    def __len__(self) -> int:
-        return len(self.states)
-
-    def __getitem__(self, index: Any) -> FloatArray:
-        if isinstance(index, str):
-            labels = self.body._labels
-            part = f"{self._variable}[..., {labels.index(index) if index in labels else 'k'}]"
-            is_attribute = index in dir(self) and index not in labels
-            raise TypeError(f"run[{index!r}]: use run.{index if is_attribute else part}")
-        states: FloatArray = self.states[index]
-        return states
-
-    def __iter__(self) -> Iterator[FloatArray]:
-        return iter(self.states)
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        if copy is None:  # NumPy 1.26 does not accept None
-            return np.asarray(self.states, dtype)
-        return np.array(self.states, dtype, copy=copy)
-
-    @property
-    def ok(self) -> bool:
-        """True if no trajectory failed; a passed pole is not a failure."""
-        return bool((self.status >= 0).all())
+    _titles: Any
+    _meaning: Any
 
     first_integral = quantity("first_integral")
     energy = quantity("energy")
     reaction = quantity("reaction")
+
+    @public
+    def plot(
+        self,
+        *names: int | str | Sequence[int | str],
+        components: Sequence[int | str] = (0, 1),
+        lines: bool | None = None,
+        color: Any = None,
+        title: str | bool | None = True,
+        ax: Any = None,
+    ) -> Any:
+        """Draw the states over two components, over time, or in space (extra `plots`).
+
+        Of more than 100,000 states, joined by lines, it draws pieces of orbits; of more than
+        1,000,000 dots as many, chosen at random. A space-time picture of a chain of many variables
+        is ``ax.imshow(run.x, aspect="auto")``.
+
+        Parameters
+        ----------
+        *names : int or str
+            The components to draw, as in ``run.plot("time", "x1")``; one tuple, or `components`, is
+            the same.
+        components : sequence of int or str
+            Two or three indices or labels, such as ``("x1", "x3")``, or "time". Three are drawn in
+            space.
+        lines : bool, optional
+            Whether to join consecutive states, those of a motion in the order of time; by default
+            if all states of a run are saved, and they lie close together.
+        color : str or array_like(float, shape=(...)), optional
+            A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
+            default the parameter of a family, else the level of the conserved quantity.
+        title : str, optional
+            By default the map, the number of orbits and how many states are drawn; None leaves it
+            out.
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on, 3-D axes for three components; by default those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no such component or colour, or `ax` has the wrong kind.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField, iterate
+        >>> predators = lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1])
+        >>> field = QuadraticField.from_function(predators, "prey predator")
+        >>> run = iterate(field, [[1.0, 0.5], [1.0, 0.3]], eps=1 / 64, steps=1000)
+        >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
+        >>> run.plot("time", "prey", color="black", title=None)  # doctest: +SKIP
+        """
+        from . import plot  # which imports Matplotlib
+
+        chosen = names[0] if len(names) == 1 else names or components
+        return plot.plot_run(self._in_order(), chosen, lines, color, title, ax)
+
+    def _in_order(self) -> Any:
+        """Return the run with its states in the order of time."""
+        return self
+
+    @public
+    def to_xarray(
+        self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
+    ) -> xarray.Dataset:
+        """Return the run as a labelled `xarray.Dataset` (extra `xarray`).
+
+        Parameters
+        ----------
+        dims : str or sequence of str, optional
+            Names of the batch axes. By default that of the first named parameter of a field that
+            varies along the axis alone; without one "trajectory", or "batch_0", "batch_1", ... An
+            axis with the name of a parameter, or "eps", has its values as the coordinate:
+            ``data.sel(eps=0.2)``.
+        coords : mapping, optional
+            Coordinates along these axes, as for `xarray.Dataset.assign_coords`.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions: "n" for a run of a map, "time" for a motion, those of the batch, and
+            "component"; ``to_dataframe()`` has a row for each component of each state. Coefficients
+            of a `QuadraticField` are coordinates, one for each monomial: linear_2 for x2,
+            quadratic_1_3 for x1 x3.
+
+        Raises
+        ------
+        ValueError
+            If the number of names is not that of the axes, or a name is taken.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> orbits = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
+        >>> data = orbits.to_xarray(dims="start", coords={"start": ["fast", "slow"]})
+        >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
+        -0.7
+        """
+        from .files.datasets import to_xarray
+
+        return to_xarray(self, dims, coords)
 
 
 def read_only(array: NDArray[T]) -> NDArray[T]:

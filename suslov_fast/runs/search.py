@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..bodies.fields.advice import arguments_of
 from ..checks import FloatArray, require, wrong
+from ..core.motion.refine import crossing_fractions
 from ..core.users.sign_changes import sort_by_orbit, write_crossings
 from ..engine.arguments import flat_parameter
 from ..engine.status import Status
 from ..engine.stretches import March, Report
 from .functions import returned_at, values_at
-from .refine import crossing_fractions
 
 # Numbers in a piece: long, because each piece costs as much as some steps, and each round of a
 # refinement as much as many; but shorter than outputs that kernels write past the caches
@@ -191,7 +191,9 @@ class Search:
             return found
 
         before = np.where(k == 0, self.last[which], values[k - 1, which])
-        return crossing_fractions(values_at, numbers[:, -1], before, values[k, which])
+        found: tuple[FloatArray, NDArray[np.bool_]]
+        found = crossing_fractions(values_at, numbers[:, -1], before, values[k, which])
+        return found
 
     def _note_poles(self, integers: NDArray[np.int64]) -> None:
         """Give trajectories whose steps have a pole within their length the status of one."""

@@ -68,7 +68,7 @@ class OfMotion:
 
     def __init__(self, field: Any, start: FloatArray, rtol: float) -> None:
         self.field, self.settings = field, Settings(rtol, None, np.inf, None)
-        (_, f, table), *_ = field._listed_right_hand_sides
+        (_, f, table), *_ = field.listed_right_hand_sides
         self.f, self.table = f, table[0][:, np.newaxis]
         self.rate = f.value(start, table[0])
         depends = {i for i, _ in f.pattern}

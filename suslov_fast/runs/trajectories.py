@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +15,12 @@ from ..engine.problem import Problem, checked_out
 from ..engine.status import first_beyond
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
-from ..keywords import public, unchanging
+from ..keywords import public
 from ..maps import Map
 from .failures import ON_SINGULAR, OnSingular, report_failures
-from .results import INSTEAD_IN_RUNS, States, in_short, quantity, read_only
-
-if TYPE_CHECKING:
-    import xarray
+from .results import States, in_short, quantity, read_only
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectories(States):
     """Orbits of a batch, with the status of each: the result of :func:`iterate`.
@@ -73,8 +68,6 @@ class Trajectories(States):
     >>> f"{np.ptp(orbit.energy()):.0e}", bool(np.ptp(orbit.modified_energy()) < 1e-14)
     ('2e-03', True)
     """
-
-    _table = INSTEAD_IN_RUNS
 
     states: FloatArray
     eps: float | FloatArray
@@ -144,6 +137,14 @@ class Trajectories(States):
         )
 
     @property
+    def _titles(self) -> dict[str, str]:
+        return {"title": self.map.title, "map": self.map.name}
+
+    @property
+    def _meaning(self) -> str:
+        return self.map.meaning
+
+    @property
     def _is_whole(self) -> bool:
         return bool(self.n[-1] == len(self) - 1)
 
@@ -184,105 +185,6 @@ class Trajectories(States):
     modified_energy = quantity("modified_energy")
     criticality = quantity("criticality")
     to_xy = quantity("to_xy")
-
-    @public
-    def plot(
-        self,
-        *names: int | str | Sequence[int | str],
-        components: Sequence[int | str] = (0, 1),
-        lines: bool | None = None,
-        color: Any = None,
-        title: str | bool | None = True,
-        ax: Any = None,
-    ) -> Any:
-        """Draw the saved states over two components, over time, or in space (extra `plots`).
-
-        Of more than 100,000 states, joined by lines, it draws pieces of orbits; of more than
-        1,000,000 dots as many, chosen at random. A space-time picture of a chain of many variables
-        is ``ax.imshow(run.x, aspect="auto")``.
-
-        Parameters
-        ----------
-        *names : int or str
-            The components to draw, as in ``run.plot("time", "x1")``; one tuple, or `components`, is
-            the same.
-        components : sequence of int or str
-            Two or three indices or labels, such as ``("x1", "x3")``; "time" is n * eps. Three are
-            drawn in space.
-        lines : bool, optional
-            Whether to join consecutive states; by default if all are saved and lie close together.
-        color : str or array_like(float, shape=(...)), optional
-            A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
-            default the parameter of a family, else the level of the conserved quantity.
-        title : str, optional
-            By default the map, the number of orbits and how many states are drawn; None leaves it
-            out.
-        ax : matplotlib.axes.Axes, optional
-            Axes to draw on, 3-D axes for three components; by default those of a new figure.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        TypeError, ValueError
-            If there is no such component or colour, or `ax` has the wrong kind.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField, iterate
-        >>> predators = lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1])
-        >>> field = QuadraticField.from_function(predators, "prey predator")
-        >>> run = iterate(field, [[1.0, 0.5], [1.0, 0.3]], eps=1 / 64, steps=1000)
-        >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
-        >>> run.plot("time", "prey", color="black", title=None)  # doctest: +SKIP
-        """
-        from . import plot  # which imports Matplotlib
-
-        chosen = names[0] if len(names) == 1 else names or components
-        return plot.plot_run(self, chosen, lines, color, title, ax)
-
-    @public
-    def to_xarray(
-        self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
-    ) -> xarray.Dataset:
-        """Return the run as a labelled `xarray.Dataset` (extra `xarray`).
-
-        Parameters
-        ----------
-        dims : str or sequence of str, optional
-            Names of the batch axes. By default that of the first named parameter of a field that
-            varies along the axis alone; without one "trajectory", or "batch_0", "batch_1", ... An
-            axis with the name of a parameter, or "eps", has its values as the coordinate:
-            ``data.sel(eps=0.2)``.
-        coords : mapping, optional
-            Coordinates along these axes, as for `xarray.Dataset.assign_coords`.
-
-        Returns
-        -------
-        xarray.Dataset
-            Dimensions: "n", those of the batch, and "component"; ``to_dataframe()`` has a row for
-            each component of each state. Coefficients of a field are coordinates, one for each
-            monomial: linear_2 for x2, quadratic_1_3 for x1 x3.
-
-        Raises
-        ------
-        ValueError
-            If the number of names is not that of the axes, or a name is taken.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D, iterate
-        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-        >>> orbits = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
-        >>> data = orbits.to_xarray(dims="start", coords={"start": ["fast", "slow"]})
-        >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
-        -0.7
-        """
-        from .files.datasets import to_xarray
-
-        return to_xarray(self, dims, coords)
 
     def __repr__(self) -> str:
         n = self.n

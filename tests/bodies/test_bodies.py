@@ -113,9 +113,9 @@ def test_families(body):
     for i, member in enumerate(members):
         assert member == body[i] == body[i - len(body)]
         assert member.shape == body.shape[1:]
-        for name, value in member._arrays.items():
-            whole = body._arrays[name]
-            axes = (*body.shape, *whole.shape[whole.ndim - body._axes.get(name, 0) :])
+        for name, value in member.arrays.items():
+            whole = body.arrays[name]
+            axes = (*body.shape, *whole.shape[whole.ndim - body.axes.get(name, 0) :])
             assert (np.broadcast_to(whole, axes)[i] == value).all()
     assert body[:] == body
     assert body[1:].shape == (max(len(body) - 1, 0), *body.shape[1:])
@@ -133,10 +133,10 @@ INDICES = [
 def test_members_along_several_axes(index):
     """They have the parameters that NumPy selects, and share what all members share."""
     member = GRID[index]
-    for name, value in GRID._arrays.items():
+    for name, value in GRID.arrays.items():
         expected = np.broadcast_to(value, GRID.shape)[index]
         assert member.shape == expected.shape
-        assert (np.broadcast_to(member._arrays[name], expected.shape) == expected).all()
+        assert (np.broadcast_to(member.arrays[name], expected.shape) == expected).all()
     assert np.ndim(member.I13) == 0
     several = SuslovND(np.arange(1.0, 25).reshape(2, 3, 4), [0.1, 0.2, 0.3, 0.4])
     assert (several.J[index] == several[index].J).all()

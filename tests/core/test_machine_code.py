@@ -129,26 +129,6 @@ def test_numpy_computes_the_same_bits_where_llvm_refuses_the_code(rng, monkeypat
     np.testing.assert_allclose(start, after[1], rtol=1e-14)
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("batch", [1, 20])
-def test_a_long_list_is_divided(rng, monkeypatch, anew, batch):
-    """Into pieces that pass on what later ones need, with the same bits."""
-    q, linear = rng.normal(size=(6, 6, 6)), rng.normal(size=(6, 6))
-    field = sf.QuadraticField(q, linear, rng.normal(size=6))
-    x0 = rng.normal(size=(batch, 6))
-    args = field, x0, np.full(batch, 0.02), 20
-    whole = sf.iterate(*args, on_singular="ignore")
-    monkeypatch.setattr(operations, "WHOLE", 50)
-    monkeypatch.setattr(operations, "PIECE", 50)
-    monkeypatch.setattr(machine_code, "_codes", {})
-    monkeypatch.setattr(machine_code, "_engines", {})
-    monkeypatch.setattr(steps_field, "_step_of", steps_field._step_of.__wrapped__)
-    step = steps_field.scheme_of(field.terms[0], 6).step
-    assert len(step.pieces[0]) > 5
-    assert step.pieces[1]
-    assert sf.iterate(*args, on_singular="ignore") == whole
-
-
 @pytest.mark.parametrize("method", ["auto", "order4"])
 def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
     """Also where a step needs pivoting, passes a pole, or continues beyond one, in any cuts."""

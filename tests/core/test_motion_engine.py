@@ -9,7 +9,7 @@ from suslov_fast.core.lists.numbers import Number
 from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
 from suslov_fast.core.lists.step import evaluate
 from suslov_fast.core.lists.variational import variational
-from suslov_fast.core.motion import columns, engine, functions, half, one
+from suslov_fast.core.motion import columns, engine, functions, half, one, stepping
 from suslov_fast.core.motion.rows import State
 
 needs_code = pytest.mark.compiled
@@ -42,6 +42,12 @@ def pole_of_a_clock(s):
     return x / (t - 1.5), 1.0
 
 
+def driven_from_rest(s):
+    """With the value of number 1 and the constant 1.0 as results."""
+    x, v, t = s
+    return v, t.then("sin") - x, 1.0
+
+
 def lattice(s):
     D = len(s)
     return [s[i - 1] * (s[(i + 1) % D] - s[i - 2]) - s[i] + 8.0 for i in range(D)]
@@ -58,6 +64,7 @@ CASES = {
     "van_der_pol": (van_der_pol, np.array([[2.0, 0.0], [1.0, 1.0], [np.nan, 1.0]]), 900.0),
     "robertson": (robertson, np.array([[1.0, 0.0, 0.0], [0.5, 1e-5, 0.1]]), 4e4),
     "pole_of_a_clock": (pole_of_a_clock, np.array([[1.0, 0.0], [1.0, 2.0]]), 2.0),
+    "driven_from_rest": (driven_from_rest, np.array([[0.0, 0.0, 0.0], [0.3, 0.1, 1.0]]), 20.0),
     "large_lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(2, 60)), 0.5),
     "lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(3, 20)), 1.0),
 }
@@ -178,12 +185,13 @@ def test_one_trajectory_has_the_bits_of_a_batch(case):
         of_one = motion(f, x0[k : k + 1], times)
         assert_equal(of_one, (states[:, k : k + 1], t[[k]], steps[[k]], state[[k]]))
         settings = engine.Settings(1e-6, None, np.inf, None)
-        found = one.motion_of_one(f, b"", x0[k].tolist(), times, 1.0, settings)
+        given = x0[k].tobytes(), np.array(times).tobytes()
+        found = one.motion_of_one(f, b"", *given, 1.0, settings)
         if found is not None and state[k] == State.DONE:
             np.testing.assert_array_equal(
                 np.array(found[0]).reshape(states[:, k].shape), states[:, k]
             )
-            assert found[1] == (t[k], steps[k], state[k])
+            assert found[1:] == (t[k], steps[k], state[k])
 
 
 @needs_code
@@ -307,3 +315,19 @@ def test_populations_keep_their_sign():
         states, *_ = motion(f, x0, np.linspace(1.0, 60.0, 60), 1e-3, stiff=stiff)
         assert (states[:, :2] > 0.0).all()
         assert (states[:, 2, 0] == 0.0).all()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
+    f, x0, T = CASES[name]
+    f, states = right_hand_side(f, x0.shape[1]), np.full((1, *x0.shape), np.nan)
+    settings = engine.Settings(1e-6, None, np.inf, None)
+    steps = stepping.Stepping(f, np.zeros(0), x0, [T], 1.0, settings, states, 1)
+    state = steps.flat[:, steps.rows.state]
+    while (k := np.flatnonzero(state < State.DONE)).size:
+        some = steps.flat[k]
+        steps.attempt(some, k, T)
+        steps.flat[k] = some
+    rows = steps.rows
+    found = states, *(steps.flat[:, row] for row in (rows.t, rows.steps, rows.state))
+    assert_equal(found, motion(f, x0, [T]))

@@ -32,8 +32,7 @@ import os, sys, threading, warnings
 warnings.simplefilter("ignore", DeprecationWarning)
 child = os.fork()
 if child == 0:  # before its parent has threads, which children would be without
-    from suslov_fast.engine import threads
-    os._exit(threads._threads_are_gone)
+    os._exit(sf._threads_are_gone)
 assert os.waitpid(child, 0)[1] == 0
 assert (run() == expected).all()
 stop = threading.Event()
@@ -82,65 +81,6 @@ atexit.register(compute)
 thread = threading.Thread(target=lambda: (threading.main_thread().join(), compute()))
 thread.start()
 """
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_child_of_a_parent_that_is_in_a_parallel_call():
-    """Another thread of it may just be starting the threads of Numba."""
-    code = """
-        import os, threading, time, warnings
-        from suslov_fast.engine import threads
-        warnings.simplefilter("ignore", DeprecationWarning)
-        is_inside, is_over = threading.Event(), threading.Event()
-        def compute():
-            with threads._one_at_a_time:
-                is_inside.set()
-                is_over.wait()
-        for work in (is_inside.set, compute):
-            is_inside.clear()
-            is_over.clear()
-            thread = threading.Thread(target=work)
-            thread.start()
-            is_inside.wait()
-            child = os.fork()
-            if child == 0:
-                os._exit(threads._threads_are_gone * threads.available())
-            print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-            is_over.set()
-            thread.join()
-    """
-    assert children.run(code).split() == ["0", "1"]
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_child_of_a_parent_that_is_in_a_cached_property():
-    """In Python 3.11 the property has a lock, which the child would wait for."""
-    code = """
-        import os, signal, threading, warnings
-        import suslov_fast as sf
-        from suslov_fast.bodies import rigid
-        warnings.simplefilter("ignore", DeprecationWarning)
-        first, second = (sf.Suslov3D(number, 2, -0.5, -0.3) for number in (3, 4))
-        is_inside, is_over, exact = threading.Event(), threading.Event(), rigid.Fraction
-        def wait(number):
-            is_inside.set()
-            is_over.wait()
-            return exact(number)
-        rigid.Fraction = wait
-        thread = threading.Thread(target=lambda: first._field)
-        thread.start()
-        is_inside.wait()
-        child = os.fork()
-        if child == 0:
-            signal.alarm(20)
-            rigid.Fraction = exact
-            os._exit(second._field.dimension)
-        status = os.waitpid(child, 0)[1]
-        is_over.set()
-        thread.join()
-        print(os.waitstatus_to_exitcode(status), first._field.dimension)
-    """
-    assert children.run(code).split() == ["2", "2"]
 
 
 @pytest.mark.compiled
@@ -193,25 +133,6 @@ def test_children_of_a_parent_with_threads_of_others(started):
     two = {"NUMBA_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
     lines = children.run(f"{code}\n{CHILDREN}", PYTHONWARNINGS="ignore", **two).splitlines()
     assert lines == ["1 True"]
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-@pytest.mark.parametrize("loaded", ["", "torch"])
-def test_a_loaded_torch_counts_as_threads(loaded):
-    """Whether it started some, and whether the child has Numba before or after the fork."""
-    code = """
-        import os, sys, types, suslov_fast
-        if sys.argv[1]:
-            sys.modules[sys.argv[1]] = types.ModuleType(sys.argv[1])
-        for _ in range(2):
-            if os.fork() == 0:
-                from suslov_fast.engine import threads
-                os._exit(10 + threads._threads_are_gone)
-            print(os.waitstatus_to_exitcode(os.wait()[1]))
-            import suslov_fast.engine.threads
-    """
-    assert children.run(code, loaded).split() == [str(10 + bool(loaded))] * 2
 
 
 class Alarm(Exception):

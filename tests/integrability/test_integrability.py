@@ -2,7 +2,6 @@
 
 import _thread
 import functools
-import io
 import json
 import math
 import pickle
@@ -13,7 +12,6 @@ import threading
 from fractions import Fraction as F
 from itertools import pairwise, permutations, product
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +23,7 @@ from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
 pytest.importorskip("flint")
 
 import flint
-from test_planar import three_lines
+from papers import three_lines
 
 from suslov_fast.integrability import (
     RationalFunction,
@@ -37,18 +35,18 @@ from suslov_fast.integrability import (
     functions,
     growth as growth_of,
     hk_bases,
+    invariants,
     kahan,
-    normal_form,
     planar_entropy,
     polynomials,
+    process,
     rational_map,
     reducible,
     report,
     zoo,
 )
 from suslov_fast.integrability.functions import MODULAR
-from suslov_fast.integrability.invariants import Invariants
-from suslov_fast.integrability.normal_form import NormalForms
+from suslov_fast.integrability.invariants import Invariants, NormalForms
 from suslov_fast.integrability.report import Report
 from suslov_fast.integrability.search import Search
 from suslov_fast.integrability.tasks import Queue, Task
@@ -161,6 +159,8 @@ def test_the_map_its_inverse_and_its_derivative(n):
     symbolic = kahan(field)
     assert tuple(f.subs(eps)([]) for f in symbolic(x)) == image
     assert symbolic.subs(eps) == map == pickle.loads(pickle.dumps(map))
+    assert symbolic.inverse.subs(eps) == map.inverse != symbolic.subs(eps)
+    assert pickle.loads(pickle.dumps(symbolic.inverse)).inverse == symbolic != symbolic.inverse
 
 
 def test_rational_maps():
@@ -293,6 +293,7 @@ def test_growth_of_sequences(sequence, kind, entropy, error):
         ([2, 3, 5, 7, 10, 14, 18, 23, 30, 39, 49, 60, 71, 83, 95, 108], "quadratic"),
         ([3, 7, 13, 20, 27, 34, 43, 54], "quadratic"),
         ([2, 2, 3, 4, 4, 5, 6, 7, 7, 8, 8], "linear"),
+        ([2, 4, 7, 10, 14, 18], "quadratic"),  # 1, 0, 1, 0 may go on in any way
         # The recurrence of four-dimensional Lyness: of order 16.
         ([2, 3, 4, 4, 5, 7, 10, 13, 16, 19, 22, 26, 31, 36, 40, 44, 50, 57, 64, 70], "quadratic"),
     ],
@@ -301,7 +302,6 @@ def test_bounded_second_differences_without_a_period(sequence, order):
     """They are no evidence of any kind, but suggest an order. Periodic ones show it."""
     found = growth_of(sequence)
     assert found.kind == "unclear"
-    assert "not yet periodic" in found.based_on
     assert found.based_on.endswith(order)
     assert math.isnan(found.entropy)
     steps = np.cumsum([10, *[10, 8] * 3])
@@ -346,11 +346,6 @@ def test_recurrences_that_are_refused():
     late = [2, 3, 5, 9, 14, 7, 7, 7, 7, 7]
     assert growth_of(late).entropy_error > 0
     assert growth_of([*late, 7, 7])[1:3] == (0, 0)
-
-
-def test_the_shortest_recurrence_counts():
-    """The least transient plus order, then the least order: not d(k+3) = d(k+2) for all degrees."""
-    assert growth_of([5, 7, 4, 4, 4, 4, 4, 4]).based_on.endswith("all 8 degrees but the first 2")
 
 
 # Relations along orbits, and polynomials of one cofactor.
@@ -591,34 +586,31 @@ LINES = from_hamiltonian(
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
-    ("field", "eps", "message"),
+    ("field", "eps"),
     [
-        pytest.param(LINES, 1, "the image is a curve", marks=pytest.mark.slow),
-        (field_of(lambda x: (x[0], 2 * x[1]), 2), -1, "the image is a curve"),
-        (field_of(lambda x: (x[0], 2 * x[1]), 2), 2, "no solution"),
+        pytest.param(LINES, 1, marks=pytest.mark.slow),
+        (field_of(lambda x: (x[0], 2 * x[1]), 2), -1),
+        (field_of(lambda x: (x[0], 2 * x[1]), 2), 2),
         pytest.param(
-            *(field_of(lambda x: (x[0], 2 * x[1], x[0] * x[1]), 3), -2, "the image is a surface"),
-            marks=pytest.mark.slow,
+            *(field_of(lambda x: (x[0], 2 * x[1], x[0] * x[1]), 3), -2), marks=pytest.mark.slow
         ),
-        (field_of(lambda x: (2 * x[0], 2 * x[1], 2 * x[2], 2 * x[3], 1), 5), -1, "a curve"),
-        (field_of(lambda x: (2 * x[0], x[1], x[2], x[3], 1), 5), -1, "of dimension 4"),
-        (QuadraticField([[[0]]], [[-8]], [1]), EPS, "the image is a point"),
+        (field_of(lambda x: (2 * x[0], 2 * x[1], 2 * x[2], 2 * x[3], 1), 5), -1),
+        (QuadraticField([[[0]]], [[-8]], [1]), EPS),
     ],
 )
-def test_degenerate_step_sizes(field, eps, message):
-    """They are told as such, and listed if eps is symbolic: -eps, too."""
-    with pytest.raises(ArithmeticError, match=f"eps={eps}.*{message}"):
+def test_degenerate_step_sizes(field, eps):
+    """They raise an error, and are listed if eps is symbolic: -eps, too."""
+    with pytest.raises(ArithmeticError, match=f"eps={eps}"):
         report(field, eps)
     symbolic = report(field, degree=1)
     assert {F(eps), -F(eps)} <= {*symbolic.special_eps}
-    assert f"at eps = {', '.join(map(str, symbolic.special_eps))}." in repr(symbolic)
     assert report(field, F(eps) / 3, 1).finished
     listed = kahan(field).degenerate_eps
     x = [F(k * k, 7) for k in range(2, 2 + field.dimension)]
     for a in listed:
         with pytest.raises((ZeroDivisionError, AssertionError)):
             assert kahan(field, a).determinant(x) != 0
-    with pytest.raises(ArithmeticError, match="consists of poles"):
+    with pytest.raises(ArithmeticError):  # the image consists of poles
         degrees(kahan(LINES, 1), 3)
 
 
@@ -1248,84 +1240,36 @@ def test_every_report_on_the_way_has_a_text():
     assert {f.basis for f in early} == {MODULAR}
 
 
-def test_a_search_that_cannot_be_interrupted(monkeypatch):
-    """The limit holds whatever the search does: here its first part never ends."""
-    from suslov_fast.integrability import process
-
-    monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
-    found = report(CYCLE, EPS, time_limit=0.05)
-    assert not found.finished
-    assert "nothing yet" in repr(found)
-    monkeypatch.setattr(process, "_START", "pass")
-    with pytest.raises(RuntimeError):
+@pytest.mark.parametrize(
+    ("code", "error"),
+    [
+        ("import pickle, sys; pickle.dump(OSError('of its own'), sys.stdout.buffer)", OSError),
+        ("pass", RuntimeError),
+    ],
+)
+def test_errors_of_the_process_that_searches(monkeypatch, code, error):
+    """Its own error is not one of the pipe to it."""
+    monkeypatch.setattr(process, "_START", code)
+    with pytest.raises(error):
         report(CYCLE, EPS, time_limit=1000)
 
 
-@pytest.mark.slow
-def test_ctrl_c_without_a_limit(monkeypatch):
-    """A long search goes on in another process, from which Ctrl-C does not have to wait."""
-    from suslov_fast.integrability import process
+def test_a_search_that_never_ends(monkeypatch):
+    """The limit holds whatever the search does, and so does Ctrl-C.
 
-    calls = []
-    here = report(CUBIC, EPS, progress=lambda *done: calls.append(done))
-    monkeypatch.setattr(process, "_BRIEF", 0.0)
-    again = []
-    there = report(CUBIC, EPS, progress=lambda *done: again.append(done))
-    assert repr(there) == repr(here)
-    assert again == sorted(again)
-    assert {*again} <= {*calls}
-    monkeypatch.setattr(process.sys, "frozen", True, raising=False)
-    monkeypatch.setattr(process, "_START", "1 / 0")
-    assert repr(report(CUBIC, EPS)) == repr(here)  # an application cannot start Python
-
-
-def test_ctrl_c_while_another_process_searches(monkeypatch):
-    """Windows only notes Ctrl-C, as `interrupt_main` does; it ends no system call."""
-    from suslov_fast.integrability import process
-
-    monkeypatch.setattr(process, "_BRIEF", 0.0)
+    Windows only notes Ctrl-C, as `interrupt_main` does; it ends no system call.
+    """
     monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
+    found = report(CYCLE, EPS, time_limit=0.05)
+    assert (found.finished, found.searched) == (False, [])
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
     timer = threading.Timer(0.2, _thread.interrupt_main)
     timer.start()
     with pytest.raises(KeyboardInterrupt) as stopped:
-        report(CYCLE, EPS)
+        report(CYCLE, EPS, time_limit=1000)
     timer.join()
     signal.signal(signal.SIGINT, before)
     assert not stopped.value.report.finished
-
-
-def test_errors_of_the_process_that_searches(monkeypatch):
-    """Its own error is not one of the pipe to it."""
-    from suslov_fast.integrability import process
-
-    monkeypatch.setattr(process, "_BRIEF", 0.0)
-    text = "import pickle, sys; pickle.dump(OSError('of its own'), sys.stdout.buffer)"
-    for start, error, message in (
-        (text, OSError, "^of its own$"),
-        ("", RuntimeError, "^the process of the search ended$"),
-    ):
-        monkeypatch.setattr(process, "_START", start)
-        with pytest.raises(error, match=message):
-            report(CYCLE, EPS)
-
-
-def test_a_search_ends_with_the_process_that_waits_for_it(monkeypatch):
-    """A process that is killed leaves none behind: the system gives its search another parent."""
-    from suslov_fast.integrability import process
-
-    def written_by(parents):
-        given = io.BytesIO(pickle.dumps((Report(MAP, 1), 0)))
-        written = io.BytesIO()
-        monkeypatch.setattr(process.sys, "stdin", SimpleNamespace(buffer=given))
-        monkeypatch.setattr(process.sys, "stdout", SimpleNamespace(buffer=written))
-        monkeypatch.setattr(process.os, "getppid", iter(parents).__next__)
-        process.serve()
-        monkeypatch.undo()
-        return written.getvalue()
-
-    assert written_by([7, 1]) == b""
-    assert len(written_by([7] * 1000)) > 1000
 
 
 def test_the_order_of_files():
@@ -1356,61 +1300,45 @@ class Quantity(float):
 
 
 @pytest.mark.parametrize(
-    ("call", "error", "message"),
+    ("error", "argument", "call"),
     [
-        (lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1), ValueError, "field must"),
-        (lambda: kahan(CUBIC, [1]), TypeError, "eps.*the list"),
-        (lambda: kahan(CUBIC, Quantity(1)), TypeError, "eps.*without a unit, not a Quantity"),
-        (lambda: kahan(QuadraticField([[[1]]]), 1)([1]), ZeroDivisionError, r"\(1\) has no image"),
-        (lambda: kahan(CUBIC, "1/0"), ValueError, "eps must be numbers or strings.*'1/0'"),
-        (lambda: kahan(CUBIC).inverse, TypeError, "eps.*subs"),
-        (lambda: kahan(CUBIC).jacobian([1, 2]), TypeError, "eps"),
-        (lambda: reported(BODY).integrals[0]([1, 2]), TypeError, "eps"),
-        (lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1), TypeError, "cofactor"),
-        (lambda: degrees(CUBIC, 3), TypeError, r"map is a QuadraticField: .*kahan\(field, eps\)"),
-        (lambda: growth_of(CUBIC), TypeError, r"degrees\(map, n\).*QuadraticField"),
-        (lambda: hk_bases(MAP, 999), ValueError, "at most 30 for 2 variables .*999 .500500 coef"),
-        (lambda: degrees(MAP, -1), ValueError, "n.*not -1"),
-        (lambda: growth_of([1, 2.5]), TypeError, "degrees.*2.5"),
-        (lambda: growth_of([1, -2]), ValueError, "degrees.*not -2"),
-        (lambda: growth_of([1, 2], planar=2), TypeError, "planar.*not 2"),
-        (lambda: hk_bases(MAP, 2.5), TypeError, "monomials.*a degree or a list.*2.5"),
-        (lambda: hk_bases(MAP, [(1, 0), (1, 0)]), ValueError, "monomials.*different"),
-        (lambda: hk_bases(MAP, [(1, 0, 0)]), ValueError, r"monomials must.* 2 .*\(1, 0, 0\)"),
-        (lambda: report(BODY, EPS, 0), ValueError, "degree.*not 0"),
-        (lambda: report(CLEBSCH, degree=5), ValueError, "at most 4 for 6 variables .*210.*462"),
-        (lambda: report(MAP, EPS), ValueError, "eps must"),
-        (
-            lambda: report(BODY, EPS, time_limit=-1),
-            ValueError,
-            "time_limit must be 0 seconds or more.* not -1",
-        ),
-        (lambda: report(BODY, EPS, progress=3), TypeError, "progress.*not int"),
-        (lambda: darboux_polynomials(MAP, 1, "x"), TypeError, "cofactor.*the str"),
-        (lambda: darboux_polynomials(MAP, 1, lambda x: 0.5), TypeError, "cofactor .*the float"),
-        (lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0)), ArithmeticError, "undefined"),
-        (lambda: rational_map(3, 2), TypeError, "f.*not int"),
-        (lambda: rational_map(lambda x: (x[0],), 2), ValueError, "f must return 2 .* not 1"),
-        (lambda: rational_map(lambda x: (np.sin(x[0]), 1), 2), TypeError, "f must return 2.*sin"),
-        (lambda: rational_map(lambda x: (1 / (x[0] - x[0]), 1), 2), ValueError, "f.*is 0"),
-        (lambda: rational_map(lambda x: (x[0] ** 0.5, 1), 2), TypeError, "f.*integer"),
-        (
-            lambda: rational_map(lambda x: (x[1], x[0]), 2, lambda x: x),
-            ValueError,
-            "inverse is not",
-        ),
+        (ValueError, "field", lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1)),
+        (TypeError, "eps", lambda: kahan(CUBIC, [1])),
+        (TypeError, "eps", lambda: kahan(CUBIC, Quantity(1))),
+        (ValueError, "eps", lambda: kahan(CUBIC, "1/0")),
+        (ZeroDivisionError, r"\(1\)", lambda: kahan(QuadraticField([[[1]]]), 1)([1])),
+        (TypeError, "eps", lambda: kahan(CUBIC).jacobian([1, 2])),
+        (TypeError, "eps", lambda: reported(BODY).integrals[0]([1, 2])),
+        (TypeError, "map", lambda: degrees(CUBIC, 3)),
+        (ValueError, "n", lambda: degrees(MAP, -1)),
+        (TypeError, "degrees", lambda: growth_of(CUBIC)),
+        (TypeError, "degrees", lambda: growth_of([1, 2.5])),
+        (ValueError, "degrees", lambda: growth_of([1, -2])),
+        (TypeError, "planar", lambda: growth_of([1, 2], planar=2)),
+        (ValueError, "monomials .* 30 .*999", lambda: hk_bases(MAP, 999)),
+        (TypeError, "monomials", lambda: hk_bases(MAP, 2.5)),
+        (ValueError, "monomials", lambda: hk_bases(MAP, [(1, 0), (1, 0)])),
+        (ValueError, "monomials", lambda: hk_bases(MAP, [(1, 0, 0)])),
+        (ValueError, "degree", lambda: report(BODY, EPS, 0)),
+        (ValueError, "degree .* 4 .*462", lambda: report(CLEBSCH, degree=5)),
+        (ValueError, "eps", lambda: report(MAP, EPS)),
+        (ValueError, "time_limit", lambda: report(BODY, EPS, time_limit=-1)),
+        (TypeError, "progress", lambda: report(BODY, EPS, progress=3)),
+        (TypeError, "cofactor", lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1)),
+        (TypeError, "cofactor", lambda: darboux_polynomials(MAP, 1, "x")),
+        (TypeError, "the cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 0.5)),
+        (ArithmeticError, "the cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0))),
+        (TypeError, "f", lambda: rational_map(3, 2)),
+        (ValueError, "f", lambda: rational_map(lambda x: (x[0],), 2)),
+        (TypeError, "f", lambda: rational_map(lambda x: (np.sin(x[0]), 1), 2)),
+        (ValueError, "f", lambda: rational_map(lambda x: (1 / (x[0] - x[0]), 1), 2)),
+        (TypeError, "f", lambda: rational_map(lambda x: (x[0] ** 0.5, 1), 2)),
+        (ValueError, "inverse", lambda: rational_map(lambda x: (x[1], x[0]), 2, lambda x: x)),
     ],
 )
-def test_bad_input(call, error, message):
-    with pytest.raises(error, match=message):
+def test_bad_input(error, argument, call):
+    with pytest.raises(error, match=f"^{argument}"):
         call()
-
-
-def test_two_periods_of_second_differences_are_too_few():
-    """1, 0, 1, 0 may go on in any way."""
-    found = growth_of([2, 4, 7, 10, 14, 18])
-    assert found.kind == "unclear"
-    assert "not yet periodic" in found.based_on
 
 
 def test_the_normal_form_at_a_number_is_that_of_a_symbolic_eps():
@@ -1439,14 +1367,9 @@ def test_echelon_form_is_that_of_the_matrix_of_coefficients():
     def matrix(some):
         return sympy.Matrix([[int(P.to_dict().get(e, 0)) for e in columns] for P in some])
 
-    found = matrix(normal_form.in_echelon_form(space))
+    found = matrix(invariants.in_echelon_form(space))
     assert found.rank() == found.col_join(matrix(space)).rank() == len(space)
     for k, row in enumerate(found.tolist()):
         first, *_, last = (n for n, c in enumerate(row) if c)
         assert not any(found[k + 1 :, first])
         assert not any(found[:k, last])
-
-
-def test_a_recurrence_that_holds_from_the_identity_on_says_so():
-    text = "d(k+1) = 2 d(k), all 5 degrees and that of the identity"
-    assert growth_of([2, 4, 8, 16, 32]).based_on == text

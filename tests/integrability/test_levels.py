@@ -6,6 +6,7 @@ from fractions import Fraction as F
 
 import numpy as np
 import pytest
+from papers import lotka_volterra
 
 from suslov_fast import QuadraticField, SuslovND
 
@@ -31,18 +32,6 @@ def total(x):
     return x[0] + x[1] + x[2]
 
 
-def lotka_volterra(a, b, c):
-    """The sum of the three variables is an integral."""
-    return field_of(
-        lambda x: (
-            x[0] * (a * x[1] - b * x[2]),
-            x[1] * (c * x[2] - a * x[0]),
-            x[2] * (b * x[0] - c * x[1]),
-        ),
-        3,
-    )
-
-
 def rotors(a, b):
     """The gyrostat of Zhukovsky and Volterra."""
     products = lambda x: (x[1] * x[2], x[2] * x[0], x[0] * x[1])  # noqa: E731
@@ -59,11 +48,6 @@ def third_order(z):
     return rational_map(
         lambda x: (x[1], x[2], z(*x)), 3, inverse=lambda x: (z(*x[::-1]), x[0], x[1])
     )
-
-
-def entropy_by_degrees(map, n):
-    found = growth(degrees(map, n))
-    return found.entropy, max(found.entropy_error, 1e-9)
 
 
 def with_memory(z, h):

@@ -9,7 +9,7 @@ from suslov_fast import QuadraticField, Suslov3D
 
 pytest.importorskip("flint")
 
-from test_planar import three_lines
+from papers import three_lines
 
 from suslov_fast.integrability import kahan, locus, rational_map
 from suslov_fast.integrability.polynomials import exponents_up_to
@@ -113,23 +113,23 @@ def test_a_field_that_becomes_linear():
 
 
 @pytest.mark.parametrize(
-    ("call", "error", "message"),
+    ("error", "argument", "call"),
     [
-        (lambda: locus(3, 2), TypeError, "f.*function of the parameter"),
-        (lambda: locus(lambda b: b, 2), TypeError, "f must be a single QuadraticField or map"),
-        (lambda: locus(lambda b: Suslov3D(4, 1, 1, 0), 2), TypeError, "f.*Suslov3D at"),
-        (lambda: locus(lambda b: QuadraticField(np.zeros((2, 1, 1, 1))), 2), TypeError, "f must"),
-        (lambda: locus(lambda b: rotors(b / 0), 2), ArithmeticError, "f makes no map"),
-        (lambda: locus(lambda b: rotors(b) if b > 2 else henon_heiles(b), 2), ValueError, "f must"),
-        (lambda: locus(rotors, 0), ValueError, "degree.*not 0"),
-        (lambda: locus(rotors, 2, height=0), ValueError, "height.*not 0"),
-        (lambda: locus(rotors, 99), ValueError, "monomials.*at most"),
-        (lambda: locus(rotors, 2, progress=1), TypeError, "progress.*not int"),
-        (lambda: locus(lambda b: field_of(lambda x: (x[5],), 1), 2), ValueError, "f"),
+        (TypeError, "f", lambda: locus(3, 2)),
+        (TypeError, "f", lambda: locus(lambda b: b, 2)),
+        (TypeError, "f", lambda: locus(lambda b: Suslov3D(4, 1, 1, 0), 2)),
+        (TypeError, "f", lambda: locus(lambda b: QuadraticField(np.zeros((2, 1, 1, 1))), 2)),
+        (ArithmeticError, "f", lambda: locus(lambda b: rotors(b / 0), 2)),
+        (ValueError, "f", lambda: locus(lambda b: rotors(b) if b > 2 else henon_heiles(b), 2)),
+        (ValueError, "f", lambda: locus(lambda b: field_of(lambda x: (x[5],), 1), 2)),
+        (ValueError, "degree", lambda: locus(rotors, 0)),
+        (ValueError, "height", lambda: locus(rotors, 2, height=0)),
+        (ValueError, "monomials", lambda: locus(rotors, 99)),
+        (TypeError, "progress", lambda: locus(rotors, 2, progress=1)),
     ],
 )
-def test_bad_input(call, error, message):
-    with pytest.raises(error, match=message):
+def test_bad_input(error, argument, call):
+    with pytest.raises(error, match=rf"^{argument}\b"):
         call()
 
 

@@ -35,16 +35,16 @@ class Problem(NamedTuple):
         return np.array(naive.orbit(*inertia, self.eps, omega, steps, k), float)
 
 
-PICTURE, ROTOR = (4, 1, -0.5, -0.3), (2.3, 1.4, 0.5, -0.7)
+FIGURE, ROTOR = (4, 1, -0.5, -0.3), (2.3, 1.4, 0.5, -0.7)
 UNIT = 1.0, 1.0, 1.0, 0.0  # X = eps Omega1 / 2 and Y = -eps Omega2 / 2
 PROBLEMS = {
-    "picture 1": Problem(PICTURE, (1.0, 0.5), 0.2, 60),
-    "picture 1, backwards": Problem(PICTURE, (1.0, 0.5), -0.2, 60),
-    "picture 2": Problem((4, 3, -0.4, -0.2), (1.5, 0.25), 0.2, 60),
-    "picture 3": Problem((4, 2, 0, -0.2), (1.5, 0.25), 0.02, 60),
-    "picture 4, T > 1": Problem((3, 3, -0.2, -0.2), (-40.0, -250.0), 1.0, 12, 1e-13),
-    "long step, x < 0": Problem(PICTURE, (-1.0, -0.5), 4.0, 30),
-    "small step": Problem(PICTURE, (1.0, 0.5), 1e-9, 40),
+    "figure 1": Problem(FIGURE, (1.0, 0.5), 0.2, 60),
+    "figure 1, backwards": Problem(FIGURE, (1.0, 0.5), -0.2, 60),
+    "figure 2": Problem((4, 3, -0.4, -0.2), (1.5, 0.25), 0.2, 60),
+    "figure 3": Problem((4, 2, 0, -0.2), (1.5, 0.25), 0.02, 60),
+    "figure 4, T > 1": Problem((3, 3, -0.2, -0.2), (-40.0, -250.0), 1.0, 12, 1e-13),
+    "long step, x < 0": Problem(FIGURE, (-1.0, -0.5), 4.0, 30),
+    "small step": Problem(FIGURE, (1.0, 0.5), 1e-9, 40),
     "next to the line": Problem((2.0, 1.0, 0.0, 0.5), (1.5, 1e-9), 1.0, 60),
     "next to the line on its other side": Problem((2.0, 1.0, 0.0, 0.5), (-1.5, 1e-9), 1.0, 40),
     "at rest": Problem(UNIT, (0.0, 1.5), 0.5, 20, 0.0),
@@ -56,7 +56,7 @@ PROBLEMS = {
     "next to a pole": Problem(UNIT, (1.0, -3.001), 1.0, 6, 1e-12),
     "moments far apart": Problem((1e-8, 1e8, 0.3, 0.2), (1.0, 1.0), 1e-4, 30, 1e-13),
     "no products of inertia": Problem((3, 2, 0, 0), (1.0, -2.0), 0.3, 10, 0.0),
-    "no step": Problem(PICTURE, (1.0, 0.5), 0.0, 10, 0.0),
+    "no step": Problem(FIGURE, (1.0, 0.5), 0.0, 10, 0.0),
     "rotor, passes": Problem((*ROTOR, 0.05), (1.1, -0.4), 0.35, 60),
     "rotor, k next to A": Problem((*ROTOR, 0.9), (1.1, -0.4), 0.35, 60),
     "rotor, turns": Problem((*ROTOR, -3.0), (1.1, -0.4), -0.35, 60, 3e-14),
@@ -217,7 +217,7 @@ def test_large_outputs(mixture, size):
 @pytest.mark.parametrize("offset", [0, 1, 2, 3, 7])
 def test_outputs_at_any_address(rng, offset):
     """Pairs that straddle cache lines, for an odd offset, leave by plain stores."""
-    numbers, body = np.empty(1601 * 333 * 2 + 8), sf.Suslov3D(*PICTURE)
+    numbers, body = np.empty(1601 * 333 * 2 + 8), sf.Suslov3D(*FIGURE)
     out = numbers[offset : offset + 1601 * 333 * 2].reshape(1601, 333, 2)
     omega = rng.normal(size=(333, 2))
     few = [run(body, omega[:5], 0.2, 1600).states, run(body, omega[-5:], 0.2, 1600).states]
@@ -327,7 +327,7 @@ def test_states_are_brought_back_to_their_level(rng, k, size):
 def test_small_states(size):
     """What counts as 0 is relative to the state: a body hardly moves, a rotor turns it as it is."""
     start = np.array([1.0, 0.5])
-    body, omega = sf.Suslov3D(*PICTURE), size * start
+    body, omega = sf.Suslov3D(*FIGURE), size * start
     saved = run(body, omega, 0.2, 1200)
     same([saved.states, sf.step(body, omega, 0.2)], [np.tile(omega, (1201, 1)), omega])
     np.testing.assert_allclose(sf.exact(body, omega, 0.2, [-5, 3]), [omega] * 2, rtol=1e-15)

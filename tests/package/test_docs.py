@@ -93,9 +93,9 @@ def test_the_readme(tmp_path, monkeypatch, steps):
                 command, *arguments = shlex.split(line)
                 assert (command, main(arguments)) == ("suslov-fast", 0), line
     assert np.load(tmp_path / "run.npz")["states"].shape == (6, 1000, 2)
-    pictures = sorted((tmp_path / "pictures").iterdir())
-    assert [path.name for path in pictures] == [f"picture{k}.png" for k in (1, 2, 3, 4)]
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in pictures)
+    figures = sorted((tmp_path / "figures").iterdir())
+    assert [path.name for path in figures] == [f"figure{k}.png" for k in (1, 2, 3, 4)]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in figures)
     assert not plt.get_fignums()
 
 
@@ -107,7 +107,7 @@ def folder(tmp_path_factory):
 # Pages of long reports, of many orbits, and of loops that take long to compile; other tests have
 # shorter forms.
 LONG = "report.md", "cubic.md", "discretization.md", "compiled.md", "families.md", "potentials.md"
-LONG += "crossings.md", "diagrams.md", "many.md", "motion.md", "afternoon.md", "large.md"
+LONG += "crossings.md", "diagrams.md", "many.md", "motion.md", "large.md"
 
 
 @pytest.mark.compiled

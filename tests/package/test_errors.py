@@ -1,11 +1,504 @@
-"""Errors of the package: their base class, and what a report of a problem prints."""
+"""Errors: one table of bad calls, with the class of the error and the argument that it names.
 
+Words are free. Calls that compile kernels before they fail are in other files: this one runs first,
+while another process compiles them.
+"""
+
+import copy
+import importlib.util
+import inspect
+import json
+import math
+import pickle
 import platform
+import re
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse
+import sympy
+import xarray
+from numba import njit
+from pandas import NA, DataFrame, Series
+from scipy.interpolate import interp1d
 
 import suslov_fast as sf
+from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, checks, maps
+from suslov_fast.keywords import instead, public
+
+NAN, INF, ID = float("nan"), float("inf"), np.eye(3)
+OMEGA, ONES = [[1.0, 0.5], [0.2, 0.3]], np.ones((4, 2))
+BODY, ND = Suslov3D(4, 1, -0.5, -0.3), SuslovND([1, 2, 3], [1, 1, 1])
+ROTOR = SuslovGyrostat(4, 1, -0.5, -0.3, 0.9)
+BATCH = Suslov3D([[4.0], [2.0]], [1, 2, 3], -0.5, -0.3)
+FIELD = QuadraticField([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
+FAMILY = QuadraticField.from_function(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
+HENON = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
+SMOOTH = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
+NAMED = QuadraticField.from_function(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
+LISTS = {"indices": [[0], [0], [2]], "values": [1.0]}
+# Nothing is compiled when tests are collected.
+RUN, POINTS = (
+    sf.iterate(FIELD, [0.1, 0.2], 0.1, 1),
+    sf.crossings(FIELD, [0.1, 0.2], 0.1, 1, lambda x: x[..., 0] - 9),
+)
+MOTION = sf.flow(BODY, [1.0, 0.5], time=[0.0, 1.0])
+COFACTOR = sf.integrability.cofactors(sf.integrability.kahan(FIELD), 1)[-1]
+
+
+def body(**given):
+    return lambda: Suslov3D(**{"I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3, **given})
+
+
+def rotor(**given):
+    return lambda: SuslovGyrostat(**{"I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3, "k": 1, **given})
+
+
+def field(f, dimension=2, **parameters):
+    return lambda: QuadraticField.from_function(f, dimension, **parameters)
+
+
+def interpolated(x):
+    return interp1d([0, 1], [0, 1])(x[0]), x[1]
+
+
+def hamiltonian(H, dimension=2, *K, **parameters):
+    return lambda: QuadraticField.from_hamiltonian(H, dimension, *K, **parameters)
+
+
+def inertia(I, a=(0, 0, 1)):
+    return lambda: Suslov3D.from_inertia(I, a)
+
+
+def changed(field=FIELD, **entries):
+    return lambda: QuadraticField.from_dict(field.to_dict() | entries)
+
+
+def run(**given):
+    """`iterate` with some arguments replaced; an array `out` is not changed by a bad call."""
+    arguments = {"body": BODY, "omega0": OMEGA, "eps": 0.2, "steps": 3, **given}
+    body, omega0 = arguments.pop("body"), arguments.pop("omega0")
+    return lambda: sf.iterate(body, omega0, **arguments)
+
+
+def crossings(surface):
+    return lambda: sf.crossings(BODY, OMEGA, 0.2, 3, surface)
+
+
+class Tensor:
+    """An array of another package, which converts itself, or refuses to."""
+
+    def __init__(self, values):
+        self.values = values
+
+    def __array__(self, dtype=None, copy=None):
+        if self.values is None:
+            raise RuntimeError("call detach() first")
+        return np.asarray(self.values, dtype)
+
+
+TABLE = [
+    (TypeError, "a", inertia(ID, "z"), field(lambda x, a: (a * x[0], 1), a="1"),
+     field(lambda x, a: (a * x[1], -x[0]), a=None),
+     lambda: sf.iterate(FIELD, [1, 0], 0.1, 10, a=2),
+     field(lambda x, a: (a * x[0],), 1, a=sympy.Symbol("a"))),
+    (ValueError, "a", lambda: SuslovND.from_mass_tensor(ID, [1, 2]), inertia(ID, [0, 1]),
+     inertia(ID, [0, 0, 0]), field(lambda x, a: (a * x[0], 1), a=[NAN])),
+    ((TypeError, ValueError), "attitude",
+     lambda: sf.momentum(BODY, [1, 2], rotation=ID, attitude=ID)),
+    (TypeError, "attitude", run(body=FIELD, attitude=True)),
+    (ValueError, "attitude", field(lambda x, attitude: (1, 2), attitude=1), run(attitude=1),
+     run(attitude=np.stack([np.eye(3)] * 5)),
+     lambda: sf.to_matrix(BODY, [1, 2], attitude=np.ones(3))),
+    (ValueError, "b", field(lambda x, a, b: (a * x[0], b), a=[1, 2], b=[1, 2, 3])),
+    (TypeError, "body", lambda: len(BODY), lambda: BODY[0], lambda: QuadraticField.of(3),
+     run(body=(BODY, ID)), lambda: sf.iterate(abs, [1.0, 0.5], 0.1, 1), run(body=Suslov3D),
+     run(body=3), run(body=lambda x: x), lambda: sf.step_full(ROTOR, [1, 2, 0], 0.1),
+     lambda: sf.energy(FIELD, [1, 2]), lambda: sf.modified_energy(FIELD, [1, 2], 0.1),
+     lambda: sf.first_integral(HENON, [1, 2], 0.1), lambda: sf.closed_form(ROTOR, [1, 2], 0.1),
+     lambda: sf.scattering_angle(ROTOR), lambda: sf.to_vector(ND, [1, 2, 3]), run(body="lorenz"),
+     run(body=None), run(body=OMEGA, omega0=BODY), run(body=[BODY, BODY]),
+     run(body=sf.compiled.frame(BODY, 0.1)), run(body=HENON.H),
+     lambda: sf.lyapunov_exponents(RUN, [0.1, 0.2], 0.1, 3),
+     lambda: sf.criticality(FIELD, [1, 2], 0.1), lambda: sf.plot_phase(ND, 0.1, 4),
+     lambda: sf.animate_body(ND), lambda: sf.iterate(FIELD.to_dict(), [1, 0], 0.1, 10)),
+    (ValueError, "body", lambda: Suslov3D.from_dict(ROTOR.to_dict()),
+     changed(HENON, body="Suslov3D"), lambda: sf.plot_phase(Suslov3D(1, 2, 0, 0), 0.1, 4),
+     lambda: sf.animate_body(BODY, eps=[0.1, 0.2]), lambda: sf.explore(BATCH)),
+    (ValueError, "color", lambda: RUN.plot(color=[1, 2])),
+    (ValueError, "components",
+     lambda: RUN.plot(components=(0, 2)),
+     lambda: RUN.plot("run.png"), lambda: RUN.plot("time", "energy"),
+     lambda: POINTS.plot("rho", "u")),
+    (sf.NotIntegrableError, "criticality", lambda: sf.criticality(ND, [1, 2, 3], 0.1)),
+    (TypeError, "crossings", lambda: POINTS["x1"], lambda: POINTS[0]),
+    (TypeError, "dimension", field([1, 2], [*sympy.symbols("u v")]), field(2, lambda x: x),
+     field(lambda x: (1,), 1.5), field(tuple, ["u", 1])),
+    (ValueError, "dimension", changed(dimension=0), field(lambda x: (x[1], 1), r"\theta w"),
+     field(lambda x: (x[1], 1), ["my angle", "w"]), field(tuple, "u lambda"), field(tuple, "u u"),
+     field(tuple, ["a b"]), field(tuple, "u eps"), field(tuple, ""), field(tuple, "x2 x1"),
+     hamiltonian(lambda x: x[0], 3), hamiltonian(lambda x: x[0], "x px y py"),
+     hamiltonian(lambda x: x[0], "q1 p1 q2 p2"), field(lambda x: (x[1], -x[0]), "2")),
+    (TypeError, "dims", lambda: RUN.to_xarray(3)),
+    (ValueError, "dims", lambda: RUN.to_xarray("a")),
+    (TypeError, "eps", run(eps=[0.2, True]), run(eps=Decimal("0.01")),
+     run(eps=np.timedelta64(1, "s")), lambda: COFACTOR.subs({"x": 1})),
+    (ValueError, "eps", field(lambda x, eps: (1, 2), eps=1),
+     lambda: sf.attitude(BODY, np.ones((4, 5, 2)), [1, 2]),
+     lambda: sf.plot_phase(BODY, [[1, 0.5]])),
+    (ValueError, "extent", lambda: sf.RandomStarts(3, (-1, 2))),
+    (ValueError, "extent", lambda: sf.RandomStarts(3, 0.0), lambda: sf.plot_phase(BODY, 10, 4)),
+    (TypeError, "f", field(np.sin), field(lambda x: (1 / x[0], x[1])),
+     field(lambda x: (np.exp(x[0]), 1)), field(lambda x: (2 ** x[0], 1)),
+     field(lambda x: (abs(x[0]), 1)), field(lambda x: (max(x[0], 1), 1)),
+     field(lambda x: np.linalg.solve(ID[:2, :2], x)), field(lambda x: (None, 1)),
+     field(lambda x: (x[0] if x[0] == 0 else 1, x[1])), field(lambda x: (math.sin(x[0]), 1)),
+     field(lambda *x: x), field(lambda: 3), field(sympy.lambdify(sympy.symbols("u v"), [1, 2])),
+     field(lambda t, y: y), field(lambda y, t: y), field(lambda x, y, z: (x, y, z), 3),
+     field(njit(lambda t, u: u)), field(lambda x, p: (p[0], 1), p=[1, 2]),
+     field(lambda x, *, a: x), field(lambda x, eps: x), field(lambda x: ("1", 1)), field(None),
+     field(lambda x, rho: (rho, x[0])), field(lambda x, rho=1: (x[0], x[1]), roh=1)),
+    (ValueError, "f", field(lambda x: (x[0] * x[1], x[0]), 3),
+     field(lambda x: (x[0] * x[2], x[0])), field(lambda x: (x[0] / 0, 1)),
+     field(lambda x: [a for a, b, c in [x]]), field(lambda x: (x[0] ** 0.5, x[1])),
+     field(lambda x: (x[0] * NAN, x[1])), field(lambda x: (x[0] ** 3, x[1])),
+     field(lambda x, A: A @ x, A=ID[:2, :2]), field(lambda x: None), field(interpolated),
+     field(lambda x: x[0] * x[1]), field(lambda x, a: (10**70 * x[0] * a, 1), a=[1, 2])),
+    (TypeError, "field", lambda: sf.integrability.kahan(SMOOTH),
+     lambda: sf.integrability.kahan(lambda x: x), lambda: sf.integrability.kahan(BODY),
+     lambda: sf.integrability.report(len)),
+    (sf.NotIntegrableError, "first_integral", lambda: sf.first_integral(ND, [1, 2, 3], 0.1)),
+    (ValueError, "fps", lambda: sf.animate_body(BODY, fps=0)),
+    (TypeError, "H", changed(HENON, H=[1.0]), hamiltonian(lambda q, p: q * p), hamiltonian(None),
+     hamiltonian(lambda x: (x[0], x[1])), hamiltonian(lambda x, K: x[0])),
+    (ValueError, "H", changed(HENON, H={**LISTS, "indices": [[0], [1], [3]]}),
+     changed(HENON, H={**LISTS, "values": [1, 2]}),
+     changed(HENON, H={**LISTS, "values": [[1e70]]}), changed(HENON, H={"values": [1.0]}),
+     hamiltonian(lambda x: x[0] ** 4)),
+    (ValueError, "I", lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2.0, -0.1]), [1, 2, 3]),
+     inertia(np.eye(2)), inertia(np.triu(np.ones((3, 3)))),
+     inertia(np.diag([1, 1, 1e-17]), [1, 2, 3]), inertia(np.diag([1, 2, 4])),
+     lambda: Suslov3D.from_inertia(np.triu(ID + 0.1), [0, 0, 1]),
+     lambda: Suslov3D.from_inertia(np.diag([1.0, 1, 3]), [0, 0, 1])),
+    (TypeError, "I1", body(I1=[4, True])),
+    (ValueError, "I1", body(I1=1e51), lambda: Suslov3D(ID, 1, 0, 0)),
+    (ValueError, "I13", body(I13=[1, INF]), lambda: BATCH.sel(I13=-0.5),
+     lambda: Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1})),
+    (TypeError, "I2", lambda: BATCH.sel(I2=slice("a"))),
+    (ValueError, "I2", body(I2=[1, 2, -3]), body(I1=[1, 2], I2=[1, 2, 3]),
+     lambda: BATCH.sel(I2=slice(1, 2, 1)), lambda: BATCH.sel(I2=slice(1, 2), method="nearest"),
+     lambda: BATCH.sel(I2=2.5), lambda: BATCH.sel(I2=[1, 2])),
+    (TypeError, "I23", body(I23=1j), body(I23="0.3")),
+    (TypeError, "I3", lambda: sf.step_full(BODY, [1, 2, 3], 0.1)),
+    (ValueError, "I3", body(I3=9e-51)),
+    (IndexError, "index", lambda: BATCH[2], lambda: BATCH[1, 3], lambda: BATCH[0, 0, 0],
+     lambda: BATCH[[True]]),
+    (TypeError, "index", lambda: BATCH["a"], lambda: BATCH[None]),
+    (ValueError, "indices", changed(dimension=1)),
+    (sf.NotIntegrableError, "invariant_density",
+     lambda: sf.invariant_density(SuslovND([1, 2, 3], [1, 1, 0]), [1, 2, 3], 0.1)),
+    (ValueError, "J", lambda: SuslovND([1, 0], [1, 2]), lambda: SuslovND([1, 1e61], [1, 2]),
+     lambda: SuslovND(np.diag([1.0, 2]), 1)),
+    (ValueError, "J and I", lambda: SuslovND([1, 2], [1, 2, 3]), lambda: SuslovND(1, 2)),
+    (TypeError, "K", hamiltonian(len, 3, len)),
+    (TypeError, "k", rotor(k=None)),
+    (ValueError, "K", changed(HENON, K=[[0, 2], [2, 0]]),
+     changed(HENON, K={"indices": [[0], [2]], "values": [1]}),
+     changed(HENON, K={"indices": [[0], [1]], "values": [1]}),
+     hamiltonian(lambda x: x[0], 2, np.eye(2))),
+    (ValueError, "k", rotor(k=[1, 1e-70]), changed(HENON, k=1)),
+    (ValueError, "levels", lambda: sf.plot_phase(BODY, 0.2, 4, levels=0)),
+    (ValueError, "linear", lambda: QuadraticField([[[1]]], [[Fraction(1, 10**61)]]),
+     lambda: QuadraticField([[[1]]], [1, 2]),
+     lambda: QuadraticField(np.ones((2, 1, 1, 1)), np.ones((3, 1, 1))),
+     lambda: QuadraticField(np.zeros((2, 2, 2)), np.eye(3))),
+    (KeyError, "lorenz", lambda: sf.integrability.zoo()["lorenz"]),
+    (ValueError, "low", lambda: sf.RandomStarts(3, low=1, high=1),
+     lambda: sf.RandomStarts(3, low=(0, 2), high=1),
+     lambda: sf.RandomStarts(3, low=-1.7e308, high=1.7e308)),
+    (ValueError, "mass", lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3})),
+    (ValueError, "method", lambda: BATCH.sel(I2=2, method="pad"),
+     hamiltonian(lambda x, method: 1, method=1), run(method="rk4"), run(method=["auto"])),
+    (TypeError, "monomials", lambda: sf.integrability.hk_bases(sf.integrability.kahan(FIELD), "2")),
+    (ValueError, "n", field(lambda x, **n: (1, 2), n=1),
+     lambda: sf.exact(BODY, [1, 0], 0.1, np.inf),
+     lambda: sf.exact(BODY, [1.0, 0.5], 0.2, [[1, 2]])),
+    (TypeError, "names", field(lambda x: x, names="u v"), lambda: QuadraticField([[[1]]], names=2)),
+    (ValueError, "names", lambda: QuadraticField([[[1]]], names="u v"),
+     changed(names=["u", "eps"])),
+    (ImportError, "nothing", lambda: checks.extra("nothing.more", "large")),
+    (ValueError, "omega", lambda: sf.attitude(BODY, [1.0, 0.5], 0.2),
+     lambda: sf.attitude(BODY, np.ones((0, 2)), 0.2)),
+    (TypeError, "omega0", run(omega0=[None, 1]), run(omega0=[1j, 1]),
+     run(omega0=[Decimal(1), Decimal(2)]), run(omega0={1.0, 2.0}),
+     run(omega0=scipy.sparse.csr_matrix(np.eye(2))), run(omega0=np.zeros(3, "f8, f8")),
+     run(omega0=np.array([1.0, NA])), run(omega0=(x for x in (1.0, 2.0))),
+     run(omega0=Tensor(None))),
+    (ValueError, "omega0", run(omega0=[[1, 2], [3]]), run(omega0=[10**400, 1]),
+     run(omega0=np.ma.masked_less([1.0, -1.0], 0)),
+     run(omega0=[np.ma.masked_less([1.0, -1.0], 0)] * 2), run(omega0=[1.0, 0.5, 0.2]),
+     run(body=BATCH, omega0=np.ones((4, 2))), run(omega0=1.0), run(omega0=[[1.0], [2.0]]),
+     run(omega0=np.zeros((2, 0))), lambda: sf.explore(BODY, [1, 2, 3])),
+    (ValueError, "on_singular", run(on_singular="stop")),
+    (TypeError, "out", run(out=[[0, 0]]), run(out=np.zeros((4, 2, 2), "f4")), run(out=[])),
+    (ValueError, "out", run(out=np.zeros((3, 2, 2))),
+     run(out=np.frombuffer(bytes(128)).reshape(4, 2, 2)), run(out=np.zeros((4, 2, 4))[..., ::2])),
+    (TypeError, "overwrite", lambda: RUN.save("run.npz", "yes")),
+    (TypeError, "p", field(lambda x, p: (p["k"] * x[0],), 1, p={"k": 2})),
+    (TypeError, "parameters", lambda: sf.body_from_dict(json.dumps(BODY.to_dict())),
+     lambda: Suslov3D.from_dict("body.json"), lambda: sf.body_from_dict([1, 2]),
+     lambda: sf.body_from_dict(Path("body.json")), lambda: FAMILY.parameters.__setitem__("rho", 3)),
+    (ValueError, "parameters", changed(HENON, values=[1.0, 0.0]),
+     changed(HENON, parameters={"x": 1.0}), field(lambda x, a, t: (1, 2), a=1, t=1)),
+    (TypeError, "path", lambda: RUN.save(None)),
+    (ValueError, "path", lambda: RUN.save("run")),
+    (TypeError, "progress", run(progress=0)),
+    (ValueError, "q", changed(q=1)),
+    (TypeError, "quadratic", lambda: QuadraticField(lambda x: x),
+     lambda: QuadraticField([[["1"]]]), lambda: QuadraticField(["y", "-x"])),
+    (ValueError, "quadratic",
+     lambda: sf.body_from_dict({"body": "QuadraticField", "quadratic": [[["1e99999999"]]]}),
+     lambda: QuadraticField([[[Decimal("1e99999999")]]]),
+     lambda: QuadraticField([[[Decimal("1e-99999999")]]]), lambda: QuadraticField(ID),
+     lambda: QuadraticField([[1, 2], [3, 4]]), lambda: QuadraticField(np.full((2, 1, 1, 1), NAN)),
+     lambda: QuadraticField([[[10**400]]])),
+    (ValueError, "r", lambda: FAMILY.sel(r=20)),
+    (TypeError, "R0", lambda: sf.attitude(BODY, ONES, 0.2, True)),
+    (ValueError, "R0", lambda: sf.attitude(BODY, ONES, 0.2, 2 * ID),
+     lambda: sf.attitude(BODY, ONES, 0.2, -ID)),
+    (TypeError, "RandomStarts", lambda: np.asarray(sf.RandomStarts((3, 2), 5.0)),
+     lambda: sf.RandomStarts(3, 5.0)[:]),
+    (TypeError, "rho", lambda: FAMILY["rho"]),
+    (ValueError, "rho", lambda: FAMILY.sel(rho=21)),
+    (ValueError, "rotation", lambda: sf.to_matrix(BODY, [1, 2], rotation=np.eye(2))),
+    (TypeError, "run", lambda: RUN["x1"], lambda: RUN["time"]),
+    (FileNotFoundError, "run.npz", lambda: sf.Trajectories.load("nowhere/run.npz")),
+    (TypeError, "save_every", run(save_every=1.5)),
+    (ValueError, "save_every", run(save_every=0)),
+    (ValueError, "sel", lambda: BODY.sel(I1=4), lambda: FIELD.sel(rho=2)),
+    (ValueError, "size", lambda: sf.RandomStarts(-1, 1.0)),
+    (ValueError, "status", lambda: sf.Status(-128)),
+    (TypeError, "steps", run(steps=10.0), run(steps=True), run(steps="100"), run(steps=None)),
+    (ValueError, "steps", run(steps=-1), run(steps=2**64),
+     lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0), run(steps=10**20),
+     lambda: sf.explore(BODY, [1, 2], 0.1, 6000)),
+    (TypeError, "store", lambda: sf.open_ensemble(3),
+     lambda: sf.ensemble(FIELD, [1, 0], 0.1, 3, store=3)),
+    (ValueError, "store", lambda: sf.ensemble(FIELD, [1, 0], 0.1, 3, store="a.h5"),
+     lambda: sf.ensemble(FIELD, [1, 0], 0.1, 3, store="a.csv")),
+    (AttributeError, "surface", crossings(lambda x: x.z)),
+    (IndexError, "surface", crossings(lambda x: x["z"]), crossings(lambda x: x[2] - 27)),
+    (TypeError, "surface", crossings(lambda x: None), crossings(27.0),
+     crossings(lambda x: math.sin(x[..., 0])), crossings(lambda t, x: x)),
+    (ValueError, "surface", crossings(lambda x: x[0] - 27)),
+    (ValueError, "time", lambda: sf.flow(BODY, [1.0, 0.5], time=[[1, 2]])),
+    (ValueError, "u", field(lambda x, u: (1, 2), "u v", u=1)),
+    (ValueError, "values", changed(values=["a", 1]), changed(values=["1/0", 1])),
+    (TypeError, "x", lambda: FAMILY[0](0.0, [1.0]), lambda: FIELD([True, 1]),
+     lambda: sf.iterate(FIELD, {"x": 1.0, "y": 2.0}, 0.1, 1)),
+    (ValueError, "x", lambda: FIELD([1, 2, 3]), lambda: HENON.H([1, 2, 3])),
+    (ValueError, "x1", field(lambda x, **x1: (1, 2), x1=1)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("exception", "name", "call"),
+    [
+        pytest.param(exception, name, call, id=f"{name}-{k}")
+        for exception, name, *calls in TABLE
+        for k, call in enumerate(calls)
+    ],
+)
+def test_bad_calls(exception, name, call):
+    with pytest.raises(exception) as caught:
+        call()
+    message = str(caught.value)
+    assert re.search(rf"(?<!\w){name}(?!\w)", message), message
+    assert "\n" not in message
+
+
+# Functions, with arguments that fit, and words of other packages: what is named in their place.
+KEYWORDS = [
+    (sf.iterate, (BODY, [1, 0]), "dt step_size epsilon", "eps"),
+    (sf.iterate, (BODY, [1, 0], 0.1, 10), "save_evry stride thin", "save_every"),
+    (sf.iterate, (BODY, [1, 0], 0.1), "n_steps N", "steps"),
+    (sf.iterate, (BODY, [1, 0], 0.1, 10), "order integrator", "method"),
+    (sf.iterate, (BODY, [1, 0], 0.1, 10), "RelTol t_span", "flow"),
+    (sf.iterate, (BODY, [1, 0], 0.1, 10), "nonsense", "attitude, eps, method"),
+    (sf.flow, (BODY, [1, 0]), "t t_span saveat", "time"),
+    (sf.flow, (BODY, [1, 0]), "tol RelTol steps", "rtol"),
+    (sf.flow, (BODY,), "x0 y0", "second argument"),
+    (sf.crossings, (BODY, [1, 0], 0.1, 10), "events section", "surface"),
+    (sf.crossings, (BODY, [1, 0], 0.1, 10, sum), "terminal", "most"),
+    (sf.lyapunov_exponents, (BODY, [1, 0], 0.1, 10), "n_jobs", "threads"),
+    (sf.ensemble, (BODY, [1, 0], 0.1, 10), "n_workers", "client"),
+    (sf.integrability.report, (FIELD,), "timeout", "time_limit"),
+    (sf.RandomStarts, (3, 1.0), "rng random_state", "seed"),
+    (sf.Suslov3D, (), "I11", "I1"),
+    (sf.Suslov3D, (), "I31", "I13"),
+    (sf.Suslov3D, (), "inertia I12", "from_inertia"),
+    (sf.Trajectories.load, (), "filename", "path"),
+    (RUN.plot, (), "colour", "color"),
+]
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "word", "name"),
+    [(f, a, word, name) for f, a, words, name in KEYWORDS for word in words.split()],
+)
+def test_unknown_keywords(function, arguments, word, name):
+    with pytest.raises(TypeError, match=rf"{function.__name__} .*'{word}'.*\b{name}\b"):
+        function(*arguments, **{word: 3})
+
+
+ATTRIBUTES = [
+    (RUN, "dt", "eps"), (RUN, "y", "states"), (RUN, "x2", r"run\.x\[\.\.\., 1\]"),
+    (RUN, "omega", r"run\.x"), (RUN, "finl", "final"), (RUN, "to_netcdf", "to_xarray"),
+    (RUN, "lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"), (MOTION, "t", "time"),
+    (MOTION, "sol", "states"), (MOTION, "Omega2", r"run\.omega\[\.\.\., 1\]"),
+    (MOTION, "nfev", ""), (POINTS, "index", "trajectory"), (POINTS, "t_events", "time|crossings"),
+    (POINTS, "x1", r"crossings\.states\[:, 0\]"), (BODY, "energy", r"suslov_fast\.energy"),
+    (BODY, "trajectory", r"suslov_fast\.iterate"), (BODY, "dim", "dimension"),
+    (NAMED, "rho", "parameters"), (NAMED, "to_latex", "str"), (FIELD, "sigma", ""),
+    (sf, "odeint", "flow"), (sf, "zoo", "integrability"),
+    (sf, "pictures", r"Suslov3D\.figure"), (sf, "nothing", ""), (sf.integrability, "nothing", ""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("thing", "name", "answer"), ATTRIBUTES)
+def test_unknown_attributes(thing, name, answer):
+    """Where nothing is answered, Python suggests names that are spelt alike."""
+    with pytest.raises(AttributeError, match=rf"'{name}'.*{answer}") as caught:
+        getattr(thing, name)
+    assert answer or ("use " not in str(caught.value) and caught.value.name == name)
+
+
+def test_words_that_are_names_here_come_before_sentences():
+    assert instead("t", {"time", "steps"}) == "time"
+    assert instead("ste", {"step", "stop"}) == "step"
+    assert instead("nothing", {"time"}) == ""
+
+
+# Classes that users make by a call; all others are results, errors, or made by functions.
+MADE_FOR_MAPS = maps.Map, maps.Steps, maps.Formula, maps.Plane
+MADE_BY_USERS = QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, sf.RandomStarts, *MADE_FOR_MAPS
+# Methods of the laboratory that pages mention; the others are for searches.
+IN_LABORATORY = "jacobian determinant subs symbols to_dict __call__".split()
+
+
+def callables():
+    """Yield all public functions, constructors and methods, with their names."""
+    modules = [sf, sf.compiled, *([sf.integrability] if importlib.util.find_spec("flint") else [])]
+    things = [getattr(module, name) for module in modules for name in module.__all__]
+    things += [maps.register, maps.steps_of]
+    for thing in {id(each): each for each in [*things, *MADE_BY_USERS]}.values():
+        # Functions of users' loops, which are such in interpreted runs, have other qualified names.
+        if inspect.isfunction(thing) and thing.__qualname__ == thing.__name__:
+            yield thing.__name__, thing
+        if thing in MADE_BY_USERS:
+            yield thing.__name__, thing
+        if not inspect.isclass(thing) or thing in MADE_FOR_MAPS:
+            continue
+        in_laboratory = thing.__module__.startswith("suslov_fast.integrability")
+        for name in IN_LABORATORY if in_laboratory else dir(thing):
+            method = getattr(thing, name, None)
+            ours = (getattr(method, "__module__", "") or "").startswith("suslov_fast")
+            if ours and inspect.isroutine(method) and (in_laboratory or not name.startswith("_")):
+                called = method.__qualname__.split(".")[0] if name == "__call__" else name
+                yield f"{thing.__name__}.{called}", method
+
+
+CALLABLES = [pytest.param(name, each, id=name) for name, each in callables()]
+
+
+@pytest.mark.parametrize(("name", "function"), CALLABLES)
+def test_every_public_callable_names_what_does_not_fit(name, function):
+    called = name.rpartition(".")[-1]
+    kinds = {parameter.kind for parameter in inspect.signature(function).parameters.values()}
+    if inspect.Parameter.VAR_KEYWORD not in kinds:
+        with pytest.raises(TypeError, match=f"{called} .*'epz'"):
+            function(epz=1)
+    if inspect.Parameter.VAR_POSITIONAL not in kinds:
+        with pytest.raises(TypeError, match=rf"{called}.* too many positional"):
+            function(*[1] * 20)
+
+
+def test_answers_are_tested_for_all_callables():
+    names = {each.id for each in CALLABLES}
+    assert len(names) > 90
+    assert {"iterate", "Map", "Formula", "Suslov3D.admissible_I3"} <= names
+
+
+def test_public_functions_stay_what_they_were():
+    assert pickle.loads(pickle.dumps(sf.iterate)) is sf.iterate is copy.deepcopy(sf.iterate)
+
+    @public
+    def raising(a=1):
+        raise TypeError("its own")
+
+    with pytest.raises(TypeError, match="its own"):
+        raising(a=2)
+    with pytest.raises(TypeError, match="steps"):
+        sf.iterate(BODY, [1, 0], 0.1)
+
+
+class WithUnit(np.ndarray):
+    """Array with a unit, like quantities of astropy and unyt; NumPy drops the unit."""
+
+    unit = "ms"
+
+
+class Quantity(float):
+    """Number like those of pint."""
+
+    units, magnitude = "ms", 20.0
+
+
+def labelled(value, dims=("start", "component")):
+    return xarray.DataArray(value, dims=dims[2 - np.ndim(value) :], attrs={"units": "1/s"})
+
+
+NOT_ARRAYS = [
+    lambda value: np.array(value).view(WithUnit),
+    Quantity,
+    lambda value: [Quantity(each) for each in np.atleast_1d(value)],
+    np.vectorize(Quantity, otypes=[object]),
+    lambda value: labelled(value, ("component", "start")),
+    lambda value: Series(np.atleast_1d(value)),
+    lambda value: (Series(np.atleast_1d(value)),),
+    lambda value: DataFrame({"a": np.atleast_1d(value)}),
+]
+CALLS = {
+    "I1": lambda value: Suslov3D(value, 1, -0.5, -0.3),
+    "J": lambda value: SuslovND([value], [1.0]),
+    "quadratic": lambda value: QuadraticField([[[value]]]),
+    "a": lambda value: QuadraticField.from_function(lambda x, a: (a,), 1, a=value),
+    "x": lambda value: FIELD([value, value]),
+    "eps": lambda value: sf.iterate(BODY, OMEGA, value, 3),
+    "n": lambda value: sf.exact(BODY, [1.0, 0.5], 0.2, value),
+    "time": lambda value: sf.flow(BODY, [1.0, 0.5], time=value),
+    "omega": lambda value: sf.energy(BODY, [value, value]),
+    "period": lambda value: sf.periodic_orbit(FIELD, [1.0, 1.0], value, 10),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("wrap", NOT_ARRAYS)
+def test_units_and_labels_are_refused(wrap, name):
+    """20 ms must never be read as 20, and labels are neither guessed nor ignored."""
+    with pytest.raises(TypeError, match=rf"\b{name}\b"):
+        CALLS[name](wrap(20.0))
+
+
+def test_errors_name_a_page_by_its_title():
+    title = 'the page "Any equations, to a tolerance" of the documentation'
+    assert checks.page("howto/motion") == title
+    docs = Path(__file__).parents[2] / "docs"
+    for name, words in checks._TITLES.items():
+        assert (docs / f"{name}.md").read_text("utf-8").startswith(f"# {words}\n")
 
 
 def test_errors_that_tell_of_the_mathematics_have_one_base_class():

@@ -179,7 +179,7 @@ def part(body, index, batch):
     parts = dict(body._parts)
     for name, value in parts.items():
         if np.asarray(value).dtype.kind in "iufO" and name not in SHARED:
-            own = np.shape(value)[np.ndim(value) - body._axes.get(name, 0) :]
+            own = np.shape(value)[np.ndim(value) - body.axes.get(name, 0) :]
             parts[name] = np.broadcast_to(value, (*batch, *own))[index]
     return body._with(parts)
 
@@ -279,7 +279,7 @@ def hard(rng, kind):
     body, omega, eps = sample(rng, kind, (SIZE,), (SIZE,), (SIZE,))
     omega[3, 0], eps[4], omega[7::9] = np.nan, 0.0, omega[7::9] * 1e4
     if kind == "Suslov3D 0":  # poles of the unit body, after none, one and two steps
-        values = {name: np.array(each) for name, each in body._arrays.items()}
+        values = {name: np.array(each) for name, each in body.arrays.items()}
         for each, value in zip(values.values(), (1, 1, 1, 0), strict=True):
             each[11:14] = value
         body, eps[11:14], omega[11:14] = sf.Suslov3D(**values), 1.0, [1.0, -3.0]

@@ -14,7 +14,7 @@ import pytest
 from browser import check_silence, pixels, put, serve, settle, text
 
 import suslov_fast as sf
-from suslov_fast.bodies.rigid import PICTURES
+from suslov_fast.bodies.rigid import FIGURES
 from suslov_fast.plots.explore import server as serving
 from suslov_fast.plots.explore.scene import PAGE, Parameters, answer, parse_query
 from suslov_fast.plots.explore.server import Server
@@ -90,7 +90,7 @@ def test_numbers_equal_those_of_the_package(name):
         assert found["ellipsoid"]["matter"] == ("no rigid body" not in name)
         assert np.abs(parameters[6:8]).max() < parameters.extent
     if number := re.search(r"figure (\d)", name):
-        assert (body, parameters.eps, parameters.extent) == PICTURES[int(number[1])]
+        assert (body, parameters.eps, parameters.extent) == FIGURES[int(number[1])]
 
 
 CURVES = "A rigid body", "backwards", "t > 1: jumps", "A rotor: periodic", "weak rotor"

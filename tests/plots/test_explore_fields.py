@@ -72,6 +72,34 @@ def test_poles_and_ends():
     assert orbit["final"] is None
 
 
+DRIVEN = sf.Field.from_function(lambda v, k: (v[1], -k * np.sin(v[0])), "q p", k=2.0)
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@pytest.mark.parametrize("field", [DRIVEN, TANGENT])
+def test_motions(field):
+    """Of a `Field`, and of any field with a last time: states by `flow`, and how they end."""
+    found = scene(field, x0=[[1.0, 0.5], [0.3, 0.1]], time=4.0, rtol=1e-6)
+    names = {}
+    exec(found["python"], names)
+    run = names["run"]
+    assert names["field"] == field
+    assert run.rtol == 1e-6
+    assert found["field"]["methods"] == []
+    assert found["time"] == run.time.tolist()
+    for k, orbit in enumerate(found["orbits"]):
+        np.testing.assert_array_equal(rows(orbit["states"]), run.x[:, k])
+        assert orbit["status"] == sf.Status(run.status[k]).name
+        assert orbit["end"] == (None if field is DRIVEN else run.end[k])
+        assert orbit["valid"] == np.isfinite(run.x[:, k, 0]).sum()
+    query = "time=2.0&rtol=1e-9" + "&numbers=3.0" * (field is DRIVEN)
+    again = scene(field, query, time=4.0)
+    assert again["time"][-1] == 2.0
+    assert field is TANGENT or again["values"] == {"k": 3.0}
+    for query, name in (("rtol=1", "rtol"), ("time=a", "time"), ("eps=0.1", "parameters")):
+        assert scene(field, query, time=4.0)["error"].startswith(name)
+
+
 def test_energy():
     spring = sf.QuadraticField.from_hamiltonian(lambda q: (q[0] ** 2 + q[1] ** 2) / 2, "q p")
     orbit = scene(spring, x0=[3.0, 4.0])["orbits"][0]
@@ -102,6 +130,7 @@ def test_no_field_is_the_first_page():
         ("member=1", "member must be the index of one of shape (2, 10), not (1,)", ["member"]),
         ("member=0,10", "member must be the index of one of", ["member"]),
         ("other=1", "parameters must be each of x, y, starts", []),
+        ("rtol=1e-6", "parameters must be each of x, y, starts", []),
         ("eps=1&eps=2", "parameters must be each of", []),
     ],
 )
@@ -119,18 +148,21 @@ def test_bad_arguments():
         ({"steps": 10**6}, "steps must be an integer from 1 to 5000"),
         ({"method": "rank2"}, "method must be"),
         ({"x0": np.ones((21, 3))}, "starts must be at most 20 states, not 21"),
+        ({"time": 3.0, "steps": 5}, "time="),
     ):
         x0 = arguments.pop("x0", None)
         with pytest.raises((ValueError, TypeError), match=message.replace("(", r"\(")):
             sf.explore(FAMILY, x0, **arguments)
     with pytest.raises(TypeError, match="body must be"):
         sf.explore("lorenz")
+    with pytest.raises(TypeError, match="Field has a motion"):
+        sf.explore(DRIVEN, eps=0.1)
     with pytest.raises(ValueError, match="method must be"):
         sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3), method="order4")
 
 
 @pytest.mark.sampled(1)
-@pytest.mark.parametrize("field", [FAMILY, sf.Suslov3D(5, 2, -0.5, -0.3)])
+@pytest.mark.parametrize("field", [FAMILY, DRIVEN, sf.Suslov3D(5, 2, -0.5, -0.3)])
 def test_the_command(field, tmp_path):
     path = tmp_path / "field.json"
     path.write_text(json.dumps(field.to_dict()))
@@ -146,6 +178,9 @@ def test_the_command(field, tmp_path):
     if field is FAMILY:
         assert "field.js" in html
         assert names["member"] == ["0,0"]
+    elif field is DRIVEN:
+        assert "field.js" in html
+        assert names["time"] == ["20.0"]
     else:
         assert "main.js" in html
         assert names["I1"] == ["5.0"]

@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 import suslov_fast as sf
-from suslov_fast.bodies.rigid import PICTURES
+from suslov_fast.bodies.rigid import FIGURES
 
 # The end of Section 4 of the paper, arXiv:0807.2966, from its LaTeX source.
 PAPER = r"""
@@ -29,11 +29,11 @@ LORENZ = sf.QuadraticField.from_function(
 
 def test_the_parameters_of_the_paper():
     values = np.array(re.findall(r"=(-?[\d.]+)", PAPER), float).reshape(4, 5)
-    for picture, (eps, *parameters) in zip(PICTURES.values(), values, strict=True):
-        assert (picture.body, picture.eps) == (sf.Suslov3D(*parameters), eps)
+    for figure, (eps, *parameters) in zip(FIGURES.values(), values, strict=True):
+        assert (figure.body, figure.eps) == (sf.Suslov3D(*parameters), eps)
 
 
-PHASES = [(*picture, 12) for picture in PICTURES.values()]
+PHASES = [(*figure, 12) for figure in FIGURES.values()]
 PHASES += [(GYROSTAT, 0.4, 2.6, 11), (sf.SuslovGyrostat(4, 2, 0, 0, 0.4), 0.4, 2.6, 6)]
 
 
@@ -70,14 +70,14 @@ def test_phase(body, eps, extent, orbits):
 def test_four_phase_planes_fit_on_a_page():
     figure = Figure(figsize=(6.3, 6.3), layout="constrained")
     panels = figure.subplots(2, 2)
-    for panel, picture in zip(panels.flat, PICTURES.values(), strict=True):
-        sf.plot_phase(*picture, levels=1, ax=panel)
+    for panel, figure in zip(panels.flat, FIGURES.values(), strict=True):
+        sf.plot_phase(*figure, levels=1, ax=panel)
     figure.draw_without_rendering()  # a layout that does not fit is a warning
     left, right = (panel.title.get_window_extent() for panel in panels[0])
     assert left.x1 < right.x0
     assert panels[0, 0].get_position().width > 0.3
     assert panels[0, 0].get_legend() is None
-    assert sf.plot_phase(*picture, levels=1).get_legend() is not None
+    assert sf.plot_phase(*figure, levels=1).get_legend() is not None
 
 
 def test_axes_are_taken_and_returned():
@@ -85,7 +85,7 @@ def test_axes_are_taken_and_returned():
     first, space = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
     run = sf.iterate(BODY, [[1.0, 0.5], [0.2, -0.7]], 0.2, 9)
     assert run.plot(ax=first) is first
-    assert sf.plot_phase(*PICTURES[1], levels=2, legend=False, ax=first) is first
+    assert sf.plot_phase(*FIGURES[1], levels=2, legend=False, ax=first) is first
     assert first.get_legend() is None
     assert not plt.get_fignums()
     assert run.plot().figure in map(plt.figure, plt.get_fignums())  # notebooks show it

@@ -481,7 +481,7 @@ def test_bad_options(error, name, options):
 
 
 def test_bad_input():
-    with pytest.raises(TypeError, match="time="):  # as for `solve_ivp`
+    with pytest.raises(TypeError, match="time"):  # as for `solve_ivp`
         flow(SQUARE, (0, 15), [10.0])
     with pytest.raises(TypeError, match="time"):
         flow(SQUARE, [1.0])

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import suslov_fast as sf
+from suslov_fast.core.motion.refine import crossing_fractions
 from suslov_fast.maps import MAPS, map_of
 from suslov_fast.runs import search as module
-from suslov_fast.runs.refine import crossing_fractions
 
 HENON_HEILES = sf.QuadraticField.from_hamiltonian(
     lambda x: (

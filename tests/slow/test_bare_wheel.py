@@ -79,7 +79,7 @@ def test_run_and_info(command, tmp_path):
     ("extra", "arguments"),
     [
         ("plots", ["plot", "run.npz", "-o", "run.png"]),
-        ("plots", ["pictures", "-o", "pictures"]),
+        ("plots", ["figures", "-o", "figures"]),
         ("algebra", ["report", "--body", "field.json"]),
         ("large", ["run", "--trajectories", "5", "--steps", "20", "-o", "run.zarr"]),
     ],

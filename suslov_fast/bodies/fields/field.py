@@ -7,8 +7,7 @@ fractions, those of a family floats.
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -16,8 +15,8 @@ import numpy as np
 
 from ... import checks
 from ...checks import FloatArray, short, wrong
-from ...keywords import public, unchanging
-from ..base import Body, summary
+from ...keywords import public
+from ..base import Body
 from .coefficients import of_array, of_file, of_hamiltonian, of_terms, structure_matrix, with_arrays
 from .field_of_terms import (
     H_INDICES,
@@ -41,7 +40,6 @@ from .terms import (
 from .tracing import traced
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class QuadraticField(_FieldOfTerms):
     """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
@@ -91,7 +89,7 @@ class QuadraticField(_FieldOfTerms):
     QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
     """
 
-    _texts: ClassVar[Any] = ("names",)
+    texts: ClassVar[Any] = ("names",)
 
     @public
     def __init__(
@@ -311,8 +309,8 @@ class QuadraticField(_FieldOfTerms):
         field: QuadraticField = body.field()
         return field
 
-    @property
-    def _field(self) -> QuadraticField:
+    @public
+    def field(self) -> QuadraticField:
         return self
 
     @property
@@ -337,57 +335,13 @@ class QuadraticField(_FieldOfTerms):
         found = values_at(terms, x, self.names, 2)
         return tuple(found) if isinstance(found, list) else found
 
-    @public
-    def jacobian(self, x: Any) -> FloatArray:
-        """Return the derivative of the right-hand side, f'(x).
+    def _slopes_at(self, x: FloatArray) -> FloatArray:
+        return slopes_at(self._exact, x)
 
-        Its formula is exact. :func:`suslov_fast.jacobian` is the derivative of a step of the map.
-
-        Parameters
-        ----------
-        x : array_like(float, shape=(..., D))
-            States, which broadcast with a family.
-
-        Returns
-        -------
-        ndarray(float, shape=(..., D, D))
-            The derivative of component i of f by x_j at [..., i, j]; NaN for a state that is NaN.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If x has another shape, or numbers that are infinite or not real.
-
-        Examples
-        --------
-        Is the equilibrium (1, 1) stable?
-
-        >>> import numpy as np
-        >>> from suslov_fast import QuadraticField
-        >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] - x[1]), 2)
-        >>> field.jacobian([1, 1])
-        array([[ 0., -1.],
-               [ 1., -1.]])
-        >>> np.linalg.eigvals(field.jacobian([1, 1])).real.round(3)
-        array([-0.5, -0.5])
-        """
-        return slopes_at(self._exact, checks.states("x", x, self.names))
-
-    def __repr__(self) -> str:
-        if self.shape:
-            names = f"D={self.dimension}"
-            if self.names != labels(self.dimension):
-                names = f"variables {' '.join(self.names)}"
-            values = [summary(name, each) for name, each in self.parameters.items()]
-            return f"<QuadraticField of shape {self.shape}: {', '.join([names, *values])}>"
-        equations: list[str] = []
-        rows = zip(self.names, rows_of(self._exact, self.dimension), strict=True)
-        while sum(map(len, equations)) <= 300 and (row := next(rows, None)):
-            polynomial = polynomial_in(row[1], self.dimension)
-            equations.append(f"{row[0]}' = {polynomial.text(self.names)}")
-        equations += [] if self.H is None else [f"H = {self.H}"]
-        short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
-        return f"QuadraticField({short})"
+    @property
+    def _formulas(self) -> Iterator[str]:
+        for row in rows_of(self._exact, self.dimension):
+            yield polynomial_in(row, self.dimension).text(self.names)
 
     @public
     def to_dict(self) -> dict[str, Any]:
@@ -403,7 +357,7 @@ class QuadraticField(_FieldOfTerms):
         return {**size, **to_lists(found | values), **texts}
 
     @classmethod
-    def _read(
+    def read(
         cls,
         dimension: Any,
         indices: Any = None,

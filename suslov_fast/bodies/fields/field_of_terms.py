@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -16,7 +17,7 @@ from ...checks import FloatArray
 from ...core.lists.dense import DenseRightHandSide, dense_parameters
 from ...core.lists.quadratic import parameters_of, right_hand_side_of
 from ...keywords import public
-from ..base import Body, Parameters, frozen
+from ..base import Body, Parameters, frozen, summary
 from .names import labels
 from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
 
@@ -24,13 +25,13 @@ from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
 # parameter can have any name that Python accepts.
 INDICES, VALUES, NAMES = "indices of f", "values of f", "names of variables"
 H_INDICES, H_VALUES, MATRIX = "indices of H", "values of H", "matrix K"
-SHARED = {INDICES, H_INDICES, MATRIX}  # by all members of a family
 # Attributes of stores. A parameter with one of these names gets another one there.
 _OF_STORES = frozenset(
     "H K body coords dims eps format functions indices map method names omega0 save_every shared "
     "steps tiled title values version attitude".split()
 )
 
+LONGEST = 300  # characters of a repr
 _LONG = 4000  # terms, above which a dense field is taken by loops
 
 
@@ -47,17 +48,21 @@ class FieldOfFunction(Body):
     """A field whose parts include named parameters, those of the function that it is made of."""
 
     names: tuple[str, ...]
+    H: Any
+    right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
+    _shared: ClassVar[dict[str, Any]]  # parts that all members share, beside arrays
     _value_at: ClassVar[Any]  # f(x)
-    _right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
+    _slopes_at: ClassVar[Any]  # f'(x) (..., D, D) at checked states
+    _formulas: ClassVar[Any]  # the texts of f, component by component
 
     @property
-    def _arrays(self) -> dict[str, FloatArray]:
+    def arrays(self) -> dict[str, FloatArray]:
         return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
 
     @property
     def parameters(self) -> dict[str, Any]:
         """The named parameters of the function: numbers as they were given, and arrays."""
-        return Parameters({name: self._parts[name] for name in self._coordinates})
+        return Parameters({name: self._parts[name] for name in self.coordinates})
 
     def __call__(self, x: Any, *others: Any, **named: Any) -> Any:
         """Return f(x): fractions if all numbers of a quadratic field are exact, else floats."""
@@ -67,9 +72,9 @@ class FieldOfFunction(Body):
         return self._value_at(x)
 
     @cached_property
-    def _right_hand_sides(self) -> list[OfMembers]:
+    def right_hand_sides(self) -> list[OfMembers]:
         """f for the motion, and its table, for groups of members with the same operations."""
-        return self._of_members(*self._right_hand_side)
+        return self._of_members(*self.right_hand_side)
 
     def _of_members(self, f: Any, parameters: FloatArray) -> list[OfMembers]:
         count = math.prod(self.shape)
@@ -77,9 +82,9 @@ class FieldOfFunction(Body):
         return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
 
     @property
-    def _listed_right_hand_sides(self) -> list[OfMembers]:
+    def listed_right_hand_sides(self) -> list[OfMembers]:
         """The same, as lists of operations."""
-        return self._right_hand_sides
+        return self.right_hand_sides
 
     @public
     def jacobian(self, x: Any) -> FloatArray:
@@ -111,21 +116,38 @@ class FieldOfFunction(Body):
         array([[ 5.,  2.],
                [-1.,  0.]])
         """
-        x = checks.states("x", x, self.names, later=True)
-        right_hand_side, inputs = self._right_hand_side
-        table = right_hand_side.table_of(inputs)
-        found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)
-        return np.moveaxis(found, (0, 1), (-2, -1))
+        slopes: FloatArray = self._slopes_at(checks.states("x", x, self.names))
+        return slopes
+
+    def _with(self, parts: Mapping[str, Any]) -> Any:
+        return self._of({**parts, **self._shared})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, ({**self._parts, **self._shared},)
+
+    def __repr__(self) -> str:
+        kind, length = type(self).__name__, 0
+        if self.shape:
+            is_named = self.names != labels(self.dimension)
+            names = f"variables {' '.join(self.names)}" if is_named else f"D={self.dimension}"
+            values = [summary(name, each) for name, each in self.parameters.items()]
+            return f"<{kind} of shape {self.shape}: {', '.join([names, *values])}>"
+        equations, formulas = [], iter(self._formulas)
+        for name in self.names:
+            equations.append(f"{name}' = {next(formulas)}")
+            length += len(equations[-1])
+            if length > LONGEST:
+                break
+        equations += [] if self.H is None else [f"H = {self.H}"]
+        return f"{kind}({textwrap.shorten(', '.join(equations), LONGEST, placeholder=' ...')})"
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class _FieldOfTerms(FieldOfFunction):
     """The parts of a field: its terms, those of H, the matrix K, names and named parameters."""
 
-    _axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
-    _lists_terms: ClassVar[bool] = True
-
-    H: Hamiltonian | None
+    axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
+    lists_terms: ClassVar[bool] = True
 
     def _take(self, parts: Mapping[str, Any]) -> None:
         """Store the terms of f, or those of H and K with or without them, names and parameters."""
@@ -146,30 +168,28 @@ class _FieldOfTerms(FieldOfFunction):
         parts = {name: frozen(value) for name, value in kept.items()}
         vars(self).update(
             _parts=parts,
-            _coordinates=tuple(name for name in parts if name not in self._axes),
+            coordinates=tuple(name for name in parts if name not in self.axes),
             H=H,
             dimension=len(names),
             names=names,
-            _labels=names,
+            labels=names,
         )
 
-    def _with(self, parts: Mapping[str, Any]) -> Any:
-        return self._of({**parts, NAMES: self.names})
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, ({**self._parts, NAMES: self.names},)
+    @property
+    def _shared(self) -> dict[str, Any]:  # type: ignore[override]
+        return {NAMES: self.names}
 
     @property
     def _key(self) -> tuple[Any, ...]:
         return self.dimension, *super()._key
 
     @property
-    def _described(self) -> dict[str, Any]:
+    def described(self) -> dict[str, Any]:
         parts = self._parts
         arrays = {"dimension": self.dimension, "indices": parts[INDICES], "values": parts[VALUES]}
         if self.H is not None:
             arrays |= {"indices of H": parts[H_INDICES], "H": parts[H_VALUES], "K": parts[MATRIX]}
-        names = (f"parameter {n}" if n in _OF_STORES else n for n in self._coordinates)
+        names = (f"parameter {n}" if n in _OF_STORES else n for n in self.coordinates)
         arrays |= dict(zip(names, self.parameters.values(), strict=True))
         texts = {} if self.names == labels(self.dimension) else {"names": ", ".join(self.names)}
         kinds = {"dimension": np.int64, "indices": np.int64, "indices of H": np.int64}
@@ -186,7 +206,7 @@ class _FieldOfTerms(FieldOfFunction):
         return table_of("K", shape, matrix[:2].astype(np.int64), matrix[2])
 
     @property
-    def _may_escape(self) -> bool:  # type: ignore[override]
+    def may_escape(self) -> bool:
         return bool((self._parts[INDICES][2] < self.dimension).any())
 
     @cached_property
@@ -194,16 +214,16 @@ class _FieldOfTerms(FieldOfFunction):
         return Terms(self._parts[INDICES], self._parts[VALUES]).floats
 
     @cached_property
-    def _right_hand_side(self) -> tuple[Any, FloatArray]:
+    def right_hand_side(self) -> tuple[Any, FloatArray]:
         indices, values = self._terms
         return _quadratic(indices, values, self.dimension, _LONG)
 
     @cached_property
-    def _right_hand_sides(self) -> list[OfMembers]:
+    def right_hand_sides(self) -> list[OfMembers]:
         return self._by_terms(_LONG)
 
     @property
-    def _listed_right_hand_sides(self) -> list[OfMembers]:
+    def listed_right_hand_sides(self) -> list[OfMembers]:
         return self._by_terms(None)
 
     def _by_terms(self, longest: int | None) -> list[OfMembers]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -13,21 +12,21 @@ import numpy as np
 
 from ... import checks
 from ...checks import FloatArray
+from ...core.lists.conditions import with_fixed_choices
 from ...core.lists.derivative import gradients
 from ...core.lists.right_hand_side import RightHandSide, in_order
 from ...core.lists.step import evaluate
-from ...keywords import public, unchanging
-from ..base import frozen, summary
+from ...keywords import public
+from ..base import frozen
 from .calls import called_by_name, traced
 from .coefficients import structure_matrix
-from .field_of_terms import FieldOfFunction, OfMembers
+from .field_of_terms import LONGEST, NAMES, FieldOfFunction, OfMembers
 from .names import variables
 from .polynomials import named, to_lists
 from .symbolic import Tracer
 from .texts import brief, values_of, written
 
-EQUATIONS, NAMES = "equations", "names of variables"
-_LONGEST = 300  # characters of a repr
+EQUATIONS = "equations"
 NO_MAP = (
     "a Field has a motion, flow(field, x0, time=...), and no map: for equations of degree 2 use "
     "QuadraticField.from_function(f, names), and for equilibria "
@@ -73,6 +72,13 @@ class Equations:
         return RightHandSide(values, results, len(self.parameters))
 
     @cached_property
+    def for_motion(self) -> RightHandSide:
+        """The right-hand side whose choices are fixed within a step, if it has any."""
+        values, results = in_order(self.values, self.results)
+        fixed = with_fixed_choices(values, results, len(self.parameters))
+        return self.right_hand_side if fixed is None else fixed
+
+    @cached_property
     def texts(self) -> tuple[dict[str, str], list[str]]:
         """Definitions, and the texts of f, or that of H, from which f follows."""
         results = self.results if self.H is None else [self.H]
@@ -80,7 +86,7 @@ class Equations:
 
     def shown(self, operand: Any) -> str:
         """Return the text of f_i or H for readers."""
-        return brief(self.values, operand, self.all_names, _LONGEST)
+        return brief(self.values, operand, self.all_names, LONGEST)
 
     def energy(self, x: Any, parameters: Any) -> Any:
         """Return H (...) at states (D, ...)."""
@@ -104,7 +110,6 @@ def _restored(names: Any, parameters: Any, operations: Any, texts: Any, *others:
     return Equations(names, parameters, values, *others)
 
 
-@unchanging
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Field(FieldOfFunction):
     """A field with any right-hand side, ``x' = f(x)``, whose motion :func:`flow` computes.
@@ -133,10 +138,10 @@ class Field(FieldOfFunction):
     array([ 2.   , -0.479])
     """
 
-    _axes: ClassVar[Any] = {}
-    _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
-    _called: ClassVar[str] = "a field without a map"
-    _may_escape = True
+    axes: ClassVar[Any] = {}
+    texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
+    called: ClassVar[str] = "a field without a map"
+    may_escape = True
 
     H: Energy | None
     _equations: Equations
@@ -150,18 +155,16 @@ class Field(FieldOfFunction):
         vars(self).update(
             _parts=kept,
             _equations=equations,
-            _coordinates=tuple(kept),
+            coordinates=tuple(kept),
             dimension=len(parts[NAMES]),
             names=parts[NAMES],
-            _labels=parts[NAMES],
+            labels=parts[NAMES],
             H=None if equations.H is None else Energy(self),
         )
 
-    def _with(self, parts: Mapping[str, Any]) -> Field:
-        return self._of({**parts, NAMES: self.names, EQUATIONS: self._equations})
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, ({**self._parts, NAMES: self.names, EQUATIONS: self._equations},)
+    @property
+    def _shared(self) -> dict[str, Any]:  # type: ignore[override]
+        return {NAMES: self.names, EQUATIONS: self._equations}
 
     @property
     def _key(self) -> tuple[Any, ...]:
@@ -170,12 +173,12 @@ class Field(FieldOfFunction):
         return self._equations.key, each
 
     @property
-    def _described(self) -> dict[str, Any]:
+    def described(self) -> dict[str, Any]:
         definitions, equations = self._equations.texts
         texts = {"names": ", ".join(self.names), "equations": "; ".join(equations)}
         texts["definitions"] = "; ".join(f"{n} = {text}" for n, text in definitions.items())
         arrays = {} if self.K is None else {"K": self.K}
-        return arrays | self._arrays | texts
+        return arrays | self.arrays | texts
 
     @public
     def field(self) -> Any:
@@ -218,19 +221,38 @@ class Field(FieldOfFunction):
         return np.array(rows).reshape(len(rows), *self.shape)
 
     @property
-    def _right_hand_side(self) -> tuple[RightHandSide, FloatArray]:
+    def right_hand_side(self) -> tuple[RightHandSide, FloatArray]:
         """f, and its parameters (P, ...) of all members."""
         return self._equations.right_hand_side, self._inputs
 
-    def _derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
-        """The same as `_right_hand_sides`, with the derivatives of f by parameters."""
+    @cached_property
+    def right_hand_sides(self) -> list[OfMembers]:
+        return self._of_members(self._equations.for_motion, self._inputs)
+
+    @cached_property
+    def listed_right_hand_sides(self) -> list[OfMembers]:
+        """The same without fixed choices, for variational equations."""
+        return self._of_members(self._equations.right_hand_side, self._inputs)
+
+    def derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
+        """The same as `listed_right_hand_sides`, with the derivatives of f by parameters."""
         return self._of_members(_with_derivatives(self._equations, names), self._inputs)
+
+    def _of_members(self, f: RightHandSide, parameters: FloatArray) -> list[OfMembers]:
+        choices = np.zeros((f.P - len(parameters), *self.shape))  # of no state yet
+        return super()._of_members(f, np.concatenate([parameters, choices]))
 
     def _value_at(self, x: Any) -> FloatArray:
         x = checks.states("x", x, self.names, later=True)
-        right_hand_side, inputs = self._right_hand_side
+        right_hand_side, inputs = self.right_hand_side
         found = right_hand_side.value(np.moveaxis(x, -1, 0), right_hand_side.table_of(inputs))
         return np.moveaxis(found, 0, -1)
+
+    def _slopes_at(self, x: FloatArray) -> FloatArray:
+        right_hand_side, inputs = self.right_hand_side
+        table = right_hand_side.table_of(inputs)
+        found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)
+        return np.moveaxis(found, (0, 1), (-2, -1))
 
     def _value_of(self, name: str, x: Any) -> FloatArray:
         """Return the value of `vector_field` or of `energy` at states."""
@@ -293,8 +315,8 @@ class Field(FieldOfFunction):
         >>> field[0].with_parameters(least=22.0)
         Field(T' = where(T < least, 1, 0) - 0.1*T)
         """
-        names = variables("dimension", dimension, has_eps=False)
-        values = named(parameters, names, has_eps=False)
+        names = variables("dimension", dimension, has_map=False)
+        values = named(parameters, names, has_map=False)
         tracer, rows = traced("f", f, names, values, f"{cls.__name__}.from_function")
         equations = Equations(names, [*values], tracer.values, rows)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
@@ -343,8 +365,8 @@ class Field(FieldOfFunction):
         >>> float(energy(pendulum, [0.0, 1.0]))
         -0.5
         """
-        names = variables("dimension", dimension, has_eps=False)
-        values = named(parameters, names, has_eps=False)
+        names = variables("dimension", dimension, has_map=False)
+        values = named(parameters, names, has_map=False)
         matrix = structure_matrix(K, len(names), names)
         tracer, [energy] = traced("H", H, names, values, f"{cls.__name__}.from_hamiltonian")
         equations = _of_hamiltonian(tracer, names, [*values], energy, matrix)
@@ -380,26 +402,16 @@ class Field(FieldOfFunction):
         if unknown := [name for name in parameters if name not in known]:
             how = f"it has {', '.join(known)}" if known else "it has none"
             raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
-        return self._with(self._parts | named(parameters, self.names, has_eps=False))
+        values = self._parts | named(parameters, self.names, has_map=False)
+        return self._of({**values, **self._shared})
 
     @property
-    def _remake(self) -> Any:
+    def remake(self) -> Any:
         return self.with_parameters
 
-    def __repr__(self) -> str:
-        if self.shape:
-            values = [summary(name, each) for name, each in self.parameters.items()]
-            parts = [f"variables {' '.join(self.names)}", *values]
-            return f"<Field of shape {self.shape}: {', '.join(parts)}>"
-        shared, equations, length = self._equations, [], 0
-        for name, operand in zip(self.names, shared.results, strict=True):
-            if length > _LONGEST:
-                break
-            equations.append(f"{name}' = {shared.shown(operand)}")
-            length += len(equations[-1])
-        equations += [] if self.H is None else [f"H = {self.H}"]
-        short = textwrap.shorten(", ".join(equations), _LONGEST, placeholder=" ...")
-        return f"Field({short})"
+    @property
+    def _formulas(self) -> Iterator[str]:
+        return map(self._equations.shown, self._equations.results)
 
     @public
     def to_dict(self) -> dict[str, Any]:
@@ -416,7 +428,7 @@ class Field(FieldOfFunction):
         return found | ({"parameters": to_lists(self.parameters)} if self.parameters else {})
 
     @classmethod
-    def _read(
+    def read(
         cls,
         names: Any,
         equations: Any = None,
@@ -425,10 +437,10 @@ class Field(FieldOfFunction):
         K: Any = None,
         parameters: Any = None,
     ) -> Field:
-        names = variables("names", names, has_eps=False)
+        names = variables("names", names, has_map=False)
         checks.instance("parameters", parameters or {}, Mapping)
         checks.instance("definitions", definitions or {}, Mapping)
-        values = named(parameters or {}, names, has_eps=False)
+        values = named(parameters or {}, names, has_map=False)
         rows = [H] if H is not None else equations
         is_list = isinstance(rows, (list, tuple)) and (H is not None or len(rows) == len(names))
         if not is_list or (H is None) == (equations is None):
@@ -458,7 +470,7 @@ def _with_derivatives(equations: Equations, names: tuple[str, ...]) -> RightHand
 class Energy:
     """The Hamiltonian of a field, or of a family; H(x) is its value (...) at states x (..., D)."""
 
-    _instead = ": pass the field, whose Hamiltonian this is"
+    instead = ": pass the field, whose Hamiltonian this is"
 
     def __init__(self, field: Field) -> None:
         self._of = field

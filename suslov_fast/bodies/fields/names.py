@@ -17,15 +17,21 @@ _TAKEN = {
     **dict.fromkeys(TIME, "time, which fields do not have"),
     "dimension": "an argument of from_function and from_hamiltonian",
     "method": "an argument of sel",
-    "eps": "the step size",
     "x": "the name of the states",
     **dict.fromkeys(("quadratic", "linear", "constant"), "the coefficients of a field"),
     **dict.fromkeys(
         (
-            *("n", "final", "status", "failed_at", "first_pole", "attitude", "trajectory", "space"),
-            "component",
-            *("crossing", "before", "after", "fraction", "over_pole"),
+            *("component", "crossing", "count", "end", "final", "space", "status", "steps"),
+            *("surface", "trajectory"),
         ),
+        "a name in datasets",
+    ),
+}
+# Further ones, of fields that have a map.
+_OF_MAPS = {
+    "eps": "the step size",
+    **dict.fromkeys(
+        ("n", "failed_at", "first_pole", "attitude", "before", "after", "fraction", "over_pole"),
         "a name in datasets of runs and crossings",
     ),
 }
@@ -56,13 +62,13 @@ def latex(name: str) -> str:
 
 
 def variables(
-    argument: str, given: Any, D: int | None = None, *, has_eps: bool = True
+    argument: str, given: Any, D: int | None = None, *, has_map: bool = True
 ) -> tuple[str, ...]:
     """Return the checked names of variables; x1, ..., xD if only their number is known.
 
     `given` is a text with names between spaces or commas, a sequence of names, the number of
-    variables, or None. If D is known there must be D names. `has_eps` is whether the field has a
-    map, whose step size has the name eps.
+    variables, or None. If D is known there must be D names. `has_map` is whether the field has a
+    map, whose datasets have the names eps and n.
     """
     if given is None and D:
         return labels(D)
@@ -92,13 +98,13 @@ def variables(
         )
     earlier: set[str] = set()
     for i, name in enumerate(names):
-        if reason := _refused(name, i, earlier, has_eps):
+        if reason := _refused(name, i, earlier, has_map):
             raise ValueError(f"{argument}: the variable {short(name)} {reason}")
         earlier.add(name)
     return tuple(names)
 
 
-def _refused(name: str, i: int, earlier: Collection[str], has_eps: bool) -> str:
+def _refused(name: str, i: int, earlier: Collection[str], has_map: bool) -> str:
     """Return why variable i cannot have this name; "" if it can."""
     if len(name) > LONGEST_NAME:
         return f"is longer than {LONGEST_NAME} characters"
@@ -114,7 +120,7 @@ def _refused(name: str, i: int, earlier: Collection[str], has_eps: bool) -> str:
         return f"is {plain!r} to Python, which normalizes names: call it {plain}"
     if name in earlier:
         return "appears twice: give each variable its own name"
-    if has_eps and name == "eps":
+    if has_map and name == "eps":
         return "has the name of the step size: call it eps_, for example"
     if _NUMBERED.fullmatch(name) and name != f"x{i + 1}":
         return f"is variable {i + 1}, but {name} is the name of variable {name[1:]}"
@@ -140,28 +146,30 @@ def check_order(names: Sequence[str]) -> None:
         )
 
 
-def clash(name: str, names: Collection[str] = (), maker: str = "") -> str:
+def clash(name: str, names: Collection[str], maker: str = "", has_map: bool = True) -> str:
     """Return what the name of a parameter already stands for; "" if it is free.
 
-    `names` are those of the variables, and `maker` is the function that makes the field.
+    `names` are those of the variables, `maker` is the function that makes the field, and `has_map`
+    is as in `variables`.
     """
     if name == "K" and maker.endswith("from_hamiltonian"):
         return "the matrix of from_hamiltonian"
     if name in names:
         return "the variable of that name"
     if _AXIS.fullmatch(name):
-        return "a name in datasets of runs and crossings"
-    return _TAKEN.get(name, "")
+        return "a name in datasets"
+    has_map = has_map and not maker.startswith("Field.")
+    return _TAKEN.get(name, "") or (_OF_MAPS.get(name, "") if has_map else "")
 
 
-def free(name: str, names: Collection[str] = (), maker: str = "") -> str:
+def free(name: str, names: Collection[str], maker: str = "") -> str:
     """Return a free name for a parameter: this one, or this one with underscores after it."""
     while iskeyword(name) or clash(name, names, maker):
         name += "_"
     return name
 
 
-def check_parameter(name: str, names: Collection[str], *, has_eps: bool = True) -> None:
+def check_parameter(name: str, names: Collection[str], *, has_map: bool = True) -> None:
     """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
     if not name.isidentifier() or iskeyword(name):
         how = "rename it, to rho for example"
@@ -174,7 +182,6 @@ def check_parameter(name: str, names: Collection[str], *, has_eps: bool = True) 
     if name in TIME:
         how = f"fields have no time; to make it a variable see {page('howto/motion')}"
         raise ValueError(f"parameters: {name!r}: {how}")
-    what = clash(name, names)
-    if what and (has_eps or name != "eps" or name in names):
+    if what := clash(name, names, has_map=has_map):
         how = f"rename it, to {free(name, names)} for example"
         raise ValueError(f"parameters: {name!r} clashes with {what}: {how}")

@@ -75,16 +75,16 @@ def coefficients(name: str, value: Any, is_batch: bool) -> Any:
 
 
 def named(
-    parameters: Mapping[str, Any], variables: Sequence[str], *, has_eps: bool = True
+    parameters: Mapping[str, Any], variables: Sequence[str], *, has_map: bool = True
 ) -> dict[str, Any]:
     """Return checked parameters by name: numbers as they are, arrays as floats.
 
-    `has_eps` is as in `names.variables`.
+    `has_map` is as in `names.variables`.
     """
     checked: dict[str, Any] = {}
     taken = {*variables}
     for name, value in parameters.items():
-        check_parameter(name, taken, has_eps=has_eps)
+        check_parameter(name, taken, has_map=has_map)
         if name == "names" and np.asarray(value).dtype.kind == "U":
             how = 'pass the names of variables in place of the dimension, as "u v w"'
             raise TypeError(f"names={short(value)} is taken as a parameter of the field: {how}")

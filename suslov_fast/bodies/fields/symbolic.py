@@ -423,6 +423,13 @@ class Symbol:
     def __bool__(self) -> bool:
         raise self.tracer.asked(self.operand)
 
+    def _converted(self, *_: Any) -> Any:
+        why = "is a symbol without a value, so float, int and math cannot convert it"
+        how = "write np.sin for math.sin, np.floor for int, np.zeros(n, object) for np.zeros(n)"
+        raise Untraceable(f"{self} {why}: {how}")
+
+    __float__ = __int__ = __index__ = __complex__ = _converted
+
     def __floor__(self) -> Any:
         return applied("floor", self)
 

@@ -214,7 +214,7 @@ class Hamiltonian:
     Values are fractions if all numbers are exact, else floats (...).
     """
 
-    _instead = ": pass the field, whose Hamiltonian this is"
+    instead = ": pass the field, whose Hamiltonian this is"
 
     def __init__(self, exact: Terms, names: Sequence[str]) -> None:
         self.exact = exact  # with fractions

@@ -19,11 +19,9 @@ from .advice import (
     check_arguments,
     check_callable,
     explained,
-    field_call,
     name_of,
     prefixed,
     raise_explained,
-    says,
 )
 from .columns import Refused, Symbol as ColumnSymbol, exact_values, rounded
 from .exact import Exact
@@ -57,8 +55,8 @@ class _Call(NamedTuple):
 
     @property
     def as_field(self) -> str:
-        """The call that makes a `Field` of f, for messages."""
-        return field_call(self.f, self.argument, self.names, self.parameters)
+        """The function that makes a `Field` of f, for messages."""
+        return f"Field.{'from_function' if self.argument == 'f' else 'from_hamiltonian'}"
 
     def __call__(self, tracer: Exact) -> Any:
         return self.f(tracer.state.copy(), **tracer.parameters)
@@ -195,7 +193,7 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
         result = call(Exact(call.names, parameters))
     except Exception as error:  # raised by f
         cause = explained(error, f_name, call.names, is_family)
-        if hasattr(error, "in_words") or says(str(error), "function of math"):
+        if hasattr(error, "in_words"):
             cause += f": QuadraticField takes polynomials of degree {call.degree}, for any formula "
             cause += f"use {call.as_field}"
         raise_explained(call.argument, error, cause)

@@ -125,6 +125,9 @@ class Text:
     def root(self, a):
         return self._call("sqrt", a)
 
+    def floor(self, a):
+        return self._call("floor", a)
+
     def _call(self, name, *operands):
         function = f"{self.V} @llvm.{name}.{self.suffix}"
         kinds = ", ".join([self.V] * len(operands))
@@ -179,6 +182,11 @@ class Text:
                 names.append(values[operand])
             if instruction in ("fabs", "sqrt", "floor", "copysign"):
                 name = self._call(instruction, *names)
+            elif instruction == "sum":
+                name = names.pop(0) if len(names) % 2 else None
+                for a, b in zip(names[::2], names[1::2], strict=True):
+                    product = self.operate("fmul", a, b)
+                    name = product if name is None else self.operate("fadd", name, product)
             elif instruction in ("max", "min"):
                 is_first = self.compare("ogt" if instruction == "max" else "olt", *names)
                 name = self.select(is_first, *names)

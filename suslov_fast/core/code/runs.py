@@ -15,7 +15,7 @@ code reads the places of the first operation alone.
 import functools
 import math
 from collections import Counter, defaultdict
-from itertools import pairwise, product
+from itertools import chain, pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -71,20 +71,20 @@ class Runs(NamedTuple):
 
 
 class Numbers:
-    """The numbers that are no rows: those of `Step.table`, constants, and copies of both.
+    """The numbers that are no rows: those of a table, constants, and copies of both.
 
-    A regular run reads copies, one after the other.
+    `places` has the places of values in the table. A regular run reads copies, one after the other.
     """
 
-    def __init__(self, step):
-        self.in_table, self.step = len(step.table), step
+    def __init__(self, places):
+        self.in_table, self.places = len(places), places
         self.constants, self.order = {}, [*range(self.in_table)]
 
-    def place(self, operand):
-        """Return the place of a constant or of a value of the table."""
-        if not isinstance(operand, float):
-            return self.step.places[operand]
-        key = operand, math.copysign(1.0, operand)  # 0 equals -0
+    count = property(lambda self: len(self.order))
+
+    def place(self, constant):
+        """Return the place of a constant."""
+        key = constant, math.copysign(1.0, constant)  # 0 equals -0
         if key not in self.constants:
             self.order.append(self.in_table + len(self.constants))
             self.constants[key] = len(self.order) - 1
@@ -107,68 +107,95 @@ class Numbers:
         return np.concatenate([table, constants])[order]
 
 
-class Program:
-    """Operations of a step (`operations.Step`) as runs, on `rows` rows of lanes.
+class _Run(NamedTuple):
+    """Operations of one kind that do not wait for each other."""
 
-    The first D rows have the state, and the rows `results` the values with these numbers. The first
-    run copies the state, to the order in which it is read.
+    kind: int
+    numbers: np.ndarray  # (operations,), of their values
+    operands: np.ndarray  # (operations, operands), numbers of values
+
+
+class Program:
+    """Operations as runs, on `rows` rows of lanes.
+
+    The first D rows have the values 0 to D - 1, and the rows `results` the values with these
+    numbers. The first run copies the first D rows, to the order in which they are read. Within this
+    class, these have the numbers after those of all values, and constants have negative numbers.
     """
 
-    def __init__(self, step, operations, results, numbers):
-        self.step, self.numbers = step, numbers
-        uses = Counter(a for *_, operands in operations for a in operands)
-        uses.update(results)
-        operations = _with_sums(operations, uses, step.places)
-        runs = _in_order_of_use(self._runs(operations, _tests(operations, results)))
-        last = {}  # run that reads a value, after which its row is free
-        for n, (_, values) in enumerate(runs):
-            for number, operands in values:
-                last.update(dict.fromkeys((number, *operands), n))
-        last.update(dict.fromkeys([*range(-step.D, 0), *results], np.inf))
-        ending = defaultdict(list)
-        for number, n in last.items():
-            ending[n].append(number)
-        self._is_free, self._row = bytearray(step.D), {-1 - k: k for k in range(step.D)}
-        self.runs = self._placed(runs, ending)
-        self.rows = len(self._is_free)
-        self.results = np.array([self._row[number] for number in results])
+    def __init__(self, D, operations, results, numbers):
+        self._D, self.numbers = D, numbers
+        operations = _with_sums(operations, results, numbers.places)
+        runs = self._runs(operations, _tests(operations, results))
+        runs = _in_order_of_use(runs, len(self._place))
+        self.runs = self._placed(runs, results)
+        self.rows, self.results = len(self._is_free), self._place[results]
 
     def _runs(self, operations, tests):
-        """Return runs ((kind, operands of each), [(number, operands)]), in a possible order.
+        """Return runs in a possible order, the first of which copies the first rows.
 
-        The first one copies the state, whose values -1 - k become the values k. Tests come last,
-        because those of a kind then are in one run.
+        Tests come last, because those of a kind then are in one run.
         """
-        levels, runs = ({}, {}), defaultdict(list)
-        runs[False, 0, _NUMBER_OF["copy", "r"], 1] = [(k, (-1 - k,)) for k in range(self.step.D)]
+        places, constants = self.numbers.places, {}
+        count = 1 + max([self._D - 1, *places, *(number for _, number, _ in operations)])
+        # How many operations a value waits for, one after the other: of tests, and of others.
+        levels, runs = ([0] * count, [0] * count), defaultdict(list)
+
+        def named(a):
+            """Return a number in place of a constant."""
+            if not isinstance(a, float):
+                return a
+            place = self.numbers.place(a)
+            if place not in constants:
+                constants[place] = -1 - len(constants)
+                for level in levels:
+                    level.append(0)
+            return constants[place]
+
         for instruction, number, operands in operations:
-            kinds = "".join("t" if self._is_in_table(a) else "r" for a in operands)
+            if float in map(type, operands):
+                operands = tuple(map(named, operands))
             is_test = number in tests
             level = levels[is_test]
-            level[number] = 1 + max((level.get(a, 0) for a in operands), default=0)
-            if instruction == "sum":
+            level[number] = 1 + max(map(level.__getitem__, operands), default=0)
+            is_sum = instruction == "sum"
+            of_kind = operands[: 2 + len(operands) % 2] if is_sum else operands
+            kinds = "".join("t" if a < 0 or a in places else "r" for a in of_kind)
+            if is_sum:
                 n = len(operands) // 2
                 instruction = f"sum{n if n <= SHORT else 0}"
-                kinds = kinds[: 2 + len(operands) % 2]
-            kind = _NUMBER_OF[instruction, kinds], len(operands)
-            runs[is_test, level[number], *kind].append((number, operands))
-        return [(key[2:], runs[key]) for key in sorted(runs)]
+            key = is_test, level[number], _NUMBER_OF[instruction, kinds], len(operands)
+            runs[key].append((number, operands))
+        # The row of each value; the place of a number of the table, or of a constant.
+        self._values, self._place = count, np.full(count + self._D + len(constants), -1)
+        self._place[[*places]] = [*places.values()]
+        self._place[[*constants.values()]] = [*constants]
+        rows = np.arange(self._D)
+        self._place[count + rows] = rows
+        found = [_Run(_NUMBER_OF["copy", "r"], rows, count + rows[:, np.newaxis])]
+        for key in sorted(runs):
+            numbers, operands = zip(*runs[key], strict=True)
+            found.append(_Run(key[2], np.array(numbers), np.array(operands)))
+        return found
 
-    def _is_in_table(self, operand):
-        return isinstance(operand, float) or operand in self.step.places
-
-    def _placed(self, runs, ending):
+    def _placed(self, runs, results):
         """Give each value of runs a row; return `Runs`."""
-        heads, places = [], [np.empty(0, np.int32)]
-        for run, ((kind, n), operations) in enumerate(runs):
-            self._take_rows([number for number, _ in operations])
-            of_run = np.array(
-                [[self._row[number], *map(self._place, of)] for number, of in operations], np.int32
-            )
+        last = np.full(len(self._place), -1)  # run that reads a value, after which its row is free
+        for n, (_, numbers, operands) in enumerate(runs):
+            last[numbers] = last[operands] = n
+        last[results] = len(runs)
+        last[[*self.numbers.places]] = last[self._values :] = len(runs)  # they have no rows of runs
+        ending, ends = np.argsort(last, kind="stable"), [*range(len(runs) + 1)]
+        ends = np.searchsorted(last[ending], ends)
+        heads, places, self._is_free = [], [np.empty(0, np.int32)], bytearray(self._D)
+        for run, (kind, numbers, operands) in enumerate(runs):
+            self._take_rows(numbers)
+            of_run = np.column_stack([self._place[numbers], self._place[operands]])
+            of_run = of_run.astype(np.int32)
             is_left = np.ones(len(of_run), bool)
             for begin, end in _regular(kind, of_run):
                 first, is_left[begin:end] = of_run[begin].copy(), False
-                for k, each in enumerate(operand_kinds(kind, n), 1):
+                for k, each in enumerate(operand_kinds(kind, operands.shape[1]), 1):
                     if each == "t":
                         first[k] = self.numbers.copied(of_run[begin:end, k])
                 heads.append((len(KINDS) + kind, end - begin, first.nbytes))
@@ -177,9 +204,8 @@ class Program:
                 left = of_run[is_left]
                 heads.append((kind, left[0].nbytes, left.nbytes))
                 places.append(left.ravel())
-            for number in ending[run]:
-                if number in self._row:
-                    self._is_free[self._row[number]] = 1
+            ended = ending[ends[run] : ends[run + 1]]
+            np.frombuffer(self._is_free, np.uint8)[self._place[ended]] = 1
         return Runs(np.array(heads, np.int64).reshape(-1, 3), np.concatenate(places))
 
     def _take_rows(self, numbers):
@@ -194,10 +220,7 @@ class Program:
             if first < 0:
                 first = len(self._is_free)
             self._is_free[first : first + n] = bytes(n)
-            self._row.update(zip(part, range(first, first + n), strict=True))
-
-    def _place(self, operand):
-        return self.numbers.place(operand) if self._is_in_table(operand) else self._row[operand]
+            self._place[part] = range(first, first + n)
 
 
 def _tests(operations, results):
@@ -213,16 +236,18 @@ def _tests(operations, results):
     return tests
 
 
-def _in_order_of_use(runs):
+def _in_order_of_use(runs, count):
     """Return runs whose values are in the order in which a later run first reads them."""
-    first = {}
-    for run in reversed(range(len(runs))):
-        (_, n), operations = runs[run]
-        operations.sort(key=lambda operation: first.get(operation[0], (len(runs),)))
-        for slot in reversed(range(n)):
-            for place in reversed(range(len(operations))):
-                first[operations[place][1][slot]] = run, slot, place
-    return runs
+    base = sum(operands.size for _, _, operands in runs)
+    first, found = np.full(count, base), []  # the place where each value is first read
+    for kind, numbers, operands in reversed(runs):
+        order = np.argsort(first[numbers], kind="stable")
+        numbers, operands = numbers[order], operands[order]
+        base -= operands.size
+        # By the first operands of all operations, then their second ones; the least place stays.
+        first[operands.T.ravel()[::-1]] = np.arange(base, base + operands.size)[::-1]
+        found.append(_Run(kind, numbers, operands))
+    return found[::-1]
 
 
 def _regular(kind, places):
@@ -236,15 +261,21 @@ def _regular(kind, places):
     return [(a, b) for a, b in pairwise(ends) if b - a >= LEAST]
 
 
-def _with_sums(operations, uses, places):
+def _with_sums(operations, results, places):
     """Return operations in which products and sums of them are "sum", with a start and factors.
 
     A value that is used elsewhere, too, keeps an operation of its own.
     """
     found, kinds = {}, {}
+    uses = Counter(chain.from_iterable(operands for *_, operands in operations))
+    uses.update(results)
+
     for instruction, number, operands in operations:
         a, b = (*operands, None)[:2]
-        if instruction == "fmul":
+        if instruction == "sum":
+            first = operands[len(operands) % 2]
+            kinds[number] = "t" if isinstance(first, float) or first in places else "r"
+        elif instruction == "fmul":
             if isinstance(b, float) or b in places:
                 a, b = b, a
             kinds[number] = "t" if isinstance(a, float) or a in places else "r"
@@ -257,14 +288,6 @@ def _with_sums(operations, uses, places):
             instruction, operands = "sum", (*start, *found.pop(b)[1])
         found[number] = instruction, operands
     return [(instruction, number, operands) for number, (instruction, operands) in found.items()]
-
-
-class _Inputs(NamedTuple):
-    """The attributes of a step that `Program` reads."""
-
-    D: int
-    places: dict
-    table: list
 
 
 def program_of(rows, table, operations, results):
@@ -287,27 +310,34 @@ def program_of(rows, table, operations, results):
         names[number] = add(instruction, *operands)
     results = [names[number] for number in results]
     copies = {name: add("fadd", name, -0.0) for name in results if name in places}
-    of_list = _Inputs(len(rows), places, table)
-    numbers = Numbers(of_list)
+    numbers = Numbers(places)
     results = [copies.get(name, name) for name in results]
-    return Program(of_list, renamed, results, numbers), numbers
+    return Program(len(rows), renamed, results, numbers), numbers
 
 
-class Programs(NamedTuple):
-    """The programs of a step: for all states, and for states where `good` is false."""
+class Programs:
+    """The programs of a step: for all states, and for states where `good` is false.
 
-    usual: Program  # its results are `Step.after` and `good`
-    rare: Program  # `after_rare`, `good`, `accurate`, `negative`; `changed` if it is not None
-    numbers: Numbers  # that both read
-    rows: int
+    Each has numbers of its own. The second one is made when a state first needs it.
+    """
+
+    def __init__(self, step):
+        self._step = step
+        self.usual = Program(step.D, step.usual, [*step.after, step.good], Numbers(step.places))
+
+    @functools.cached_property
+    def rare(self):
+        """The program of the values `after_rare`, `good`, `accurate`, `negative` and `changed`.
+
+        The last one is missing where it is None.
+        """
+        step = self._step
+        results = [*step.after_rare, step.good, step.accurate, step.negative]
+        results += [] if step.changed is None else [step.changed]
+        return Program(step.D, [*step.usual, *step.rare], results, Numbers(step.places))
 
 
 @functools.lru_cache(8)
 def programs_of(step):
     """Return the `Programs` of a step."""
-    numbers = Numbers(step)
-    usual = Program(step, step.usual, [*step.after, step.good], numbers)
-    results = [*step.after_rare, step.good, step.accurate, step.negative]
-    results += [] if step.changed is None else [step.changed]
-    rare = Program(step, [*step.usual, *step.rare], results, numbers)
-    return Programs(usual, rare, numbers, max(usual.rows, rare.rows))
+    return Programs(step)

@@ -6,20 +6,22 @@ import numpy as np
 
 from ..compiling.codes import CHANGED
 from ..lists.step import OF_NUMBERS, Step
-from .compiler import Text, code_of, pointer
+from .compiler import Text, code_of
 from .runs import CALLED, JOINING, KINDS, REGULAR, operand_kinds, programs_of
+from .text import Code
 
 
 class ListArguments(NamedTuple):
     """The integers of an array that the code of `text_of_listed_steps` takes."""
 
     rows: int  # address of the rows (-, W), of which the first D have the state
-    tables: int  # address of the address of a table (n,) or (n, W) for each stage
+    tables: int  # address of the address of the numbers (n,) or (n, W) for each stage
+    rare_tables: int  # the same of the rare program
     heads: int  # addresses of the usual `Runs`, and their number
     places: int
     runs: int
     results: int  # address of the rows of `Step.after` and `good`
-    rare_heads: int
+    rare_heads: int  # 0 while they are not there
     rare_places: int
     rare_runs: int
     rare_results: int  # of `after_rare`, `good`, `accurate`, `negative` and `changed`
@@ -32,6 +34,7 @@ class ListArguments(NamedTuple):
     stage: int  # the next one
     n: int  # stages taken
     is_rare: int  # 1 if the last step was; a step after it begins with the rare runs
+    bits: int  # of lanes, after a step
 
 
 SLOT = ListArguments(*range(len(ListArguments._fields)))
@@ -42,96 +45,102 @@ def text_of_listed_steps(_, name, W, for_each, *_others):
 
     A step is one stage. It ends after a step that is not accurate in some lane, or from det A < 0,
     and returns bits of these lanes: bad + 256 negative, as of `step_carefully`. Lanes in `bad` did
-    not take the step.
+    not take the step. It ends with -1 before a step that needs rare runs which are not there.
     """
-    text, size, all_lanes = Text(W), 8 * W, (1 << W) - 1
-    integer, V = text.integer, text.V
-    _add_runs(text, f"{name}_runs", for_each)
+    text, all_lanes = Code(W), (1 << W) - 1
+    integer = text.integer
+    add_runs(text, f"{name}_runs", for_each)
     text.add(f"define i64 @{name}(i64 %arguments) #0 {{")
     text.label("entry")
     a = ListArguments(*(text.load("i64", text.plus("%arguments", 8 * k)) for k in SLOT))
-    text.jump("step")
 
-    def place(row):
-        return integer("add", a.rows, integer("mul", row, size))
+    def get(slot):
+        return text.load("i64", text.plus("%arguments", 8 * slot))
 
-    def truth(results, k):
-        row = text.load("i64", integer("add", results, integer("mul", integer("add", a.D, k), 8)))
-        return _truth(text, text.load(V, place(row)))
+    def put(value, slot):
+        text.store("i64", value, text.plus("%arguments", 8 * slot))
 
-    def copy(label, rows, following, choose):
-        """Add a loop that replaces components by choose(result, address of the component)."""
-        text.jump(label)
-        text.label(label)
-        text.add(f"  %{label}_k = phi i64 [ 0, %{label}_from ], [ %{label}_k1, %{label} ]")
-        row = text.load("i64", integer("add", rows, integer("mul", f"%{label}_k", 8)))
-        at = place(f"%{label}_k")
-        text.store(V, choose(text.load(V, place(row)), at), at)
-        text.add(f"  %{label}_k1 = add i64 %{label}_k, 1")
-        text.branch(text.compare_integers("ult", f"%{label}_k1", a.D), label, following)
-
-    def run(rows, table, heads, places, count):
-        numbers = ", ".join(f"i64 {value}" for value in (rows, table, heads, places, count))
+    def run(tables, heads, places, count):
+        table = text.load("i64", text.at(tables, get(SLOT.stage)))
+        numbers = ", ".join(f"i64 {value}" for value in (a.rows, table, heads, places, count))
         text.add(f"  call void @{name}_runs({numbers})")
 
-    text.label("step")
-    text.add("  %n = phi i64 [ 0, %entry ], [ %n1, %taken ]")
-    text.add(f"  %stage = phi i64 [ {a.stage}, %entry ], [ %stage1, %taken ]")
-    text.add(f"  %was_rare = phi i64 [ {a.is_rare}, %entry ], [ %is_rare, %taken ]")
-    table = text.load("i64", integer("add", a.tables, integer("mul", "%stage", 8)))
-    text.branch(text.compare_integers("eq", "%was_rare", 0), "try_usual", "rare_from")
-    text.label("try_usual")
-    run(a.rows, table, a.heads, a.places, a.runs)
-    text.branch(text.all_true(truth(a.results, 0)), "usual_from", "rare_from", likely=True)
-    text.label("usual_from")
-    copy("usual", a.results, "taken", lambda value, at: value)
+    def truth(results, k):
+        row = text.load("i64", text.at(results, integer("add", a.D, k)))
+        return truth_of(text, text.row(a.rows, 0, row))
 
-    text.label("rare_from")
-    run(a.rows, table, a.rare_heads, a.rare_places, a.rare_runs)
-    not_usual = text.new(f"xor i1 {text.all_true(truth(a.rare_results, 0))}, true")
-    remains_rare, accurate = text.new(f"zext i1 {not_usual} to i64"), truth(a.rare_results, 1)
-    good, negative = text.bits(accurate), text.bits(truth(a.rare_results, 2))
-    bad = integer("and", integer("xor", good, all_lanes), integer("xor", a.ended, all_lanes))
-    told = integer("and", good, integer("xor", a.passed, all_lanes))
-    changed = text.bits(truth(a.rare_results, a.changed))
-    negative = integer("or", negative, integer("shl", changed, CHANGED))
-    told = integer("mul", told, 1 | 1 << CHANGED)
-    rare = integer("or", bad, integer("shl", integer("and", negative, told), 8))
-    copy("rare", a.rare_results, "taken",
-         lambda value, at: text.select(accurate, value, text.load(V, at)))  # fmt: skip
+    def replace(results, choose):
+        """Replace components by choose(result, component)."""
 
-    text.label("taken")
-    text.add(f"  %bits = phi i64 [ 0, %usual ], [ {rare}, %rare ]")
-    text.add(f"  %is_rare = phi i64 [ 0, %usual ], [ {remains_rare}, %rare ]")
-    text.add("  %n1 = add i64 %n, 1")
-    following = integer("add", "%stage", 1)
-    is_last = text.compare_integers("eq", following, a.stages)
-    text.add(f"  %stage1 = select i1 {is_last}, i64 0, i64 {following}")
-    is_clear = text.compare_integers("eq", "%bits", 0)
-    goes_on = text.new(f"and i1 {is_clear}, {text.compare_integers('ult', '%n1', a.steps)}")
-    text.branch(goes_on, "step", "end")
-    text.label("end")
-    text.store("i64", "%n1", text.plus("%arguments", 8 * SLOT.n))
-    text.store("i64", "%is_rare", text.plus("%arguments", 8 * SLOT.is_rare))
-    text.add("  ret i64 %bits")
+        def component(k):
+            row = text.load("i64", text.at(results, k))
+            value = text.row(a.rows, 0, row)
+            text.put(choose(value, k), a.rows, 0, k)
+
+        text.fold(a.D, {}, component)
+
+    def take_usual():
+        run(a.tables, a.heads, a.places, a.runs)
+        is_usual = text.all_true(truth(a.results, 0))
+        with text.when(is_usual, likely=True):
+            replace(a.results, lambda value, k: value)
+        put(text.new(f"select i1 {is_usual}, i64 0, i64 1"), SLOT.is_rare)
+
+    def take_rare():
+        run(a.rare_tables, a.rare_heads, a.rare_places, a.rare_runs)
+        is_usual, accurate = text.all_true(truth(a.rare_results, 0)), truth(a.rare_results, 1)
+        put(text.new(f"select i1 {is_usual}, i64 0, i64 1"), SLOT.is_rare)
+        good, negative = text.bits(accurate), text.bits(truth(a.rare_results, 2))
+        bad = integer("and", integer("xor", good, all_lanes), integer("xor", a.ended, all_lanes))
+        told = integer("and", good, integer("xor", a.passed, all_lanes))
+        changed = text.bits(truth(a.rare_results, a.changed))
+        negative = integer("or", negative, integer("shl", changed, CHANGED))
+        told = integer("mul", told, 1 | 1 << CHANGED)
+        told = integer("shl", integer("and", negative, told), 8)
+        put(integer("or", bad, told), SLOT.bits)
+        replace(a.rare_results, lambda x, k: text.select(accurate, x, text.row(a.rows, 0, k)))
+
+    put(0, SLOT.n)
+    with text.repeat() as goes_on:
+        put(0, SLOT.bits)
+        with text.when(text.compare_integers("eq", get(SLOT.is_rare), 0)):
+            take_usual()
+        with text.when(text.compare_integers("ne", get(SLOT.is_rare), 0)):
+            has_rare = text.compare_integers("ne", a.rare_heads, 0)
+            put(text.new(f"select i1 {has_rare}, i64 0, i64 -1"), SLOT.bits)
+            with text.when(has_rare):
+                take_rare()
+        bits = get(SLOT.bits)
+        taken = text.new(f"zext i1 {text.compare_integers('sge', bits, 0)} to i64")
+        n, following = (integer("add", get(slot), taken) for slot in (SLOT.n, SLOT.stage))
+        is_last = text.compare_integers("eq", following, a.stages)
+        put(text.new(f"select i1 {is_last}, i64 0, i64 {following}"), SLOT.stage)
+        put(n, SLOT.n)
+        is_clear = text.compare_integers("eq", bits, 0)
+        has_more = text.compare_integers("ult", n, a.steps)
+        goes_on.append(text.new(f"and i1 {is_clear}, {has_more}"))
+    text.add(f"  ret i64 {bits}")
     return text.finished()
 
 
-def _truth(text, value):
+def truth_of(text, value):
     """Return truth values from a row, in which all bits of a lane are equal."""
     integers = f"<{text.W} x i64>" if text.W > 1 else "i64"
     value = text.new(f"bitcast {text.V} {value} to {integers}")
     return text.new(f"icmp slt {integers} {value}, {'zeroinitializer' if text.W > 1 else 0}")
 
 
-def _add_runs(text, name, for_each, called=()):
+def add_runs(text, name, for_each, called=(), only=None):
     """Add the function void name(rows, table, heads, places, count), which carries out runs.
 
     Of the functions in CALLED it has these alone, because each takes longer to compile than all
-    others.
+    others; and of all instructions only those that begin with one of `only`, if it is given.
     """
     integer = text.integer
     own_kinds = [k for k, kind in enumerate(KINDS) if kind[0] in called or kind[0] not in CALLED]
+    if only is not None:
+        own_kinds = [k for k in own_kinds if KINDS[k][0].startswith(only)]
+    regular = [k for k in REGULAR if k in own_kinds]
     text.add(f"define internal void @{name}(i64 %rows, i64 %table, i64 %heads, i64 %places, "
              "i64 %count) #0 {")  # fmt: skip
     text.label("entry")
@@ -143,11 +152,11 @@ def _add_runs(text, name, for_each, called=()):
     kind, own, size = (text.load("i64", text.plus("%head", 8 * k)) for k in range(3))
     text.add(f"  %last = add i64 %first, {size}")
     ways = [f"i64 {number}, label %run{number}" for number in own_kinds]
-    ways += [f"i64 {len(KINDS) + number}, label %regular{number}" for number in REGULAR]
+    ways += [f"i64 {len(KINDS) + number}, label %regular{number}" for number in regular]
     text.add(f"  switch i64 {kind}, label %next [ {' '.join(ways)} ]")
     for number in own_kinds:
         _add_run(text, number, own, for_each)
-    for number in REGULAR:
+    for number in regular:
         _add_regular_run(text, number, own, for_each)
     text.label("next")
     text.add("  %head1 = add i64 %head, 24")
@@ -232,7 +241,7 @@ def _value(text, number, operand, begin, end):
         return operands[0]
     if instruction in (*JOINING, "select"):
         count = 1 if instruction == "select" else 2
-        operands = [_truth(text, value) for value in operands[:count]] + operands[count:]
+        operands = [truth_of(text, value) for value in operands[:count]] + operands[count:]
     values = dict(enumerate(operands))
     text.carry_out([(instruction, -1, tuple(values))], values, None)
     if instruction in OF_NUMBERS:
@@ -267,70 +276,45 @@ def _sum(text, number, operand, begin, end):
 
 
 def text_of_listed_step(step, name, *_):
-    """Return the text of `generated.text_of_step` for a long list, on tables with constants."""
-    programs, text, constants = programs_of(step), Text(1), []
-
-    def constant(key, array):
-        return _constant(text, f"{name}_{key}", array, constants)
-
+    """Return the text of `generated.text_of_step` for a long list; its table is `numbers_of`."""
+    programs, text = programs_of(step), Code(1)
     text.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
     text.label("entry")
-    rows, own = (_memory(text, size) for size in (programs.rows, len(SLOT)))
-    tables = _memory(text, 1)
+    rows = text.memory(max(programs.usual.rows, programs.rare.rows))
+    own, tables = text.memory(len(SLOT)), text.memory(2)
     text.store("i64", "%table", tables)
-    numbers = {"rows": rows, "tables": tables, "changed": 2, "D": step.D, "steps": 1, "stages": 1}
+    text.store("i64", text.plus("%table", 8 * programs.usual.numbers.count), text.plus(tables, 8))
+    numbers = {
+        "rows": rows, "tables": tables, "rare_tables": text.plus(tables, 8), "changed": 2,
+        "D": step.D, "steps": 1, "stages": 1,
+    }  # fmt: skip
     for prefix, program in (("", programs.usual), ("rare_", programs.rare)):
-        numbers[f"{prefix}heads"] = constant(f"{prefix}heads", program.runs.heads)
-        numbers[f"{prefix}places"] = constant(f"{prefix}places", program.runs.places)
+        for key, array in zip(("heads", "places"), program.runs, strict=True):
+            numbers[prefix + key] = text.integers(f"{name}_{prefix}{key}", array)
         numbers[f"{prefix}runs"] = len(program.runs.heads)
-        numbers[f"{prefix}results"] = constant(f"{prefix}results", program.results)
+        numbers[f"{prefix}results"] = text.integers(f"{name}_{prefix}results", program.results)
     for slot, key in enumerate(SLOT._fields):
         text.store("i64", numbers.get(key, 0), text.plus(own, 8 * slot))
-    _copy(text, "before", "%x", rows, step.D)
+    text.copy("%x", rows, step.D)
     bits = text.new(f"call i64 @{name}_steps(i64 {own})")
-    bad = text.compare_integers("ne", text.integer("and", bits, 1), 0)
-    text.branch(bad, "bad", "good")
-    text.label("bad")
-    text.add("  ret i64 1")
-    text.label("good")
-    _copy(text, "after", rows, "%x", step.D)
-    text.add(f"  ret i64 {text.integer('and', text.integer('lshr', bits, 7), 2)}")
+    good = text.compare_integers("eq", text.integer("and", bits, 1), 0)
+    with text.when(good):
+        text.copy(rows, "%x", step.D)
+    negative = text.integer("and", text.integer("lshr", bits, 7), 2)
+    text.add(f"  ret i64 {text.new(f'select i1 {good}, i64 {negative}, i64 1')}")
     steps = text_of_listed_steps(None, f"{name}_steps", 1, False)
-    return "\n".join([*constants, *text.lines, "}", steps])
+    return "\n".join([*text.constants, *text.lines, "}", steps])
 
 
-def _constant(text, name, array, constants):
-    """Return the address of an array of integers, whose text is added to `constants`."""
-    kind = f"[{array.size} x i{8 * array.itemsize}]"
-    values = ", ".join(f"i{8 * array.itemsize} {value}" for value in array.ravel().tolist())
-    constants.append(f"@{name} = internal constant {kind} [{values}]")
-    return text.new(f"ptrtoint {pointer(kind)} @{name} to i64")
+def numbers_of(step, table):
+    """Return the numbers (-, W) that both programs of a long list read, from its table (n, W)."""
+    programs = programs_of(step)
+    return np.concatenate([each.numbers.of(table) for each in (programs.usual, programs.rare)])
 
 
-def _memory(text, size):
-    """Return the address of memory for numbers, on the stack."""
-    return text.new(f"ptrtoint {pointer('double')} {text.new(f'alloca double, i64 {size}')} to i64")
-
-
-def _copy(text, label, source, target, count):
-    """Add a loop that copies numbers."""
-    text.jump(f"{label}_from")
-    text.label(f"{label}_from")
-    text.jump(label)
-    text.label(label)
-    text.add(f"  %{label}_k = phi i64 [ 0, %{label}_from ], [ %{label}_k1, %{label} ]")
-    offset = text.integer("mul", f"%{label}_k", 8)
-    value = text.load("double", text.integer("add", source, offset))
-    text.store("double", value, text.integer("add", target, offset))
-    text.add(f"  %{label}_k1 = add i64 %{label}_k, 1")
-    more = text.compare_integers("ult", f"%{label}_k1", count)
-    text.branch(more, label, f"{label}_end")
-    text.label(f"{label}_end")
-
-
-_ANY = Step(np.empty((3, 0), np.int64), 1)  # the code does not depend on it
+ANY = Step(np.empty((3, 0), np.int64), 1)  # the code does not depend on it
 
 
 def listed_code(W, for_each):
     """Return the address of the code of `text_of_listed_steps`, None where LLVM refuses it."""
-    return code_of(text_of_listed_steps, _ANY, W, for_each)
+    return code_of(text_of_listed_steps, ANY, W, for_each)

@@ -41,6 +41,11 @@ class Code(Text):
         self.add("  ret void")
         self.add("}")
 
+    def leave(self, result):
+        """Return from the function; the code that follows, up to the next block, is not reached."""
+        self.add(f"  ret {result}")
+        self.label(self._name("left"))
+
     def next_block(self):
         """End the block of straight-line code, and begin another."""
         name = self._name("next")
@@ -60,6 +65,11 @@ class Code(Text):
         values = ", ".join(f"double {bits_of(number)}" for number in array.ravel())
         self.target.constants.append(f"@{name} = private constant {kind} [{values}], align 64")
         return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
+
+    def memory(self, count):
+        """Return the address of memory for so many numbers, on the stack."""
+        place = self.new(f"alloca double, i64 {count}")
+        return self.new(f"ptrtoint {pointer('double')} {place} to i64")
 
     def copy(self, source, target, count):
         """Add a loop that copies rows."""

@@ -117,44 +117,28 @@ def _described_names(names, module, seen):
 
 
 # -------------------------------------------------------------------------------------------- files
-class _Kept:
-    """A folder of Numba's that is taken as it is where it has files of a function.
-
-    Numba takes only folders that it can write, as those of a container may not be.
-    """
-
-    is_writable = True
-
-    def __init__(self, py_function, path):
-        super().__init__(py_function, path)
-        name = py_function.__qualname__.replace("<", "").replace(">", "")
-        self._pattern = f"*.{name}-*.nbi"
-
-    def ensure_cache_path(self):
-        try:
-            super().ensure_cache_path()
-        except OSError:
-            if not any(Path(self.get_cache_path()).glob(self._pattern)):
-                raise
-            self.is_writable = False
-
-
 @functools.cache
-def _with_kept_folders():
-    """Return the class that Numba asks for the folder of a function."""
-    ours = {"UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator"}
-    places = [
-        type(each.__name__, (_Kept, each), {}) if each.__name__.lstrip("_") in ours else each
-        for each in caching.CompileResultCacheImpl._locator_classes
-    ]
-    return type("Kept", (caching.CompileResultCacheImpl,), {"_locator_classes": places})
+def _locators():
+    """Return the classes that Numba asks for a folder: first that of NUMBA_CACHE_DIR, as it is.
+
+    Numba takes only folders that it can write, as that of a container may not be.
+    """
+    usual = caching.CompileResultCacheImpl._locator_classes
+    [named] = [each for each in usual if each.__name__.lstrip("_") == "UserProvidedCacheLocator"]
+
+    class Named(named):
+        def ensure_cache_path(self):
+            with suppress(OSError):
+                super().ensure_cache_path()
+
+    return [Named, *usual]
 
 
 @contextmanager
-def kept_folders():
-    """Let Numba, which chooses the files of universal functions, take folders as they are, too."""
+def named_folder():
+    """Let Numba choose the files of universal functions and of C functions by `_locators`, too."""
     usual = caching.CacheImpl._locator_classes
-    caching.CacheImpl._locator_classes = _with_kept_folders()._locator_classes
+    caching.CacheImpl._locator_classes = _locators()
     try:
         yield
     finally:
@@ -168,51 +152,38 @@ def _files_of(py_function):
     class Files(FunctionCache):
         """Files of a function. If one cannot be read or written, the process compiles."""
 
+        class _impl_class(caching.CompileResultCacheImpl):
+            _locator_classes = _locators()
+
         def load_overload(self, signature, target_context):
             # Of any class, because unpickling what is not whole may raise anything. The process
             # then compiles.
             with suppress(Exception):
                 code = super().load_overload(signature, target_context)
                 # Two processes that write at once may exchange the code of two signatures.
-                if code and tuple(code.signature.args) == tuple(signature):
-                    return code
-                return self._elsewhere and self._elsewhere.load_overload(signature, target_context)
+                return code if code and tuple(code.signature.args) == tuple(signature) else None
             with suppress(OSError):
                 self.flush()  # the index: `save_overload` would read it
             return None
 
         def save_overload(self, signature, data):
             with suppress(Exception):  # of any class: pickle, a full disk, the index of another
-                if self._elsewhere:
-                    self._elsewhere.save_overload(signature, data)
-                else:
-                    super().save_overload(signature, data)
-                    _delete_stale_files(self.cache_path)
+                super().save_overload(signature, data)
+                _delete_stale_files(self.cache_path)
 
         def _index_key(self, signature, codegen):
             if not of_others:
                 return super()._index_key(signature, codegen)
             return signature, codegen.magic_tuple(), _digest_of(py_function)
 
-        @functools.cached_property
-        def _elsewhere(self):
-            """Files in a folder that can be written, for code that this one lacks."""
-            if getattr(self._impl.locator, "is_writable", True):
-                return None
-            with suppress(RuntimeError):
-                return Files(py_function)
-
-    class Kept(Files):
-        _impl_class = _with_kept_folders()
-
-    return Kept(py_function)
+    return Files(py_function)
 
 
 def use_cache(compiled, py_function):
     """Give a compiled function its files: `caching`, `FunctionCache`, `_cache`."""
     # Without a key of its own a function of others might be stale.
     if hasattr(FunctionCache, "_index_key") and hasattr(compiled, "_cache"):
-        with suppress(RuntimeError, TypeError, AttributeError):  # no folder
+        with suppress(RuntimeError, TypeError, AttributeError, ValueError):  # no folder
             compiled._cache = _files_of(py_function)
 
 
@@ -227,17 +198,15 @@ def is_kept(compiled, kinds):
 
 def has_files(py_function):
     """True if there are files of a function that Numba itself gives files."""
-    with suppress(Exception):  # of any class, as in `is_kept`
+    with suppress(Exception), named_folder():  # of any class, as in `is_kept`
         return bool(FunctionCache(py_function)._cache_file._load_index())
     return False
 
 
 def folder_of(compiled):
-    """Return the folder of the files of a function, or None, and whether it can be written."""
+    """Return the folder of the files of a function, or None."""
     files = getattr(compiled, "_cache", None)
-    if not isinstance(files, FunctionCache or ()):
-        return None, False
-    return files.cache_path, getattr(files._impl.locator, "is_writable", True)
+    return files.cache_path if isinstance(files, FunctionCache or ()) else None
 
 
 def name_with_digest(py_function, of_all=False):

@@ -45,8 +45,8 @@ from .cache import (
     has_files,
     is_foreign,
     is_kept,
-    kept_folders,
     name_with_digest,
+    named_folder,
     use_cache,
 )
 from .interrupts import uninterrupted
@@ -93,7 +93,7 @@ _said = []  # what users were told
 
 def _say():
     """Tell a user at a terminal, once in a process, that it compiles."""
-    folder, _ = folder_of(_loop)
+    folder = folder_of(_loop)
     kept = f"later processes load the code from {folder}" if folder else "the code is not kept"
     if not _said:
         _said.append(f"suslov_fast compiles for some seconds; {kept}")
@@ -226,7 +226,7 @@ class CFunction(Patient):
         with _compiling():
             # There is no writable folder; or a file cannot be read, which may raise anything. An
             # error of compiling comes again.
-            with suppress(Exception):
+            with suppress(Exception), named_folder():
                 return build(cache=not config.BOUNDSCHECK)(self._named)
             return build(cache=False)(self._named)
 
@@ -409,8 +409,7 @@ class Universal(Patient):
 
     @functools.cached_property
     def _is_kept(self):
-        with kept_folders():
-            return has_files(self._named)
+        return has_files(self._named)
 
     @functools.cached_property
     def _vectorized(self):
@@ -429,7 +428,7 @@ class Universal(Patient):
         kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
         build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
         with _compiling():
-            with suppress(Exception), kept_folders():  # as in `CFunction`
+            with suppress(Exception), named_folder():  # as in `CFunction`
                 compiled = build(cache=not config.BOUNDSCHECK)(self._named)
                 if _is_whole(compiled):
                     return compiled

@@ -70,13 +70,14 @@ def fill(spans, coefficients, states, columns, a):
 
 
 @function
-def solve_rows(a):
+def solve_rows(a, most):
     """Replace the last column of a (D, D + 1) by the solution, with pivots on the diagonal.
 
-    Return whether this kept digits, as `elimination.keeps_digits`, and the sign of det A < 0. One
-    row after the other is eliminated, because a row stays in the first cache.
+    A is replaced by its factors, with inverse pivots on the diagonal. Return whether this kept
+    digits, as `elimination.keeps_digits` (a pivot of `most` counts, too), and det A < 0. One row
+    after the other is eliminated, because a row stays in the first cache.
     """
-    D, least, largest, negative = len(a), np.inf, 1.0, False
+    D, least, largest, negative = len(a), most, 1.0, False
     for i in range(D):
         largest = simd_max(abs(a[i, i]), largest)
     for i in range(D):
@@ -86,10 +87,12 @@ def solve_rows(a):
             row, upper, lower = a[i, k + 2 :], a[k, k + 2 :], a[k + 1, k + 2 :]
             for j in range(D - k - 1):
                 row[j] = row[j] - first * upper[j] - second * lower[j]
+            a[i, k], a[i, k + 1] = first, second
         if i % 2:
             first, row, upper = a[i, i - 1] * a[i - 1, i - 1], a[i, i:], a[i - 1, i:]
             for j in range(D + 1 - i):
                 row[j] -= first * upper[j]
+            a[i, i - 1] = first
         pivot = a[i, i]
         least, largest = simd_min(abs(pivot), least), simd_max(abs(pivot), largest)
         negative ^= pivot < 0.0
@@ -141,7 +144,7 @@ def dense_steps(part, parts, field, coefficients, marks, x, memory, taken):
                 states[l, i] = x[i, l]
         fill(field.spans, coefficients, states, columns, a)
         for l in range(W):
-            is_good, negative = solve_rows(a[l])
+            is_good, negative = solve_rows(a[l], np.inf)
             bits |= advance_lane(x, l, a[l, :, D], field.of_one_sign, is_good, negative, marks)
         if bits != 0 or n + 1 == taken[0]:
             taken[0], taken[1] = n + 1, bits

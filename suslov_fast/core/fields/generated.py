@@ -6,7 +6,7 @@ steps. Its values stay in registers, and are those of `operations.evaluate`, to 
 
 from ..code.compiler import Text
 from ..compiling.codes import CHANGED
-from .generated_lines import add_table, loader, piece_function, save
+from .generated_lines import add_table, loader, save
 from .generated_stages import (
     SLOT,
     CodeArguments,
@@ -51,14 +51,11 @@ class _Steps:
     def __init__(self, step, name, W, for_each, align, tells_signs):
         self.text, self.step, self.name, self.for_each = Text(W), step, name, for_each
         self.align, self.tells_signs, self.size = align, tells_signs, 8 * W  # bytes of a row
-        (*self.before, self.usual), _ = step.pieces
         self.single = [f"%x{i}" for i in range(step.D if W == 1 else 0)]
 
     def finished(self):
         """Return the whole text."""
         text = self.text
-        for k, piece in enumerate(self.before):
-            piece_function(text, self.step, f"{self.name}_{k}", piece, self.for_each)
         text.add(f"define i64 @{self.name}(i64 %arguments) #0 {{")
         text.label("entry")
         self.of = CodeArguments(*(text.load("i64", self.slot(k)) for k in SLOT))
@@ -127,18 +124,16 @@ class _Steps:
             numbers = step.T if self.for_each == OF_HALVES else len(step.table)
             table = text.integer("add", table, text.integer("mul", "%line", numbers * self.size))
         x = self.single or self.state_at(places)
-        for k in range(len(self.before)):
-            text.add(f"  call void @{self.name}_{k}(i64 {state}, i64 {table}, i64 {of.kept})")
         if self.for_each == OF_HALVES:
             fraction = text.load("double", text.plus(self.plan, 8))
             add_table(text, step, table, fraction, fixed)
-        return places, x, loader(text, step, self.for_each, state, table, of.kept, fixed)
+        return places, x, loader(text, step, self.for_each, state, table, fixed)
 
     def take_usual_step(self, x, load):
         """Return all values, and the next state."""
         text, step = self.text, self.step
         values = dict(enumerate(x))
-        text.carry_out(self.usual, values, load)
+        text.carry_out(step.usual, values, load)
         after = [values[k] if k in values else load(k) for k in step.after]
         text.branch(text.all_true(values[step.good]), "finish", "rare", likely=True)
         return values, after
@@ -150,11 +145,11 @@ class _Steps:
         """
         text, step, of = self.text, self.step, self.of
         text.label("rare")
-        if not self.single and not self.before:
+        if not self.single:
             # Loaded and computed anew, so that the registers of usual lines need not be stored.
             x = self.state_at(places)
             values = dict(enumerate(x))
-            text.carry_out(self.usual, values, load)
+            text.carry_out(step.usual, values, load)
         text.carry_out(step.rare, values, load)
         accurate = values[step.accurate]
         after = [values[k] if k in values else load(k) for k in step.after_rare]

@@ -1,4 +1,4 @@
-"""What the codes of steps, motions and tangents share: values of a line, pieces, saved states."""
+"""What the codes of steps and tangents share: values of a line, saved states."""
 
 
 def add_table(text, step, halves, fraction, fixed):
@@ -18,39 +18,25 @@ def add_table(text, step, halves, fraction, fixed):
             fixed[number] = half_of(number)
 
 
-def loader(text, step, for_each, state, table, kept, fixed=()):
-    """Return the function that loads a value: of the state, of an earlier piece, or of the table.
+def loader(text, step, for_each, state, table, fixed=()):
+    """Return the function that loads a value: of the state, or of the table.
 
-    `state`, `table` and `kept` are the addresses of their rows for one line. Values in the dict
-    `fixed` are there already.
+    `state` and `table` are the addresses of their rows for one line. Values in the dict `fixed` are
+    there already.
     """
-    rows, size = step.pieces[1], 8 * text.W
+    size = 8 * text.W
 
     def load(number):
         if number in fixed:
             return fixed[number]
         if number < step.D:
             return text.load(text.V, text.plus(state, size * number))
-        if number in rows:
-            return text.load(text.V, text.plus(kept, size * rows[number]))
         address = text.plus(table, (size if for_each else 8) * step.places[number])
         if for_each or text.W == 1:
             return text.load(text.V, address)
         return text.splat(text.load("double", address), text.W)
 
     return load
-
-
-def piece_function(text, step, name, operations, for_each):
-    """Add a function that carries out a piece of the usual operations, for one line."""
-    rows, values = step.pieces[1], {}
-    text.add(f"define internal void @{name}(i64 %state, i64 %table, i64 %kept) #0 {{")
-    text.carry_out(operations, values, loader(text, step, for_each, "%state", "%table", "%kept"))
-    for _, number, _ in operations:
-        if number in rows:
-            text.store(text.V, values[number], text.plus("%kept", 8 * text.W * rows[number]))
-    text.add("  ret void")
-    text.add("}")
 
 
 def save(text, states, D, trajectories, align):

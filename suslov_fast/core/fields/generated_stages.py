@@ -30,7 +30,6 @@ class CodeArguments(NamedTuple):
     marks: int  # address of bits of lanes (2, lines): that have ended; passed a pole or ended
     careful: int  # address of `careful.careful`, 0 if it is not ready
     careful_arguments: int  # address of its array
-    kept: int  # address of memory for values that later pieces of a long list need
     # Where the code is. It returns when the budget is spent, and goes on there in the next call.
     budget: int  # calls of `careful` that are left
     line: int  # the first of a block

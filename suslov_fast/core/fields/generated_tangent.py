@@ -4,7 +4,8 @@
 """
 
 from ..code.compiler import Text, numbers_in_register
-from .generated_lines import loader, piece_function
+from ..lists.step import length_of
+from .generated_lines import loader
 
 # Rows of a line: the state; the numbers below; the products of the lengths of D columns; columns.
 # VOLUME is abs(det) of the columns, and (1 + NEAR_1) FAR_FROM_1 is the product of abs(det DPhi).
@@ -44,7 +45,7 @@ def columns_at_once(D, W, operations):
     """Return how many columns are multiplied at once, by these operations for each."""
     if W == 1:
         return min(4, 1 << (D - 1).bit_length())
-    length = len(operations) * W // min(numbers_in_register(), W)
+    length = length_of(operations) * W // min(numbers_in_register(), W)
     fitting = [n for n in (4, 3, 2) if n * length <= MOST_IN_LOOP and D > 1]
     return min(fitting, key=lambda n: -(-D // n) * n, default=1)
 
@@ -52,17 +53,13 @@ def columns_at_once(D, W, operations):
 def text_of_tangent(tangent, name, W, for_each, _):
     """Return the text of i64 name(line, table, kept, plan, ignored, steps): steps of a line.
 
-    Columns q become -DPhi q. `kept` is memory for values that later pieces of a long list need;
-    `plan` is for `sparse_tangent`. The code returns the number of steps with bits of lanes, see
-    STEP. It stops after a step with such bits, and before a step that is not accurate. Bits in
-    `ignored` mark lanes that do not stop it.
+    Columns q become -DPhi q; `kept` and `plan` are for `long_tangent`. The code returns the number
+    of steps with bits of lanes, see STEP. It stops after a step with such bits, and before a step
+    that is not accurate. Bits in `ignored` mark lanes that do not stop it.
     """
     text, D, size, all_lanes = Text(W), tangent.D, 8 * W, (1 << W) - 1
     new, integer, V = text.new, text.integer, text.V
     at_once, room = columns_at_once(D, W, tangent.columns), room_of(D, W)
-    (*before, usual), _ = tangent.pieces
-    for k, piece in enumerate(before):
-        piece_function(text, tangent, f"{name}_{k}", piece, for_each)
     arguments = "i64 %line, i64 %table, i64 %kept, i64 %plan, i64 %ignored, i64 %steps"
     text.add(f"define i64 @{name}({arguments}) #0 {{")
     text.label("entry")
@@ -75,10 +72,8 @@ def text_of_tangent(tangent, name, W, for_each, _):
     values = {i: text.load(V, places[i]) for i in range(D)}
     values |= dict(enumerate(carried, D + tangent.T))
 
-    for k in range(len(before)):
-        text.add(f"  call void @{name}_{k}(i64 %line, i64 %table, i64 %kept)")
-    load = loader(text, tangent, for_each, "%line", "%table", "%kept")
-    text.carry_out(usual, values, load)
+    load = loader(text, tangent, for_each, "%line", "%table")
+    text.carry_out(tangent.usual, values, load)
     of_columns = {*tangent.column, *(number for _, number, _ in tangent.columns)}
     operands = (number for *_, operands in tangent.columns for number in operands)
     results = [*tangent.after, *tangent.scaled]
@@ -210,7 +205,7 @@ def text_of_orthonormalise(step, name, W, *_):
     text, D, size = Text(W), step.D, 8 * W
     new, integer, V, room = text.new, text.integer, text.V, room_of(D, W)
     arguments = (
-        "i64 %columns, i64 %carried, i64 %due, i64 %kept, i64 %plan"  # two of `sparse_tangent`
+        "i64 %columns, i64 %carried, i64 %due, i64 %kept, i64 %plan"  # two of `long_tangent`
     )
     text.add(f"define i64 @{name}({arguments}) #0 {{")
     text.label("entry")

@@ -1,7 +1,5 @@
 """Steps of fields of many variables: Python calls for a line of lanes, many stages at a time."""
 
-import functools
-
 import numpy as np
 
 from ..code.compiler import call, call_procedure
@@ -11,7 +9,6 @@ from ..compiling.codes import CHANGED
 from .careful import arguments_of, careful
 from .dense import dense_steps, spans_of
 from .lines import zeros
-from .sparse import is_sparse, pattern_of, size_of, sparse_steps
 from .stages import distinct
 
 
@@ -67,37 +64,24 @@ def _stages_at_once(lines, steps):
 
 
 def taker_without_plan(lines):
-    """Return the function that takes steps of a line without a list of operations, see `in_calls`.
-
-    Sparse fields are stepped by `sparse`, others by `dense`.
-    """
+    """Return the function that takes steps of a line of a dense field, see `in_calls`."""
     (step, stages), (ended, passed) = lines.scheme, lines.marks
     W, D = lines.W, lines.D
     (fractions, places), kept = distinct(stages.fractions), {}
     tells_signs, taken = int(len(stages.fractions) == 1), np.zeros(2, np.int64)
-    if is_sparse(step):
-        pattern = pattern_of(step.indices.tobytes(), D)
-        steps, memory = sparse_steps, np.empty(size_of(pattern))
-
-        def prepared(half):
-            return pattern, np.ascontiguousarray(half.T)
-    else:
-        field = spans_of(step)
-        steps, shapes = dense_steps, ((D, D + 1), (D + 1, D), (D + 1,))
-        memory = tuple(np.empty((W, *shape)) for shape in shapes)
-
-        def prepared(half):
-            return field, np.ascontiguousarray(half[field.terms].T)
+    field, shapes = spans_of(step), ((D, D + 1), (D + 1, D), (D + 1,))
+    memory = tuple(np.empty((W, *shape)) for shape in shapes)
 
     def take(line, stage, most):
         of_line, place = line % len(lines.halves), places[stage]
         if (of_line, place) not in kept:
             if lines.for_each:
                 kept.clear()  # coefficients of all members would fill the memory
-            kept[of_line, place] = prepared(fractions[place] * lines.halves[of_line])
+            half = fractions[place] * lines.halves[of_line]
+            kept[of_line, place] = np.ascontiguousarray(half[field.terms].T)
         marks = int(ended[line]), int(passed[line]), tells_signs
         taken[:] = most, 0
-        steps.serial(*kept[of_line, place], marks, lines.x[line], memory, taken)
+        dense_steps.serial(field, kept[of_line, place], marks, lines.x[line], memory, taken)
         return map(int, taken)
 
     return take
@@ -107,34 +91,45 @@ def taker_of(lines, address):
     """Return the function that takes steps of a line with `listed_code`, see `in_calls`."""
     (step, stages), W, D = lines.scheme, lines.W, lines.D
     programs, (ended, passed) = programs_of(step), lines.marks
-    rows, addresses = zeros(programs.rows, W), []
-    for program in (programs.usual, programs.rare):
-        heads, of_runs = program.runs
-        addresses += heads.ctypes.data, of_runs.ctypes.data, len(heads), program.results.ctypes.data
-    places = distinct(stages.fractions)[1]
-    arguments = dict.fromkeys(ListArguments._fields, 0)
-    arguments |= zip(ListArguments._fields[2:10], addresses, strict=True)
-    arguments |= {
-        "rows": rows.ctypes.data, "changed": 2 if step.changed is None else 3, "D": D,
-        "stages": len(places),
+    places, tables = distinct(stages.fractions)[1], {}
+    numbers = dict.fromkeys(ListArguments._fields, 0) | {
+        "changed": 2 if step.changed is None else 3, "D": D, "stages": len(places),
     }  # fmt: skip
-    arguments = np.array(ListArguments(**arguments), np.int64)
+    arguments, ready, rows = np.array(ListArguments(**numbers), np.int64), [], []
 
-    @functools.lru_cache(1)  # of one line, because those of all may fill the memory
-    def numbers(line):
-        tables = [programs.numbers.of(table[line]) for table in lines.table]
-        of_stages = np.array([tables[place].ctypes.data for place in places], np.int64)
-        return of_stages, tables
+    def prepare(program, first):
+        """Give the code a program, from this slot on, and rows for all programs."""
+        # `programs_of` may forget them, and does not keep those of all threads that begin at once.
+        ready.append(program)
+        heads, of_runs = program.runs
+        of_program = heads.ctypes.data, of_runs.ctypes.data, len(heads), program.results.ctypes.data
+        arguments[first : first + 4] = of_program
+        rows[:] = [zeros(max(each.rows for each in ready), W)]
+        arguments[SLOT.rows] = rows[0].ctypes.data
+        tables.clear()
 
-    # `programs_of` may forget them, and does not keep those of all threads that begin at once.
-    def take(line, stage, most, _kept_alive=programs):
-        rows[:D] = lines.x[line]
-        of_stages, _ = numbers(line % lines.table.shape[1])
-        arguments[SLOT.tables], arguments[SLOT.stage] = of_stages.ctypes.data, stage
+    def tables_of(line):
+        """Return for each program the addresses of the numbers of all stages."""
+        if line not in tables:
+            tables.clear()  # of one line, because those of all may fill the memory
+            own = [[each.numbers.of(table[line]) for table in lines.table] for each in ready]
+            addresses = [[each[k].ctypes.data for k in places] for each in own]
+            tables[line] = np.array(addresses, np.int64), own
+        return tables[line][0]
+
+    def take(line, stage, most):
+        of_stages = tables_of(line % lines.table.shape[1])
+        arguments[SLOT.tables] = of_stages[0].ctypes.data
+        arguments[SLOT.rare_tables] = of_stages[-1].ctypes.data
+        rows[0][:D], arguments[SLOT.stage] = lines.x[line], stage
         arguments[SLOT.ended], arguments[SLOT.passed] = ended[line], passed[line]
         arguments[SLOT.steps] = most
         bits = call(address, arguments)
-        lines.x[line] = rows[:D]
-        return int(arguments[SLOT.n]), bits
+        lines.x[line], taken = rows[0][:D], int(arguments[SLOT.n])
+        if bits < 0:  # a step needs the other program for the first time
+            prepare(programs.rare, SLOT.rare_heads)
+            return (taken, 0) if taken else take(line, stage, most)
+        return taken, bits
 
+    prepare(programs.usual, SLOT.heads)
     return take

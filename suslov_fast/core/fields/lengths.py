@@ -47,20 +47,15 @@ def orthonormalise(q, g, room, due):
 
 
 @function
-def take_logarithms(g, sums, of_det, begin, of_all, is_sum):
-    """Add the logarithms of products that leave their range, or of all, and begin new products.
-
-    With `is_sum`, the row NEAR_1 is a sum of logarithms already, that of `sparse_tangent`.
-    """
+def take_logarithms(g, sums, of_det, begin, of_all):
+    """Add the logarithms of products that leave their range, or of all, and begin new products."""
     for_size()
     for row in range(NEAR_1, len(g)):
         near = row == NEAR_1
         low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST_LENGTH, LARGEST_LENGTH)
         for l in range(lesser(g.shape[1], len(of_det) - begin)):
             if of_all or g[row, l] <= low or g[row, l] >= high:
-                logarithm = g[row, l]
-                if not (near and is_sum):
-                    logarithm = np.log1p(logarithm) if near else np.log(logarithm)
+                logarithm = np.log1p(g[row, l]) if near else np.log(g[row, l])
                 g[row, l] = 0.0 if near else 1.0
                 if row < LENGTHS:
                     of_det[begin + l] += logarithm

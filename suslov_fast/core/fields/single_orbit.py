@@ -48,7 +48,7 @@ def compares_signs(step):
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values, saves):
     """Return code and arguments for one orbit, and what has to stay alive; None if it has none."""
-    if not step.usual or step.is_long or step.pieces[1]:
+    if not step.usual or step.is_long:
         return None
     text_of = text_of_compositions if compares_signs(step) else text_of_steps
     address = code_of(text_of, step, 1, False, 8 if saves else 0)

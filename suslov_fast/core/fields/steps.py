@@ -88,9 +88,7 @@ class _Lines:
         """Return whether machine code computes the tables of stages, which takes less memory."""
         step, stages = self.scheme
         has_tables = not step.usual or step.is_long
-        if len(stages.fractions) == 1 or has_tables or config.DISABLE_JIT:
-            return False
-        return len(step.pieces[0]) == 1  # others would need the tables, too
+        return not (len(stages.fractions) == 1 or has_tables or config.DISABLE_JIT)
 
     @functools.cached_property
     def table(self):
@@ -174,7 +172,7 @@ class _Lines:
 
     def _code_arguments(self, start, steps, saved, until, between, is_ready):
         """Return the arguments of machine code, and what has to stay alive while it runs."""
-        kept, arrays, own = np.empty(len(self.scheme.step.pieces[1]) * self.W), None, None
+        arrays, own = None, None
         if is_ready:
             arrays = self._line_arrays()
             own = arguments_of(arrays, start)
@@ -201,7 +199,6 @@ class _Lines:
             marks=self.marks.ctypes.data,
             careful=careful.address if is_ready else 0,
             careful_arguments=own.ctypes.data if is_ready else 0,
-            kept=kept.ctypes.data,
             budget=0,
             line=0,
             n=0,
@@ -209,7 +206,7 @@ class _Lines:
             until=until,
             row=first_row,
         )
-        return np.array(arguments, np.int64), (kept, arrays, own, plan)
+        return np.array(arguments, np.int64), (arrays, own, plan)
 
     def _carry_out(self, stage):
         """Carry out the operations of a stage where that is accurate.
@@ -356,7 +353,7 @@ def _take_steps(lines, states, steps, saved, is_large, abandoned):
     arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
     if not (yield from lines.take(*arguments)):
         step, stages = lines.scheme
-        work = (stop - start) * len(stages.fractions) * (len(step.usual) + lines.B * step.D**2)
+        work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
         careful.compile(_IN_PYTHON * work)  # only now, because few runs need it
         lines.start_from(states)
         yield from lines.take(*arguments, again=True)

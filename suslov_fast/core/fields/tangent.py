@@ -24,12 +24,13 @@ import numpy as np
 from numba import config
 
 from ..code.compiler import code_of
+from ..code.runs_code import ANY
 from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
 from ..compiling.llvm import call_code, for_size, lesser
 from ..compiling.numba import function, inlined, kernel, share
-from ..lists.step import Tangent
-from . import sparse_tangent
+from ..lists.step import Tangent, length_of
+from . import long_tangent
 from .careful import changes_sign
 from .careful_tangent import copy_lanes, solve_lanes
 from .generated import WIDTH
@@ -48,13 +49,12 @@ from .generated_tangent import (
     text_of_tangent,
 )
 from .lengths import orthonormalise, take_logarithms
-from .sparse import is_sparse
 from .stages import distinct
 from .steps import Scheme, scheme_of, tables_of
 
-# Operations of a step, and of one with columns if the field is dense, above which the loops of
-# `sparse_tangent` are faster, or compiling takes longer than most runs.
-MOST, MOST_OF_DENSE = 4000, 40_000
+# Operations of a step with columns, above which one trajectory at a time (`long_tangent`) is
+# faster, or compiling takes longer than most runs.
+MOST = 4000
 # Steps, after which columns that lose digits soon are orthonormalised, too: those of several lanes
 # at once, which takes no longer than those of one.
 INTERVAL = 8
@@ -64,12 +64,12 @@ _NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` n
 class Arguments(NamedTuple):
     """The arguments of `growth` and `jacobians` for trajectories in lines of W lanes."""
 
-    step: int  # address of the code of `text_of_tangent` or `sparse_tangent`, or 0
+    step: int  # address of the code of `text_of_tangent` or `long_tangent`, or 0
     orthonormalise: int  # address of the code of `text_of_orthonormalise`, likewise
-    plan: int  # address of a `sparse_tangent.Plan`, 0 for the other code
+    plan: int  # address of a `long_tangent.Plan`, 0 for the other code
     W: int
     room: int  # see `room_of`
-    kept: int  # rows for values that later pieces of a long list need, or for `sparse_tangent`
+    kept: int  # numbers of memory for `long_tangent`
     indices: Any  # (3, T)
     table: Any  # (fractions, 1 or lines, n, 1 or W)
     halves: Any  # (1 or lines, T, 1 or W)
@@ -85,14 +85,43 @@ def _tangent_of(places, D, keeps_signs=False):
     return Tangent(np.frombuffer(places, np.int64).reshape(3, -1), D, keeps_signs)
 
 
+def _tangent(step):
+    """Return the `Tangent` of a step, empty if it has no plan."""
+    return _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
+
+
 def _is_long(step):
-    """Return whether the loops of `sparse_tangent` take the steps of a field with columns."""
-    if config.DISABLE_JIT or 0 < len(step.usual) <= MOST:
-        return False
-    if not step.usual or is_sparse(step):
-        return True
-    tangent = _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
-    return len(tangent.usual + tangent.columns) > MOST_OF_DENSE
+    """Return whether `long_tangent` takes the steps of a field with columns."""
+    tangent = _tangent(step)
+    return tangent.length + length_of(tangent.columns) > MOST or not tangent.usual
+
+
+@functools.lru_cache(8)
+def _lists_of(tangent):
+    return long_tangent.Lists(tangent)
+
+
+def _long_arguments(scheme, values, eps, has_list):
+    """Return the first fields of `Arguments` for `long_tangent`, and what has to stay alive."""
+    step = scheme.step
+    if has_list:
+        tangent = _tangent(step)
+        lists = _lists_of(tangent)
+        plan, kept = lists.plan(step.D)
+        code = code_of(long_tangent.text_of_runs, ANY, 1)
+        halves, table = tables_of(Scheme(tangent, scheme.stages), values, eps, 1)
+        table = np.array([[lists.numbers.of(line) for line in lines] for lines in table])
+    else:
+        plan, terms, kept, lists = long_tangent.dense_plan(step)
+        code = long_tangent.take_dense_steps.address
+        halves = (0.5 * eps[:, np.newaxis] * values)[..., np.newaxis]
+        fractions = distinct(scheme.stages.fractions)[0][:, np.newaxis, np.newaxis, np.newaxis]
+        table = np.ascontiguousarray(fractions * halves[:, [*terms, *terms]])
+        table[:, :, len(terms) :] *= -1.0
+    kept = max(kept, step.D**2 + 2 * long_tangent.BLOCK)
+    codes = code, long_tangent.orthonormalise.address
+    fixed = plan.ctypes.data, 1, int(plan[1]), kept, step.indices, table, halves
+    return (*(int(code or 0) for code in codes), *fixed), (codes, plan, lists)
 
 
 def arguments_of(scheme, values, eps, count, in_lines=False):
@@ -103,17 +132,17 @@ def arguments_of(scheme, values, eps, count, in_lines=False):
     (step, stages), fractions = scheme, scheme.stages.fractions
     of_stages = np.array(fractions), distinct(fractions)[1]
     of_stages = *of_stages, int(bool(step.of_one_sign)), np.zeros(1, np.int64), None
-    if _is_long(step):
-        fixed, kept = sparse_tangent.arguments_of(step, values, eps, distinct(fractions)[0])
-        return Arguments(*fixed, *of_stages), kept
-    tangent = _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
+    if _is_long(step) and not config.DISABLE_JIT:
+        fixed, alive = _long_arguments(scheme, values, eps, bool(step.usual))
+        return Arguments(*fixed, *of_stages), alive
+    tangent = _tangent(step)
     W = WIDTH if count > 1 else 1
     halves, table = tables_of(Scheme(tangent, stages), values, eps, 1 if in_lines else W)
     room, is_each, address = room_of(tangent.D, W), halves.shape[2] > 1, None
     if tangent.usual:
         address = code_of(text_of_tangent, tangent, W, is_each)
     codes = address, code_of(text_of_orthonormalise, scheme_of(_NO_TERMS, step.D).step, W)
-    fixed = W, room, len(tangent.pieces[1]), step.indices, table, halves, *of_stages
+    fixed = W, room, 0, step.indices, table, halves, *of_stages
     arguments = Arguments(*(int(code or 0) for code in codes), 0, *fixed)
     arguments.unable[0] = arguments.step == 0
     return arguments, codes
@@ -130,10 +159,10 @@ def able(arguments):
 def operations_of(scheme):
     """Return the number of operations of a step, its derivative, and orthonormal columns."""
     step, D = scheme.step, scheme.step.D
-    if _is_long(step):
-        return sparse_tangent.operations_of(step) + D**3 // 4
-    tangent = _tangent_of(step.indices.tobytes(), D, step.keeps_signs)
-    return len(tangent.usual) + D * len(tangent.columns) + D**3 // 4
+    tangent = _tangent(step)
+    if not tangent.usual:
+        return 3 * D**3
+    return tangent.length + D * length_of(tangent.columns) + D**3 // 4
 
 
 # ------------------------------------------------------------------------------------ single lanes
@@ -351,8 +380,8 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                 else:
                     orthonormalise(line[first:], line[D : 2 * D + LENGTHS], arguments.room, due)
             if is_last or due | outside:
-                rows, is_sum = line[D : 2 * D + LENGTHS], arguments.plan != 0
-                take_logarithms(rows, sums, of_det, place * W, is_last, is_sum)
+                rows = line[D : 2 * D + LENGTHS]
+                take_logarithms(rows, sums, of_det, place * W, is_last)
         for l in range(lesser(W, B - place * W)):
             k = place * W + l
             of_det[k] += 0.0 * line[0, l]

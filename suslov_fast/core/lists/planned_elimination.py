@@ -104,13 +104,14 @@ class Factors:
         for i in order:
             for k in self.before[i]:
                 below[k].append(i)
+        products = defaultdict(list)  # m_ik N_kj, which elimination adds to N_ij
         for k in order:
             if right is not None:
                 right[k] = self.forward(k, matrix.right_side(k), right)
             # Column k from the diagonal down, then row k to the right of it.
             for i in [k, *below[k]]:
                 original = matrix.entry(i, k)[0]
-                value = self._eliminated(original, i, k)
+                value = self.values.total(original, products.pop((i, k), ()))
                 if i == k:
                     if value is not None:
                         self.diagonal[k], self.original[k] = value, original
@@ -121,14 +122,13 @@ class Factors:
                 else:
                     self.lower[i, k] = value
             for j in self.after[k]:
-                self.upper[k, j] = self._eliminated(matrix.entry(k, j)[0], k, j)
-
-    def _eliminated(self, start, i, j):
-        """Return N_ij after elimination with the pivots before i and j, from its value before."""
-        return self.values.total(
-            start,
-            [(self.lower[i, k], self.upper[k, j]) for k in self.before[i] if (k, j) in self.upper],
-        )
+                entry = matrix.entry(k, j)[0]
+                self.upper[k, j] = self.values.total(entry, products.pop((k, j), ()))
+            later = [(j, self.upper[k, j]) for j in self.after[k]]
+            for i in below[k]:
+                lower = self.lower[i, k]
+                for j, upper in later:
+                    products[i, j].append((lower, upper))
 
     def forward(self, k, start, right):
         """Return right side k after elimination, from those of earlier pivots."""

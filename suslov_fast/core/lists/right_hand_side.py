@@ -149,15 +149,18 @@ class RightHandSide:
     key          what tells this right-hand side from others
     """
 
-    def __init__(self, values, results, P=0, by=()):
+    def __init__(self, values, results, P=0, by=(), slopes=None, surfaces=(), kept=()):
         """Take `Expressions` whose operations are those of f, and the operands that are f.
 
-        `by` are numbers of parameters to differentiate by.
+        `by` are numbers of parameters to differentiate by. `slopes` are the entries of each row of
+        f', by column, or others that may stand for them. `surfaces` are other operands whose values
+        are wanted, and `kept` are parameters that the table begins with.
         """
         self.D, self.P = len(results), P
         self._results = [*results]
         of_f = [*values.operations]
-        slopes = gradients(values, of_f, results, self.D, by)
+        if slopes is None:
+            slopes = gradients(values, of_f, results, self.D, by)
         self.by = [row.pop(p, 0.0) for p in by for row in slopes]
         self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.pattern]
@@ -165,24 +168,25 @@ class RightHandSide:
         varying = [operation for operation in values.operations if operation[1] not in fixed]
         self.f = List(needed_for(varying, results), self._results)
         self.derivative = List(needed_for(varying, entries), entries)
+        self.surfaces = List(needed_for(varying, surfaces), [*surfaces])
         self.of_parameters = List(needed_for(varying, self.by), self.by)
-        lists = self.f, self.derivative, self.of_parameters
+        lists = self.f, self.derivative, self.surfaces, self.of_parameters
         used = [a for each in lists for a in _operands(each)]
-        self.table = [a for a in dict.fromkeys(used) if a in fixed]
+        self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed]
         self.places = {number: place for place, number in enumerate(self.table)}
         of_parameters = [operation for operation in values.operations if operation[1] in fixed]
         self.fixed = needed_for(of_parameters, self.table)
         self._fixed = fixed
         self._find_properties()
 
-    is_dense = False
+    is_dense, conditions = False, None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 
     @functools.cached_property
     def key(self):
         """What tells the lists of this right-hand side from those of others."""
-        return repr((self.D, self.P, self.f, self.fixed, self.derivative, self.pattern))
+        return repr((self.D, self.table, self.f, self.fixed, self.derivative, self.pattern))
 
     def _find_properties(self):
         """Find clocks, components that keep their sign, and denominators of clocks."""
@@ -236,6 +240,10 @@ class RightHandSide:
         """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
         both = List(self.f.operations, [*self.f.results, *self.denominators])
         return self._carried_out(both, None, x, table)
+
+    def surface_values(self, x, table):
+        """Return the values of the surfaces (surfaces, ...) at states (D, ...)."""
+        return self._carried_out(self.surfaces, None, x, table)
 
     def derivative_entries(self, x, table):
         """Return the entries of f' (entries, ...) at states (D, ...)."""

@@ -19,11 +19,12 @@ the tests that they keep their digits, are the same for all states. They form a 
 (instruction, number, operands), each of which computes the value with this number. `generated`
 makes machine code of a list; `evaluate` carries it out in NumPy, with the same bits. A run computes
 only once what depends on parameters alone. A step of the Lorenz system takes 81 operations with its
-tests, two of them divisions.
+tests, two of them divisions; sums of products count as products and additions there.
 """
 
 import functools
 import math
+from itertools import chain
 
 import numpy as np
 
@@ -36,13 +37,10 @@ from .planned_elimination import Factors, Matrix, elimination_order, places_of, 
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
 MANY = 4000  # operations of a list, above which compiling takes longer than it saves: see `listed`
-# A list of more than WHOLE operations is divided into functions of PIECE operations. Where LLVM
-# does not optimise, each value for eight lanes takes 64 bytes of a stack.
-WHOLE, PIECE = 4000, 1000
 # A field has a plan unless more terms and products of elimination depend on the state than MOST,
 # and than a part of those of a dense matrix, because elimination without a plan is faster then; or
-# unless planning takes long: more than LONGEST products in all, or LONGEST_LINEAR of linear fields.
-MOST, PART_OF_DENSE, LONGEST, LONGEST_LINEAR = 36_000, 1 / 24, 150_000, 400_000
+# unless planning takes long: more than LONGEST products in all.
+MOST, PART_OF_DENSE, LONGEST = 36_000, 1 / 24, 1_500_000
 AT_MOST = 8  # factors of abs(det DPhi) near 1, after which their product may be far from 1
 
 
@@ -74,6 +72,15 @@ def _of_bits(function):
         return values.reshape(np.broadcast_shapes(*map(np.shape, arrays)))
 
     return of_arrays
+
+
+def _sum(*operands):
+    """Return the sum of a start, if there is one, and of products of pairs, in this order."""
+    odd = len(operands) % 2
+    total = operands[0] if odd else None
+    for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True):
+        total = a * b if total is None else total + a * b
+    return total
 
 
 def _of_list(name):
@@ -110,6 +117,7 @@ OF_NUMBERS = {
     "fsub": np.subtract,
     "fmul": np.multiply,
     "fdiv": np.divide,
+    "sum": _sum,
     "fabs": np.absolute,
     "sqrt": np.sqrt,
     "floor": np.floor,
@@ -141,6 +149,11 @@ def evaluate(operations, values, functions=FUNCTIONS):
         values[number] = functions[instruction](*numbers)
 
 
+def length_of(operations):
+    """Return the number of instructions of straight-line code, in which sums are several."""
+    return sum(len(of) - 1 if instruction == "sum" else 1 for instruction, _, of in operations)
+
+
 class Values:
     """Values by number, in the order in which they are computed, and the operations that do so.
 
@@ -167,12 +180,26 @@ class Values:
     def total(self, start, products):
         """Return the value start + sum of a c over the pairs (a, c), in this order.
 
-        It is None if `start` is None and there are no pairs.
+        It is None if `start` is None and there are no pairs. Pairs of a "sum" are of one kind: the
+        first factors depend on parameters alone, or none does; other products are values of fixed.
         """
-        for pair in products:
-            product = self.emit("fmul", *pair)
-            start = product if start is None else self.emit("fadd", start, product)
-        return start
+        own, kind = [] if start is None else [start], None
+        flat = [*chain.from_iterable(products)]
+        if flat and self.fixed.isdisjoint(flat) and float not in map(type, flat):
+            return self.emit("sum", *own, *flat)
+        for a, c in products:
+            of_pair = self._is_fixed(a) + self._is_fixed(c)
+            if len(own) > 1 and of_pair != kind:
+                own = [self.emit("sum", *own)]
+            if of_pair == 2:
+                product = self.emit("fmul", a, c)
+                own = [self.emit("fadd", *own, product) if own else product]
+            else:
+                own += (c, a) if self._is_fixed(c) else (a, c)
+            kind = of_pair
+        if len(own) > 1:
+            return self.emit("sum", *own)
+        return own[0] if own else None
 
     def joined(self, instruction, values):
         """Return all values joined by an instruction: pairs of neighbours, then pairs of those.
@@ -236,8 +263,7 @@ class Step:
         order, right = elimination_order(pattern, D), {}
         work, of_state = work_of(pattern, order, varying)
         of_state += int((indices[2] < D).sum())
-        is_long = work > (LONGEST if of_state else LONGEST_LINEAR)
-        if is_long or of_state > max(MOST, PART_OF_DENSE * D**3):
+        if work > LONGEST or of_state > max(MOST, PART_OF_DENSE * D**3):
             return
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         self.factors = Factors(matrix, order, right)
@@ -245,11 +271,12 @@ class Step:
             right[k] = self.factors.backward(k, right)
         halves = {k: half for k, half in sorted(right.items()) if half is not None}
         for k, half in halves.items():
-            self.after[k] = values.emit("fadd", k, values.emit("fmul", 2.0, half))
+            self.after[k] = values.total(k, [(2.0, half)])
         self._add_tests(halves)
         self._separate_fixed()
 
-    is_long = property(lambda self: len(self.usual) > MANY)
+    length = functools.cached_property(lambda self: length_of(self.usual))
+    is_long = property(lambda self: self.length > MANY)
 
     def _add_tests(self, halves):
         """Add the tests that increments do not cancel the state, and that pivots are not small.
@@ -338,26 +365,6 @@ class Step:
     def _results(self):
         """Return the numbers of values that are read after the operations."""
         return [*self.after, *self.after_rare]
-
-    @functools.cached_property
-    def pieces(self):
-        """The usual operations in pieces, and a row for each value that a later piece needs.
-
-        One function for all would take more memory of a stack than a thread has. All tests are in
-        the last piece, because rows hold numbers and no truth values.
-        """
-        usual = enumerate(self.usual)
-        tests = (k for k, (instruction, *_) in usual if instruction in OF_TRUTH_VALUES)
-        length = PIECE if len(self.usual) > WHOLE else WHOLE
-        first = range(0, max(next(tests, len(self.usual)), 1), length)
-        pieces = [self.usual[k : k + length] for k in first[:-1]] + [self.usual[first[-1] :]]
-        piece_of = {number: k for k, piece in enumerate(pieces) for _, number, _ in piece}
-        last = len(pieces) - 1
-        needed = [(k, a) for k, piece in enumerate(pieces) for *_, of in piece for a in of]
-        needed += [(last, a) for *_, of in self.rare for a in of]
-        needed += [(last, number) for number in (self.good, *self._results())]
-        kept = dict.fromkeys(a for k, a in needed if isinstance(a, int) and piece_of.get(a, k) < k)
-        return pieces, {number: row for row, number in enumerate(kept)}
 
     def table_of(self, halves):
         """Return the values of the table (n, ...), for h v of the terms (T, ...)."""

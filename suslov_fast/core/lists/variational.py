@@ -25,7 +25,7 @@ class Variational:
     base     `List` of f, its denominators, trace f' or nothing, scale df/dp and the entries of f'
     """
 
-    is_dense = False
+    is_dense, conditions = False, None
 
     def __init__(self, f, columns, has_trace=False):
         self.of, self.columns, self.has_trace = f, columns, has_trace

@@ -12,7 +12,7 @@ from ..fields.lines import in_lines, zeros
 from .half import Half
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, FILLING, State
-from .rules import first_part, limit_of
+from .rules import MOST_STEPS, first_part, limit_of
 from .text import SLOT, Arguments, Numbers, lane_numbers, text_of_half
 
 WIDTH = 8  # lanes of a line
@@ -54,6 +54,7 @@ def numbers_of(f, settings, sign, first, last):
         float(settings.stiff is None),
         first,
         float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
+        MOST_STEPS,
     )
 
 
@@ -156,9 +157,32 @@ class Motion:
 
         `places` of the trajectories `which` count the times that they have reached.
         """
-        W = lines.shape[2]
-        for_each = table.ndim > 1
+        take = self._taker(half, lines, table)
+        while not abandoned:
+            is_done = take(abandoned)
+            if self.report is not None:
+                reached = lines[:, half.rows.place].view(np.int64).ravel()
+                places[which] = reached[: len(which)]
+                if get_ident() == self.caller and self.report(int(self.places.sum())) is False:
+                    self.is_stopped = True
+                    abandoned.append(True)
+            if is_done:
+                break
+
+    def _taker(self, half, lines, table):
+        """Return the function that takes some steps in all lines, and returns whether it is done.
+
+        Its argument is a list, which is not empty if the steps are abandoned.
+        """
+        W, for_each = lines.shape[2], table.ndim > 1
         code = code_of_half(half, W, for_each)
+        if code is None:
+
+            def in_numpy(abandoned):
+                StepsInNumPy(half, self, lines, table).run(abandoned)
+                return True
+
+            return in_numpy
         work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
         arguments = np.array(Arguments(
             rows=lines.ctypes.data, lines=len(lines), line=0, budget=0, table=table.ctypes.data,
@@ -168,17 +192,11 @@ class Motion:
             seeds=self.seeds.ctypes.data, times=self.times.ctypes.data, count=len(self.times),
             states=self.states.ctypes.data, state_bytes=self.states.strides[0],
         ), np.int64)  # fmt: skip
-        if code is None:
-            StepsInNumPy(half, self, lines, table).run(abandoned)
-            return
-        while not abandoned:
+
+        def take(_, kept=(lines, table, work)):  # the arguments point there
             arguments[SLOT.budget] = max(BUDGET // half.f.work, 1)
-            is_done = call(code, arguments)
-            if self.report is not None:
-                reached = lines[:, half.rows.place].view(np.int64).ravel()
-                places[which] = reached[: len(which)]
-                if get_ident() == self.caller and self.report(int(self.places.sum())) is False:
-                    self.is_stopped = True
-                    abandoned.append(True)
-            if is_done:
-                break
+            if is_done := call(code, arguments):
+                arguments[SLOT.line] = 0
+            return is_done
+
+        return take

@@ -12,7 +12,7 @@ from collections import defaultdict
 import numpy as np
 
 from ..code.runs import program_of
-from ..code.runs_code import _add_runs
+from ..code.runs_code import add_runs
 from ..lists.step import evaluate
 from .text import INLINED
 
@@ -92,7 +92,7 @@ class OfList:
                         text.put(found[number], "%to", k)
             for a, places in [*rows.items(), *constants]:
                 for k in places:
-                    text.put(self._result(text, a, {}, load), "%to", k)
+                    text.put(load(a), "%to", k)
 
 
 class OfLongList:
@@ -120,7 +120,7 @@ class OfLongList:
     def add(self, text, name, for_each, first):
         if not text.has_runs:
             text.has_runs = True
-            _add_runs(text, "runs", for_each, text.called)
+            add_runs(text, "runs", for_each, text.called)
         runs, size = self.program.runs, text.size if for_each else 8
         with text.function(name):
             heads, places = (text.integers(f"{name}_{k}", array) for k, array in enumerate(runs))

@@ -43,6 +43,15 @@ class StepsInNumPy:
                 if not (length["taken"] > 0.0).any():
                     break
                 self._step(**length)
+        self._write_back()
+
+    def begin(self):
+        """Begin the trajectories, without a step."""
+        with np.errstate(all="ignore"):
+            self._begin()
+        self._write_back()
+
+    def _write_back(self):
         shape = self.lines.shape
         self.lines[:] = np.moveaxis(self.lanes.reshape(shape[1], shape[0], shape[2]), 0, 1)
 

@@ -6,7 +6,6 @@ are those of `engine.Motion`.
 
 import functools
 from array import array
-from collections import namedtuple
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from .text import NUMBER, SLOT, Arguments, lane_numbers
 PLANS = 256  # that are kept
 _SIZE = 8  # bytes of a number
 
-End = namedtuple("End", "t steps state")
+DONE = int(State.DONE)
 
 
 @functools.lru_cache(PLANS)
@@ -42,30 +41,30 @@ def _plan(f, table, settings, sign):
     numbers = array("d", numbers_of(f, settings, sign, 1.0, 1.0))
     rows = array("d", bytes(_SIZE * half.rows.size))
     rows[half.rows.state] = BEGINS
-    work = bytes(_SIZE * (half.work.size + lane_numbers(half)))
+    rows = rows[f.D :]  # those after x
+    work = array("d", bytes(_SIZE * (half.work.size + lane_numbers(half))))
     budget = max(BUDGET // f.work, 1)
     return code, array("q", arguments), numbers, rows, work, half.rows, budget, (arrays, own)
 
 
 def motion_of_one(f, table, x, times, sign, settings):
-    """Return the states at ascending moduli of times, as one array of numbers, and the `End`.
+    """Return the states at ascending moduli of times, as an array of numbers, t, steps and state.
 
-    `x` and `times` are lists of numbers, `table` has the bytes of the table of f. The result is
-    None if a step would be implicit and the trajectory has to choose, or without machine code: then
-    `engine.Motion` computes the motion.
+    `table` of f, `x` and `times` are the bytes of their numbers. The result is None if a step would
+    be implicit and the trajectory has to choose, or without machine code: then `engine.Motion`
+    computes the motion.
     """
     plan = _plan(f, table, settings, sign)
     if plan is None:
         return None
     code, arguments, numbers, rows, work, places, budget, _ = plan
-    arguments, numbers, rows, work = arguments[:], numbers[:], rows[:], bytearray(work)
-    work = array("d", work)
-    rows[: f.D] = array("d", x)
+    arguments, numbers, work = arguments[:], numbers[:], work[:]
+    rows, times = array("d", x) + rows, array("d", times)
     last = times[-1]
     numbers[NUMBER.last], numbers[NUMBER.first_next] = last, times[0]
     if f.clocks:
         numbers[NUMBER.longest] = min(settings.longest, last / 32.0)
-    times, states = array("d", times), array("d", bytes(_SIZE * len(times) * f.D))
+    states = array("d", bytes(len(times) * len(x)))
     arguments[SLOT.rows] = rows.buffer_info()[0]
     arguments[SLOT.work] = work.buffer_info()[0]
     arguments[SLOT.numbers] = numbers.buffer_info()[0]
@@ -77,6 +76,6 @@ def motion_of_one(f, table, x, times, sign, settings):
         if code.call(at):
             break
     state = int(rows[places.state])
-    if state in (State.EXPLICIT, State.IMPLICIT):  # the other half goes on
+    if state < DONE:  # the other half goes on
         return None
-    return states, End(rows[places.t], int(rows[places.steps]), state)
+    return states, rows[places.t], int(rows[places.steps]), state

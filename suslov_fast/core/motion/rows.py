@@ -17,6 +17,7 @@ class State(IntEnum):
     ENDED = 3  # steps become too short
     TOO_MANY = 4  # steps from one time to the next
     NO_VALUE = 5  # f has none at the start
+    SLIDING = 6  # a condition of f changes back and forth
 
 
 # Before the first step; FILLING is for lanes that no trajectory needs.

@@ -193,8 +193,11 @@ def LENGTH(t, wanted, state, mode, last, sign):
     return {"taken": taken, "signed": sign * taken}
 
 
-def _after(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest):
-    """Return what both halves have in common: numbers, truth values and the next length."""
+def _after(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest, most):
+    """Return what both halves have in common: numbers, truth values and the next length.
+
+    `stops` is where a lane has no steps left, unless the other half takes the next one.
+    """
     is_finite = total < inf
     factor = larger(smaller(SAFETY / ratio.sqrt().sqrt().sqrt(), longer), SHORTER)
     accepted = (taken > 0.0) & is_finite & (kept > 0.0) & (ratio <= 1.0)
@@ -208,10 +211,10 @@ def _after(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, la
     tried = tries + is_active.select(1.0, 0.0)
     is_short = (length < larger(SHORTEST * after, LEAST)) & is_active
     # A state keeps its number unless one of these happens.
-    state = (is_active & (tried > MOST_STEPS)).select(float(State.TOO_MANY), state)
     state = is_short.select(float(State.ENDED), state)
     state = (is_active & (after >= last)).select(float(State.DONE), state)
-    return accepted, is_active, length, state, {
+    stops = is_active & (tried > most) & (state < State.DONE)
+    return accepted, is_active, length, state, stops, {
         "accepted": accepted.select(1.0, 0.0),
         "t": after,
         "longer": is_active.select(accepted.select(LONGER, AFTER_REFUSED), longer),
@@ -223,10 +226,10 @@ def _after(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, la
 @_rule
 def CHOOSE_EXPLICIT(
     t, taken, wanted, longer, state, stiff, easy, patience, trial, steps, tries, ratio, total,
-    kept, rates, states, last, longest, limit, switches,
+    kept, rates, states, last, longest, limit, switches, most,
 ):  # fmt: skip
-    accepted, is_active, length, state, found = _after(
-        t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest
+    accepted, is_active, length, state, stops, found = _after(
+        t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest, most
     )
     is_stiff = (taken * taken * rates > limit * limit * states) & (states > 0.0)
     easy_now = is_stiff.select(0.0, easy + 1.0)
@@ -236,7 +239,7 @@ def CHOOSE_EXPLICIT(
     return found | {
         "wanted": is_active.select(length, wanted),
         "longer": turns.select(AT_FIRST, found["longer"]),
-        "state": turns.select(float(State.IMPLICIT), state),
+        "state": turns.select(float(State.IMPLICIT), stops.select(float(State.TOO_MANY), state)),
         "stiff": turns.select(0.0, stiff),
         "easy": turns.select(0.0, easy),
         "patience": patience,
@@ -247,10 +250,10 @@ def CHOOSE_EXPLICIT(
 @_rule
 def CHOOSE_IMPLICIT(
     t, taken, wanted, longer, state, stiff, easy, patience, trial, steps, tries, ratio, total,
-    kept, rate, last, longest, limit, switches,
+    kept, rate, last, longest, limit, switches, most,
 ):  # fmt: skip
-    accepted, is_active, length, state, found = _after(
-        t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest
+    accepted, is_active, length, state, stops, found = _after(
+        t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest, most
     )
     left = larger(trial - 1.0, 0.0)
     is_trial = left > 0.0
@@ -265,7 +268,7 @@ def CHOOSE_IMPLICIT(
     explicit = smaller(length, limit / larger(rate, LEAST))
     return found | {
         "wanted": is_active.select(turns.select(explicit, length), wanted),
-        "state": turns.select(float(State.EXPLICIT), state),
+        "state": turns.select(float(State.EXPLICIT), stops.select(float(State.TOO_MANY), state)),
         "stiff": turns.select(0.0, stiff),
         "easy": turns.select(0.0, easy),
         "patience": turns.select(after_trial, patience),

@@ -56,6 +56,7 @@ class Numbers(NamedTuple):
     switches: float  # 1 if lanes may change to the other half, else 0
     first_next: float  # the first time
     first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
+    most: float  # steps, also refused ones, from one time to the next
 
 
 LANES = 4  # of columns of one trajectory

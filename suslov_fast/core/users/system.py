@@ -5,8 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..code.compiler import code_of
-from ..code.runs import programs_of
-from ..code.runs_code import text_of_listed_step
+from ..code.runs_code import numbers_of, text_of_listed_step
 from ..compiling.codes import OK, PASSED_POLE
 from ..compiling.llvm import call_code, with_address
 from ..compiling.numba import function
@@ -34,7 +33,7 @@ def system_of(indices, half, D):
     step, text_of = scheme_of(indices, D).step, text_of_step
     table = np.ascontiguousarray(step.table_of(half.T).T)
     if step.is_long:
-        text_of, table = text_of_listed_step, programs_of(step).numbers.of(table.T).T.copy()
+        text_of, table = text_of_listed_step, numbers_of(step, table.T).T.copy()
     # The code lasts, because users may store the system anywhere.
     address = code_of(text_of, step, lasts=True) if step.usual else None
     return FieldSystem(int(address or 0), half, table, step.indices, D)

@@ -15,6 +15,7 @@ from urllib.parse import unquote, urlencode
 from numpy.typing import ArrayLike
 
 from ...bodies.classes import BodyOrField
+from ...bodies.fields.general import Field
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
 from ...checks import states, wrong
 from ...keywords import public
@@ -148,6 +149,9 @@ def explore(
     eps: float | None = None,
     steps: int | None = None,
     method: str = "auto",
+    *,
+    time: float | None = None,
+    rtol: float = 1e-9,
 ) -> Page:
     """Return an interactive page of orbits: a plane of two components, sliders, statuses.
 
@@ -156,8 +160,9 @@ def explore(
 
     For a field, the components of the plane are chosen on the page, and a click in the plane is a
     start. A field made from a function has a slider for each named parameter, and a family one for
-    each of its axes, along the values of the parameters there. For a body in three dimensions there
-    are sliders for its moments, and the body in space.
+    each of its axes, along the values of the parameters there. With `time`, and for a `Field`, the
+    page shows the motion, at 2001 times, and has sliders for the last time and `rtol`. For a body
+    in three dimensions there are sliders for its moments, and the body in space.
 
     Parameters
     ----------
@@ -169,6 +174,10 @@ def explore(
     eps, steps, method : float, int, str
         As in :func:`iterate`, with 1 to 5000 steps. By default 300 steps of 0.1 for a body in three
         dimensions, else 2000 of 0.01; the method "auto".
+    time : float, optional
+        The last time of a motion, in place of `eps`, `steps` and `method`; 20 for a `Field`.
+    rtol : float
+        As in :func:`flow`.
 
     Returns
     -------
@@ -177,8 +186,9 @@ def explore(
 
     Raises
     ------
-    ValueError
-        If a batch of bodies in three dimensions is passed, or too many steps or starts.
+    TypeError, ValueError
+        If a batch of bodies in three dimensions is passed, or too many steps or starts, or
+        arguments of a map and of a motion.
 
     Examples
     --------
@@ -196,15 +206,21 @@ def explore(
     """
     if field is None:
         field = Suslov3D(4, 2, -0.5, -0.3)
+    if isinstance(field, Field) or time is not None:
+        if eps is not None or steps is not None or method != "auto":
+            map_of(field)  # a `Field` has none, which its error says
+            raise TypeError("explore must get time= of a motion, or eps and steps of a map")
+        scene = FieldScene(field, x0, time=20.0 if time is None else time, rtol=rtol)
+        return Page(scene.query, scene)
     if not isinstance(field, (Suslov3D, SuslovGyrostat)):
         map_of(field)  # raises an error for anything else
         eps, steps = 0.01 if eps is None else eps, 2000 if steps is None else steps
-        scene = FieldScene(field, x0, eps, steps, method)
+        scene = FieldScene(field, x0, eps=eps, steps=steps, method=method)
         return Page(scene.query, scene)
     if method != "auto":
         raise wrong("method", '"auto" for a body in three dimensions', repr(method))
     constants = field.constants
-    state = states("omega0", (1.0, 0.5) if x0 is None else x0, field._labels)
+    state = states("omega0", (1.0, 0.5) if x0 is None else x0, field.labels)
     if field.shape or state.ndim != 1:
         received = f"a body of shape {field.shape} and states of shape {state.shape}"
         raise wrong("body, omega0", "a single body and a single state", received)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Collection, Coroutine, Mapping, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 from uuid import uuid4
@@ -153,17 +153,6 @@ async def keys_of(source: Any, prefix: str = "") -> set[str]:
         return {key async for key in source.list_prefix(prefix)}
     except Exception:  # of any class, because each kind of server has its own
         return set()
-
-
-async def members(source: Any, known: Collection[str]) -> set[str]:
-    """Return the arrays and groups other than `known` of a store, as far as it can list them."""
-    try:
-        # Lists of web servers have a slash after the name of each folder.
-        names = [name.rstrip("/") async for name in source.list_dir("")]
-    except Exception:  # of any class, because each kind of server has its own
-        return set()
-    others = [f"{name}/zarr.json" for name in names if name not in known]
-    return {key.partition("/")[0] for key in await existing(source, others)}
 
 
 async def existing(source: Any, keys: list[str]) -> set[str]:

@@ -1,4 +1,4 @@
-"""Runs and crossings as an `xarray.Dataset`: dimensions, coordinates, coefficients of fields."""
+"""Results as an `xarray.Dataset`: dimensions, coordinates, coefficients of fields."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -7,19 +7,17 @@ import numpy as np
 
 from ...checks import extra, instance, short, wrong
 from ...engine.status import Status
-from ..columns import ARGUMENTS, CROSSINGS, RUN, dims_of
+from ..columns import ARGUMENTS, CROSSINGS, MOTION, RUN, dims_of, in_stores
 
 # The terms of a field in a store, and their axes: the names are no identifiers, as those of
 # parameters are.
 _INDICES, _VALUES, _OF_TERMS = "terms-indices", "terms-values", ("terms-places", "terms-numbers")
-_VARIABLES = [column for column in RUN if column.is_public]
 # Names that neither an axis of the batch nor a coordinate of the user may have.
 TAKEN = (
     *("n", "time", "component", "space", "body"),
     *_OF_TERMS,
-    *(c.name for c in _VARIABLES),
+    *(column.name for column in (*RUN, *MOTION) if column.is_public),
     *ARGUMENTS["Trajectories"],
-    "end",
 )
 
 
@@ -29,51 +27,31 @@ def to_xarray(
     coords: Mapping[Any, Any] | None = None,
     with_terms: bool = False,
 ) -> Any:
-    """Return a run as a dataset; see `Trajectories.to_xarray`.
+    """Return a run or a motion as a dataset; see `States.to_xarray`.
 
     With `with_terms`, the coefficients of a field stay one list, because a store should have few
     arrays; `as_columns` divides it when it is opened.
     """
-    map = run.map
-    special = {"states": {"long_name": map.meaning}, "status": flags()}
+    special = {"states": {"long_name": run._meaning}, "status": flags()}
 
     def variables(batch: tuple[str, ...]) -> dict[str, Any]:
         found: dict[str, Any] = {
-            (map.variable if column.name == "states" else column.name): (
+            (run._variable if column.name == "states" else column.name): (
                 dims_of(column, batch),
                 values,
                 special.get(column.name, {"long_name": column.meaning}),
             )
-            for column in _VARIABLES
+            for column in in_stores(type(run).__name__, turns=True)
             if (values := getattr(run, column.name, None)) is not None
         }
-        return found | {"n": ("n", run.n, {"long_name": "number of steps"})}
+        if hasattr(type(run), "n"):
+            found["n"] = "n", run.n, {"long_name": "number of steps"}
+        return found
 
-    attributes = {"title": map.title, "map": map.name, **_arguments_of(run)}
-    of_steps = {"eps": np.asarray(run.eps)}
+    of_steps = {"eps": np.asarray(run.eps)} if hasattr(type(run), "n") else {}
+    attributes = {**run._titles, **_arguments_of(run)}
     dataset = with_time(_labelled(run, variables, of_steps, attributes, dims, coords))
     return dataset if with_terms else as_columns(dataset)
-
-
-def motion_to_xarray(
-    motion: Any,
-    dims: str | Sequence[str] | None = None,
-    coords: Mapping[Any, Any] | None = None,
-) -> Any:
-    """Return a motion as a dataset; see `Motion.to_xarray`."""
-    meaning = {"long_name": "state" if motion._variable == "x" else "angular velocity"}
-
-    def variables(batch: tuple[str, ...]) -> dict[str, Any]:
-        return {
-            motion._variable: (("time", *batch, "component"), motion.states, meaning),
-            "end": (batch, motion.end, {"long_name": "time at which a solution ends"}),
-            "steps": (batch, motion.steps, {"long_name": "number of steps"}),
-            "status": (batch, motion.status, flags()),
-            "time": ("time", motion.time, {"long_name": "time"}),
-        }
-
-    attributes = {"title": f"Motion of a {type(motion.body).__name__}", **_arguments_of(motion)}
-    return as_columns(_labelled(motion, variables, {}, attributes, dims, coords))
 
 
 def flags() -> dict[str, Any]:
@@ -93,8 +71,8 @@ def _labelled(
     from ... import __version__
 
     xarray, body, count = extra("xarray", "xarray"), run.body, run.status.ndim
-    axes, arrays = {**body._axes, _VALUES: 1}, {**of_steps, **body._arrays}
-    if body._lists_terms:
+    axes, arrays = {**body.axes, _VALUES: 1}, {**of_steps, **body.arrays}
+    if body.lists_terms:
         indices, arrays[_VALUES] = body.terms
     parameters = {  # with all axes of the batch
         name: np.array(array, ndmin=count + axes.get(name, 0)) for name, array in arrays.items()
@@ -102,15 +80,15 @@ def _labelled(
     batch = _batch_names(run, dims, parameters)
     variables = variables_along(batch)
     # Strings of variable length, because Zarr format 3 has none of fixed length.
-    variables["component"] = "component", np.array(body._labels, object)
-    coordinates = [*body._coordinates, *({*batch} & {*parameters})]
+    variables["component"] = "component", np.array(body.labels, object)
+    coordinates = [*body.coordinates, *({*batch} & {*parameters})]
     for name, array in parameters.items():
         inner = _inner(name, array.ndim - count) if name != _VALUES else _OF_TERMS[1:]
         variable = xarray.Variable((*batch, *inner), array)
         constant = [axis for axis in batch if variable.sizes[axis] == 1 and axis != name]
         variables[name] = variable.squeeze(constant)
         coordinates += [name] if axes.get(name) else []
-    if body._lists_terms:
+    if body.lists_terms:
         variables[_INDICES] = _OF_TERMS, indices
     attributes = {**attributes, "version": __version__}
     dataset = xarray.Dataset(variables, attrs=attributes).set_coords(coordinates)
@@ -134,14 +112,17 @@ def _arguments_of(result: Any) -> dict[str, Any]:
     """Return the attributes of a dataset for the arguments of a run or of crossings."""
     arguments = {name: getattr(result, name) for name in ARGUMENTS[type(result).__name__]}
     return {
-        name: int(value) if isinstance(value, bool) else value  # files have no truth values
+        # NetCDF has no truth values, and JSON no tuples.
+        name: {bool: int, tuple: list}.get(type(value), lambda same: same)(value)
         for name, value in arguments.items()
         if value is not None
     }
 
 
 def with_time(data: Any) -> Any:
-    """Return a dataset with the coordinate `time`, n eps."""
+    """Return a dataset with the coordinate `time`: n eps for runs of a map."""
+    if "n" not in data.variables:
+        return data
     time = data.variables["n"] * data.variables["eps"]
     time.attrs = {"long_name": "time"}
     return data.assign_coords(time=time)
@@ -198,7 +179,7 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
             axis_of[name] = axes[0]
     if dims is None:
         names = ["trajectory"] if count == 1 else [f"batch_{k}" for k in range(count)]
-        for name in reversed([name for name in run.body._coordinates if name in axis_of]):
+        for name in reversed([name for name in run.body.coordinates if name in axis_of]):
             names[axis_of[name]] = name
         return tuple(names)
     if not isinstance(dims, str | Iterable):
@@ -219,7 +200,7 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
 
 def varying(body: Any) -> dict[str, Any]:
     """Return the parameters that vary along the batch of a body; of a field, the named ones."""
-    arrays, axes, names = body._arrays, body._axes, body.parameters
+    arrays, axes, names = body.arrays, body.axes, body.parameters
     return {name: arrays[name] for name in names if arrays[name].ndim > axes.get(name, 0)}
 
 
@@ -240,11 +221,27 @@ def crossings_to_xarray(points: Any) -> Any:
     there = {"long_name": f"{map.meaning} there"}
     variables[map.variable] = ("crossing", "component"), points.states, there
     del variables["n"]  # a coordinate
-    coords: dict[str, Any] = {"component": np.array(body._labels, object)}
+    coords: dict[str, Any] = {"component": np.array(body.labels, object)}
     coords |= {name: ("crossing", getattr(points, name)) for name in ("trajectory", "n", "time")}
     coords["eps"] = "crossing", points._at_crossings(np.asarray(points.eps))
     for name, values in varying(body).items():
-        axes = body._axes.get(name, 0)
+        axes = body.axes.get(name, 0)
         coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
     attributes = {"title": map.title, "map": map.name, "version": __version__}
     return dataset(variables, coords, attributes | _arguments_of(points))
+
+
+def motion_crossings_to_xarray(points: Any) -> Any:
+    """Return crossings of a motion as a dataset; see `MotionCrossings.to_xarray`."""
+    from ... import __version__
+
+    body, names = points.body, ("trajectory", "surface", "time")
+    coords: dict[str, Any] = {"component": np.array(body._labels, object)}
+    coords |= {name: ("crossing", getattr(points, name)) for name in names}
+    for name, values in varying(body).items():
+        axes = body._axes.get(name, 0)
+        coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
+    variables = {points._variable: (("crossing", "component"), points.states)}
+    attributes = {"title": f"Crossings by motions of a {type(body).__name__}"}
+    attributes |= {"version": __version__, **_arguments_of(points)}
+    return extra("xarray", "xarray").Dataset(variables, coords, attributes)

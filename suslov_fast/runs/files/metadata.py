@@ -1,11 +1,7 @@
-"""Metadata of the Zarr stores of runs: the arrays and attributes that a store should have.
-
-A store holds a copy of them, because others, such as xarray, may rewrite the metadata of Zarr.
-"""
+"""Metadata of the Zarr stores of runs: the arrays and attributes that a store should have."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from collections.abc import Iterator, Mapping
@@ -13,13 +9,13 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from ... import checks
+from ...bodies.classes import class_named
 from ...checks import wrong
 from ...maps import named
-from ..columns import FORMAT, OtherFormat, arrays_of, check_arrays, of_runs, sizes_of
+from ..columns import FORMAT, OtherFormat, arrays_of, check_arrays, in_stores, sizes_of
+from ..motion import variable_of
 from . import access
 
-# Key of the copy: inside an array, because Zarr warns of unknown keys in groups.
-COPY = "status/run.json"
 # Codecs of our stores; metadata with others are refused, because codecs can run commands.
 _CODECS = {"bytes", "vlen-utf8", "crc32c"}
 # Bytes of a number, and of the checksum that follows the numbers in the file of a chunk.
@@ -63,17 +59,10 @@ class Stored(NamedTuple):
 
 
 class Contents(NamedTuple):
-    """The metadata of a store; `arrays` is empty until all arrays of the run are created.
-
-    The last three are for stores into which others have written: the copy of the metadata, the
-    attributes that they added, and whether the metadata are still consolidated.
-    """
+    """The metadata of a store; `arrays` is empty until all arrays of the run are created."""
 
     attributes: dict[str, Any]
     arrays: dict[str, Stored]
-    copy: str | None = None
-    added: Mapping[str, Any] = {}
-    is_consolidated: bool = True
 
     @property
     def tiled(self) -> list[str]:
@@ -95,17 +84,11 @@ def read_contents(store: Any) -> Contents | None:
 
     source = access.reader(store)
     text = access.run(access.text(source, "zarr.json"))
-    document: Any = {"attributes": {}} if text is None else _document(store, text)
-    copy, rewritten = None, {}
-    is_ours = "sha256" in (document.get("consolidated_metadata") or {})
-    if not is_ours:
-        copy = access.run(access.text(source, COPY))
-    if copy is not None:  # others rewrote the metadata; without a copy, they are not complete yet
-        rewritten, document = document, _document(store, copy)
-    elif text is None:
+    if text is None:
         if access.run(access.existing(source, [".zgroup", ".zarray"])):
             raise _foreign(store, f"data of Zarr format 2: {_ELSEWHERE}")
         return None
+    document = _document(store, text)
     attributes = dict(document["attributes"])
     if (number := attributes.get("format")) != FORMAT:
         version = attributes.get("version") or attributes.get("source")
@@ -115,19 +98,13 @@ def read_contents(store: Any) -> Contents | None:
             raise ValueError(f"store: {store} is {OtherFormat(number, version)}")
         raise _foreign(store, _OTHERS)
     try:
-        consolidated = document.get("consolidated_metadata") or {"metadata": {}}
-        metadata = consolidated["metadata"]
-        digest = digest_of(document["attributes"], metadata)
-        # Zarr drops the digest when it rewrites the metadata, for a new array, say.
-        if consolidated.get("sha256", digest) != digest:
-            raise wrong("sha256", "the digest of what was written", "another")
+        metadata = (document.get("consolidated_metadata") or {"metadata": {}})["metadata"]
         contents = Contents(attributes, {k: stored_in(k, array) for k, array in metadata.items()})
         if metadata:
             _check_arrays(contents)
-        return contents if copy is None else _with_additions(contents, copy, rewritten)
+        return contents
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
-        kind = "damaged metadata" if is_ours or copy else "a copy by others, for xarray.open_zarr"
-        raise _foreign(store, f"{kind}: {error}") from error
+        raise _foreign(store, f"damaged metadata: {error}") from error
 
 
 def _document(store: Any, text: str) -> dict[str, Any]:
@@ -142,24 +119,6 @@ def _document(store: Any, text: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise _foreign(store, f"damaged metadata: {error}") from error
     return document
-
-
-def _with_additions(contents: Contents, copy: str, rewritten: dict[str, Any]) -> Contents:
-    """Add what others wrote into a store; they may only have lengthened arrays of the run."""
-    consolidated = rewritten.get("consolidated_metadata") or {}
-    metadata = consolidated.get("metadata", {})
-    for name in contents.arrays.keys() & metadata.keys():
-        now = stored_in(name, metadata[name])
-        if now._replace(shape=contents.arrays[name].shape) != contents.arrays[name]:
-            raise wrong(name, "the array that ensemble made", "another")
-    attributes = rewritten["attributes"].items()
-    added = {name: value for name, value in attributes if name not in contents.attributes}
-    return Contents(*contents[:2], copy, added, bool(consolidated))
-
-
-def digest_of(attributes: Any, arrays: Any) -> str:
-    """Return the digest of metadata, because Zarr has no checksum of them."""
-    return hashlib.sha256(json.dumps([attributes, arrays], sort_keys=True).encode()).hexdigest()
 
 
 def _foreign(store: Any, data: str) -> Any:
@@ -182,26 +141,41 @@ def stored_in(name: str, metadata: dict[str, Any]) -> Stored:
     return Stored(shape, str(metadata["data_type"]), tuple(grid), dims)
 
 
+def _kind_of(contents: Contents) -> tuple[str, str, int, str]:
+    """Return of which kind a run is, the axis of its states, their number, and their name."""
+    attributes = contents.attributes
+    if "map" not in attributes:
+        variable = variable_of(class_named(attributes["body"]))
+        return "Motion", "time", contents.arrays["time"].shape[0], variable
+    map, every = named(attributes["map"]), attributes.get("save_every")
+    checks.one_of("method", attributes["method"], map.methods)
+    rows = 1 if every is None else attributes["steps"] // every + 1
+    return "Trajectories", "n", rows, map.variable
+
+
 def _check_arrays(contents: Contents) -> None:
     """Check that a store has all arrays of its run, with their types, shapes and chunks."""
     attributes, arrays, *_ = contents
     if (total := sum(math.prod(array.counts) for array in arrays.values())) > MOST_CHUNKS:
         raise wrong("store", f"at most {MOST_CHUNKS} chunks", total)
-    map = named(attributes["map"])
-    checks.one_of("method", attributes["method"], map.methods)
-    every = attributes.get("save_every")
-    rows = 1 if every is None else attributes["steps"] // every + 1
+    kind, axis, rows, states = _kind_of(contents)
     status, (D,) = arrays["status"], arrays["component"].shape
     if D > _MOST_COMPONENTS:
         raise wrong("component", f"at most {_MOST_COMPONENTS} names", D)
-    columns = of_runs("attitude" in attributes)
-    of_run = arrays_of(columns, sizes_of(status.shape, D, n=rows))
+    columns = in_stores(kind, turns="attitude" in attributes)
+    of_run = arrays_of(columns, sizes_of(status.shape, D, **{axis: rows}))
     functions = dict.fromkeys(contents.tiled, ("float64", (rows, *status.shape)))
-    expected = functions | {map.variable: of_run.pop("states")} | of_run
-    expected |= {"n": ("int64", (rows,)), "component": ("string", (D,))}
+    expected = functions | {states: of_run.pop("states")} | of_run
+    expected |= {"component": ("string", (D,))}
+    if kind == "Trajectories":
+        expected["n"] = "int64", (rows,)
     check_arrays({name: (array.dtype, array.shape) for name, array in arrays.items()}, expected)
-    if absent := {*contents.shared, "eps"} - {*arrays}:
+    ours = {*contents.shared, *contents.tiled}
+    if absent := ours - {*arrays}:
         raise ValueError(f"the array {min(absent)} is missing")
+    if others := {*arrays} - ours:
+        how = "keep derived variables in a store of their own"
+        raise ValueError(f"{min(others)} is none of its arrays: {how}")
     sizes = dict(zip(status.dims, status.shape, strict=True))
     chunks = dict(zip(status.dims, status.chunks, strict=True))
     for name, array in arrays.items():
@@ -212,15 +186,3 @@ def _check_arrays(contents: Contents) -> None:
                 raise wrong(name, f"have the length {sizes[dim]} along {dim}", length)
             if name in contents.tiled and chunk != chunks.setdefault(dim, chunk):
                 raise wrong(name, f"have chunks of {chunks[dim]} along {dim}", chunk)
-
-
-def overlaid(store: Any, contents: Contents, read_only: bool = True) -> Any:
-    """Return a store for Zarr: with the copy of the metadata, if others changed them.
-
-    To be read, it also names damaged chunks.
-    """
-    if contents.copy is None and not read_only:
-        return store
-    from .overlay import Overlay
-
-    return Overlay(access.reader(store, read_only), str(store), contents.copy)

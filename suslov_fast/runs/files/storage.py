@@ -1,4 +1,4 @@
-"""Runs and crossings as .npz files, without loss: saving, loading, and checks of what is read."""
+"""Results as .npz files, without loss: saving, loading, and checks of what is read."""
 
 import errno
 import io
@@ -20,19 +20,14 @@ import numpy as np
 from ... import checks
 from ...bodies.classes import body_from_dict, class_named
 from ...checks import (
-    MOMENTS,
     common_shape,
     in_units,
     integer,
     kind_of,
-    real_array,
     require,
     short,
-    within,
     wrong,
 )
-from ...engine.status import Status
-from ...keywords import missing_file
 from ...maps import map_of, named
 from ..columns import (
     ARGUMENTS,
@@ -41,7 +36,6 @@ from ..columns import (
     OtherFormat,
     arrays_of,
     check_arrays,
-    conditions_of,
     present,
     sizes_of,
 )
@@ -187,10 +181,8 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
             about, texts = _about(entries)
             kind = checks.one_of("kind", about["kind"], OF_KIND)
             if not kinds or kind in kinds:
-                read = _read if kind in _OF_MAPS else _read_motion
-                return read(entries, kind, about, texts["body"]) | ({} if kinds else {"kind": kind})
-    except FileNotFoundError as error:
-        raise FileNotFoundError(error.errno, missing_file(name), name) from None
+                found = _read(entries, kind, about, texts["body"])
+                return found | ({} if kinds else {"kind": kind})
     except (OSError, MemoryError):
         raise
     except OtherFormat as error:
@@ -211,136 +203,54 @@ def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
 
 
 def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> dict[str, Any]:
-    """Return the attributes of a result, after checks that they agree."""
-    table = OF_KIND[kind]
-    names = ["eps", *(column.name for column in table)]
+    """Return the attributes of a result; all shapes follow from that of `status` and few others."""
+    table, is_of_map = OF_KIND[kind], kind in _OF_MAPS
+    names = [*["eps"] * is_of_map, *(column.name for column in table)]
     all_headers = {name: _header(entries, name) for name in names}
     headers = {name: header for name, header in all_headers.items() if header is not None}
-    numbers = {name: about[name] for name in _NUMBERS[kind]}
-    body, map = body_from_dict(json.loads(body_text)), named(about["map"])
-    if map_of(body, numbers["method"]) is not map:
-        raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
-    # All other shapes follow from that of `status`.
-    batch, steps = headers["status"][1], map.methods[numbers["method"]]
-    if kind == "Trajectories":
-        own = {"n": _rows_of_run(numbers)}
-        conditions = conditions_of("attitude" in headers or "_turned" in headers)
-    else:
-        own = {"crossing": _rows_of_crossings(numbers, headers)}
-        conditions = {"surface"} & {column.when for column in table if column.name in headers}
-    sizes = sizes_of(batch, body.dimension, carried=steps.carried, **own)
-    expected = arrays_of(present(table, conditions), sizes)
-    if "eps" in headers:  # of any shape that broadcasts to the batch
-        shapes = {"body": body.shape, "eps": headers["eps"][1], "status": batch}
-        if common_shape(shapes) != batch:
-            raise wrong("status", f"have the shape {common_shape(shapes)}", batch)
-    expected["eps"] = "float64", headers.get("eps", ("", ()))[1]
-    check_arrays(headers, expected)
     attributes: dict[str, Any] = dict.fromkeys(names)
-    attributes |= {name: _entry(entries, name) for name in expected} | numbers
-    eps = within("eps", real_array("eps", attributes["eps"]), MOMENTS)
-    _check_failures(attributes, numbers["steps"] if kind == "Trajectories" else numbers["_n"])
+    attributes |= {name: about[name] for name in _NUMBERS[kind]}
+    body, batch = body_from_dict(json.loads(body_text)), headers["status"][1]
+    shapes, lengths = {"body": body.shape, "status": batch}, {}
+    if is_of_map:
+        map, method = named(about["map"]), about["method"]
+        if map_of(body, method) is not map:
+            raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
+        attributes["map"], lengths["carried"] = map, map.methods[method].carried
+        shapes["eps"] = headers["eps"][1]
     if kind == "Trajectories":
-        _check_states(attributes)
+        lengths["n"] = _rows_of_run(about["steps"], about["save_every"])
     else:
-        attributes["trajectory"] = _check_crossings(attributes)
-    return attributes | {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
-
-
-def _read_motion(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> dict[str, Any]:
-    """Return the attributes of a motion, after checks that they agree."""
-    body, table = body_from_dict(json.loads(body_text)), OF_KIND[kind]
-    all_headers = {column.name: _header(entries, column.name) for column in table}
-    headers = {name: header for name, header in all_headers.items() if header is not None}
-    batch, (count,) = headers["status"][1], headers["time"][1]
-    if common_shape({"body": body.shape, "status": batch}) != batch:
-        raise wrong("status", "have the shape of a batch of the body", batch)
-    numbers = {name: about[name] for name in _NUMBERS[kind]}
-    numbers["derivatives"] = asked = tuple(numbers["derivatives"])
-    directions = sum(body.dimension if name == "x0" else 1 for name in asked)
-    sizes = sizes_of(batch, body.dimension, time=count, direction=directions)
-    expected = arrays_of(present(table, ["derivatives"] if asked else []), sizes)
+        first = table[0]
+        (lengths[first.axes],) = headers[first.name][1]
+    if kind == "Motion":
+        attributes["derivatives"] = asked = tuple(about["derivatives"])
+        lengths["direction"] = sum(body.dimension if name == "x0" else 1 for name in asked)
+    if common_shape(shapes) != batch:
+        raise wrong("status", f"have the shape {common_shape(shapes)}", batch)
+    conditions = {column.when for column in table if column.name in headers}
+    sizes = sizes_of(batch, body.dimension, **lengths)
+    expected = arrays_of(present(table, conditions), sizes)
+    if is_of_map:
+        expected["eps"] = "float64", headers["eps"][1]  # of any shape that broadcasts to the batch
     check_arrays(headers, expected)
-    attributes = {name: _entry(entries, name) for name in expected}
-    if not np.isin(attributes["status"], [*Status]).all():
-        raise wrong("status", "have values of Status", "others")
-    attributes.setdefault("_derivatives", None)
-    if isinstance(numbers["atol"], list):
-        numbers["atol"] = tuple(numbers["atol"])
-    return attributes | numbers | {"body": body}
+    attributes |= {name: _entry(entries, name) for name in expected} | {"body": body}
+    if is_of_map and attributes["eps"].ndim == 0:
+        attributes["eps"] = float(attributes["eps"])
+    if "crossing" in lengths:
+        count = attributes["count"].ravel()
+        if count.sum() != lengths["crossing"]:
+            raise wrong("count", f"have the sum {lengths['crossing']}", count.sum())
+        attributes["trajectory"] = np.repeat(np.arange(len(count)), count)
+    if isinstance(attributes.get("atol"), list):
+        attributes["atol"] = tuple(attributes["atol"])
+    return attributes
 
 
-def _rows_of_run(numbers: dict[str, Any]) -> int:
+def _rows_of_run(steps: Any, every: Any) -> int:
     """Return the number of saved states, after checks of the numbers of a run."""
-    steps, every = integer("steps", numbers["steps"], 0), numbers["save_every"]
+    steps = integer("steps", steps, 0)
     return 1 if every is None else steps // integer("save_every", every, 1) + 1
-
-
-def _rows_of_crossings(numbers: dict[str, Any], headers: dict[str, Any]) -> int:
-    """Return the number of crossings, after checks of their numbers."""
-    end = sum(integer(name, numbers[name], 0) for name in ("steps", "transient"))
-    integer("direction", numbers["direction"], -1, "1, -1 or 0", 1)
-    integer("_n", numbers["_n"], 0, f"an integer from 0 to {end}", end)
-    if numbers["most"] is not None:
-        integer("most", numbers["most"], 1)
-    (K,) = headers["n"][1]
-    return int(K)
-
-
-def _check_failures(result: Mapping[str, Any], steps: int) -> None:
-    """Check that statuses, `failed_at`, `first_pole` and last states agree."""
-    status, failed_at, failed = result["status"], result["failed_at"], result["status"] < 0
-    if not np.isin(status, [*Status]).all():
-        raise wrong("status", "have values of Status", "others")
-    passed = status == Status.PASSED_POLE
-    contradicts, too_early = (failed_at >= 0) != (failed | passed), passed & (failed_at < 1)
-    if ((failed_at < -1) | (failed_at > steps) | contradicts | too_early).any():
-        expected = f"a step up to {steps} where a trajectory failed or passed a pole, else -1"
-        raise wrong("failed_at", expected, "others")
-    first_pole = result["first_pole"]
-    is_right = np.where(passed, first_pole == failed_at, first_pole == -1)
-    is_right |= failed & (first_pole >= 1) & (first_pole <= failed_at)
-    if not is_right.all():
-        raise wrong(
-            "first_pole", "failed_at where a pole was passed, or before a failure", "others"
-        )
-    if (np.isnan(result["final"]).any(axis=-1) != failed).any():
-        raise wrong("final", "NaN where a trajectory failed, else numbers", "others")
-
-
-def _check_states(run: Mapping[str, Any]) -> None:
-    """Check that saved states agree with failures and last states."""
-    states, final, failed_at = run["states"], run["final"], run["failed_at"]
-    every, steps = run["save_every"], run["steps"]
-    n = np.arange(len(states)) * every if every else np.array([steps])
-    if n[-1] == steps and not np.array_equal(states[-1], final, equal_nan=True):
-        raise wrong("final", f"the saved state {steps}", "another")
-    gone = (run["status"] < 0) & (failed_at <= n.reshape(-1, *(1,) * failed_at.ndim))
-    if (np.isnan(states[..., 0]) != gone).any():
-        raise wrong("states", "NaN from the state failed_at on, and numbers before it", "others")
-
-
-def _check_crossings(points: Mapping[str, Any]) -> Any:
-    """Return the trajectory of each crossing, after checks that all arrays agree."""
-    count, most, n = points["count"].ravel(), points["most"], points["n"]
-    begin, end = points["transient"], min(points["_n"], points["transient"] + points["steps"])
-    if (count < 0).any() or count.sum() != len(n) or (most and (count > most).any()):
-        raise wrong("count", "the numbers of crossings of trajectories", "others")
-    trajectory = np.repeat(np.arange(len(count)), count)
-    if ((n < begin) | (n >= end)).any() or (np.diff(n)[np.diff(trajectory) == 0] <= 0).any():
-        raise wrong("n", f"ascending steps from {begin} to {end - 1} of each trajectory", "others")
-    fraction, after = points["fraction"], points["after"]
-    if not ((fraction >= 0) & (fraction <= 1)).all():
-        raise wrong("fraction", "numbers from 0 to 1", "others")
-    if not np.isfinite([points["before"], after]).all():
-        raise wrong("before and after", "finite states", "others")
-    ended = np.flatnonzero(count == (most or -1))
-    final = points["final"].reshape(len(count), -1)[ended]
-    if not np.array_equal(final, after[np.cumsum(count)[ended] - 1]):
-        raise wrong(
-            "final", "have the state after the last crossing of trajectories that ended", "others"
-        )
-    return trajectory
 
 
 def _header(entries: zipfile.ZipFile, name: str) -> tuple[str, tuple[int, ...]] | None:

@@ -29,23 +29,17 @@ from ... import checks
 from ...checks import first_index, in_units, short, wrong
 from ...engine.random_starts import RandomStarts
 from ...engine.status import Status
-from ..columns import RUN
+from ..columns import MOTION, RUN
 from . import access
-from .metadata import (
-    COPY,
-    Contents,
-    Stored,
-    Tile,
-    digest_of,
-    overlaid,
-    read_contents,
-    stored_in,
-)
+from .metadata import Contents, Stored, Tile, read_contents, stored_in
 
 # Values that unwritten chunks show, by the name of a column; others are NaN, or Zarr's default.
-_FILLS = {column.name: column.fill for column in RUN}
-# What to use for files with a suffix that no folder has.
-# What to do with a folder of others.
+_FILLS = {column.name: column.fill for column in (*RUN, *MOTION)}
+# Attributes that only some runs have.
+_OPTIONAL = "map", "save_every", "attitude", "functions", "coords", "atol", "max_step", "stiff"
+# Attributes that identify no run, or follow from others.
+_NOT_COMPARED = "version", "coordinates", "title", "tiled", "shared"
+# What to use for files with a suffix that no folder has, and what to do with a folder of others.
 _NEW = "pass a new name"
 _LABELLED = "the result of ensemble has to_netcdf(path), which writes one file"
 _OF_FILES = {
@@ -53,6 +47,10 @@ _OF_FILES = {
     **dict.fromkeys((".nc", ".h5", ".hdf5"), _LABELLED),
     ".csv": "a store is a folder of many files",
 }
+
+
+# The indices and keys of the chunks of each array.
+Expected = Mapping[str, list[tuple[tuple[int, ...], str]]]
 
 
 class Lost(NamedTuple):
@@ -88,15 +86,15 @@ def resolved(store: Any) -> Any:
 
 def lost(store: Any, contents: Contents) -> Lost:
     """Return the chunks and tiles that a store lacks."""
-    is_folder = isinstance(store, Path)
-    keys = _whole(store, contents.arrays) if is_folder else _listed(store, contents.arrays)
-    status = contents.arrays["status"]
-    tiles = dict(status.keys("status"))
-    done = {tile for tile, key in tiles.items() if key in keys}
+    is_folder, arrays = isinstance(store, Path), contents.arrays
+    expected = {name: list(array.keys(name)) for name, array in arrays.items()}
+    keys = _whole(store, arrays, expected) if is_folder else _listed(store, expected)
+    dims = arrays["status"].dims
+    done = {tile for tile, key in expected["status"] if key in keys}
     absent: dict[str, tuple[str, Tile | None]] = {}  # by key: the array, and the tile if any
-    for name, array in contents.arrays.items():
-        axes = [array.dims.index(dim) for dim in status.dims] if name in contents.tiled else None
-        for index, key in array.keys(name) if name != "status" else ():
+    for name in [name for name in expected if name != "status"]:
+        axes = [arrays[name].dims.index(dim) for dim in dims] if name in contents.tiled else None
+        for index, key in expected[name]:
             tile = None if axes is None else tuple(index[axis] for axis in axes)
             if key not in keys and (tile is None or tile in done):
                 absent[key] = name, tile
@@ -107,10 +105,10 @@ def lost(store: Any, contents: Contents) -> Lost:
     for name, _ in absent.values():
         chunks[name] = chunks.get(name, 0) + 1
     damaged = {tile for _, tile in absent.values() if tile is not None}
-    return Lost(chunks, damaged, {*tiles} - done)
+    return Lost(chunks, damaged, {tile for tile, _ in expected["status"]} - done)
 
 
-def _whole(folder: Path, arrays: Mapping[str, Stored]) -> set[str]:
+def _whole(folder: Path, arrays: Mapping[str, Stored], expected: Expected) -> set[str]:
     """Return the keys of the chunks in a folder whose files have the right size.
 
     Those of `status` come first, because it is written last: a tile that is finished meanwhile is
@@ -118,9 +116,9 @@ def _whole(folder: Path, arrays: Mapping[str, Stored]) -> set[str]:
     """
     return {
         key
-        for name, array in sorted(arrays.items(), key=lambda item: item[0] != "status")
-        for _, key in array.keys(name)
-        if _is_whole(f"{folder}/{key}", array.nbytes)
+        for name in sorted(expected, key=lambda name: name != "status")
+        for _, key in expected[name]
+        if _is_whole(f"{folder}/{key}", arrays[name].nbytes)
     }
 
 
@@ -138,14 +136,15 @@ def _is_whole(path: str, nbytes: int | None) -> bool:
     return nbytes is None or size_and_mode.st_size == nbytes
 
 
-def _listed(store: Any, arrays: Mapping[str, Stored]) -> set[str]:
+def _listed(store: Any, expected: Expected) -> set[str]:
     """Return the keys of a store; if it cannot list them, such as one by HTTP, ask for each."""
     source = access.reader(store)
     keys = access.run(access.keys_of(source))
     if "zarr.json" in keys:
         return keys
-    expected = [key for name, array in arrays.items() for _, key in array.keys(name)]
-    return access.run(access.existing(source, expected))
+    return access.run(
+        access.existing(source, [key for pairs in expected.values() for _, key in pairs])
+    )
 
 
 def has_tile(store: Any, tile: Tile) -> bool:
@@ -167,10 +166,10 @@ def prepare(store: Any, data: Any, sizes: dict[str, int]) -> tuple[list[Tile], C
         _check_new(store, data)
     else:
         _require_same(store, data, contents.attributes)
-    if contents is not None and contents.arrays and contents.is_consolidated:
+    if contents is not None and contents.arrays:
         _restore_shared(store, data, contents)
     else:
-        create(store, data, sizes, contents and contents.copy)
+        create(store, data, sizes)
         contents = read_contents(store)
         assert contents is not None
     lacks = lost(store, contents)
@@ -180,8 +179,8 @@ def prepare(store: Any, data: Any, sizes: dict[str, int]) -> tuple[list[Tile], C
 def _require_same(store: Any, data: Any, theirs: dict[str, Any]) -> None:
     """Raise an error that names what differs if the attributes in a store are of another run."""
     ours, differences = data.attrs, []
-    for name in {**ours, **theirs} if theirs else ():
-        if name not in ("version", "coordinates") and ours.get(name) != theirs.get(name):
+    for name in {**ours, **dict.fromkeys(_OPTIONAL)} if theirs else ():  # others may add some
+        if name not in _NOT_COMPARED and ours.get(name) != theirs.get(name):
             here, there = _in_words(ours.get(name)), _in_words(theirs.get(name))
             differences.append(
                 f"{name}: {here}, the store has {'others' if here == there else there}"
@@ -195,7 +194,7 @@ def passed_poles(store: Any, contents: Contents) -> tuple[int, tuple[tuple[int, 
     """Return how many trajectories passed a pole, and the index and `failed_at` of the first."""
     import zarr
 
-    arrays = zarr.open_group(overlaid(store, contents), mode="r", zarr_format=3)
+    arrays = zarr.open_group(access.reader(store), mode="r", zarr_format=3)
     count, first, status = 0, None, contents.arrays["status"]
     begins = [range(0, n, m) for n, m in zip(status.shape, status.chunks, strict=True)]
     for begin in product(*begins):
@@ -230,7 +229,7 @@ def _check_new(store: Any, data: Any) -> None:
     free = shutil.disk_usage(next(parent for parent in store.parents if parent.exists())).free
     if data.nbytes > free:
         sizes = in_units(free), in_units(data.nbytes)
-        how = "choose another disk" + ", or raise save_every" * (len(data.n) > 1)
+        how = "choose another disk, or save fewer states"
         message = f"{sizes[0]} are free, the run takes {sizes[1]}: {how}"
         raise OSError(errno.ENOSPC, message, str(store))
 
@@ -272,31 +271,22 @@ def _in_words(value: Any) -> str:
     return text.partition(", sha256")[0]
 
 
-def create(store: Any, data: Any, sizes: dict[str, int], copy: str | None = None) -> None:
-    """Create the arrays of a store, except those that an earlier call or another process made.
-
-    With `copy`, the metadata are restored from it.
-    """
+def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
+    """Create the arrays of a store, except those that an earlier call or another process made."""
     target, made = access.reader(store, read_only=False), _made(data, sizes)
     group = access.run(access.put_new(target, "zarr.json", made["zarr.json"]))
-    if copy is None:  # another process may have begun another run meanwhile
-        _require_same(store, data, json.loads(group)["attributes"])
+    # Another process may have begun another run meanwhile.
+    _require_same(store, data, json.loads(group)["attributes"])
     # The array of states is made first: its chunks tell the tiles, which all arrays share.
     batch = data["status"].dims
-    states = next(name for name in data if data[name].dims == ("n", *batch, "component"))
+    states = next(name for name in data if data[name].dims[1:] == (*batch, "component"))
     key = f"{states}/zarr.json"
     if (found := access.run(access.put_new(target, key, made[key]))) != made[key]:
         array = stored_in(states, json.loads(found))
         made = _made(data, dict(zip(array.dims, array.chunks, strict=True)))
-    chunks = {key: made.pop(key) for key in list(made) if not key.endswith("zarr.json")}
     there = access.run(access.existing(target, list(made)))
     access.run(access.put(target, {key: [made[key]] for key in made if key not in there}))
-    access.run(access.put_where_different(target, chunks))
-    if copy is not None:
-        access.run(access.put(target, {"zarr.json": [copy.encode()]}))
-        return
-    attributes = json.loads(made.pop("zarr.json"))["attributes"]
-    access.run(_consolidate(target, attributes, sorted(made)))
+    access.run(_consolidate(target, sorted(key for key in made if key.endswith("/zarr.json"))))
 
 
 def _made(data: Any, sizes: dict[str, int]) -> dict[str, bytes]:
@@ -330,18 +320,14 @@ def _made(data: Any, sizes: dict[str, int]) -> dict[str, bytes]:
     return {key: value.to_bytes() for key, value in made.items()}
 
 
-async def _consolidate(target: Any, attributes: Any, keys: list[str]) -> None:
-    """Write consolidated metadata as Zarr does, with a digest, and their copy."""
+async def _consolidate(target: Any, keys: list[str]) -> None:
+    """Write consolidated metadata, as Zarr does, with which a store is complete."""
     texts = await access.texts(target, ["zarr.json", *keys])
     group, *documents = (json.loads(text or "") for text in texts)
-    group |= {"attributes": attributes}
-    names = (key.partition("/")[0] for key in keys)
-    arrays = dict(zip(names, documents, strict=True))
-    digest = digest_of(attributes, arrays)
-    metadata = {"kind": "inline", "must_understand": False, "sha256": digest, "metadata": arrays}
+    arrays = {key.partition("/")[0]: each for key, each in zip(keys, documents, strict=True)}
+    metadata = {"kind": "inline", "must_understand": False, "metadata": arrays}
     text = json.dumps(group | {"consolidated_metadata": metadata}, indent=2)
-    for key in (COPY, "zarr.json"):
-        await access.put(target, {key: [text.encode()]})
+    await access.put(target, {"zarr.json": [text.encode()]})
 
 
 def _restore_shared(store: Any, data: Any, contents: Contents) -> None:

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import asdict, dataclass
 from itertools import islice
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ... import checks
-from ...checks import FloatArray, wrong
+from ...checks import FloatArray, require, wrong
+from ...core.motion.engine import Settings
+from ...engine.arguments import flat_arrays
 from ...engine.problem import Problem, Where, along, part_of
 from ...engine.random_starts import RandomStarts
 from ...engine.stretches import March
-from ..columns import of_runs
+from ..columns import RUN
+from ..flow import motion_of
 from ..functions import returned_at, values_at
+from ..motion import variable_of
 from . import access, stores
 from .metadata import Stored, Tile
 
@@ -29,14 +34,103 @@ _LARGE_TASK = 2**28
 _WRITING_COST = 8.0
 
 Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
-Options = tuple[str, int, int | None, Functions]  # method, steps, save_every, functions
 Arrays = Mapping[str, Stored]  # of a store, by their names
+Piece = dict[str, Any]  # values of columns
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What a tile of a map computes: steps of a method."""
+
+    method: str
+    steps: int
+    save_every: int | None
+
+    axis: ClassVar[str] = "n"  # along which states are saved
+    fewest: ClassVar[int] = 2**12  # trajectories that keep a processor busy
+
+    @property
+    def rows(self) -> int:
+        """The number of saved states of a trajectory."""
+        return 1 if self.save_every is None else self.steps // self.save_every + 1
+
+    @property
+    def work(self) -> int:
+        """The work for a trajectory, in the unit of progress."""
+        return self.steps
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of :func:`iterate`, as a run has them."""
+        return asdict(self)
+
+    @property
+    def most(self) -> int:
+        """The number of trajectories that take a few seconds."""
+        return 2**31 // (self.steps + 1)
+
+    def pieces(self, part: Problem, rows: int) -> Iterator[Piece]:
+        """Yield the saved states, `rows` at a time, and at last the other columns."""
+        march, every = March(part, self.method), self.save_every or 0
+        cost = march.steps.cost(part.body.dimension, march.arguments)
+        if every and every * cost < _WRITING_COST:
+            march.problem = part._replace(threads=1)
+        for states, turns in march.pieces(self.steps, every, rows):
+            yield {"states": states} | ({} if turns is None else {"attitude": turns})
+        last = [column.name for column in RUN if column.is_public and not column.is_saved]
+        yield {name: getattr(march, name) for name in (*last, "told_by_signs")}
+
+
+@dataclass(frozen=True)
+class Times:
+    """What a tile of a motion computes: states at times."""
+
+    times: FloatArray
+    sign: int
+    settings: Settings
+
+    axis: ClassVar[str] = "time"
+    fewest: ClassVar[int] = 2**6
+    most: ClassVar[int] = 2**16
+
+    @property
+    def rows(self) -> int:
+        """The number of states of a trajectory."""
+        return len(self.times)
+
+    @property
+    def work(self) -> int:
+        """The work for a trajectory, in the unit of progress."""
+        return self.rows
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of :func:`flow`, as a motion has them."""
+        longest = self.settings.longest
+        found = {name: getattr(self.settings, name) for name in ("rtol", "atol", "stiff")}
+        return found | {"max_step": None if longest == math.inf else longest}
+
+    def pieces(self, part: Problem, rows: int) -> Iterator[Piece]:
+        """Yield the states, `rows` at a time, and at last the other columns."""
+        (body, x, batch), n = (part.body, part.omega, part.batch), len(self.times)
+        require(8 * (n + 2) * math.prod(batch) * body.dimension, "pass a smaller chunk")
+        arguments = flat_arrays(x, batch), batch, self.times, self.sign, self.settings
+        found = motion_of(body, *arguments, part.threads, None)
+        states = found.states.reshape(n, *batch, body.dimension)
+        for k in range(0, n, rows):
+            yield {"states": states[k : k + rows]}
+        last: Piece = {"end": found.t, "steps": found.steps, "status": found.status}
+        yield {name: values.reshape(batch) for name, values in last.items()}
+
+
+Task = Steps | Times
 
 
 def finish(
     tiles: dict[Tile, Where],
     whole: Problem,
-    options: Options,
+    task: Task,
+    functions: Functions,
     arrays: Arrays,
     client: Any,
     store: Any,
@@ -49,7 +143,7 @@ def finish(
     if client is None:
         for tile, where in tiles.items():
             part = _problem_of(whole, where)
-            yield where, _compute(part, options, tile, where, arrays, target)
+            yield where, _compute(part, task, functions, tile, where, arrays, target)
         return
     from dask import config
     from distributed import as_completed
@@ -63,7 +157,8 @@ def finish(
         """Queue tiles for all workers, of which there may be more by now."""
         most = _QUEUED * max(1, sum(client.nthreads().values()))
         for tile, where in islice(waiting, max(0, most - len(under_way))):
-            arguments = _problem_of(whole, where), options, tile, where, arrays, target
+            part = _problem_of(whole, where)
+            arguments = part, task, functions, tile, where, arrays, target
             with config.set(settings):
                 job = client.submit(_compute_on_worker, *arguments, pure=False)
             under_way[job] = tile, where
@@ -93,7 +188,13 @@ def _compute_on_worker(*arguments: Any) -> tuple[str, bool]:
 
 
 def _compute(
-    part: Problem, options: Options, tile: Tile, where: Where, arrays: Arrays, target: Any
+    part: Problem,
+    task: Task,
+    functions: Functions,
+    tile: Tile,
+    where: Where,
+    arrays: Arrays,
+    target: Any,
 ) -> bool:
     """Compute a tile in pieces that fill a chunk, and write them; `status`, last, marks it done.
 
@@ -101,15 +202,12 @@ def _compute(
     """
     from .chunks import encoded
 
-    (method, steps, every, functions), map = options, part.map
     if isinstance(part.omega, RandomStarts):  # drawn here, so that no process holds all states
         drawn = part.omega._part(along(part.omega.shape, where), part.body.dimension)
         part = part._replace(omega=drawn)
-    march, rows = March(part, method), arrays[map.variable].chunks[0]
-    cost = march.steps.cost(part.body.dimension, march.arguments)
-    if every and every * cost < _WRITING_COST:
-        march.problem = part._replace(threads=1)
     position = dict(zip(arrays["status"].dims, tile, strict=True))
+    variable = part.map.variable if part.map else variable_of(type(part.body))
+    told: Any = False
 
     def write(columns: Mapping[str, Any]) -> None:
         """Write the values of columns to their chunks at `position`."""
@@ -119,15 +217,16 @@ def _compute(
             made[array.key(name, position)] = encoded(values, array.chunks, array.dtype)
         access.run(access.put(target, made))
 
-    for position["n"], (states, turns) in enumerate(march.pieces(steps, every or 0, rows)):
-        piece = {map.variable: states}
-        piece |= {} if turns is None else {"attitude": turns}
-        write(piece | {name: checked_values(name, f, states) for name, f in functions.items()})
-    kept = [column for column in of_runs(False) if not column.is_saved]
-    for is_last in (False, True):
-        names = [column.name for column in kept if column.is_last == is_last]
-        write({name: getattr(march, name) for name in names})
-    return bool(np.any(march.told_by_signs))
+    for k, piece in enumerate(task.pieces(part, arrays[variable].chunks[0])):
+        position[task.axis] = k
+        if (states := piece.pop("states", None)) is not None:
+            values = {name: checked_values(name, f, states) for name, f in functions.items()}
+            write({variable: states} | piece | values)
+            continue
+        told, status = piece.pop("told_by_signs", False), piece.pop("status")
+        write(piece)
+        write({"status": status})
+    return bool(np.any(told))
 
 
 def checked_values(name: str, function: Any, states: FloatArray) -> Any:
@@ -141,7 +240,7 @@ def _problem_of(whole: Problem, where: Where) -> Problem:
     tile = part_of(whole, where)
     if isinstance(tile.omega, RandomStarts):
         return tile
-    return tile._replace(omega=checks.states("omega0", np.asarray(tile.omega), tile.body._labels))
+    return tile._replace(omega=checks.states("x0", np.asarray(tile.omega), tile.body.labels))
 
 
 def place_of(tile: Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> Where:

@@ -97,22 +97,24 @@ function moveStart(px, py) {
 }
 
 function describe() {
-  const { orbits, parameters } = state.scene, orbit = orbits.at(-1);
-  const { status: name, failed_at, first_pole: pole } = orbit;
+  const { orbits, time } = state.scene, orbit = orbits.at(-1);
+  const { status: name, failed_at, first_pole: pole, end } = orbit, isMotion = end !== undefined;
   const badge = byId("status");
   badge.textContent = badge.dataset.status = name;
   badge.title = orbit.message;
   const what = pole >= 0 ? "Passed a pole" : failed_at === null ? "All states exist" : "Ends at a pole";
-  byId("regime-name").textContent = name === "NONFINITE" && pole < 0 ? "Beyond float64" : what;
+  byId("regime-name").textContent = isMotion ? (failed_at === null ? what : "The solution stops") :
+    name === "NONFINITE" && pole < 0 ? "Beyond float64" : what;
   byId("regime-text").textContent = pole < 0 ? "" :
-    `Before state ${pole}, time ${short(pole * parameters.eps)}: the motion escapes to infinity, or ε ` +
+    `Before state ${pole}, time ${short(time[pole])}: the motion escapes to infinity, or ε ` +
     "is too large. States from there on belong to the map, not to the motion.";
-  byId("failure").textContent = missing({ name, failed_at });
+  byId("failure").textContent = !isMotion ? missing({ name, failed_at }) :
+    failed_at === null ? "" : `At time ${short(end)}: ${orbit.message}.`;
   const bad = orbits.filter((each) => each.first_pole >= 0).length;
   const ended = orbits.filter((each) => each.failed_at !== null).length;
   byId("others").textContent = orbits.length === 1 ? "" :
     `Of ${orbits.length} orbits ${bad} passed a pole, ${ended} ended.`;
-  const rows = { time: short(parameters.steps * parameters.eps) };
+  const rows = { time: short(time.at(-1)) };
   state.field.names.forEach((each, k) => {
     if (k < 8) rows[`last ${each}`] = orbit.final ? short(orbit.final[k]) : "none";
   });

@@ -36,7 +36,7 @@ export function build(changed) {
   const { names, methods, axes, numbers, most } = state.field, { values } = state;
   for (const [id, texts] of Object.entries({ x: names, y: names, method: methods })) {
     byId(id).append(...texts.map((text) => new Option(text, text)));
-    byId(id).value = values[id];
+    if (texts.length) byId(id).value = values[id];
     byId(id).addEventListener("change", ({ target }) => {
       change({ [id]: target.value });
       if (id !== "method") buildStart();
@@ -129,24 +129,17 @@ function number(id, says, place, { typed, slider }) {
   return input;
 }
 
-// The slider of eps is logarithmic, between a thousandth and ten times its first value.
+// Steps of a map, or times and tolerance of a motion.
 function steps(most) {
-  const { values } = state, eps = row("ε", "epsilon, step size", "step-fields");
-  const first = Number(values.eps) || 0.01, sign = Math.sign(first), middle = Math.log10(Math.abs(first));
-  Object.assign(eps.slider, { min: middle - 3, max: middle + 1, step: 0.01, value: middle });
-  const epsInput = number("eps", "epsilon, step size", eps.line, {
-    slider: eps.slider,
-    typed: (text) => {
-      if (Number(text)) eps.slider.value = Math.log10(Math.abs(Number(text)));
-      change({ eps: text });
-    },
-  });
-  epsInput.value = values.eps;
-  eps.slider.addEventListener("input", () => {
-    epsInput.value = Number((sign * 10 ** eps.slider.value).toPrecision(3));
-    change({ eps: epsInput.value });
-  });
-  const count = row("N", "N, number of steps", "step-fields");
+  if (!state.field.methods.length) {
+    byId("method").parentElement.hidden = true;
+    byId("step-fields").firstElementChild.textContent = "Motion";
+    logarithmic("time", "T", "last time", [-2, 2]);
+    logarithmic("rtol", "rtol", "relative tolerance", null, [-13, -2]);
+    return;
+  }
+  logarithmic("eps", "ε", "epsilon, step size", [-3, 1]);
+  const { values } = state, count = row("N", "N, number of steps", "step-fields");
   Object.assign(count.slider, { min: 1, max: most.steps, step: 1, value: values.steps });
   const countInput = number("steps", "N, number of steps", count.line, {
     slider: count.slider,
@@ -159,6 +152,26 @@ function steps(most) {
   count.slider.addEventListener("input", () => {
     countInput.value = count.slider.value;
     change({ steps: count.slider.value });
+  });
+}
+
+// A number with a slider of powers of ten, about its first value or between fixed ends.
+function logarithmic(id, label, says, about, fixedEnds) {
+  const { values } = state, { line, slider } = row(label, says, "step-fields");
+  const first = Number(values[id]) || 0.01, sign = Math.sign(first), middle = Math.log10(Math.abs(first));
+  const [min, max] = fixedEnds ?? about.map((end) => middle + end);
+  Object.assign(slider, { min, max, step: 0.01, value: middle });
+  const input = number(id, says, line, {
+    slider,
+    typed: (text) => {
+      if (Number(text)) slider.value = Math.log10(Math.abs(Number(text)));
+      change({ [id]: text });
+    },
+  });
+  input.value = values[id];
+  slider.addEventListener("input", () => {
+    input.value = Number((sign * 10 ** slider.value).toPrecision(3));
+    change({ [id]: input.value });
   });
 }
 

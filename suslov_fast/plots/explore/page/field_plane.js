@@ -88,24 +88,24 @@ function paintGrid(pen, { x0, x1, y0, y1, box, at }) {
   return labels;
 }
 
-// Returns the plane as a figure, with the step and the method below.
+// Returns the plane as a figure, with the step and the method, or time and tolerance, below.
 export function alone() {
   const { clientWidth: width, clientHeight: height } = byId("plane");
-  const { eps, steps, method } = state.scene.parameters, { values } = state.scene;
-  const named = Object.entries({ ...values, "ε": eps, N: steps });
-  const text = named.map(([name, value]) => `${name} = ${short(value)}`).join(", ");
+  const { parameters: { method }, values, said } = state.scene;
+  const named = Object.entries({ ...values, ...said }).map(([name, value]) => `${name} = ${short(value)}`);
+  const text = [...named, ...(method ? [method] : [])].join(", ");
   const paintAll = (pen) => {
     paint(pen, width, height);
-    write(pen, `${text}, ${method}`, LEFT, height + 16, { align: "left", colour: colours.text });
+    write(pen, text, LEFT, height + 16, { align: "left", colour: colours.text });
   };
   return { width, height: height + 26, paint: paintAll };
 }
 
 // Returns the two components of the orbits with all digits, without states that do not exist.
 export function csv() {
-  const { orbits, parameters: { x, y, eps } } = state.scene, lines = [`orbit,n,time,${x},${y},valid`];
+  const { orbits, time, parameters: { x, y } } = state.scene, lines = [`orbit,n,time,${x},${y},valid`];
   orbits.forEach(({ states, valid }, k) => states.forEach((row, n) => {
-    if (row) lines.push([k, n, n * eps, ...row, Number(n < valid)].join(","));
+    if (row) lines.push([k, n, time[n], ...row, Number(n < valid)].join(","));
   }));
   return `${lines.join("\n")}\n`;
 }

@@ -1,4 +1,7 @@
-"""Steps of fields without a plan, lane by lane, against the implicit equations by NumPy."""
+"""Fields of many variables, against the implicit equations by NumPy.
+
+Steps of dense fields, lane by lane; derivatives along orbits of dense and of sparse fields.
+"""
 
 import ctypes
 
@@ -6,9 +9,8 @@ import numpy as np
 import pytest
 
 from suslov_fast.core.compiling.codes import CHANGED
-from suslov_fast.core.fields import generated_tangent, sparse_tangent
+from suslov_fast.core.fields import generated_tangent, long_tangent, tangent
 from suslov_fast.core.fields.dense import dense_steps, spans_of
-from suslov_fast.core.fields.sparse import is_sparse, pattern_of, size_of, sparse_steps
 from suslov_fast.core.fields.steps import scheme_of
 from suslov_fast.core.lists.planned_elimination import LEAST_PIVOT
 
@@ -49,34 +51,29 @@ def pivots_of(A, order):
 
 @pytest.mark.parametrize("for_each", [False, True])
 @pytest.mark.parametrize("W", [1, 8])
-@pytest.mark.parametrize("is_dense", [False, pytest.param(True, marks=pytest.mark.slow_to_compile)])
-def test_steps_solve_the_implicit_equations(rng, is_dense, W, for_each):
+@pytest.mark.slow_to_compile
+def test_steps_solve_the_implicit_equations(rng, W, for_each):
     """Where pivots are large enough; other lanes wait, and those with det A < 0 are told."""
     indices = terms(rng)
-    pattern, steps, order = pattern_of(indices.tobytes(), D), sparse_steps, np.arange(D)
+    field, signs = spans_of(scheme_of(indices, D).step), 0
     half = 0.6 * rng.normal(size=(W if for_each else 1, indices.shape[1]))
-    bits, memory, seen = 1 << np.arange(W), np.full(size_of(pattern), np.nan), set()
-    field, given, signs = pattern, half, 0
-    if is_dense:
-        field, steps = spans_of(scheme_of(indices, D).step), dense_steps
-        given, shapes = half[:, field.terms].copy(), ((D, D + 1), (D + 1, D), (D + 1,))
-        memory = tuple(np.full((W, *shape), np.nan) for shape in shapes)
-    else:
-        order = pattern.order
+    bits, seen, given = 1 << np.arange(W), set(), half[:, field.terms].copy()
+    shapes = (D, D + 1), (D + 1, D), (D + 1,)
+    memory = tuple(np.full((W, *shape), np.nan) for shape in shapes)
     for n in range(240 // W):
         x = rng.normal(size=(D, W))
         x[3, 6:7] = np.nan
         before, wanted, refused, negative = x.copy(), x.copy(), np.isnan(x[3]), np.zeros(W, bool)
         for l in np.flatnonzero(~refused):
             A, b = equations(indices, half[l % len(half)], x[:, l])
-            pivots = pivots_of(A, order)
+            pivots = pivots_of(A, np.arange(D))
             sizes = abs(np.concatenate([pivots, A.diagonal(), [1.0]]))
             refused[l] = abs(pivots).min() <= LEAST_PIVOT * sizes.max()
             if not refused[l]:
                 wanted[:, l], negative[l] = np.linalg.solve(A, b), np.linalg.det(A) < 0
             seen.add((refused[l], negative[l]))
         taken = np.array([1, 0])
-        steps.serial(field, given, (0, 0, n % 2), x, memory, taken)
+        dense_steps.serial(field, given, (0, 0, n % 2), x, memory, taken)
         np.testing.assert_allclose(x, wanted, rtol=1e-9, atol=1e-9)
         changed = (wanted[5] * before[5] < 0) & (n % 2 == 1)  # of whole steps, not of stages
         told = [bits[each].sum() for each in (refused, negative, changed)]
@@ -86,33 +83,23 @@ def test_steps_solve_the_implicit_equations(rng, is_dense, W, for_each):
     assert len(seen) == 3  # all kinds
     # Lanes that have ended, or passed a pole, stop nothing.
     taken = np.array([3, 0])
-    steps.serial(field, given, (255, 255, 1), x, memory, taken)
+    dense_steps.serial(field, given, (255, 255, 1), x, memory, taken)
     assert taken.tolist() == [3, 0]
 
 
-@pytest.mark.parametrize(("entries", "expected"), [(2, True), (4, False)])
-def test_fields_are_sparse_if_rows_have_few_entries(entries, expected):
-    """Fewer than an eighth of 32 in a row of f'."""
-    i, j = np.divmod(np.arange(32 * entries), entries)
-    indices = np.stack([i, (i + j) % 32, np.full(len(i), 32)])
-    assert is_sparse(scheme_of(indices, 32).step) == expected
-
-
 class Columns:
-    """A line of `sparse_tangent`, and calls of its code."""
+    """A line of `long_tangent`, and calls of its code: of lists, or of loops over dense fields."""
 
-    def __init__(self, indices, half, x):
+    def __init__(self, indices, half, x, has_list):
         D, first = len(x), generated_tangent.LENGTHS
-        step = scheme_of(indices, D).step
-        fixed, self.alive = sparse_tangent.arguments_of(
-            step, 2.0 * half, np.array([1.0]), np.array([1.0])
-        )
+        scheme = scheme_of(indices, D)
+        fixed, self.alive = tangent._long_arguments(scheme, 2.0 * half, np.array([1.0]), has_list)
         *self.codes, self.plan, _, width, kept, _, self.table, _ = fixed
         self.kept, self.line = np.full(kept, np.nan), np.zeros(2 * D + first + D * width)
         self.x, self.numbers = self.line[:D], self.line[D : D + first]
         self.lengths, columns = np.split(self.line[D + first :], [D])
         self.columns = columns.reshape(D, width)[:, :D]
-        self.x[:], self.lengths[:] = x, 1.0
+        self.x[:], self.lengths[:], self.numbers[generated_tangent.FAR_FROM_1] = x, 1.0, 1.0
 
     def call(self, code, *arguments):
         arguments = [getattr(each, "ctypes", each) for each in arguments]
@@ -128,18 +115,19 @@ class Columns:
 
 
 @pytest.mark.compiled
+@pytest.mark.parametrize("has_list", [True, False])
 @pytest.mark.parametrize(("D", "size"), [(D, 0.45), (70, 0.2)])  # 64 columns at once
-def test_derivatives_along_orbits(rng, D, size):
+def test_derivatives_along_orbits(rng, D, size, has_list):
     """Columns q become -DPhi q; what stops a run is told."""
     indices, seen, ends = terms(rng, D), 0, 0
-    column, pace = rng.normal(size=(D, D)), sparse_tangent.PACE
+    column, pace = rng.normal(size=(D, D)), long_tangent.PACE
     for k in range(60 if D < 64 else 6):
         half, before = size * rng.normal(size=(1, indices.shape[1])), rng.normal(size=D)
         A, b = equations(indices, half[0], before)
         after = np.linalg.solve(A, b)
         B = 2 * np.eye(D) - equations(indices, half[0], after)[0]
-        line = Columns(indices, half, before)
-        order = pattern_of(indices.tobytes(), D).order
+        line = Columns(indices, half, before, has_list)
+        order = scheme_of(indices, D).step.factors.order if has_list else np.arange(D)
         is_bad = False
         for matrix, most in ((A, np.inf), (B, 1.0)):  # of B, a pivot 1 counts, too
             pivots = abs(pivots_of(matrix, order))
@@ -162,7 +150,8 @@ def test_derivatives_along_orbits(rng, D, size):
         np.testing.assert_allclose(line.x, after, rtol=1e-7, atol=1e-9)
         wanted = -derivative @ column
         np.testing.assert_allclose(line.columns, wanted, rtol=1e-7, atol=1e-9 * abs(wanted).max())
-        logarithm = line.numbers[generated_tangent.NEAR_1]
+        near_1, far = line.numbers[[generated_tangent.NEAR_1, generated_tangent.FAR_FROM_1]]
+        logarithm = np.log((1.0 + near_1) * far)
         assert logarithm == pytest.approx(np.linalg.slogdet(derivative)[1], rel=1e-7, abs=1e-9)
     kinds = generated_tangent.NEGATIVE, generated_tangent.CHANGED, generated_tangent.DUE
     assert D > 64 or (ends > 3 and seen == sum(1 << kind for kind in kinds))
@@ -171,10 +160,10 @@ def test_derivatives_along_orbits(rng, D, size):
 @pytest.mark.compiled
 def test_columns_are_orthonormalised_as_seldom_as_they_keep_digits(rng):
     """As by QR. A column that loses less than 1/8 of its length lets the next time come later."""
-    D, pace = 70, sparse_tangent.PACE
+    D, pace = 70, long_tangent.PACE
     indices = terms(rng, D)
     half, limit = np.ones((1, indices.shape[1])), generated_tangent.LIMIT
-    line = Columns(indices, half, np.zeros(D))
+    line = Columns(indices, half, np.zeros(D), True)
     basis = np.linalg.qr(rng.normal(size=(D, D)))[0]
     for lost, before, after in (
         (1.0, (4, 4), 8),

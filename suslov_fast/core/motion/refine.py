@@ -1,4 +1,4 @@
-"""Crossings of a surface on the steps of the method itself, for methods of an order above 2.
+"""Crossings of a surface on the steps of a method itself, where a chord is not enough.
 
 The chord between two states has an error of O(eps**2), whatever the method. A point of the orbit
 between them is the state after a step of the length tau from the state before, 0 <= tau <= eps, and
@@ -7,15 +7,7 @@ inverse quadratic interpolation where that is safe, and halves the bracket elsew
 Chandrupatla, Adv. Eng. Software 28 (1997)).
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
-
-from ..checks import FloatArray
 
 _ROUNDS = 20
 _WIDTH = 2.0**-50  # of a bracket, relative to the step, at which a crossing is found
@@ -24,12 +16,8 @@ _WIDTH = 2.0**-50  # of a bracket, relative to the step, at which a crossing is 
 # that s is smooth there, or if it is rounding.
 _PRODUCT, _SMALL, _ROUNDING = 2.0**-54, 2.0**-8, 2.0**-46
 
-Values = Callable[[NDArray[np.int64], FloatArray], FloatArray]
 
-
-def crossing_fractions(
-    values_at: Values, first: FloatArray, at_start: FloatArray, at_end: FloatArray
-) -> tuple[FloatArray, NDArray[np.bool_]]:
+def crossing_fractions(values_at, first, at_start, at_end):
     """Return the fractions of a step at which crossings (K,) meet the surface, and where none does.
 
     A step with a pole within its length changes the sign of s through infinity: where the values
@@ -69,7 +57,7 @@ def crossing_fractions(
     return np.where(over_pole, first, fractions), over_pole
 
 
-def _next(a: Any, b: FloatArray, c: FloatArray) -> Any:
+def _next(a, b, c):
     """Return where to ask next in the brackets from a to b: by interpolation, or in the middle."""
     (xa, fa), (xb, fb), (xc, fc) = a, b, c
     xi, phi = (xa - xb) / (xc - xb), (fa - fb) / (fc - fb)

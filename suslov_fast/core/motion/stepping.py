@@ -1,0 +1,130 @@
+"""Trajectories that take one step at a time, so that their caller can look inside each step."""
+
+import numpy as np
+
+from ..compiling.threads import in_parts
+from .engine import BLOCK, WIDTH, Motion, half_of
+from .in_numpy import StepsInNumPy
+from .rows import BEGINS, State
+from .text import NUMBER
+
+
+class Stepping(Motion):
+    """Trajectories that take the steps of `Motion`; their `Rows` stand in `flat` (B, rows).
+
+    `flat` may be copied, changed and put back: all that a step needs is there.
+    """
+
+    def __init__(self, f, table, x0, times, sign, settings, states, threads):
+        super().__init__(f, table, x0, times, sign, settings, states)
+        self.numbers[NUMBER.most], self.threads, self.report = 0.0, threads, None
+        self.last, self.W = float(self.times[-1]), 1 if len(x0) == 1 else WIDTH
+        self.rows = half_of(f, False, self.has_atol).rows
+        self.flat = np.zeros((len(x0), self.rows.size))
+        self.flat[:, : f.D] = x0
+        self.flat[:, self.rows.trajectory].view(np.int64)[:] = np.arange(len(x0))
+        self.begin(self.flat, np.arange(len(x0)))
+
+    def begin(self, flat, which):
+        """Begin trajectories `which` at the states in their rows: f there, and the first length."""
+        half = half_of(self.f, False, self.has_atol)
+        flat[:, self.rows.state] = BEGINS
+        lines = np.ascontiguousarray(flat.T)[np.newaxis]
+        StepsInNumPy(half, self, lines, self._table(half, slice(None), which, len(which))).begin()
+        flat[:] = lines[0].T
+
+    def attempts(self, flat, which, last, count):
+        """Let trajectories `which` with these rows try some steps each, not beyond a time.
+
+        Return pairs: numbers of trajectories in `flat`, and their rows (1 + attempts, K, rows), of
+        which the first are those of `flat`. A trajectory that turns to the other half waits.
+        """
+        self.numbers[NUMBER.last] = last
+        state, parts, abandoned = flat[:, self.rows.state], [], []
+        for mode in (State.EXPLICIT, State.IMPLICIT):
+            k = np.flatnonzero(state == mode)
+            parts += [(k[i : i + BLOCK], mode) for i in range(0, len(k), BLOCK)]
+        found = [None] * len(parts)
+
+        def take(number):
+            k, mode = parts[number]
+            half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
+            lines = self._lines(flat, k, self.W)
+            step = self._taker(half, lines, self._table(half, slice(None), which[k], self.W))
+            of_lines, states, copies = (
+                lines.transpose(0, 2, 1),
+                lines[:, self.rows.state],
+                [flat[k]],
+            )
+            for _ in range(count):
+                if not (states == mode).any() or abandoned:
+                    break
+                while not step(abandoned) and not abandoned:
+                    pass
+                states[states == State.TOO_MANY] = mode  # it has made its one attempt
+                rows = np.array(of_lines).reshape(-1, self.rows.size)
+                copies.append(rows[: len(k)])
+            found[number] = k, np.array(copies)
+
+        if self.threads == 1 or len(parts) == 1:
+            for number in range(len(parts)):
+                take(number)
+        else:
+            in_parts(len(parts), take, abandoned)
+        return found
+
+    def attempt(self, flat, which, last=np.inf):
+        """Let trajectories try one step each, not beyond the time `last`; change their rows."""
+        for k, copies in Stepping.attempts(self, flat, which, last, 1):
+            flat[k] = copies[-1]
+
+    def inside(self, before, after, parts):
+        """Return the states (K, parts, D) at the ends of equal parts of steps between these rows.
+
+        They are a cubic with the values and rates at both ends, or a straight line in an implicit
+        step, whose rates tell of fast modes.
+        """
+        D, rows = self.f.D, self.rows
+        x, f, new, f_new = (
+            each[:, np.newaxis, i : i + D] for each in (before, after) for i in (0, D)
+        )
+        u = (np.arange(1, parts + 1) / parts)[:, np.newaxis]
+        h = (after[:, rows.t] - before[:, rows.t])[:, np.newaxis, np.newaxis]
+        h = self.numbers[NUMBER.sign] * h
+        with np.errstate(over="ignore", invalid="ignore"):
+            change = new - x
+            bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (h * f) + u * (h * f_new)
+            bend *= u * (u - 1.0)
+            bend[before[:, rows.state] == State.IMPLICIT] = 0.0
+            states = x + u * change + bend
+        states[:, -1] = new[:, 0]
+        return states
+
+    def after(self, flat, which, lengths, saves=False):
+        """Return the rows of trajectories `which` a time later: after a step of this length.
+
+        Where such a step is refused, there are shorter ones; without any they are NaN. States at
+        times that are asked for are saved with `saves` alone.
+        """
+        rows, flat = self.rows, flat.copy()
+        following = flat[:, rows.next].copy()
+        if not saves:
+            flat[:, rows.next] = np.inf
+        goal = flat[:, rows.t] + lengths
+        flat[:, rows.wanted], k = lengths, np.flatnonzero(lengths > 0.0)
+        while k.size:
+            now = flat[k]
+            wanted, taken = now[:, rows.wanted].copy(), now[:, rows.steps].copy()
+            rest = goal[k] - now[:, rows.t]
+            self.attempt(now, which[k])
+            is_taken = now[:, rows.steps] > taken
+            arrives = is_taken & (wanted >= rest)
+            fails = ~is_taken & (now[:, rows.state] > State.IMPLICIT)
+            now[fails, : self.f.D] = np.nan
+            flat[k] = now
+            rest = goal[k] - now[:, rows.t]
+            flat[k, rows.wanted] = np.minimum(now[:, rows.wanted], rest)
+            k = k[~(arrives | fails | (rest <= 0.0))]
+        if not saves:
+            flat[:, rows.next] = following
+        return flat

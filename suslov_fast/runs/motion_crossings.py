@@ -1,0 +1,208 @@
+"""`MotionCrossings`, the crossings along motions: points, times, and which surface was crossed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bodies.classes import BodyOrField
+from ..checks import FloatArray
+from ..keywords import public
+from .motion import variable_of
+from .points import Points
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionCrossings(Points):
+    """Points where motions of a batch cross surfaces: the result of ``crossings(..., time=T)``.
+
+    There are K crossings, ordered by trajectory, then along the motion.
+
+    Attributes
+    ----------
+    trajectory : ndarray(int, shape=(K,))
+        Index of the trajectory, in the batch flattened in C order.
+    time, states : ndarray(float, shape=(K,) and (K, D))
+        Times and states of the crossings, with the digits of the tolerance. States lie on the
+        surface to rounding, on the side to which the motion goes: a motion that starts there does
+        not cross again at once.
+    surface : ndarray(int, shape=(K,))
+        Which of the surfaces is crossed; 0 if there is one.
+    count : ndarray(int, shape=(...))
+        Number of crossings of each trajectory.
+    status : ndarray(int8, shape=(...))
+        The :class:`Status` of each trajectory: OK, or negative if its solution ends early.
+    end : ndarray(float, shape=(...))
+        The time at which a solution ends, or up to which it was computed; NaN if there is more of
+        it than was asked for.
+    final : ndarray(float, shape=(..., D))
+        The states at the last time, or at the crossing number `most`; NaN where a solution has
+        ended.
+    steps : ndarray(int, shape=(...))
+        Number of steps that were taken.
+    ok : bool
+        True if no solution ended early.
+    body, last, transient, direction, most, rtol, atol, max_step, stiff
+        The arguments of :func:`crossings`; `last` is the last time.
+
+    Notes
+    -----
+    ``len(points)`` is K. Two objects are equal if all attributes are equal; NaN equals NaN. Arrays
+    are read-only: change a copy.
+
+    Examples
+    --------
+    When does an oscillator pass 0 upwards? At 3 pi / 2, then every 2 pi:
+
+    >>> import numpy as np
+    >>> from suslov_fast import QuadraticField, crossings
+    >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
+    >>> points = crossings(oscillator, [1.0, 0.0], surface=lambda x: x[..., 0], time=20.0)
+    >>> points
+    MotionCrossings(x: (3, 2), time: 4.71239 to 17.2788, rtol: 1e-09, ended: 0 of 1)
+    >>> bool(abs(points.time - np.pi * np.array([1.5, 3.5, 5.5])).max() < 1e-8)
+    True
+    """
+
+    trajectory: NDArray[np.int64]
+    surface: NDArray[np.int64]
+    time: FloatArray
+    states: FloatArray
+    count: NDArray[np.int64]
+    status: NDArray[np.int8]
+    end: FloatArray
+    final: FloatArray
+    steps: NDArray[np.int64]
+    body: BodyOrField
+    last: float
+    transient: float
+    direction: int
+    most: int | None
+    rtol: float
+    atol: float | tuple[float, ...] | None
+    max_step: float | None
+    stiff: bool | None
+
+    @property
+    def _variable(self) -> str:
+        return variable_of(type(self.body))
+
+    @property
+    def _conserved(self) -> str | None:
+        return "energy" if getattr(self.body, "H", None) is not None else None
+
+    def _value(self, name: str, states: FloatArray) -> FloatArray:
+        from .. import energy  # the only one
+
+        values: FloatArray = energy(self.body, states)
+        return values
+
+    @public
+    def of(self, index: Any) -> MotionCrossings:
+        """Return the crossings of one trajectory, with its body.
+
+        Parameters
+        ----------
+        index : int or sequence of int
+            The index of the trajectory in the batch, with a number for each axis.
+
+        Returns
+        -------
+        MotionCrossings
+            A result whose batch has the shape ().
+
+        Raises
+        ------
+        IndexError, TypeError
+            If `index` does not select one trajectory.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField, crossings
+        >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
+        >>> starts = [[1.0, 0.0], [0.0, -1.0]]
+        >>> points = crossings(oscillator, starts, surface=lambda x: x[..., 0], time=10.0)
+        >>> points.of(1).time.round(6)
+        array([3.141593, 9.424778])
+        """
+        place, body, _, (begin, end) = self._place(index)
+        parts = dict(vars(self)) | {"body": body}
+        parts |= {name: getattr(self, name)[begin:end] for name in _BY_CROSSING}
+        parts |= {name: np.array(getattr(self, name)[place]) for name in _BY_TRAJECTORY}
+        return MotionCrossings._of(parts | {"trajectory": np.zeros(end - begin, np.int64)})
+
+    @public
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the crossings as a labelled `xarray.Dataset` (extra `xarray`).
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions: "crossing" and "component". The points as "omega", or "x" for a field.
+            Coordinates along "crossing": `trajectory`, `time`, `surface`, and each parameter of the
+            body that varies.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed.
+
+        Examples
+        --------
+        >>> points.to_xarray().where(data.rho > 24.74, drop=True)  # doctest: +SKIP
+        """
+        from .files.datasets import motion_crossings_to_xarray
+
+        return motion_crossings_to_xarray(self)
+
+    @public
+    def plot(
+        self,
+        *names: int | str | Sequence[int | str],
+        components: Sequence[int | str] | None = None,
+        color: Any = None,
+        title: str | bool | None = True,
+        ax: Any = None,
+    ) -> Any:
+        """Draw the crossings over two components, over time, or in space (extra `plots`).
+
+        Parameters
+        ----------
+        *names, components, color, title, ax
+            As in :meth:`Crossings.plot`; `color` may also be "surface".
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no such component or colour, or `ax` has the wrong kind.
+
+        Examples
+        --------
+        >>> points.plot(color="trajectory").figure.savefig("section.png")  # doctest: +SKIP
+        """
+        from . import plot  # which imports Matplotlib
+
+        chosen = names[0] if len(names) == 1 else names or components
+        return plot.plot_crossings(self, chosen, color, title, ax)
+
+    def __repr__(self) -> str:
+        time = self.time
+        times = f"{time.min():g} to {time.max():g}" if time.size else "none"
+        ended = f"{np.count_nonzero(self.status < 0)} of {self.status.size}"
+        states = f"{self._variable}: {self.states.shape}"
+        return f"MotionCrossings({states}, time: {times}, rtol: {self.rtol:g}, ended: {ended})"
+
+
+_BY_CROSSING = "surface", "time", "states"
+_BY_TRAJECTORY = "count", "status", "end", "final", "steps"

@@ -1,0 +1,147 @@
+"""Arguments: arrays and numbers of all kinds that are welcome, and signatures."""
+
+import inspect
+import pickle
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import xarray
+from numba import njit
+
+import suslov_fast as sf
+from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, checks
+
+NAN, INF = float("nan"), float("inf")
+OMEGA = [[1.0, 0.5], [0.2, 0.3]]
+BODY = Suslov3D(4, 1, -0.5, -0.3)
+FIELD = QuadraticField([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
+FAMILY = QuadraticField.from_function(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
+HENON = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
+
+
+class Tensor:
+    """An array of another package, which converts itself."""
+
+    def __init__(self, values):
+        self.values = values
+
+    def __array__(self, dtype=None, copy=None):
+        return np.asarray(self.values, dtype)
+
+
+def field(f, dimension=2, **parameters):
+    return QuadraticField.from_function(f, dimension, **parameters)
+
+
+def test_sizes_in_words():
+    sizes = {1: "1 bytes", 160_016_000_000: "160 GB", 999_700: "1 MB", 8e21: "8,000,000,000 TB"}
+    assert {size: checks.in_units(size) for size in sizes} == sizes
+
+
+def test_a_compiled_function_is_traced():
+    assert field(njit(lambda x: (x[1], x[0] * x[0]))) == field(lambda x: (x[1], x[0] ** 2))
+
+
+def test_arrays_of_other_packages_are_welcome():
+    assert (sf.step(BODY, Tensor(OMEGA), 0.1) == sf.step(BODY, OMEGA, 0.1)).all()
+    assert field(lambda x, a: (a * x[0], 1), a=Tensor(2.0)) == field(lambda x: (2 * x[0], 1))
+
+
+def test_parameters_are_a_dictionary_that_cannot_be_set():
+    assert pickle.loads(pickle.dumps(FAMILY.parameters)).keys() == {"rho"}
+    assert type(FAMILY.parameters | {"a": 1}) is dict
+
+
+def test_a_bad_call_changes_nothing():
+    out = np.full((4, 2, 2), 7.0)
+    for bad in ({"eps": NAN}, {"omega0": [1, INF]}, {"steps": True}):
+        with pytest.raises((TypeError, ValueError)):
+            sf.iterate(BODY, **{"eps": 0.2, "steps": 3, "out": out, **bad})
+        assert (out == 7).all()
+
+
+def test_values_at_the_ends_of_the_range():
+    for size in (1e-50, 1e50):
+        body = Suslov3D(size, size, size, 0)
+        assert body.parameters["I1"] == size
+    for size in (1e-60, 1e60):
+        assert SuslovGyrostat(1, 1, size, -size, size).k == size
+        assert SuslovND([size, 1], [size, 0]).J[0] == size
+        assert QuadraticField([[[size]]], [[size]], [size]).constant == size
+
+
+def test_unpickled_arrays_are_not_copied():
+    """Their type equals that of other arrays, but is another object."""
+    x = pickle.loads(pickle.dumps(np.ones(4)))
+    assert checks.real_array("x", x) is x
+
+
+def test_unusual_numbers_are_welcome():
+    body = Suslov3D(Fraction(4), np.longdouble(1), np.float16(-0.5), -0.25)
+    assert body == Suslov3D(4, 1, -0.5, -0.25)
+    expected = FIELD([0.5, 2.0])
+    for x in (np.array([0.5, 2], np.longdouble), np.float16([0.5, 2]), np.array([0.5, 2], object)):
+        assert (FIELD(x) == expected).all()
+    assert FIELD([Fraction(1, 2), 2]) == tuple(expected)
+    for x in (FIELD(np.array([1, 2])), HENON.H(np.array([1, 2]))):
+        assert x.dtype == np.float64  # integers of NumPy are numbers of an array
+
+
+def test_variables_of_our_datasets_are_arrays():
+    names = ["Omega1", "Omega2"]
+    states = xarray.DataArray([OMEGA] * 3, dims=("n", "start", "component"))
+    for value in (states, states.assign_coords(component=names), states.variable, states.chunk()):
+        assert (sf.energy(BODY, value) == sf.energy(BODY, [OMEGA] * 3)).all()
+    for value in (
+        states.assign_coords(component=names[::-1]), states.transpose("component", ...),
+        states.transpose("start", "n", "component"), states.rename(component="Omega"), [states],
+        states.to_dataset(name="omega"),
+    ):  # fmt: skip
+        with pytest.raises(TypeError, match=r"omega.*\.to_numpy\(\)"):
+            sf.energy(BODY, value)
+
+
+def test_lazy_arrays_are_computed():
+    dask = pytest.importorskip("dask.array")
+    assert (sf.energy(BODY, dask.asarray(OMEGA)) == sf.energy(BODY, OMEGA)).all()
+    assert Suslov3D(dask.asarray([4.0, 3.0]), 1, -0.5, -0.3).shape == (2,)
+
+
+# Without those that loops of users call: they are functions only where nothing is compiled.
+FUNCTIONS = [
+    (f"{module.__name__}.{name}", getattr(module, name))
+    for module in (sf, sf.compiled, sf.integrability)
+    for name in module.__all__
+    if inspect.isfunction(getattr(module, name)) and getattr(module, name).__qualname__ == name
+]
+
+
+@pytest.mark.parametrize(("name", "function"), FUNCTIONS, ids=[name for name, _ in FUNCTIONS])
+def test_body_and_state_are_positional_only(name, function):
+    """A state is omega for a body and x for a field: no name of the argument would fit both."""
+    for parameter in inspect.signature(function).parameters.values():
+        is_first = parameter.name in {"body", "field", "system", "omega", "omega0", "x", "x0", "xy"}
+        assert is_first == (parameter.kind == parameter.POSITIONAL_ONLY), parameter
+    if name == "suslov_fast.iterate":
+        with pytest.raises(TypeError, match="the second argument"):
+            function(BODY, omega0=OMEGA, eps=0.2, steps=3)
+
+
+@pytest.mark.parametrize(("name", "function"), FUNCTIONS, ids=[name for name, _ in FUNCTIONS])
+def test_signatures_are_short(name, function):
+    """`help(iterate)` begins with a signature that a reader can take in."""
+    assert len(str(inspect.signature(function))) <= 600, name
+
+
+def test_messages_print_numbers_of_numpy_as_numbers_and_leave_equations_as_they_are():
+    assert checks.short([np.float64(2.0), np.int64(3)]) == "[2.0, 3]"
+    assert checks.short("np.sin(x)") == "'np.sin(x)'"
+
+
+def test_values_at_one_state_are_numbers():
+    body = sf.Suslov3D(4, 2, -0.5, -0.3)
+    for function in (sf.criticality, sf.first_integral, sf.modified_energy, sf.rotation_number):
+        assert isinstance(function(body, [1.0, 0.5], 0.1), np.float64), function
+    nd = sf.SuslovND([2.0, 2.0, 2.0], [0.4, -0.7, 0.5])
+    assert isinstance(sf.criticality(nd, [1.0, 0.5, 0.2], 0.1), np.float64)

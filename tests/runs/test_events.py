@@ -1,0 +1,293 @@
+"""Crossings along motions: points, times, ends and bad input."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import suslov_fast as sf
+
+OSCILLATOR = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
+BALL = sf.Field.from_function(lambda x: (x[1], -9.81), "h v")
+MU = 0.01215058560962404
+
+
+def first(x):
+    return x[..., 0]
+
+
+def of_oscillator(start, surface=first, **arguments):
+    return sf.crossings(OSCILLATOR, start, surface=surface, **arguments)
+
+
+def test_zeros_of_an_oscillator_have_the_digits_of_the_tolerance():
+    for rtol, error in ((1e-6, 1e-5), (1e-9, 1e-8), (1e-12, 1e-11)):
+        points = of_oscillator([1.0, 0.0], time=20.0, rtol=rtol)
+        np.testing.assert_allclose(points.time, np.pi * np.array([1.5, 3.5, 5.5]), atol=error)
+        assert (points.states[:, 0] >= 0.0).all()
+        assert abs(points.states[:, 0]).max() < 1e-14
+        np.testing.assert_allclose(points.final, [np.cos(20.0), -np.sin(20.0)], atol=error)
+
+
+@pytest.mark.parametrize("direction", [1, -1, 0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_directions_and_both_directions_of_time(direction, sign):
+    points = of_oscillator([1.0, 0.5], time=sign * 20.0, direction=direction)
+    times = np.arctan2(0.5, 1.0) + np.pi * (np.arange(-8, 8) + 0.5)  # of q = r cos(t - phase)
+    times = times[(sign * times > 0.0) & (abs(times) < 20.0)]
+    if direction:
+        # p = q' > 0 there, forward in time, if q goes up
+        rate = -np.sin(times - np.arctan2(0.5, 1.0))
+        times = times[sign * direction * rate > 0.0]
+    np.testing.assert_allclose(points.time, sorted(times, key=abs), atol=1e-7)
+
+
+def test_a_tuple_of_surfaces_says_which_was_crossed():
+    points = of_oscillator([1.0, 0.5], (first, lambda x: x[..., 1] - 0.2), time=7.0, direction=0)
+    assert points.surface.tolist() == [1, 0, 1, 0, 1]
+    assert (np.diff(points.time) > 0.0).all()
+    values = np.where(points.surface == 0, points.states[:, 0], points.states[:, 1] - 0.2)
+    assert abs(values).max() < 1e-14
+
+
+def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
+    def f(x):
+        x, y, u, v = x
+        to_earth = ((x + MU) ** 2 + y**2) ** 1.5
+        to_moon = ((x - 1 + MU) ** 2 + y**2) ** 1.5
+        return (
+            u,
+            v,
+            2 * v + x - (1 - MU) * (x + MU) / to_earth - MU * (x - 1 + MU) / to_moon,
+            -2 * u + y - (1 - MU) * y / to_earth - MU * y / to_moon,
+        )
+
+    def distance(x):
+        return (x[..., 0] - 1 + MU) ** 2 + x[..., 1] ** 2
+
+    rng = np.random.default_rng(3)
+    r, angle = rng.uniform(0.02, 0.12, 16), rng.uniform(0.0, 2.0 * np.pi, 16)
+    speed = np.sqrt(MU / r) * rng.uniform(0.9, 1.35, 16) - r
+    x0 = np.transpose([
+        1 - MU + r * np.cos(angle), r * np.sin(angle), -speed * np.sin(angle),
+        speed * np.cos(angle),
+    ])  # fmt: skip
+    surfaces = (lambda x: distance(x) - 0.25**2, lambda x: 0.005**2 - distance(x))
+    field = sf.Field.from_function(f, "x y u v")
+    points = sf.crossings(field, x0, surface=surfaces, time=4.0, most=1)
+    events = [lambda t, x, s=s: s(x) for s in surfaces]
+    for event in events:
+        event.terminal, event.direction = True, 1
+    assert 4 <= len(points) <= 12
+    for k, start in enumerate(x0):
+        found = solve_ivp(
+            lambda t, x: f(x), (0, 4.0), start, "DOP853", events=events, rtol=1e-12, atol=1e-12
+        )
+        assert points.count[k] == found.status
+        if found.status:
+            own = points.of(k)
+            np.testing.assert_allclose(own.time[0], found.t[-1], rtol=1e-8)
+            np.testing.assert_allclose(own.states[0], found.y[:, -1], atol=1e-6)
+            assert found.t_events[own.surface[0]].size == 1
+            np.testing.assert_array_equal(own.final, own.states[-1])
+
+
+def test_sections_of_henon_heiles():
+    field = sf.QuadraticField.from_hamiltonian(
+        lambda x: (
+            (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
+        ),
+        "x y px py",
+    )
+    x0 = [[0.0, y, np.sqrt(1 / 6 - y**2 + 2 * y**3 / 3), 0.0] for y in np.linspace(-0.2, 0.3, 6)]
+    points = sf.crossings(field, x0, surface=first, time=50.0)
+    exact = sf.crossings(field, x0, surface=first, time=50.0, rtol=1e-13)
+    assert points.count.min() >= 7
+    np.testing.assert_allclose(points.states, exact.states, atol=1e-8)
+    np.testing.assert_allclose(sf.energy(field, points.states), 1 / 12, atol=1e-9)
+
+
+def test_a_thousand_bouncing_balls():
+    h = np.linspace(0.5, 3.0, 1000)
+    x, time = np.stack([h, 0.0 * h], axis=-1), np.zeros(1000)
+    for _ in range(5):
+        bounce = sf.crossings(BALL, x, surface=first, time=10.0, direction=-1, most=1)
+        assert (bounce.count == 1).all()
+        time += bounce.time
+        x = bounce.final * [1.0, -0.8]
+    fall = np.sqrt(2 * h / 9.81)
+    exact = fall * (1.0 + 2.0 * (0.8 + 0.64 + 0.512 + 0.4096))
+    np.testing.assert_allclose(time, exact, rtol=1e-12)
+    np.testing.assert_allclose(x[:, 1], 0.8**5 * 9.81 * fall, rtol=1e-12)
+
+
+def test_maxima():
+    points = of_oscillator([0.3, 0.4], lambda x: -x[..., 1], time=20.0)
+    np.testing.assert_allclose(points.states, [[0.5, 0.0]] * 4, atol=1e-8)
+
+
+def test_two_crossings_in_a_step():
+    # Steps are about half a radian long, and q > 0.998 for an eighth of one.
+    points = of_oscillator([0.0, 1.0], lambda x: x[..., 0] - 0.998, time=100.0, direction=0)
+    half = np.arccos(0.998)
+    exact = [np.pi * (2 * k + 0.5) + s * half for k in range(16) for s in (-1, 1)]
+    assert points.steps < 250
+    np.testing.assert_allclose(points.time, exact, atol=1e-6)
+
+
+def test_a_motion_that_only_touches_the_surface_does_not_cross_it():
+    points = of_oscillator([0.0, 1.0], lambda x: x[..., 0] - 1.0 - 1e-7, time=100.0, direction=0)
+    assert len(points) == 0
+    points = of_oscillator([0.0, 1.0], lambda x: x[..., 0] - 1.0 + 1e-4, time=100.0, max_step=0.02)
+    assert len(points) == 16  # with a step short enough
+
+
+def test_a_start_on_the_surface_is_positive():
+    assert of_oscillator([0.0, 1.0], time=1.0, direction=0).count == 0
+    assert of_oscillator([0.0, -1.0], time=1.0, direction=1).count == 0
+    down = of_oscillator([0.0, -1.0], time=1.0, direction=-1)
+    assert down.time.tolist() == [pytest.approx(0.0, abs=1e-15)]
+
+
+def test_a_motion_from_a_crossing_does_not_cross_again():
+    rng = np.random.default_rng(2)
+    for direction in (1, -1):
+        points = of_oscillator(
+            rng.normal(size=(50, 2)), lambda x: x[..., 0] - 0.1, time=10.0, most=1,
+            direction=direction,
+        )  # fmt: skip
+        again = of_oscillator(points.states, lambda x: x[..., 0] - 0.1, time=0.01, direction=0)
+        assert len(points) > 40
+        assert len(again) == 0
+
+
+def test_most_ends_a_trajectory_at_that_crossing():
+    every = of_oscillator([[1.0, 0.0], [0.0, 1.0]], time=30.0)
+    some = of_oscillator([[1.0, 0.0], [0.0, 1.0]], time=30.0, most=2)
+    assert some.count.tolist() == [2, 2]
+    for k in range(2):
+        np.testing.assert_array_equal(some.of(k).time, every.of(k).time[:2])
+        np.testing.assert_array_equal(some.final[k], every.of(k).states[1])
+    assert (some.steps < every.steps).all()
+
+
+def test_crossings_in_the_transient_are_ignored():
+    every = of_oscillator([1.0, 0.0], time=30.0)
+    later = of_oscillator([1.0, 0.0], time=20.0, transient=10.0)
+    np.testing.assert_array_equal(later.time, every.time[every.time > 10.0])
+    np.testing.assert_array_equal(later.final, every.final)
+
+
+def test_a_batch_has_the_bits_of_single_trajectories_and_of_threads():
+    x0 = np.random.default_rng(5).normal(size=(2, 9, 2))
+    batch = of_oscillator(x0, time=15.0, threads=1)
+    for place in np.ndindex(2, 9):
+        one = of_oscillator(x0[place], time=15.0)
+        np.testing.assert_array_equal(batch.of(place).states, one.states)
+        np.testing.assert_array_equal(batch.of(place).time, one.time)
+    assert of_oscillator(x0, time=15.0, threads=2) == batch
+    x0 = np.random.default_rng(6).normal(size=(2100, 2))
+    assert of_oscillator(x0, time=3.0, threads=2) == of_oscillator(x0, time=3.0, threads=1)
+
+
+def test_a_family_and_a_surface_of_each_member():
+    rates = np.array([1.0, 2.0, 3.0])
+    field = sf.Field.from_function(lambda x, w: (w * x[1], -w * x[0]), "q p", w=rates)
+    level = np.array([0.1, 0.2, 0.3])
+    points = sf.crossings(field, [0.0, 1.0], surface=lambda x: x[..., 0] - level, time=1.0)
+    np.testing.assert_allclose(points.time, np.arcsin(level) / rates, rtol=1e-9)
+    assert points.of(2).body.parameters["w"] == 3.0
+
+
+def test_solutions_that_end():
+    field = sf.QuadraticField.from_function(lambda x: (x[0] ** 2,), "x")
+    x0 = [[1.0], [-1.0], [np.nan], [0.5]]
+    with pytest.warns(sf.PoleWarning, match="1 of 4"):
+        points = sf.crossings(field, x0, surface=lambda x: x[..., 0] - 3.0, time=1.5)
+    assert points.trajectory.tolist() == [0]
+    np.testing.assert_allclose(points.time, [2 / 3], rtol=1e-8)
+    assert points.status.tolist() == [sf.Status.ENDED, 0, sf.Status.NONFINITE, 0]
+    np.testing.assert_allclose(points.end, [1.0, np.nan, 0.0, np.nan], rtol=1e-8)
+    np.testing.assert_allclose(points.final[:, 0], [np.nan, -0.4, np.nan, 2.0], rtol=1e-8)
+    sf.crossings(field, x0, surface=first, time=1.5, on_singular="ignore")
+    with pytest.raises(sf.SingularStepError) as error:
+        sf.crossings(field, x0, surface=first, time=1.5, on_singular="raise")
+    assert error.value.crossings.count.tolist() == [0, 0, 0, 0]
+    # A trajectory that has stopped before does not end.
+    stopped = sf.crossings(field, x0, surface=lambda x: x[..., 0] - 3.0, time=1.5, most=1)
+    assert stopped.ok is False  # of the start that is NaN
+    assert stopped.status.tolist() == [0, 0, sf.Status.NONFINITE, 0]
+
+
+def test_values_that_are_no_numbers_make_no_crossing():
+    with np.errstate(invalid="ignore"):
+        points = of_oscillator([0.9, 0.0], lambda x: np.log(x[..., 0]), time=10.0, direction=0)
+        assert len(points) == 0
+    points = of_oscillator([1.0, 0.5], lambda x: 1.0 / x[..., 0], time=10.0, direction=0)
+    assert len(points) == 0  # a pole of the surface
+
+
+def test_stiff_orbits():
+    field = sf.Field.from_function(lambda x: (x[1], 100 * (1 - x[0] ** 2) * x[1] - x[0]), "x v")
+    points = sf.crossings(field, [2.0, 0.0], surface=first, time=300.0, direction=0)
+    exact = sf.crossings(field, [2.0, 0.0], surface=first, time=300.0, direction=0, rtol=1e-12)
+    assert len(points) >= 3
+    np.testing.assert_allclose(points.time, exact.time, rtol=1e-6)
+
+
+def test_progress_ends_a_search():
+    told = []
+
+    def progress(done, total):
+        told.append((done, total))
+        return False
+
+    points = of_oscillator([[1.0, 0.0], [0.0, 1.0]], time=1000.0, progress=progress)
+    assert told == [(0, 2)]
+    assert (points.status == sf.Status.TOO_MANY_STEPS).all()
+    assert np.isnan(points.final).all()
+
+
+def test_time_0_and_no_trajectory():
+    points = of_oscillator([1.0, 0.0], time=0.0)
+    assert len(points) == 0
+    assert points.final.tolist() == [1.0, 0.0]
+    assert of_oscillator(np.empty((0, 2)), time=1.0).count.shape == (0,)
+
+
+def test_files_and_datasets(tmp_path):
+    points = of_oscillator([[1.0, 0.0], [0.0, 1.0]], time=20.0, atol=[1e-9, 1e-8])
+    points.save(tmp_path / "points.npz")
+    assert sf.Crossings.load(tmp_path / "points.npz") == points
+    data = points.to_xarray()
+    assert data.x.dims == ("crossing", "component")
+    np.testing.assert_array_equal(data.time, points.time)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "arguments"),
+    [
+        ("surface", TypeError, {"surface": lambda x: x[..., 0] > 0}),
+        ("surface", ValueError, {"surface": lambda x: x[0]}),
+        ("surface", TypeError, {"surface": lambda x: 1j * x[..., 0]}),
+        ("surface", TypeError, {"surface": "q"}),
+        ("surface", TypeError, {"surface": (first, 3)}),
+        ("surface", ValueError, {"surface": ()}),
+        ("surface", TypeError, {"surface": None}),
+        ("time", TypeError, {"steps": 4}),
+        ("time", TypeError, {"eps": 0.1, "steps": 4}),
+        ("time", TypeError, {"method": "order4"}),
+        ("time", ValueError, {"time": [1.0, 2.0]}),
+        ("time", ValueError, {"time": np.nan}),
+        ("transient", ValueError, {"transient": -1.0}),
+        ("rtol", ValueError, {"rtol": 0.0}),
+        ("rtol", TypeError, {"rtol": 1e-6, "time": None, "eps": 0.1, "steps": 4}),
+        ("eps", TypeError, {"time": None}),
+        ("direction", ValueError, {"direction": 2}),
+        ("most", ValueError, {"most": 0}),
+        ("on_singular", ValueError, {"on_singular": "stop"}),
+    ],
+)
+def test_bad_input(name, kind, arguments):
+    arguments = {"surface": first, "time": 1.0} | arguments
+    with pytest.raises(kind, match=name):
+        sf.crossings(OSCILLATOR, [1.0, 0.0], **arguments)

@@ -325,8 +325,8 @@ def in_place_of(value: Any) -> str:
     """Return advice, for messages, on what to pass in place of a value of the wrong class."""
     if isinstance(value, type):
         return ": pass an object of the class"
-    instead: str = getattr(value, "instead", "")
     known = ": pass a body, or a field such as QuadraticField.from_function(f, names)"
+    instead: str = getattr(value, "instead", "")
     return instead or known
 
 

@@ -142,22 +142,11 @@ class Frame(NamedTuple):
     leave_state = map_3d.leave_plain
 
 
-class GyrostatFrame(NamedTuple):
+class GyrostatFrame(Frame):
     """The constants of a gyrostat, a step size, and numbers of `map_3d.Frame`.
 
-    These are in the unit of time eps / 2; m1 and m2, which may be infinite, are left out.
+    These are in the unit of time eps / 2; m1 and m2, which could be infinite, are 0.
     """
-
-    I1: float
-    I2: float
-    I13: float
-    I23: float
-    k: float
-    eps: float
-    K: float
-    a1: float
-    a2: float
-    back: float
 
     enter_state = enter_gyrostat
     advance_state = advance_gyrostat
@@ -169,7 +158,7 @@ _memory, _one_step = of_kind("memory"), of_kind("one_step")
 
 
 @public
-def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | GyrostatFrame:
+def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame:
     """Return the constants of one body and one step size, for loops in three dimensions.
 
     Parameters
@@ -212,7 +201,7 @@ def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | Gyrosta
         if "k" in body.parameters:
             # In the unit of time eps / 2, in which k is eps k / 2.
             numbers, _ = frame_of(*inertia, 0.5 * step_size * k, 2.0)
-            return GyrostatFrame(*constants, step_size, *map(float, numbers[:4]))
+            return GyrostatFrame(*constants, step_size, *map(float, numbers[:4]), 0.0, 0.0)
         numbers, _ = frame_of(*constants, step_size)
     return Frame(*constants, step_size, *map(float, numbers))
 
@@ -228,13 +217,13 @@ def _single(body: Any, eps: ArrayLike) -> float:
 
 
 @for_users
-def enter(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
+def enter(frame: Frame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the numbers u and v of a state, dimensionless and linear in omega."""
     return _enter(frame, omega1, omega2)
 
 
 @for_users
-def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
+def advance(frame: Frame, u: float, v: float) -> tuple[float, float]:
     """Return u and v of the next state, with one division; NaN where there is no next state.
 
     With a rotor, :func:`step` returns NaN for a state whose X, Y or K exceeds 1e8 in modulus.
@@ -244,33 +233,33 @@ def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, fl
 
 
 @for_users
-def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
+def leave(frame: Frame, u: float, v: float) -> tuple[float, float]:
     """Return (omega1, omega2), the inverse of :func:`enter`."""
     return _leave(frame, u, v)
 
 
 @for_users
-def step(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
+def step(frame: Frame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the next state; NaN where there is none."""
     f = frame
     return map_3d.one_step(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
 
 @for_users
-def vector_field(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
+def vector_field(frame: Frame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the derivatives of omega1 and omega2, as :func:`suslov_fast.vector_field`."""
     f = frame
     return quantities.vector_field_at(f.I1, f.I2, f.I13, f.I23, f.k, omega1, omega2)
 
 
 @for_users
-def energy(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
+def energy(frame: Frame, omega1: float, omega2: float) -> float:
     """Return the energy, as :func:`suslov_fast.energy`."""
     return quantities.energy_at(frame.I1, frame.I2, omega1, omega2)
 
 
 @for_users
-def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
+def first_integral(frame: Frame, omega1: float, omega2: float) -> float:
     """Return F of Lemma 1, as :func:`suslov_fast.first_integral`."""
     f = frame
     return quantities.first_integral_at(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)

@@ -46,6 +46,7 @@ from suslov_fast.engine.arguments import flat_arrays
 from suslov_fast.engine.problem import Problem
 from suslov_fast.engine.trial import check_arguments
 
+SHARED = INDICES, H_INDICES, MATRIX  # parts that all members of a family of fields share
 _SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, those of a wide batch, and steps
 # Runs from these states must have the bits of a run from state 0; they pass state 64, and a round
 # number beyond 32 bits, where kernels that do something every so many steps might differ. No state
@@ -195,7 +196,7 @@ def family_like(body: Any, size: int) -> Any:
     """Return a batch of `size` copies of a single body."""
     parts = dict(body._parts)
     for name, value in parts.items():
-        if np.asarray(value).dtype.kind in "iufO" and name not in (INDICES, H_INDICES, MATRIX):
+        if np.asarray(value).dtype.kind in "iufO" and name not in SHARED:
             parts[name] = np.broadcast_to(value, (size, *np.shape(value)))
     return body._with(parts)
 

@@ -112,13 +112,13 @@ def run(options: argparse.Namespace) -> None:
         if getattr(options, name) is not None and getattr(options, name) is not False:
             how = "not allowed with" if is_motion else "needs"
             options.usage_error(f"argument --{name.replace('_', '-')}: {how} --time")
-    if is_motion and path is not None and path.suffix != ".npz":
-        options.usage_error(f"argument -o/--output: '{path}' must end in .npz, with --time")
     if path is None and (options.attitude or options.save_every is not None):
         options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
     if str(options.body) == str(options.initial) == "-":
         options.usage_error("arguments --body and --initial: only one can be standard input")
     import numpy as np
+
+    from .. import checks
 
     body, eps = _body_and_step(options, needs_step=not is_motion)
     if isinstance(body, sf.Field) and not is_motion:
@@ -133,12 +133,17 @@ def run(options: argparse.Namespace) -> None:
 
         numba.set_num_threads(thread_count(options.threads))
     is_stored = path is not None and path.suffix == ".zarr"
-    compute: Any = _motion if is_motion else _in_store if is_stored else _in_memory
+    compute: Any = _in_store if is_stored else _motion if is_motion else _in_memory
     names = (
         ("time", "points", "rtol", "atol") if is_motion else ("save_every", "method", "attitude")
     )
     settings = {name: getattr(options, name) for name in names}
     settings = {name: value for name, value in settings.items() if value is not None}
+    if is_motion:
+        end, points = checks.real_number("time", settings["time"]), settings.pop("points", 101)
+        settings["time"] = np.linspace(0.0, end, checks.integer("points", points, 1))
+        if len(settings.get("atol", ())) == 1:
+            [settings["atol"]] = settings["atol"]
     settings["progress"] = os.isatty(2) and find_spec("tqdm") is not None
     work = (
         (body, starts)
@@ -258,22 +263,13 @@ def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict
 
 def _motion(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
     """Solve the equations of motion from 0 to a time, as `_in_memory` computes a run."""
-    import numpy as np
-
-    from ..checks import integer, real_number
-
     _check_writable(path, force)
     body, starts = work
     starts = _states_of(starts, body)
-    end, points = real_number("time", settings["time"]), settings.get("points", 101)
-    named = {name: settings[name] for name in settings.keys() - {"time", "points"}}
-    if len(named.get("atol", ())) == 1:
-        [named["atol"]] = named["atol"]
-    times = np.linspace(0.0, end, integer("points", points, 1))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sf.PoleWarning)  # the summary counts them
         begin = time.perf_counter()
-        result = sf.flow(body, starts, time=times, **named)
+        result = sf.flow(body, starts, **settings)
         seconds = time.perf_counter() - begin
     return _saved(result, path, force, facts_of_motion(result) | {"seconds": seconds})
 

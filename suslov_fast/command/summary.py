@@ -22,7 +22,8 @@ def facts_in(path: Path) -> dict[str, Any]:
         attributes = data.attrs.items()
         facts = {name: _value(text) for name, text in attributes if name not in _NAMES_OF_ARRAYS}
         try:
-            status, first_pole = data.status.to_numpy(), data.first_pole.to_numpy()
+            status = data.status.to_numpy()
+            first_pole = data.first_pole.to_numpy() if "first_pole" in data else 0 * status - 1
         except ValueError as error:
             advice = "delete it, and the same run computes its tile anew"
             text = f"a chunk of status or first_pole is damaged ({error})"

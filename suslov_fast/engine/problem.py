@@ -64,14 +64,15 @@ def check(
     components: tuple[str, ...] | None = None,
     attitude: Any = False,
     later: bool = False,
-    method: str = "auto",
+    method: str | None = None,
     made: int = 0,
 ) -> Problem:
     """Check the arguments of a public function that takes states of a body, and a step size.
 
     States may be NaN; their components are those of the body, unless `components` has other names.
     Messages call them `name`, or x in place of omega if the map does. `attitude` is False, True for
-    the identity, or rotations. `later` is that of `checks.states`.
+    the identity, or rotations. `later` is that of `checks.states`. The method is by default the
+    first one of the map.
     The caller makes at least `made` states of each trajectory: if they do not fit into memory, a
     large array of initial states is refused before it is read.
     """
@@ -103,6 +104,7 @@ def check(
         turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]
     batch, threads = common_shape(shapes), thread_count(threads)
+    method = method or next(iter(map.methods))
     return Problem(map, body, omega, eps, batch, threads, name, method, turns)
 
 

@@ -150,9 +150,8 @@ class March:
         earlier: Checkpoint | None = None,
         arguments: Arguments | None = None,
     ) -> None:
-        methods = problem.map.methods
-        self.method = method = method or problem.method
-        self.steps = methods[method] if method in methods else next(iter(methods.values()))
+        self.method = method or problem.method
+        self.steps = problem.map.methods[self.method]
         self.problem, batch = problem, problem.batch
         self.omega0 = flat_arrays(problem.omega, batch)
         size, D = self.omega0.shape

@@ -185,6 +185,10 @@ def test_a_motion_is_flow():
     assert {**facts, **found} == facts | {"file": "m.npz"}
     assert "Field of shape (2, 1)" in succeed("info m.npz")
     assert succeed("plot m.npz -o m.png --components time,q") == "m.png\n"
+    assert facts_of(f"{line} -o m.zarr")["status"] == {"OK": 6}
+    assert np.array_equal(sf.open_ensemble("m.zarr").x, expected.x)
+    assert facts_of(f"{line} -o m.zarr")["complete_already"] == "m.zarr"
+    assert facts_of("info m.zarr")["trajectories"] == 6
 
 
 def test_a_motion_of_a_body_keeps_its_energy():
@@ -381,7 +385,6 @@ MISTAKES = """
 2 | run --time 3 --eps 1 | --eps
 2 | run --time 3 --save-every 2 | --save-every
 2 | run --rtol 1e-3 | --rtol
-2 | run --time 3 -o o.zarr | o.zarr
 2 | report --body good.json --eps 1/0 | --eps
 2 | report --body good.json --eps 1e99999999 | --eps
 2 | explore --port 65536 | --port

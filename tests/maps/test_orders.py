@@ -508,8 +508,6 @@ def test_the_command(method, tmp_path, capsys):
     assert run == sf.iterate(HENON_HEILES, start, 0.25, 20, save_every=None, method=method)
     assert main(["info", str(tmp_path / "run.npz")]) == 0
     assert method in capsys.readouterr().out
-    assert main(["run", "--method", method]) == 1
-    assert f"run --body field.json --eps 0.2 --method {method}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("method", ["auto", *METHODS])

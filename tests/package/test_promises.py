@@ -19,7 +19,6 @@ from numba import config
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
-from suslov_fast.bodies.fields.field_of_terms import SHARED
 from suslov_fast.engine import stretches, threads
 from suslov_fast.engine.problem import check
 from suslov_fast.maps import MAPS
@@ -178,7 +177,7 @@ def part(body, index, batch):
     """The members of a batch with an index."""
     parts = dict(body._parts)
     for name, value in parts.items():
-        if np.asarray(value).dtype.kind in "iufO" and name not in SHARED:
+        if np.asarray(value).dtype.kind in "iufO" and name not in contract.SHARED:
             own = np.shape(value)[np.ndim(value) - body.axes.get(name, 0) :]
             parts[name] = np.broadcast_to(value, (*batch, *own))[index]
     return body._with(parts)

@@ -651,8 +651,6 @@ def test_an_extension_reports_a_failure_at_its_first_step():
 
 def test_names_of_attributes_that_crossings_lack():
     points = sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 9, first)
-    for name, here in (("x", "states, the points"), ("t", "time"), ("times", "time")):
-        with pytest.raises(AttributeError, match=f"^no attribute '{name}': use crossings.{here}"):
+    for name, here in (("x", "states"), ("t", "time"), ("times", "time"), ("nothing", "")):
+        with pytest.raises(AttributeError, match=f"'{name}'.*{here}"):
             getattr(points, name)
-    with pytest.raises(AttributeError, match=r"^crossings have no attribute 'nothing'"):
-        _ = points.nothing

@@ -8,29 +8,19 @@ from typing import Any
 import numpy as np
 
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES
-from .advice import (
-    check_arguments,
-    check_callable,
-    explained,
-    name_of,
-    raise_explained,
-)
+from .advice import explained, name_of, raise_explained
 from .symbolic import Symbol, Tracer, Untraceable, applied, interpolated
-from .tracing import _components
+from .tracing import check_same, checked_function, components
 
 
 def traced(
     argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], maker: str
 ) -> tuple[Tracer, list[Any]]:
     """Return the tracer with which f was called, and the operands that are f, or [H]."""
-    check_callable(argument, f)
-    f = getattr(f, "py_func", f)  # the Python function, if Numba compiled f
-    check_arguments(argument, f, names, parameters, maker)
+    f = checked_function(argument, f, names, parameters, maker)
     tracer = Tracer(names, [*parameters])
     first, second = (_called(argument, f, tracer) for _ in range(2))
-    if [*map(repr, first)] != [*map(repr, second)]:  # equal operations have one value
-        how = "f must compute from x and its parameters alone, without random numbers or memory"
-        raise ValueError(f"{argument}: two calls of f differ: {how}")
+    check_same(argument, [*map(repr, first)], [*map(repr, second)])  # equal operations are one
     return tracer, first
 
 
@@ -42,7 +32,7 @@ def _called(argument: str, f: Any, tracer: Tracer) -> list[Any]:
     except Exception as error:  # raised by f
         raise_explained(argument, error, explained(error, f_name, names, False))
     try:
-        parts = [result] if argument == "H" else _components(result, D)
+        parts = [result] if argument == "H" else components(result, D)
     except (TypeError, ValueError) as error:
         raise type(error)(f"{argument}: {error}") from None
     labels = [f_name] if argument == "H" else [f"{name}'" for name in names]

@@ -62,6 +62,23 @@ class _Call(NamedTuple):
         return self.f(tracer.state.copy(), **tracer.parameters)
 
 
+def checked_function(
+    argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], maker: str
+) -> Any:
+    """Return the Python function of a user, which takes the state and the parameters."""
+    check_callable(argument, f)
+    f = getattr(f, "py_func", f)  # if Numba compiled f
+    check_arguments(argument, f, names, parameters, maker)
+    return f
+
+
+def check_same(argument: str, first: Any, second: Any) -> None:
+    """Raise ValueError if the results of two calls of f differ."""
+    if first != second:
+        how = "f must compute from x and its parameters alone, without random numbers or memory"
+        raise ValueError(f"{argument}: two calls of f differ: {how}")
+
+
 def traced(
     argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], K: Any = None
 ) -> tuple[Terms, Terms | None]:
@@ -70,10 +87,8 @@ def traced(
     Values are fractions, unless one call of f was enough for a family: then those of the field are
     floats, rounded once. Otherwise they are None for a Hamiltonian, and follow from H and K.
     """
-    check_callable(argument, f)
-    f = getattr(f, "py_func", f)  # the Python function, if Numba compiled f
     maker = f"QuadraticField.{'from_function' if K is None else 'from_hamiltonian'}"
-    check_arguments(argument, f, names, parameters, maker)
+    f = checked_function(argument, f, names, parameters, maker)
     call = _Call(argument, f, names, 2 if K is None else 3, parameters)
     shape = call.shape
     columns = [np.broadcast_to(np.asarray(a).astype(object), shape) for a in parameters.values()]
@@ -93,9 +108,8 @@ def traced(
         if at_once and _agree(at_once[0], sample, found):
             return at_once
     members = [member(index) for index in indices]
-    if members and member(indices[0]) != members[0]:
-        how = "f must compute from x and its parameters alone, without random numbers or memory"
-        raise ValueError(f"{argument}: two calls of f differ: {how}")
+    if members:
+        check_same(argument, member(indices[0]), members[0])
     places = [*dict.fromkeys(place for terms in members for place in terms)]
     values = np.empty((len(members), len(places)), object)
     for row, terms in zip(values, members, strict=True):
@@ -122,7 +136,7 @@ def _by_columns(call: _Call, K: Any) -> tuple[Terms, Terms | None]:
     tracer, D = Exact(call.names, call.parameters), call.D
     result, symbols = call(tracer), tracer.columns
     if K is None:
-        rows = [_polynomial(component) for component in _components(result, D)]
+        rows = [_polynomial(component) for component in components(result, D)]
         return _rounded_rows(rows, call, symbols), None
     H, columns_of_K = _polynomial(result), defaultdict[int, list[Any]](list)
     of_H = _monomials(H, D, 3)
@@ -169,7 +183,7 @@ def _monomials(polynomial: Polynomial, D: int, degree: int) -> dict[tuple[int, .
     return terms_of
 
 
-def _components(result: Any, D: int) -> Any:
+def components(result: Any, D: int) -> Any:
     """Return the result of f, if it has D components."""
     if hasattr(result, "free_symbols"):
         how = "make a function of them, sympy.lambdify([names], list(expressions)), and pass that"
@@ -201,7 +215,7 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
         if call.degree == 3:
             terms = _terms_of(result, f_name, call)
         else:
-            parts = enumerate(_components(result, call.D))
+            parts = enumerate(components(result, call.D))
             rows = [_terms_of(part, f"{call.names[i]}'", call, (i,)) for i, part in parts]
             terms = {place: c for row in rows for place, c in row.items()}
         within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)

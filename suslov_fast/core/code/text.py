@@ -85,6 +85,49 @@ class Code(Text):
         self.jump(f"{name}_after")
         self.label(f"{name}_after")
 
+    def otherwise(self, truth, values, body, kinds=None):
+        """Return these values if a truth value is true, as is likely, else what `body()` returns.
+
+        They are W numbers each, or of these kinds.
+        """
+        name, before = self._name("otherwise"), self.target.block
+        self.branch(truth, f"{name}_after", name, likely=True)
+        self.label(name)
+        others, end = body(), self.target.block
+        self.jump(f"{name}_after")
+        self.label(f"{name}_after")
+        return [
+            self.new(f"phi {kind} [ {value}, %{before} ], [ {other}, %{end} ]")
+            for kind, value, other in zip(
+                kinds or [self.V] * len(values), values, others, strict=True
+            )
+        ]
+
+    def choice(self, kind, truth, a, b):
+        """Return one of two values of a kind, which are both there."""
+        return self.new(f"select i1 {truth}, {kind} {a}, {kind} {b}")
+
+    def cycle(self, carried, body):
+        """Add a loop that carries on values, given with their kinds by name; return the last ones.
+
+        `body(**values)` returns the next values, and whether the loop goes on.
+        """
+        name, before = self._name("cycle"), self.target.block
+        self.jump(name)
+        self.label(name)
+        place, phis = len(self.target.lines), {key: f"%{name}_{key}" for key in carried}
+        found, goes_on = body(**phis)
+        # The next values have names only now.
+        self.target.lines[place:place] = [
+            f"  {phi} = phi {kind} [ {value}, %{before} ], [ {found[key]}, %{name}_end ]"
+            for (key, phi), (kind, value) in zip(phis.items(), carried.values(), strict=True)
+        ]
+        self.jump(f"{name}_end")
+        self.label(f"{name}_end")
+        self.branch(goes_on, name, f"{name}_after")
+        self.label(f"{name}_after")
+        return found
+
     @contextmanager
     def times(self, count):
         """Add a loop over 1 or more indices."""

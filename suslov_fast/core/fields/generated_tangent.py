@@ -3,9 +3,10 @@
 `operations.Tangent` has the operations of a step; `tangent` takes the steps that they cannot take.
 """
 
-from ..code.compiler import Text, numbers_in_register
+from ..code.compiler import numbers_in_register
+from ..code.text import Code as Text
 from ..lists.step import length_of
-from .generated_lines import loader
+from .generated import loader
 
 # Rows of a line: the state; the numbers below; the products of the lengths of D columns; columns.
 # VOLUME is abs(det) of the columns, and (1 + NEAR_1) FAR_FROM_1 is the product of abs(det DPhi).

@@ -9,8 +9,7 @@ from array import array
 import numpy as np
 
 from ..code.compiler import address_of, code_of
-from .generated import text_of_compositions, text_of_steps
-from .generated_stages import SLOT, CodeArguments
+from .generated import SLOT, CodeArguments, text_of_compositions, text_of_steps
 from .stages import distinct
 
 PLANS = 32  # of fields, whose tables are kept

@@ -28,8 +28,7 @@ from ..compiling.numba import STREAM_FROM, Kernel, as_python, loop_over_parts
 from ..compiling.threads import in_parts
 from ..lists.step import SIGNIFICANT, Step, evaluate, of_one_sign
 from .careful import ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
-from .generated import OF_HALVES, WIDTH, text_of_compositions, text_of_steps
-from .generated_stages import SLOT, CodeArguments
+from .generated import OF_HALVES, SLOT, WIDTH, CodeArguments, text_of_compositions, text_of_steps
 from .in_calls import in_calls, taker_of, taker_without_plan
 from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
 from .single_orbit import PLANS, compares_signs, plan_of, take_one

@@ -7,10 +7,11 @@ changes: the difference of the numbers that are compared, or the argument of `fl
 
 import numpy as np
 
+from .records import same
 from .right_hand_side import Expressions, List, RightHandSide, needed_for
 from .step import evaluate
 
-_COMPARISONS = "olt", "ogt", "oge"
+_COMPARISONS = "olt", "ogt", "oge", "oeq"
 
 
 class Conditions:
@@ -19,12 +20,14 @@ class Conditions:
     count      how many there are
     is_floor   (count,), whether a choice is an integer rather than a truth value
     is_closed  (count,), whether a truth value is true where the surface is 0
+    is_equal   (count,), whether it is true there alone
     """
 
     def __init__(self, truths, kinds, D, P):
         self._truths, self._D, self.P, self.count = truths, D, P, len(kinds)
         self.is_floor = np.array([kind == "floor" for kind in kinds])
         self.is_closed = np.array([kind == "oge" for kind in kinds])
+        self.is_equal = np.array([kind == "oeq" for kind in kinds])
 
     def choices_at(self, x, parameters):
         """Return the choices (count, ...) of f at states (D, ...), for parameters (P, ...)."""
@@ -37,10 +40,15 @@ class Conditions:
 
     def choices_of(self, surfaces):
         """Return the choices that values (count, ...) of the surfaces stand for."""
-        shape = -1, *(1,) * (surfaces.ndim - 1)
-        with np.errstate(invalid="ignore"):
-            truths = (surfaces > 0.0) | ((surfaces == 0.0) & self.is_closed.reshape(shape))
-            return np.where(self.is_floor.reshape(shape), np.floor(surfaces), truths)
+        choices = (surfaces > 0.0).astype(float)
+        for kind in ("is_closed", "is_equal", "is_floor"):
+            (k,) = np.nonzero(getattr(self, kind))
+            if k.size:
+                own = surfaces[k]
+                choices[k] = {
+                    "is_closed": own >= 0.0, "is_equal": own == 0.0, "is_floor": np.floor(own),
+                }[kind]  # fmt: skip
+        return choices
 
 
 def with_fixed_choices(values, results, P):
@@ -53,7 +61,9 @@ def with_fixed_choices(values, results, P):
     chosen = {
         number: name
         for name, number, operands in operations
-        if name in (*_COMPARISONS, "floor") and any(_varies(values, a) for a in operands)
+        if name in (*_COMPARISONS, "floor")
+        and any(_varies(values, a) for a in operands)
+        and (name == "floor" or not same(*operands))  # not the test whether a number is NaN
     }
     if not chosen:
         return None

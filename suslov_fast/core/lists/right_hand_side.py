@@ -243,7 +243,7 @@ class RightHandSide:
 
     def surface_values(self, x, table):
         """Return the values of the surfaces (surfaces, ...) at states (D, ...)."""
-        return self._carried_out(self.surfaces, None, x, table)
+        return self._carried_out(self.surfaces, "_groups_of_surfaces", x, table)
 
     def derivative_entries(self, x, table):
         """Return the entries of f' (entries, ...) at states (D, ...)."""
@@ -260,6 +260,10 @@ class RightHandSide:
     @functools.cached_property
     def _groups_of_f(self):
         return Groups(self.f, [*range(self.D), *self.table])
+
+    @functools.cached_property
+    def _groups_of_surfaces(self):
+        return Groups(self.surfaces, [*range(self.D), *self.table])
 
     @functools.cached_property
     def _groups_of_derivative(self):

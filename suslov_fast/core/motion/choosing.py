@@ -11,11 +11,13 @@ import numpy as np
 from .refine import crossing_fractions
 from .rows import State
 from .stepping import Stepping
+from .text import NUMBER
 
-PARTS = 8  # of a step, between which choices are compared
+PARTS = 4  # of a step, between which choices are compared
 _NUDGES = 28  # how often the end of a bracket moves on, to lie beyond the surface
 # A solution slides that changes its choices so often within so small a part of the time.
 _BACK_AND_FORTH, _AT_ONCE = 12, 2.0**-36
+_AHEAD = 2.0**-38  # part of the time, within which a surface lies before which a solution ends
 
 
 class Choosing(Stepping):
@@ -31,6 +33,7 @@ class Choosing(Stepping):
         rows = np.ascontiguousarray(f.table_of(self.parameters).T)
         self.at, self.often = np.zeros(len(x0)), np.zeros(len(x0), int)  # of the last change
         self.changed = np.zeros(len(x0), bool)  # choices are to be made anew
+        self.ahead = np.zeros(len(x0))  # the time after which they are made
         self.changes = 0  # of all trajectories so far
         super().__init__(f, rows, x0, times, sign, settings, states, threads)
 
@@ -42,18 +45,20 @@ class Choosing(Stepping):
         found = super().attempts(flat, which, last, count)
         for k, rows in found:
             self._cut(rows, which[k])
+            self._go_on(rows, which[k])
         return found
 
     def _choose(self, flat, k, which):
         """Make the choices of trajectories `which` anew, at the states in rows k."""
         P, D, rows = self.f.conditions.P, self.f.D, self.rows
         x = flat[k, :D].T
-        choices = self.f.conditions.choices_at(x, self.parameters[:P, which])
+        ahead = self.numbers[NUMBER.sign] * self.ahead[which] * flat[k, rows.f : rows.f + D].T
+        choices = self.f.conditions.choices_at(x + ahead, self.parameters[:P, which])
         self.parameters[P:, which] = choices
         self.table[which] = self.f.table_of(self.parameters[:, which]).T
         f = self.f.value_and_denominators(x, self.table[which].T)
         flat[k, rows.f : rows.f + len(f)] = f.T
-        self.changed[which] = False
+        self.changed[which], self.ahead[which] = False, 0.0
 
     def _surfaces(self, states, which):
         """Return the values of all surfaces (count, K) at states (K, D)."""
@@ -92,6 +97,23 @@ class Choosing(Stepping):
                     rows[i + 1 :, k] = end
                 open_[np.isin(lane, lane[m])] = False
 
+    def _go_on(self, rows, which):
+        """Let solutions go on that end just before a surface, because f has no value beyond it."""
+        k = np.flatnonzero(rows[-1, :, self.rows.state] == State.ENDED)
+        k = k[rows[-1, k, self.rows.t] > 0.0]
+        if k.size:
+            D, now, own = self.f.D, rows[-1, k], which[k]
+            t, first = now[:, self.rows.t], self.rows.f
+            ahead = _AHEAD * t
+            of_time = (self.numbers[NUMBER.sign] * ahead)[:, np.newaxis]
+            differ = self._differ(now[:, :D] + of_time * now[:, first : first + D], own).any(axis=0)
+            differ &= t > self.at[own]
+            k, own = k[differ], own[differ]
+            rows[-1, k, self.rows.state] = rows[0, k, self.rows.state]
+            rows[-1, k, self.rows.wanted] = 16.0 * ahead[differ]
+            self.ahead[own], self.at[own], self.changed[own] = ahead[differ], t[differ], True
+            self.changes += len(own)
+
     def _differ_inside(self, states, which):
         """Return which choices (count, K, parts) are others at states (K, parts, D)."""
         K, parts, D = states.shape
@@ -111,9 +133,10 @@ class Choosing(Stepping):
 
     def _states(self, before, after, which, fractions, saves=False):
         """Return the rows at fractions of steps."""
+        is_known = (fractions == 1.0) & (not saves)
         length = after[:, self.rows.t] - before[:, self.rows.t]
-        found = self.after(before, which, fractions * length, saves)
-        return found if saves else np.where((fractions == 1.0)[:, np.newaxis], after, found)
+        found = self.after(before, which, np.where(is_known, 0.0, fractions * length), saves)
+        return np.where(is_known[:, np.newaxis], after, found)
 
     def _ends(self, before, after, which, differ):
         """Return the rows where the first condition changes in steps, just beyond its surface."""

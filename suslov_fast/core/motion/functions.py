@@ -92,7 +92,7 @@ class OfList:
                         text.put(found[number], "%to", k)
             for a, places in [*rows.items(), *constants]:
                 for k in places:
-                    text.put(load(a), "%to", k)
+                    text.put(self._result(text, a, {}, load), "%to", k)
 
 
 class OfLongList:

@@ -236,10 +236,10 @@ def motion_crossings_to_xarray(points: Any) -> Any:
     from ... import __version__
 
     body, names = points.body, ("trajectory", "surface", "time")
-    coords: dict[str, Any] = {"component": np.array(body._labels, object)}
+    coords: dict[str, Any] = {"component": np.array(body.labels, object)}
     coords |= {name: ("crossing", getattr(points, name)) for name in names}
     for name, values in varying(body).items():
-        axes = body._axes.get(name, 0)
+        axes = body.axes.get(name, 0)
         coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
     variables = {points._variable: (("crossing", "component"), points.states)}
     attributes = {"title": f"Crossings by motions of a {type(body).__name__}"}

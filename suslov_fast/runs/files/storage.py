@@ -33,6 +33,7 @@ from ..columns import (
     ARGUMENTS,
     FORMAT,
     OF_KIND,
+    Column,
     OtherFormat,
     arrays_of,
     check_arrays,
@@ -220,16 +221,13 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> di
         shapes["eps"] = headers["eps"][1]
     if kind == "Trajectories":
         lengths["n"] = _rows_of_run(about["steps"], about["save_every"])
-    else:
-        first = table[0]
-        (lengths[first.axes],) = headers[first.name][1]
-    if kind == "Motion":
-        attributes["derivatives"] = asked = tuple(about["derivatives"])
-        lengths["direction"] = sum(body.dimension if name == "x0" else 1 for name in asked)
+    for column in table:  # the first that has an axis tells its length
+        if column.name in headers:
+            lengths = _lengths_of(column, headers[column.name][1], len(batch)) | lengths
     if common_shape(shapes) != batch:
         raise wrong("status", f"have the shape {common_shape(shapes)}", batch)
     conditions = {column.when for column in table if column.name in headers}
-    sizes = sizes_of(batch, body.dimension, **lengths)
+    sizes = {**{axis: (n,) for axis, n in lengths.items()}, **sizes_of(batch, body.dimension)}
     expected = arrays_of(present(table, conditions), sizes)
     if is_of_map:
         expected["eps"] = "float64", headers["eps"][1]  # of any shape that broadcasts to the batch
@@ -237,14 +235,23 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> di
     attributes |= {name: _entry(entries, name) for name in expected} | {"body": body}
     if is_of_map and attributes["eps"].ndim == 0:
         attributes["eps"] = float(attributes["eps"])
-    if "crossing" in lengths:
+    if "count" in attributes:  # of crossings
         count = attributes["count"].ravel()
         if count.sum() != lengths["crossing"]:
             raise wrong("count", f"have the sum {lengths['crossing']}", count.sum())
         attributes["trajectory"] = np.repeat(np.arange(len(count)), count)
-    if isinstance(attributes.get("atol"), list):
-        attributes["atol"] = tuple(attributes["atol"])
-    return attributes
+    # JSON has no tuples.
+    return {name: tuple(a) if type(a) is list else a for name, a in attributes.items()}
+
+
+def _lengths_of(column: Column, shape: tuple[int, ...], axes: int) -> dict[str, int]:
+    """Return the lengths of the axes of an array, but for those of the batch, `axes`."""
+    before, _, after = column.axes.partition("batch")
+    names = before.split(), after.split()
+    if len(shape) != len(names[0]) + len(names[1]) + axes * ("batch" in column.axes):
+        return {}  # `check_arrays` says what is wrong
+    ends = zip(names[0], shape, strict=False), zip(names[1][::-1], shape[::-1], strict=False)
+    return dict(ends[0]) | dict(ends[1])
 
 
 def _rows_of_run(steps: Any, every: Any) -> int:

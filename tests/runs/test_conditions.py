@@ -1,0 +1,190 @@
+"""Motions of equations that choose: steps end where a condition changes, and sliding ends them."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.core.motion import engine
+
+
+def field(f, names, **parameters):
+    return sf.Field.from_function(f, names, **parameters)
+
+
+FRICTION = field(lambda s, mu: (s[1], -s[0] - mu * np.sign(s[1])), "x v", mu=0.15)
+SPRING = field(lambda s: (s[1], -9.81 - np.where(s[0] < 0, 1000 * s[0], 0.0)), "h v")
+
+
+def test_a_force_that_changes_its_sign():
+    # x'' = -sign(x): parabolas, which last sqrt(2) before they reach 0 and 2 sqrt(2) after it.
+    motion = sf.flow(field(lambda s: (s[1], -np.sign(s[0])), "x v"), [1.0, 0.0], time=10.0)
+    left = 10.0 - 7.0 * np.sqrt(2.0)  # since it was at 0, upwards
+    v = np.sqrt(2.0) - left
+    np.testing.assert_allclose(motion.x, [[np.sqrt(2.0) * left - left**2 / 2, v]], atol=1e-9)
+
+
+def test_coulomb_friction_ends_at_rest():
+    # Amplitudes fall by 0.3 in half a turn: 1, 0.7, 0.4, 0.1, where friction holds it.
+    times = np.pi * np.array([1.0, 2.0, 2.5, 3.5])
+    with pytest.warns(sf.PoleWarning, match="slide"):
+        motion = sf.flow(FRICTION, [1.0, 0.0], time=times)
+    np.testing.assert_allclose(motion.x[:3], [[-0.7, 0], [0.4, 0], [0.15, -0.25]], atol=1e-8)
+    assert np.isnan(motion.x[3]).all()
+    assert motion.status == sf.Status.SLIDING
+    np.testing.assert_allclose(motion.end, 3.0 * np.pi, rtol=1e-9)
+
+
+def test_a_thermostat_without_hysteresis_slides():
+    heated = field(lambda s: (np.where(s[0] < 20.0, 5.0, -1.0),), "T")
+    with pytest.warns(sf.PoleWarning, match="t = 1$"):
+        motion = sf.flow(heated, [15.0], time=[0.5, 2.0])
+    np.testing.assert_array_equal(motion.x[:, 0], [17.5, np.nan])
+    np.testing.assert_allclose(motion.end, 1.0, rtol=1e-10)
+
+
+def test_a_thermostat_that_looks_at_the_clock():
+    # On in the first quarter of each hour.
+    heated = field(lambda s: (np.where(s[1] - np.floor(s[1]) < 0.25, 8.0, 0.0) - s[0], 1.0), "T t")
+    motion = sf.flow(heated, [0.0, 0.0], time=24.0)
+    at_start = 0.0
+    for _ in range(24):
+        at_start = (8.0 + (at_start - 8.0) * np.exp(-0.25)) * np.exp(-0.75)
+    np.testing.assert_allclose(motion.x[0], [at_start, 24.0], rtol=1e-10)
+
+
+def test_a_ball_on_a_spring_keeps_its_energy():
+    motion = sf.flow(SPRING, [1.0, 0.0], time=np.linspace(0.0, 10.0, 21), rtol=1e-11)
+    h, v = motion.x.T
+    energy = v**2 / 2 + 9.81 * h + np.where(h < 0, 500 * h**2, 0.0)
+    np.testing.assert_allclose(energy, 9.81, rtol=1e-9)
+    assert motion.steps < 200
+
+
+def test_a_table_of_doses_with_100_knots():
+    knots, heights = np.arange(101) / 10, np.random.default_rng(0).uniform(0.0, 1.0, 101)
+    dosed = field(lambda s: (np.interp(s[1], knots, heights) - s[0], 1.0), "c t")
+    motion = sf.flow(dosed, [0.0, 0.0], time=10.0)
+    c = 0.0
+    for low, high in pairwise(heights):
+        slope = (high - low) / 0.1
+        c = (c - low + slope) * np.exp(-0.1) + low - slope + slope * 0.1
+    np.testing.assert_allclose(motion.x[0, 0], c, rtol=1e-11)
+
+
+def test_saturation():
+    # x'' = -clip(3 x): between -1/3 and 1/3 an oscillator, beyond them parabolas.
+    saturated = field(lambda s: (s[1], -np.clip(3 * s[0], -1.0, 1.0)), "x v")
+    chosen = field(
+        lambda s: (s[1], -np.where(s[0] > 1 / 3, 1, np.where(s[0] < -1 / 3, -1, 3 * s[0]))), "x v"
+    )
+    t1 = np.sqrt(2 * (2 - 1 / 3))
+    w, v = np.sqrt(3.0), -t1
+    inner = np.arctan2(1 / 3 * w, -v)  # x = r sin(phase - w s)
+    quarter = t1 + inner / w
+    motion = sf.flow(chosen, [2.0, 0.0], time=[quarter, 2 * quarter, 4 * quarter])
+    speed = np.hypot(v, w / 3)
+    exact = [[0.0, -speed], [-2.0, 0.0], [2.0, 0.0]]
+    np.testing.assert_allclose(motion.x, exact, atol=1e-8)
+    motion = sf.flow(saturated, [2.0, 0.0], time=[quarter, 2 * quarter, 4 * quarter])
+    np.testing.assert_allclose(motion.x, exact, atol=1e-6)  # kinks are left to the estimate
+
+
+@pytest.mark.parametrize(
+    ("f", "start", "time", "exact"),
+    [
+        # A choice that changes just after the start, forward and backward.
+        (lambda s: (np.where(s[1] > 0, np.cos(s[1]), 0.0), 1.0), 0.0, 1.0, np.sin(1.0)),
+        (lambda s: (np.where(s[1] >= 0, 0.0, 1.0), 1.0), 0.0, -1.0, -1.0),
+        (lambda s: (np.where(s[1] > 0, np.cos(s[1]), 0.0), 1.0), -1.0, 2.0, np.sin(1.0)),
+        # A pulse much shorter than a step.
+        (lambda s: (np.heaviside(s[1] - 5, 0.5) - np.heaviside(s[1] - 5.001, 0.5), 1.0), 0.0, 10.0,
+         0.001),
+        (lambda s: (np.where((s[1] > 2) & (s[1] < 2.01), 100.0, 0.0), 1.0), 0.0, 10.0, 1.0),
+        (lambda s: (np.floor(s[1]), 1.0), 0.0, 10.0, 45.0),
+        (lambda s: (np.floor(s[1]), 1.0), 2.5, -2.0, -2.0),
+        (lambda s: (np.where(s[1] == 0, 1.0, np.sin(s[1]) / s[1]), 1.0), 0.0, 1.0,
+         0.946083070367183),
+    ],
+)  # fmt: skip
+def test_choices_by_a_clock(f, start, time, exact):
+    motion = sf.flow(field(f, "x t"), [0.0, start], time=time)
+    np.testing.assert_allclose(motion.x[0, 0], exact, atol=1e-10)
+
+
+def test_a_branch_that_has_no_value_beyond_the_surface():
+    emptied = field(lambda s: (-np.where(s[0] > 0, np.sqrt(s[0]), 0.0) - 0.5,), "x")
+    motion = sf.flow(emptied, [1.0], time=[1.0, 2.0, 3.0])
+    empty = 2.0 - np.log(3.0)  # 2 (u - log(1 + 2 u) / 2) with u = sqrt(x) = 1
+    np.testing.assert_allclose(motion.x[:, 0], -0.5 * (np.array([1, 2, 3]) - empty), atol=1e-8)
+
+
+def test_times_do_not_change_where_choices_change():
+    once = sf.flow(SPRING, [1.0, 0.0], time=3.0)
+    often = sf.flow(SPRING, [1.0, 0.0], time=np.linspace(0.0, 3.0, 301))
+    assert once.steps == often.steps
+    np.testing.assert_array_equal(once.x[-1], often.x[-1])
+    exact = sf.flow(SPRING, [1.0, 0.0], time=often.time, rtol=1e-12)
+    np.testing.assert_allclose(often.x, exact.x, atol=1e-6)
+
+
+def batch():
+    rng = np.random.default_rng(1)
+    return np.stack([rng.uniform(0.3, 2.0, 21), rng.normal(size=21)], axis=-1)
+
+
+@pytest.mark.parametrize("system", [SPRING, FRICTION])
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_bits_do_not_depend_on_the_batch_or_threads(system, monkeypatch):
+    x0, times = batch(), [0.5, 2.0, 4.0]
+    together = sf.flow(system, x0, time=times)
+    for k in range(0, 21, 4):
+        one = sf.flow(system, x0[k], time=times)
+        np.testing.assert_array_equal(one.x, together.x[:, k])
+        assert one.steps == together.steps[k]
+    monkeypatch.setattr("suslov_fast.core.motion.stepping.BLOCK", 8)
+    assert sf.flow(system, x0, time=times, threads=2) == together
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_numpy_has_the_bits_of_machine_code(monkeypatch):
+    x0, times = batch()[:5], [0.5, 2.0]
+    by_code = sf.flow(FRICTION, x0, time=times)
+    monkeypatch.setattr(engine, "code_of_half", lambda *_: None)
+    assert sf.flow(FRICTION, x0, time=times) == by_code
+
+
+def test_a_family_of_levels():
+    level = np.array([0.5, 1.0, 1.5])
+    family = field(lambda s, a: (np.where(s[0] > a, 2.0, 1.0),), "x", a=level)
+    motion = sf.flow(family, [0.0], time=2.0)
+    np.testing.assert_allclose(motion.x[0, :, 0], level + 2 * (2 - level), rtol=1e-12)
+
+
+def test_stiff_equations_that_choose():
+    relay = field(lambda s: (-1000 * (s[0] - np.where(s[1] > 1, 2.0, 1.0)), 1.0), "x t")
+    motion = sf.flow(relay, [0.0, 0.0], time=[1.0, 1.001, 3.0], atol=1e-12)
+    np.testing.assert_allclose(motion.x[:, 0], [1.0, 2.0 - np.exp(-1.0), 2.0], atol=1e-8)
+
+
+def test_crossings_of_equations_that_choose():
+    points = sf.crossings(SPRING, [1.0, 0.0], surface=lambda s: s[..., 0], time=5.0, direction=0)
+    fall, w = np.sqrt(2 / 9.81), np.sqrt(1000.0)
+    rest = 9.81 / 1000.0  # below 0; the ball is at r sin(w t - phase) - rest
+    phase = np.arctan2(rest * w, 9.81 * fall)
+    contact = (np.pi + 2 * phase) / w
+    period = 2 * fall + contact
+    exact = [fall + k * period + c for k in range(6) for c in (0.0, contact)]
+    exact = np.array([t for t in exact if t < 5.0])
+    np.testing.assert_allclose(points.time, exact, atol=1e-7)
+    np.testing.assert_allclose(abs(points.states[:, 1]), 9.81 * fall, rtol=1e-7)
+
+
+def test_equations_without_jumps_are_not_stopped():
+    for f in (
+        lambda s: (abs(s[0]) - s[1], s[0]),
+        lambda s: (np.maximum(s[0], 0.1) - s[1], np.minimum(s[0], 2 * s[1])),
+    ):
+        (group,) = field(f, "x y")._right_hand_sides
+        assert group.f.conditions is None

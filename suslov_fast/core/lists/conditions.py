@@ -89,7 +89,8 @@ def with_fixed_choices(values, results, P):
         if isinstance(place, int) and None not in others:
             fixed.written.setdefault(place, (name, (*others,), *tables))
     own = [a if isinstance(a, float) else new[a] for a in results]
-    f = RightHandSide(fixed, own, first - D + len(chosen), None, surfaces, range(D, given))
+    given = range(D, given)
+    f = RightHandSide(fixed, own, len(given), surfaces=surfaces, kept=given)
     f.clocks = sorted({*f.clocks, *RightHandSide(values, results, P).clocks})
     truths = List(needed_for(operations, [*chosen]), [*chosen])
     f.conditions = Conditions(truths, [*chosen.values()], D, P)

@@ -244,7 +244,14 @@ AT_ERRORS = {
     "order4": (OURS, "", work.by_order, "order4", {1e-3: 22, 1e-6: 123, 1e-9: 687}),
     "order6": (OURS, "", work.by_order, "order6", {1e-3: 13, 1e-6: 34, 1e-9: 104}),
     "order8": (OURS, "", work.by_order, "order8", {1e-3: 10, 1e-6: 20, 1e-9: 44}),
-    "flow": (OURS, "`flow`", work.by_flow, None, {1e-3: 8.2e-4, 1e-6: 2.4e-6, 1e-9: 9e-9}),
+    "flow": (OURS, "`flow`", work.by_flow, None, {1e-3: 5e-4, 1e-6: 1.3e-6, 1e-9: 3.2e-9}),
+    "dop853": (
+        C,
+        "C, DOP853, 8 lanes",
+        "dop853.in_lanes",
+        "henon-heiles",
+        {1e-3: 1.3e-3, 1e-6: 1e-6, 1e-9: 2e-9},
+    ),
     "heyoka": (
         OTHERS,
         "heyoka, Taylor integrator, 16 at once",
@@ -297,6 +304,7 @@ for key, label, what in (
 # ------------------------------------------------------------------ small calls, disks, processes
 
 BODY_ND, STATE_ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [1.0, 0.5, 0.2]
+LORENZ, POINT = problem.sparse_field(3), [-8.0, 8.0, 27.0]
 STATE, SYSTEM = [1.0, 0.5], np.random.default_rng(4).normal(size=(4, 4))
 for key, whose, label, call in (
     ("iterate", OURS, "`iterate`, one orbit, 10 steps", lambda: iterate(BODY, STATE, EPS, 10)),
@@ -305,6 +313,8 @@ for key, whose, label, call in (
     ("step-nd", OURS, "`step`, n = 4", lambda: sf.step(BODY_ND, STATE_ND, EPS)),
     ("exact", OURS, "`exact`, one state", lambda: exact(BODY, STATE, EPS, 10)),
     ("first_integral", OURS, "`first_integral`", lambda: sf.first_integral(BODY, STATE, EPS)),
+    ("step-field", OURS, "`step`, Lorenz", lambda: sf.step(LORENZ, POINT, EPS)),
+    ("flow", OURS, "`flow`, Lorenz, to time 1", lambda: sf.flow(LORENZ, POINT, time=1.0)),
     ("solve", NUMPY, "`numpy.linalg.solve`, 4 x 4", lambda: np.linalg.solve(SYSTEM, SYSTEM[0])),
 ):
     add("calls", key, whose, label, lambda call, size: Work(call), call, one_thread=True)

@@ -20,13 +20,15 @@ class Results:
     """Rows of a file of `pytest bench --benchmark-json`, by their names.
 
     A row has the attributes of its case, and `units` of work, `rate` of units in a second,
-    `seconds`, the largest relative `error`, and the number of `threads`.
+    `seconds`, the largest relative `error`, and the number of `threads`. Tables of motions may be
+    those of another file and machine, `motions`.
     """
 
-    def __init__(self, content):
+    def __init__(self, content, motions=None):
         self.machine, self.date = content["machine_info"], content["datetime"][:10]
+        self.motions = self if motions is None else Results(motions)
         self.rows = {}
-        for each in content["benchmarks"]:
+        for each in content["benchmarks"] + ([] if motions is None else motions["benchmarks"]):
             row = SimpleNamespace(seconds=each["stats"]["min"], **each["extra_info"])
             row.rate = row.units / row.seconds
             self.rows[each["param"]] = row

@@ -12,7 +12,7 @@ from results import BENCH
 TABLE = re.compile(r"^<!-- ([\w ]+?)(?: by (.*?))?: (.*) -->$", re.M)
 # README has these rows of some tables.
 SHORT = " in short"
-HEADLINES = "iterate", "flow", "order8", "c", "heyoka", "numpy", "scipy"
+HEADLINES = "iterate", "flow", "order8", "c", "dop853", "heyoka", "numpy", "scipy"
 BEGIN, END = "<!-- begin of the tables -->", "<!-- end of the tables -->"
 
 
@@ -117,6 +117,7 @@ def page(results, name):
     """A page with all its tables."""
     text = (BENCH / "pages" / name).read_text(encoding="utf-8")
     text = text.replace("{the caption}", caption(results))
+    text = text.replace("{the caption of motions}", caption(results.motions))
     text = TABLE.sub(lambda found: table(results, *found.groups()), text)
     return text.replace("<!-- floors -->", floors_of(results))
 

@@ -29,6 +29,9 @@ try:
 except ImportError:  # Windows
     getrusage = None
 
+# Tables of motions at equal error, on one thread: of the processor's time, and in a file of their
+# own, because they are measured more often than all the others.
+MOTIONS = "orders", "one motion", "more motions", "lattices", "stiff motions"
 # What `conftest` sets for peers that use NumPy in its own process.
 ONE_THREAD = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 OURS, C, NUMPY, OTHERS, MACHINE = "this package", "C", "NumPy", "others", "the machine"
@@ -81,6 +84,8 @@ class Case:
     @property
     def clock(self):
         """Processor time, that of processes if they are started; or time on the wall."""
+        if self.table in MOTIONS:
+            return time.process_time
         is_cpu = self.table == "processes" or self.key.endswith("-cpu")
         return cpu_seconds if is_cpu else time.perf_counter
 

@@ -326,8 +326,8 @@ def in_place_of(value: Any) -> str:
     if isinstance(value, type):
         return ": pass an object of the class"
     known = ": pass a body, or a field such as QuadraticField.from_function(f, names)"
-    instead: str = getattr(value, "instead", "")
-    return instead or known
+    instead: str = getattr(value, "instead", known)
+    return instead
 
 
 def either(names: Sequence[str]) -> str:

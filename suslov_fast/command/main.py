@@ -134,22 +134,17 @@ def run(options: argparse.Namespace) -> None:
         numba.set_num_threads(thread_count(options.threads))
     is_stored = path is not None and path.suffix == ".zarr"
     compute: Any = _in_store if is_stored else _motion if is_motion else _in_memory
-    names = (
-        ("time", "points", "rtol", "atol") if is_motion else ("save_every", "method", "attitude")
-    )
+    names = ("rtol", "atol") if is_motion else ("save_every", "method", "attitude")
     settings = {name: getattr(options, name) for name in names}
     settings = {name: value for name, value in settings.items() if value is not None}
+    settings["progress"] = os.isatty(2) and find_spec("tqdm") is not None
     if is_motion:
-        end, points = checks.real_number("time", settings["time"]), settings.pop("points", 101)
-        settings["time"] = np.linspace(0.0, end, checks.integer("points", points, 1))
+        points = checks.integer("points", 101 if options.points is None else options.points, 1)
+        settings["time"] = np.linspace(0.0, checks.real_number("time", options.time), points)
         if len(settings.get("atol", ())) == 1:
             [settings["atol"]] = settings["atol"]
-    settings["progress"] = os.isatty(2) and find_spec("tqdm") is not None
-    work = (
-        (body, starts)
-        if is_motion
-        else (body, starts, eps, 1000 if options.steps is None else options.steps)
-    )
+    steps = 1000 if options.steps is None else options.steps
+    work = (body, starts) if is_motion else (body, starts, eps, steps)
     try:
         facts = compute(path, options.force, work, settings)
     except KeyboardInterrupt:
@@ -262,7 +257,7 @@ def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict
 
 
 def _motion(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
-    """Solve the equations of motion from 0 to a time, as `_in_memory` computes a run."""
+    """Solve the equations of motion, as `_in_memory` computes a run."""
     _check_writable(path, force)
     body, starts = work
     starts = _states_of(starts, body)

@@ -164,7 +164,7 @@ def _run(parser: Any) -> None:
     add("--atol", type=numbers, metavar="X,...", help="absolute tolerance, or of each component")
     add = parser.add_argument_group("run").add_argument
     add("--threads", type=integer, metavar="N", help="number of threads (default: all)")
-    add("-o", "--output", type=path, metavar="FILE", help="write .npz or .zarr")
+    add("-o", "--output", type=path, metavar="FILE", help="write the run to a .npz or .zarr file")
     add("--force", action="store_true", help=_FORCE)
     add("--json", action="store_true", help="print one JSON object")
 

@@ -23,7 +23,7 @@ def facts_in(path: Path) -> dict[str, Any]:
         facts = {name: _value(text) for name, text in attributes if name not in _NAMES_OF_ARRAYS}
         try:
             status = data.status.to_numpy()
-            first_pole = data.first_pole.to_numpy() if "first_pole" in data else 0 * status - 1
+            first_pole = data.first_pole.to_numpy() if "first_pole" in data else None
         except ValueError as error:
             advice = "delete it, and the same run computes its tile anew"
             text = f"a chunk of status or first_pole is damaged ({error})"
@@ -78,13 +78,11 @@ def facts_of(run: Any, start: Any) -> dict[str, Any]:
 
 def facts_of_motion(motion: Any) -> dict[str, Any]:
     """Return the summary of a motion."""
-    import numpy as np
-
     name, (first, last) = motion._conserved, motion.states[[0, -1]]
     tolerances = {"rtol": motion.rtol} | ({} if motion.atol is None else {"atol": motion.atol})
     return {
         "body": _body_of(motion),
-        **_counts(motion.status, np.full(motion.status.shape, -1)),
+        **_counts(motion.status),
         "steps": int(motion.steps.sum()),
         "time": float(motion.time[-1]),
         "saved_states": len(motion),
@@ -116,14 +114,14 @@ def _body_of(result: Any) -> Any:
     return repr(result.body) if result.body.shape else result.body.to_dict()
 
 
-def _counts(status: Any, first_pole: Any) -> dict[str, Any]:
+def _counts(status: Any, first_pole: Any = None) -> dict[str, Any]:
     """Return the number of trajectories, with each status, and failed after a pole, if any."""
     from ..engine.status import PENDING  # here, because it imports Numba
 
     codes = {code.name: int(code) for code in sf.Status} | {"PENDING": PENDING}
     counts = {name: int((status == code).sum()) for name, code in codes.items()}
     facts = {"trajectories": status.size, "status": {k: n for k, n in counts.items() if n}}
-    hidden = int(((status < 0) & (first_pole >= 0)).sum())
+    hidden = 0 if first_pole is None else int(((status < 0) & (first_pole >= 0)).sum())
     return {**facts, "failed_after_a_pole": hidden} if hidden else facts
 
 

@@ -18,7 +18,7 @@ The files, in an order in which each uses only those before it:
 - `relations`: linear relations along orbits, and integrals by them. `locus`: parameters with more.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them, in normal form. `symmetries`: reversing ones.
-- `tasks`, `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `process`: a search
+- `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `process`: a search
   with a time limit. `report`: the results in one object. `levels`: the function of levels.
 """
 

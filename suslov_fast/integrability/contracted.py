@@ -362,9 +362,9 @@ class _Germs:
 
     def _reduced(self, P: Any) -> Any:
         """Return a polynomial modulo that of r."""
-        n = len(coefficients_in(self._modulus, -3)) - 1
-        while len(coefficients := coefficients_in(P, -3)) > n:
-            P -= coefficients[-1] * self._r ** (len(coefficients) - 1 - n) * self._modulus
+        n = int(self._modulus.degrees()[-3])
+        while (k := int(P.degrees()[-3])) >= n:
+            P -= coefficients_in(P, -3)[k] * self._r ** (k - n) * self._modulus
         return P
 
     def orders(

@@ -361,17 +361,21 @@ def traced(name: str, f: Any, n: int, letter: str = "") -> list[Any]:
     ring = polynomial_ring(n, bool(letter))
     symbols = [*map(factored, ring.gens())]
     given = {letter: symbols.pop(0)} if letter else {}
-    must = f"must return {n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, /, **"
+    components = quotients_by(name, f, symbols, **given)
+    if len(components) != n:
+        raise ValueError(f"{name} must return {n} components, not {len(components)}")
+    return over_common_denominator(components, ring)
+
+
+def quotients_by(name: str, f: Any, symbols: Any, **given: Any) -> list[RationalFunction]:
+    """Return the quotients of polynomials that a function returns for symbols."""
+    must = "must give quotients of polynomials in the variables, by +, -, *, /, **"
     try:
-        returned = f(tuple(symbols), **given)
-        components = [*map(as_function, returned)]
+        return [*map(as_function, f(tuple(symbols), **given))]
     except (TypeError, AttributeError) as error:
         raise TypeError(f"{name} {must}: {error}") from error
     except (ValueError, IndexError, ArithmeticError) as error:
         raise ValueError(f"{name} {must}: {error}") from error
-    if len(components) != n:
-        raise ValueError(f"{name} {must}, not {len(components)} of them: {returned!r:.60}")
-    return over_common_denominator(components, ring)
 
 
 def factored(P: Any) -> RationalFunction:

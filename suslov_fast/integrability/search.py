@@ -1,4 +1,4 @@
-"""The search of a report: facts about a map, each found by a task of a queue.
+"""The search of a report: facts about a map, each found by a task; the cheapest runs first.
 
 Tasks share their results through `Search`: a new Darboux polynomial leads to tasks for the
 cofactors of its products with earlier ones, and to a task for its proof.
@@ -6,9 +6,11 @@ cofactors of its products with earlier ones, and to a task for its proof.
 
 from __future__ import annotations
 
+import heapq
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from typing import Any, NamedTuple
@@ -39,7 +41,6 @@ from .relations import (
 )
 from .surfaces import Level, level_of
 from .symmetries import DEGREES, Reversor, reversors
-from .tasks import LATE, Queue, Task
 
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
 _EPS = 20  # values of a symbolic eps, from which coefficients are interpolated, roughly
@@ -48,9 +49,93 @@ _SOON = 5.0  # seconds, at most, that formulas from relations wait for Darboux p
 _PLANAR, _LEVELS = 0.2, 5.0  # seconds, roughly, of an entropy in the plane, and on a level
 _ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
 _CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees
+LATE = 1.0  # seconds added to the costs of proofs and normal forms: searches run before them
 
 ONE = RationalFunction(())
-Tasks = Iterable[Task]
+Tasks = Iterable["Task"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """The search for one fact: a degree, the polynomials of a cofactor, a proof.
+
+    `run` does the work, and returns the tasks that follow from its result. The cost is an estimate
+    from the sizes of the problem, never a measured time, so that a search takes the same path on
+    every machine. When all tasks of a `kind` for polynomials of a `degree` are done, the report
+    lists this kind as searched up to this degree. A task that is not `needed` may be left out when
+    tasks of its degree are not expected to find more.
+    """
+
+    cost: float  # in seconds on a usual machine, roughly
+    run: Callable[[], Tasks]
+    kind: str = ""
+    degree: int = 0
+    needed: bool = True
+
+
+class Queue:
+    """Waiting tasks.
+
+    Iteration runs them, the cheapest first, tasks of equal cost in the order in which they were
+    added, and yields each task when it is done. A task that is not `needed` runs only while
+    ``is_wanted(degree)`` is True; until then it is set aside.
+    """
+
+    def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[int], bool]) -> None:
+        self.done = 0
+        self._is_wanted = is_wanted
+        self._heap: list[tuple[float, int, Task]] = []
+        self._aside: dict[int, list[Task]] = {}  # by degree
+        self._open = Counter[tuple[str, int]]()  # tasks that are not done, by kind and degree
+        self._degrees: dict[str, set[int]] = {}  # of all tasks so far, by kind
+        self._pushed = 0  # number of tasks that were pushed, which orders those of equal cost
+        self._add(tasks)
+
+    def __len__(self) -> int:
+        return len(self._heap) + sum(map(len, self._aside.values()))
+
+    def __iter__(self) -> Iterator[Task]:
+        while self._heap:
+            _, _, task = heapq.heappop(self._heap)
+            if task.needed or self._is_wanted(task.degree):
+                self._add(task.run())
+                self._open[task.kind, task.degree] -= 1
+                self.done += 1
+                yield task
+            else:
+                self._aside.setdefault(task.degree, []).append(task)
+            self._push_wanted()
+
+    def _push_wanted(self) -> None:
+        """Push the tasks again that were set aside and are wanted now."""
+        for degree in [degree for degree in self._aside if self._is_wanted(degree)]:
+            for task in self._aside.pop(degree):
+                self._push(task)
+
+    def _add(self, tasks: Iterable[Task]) -> None:
+        for task in tasks:
+            self._open[task.kind, task.degree] += 1
+            self._degrees.setdefault(task.kind, set()).add(task.degree)
+            self._push(task)
+
+    def _push(self, task: Task) -> None:
+        self._pushed += 1
+        heapq.heappush(self._heap, (task.cost, self._pushed, task))
+
+    @property
+    def has_set_aside(self) -> bool:
+        """True if tasks are set aside."""
+        return bool(self._aside)
+
+    def finished(self) -> dict[str, int]:
+        """Return, for each kind, the degree up to which all tasks are done."""
+        highest: dict[str, int] = {}
+        for kind, degrees in self._degrees.items():
+            for degree in sorted(degrees):
+                if self._open[kind, degree]:
+                    break
+                highest[kind] = degree
+        return highest
 
 
 class Known(NamedTuple):

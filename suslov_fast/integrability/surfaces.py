@@ -26,6 +26,7 @@ from .functions import (
     factored,
     independent,
     over_common_denominator,
+    quotients_by,
     without_constant,
 )
 from .maps import RationalMap
@@ -107,13 +108,14 @@ class _Equations:
         )
         for given, (P, Q) in zip(integrals, self.parts, strict=True):
             if getattr(given, "basis", "") != IDENTITY and not self._is_conserved(P, Q):
-                raise wrong("integrals", "conserved by the map", short(given))
+                raise wrong("integrals", "conserved by the map", factored(P) / factored(Q))
 
     def _numerator_and_denominator(self, f: Any) -> tuple[Any, Any]:
         if not isinstance(f, RationalFunction):
             if not callable(f):
                 raise wrong("integrals", "functions of the variables", short(f), TypeError)
-            f = as_function(f(tuple(factored(x) for x in self.map.variables[:-1])))
+            symbols = map(factored, self.map.variables[:-1])
+            (f,) = quotients_by("integrals", lambda x: (f(x),), symbols)
         P, Q = f.as_quotient(None if f.factors else self.map.ring)
         if variables_of(P) != self.D or has_eps(P) > self.map.is_symbolic:
             raise wrong("integrals", f"functions of {self.D} variables", short(f))

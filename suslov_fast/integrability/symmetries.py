@@ -11,10 +11,8 @@ from __future__ import annotations
 import math
 import random
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
-from itertools import product
 from operator import add, mul
 from typing import Any
 
@@ -76,52 +74,42 @@ def reversors(field: QuadraticField) -> list[Reversor]:
 
 
 def reverses(reversor: Reversor, field: QuadraticField) -> bool:
-    """Return True if f(S x + b) = -S f(x) and the symmetry is an involution.
+    """Return True if f(S x + b) = -S f(x) and the symmetry is an involution."""
+    ring = flint.fmpq_mpoly_ctx.get(labels(field.dimension), ordering="deglex")
+    *S, b = ([*map(arithmetic.fmpq, row)] for row in (*reversor.S, reversor.b))
+    return not any(P != 0 for P in _identities(field, S, b, ring.gens(), arithmetic.fmpq))
 
-    The polynomials have degree 2, so their values at 0, e_i, -e_i and e_i + e_j suffice.
-    """
-    D = field.dimension
-    units = [*np.eye(D, dtype=int)]
-    points = [0 * units[0], *units, *(-e for e in units)]
-    points += [a + b for a, b in product(units, units)]
-    for point in points:
-        x = [Fraction(int(a)) for a in point]
-        y = reversor(x)
-        backward = [-sum(map(mul, row, field(x))) for row in reversor.S]
-        if list(field(y)) != backward or list(reversor(y)) != x:
-            return False
-    return True
+
+def _identities(field: QuadraticField, S: Any, b: Any, x: Any, number: Any) -> list[Any]:
+    """Return f(R(x)) + S f(x) and R(R(x)) - x for R(x) = S x + b, which are 0 for a symmetry."""
+    zero = 0 * x[0]
+    terms = [(place, number(c)) for place, c in field._exact.members()]
+
+    def image(y: Sequence[Any]) -> list[Any]:
+        return [sum(map(mul, row, y), zero + c) for row, c in zip(S, b, strict=True)]
+
+    def slopes(y: Sequence[Any]) -> list[Any]:
+        factors, sums = [*y, zero + 1], [zero] * len(x)
+        for (i, j, k), c in terms:
+            sums[i] += c * factors[j] * factors[k]
+        return sums
+
+    here, there = slopes(x), slopes(image(x))
+    reversing = [f + sum(map(mul, row, here)) for f, row in zip(there, S, strict=True)]
+    return [*reversing, *(a - c for a, c in zip(image(image(x)), x, strict=True))]
 
 
 def _equations(field: QuadraticField, unknowns: Any) -> list[Any]:
     """Return the equations for the entries of S, and then of b, modulo a prime."""
-    D, p = field.dimension, int(unknowns.modulus())
-    entries = unknowns.gens()
-    S = [entries[D * i : D * i + D] for i in range(D)]
-    b = entries[D * D :] or [unknowns.constant(0)] * D
-    # Twice the coefficients of x_j x_k in f_i, for j, k and for k, j, with x_D = 1.
-    residues = [defaultdict[tuple[int, int], int](int) for _ in range(D)]
-    for (i, j, k), c in field._exact.members():
-        residue = int(flint.nmod(arithmetic.fmpq(c), p))
-        residues[i][j, k] += residue
-        residues[i][k, j] += residue
-    # The coordinates of S x + b, and 1, as linear forms in x1, ..., xD, 1.
-    rows = [[*S[i], b[i]] for i in range(D)] + [[0] * D + [1]]
-    equations = []
-    for i in range(D):
-        for j in range(D + 1):
-            for k in range(j, D + 1):  # of x_j x_k in f_i(S x + b) + S f(x), times a constant
-                coefficient = unknowns.constant(0)
-                for (m, n), residue in residues[i].items():
-                    symmetric = rows[m][j] * rows[n][k] + rows[m][k] * rows[n][j]
-                    coefficient += residue * symmetric
-                for m in range(D):
-                    coefficient += 2 * residues[m].get((j, k), 0) * S[i][m]
-                equations.append(coefficient)
-    for i in range(D):
-        equations.append(sum(S[i][m] * b[m] for m in range(D)) + b[i])
-        for j in range(D):
-            equations.append(sum(S[i][m] * S[m][j] for m in range(D)) - int(i == j))
+    D, n, p = field.dimension, unknowns.nvars(), int(unknowns.modulus())
+    gens = ring_modulo(p, n + D).gens()
+    S, b = [gens[D * i : D * i + D] for i in range(D)], gens[D * D : n] or [0] * D
+    equations: list[Any] = []
+    for P in _identities(field, S, b, gens[n:], lambda c: int(flint.nmod(arithmetic.fmpq(c), p))):
+        by_monomial = defaultdict[Any, dict[Any, int]](dict)
+        for e, c in P.to_dict().items():
+            by_monomial[e[n:]][e[:n]] = int(c)
+        equations += map(unknowns.from_dict, by_monomial.values())
     return [equation for equation in equations if equation != 0]
 
 

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.command import summary
-from suslov_fast.command.main import main, main as command, warm_up
+from suslov_fast.command import main as command, summary, warm_up
+from suslov_fast.command.main import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
 COMMAND = [sys.executable, "-m", "suslov_fast"]
@@ -186,9 +186,9 @@ def test_a_motion_is_flow():
     assert "Field of shape (2, 1)" in succeed("info m.npz")
     assert succeed("plot m.npz -o m.png --components time,q") == "m.png\n"
     assert facts_of(f"{line} -o m.zarr")["status"] == {"OK": 6}
-    assert np.array_equal(sf.open_ensemble("m.zarr").x, expected.x)
     assert facts_of(f"{line} -o m.zarr")["complete_already"] == "m.zarr"
-    assert facts_of("info m.zarr")["trajectories"] == 6
+    np.testing.assert_array_equal(sf.open_ensemble("m.zarr").x, expected.x)
+    assert "6 OK" in succeed("info m.zarr")
 
 
 def test_a_motion_of_a_body_keeps_its_energy():

@@ -48,8 +48,7 @@ from suslov_fast.integrability import (
 from suslov_fast.integrability.functions import MODULAR
 from suslov_fast.integrability.invariants import Invariants, NormalForms
 from suslov_fast.integrability.report import Report
-from suslov_fast.integrability.search import Search
-from suslov_fast.integrability.tasks import Queue, Task
+from suslov_fast.integrability.search import Queue, Search, Task
 
 
 @functools.cache

@@ -184,6 +184,7 @@ SCALED = rational_map(
         (CYCLE, [], {}, "integrals"),
         (CYCLE, [lambda x: 0 * x[0] + 3], {}, "integrals"),
         (CYCLE, [3.0], {}, "integrals"),
+        (CYCLE, [lambda x: x[0] ** 0.5], {}, "integrals"),
         (CYCLE, [total], {"point": (1, 2)}, "point"),
         (CYCLE, [total], {"letter": "2h"}, "letter"),
         (CYCLE, [total], {"letter": "x2"}, "letter"),

@@ -16,7 +16,8 @@ from cases import CASES
 
 
 def test_the_readme_and_the_page_show_the_stored_results():
-    stored = results.Results(results.load(report.FOLDER / "benchmarks.json"))
+    files = (report.FOLDER / f"{name}.json" for name in ("benchmarks", "motions"))
+    stored = results.Results(*map(results.load, files))
     text = report.README.read_text(encoding="utf-8")
     assert tables.replace(text, tables.page(stored, "readme.md")) == text
     page = (report.FOLDER / "tables.md").read_text(encoding="utf-8")

@@ -70,14 +70,14 @@ def test_phase(body, eps, extent, orbits):
 def test_four_phase_planes_fit_on_a_page():
     figure = Figure(figsize=(6.3, 6.3), layout="constrained")
     panels = figure.subplots(2, 2)
-    for panel, figure in zip(panels.flat, FIGURES.values(), strict=True):
-        sf.plot_phase(*figure, levels=1, ax=panel)
+    for panel, parameters in zip(panels.flat, FIGURES.values(), strict=True):
+        sf.plot_phase(*parameters, levels=1, ax=panel)
     figure.draw_without_rendering()  # a layout that does not fit is a warning
     left, right = (panel.title.get_window_extent() for panel in panels[0])
     assert left.x1 < right.x0
     assert panels[0, 0].get_position().width > 0.3
     assert panels[0, 0].get_legend() is None
-    assert sf.plot_phase(*figure, levels=1).get_legend() is not None
+    assert sf.plot_phase(*parameters, levels=1).get_legend() is not None
 
 
 def test_axes_are_taken_and_returned():

@@ -60,9 +60,9 @@ class Text:
     def jump(self, label):
         self.add(f"  br label %{label}")
 
-    def branch(self, truth, label, other, likely=False):
+    def branch(self, truth, label, other, likely=None):
         """Go to `label` if a truth value is true, else to `other`; `likely` is a hint for LLVM."""
-        weights = ", !prof !0" if likely else ""
+        weights = {None: "", True: ", !prof !0", False: ", !prof !2"}[likely]
         self.add(f"  br i1 {truth}, label %{label}, label %{other}{weights}")
 
     def load(self, kind, address, align=8):
@@ -291,7 +291,8 @@ class Text:
             # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
             # stack, registers saved there may lie across cache lines, in one process or another.
             'attributes #0 = { nounwind "stackrealign" "min-legal-vector-width"="512" }',
-            '!0 = !{!"branch_weights", i32 1000000, i32 1}', "!1 = !{i32 1}", "",
+            '!0 = !{!"branch_weights", i32 1000000, i32 1}', "!1 = !{i32 1}",
+            '!2 = !{!"branch_weights", i32 1, i32 1000000}', "",
         ])  # fmt: skip
 
 

@@ -76,7 +76,7 @@ class Code(Text):
         self.fold(count, {}, lambda k: self.put(self.row(source, 0, k), target, 0, k))
 
     @contextmanager
-    def when(self, truth, likely=False):
+    def when(self, truth, likely=None):
         """Add a block that is carried out if a truth value is true."""
         name = self._name("when")
         self.branch(truth, name, f"{name}_after", likely)

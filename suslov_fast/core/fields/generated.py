@@ -209,7 +209,7 @@ class _Steps:
         has_more = text.compare_integers("ult", n, of.steps)
         with text.when(has_more, likely=True):
             left = text.load("i64", self.slot(SLOT.budget))
-            with text.when(text.compare_integers("sle", left, 0)):
+            with text.when(text.compare_integers("sle", left, 0), likely=False):
                 at = (SLOT.line, lo), (SLOT.n, n), (SLOT.stage, stage), (SLOT.until, until)
                 for slot, value in (*at, (SLOT.row, row)):
                     text.store("i64", value, self.slot(slot))
@@ -304,7 +304,7 @@ class _Steps:
             for k in signs
         ]
         is_kept = text.all_true(text.joined("and", kept))
-        with text.when(text.new(f"xor i1 {is_kept}, true")):
+        with text.when(text.new(f"xor i1 {is_kept}, true"), likely=False):
             changes = [
                 text.joined(
                     "and",

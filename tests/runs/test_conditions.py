@@ -186,5 +186,5 @@ def test_equations_without_jumps_are_not_stopped():
         lambda s: (abs(s[0]) - s[1], s[0]),
         lambda s: (np.maximum(s[0], 0.1) - s[1], np.minimum(s[0], 2 * s[1])),
     ):
-        (group,) = field(f, "x y")._right_hand_sides
+        (group,) = field(f, "x y").right_hand_sides
         assert group.f.conditions is None

@@ -73,8 +73,8 @@ class Motion(States):
     atol: float | tuple[float, ...] | None
     max_step: float | None
     stiff: bool | None
-    derivatives: tuple[str, ...]
-    _derivatives: FloatArray | None  # (n, ..., D, C) those by x0 first
+    derivatives: tuple[str, ...] = ()
+    _derivatives: FloatArray | None = None  # (n, ..., D, C) those by x0 first
 
     @public
     def derivative(self, by: str) -> FloatArray:

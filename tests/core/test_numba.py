@@ -305,7 +305,7 @@ def test_the_digest_of_a_function_sees_what_it_names():
 
 def test_the_folder_of_the_files_of_a_function(body):
     sf.iterate(body, [1.0, 0.5], 0.2, 1)
-    assert list(Path(cache.folder_of(steps_3d.steps.compiled)).glob("*steps_3d.steps_*.nbi"))
+    assert list(Path(cache.folder_of(steps_3d.steps.compiled)).glob("*steps.steps_*.nbi"))
     assert cache.folder_of(len) is None
 
 
@@ -494,7 +494,7 @@ def recorded(self, signature, target):
 Cache.load_overload = recorded
 """
 WARM_UP = f"""{ASKED}
-from suslov_fast.command import main
+from suslov_fast.command.main import main
 main(["warm-up"])
 print(*asked, sep="\\n")
 """
@@ -516,12 +516,12 @@ def test_nothing_is_compiled_after_warm_up():
 
     place, made = asked(WARM_UP)
     assert place == where_code_is_kept()
-    assert any("steps_3d.steps" in name for name in made)
+    assert any("suslov.steps.steps" in name for name in made)
     # Each function, serially and in threads, and each kernel of steps.
     words = "any_input or threads_and_stretches or contract or states_saved"
     tests = Path(__file__).parents[1] / "package" / "test_promises.py"
     _, used = asked(PROMISES, tests, "-m", "", "-k", words)
-    assert any("steps_3d.steps" in name for name in used)
+    assert any("suslov.steps.steps" in name for name in used)
     assert used - made == set()
 
 

@@ -115,13 +115,13 @@ def _arguments_of(result: Any) -> dict[str, Any]:
         # NetCDF has no truth values, and JSON no tuples.
         name: {bool: int, tuple: list}.get(type(value), lambda same: same)(value)
         for name, value in arguments.items()
-        if value is not None
+        if value not in (None, ())
     }
 
 
 def with_time(data: Any) -> Any:
     """Return a dataset with the coordinate `time`: n eps for runs of a map."""
-    if "n" not in data.variables:
+    if "n" not in data.dims:
         return data
     time = data.variables["n"] * data.variables["eps"]
     time.attrs = {"long_name": "time"}

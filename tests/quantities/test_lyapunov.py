@@ -512,3 +512,52 @@ def test_motion_of_families_that_end():
 def test_bad_arguments_of_motions(error, name, options):
     with pytest.raises(error, match=name):
         sf.lyapunov_exponents(sf.QuadraticField([[[1.0]]]), [0.1], **options)
+
+
+def test_motion_of_a_forced_oscillator():
+    """Stuart and Landau's, in step with its force: eigenvalues at rest in the turning frame."""
+    mu, own, force, amplitude = 1.0, 1.2, 1.0, 2.0
+
+    def turning(s, speed):
+        x, y = s[:2]
+        rest = mu - x * x - y * y
+        return rest * x - speed * y, rest * y + speed * x
+
+    def forced(s):
+        u, v = turning(s, own)
+        return u + amplitude * np.cos(force * s[2]), v + amplitude * np.sin(force * s[2]), 1.0
+
+    def still(s):
+        u, v = turning(s, own - force)
+        return u + amplitude, v
+
+    frame = sf.Field.from_function(still, 2)
+    rest = sf.flow(frame, [1.0, 0.0], time=60.0, rtol=1e-12).x[0]
+    wanted = np.sort(np.linalg.eigvals(frame.jacobian(rest)).real)[::-1]
+    field = sf.Field.from_function(forced, "x y t")
+    found = sf.lyapunov_exponents(field, [1.0, 0.0, 0.0], time=200.0, transient=20.0, rtol=1e-8)
+    np.testing.assert_allclose(found, wanted, atol=1e-3)
+    divergence = 2 * mu - 4 * (rest**2).sum()
+    assert found.sum() == pytest.approx(divergence, rel=1e-7)
+
+
+@pytest.mark.parametrize("n", [8, pytest.param(100, marks=pytest.mark.slow)])
+def test_motion_of_a_network(n):
+    """Of n Roessler systems; the sum of the 3 n exponents is the mean of the divergence."""
+
+    def network(s):
+        x, y, z = s.reshape(3, n)
+        pull = 0.05 * (np.roll(x, 1) + np.roll(x, -1) - 2 * x)
+        return [*(pull - y - z), *(x + 0.2 * y), *(0.2 + z * (x - 5.7))]
+
+    field = sf.Field.from_function(network, 3 * n)
+    start = np.concatenate([np.cos(np.arange(2 * n)) * 4, np.full(n, 0.1)])
+    start = sf.flow(field, start, time=100.0, rtol=1e-6).x[0]
+    time = 40.0 if n < 100 else 1.0
+    found = sf.lyapunov_exponents(field, start, time=time, rtol=1e-7)
+    assert found.shape == (3 * n,)
+    times = np.linspace(0.0, time, 8001)
+    x = sf.flow(field, start, time=times).x[:, :n]
+    divergence = np.trapezoid((x - 5.7 + 0.2 - 0.1).sum(axis=1), times) / time
+    assert found.sum() == pytest.approx(divergence, rel=1e-5)
+    assert (found[: n // 2] > -0.5).all()

@@ -149,18 +149,16 @@ class RightHandSide:
     key          what tells this right-hand side from others
     """
 
-    def __init__(self, values, results, P=0, by=(), slopes=None, surfaces=(), kept=()):
+    def __init__(self, values, results, P=0, by=(), surfaces=(), kept=()):
         """Take `Expressions` whose operations are those of f, and the operands that are f.
 
-        `by` are numbers of parameters to differentiate by. `slopes` are the entries of each row of
-        f', by column, or others that may stand for them. `surfaces` are other operands whose values
-        are wanted, and `kept` are parameters that the table begins with.
+        `by` are numbers of parameters to differentiate by, `surfaces` other operands whose values
+        are wanted, and `kept` parameters that the table begins with.
         """
         self.D, self.P = len(results), P
         self._results = [*results]
         of_f = [*values.operations]
-        if slopes is None:
-            slopes = gradients(values, of_f, results, self.D, by)
+        slopes = gradients(values, of_f, results, self.D, by)
         self.by = [row.pop(p, 0.0) for p in by for row in slopes]
         self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.pattern]

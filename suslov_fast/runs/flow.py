@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
-from ..bodies.fields.field import QuadraticField
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.fields.general import Field
 from ..bodies.nd import NotIntegrableError
@@ -166,7 +165,7 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     if names and field is None:
         field = system.field()
     if {*names} - {"x0"}:
-        if isinstance(field, QuadraticField) and field.remake is not None:
+        if not isinstance(field, Field) and field.remake is not None:
             maker, (f, *others) = field.remake.func, field.remake.args
             make = getattr(Field, maker.__name__)
             field = make(f, *others, **field.parameters)

@@ -169,7 +169,7 @@ def measure(problem, known, folder):
     """Return the results of a problem, `known` is what was stored of it, or None."""
     field, right = field_of(problem), right_hand_side(problem, folder)
     scale = scale_of(problem, field)
-    if known is None:
+    if known is None or problem.known is not None:
         known, method = reference(problem, right, scale)
     else:
         known, method = known

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -252,40 +251,6 @@ class Crossings(Points):
         march = March(problem, self.method, reached)
         search = Search(march, surface, self.direction, self.most, self)
         return searched(search, total, self.transient, self.method, on_singular, reports)
-
-    @classmethod
-    @public
-    def load(cls, path: str | os.PathLike[str]) -> Any:
-        """Return the crossings in a file of `save`, along a map or along a motion.
-
-        Parameters
-        ----------
-        path : str or path-like
-            The name of the file.
-
-        Returns
-        -------
-        Crossings or MotionCrossings
-            An object equal to the saved one.
-
-        Raises
-        ------
-        FileNotFoundError
-            If there is no file of this name.
-        ValueError
-            If the file is damaged, or holds something else.
-
-        Examples
-        --------
-        >>> from suslov_fast import Crossings
-        >>> points = Crossings.load("section.npz")  # doctest: +SKIP
-        """
-        from .files.storage import load
-        from .motion_crossings import MotionCrossings
-
-        attributes = load(path, "Crossings", "MotionCrossings")
-        kind: Any = Crossings if "map" in attributes else MotionCrossings
-        return kind._of(attributes)
 
     @public
     def to_xarray(self) -> xarray.Dataset:

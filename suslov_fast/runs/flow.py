@@ -161,7 +161,8 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     names = (derivatives,) if isinstance(derivatives, str) else derivatives
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
         raise wrong("derivatives", "a tuple of names", short(derivatives), TypeError)
-    field, named = system if isinstance(system, FieldOfFunction) else None, ()
+    field: Any = system if isinstance(system, FieldOfFunction) else None
+    named: tuple[str, ...] = ()
     if names and field is None:
         field = system.field()
     if {*names} - {"x0"}:

@@ -175,6 +175,7 @@ def test_the_core_is_pure_numerics():
                 "typing",
                 "numpy",
                 "struct",
+                "threading",
                 "types",
                 "numba",
                 "collections",

@@ -17,7 +17,7 @@ import xarray
 from test_trajectories import BODY, RUNS, run_of
 
 import suslov_fast as sf
-from suslov_fast.command import main as command
+from suslov_fast.command.main import main as command
 from suslov_fast.runs.columns import FORMAT
 from suslov_fast.runs.files import storage
 

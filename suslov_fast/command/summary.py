@@ -31,10 +31,8 @@ def facts_in(path: Path) -> dict[str, Any]:
         return {**facts, **_counts(status, first_pole)}
     if path.suffix != ".npz":
         raise ValueError("not the name of a saved run, such as run.npz or run.zarr")
-    from ..runs.points import Points
-
     result = result_in(path)
-    if isinstance(result, Points):
+    if isinstance(result, sf.Crossings):
         return _facts_of_crossings(result)
     if isinstance(result, sf.MotionCrossings):
         return _facts_of_motion_crossings(result)
@@ -95,17 +93,12 @@ def facts_of_motion(motion: Any) -> dict[str, Any]:
 
 
 def _facts_of_crossings(points: Any) -> dict[str, Any]:
-    """Return the summary of crossings, along a map or along motions."""
+    """Return the summary of crossings along a map."""
     from ..runs.columns import ARGUMENTS
 
-    if isinstance(points, sf.Crossings):
-        common = _common_facts(points)
-    else:
-        steps = {"steps": int(points.steps.sum())}
-        common = {"body": _body_of(points), **_counts(points.status), **steps}
-    names = ARGUMENTS[type(points).__name__]
+    names = ARGUMENTS["Crossings"]
     arguments = {name: getattr(points, name) for name in names if getattr(points, name) is not None}
-    return {**common, "crossings": len(points), **arguments}
+    return {**_common_facts(points), "crossings": len(points), **arguments}
 
 
 def _facts_of_motion_crossings(points: Any) -> dict[str, Any]:

@@ -128,7 +128,7 @@ class Map:
 
     Before its first run, `engine.trial` tries a step from one state, and refuses one that
     reads or writes beyond its arrays, changes what it is given, or remembers another step.
-    ``pytest tests/test_promises.py --maps MODULE`` measures the order, and compares "jacobian" with
+    ``pytest tests/package/test_promises.py --maps MODULE`` measures the order, and compares "jacobian" with
     differences.
     """
 

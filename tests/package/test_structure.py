@@ -174,6 +174,7 @@ def test_the_core_is_pure_numerics():
                 "math",
                 "typing",
                 "numpy",
+                "enum",
                 "struct",
                 "threading",
                 "types",

@@ -128,8 +128,8 @@ class Map:
 
     Before its first run, `engine.trial` tries a step from one state, and refuses one that
     reads or writes beyond its arrays, changes what it is given, or remembers another step.
-    ``pytest tests/package/test_promises.py --maps MODULE`` measures the order, and compares "jacobian" with
-    differences.
+    ``pytest tests/package/test_promises.py --maps MODULE`` measures the order, and compares
+    "jacobian" with differences.
     """
 
     name: str

@@ -53,7 +53,8 @@ def main(words: Sequence[str] | None = None) -> int:
         return 1
     finally:
         try:
-            sys.stdout.flush()
+            if sys.stdout is not None:  # as in programs without a console
+                sys.stdout.flush()
         except OSError:  # without this, Python tries again at exit and prints an error
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

@@ -156,6 +156,14 @@ maps.register(maps.Map(name="euler", title="Euler", body=sf.QuadraticField, meth
 from suslov_fast.integrability import report
 top = sf.QuadraticField.from_function(lambda x: (x[1]*x[2], x[2]*x[0], x[0]*x[1]), 3)
 text.append(str(report(top, degree=2)))""",
+    "command": """
+import io
+from pathlib import Path
+from suslov_fast.command.main import main
+with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+    path = Path(folder, "run.npz")
+    main(["run", "--trajectories", "5000", "--steps", "400", "-o", str(path)])
+    found.append(sf.Trajectories.load(path).final)""",
 }  # fmt: skip
 BEGIN = """
 import contextlib, hashlib, tempfile, warnings

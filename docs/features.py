@@ -72,6 +72,8 @@ def call(name, body, state):
     _, *parameters = signature(function).parameters.values()
     needed = [each.name for each in parameters if each.default is each.empty]
     keywords = {each.name: GIVEN["time"] for each in parameters if each.name == "time"}
+    if name == "crossings":  # of the map
+        needed, keywords = ["x0", "eps", "steps", "surface"], {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

@@ -76,7 +76,8 @@ TYPES = {
 
 def hashes(*arguments, **environment):
     """Return the hashes, and the names of what was compiled, of another process."""
-    places = [str(HERE.parents[1]), os.environ.get("PYTHONPATH", "")]
+    tests = HERE.parents[1]
+    places = [str(tests), str(tests / "package"), os.environ.get("PYTHONPATH", "")]
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, places))
     found = json.loads(children.run(HERE, *arguments, timeout=1800, **environment))
     return found["hashes"], found["compiled"]

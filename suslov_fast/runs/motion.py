@@ -39,15 +39,14 @@ class Motion(States):
         last time.
     steps : ndarray(int, shape=(...))
         Number of steps that were taken; 0 where the solution is exact.
-    ok : bool
-        True if all solutions reach the last time.
     body, rtol, atol, max_step, stiff, derivatives
         The arguments of :func:`flow`.
 
     Notes
     -----
-    ``len(motion)``, ``motion[k]`` and iteration are those of `states`. Two motions are equal if all
-    attributes are equal; NaN equals NaN. Arrays are read-only: change a copy.
+    ``motion.ok`` is True if all solutions reach the last time. ``len(motion)``, ``motion[k]`` and
+    iteration are those of `states`. Two motions are equal if all attributes are equal; NaN equals
+    NaN. Arrays are read-only: change a copy.
 
     Examples
     --------

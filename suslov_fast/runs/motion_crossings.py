@@ -47,15 +47,13 @@ class MotionCrossings(Points):
         ended.
     steps : ndarray(int, shape=(...))
         Number of steps that were taken.
-    ok : bool
-        True if no solution ended early.
     body, last, transient, direction, most, rtol, atol, max_step, stiff
         The arguments of :func:`crossings`; `last` is the last time.
 
     Notes
     -----
-    ``len(points)`` is K. Two objects are equal if all attributes are equal; NaN equals NaN. Arrays
-    are read-only: change a copy.
+    ``len(points)`` is K, and ``points.ok`` is True if no solution ended early. Two objects are
+    equal if all attributes are equal; NaN equals NaN. Arrays are read-only: change a copy.
 
     Examples
     --------

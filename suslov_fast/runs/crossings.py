@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -276,54 +275,6 @@ class Crossings(Points):
         from .files.datasets import crossings_to_xarray
 
         return crossings_to_xarray(self)
-
-    @public
-    def plot(
-        self,
-        *names: int | str | Sequence[int | str],
-        components: Sequence[int | str] | None = None,
-        color: Any = None,
-        title: str | bool | None = True,
-        ax: Any = None,
-    ) -> Any:
-        """Draw the crossings over two components, over time, or in space (extra `plots`).
-
-        Of more than 1,000,000 crossings it draws as many, chosen at random.
-
-        Parameters
-        ----------
-        *names : int or str
-            The components to draw, as in ``points.plot("y", "py")``; one tuple, or `components`, is
-            the same.
-        components : sequence of int or str, optional
-            Two or three indices or labels, such as ``("x2", "x3")``, or "time". By default the
-            first two that vary; of a canonical Hamiltonian field a coordinate and its momentum.
-        color : str or array_like(float, shape=(K,) or (...)), optional
-            A parameter that varies, "eps", "trajectory", "n" or "time"; a number for each crossing,
-            or each trajectory; or a colour of Matplotlib. By default the parameter of a family,
-            else the level of the conserved quantity, if it differs by more than 2 %.
-        title : str, optional
-            By default the map and the number of crossings; None leaves it out.
-        ax : matplotlib.axes.Axes, optional
-            Axes to draw on; by default those of a new figure.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        TypeError, ValueError
-            If there is no such component or colour, or `ax` has the wrong kind.
-
-        Examples
-        --------
-        >>> points.plot(color="trajectory").figure.savefig("section.png")  # doctest: +SKIP
-        """
-        from . import plot  # which imports Matplotlib
-
-        chosen = names[0] if len(names) == 1 else names or components
-        return plot.plot_crossings(self, chosen, color, title, ax)
 
     def __repr__(self) -> str:
         n = self.n

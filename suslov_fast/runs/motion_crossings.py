@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -159,40 +158,6 @@ class MotionCrossings(Points):
         from .files.datasets import motion_crossings_to_xarray
 
         return motion_crossings_to_xarray(self)
-
-    @public
-    def plot(
-        self,
-        *names: int | str | Sequence[int | str],
-        components: Sequence[int | str] | None = None,
-        color: Any = None,
-        title: str | bool | None = True,
-        ax: Any = None,
-    ) -> Any:
-        """Draw the crossings over two components, over time, or in space (extra `plots`).
-
-        Parameters
-        ----------
-        *names, components, color, title, ax
-            As in :meth:`Crossings.plot`; `color` may also be "surface".
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        TypeError, ValueError
-            If there is no such component or colour, or `ax` has the wrong kind.
-
-        Examples
-        --------
-        >>> points.plot(color="trajectory").figure.savefig("section.png")  # doctest: +SKIP
-        """
-        from . import plot  # which imports Matplotlib
-
-        chosen = names[0] if len(names) == 1 else names or components
-        return plot.plot_crossings(self, chosen, color, title, ax)
 
     def __repr__(self) -> str:
         time = self.time

@@ -24,11 +24,34 @@ to 9851 and lose as many digits.
 """
 
 from math import prod
+from typing import NamedTuple
 
 import numpy as np
 
 EXPLICIT = 2, 4, 6, 8, 10
 IMPLICIT = 2, 3, 4, 6, 8, 12, 16
+
+# Columns that take turns with those of other chains, so that none waits for its last sub-step; those
+# of a chain follow one another on the same rows. Where f is long, they would not stay in the cache.
+CHAINS, ONE_CHAIN = ((10,), (8, 2), (6, 4)), (EXPLICIT,)
+
+
+class Pair(NamedTuple):
+    """Two sub-steps of a column."""
+
+    chain: int
+    N: int  # sub-steps of the column
+    begins: bool  # the column
+    ends: bool
+
+
+def in_turn(chains):
+    """Return the `Pair`s of all chains, those of each round in a list."""
+    of_chains = [
+        [Pair(k, N, m == 0, m == N // 2 - 1) for N in chain for m in range(N // 2)]
+        for k, chain in enumerate(chains)
+    ]
+    return [*zip(*of_chains, strict=True)]
 
 
 def weights(columns, p):

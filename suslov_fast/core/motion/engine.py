@@ -8,10 +8,10 @@ import numpy as np
 
 from ..code.compiler import call, compiled
 from ..compiling.threads import in_parts
-from ..fields.lines import in_lines, zeros
+from ..fields.lines import zeros
 from .half import Half
 from .in_numpy import StepsInNumPy
-from .rows import BEGINS, FILLING, State
+from .rows import BEGINS, State
 from .rules import MOST_STEPS, first_part, limit_of
 from .text import SLOT, Arguments, Numbers, lane_numbers, text_of_half
 
@@ -115,18 +115,13 @@ class Motion:
         flat[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
         which, is_implicit, W = np.arange(B), bool(self.settings.stiff), 1 if B == 1 else WIDTH
         while which.size and not abandoned:
-            lines = self._lines(flat, which, W)
             half = half_of(self.f, is_implicit, self.has_atol)
-            table = self._table(half, block, which, W)
-            self._steps(half, lines, table, self.places[block], which, abandoned)
-            back = lines.transpose(0, 2, 1).reshape(-1, rows.size)[: len(which)]
+            own, steps = flat[which], flat[which, rows.steps]
+            self._steps(half, own, block, which, W, abandoned)
+            flat[which] = own
             if is_implicit:
-                taken = back[:, rows.steps] - flat[which, rows.steps]
+                taken = own[:, rows.steps] - steps
                 self.implicit_steps[block][which] += taken.astype(np.int64)
-            if which.size == B:
-                flat = np.ascontiguousarray(back)
-            else:
-                flat[which] = back
             state = flat[:, rows.state]
             is_implicit = not is_implicit
             which = np.flatnonzero(state == float(is_implicit))
@@ -136,67 +131,57 @@ class Motion:
         self.t[block], self.steps[block] = flat[:, rows.t], flat[:, rows.steps]
         self.state[block] = flat[:, rows.state]
 
-    def _lines(self, flat, which, W):
-        """Return trajectories as lines; lanes that fill up the last line are done."""
-        row = half_of(self.f, False, self.has_atol).rows.state
-        lines = in_lines(flat[which], W)
-        filling = len(lines) * W - len(which)
-        if filling:
-            is_new = lines[-1, row, -1] == BEGINS
-            lines[-1, row, W - filling :] = FILLING if is_new else State.DONE
-        return lines
-
-    def _table(self, half, block, which, W):
-        """Return the numbers that functions read: for all lanes, or as lines."""
+    def _table(self, half, block, which):
+        """Return the numbers that functions read: for all trajectories, or for each (K, n)."""
         if self.table.ndim == 1:
             return half.table_of(self.table)
-        return in_lines(half.table_of(self.table[block][which].T).T, W)
+        return np.ascontiguousarray(half.table_of(self.table[block][which].T).T)
 
-    def _steps(self, half, lines, table, places, which, abandoned):
-        """Take steps of one half in all lines, until no lane is in it.
+    def _steps(self, half, rows, block, which, W, abandoned):
+        """Take steps of one half of trajectories (K, rows), until none is in it.
 
-        `places` of the trajectories `which` count the times that they have reached.
+        `which` are their numbers in the block; `places` count the times that they have reached.
         """
-        take = self._taker(half, lines, table)
+        take = self._taker(half, rows, self._table(half, block, which), W)
         while not abandoned:
             is_done = take(abandoned)
             if self.report is not None:
-                reached = lines[:, half.rows.place].view(np.int64).ravel()
-                places[which] = reached[: len(which)]
+                reached = rows[:, half.rows.place].view(np.int64)
+                self.places[block][which] = reached
                 if get_ident() == self.caller and self.report(int(self.places.sum())) is False:
                     self.is_stopped = True
                     abandoned.append(True)
             if is_done:
                 break
 
-    def _taker(self, half, lines, table):
-        """Return the function that takes some steps in all lines, and returns whether it is done.
+    def _taker(self, half, rows, table, W):
+        """Return the function that takes steps of trajectories, and returns whether it is done.
 
         Its argument is a list, which is not empty if the steps are abandoned.
         """
-        W, for_each = lines.shape[2], table.ndim > 1
+        for_each = table.ndim > 1
         code = code_of_half(half, W, for_each)
         if code is None:
 
             def in_numpy(abandoned):
-                StepsInNumPy(half, self, lines, table).run(abandoned)
+                StepsInNumPy(half, self, rows, table).run(abandoned)
                 return True
 
             return in_numpy
         work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
         arguments = np.array(Arguments(
-            rows=lines.ctypes.data, lines=len(lines), line=0, budget=0, table=table.ctypes.data,
-            table_bytes=table[0].nbytes if for_each else 0, work=work.ctypes.data,
+            rows=rows.ctypes.data, count=len(rows), following=0, budget=0, table=table.ctypes.data,
+            table_bytes=table.strides[0], work=work.ctypes.data,
             numbers=self.numbers.ctypes.data, extra=self.extra.ctypes.data,
             counts=self.counts.ctypes.data, keeps=self.keeps.ctypes.data,
-            seeds=self.seeds.ctypes.data, times=self.times.ctypes.data, count=len(self.times),
+            seeds=self.seeds.ctypes.data, times=self.times.ctypes.data, times_count=len(self.times),
             states=self.states.ctypes.data, state_bytes=self.states.strides[0],
         ), np.int64)  # fmt: skip
 
-        def take(_, kept=(lines, table, work)):  # the arguments point there
+        def take(_, kept=(rows, table, work)):  # the arguments point there
             arguments[SLOT.budget] = max(BUDGET // half.f.work, 1)
             if is_done := call(code, arguments):
-                arguments[SLOT.line] = 0
+                arguments[SLOT.following] = 0
             return is_done
 
         return take

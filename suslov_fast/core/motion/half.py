@@ -8,7 +8,7 @@ from ..lists.elimination import Elimination, work_of_elimination
 from ..lists.right_hand_side import List
 from ..lists.step import Values
 from ..lists.variational import Variational
-from .columns import EXPLICIT, IMPLICIT
+from .columns import CHAINS, EXPLICIT, IMPLICIT
 from .functions import (
     Blocks,
     DenseFactors,
@@ -31,7 +31,8 @@ class Half:
     functions    by name: `f` with the denominators of clocks; in the implicit half also `j`, the
                  entries of f'; `factor`, from these and s; `solve`; and `power`, f' times a vector
                  after the entries and s
-    rows, work   `Rows` of a line and `Work`
+    numbers      how many numbers the table of a trajectory has
+    rows, work   `Rows` of a trajectory, and `Work`
     """
 
     def __init__(self, f, is_implicit, has_atol):
@@ -53,7 +54,10 @@ class Half:
             columns, entries = len(IMPLICIT), f.entries + 1 + D
             factors = self._add_implicit()
         scratch = max(function.scratch for function in self.functions.values())
-        self.work = work_of(D, extended, columns, entries, factors, scratch)
+        chains = 1 if is_implicit else len(CHAINS)
+        self.numbers = len(self.table_of(np.zeros(len(f.table))))
+        parts = D, extended, chains, columns, entries, factors, scratch
+        self.work = work_of(self.rows.size, self.numbers, *parts)
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""

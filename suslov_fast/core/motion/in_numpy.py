@@ -8,25 +8,20 @@ import numpy as np
 from ..lists.step import evaluate
 from . import rules
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors, weights_of_few
-from .rows import BEGINS, State
+from .rows import State
 from .text import NUMBER, Numbers
 
 
 class StepsInNumPy:
-    """Steps of one half of lines (lines, rows, W), as long as a lane is in this half."""
+    """Steps of one half of trajectories (count, rows), as long as one is in this half."""
 
-    def __init__(self, half, motion, lines, table):
-        self.half, self.motion, self.lines, self.f = half, motion, lines, half.f
+    def __init__(self, half, motion, trajectories, table):
+        self.half, self.motion, self.trajectories, self.f = half, motion, trajectories, half.f
         self.rows, self.D = half.rows, half.f.D
         self.extended = self.D + len(half.f.denominators)
         # Rows of all lanes; a copy, which is written back at the end.
-        self.lanes = np.moveaxis(lines, 1, 0).reshape(half.rows.size, -1).copy()
-        count = len(half.f.table)
-        if table.ndim > 1:
-            lanes = self.lanes.shape[1]
-            self.table = np.moveaxis(table[:, :count], 1, 0).reshape(count, lanes)
-        else:
-            self.table = table[:count, np.newaxis]
+        self.lanes = trajectories.T.copy()
+        self.table = np.atleast_2d(table)[:, : len(half.f.table)].T
         self.columns = IMPLICIT if half.is_implicit else EXPLICIT
         self.p = 1 if half.is_implicit else 2
         self.own = weights(self.columns, self.p)
@@ -52,8 +47,7 @@ class StepsInNumPy:
         self._write_back()
 
     def _write_back(self):
-        shape = self.lines.shape
-        self.lines[:] = np.moveaxis(self.lanes.reshape(shape[1], shape[0], shape[2]), 0, 1)
+        self.trajectories[:] = self.lanes.T
 
     def row(self, name):
         """Return the row of a line with this name."""
@@ -98,7 +92,6 @@ class StepsInNumPy:
                 rules.BEGIN_COMPONENT, x=x[i], f=f[i], counts=self.motion.counts[i], **sums
             )
         found = self._apply(rules.BEGIN, **sums)
-        found["state"] = np.where(self.row("state") == BEGINS, found["state"], State.DONE)
         self._keep(found)
 
     # ------------------------------------------------------------------------------------- columns

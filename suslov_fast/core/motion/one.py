@@ -34,8 +34,8 @@ def _plan(f, table, settings, sign):
     own = half.table_of(np.frombuffer(table))
     extra, counts, keeps, seeds = (each.ctypes.data for each in arrays)
     arguments = Arguments(
-        rows=0, lines=1, line=0, budget=0, table=own.ctypes.data, table_bytes=0, work=0, numbers=0,
-        extra=extra, counts=counts, keeps=keeps, seeds=seeds, times=0, count=0, states=0,
+        rows=0, count=1, following=0, budget=0, table=own.ctypes.data, table_bytes=0, work=0, numbers=0,
+        extra=extra, counts=counts, keeps=keeps, seeds=seeds, times=0, times_count=0, states=0,
         state_bytes=_SIZE * f.D,
     )  # fmt: skip
     numbers = array("d", numbers_of(f, settings, sign, 1.0, 1.0))
@@ -68,7 +68,7 @@ def motion_of_one(f, table, x, times, sign, settings):
     arguments[SLOT.rows] = rows.buffer_info()[0]
     arguments[SLOT.work] = work.buffer_info()[0]
     arguments[SLOT.numbers] = numbers.buffer_info()[0]
-    arguments[SLOT.times], arguments[SLOT.count] = times.buffer_info()
+    arguments[SLOT.times], arguments[SLOT.times_count] = times.buffer_info()
     arguments[SLOT.states] = states.buffer_info()[0]
     at = arguments.buffer_info()[0]
     while True:

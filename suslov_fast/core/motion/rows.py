@@ -20,12 +20,11 @@ class State(IntEnum):
     SLIDING = 6  # a condition of f changes back and forth
 
 
-# Before the first step; FILLING is for lanes that no trajectory needs.
-BEGINS, FILLING = -1.0, -2.0
+BEGINS = -1.0  # in place of a `State` before the first step
 
 
 class Rows(NamedTuple):
-    """The first rows of the parts of a line; a part has one row unless a comment tells."""
+    """The first rows of the parts of a trajectory; a part has one row unless a comment tells."""
 
     x: int  # the state (D)
     f: int  # f(x), and its denominators of clocks (D + denominators)
@@ -55,14 +54,19 @@ def rows_of(D, denominators):
 
 
 class Work(NamedTuple):
-    """The rows that a step needs for a moment."""
+    """The rows of a line of lanes, and those that a step needs for a moment."""
+
+    line: int  # `Rows` of the trajectories
+    own: int  # their numbers, integers
+    table: int  # their tables, if each has one
 
     start: int  # the state that columns start from, where it is not that of the line (D)
     f: int  # f there (D + denominators)
     a: int  # states of a column, and y_N after it (D)
     b: int  # another one, or f of it (D + denominators)
-    ends: int  # y_c - x at the ends of columns (columns D)
     f_last: int  # f(y_N) (D + denominators)
+    chains: int  # a, b and f_last of columns that take turns with this one
+    ends: int  # y_c - x at the ends of columns (columns D)
     new: int  # the next state (D)
     f_new: int  # f there (D + denominators)
     error: int  # (D)
@@ -77,10 +81,11 @@ class Work(NamedTuple):
     size: int
 
 
-def work_of(D, denominators, columns, entries, factors, scratch):
+def work_of(rows, numbers, D, denominators, chains, columns, entries, factors, scratch):
     """Return the rows of `Work`."""
     extended = D + denominators
-    sizes = [D, extended, D, extended, columns * D, extended, D, extended, D,
+    others = (chains - 1) * (D + 2 * extended)
+    sizes = [rows, 1, numbers, D, extended, D, extended, extended, others, columns * D, D, extended, D,
              entries, factors, D, *[1] * 4, scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:

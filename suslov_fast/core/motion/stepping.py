@@ -29,9 +29,7 @@ class Stepping(Motion):
         """Begin trajectories `which` at the states in their rows: f there, and the first length."""
         half = half_of(self.f, False, self.has_atol)
         flat[:, self.rows.state] = BEGINS
-        lines = np.ascontiguousarray(flat.T)[np.newaxis]
-        StepsInNumPy(half, self, lines, self._table(half, slice(None), which, len(which))).begin()
-        flat[:] = lines[0].T
+        StepsInNumPy(half, self, flat, self._table(half, slice(None), which)).begin()
 
     def attempts(self, flat, which, last, count):
         """Let trajectories `which` with these rows try some steps each, not beyond a time.
@@ -49,21 +47,16 @@ class Stepping(Motion):
         def take(number):
             k, mode = parts[number]
             half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
-            lines = self._lines(flat, k, self.W)
-            step = self._taker(half, lines, self._table(half, slice(None), which[k], self.W))
-            of_lines, states, copies = (
-                lines.transpose(0, 2, 1),
-                lines[:, self.rows.state],
-                [flat[k]],
-            )
+            rows = flat[k]
+            step = self._taker(half, rows, self._table(half, slice(None), which[k]), self.W)
+            states, copies = rows[:, self.rows.state], [flat[k]]
             for _ in range(count):
                 if not (states == mode).any() or abandoned:
                     break
                 while not step(abandoned) and not abandoned:
                     pass
                 states[states == State.TOO_MANY] = mode  # it has made its one attempt
-                rows = np.array(of_lines).reshape(-1, self.rows.size)
-                copies.append(rows[: len(k)])
+                copies.append(rows.copy())
             found[number] = k, np.array(copies)
 
         if self.threads == 1 or len(parts) == 1:

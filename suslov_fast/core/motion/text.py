@@ -9,16 +9,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..code.compiler import numbers_in_register
 from ..code.text import Code, bits_of
 from . import rules
 from .columns import (
+    CHAINS,
     EXPLICIT,
     IMPLICIT,
+    ONE_CHAIN,
+    in_turn,
     weights,
     weights_of_errors,
     weights_of_few,
 )
-from .rows import BEGINS, State
+from .rows import State
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
 
@@ -26,20 +30,20 @@ INLINED = 160  # operations of f that stand within the loop of sub-steps, rather
 class Arguments(NamedTuple):
     """The integers of an array that the code takes."""
 
-    rows: int  # address of the lines (lines, rows, W)
-    lines: int
-    line: int  # the first line to take; the code writes where it stopped
-    budget: int  # steps of lines, after which the code returns
-    table: int  # address of the table (n,) or (lines, n, W)
-    table_bytes: int  # from line to line, 0 if all have the same
+    rows: int  # address of the rows of trajectories (count, rows)
+    count: int
+    following: int  # number of the trajectory that the next free lane takes; the code changes it
+    budget: int  # steps of all lanes, after which the code returns
+    table: int  # address of the table (n,) or (count, n)
+    table_bytes: int  # from trajectory to trajectory
     work: int  # address of the rows of `Work`
     numbers: int  # address of `Numbers`
     extra: int  # address of what is added to the allowed errors: atol, infinity for clocks (D)
     counts: int  # address of 1 for components, 0 for clocks (D)
     keeps: int  # address of 1 for components that keep their sign, else 0 (D)
     seeds: int  # address of what is added to vectors of the power iteration (D)
-    times: int  # address of the moduli of times, ascending (count,)
-    count: int
+    times: int  # address of the moduli of times, ascending (times_count,)
+    times_count: int
     states: int  # address of the states at these times (count, trajectories, D)
     state_bytes: int  # of one time
 
@@ -59,16 +63,7 @@ class Numbers(NamedTuple):
     most: float  # steps, also refused ones, from one time to the next
 
 
-LANES = 4  # of columns of one trajectory
-# For each pair of sub-steps: the inverse lengths of the columns in lanes, the factor of the second
-# sub-step, 1 where a column begins, and for each column the pair and the lane in which it ends.
-_PARTS = [[1 / 10, 1 / 8, 1 / 6, 1 / 10]] * 3 + [
-    [1 / 10, 1 / 8, 1 / 4, 1 / 10],
-    [1 / 10, 1 / 2, 1 / 4, 1 / 10],
-]
-_LAST = [[2, 2, 2, 2], [2, 2, 2, 2], [2, 2, 1, 2], [2, 1, 2, 2], [1, 1, 1, 1]]
-_BEGIN = [[1, 1, 1, 1], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0]]
-_ENDS = [(4, 1), (4, 2), (2, 2), (3, 1), (4, 0)]
+LANES = 1 + len(CHAINS)  # of columns of one trajectory: a chain each, and the first one again
 SLOT, NUMBER = Arguments(*range(len(Arguments._fields))), Numbers(*range(len(Numbers._fields)))
 
 
@@ -81,8 +76,8 @@ def lane_numbers(half):
 def text_of_half(half, name, W, for_each):
     """Return the text of i64 name(arguments), see `Arguments`, for a `Half`.
 
-    It takes steps of all lines, as long as a lane is in this half, and returns 1; or 0 when the
-    budget is spent, to go on in the next call.
+    It takes steps of all trajectories in this half and returns 1; or 0 when the budget is spent, to
+    go on in the next call. A lane whose trajectory ends takes the next one.
     """
     return _Steps(half, name, W, for_each).finished()
 
@@ -131,23 +126,87 @@ class _Steps:
         `x` and `f` are the addresses of the rows of a state and of f there. The length of the step
         is in the row `signed` of `work`.
         """
-        text, work, self.base = self.text, self.work, "%work"
+        text, self.base = self.text, "%work"
         text.add(f"define internal void @{self.name}_columns(i64 %x, i64 %f, i64 %table, "
                  "i64 %work, i64 %count) #0 {")  # fmt: skip
         text.label("entry")
-        lengths = text.integers(f"{self.name}_lengths", np.array(self.columns))
-        inverses = text.numbers(f"{self.name}_inverses", 1.0 / np.array(self.columns))
-        with text.times("%count") as c:
-            N = text.load("i64", text.at(lengths, c))
-            s = text.operate("fmul", text.row("%work", work.signed),
-                             text.shared(text.at(inverses, c)))  # fmt: skip
-            ends = text.place("%work", work.ends, text.integer("mul", c, self.D))
-            if self.half.is_implicit:
-                self.implicit_column(N, s, ends)
-            else:
-                self.explicit_column(N, s, ends)
+        if self.half.is_implicit:
+            self.implicit_columns()
+        else:
+            self.explicit_columns()
         text.add("  ret void")
         text.add("}")
+
+    def table(self, name, values):
+        """Return the address of a table of integers or of numbers."""
+        values = np.array(values)
+        add = self.text.numbers if values.dtype == float else self.text.integers
+        return add(f"{self.name}_{name}", values)
+
+    def explicit_columns(self):
+        """Add Gragg's midpoint rule with smoothing, pair by pair of sub-steps.
+
+        y_N of the last column and f there stay in the rows `a` and `f_last`. Where f is within the
+        code, lanes of one register take turns, because the processor has few registers.
+        """
+        text, work, D = self.text, self.work, self.D
+        rounds = in_turn(CHAINS if self.is_inlined else ONE_CHAIN)
+        pairs = [pair for each in rounds for pair in each]
+        columns = self.table("column", [EXPLICIT.index(pair.N) for pair in pairs])
+        inverses = self.table("inverse", [1.0 / pair.N for pair in pairs])
+        rows = self.table("rows", [pair.chain * (work.chains - work.a) for pair in pairs])
+        begins = self.table("begins", [int(pair.begins) for pair in pairs])
+        ends = self.table("ends", [int(pair.ends) for pair in pairs])
+        inner = text
+        if self.is_inlined and text.W > numbers_in_register():
+            inner = Code(numbers_in_register(), text)
+            inner.size = text.size
+        with text.times(len(pairs)) as k:
+            column, begin, end, row = (
+                text.load("i64", text.at(each, k)) for each in (columns, begins, ends, rows)
+            )
+            inverse = inner.shared(text.at(inverses, k))
+            end = text.compare_integers("ne", end, 0)
+            with text.when(text.compare_integers("ult", column, "%count")):
+                with text.times(text.W // inner.W) as part:
+                    offset = text.integer("mul", part, 8 * inner.W)
+                    x, f, lanes = (
+                        text.integer("add", each, offset) for each in ("%x", "%f", "%work")
+                    )
+                    chain = text.place(lanes, 0, row)
+                    table = text.integer("add", "%table", offset) if self.for_each else "%table"
+                    s = inner.operate("fmul", inner.row(lanes, work.signed), inverse)
+                    double = inner.operate("fadd", s, s)
+                    factor = inner.new(f"select i1 {end}, {inner.V} {s}, {inner.V} {double}")
+                    with text.when(text.compare_integers("ne", begin, 0)):
+                        self.begin_column(inner, chain, x, f, s)
+                    of_a = self.pair(inner, chain, table, (double, factor))
+                    with text.when(end):
+                        to = text.place(lanes, work.ends, text.integer("mul", column, D))
+                        self.end_column(inner, chain, x, of_a, to)
+
+    def begin_column(self, inner, chain, x, f, s):
+        work = self.work
+
+        def start(i):
+            state = inner.row(x, 0, i)
+            inner.put(state, chain, work.a, i)
+            product = inner.operate("fmul", s, inner.row(f, 0, i))
+            inner.put(inner.operate("fadd", state, product), chain, work.b, i)
+
+        self.text.fold(self.D, {}, start)
+
+    def end_column(self, inner, chain, x, of_a, to):
+        work = self.work
+
+        def end(i):
+            a, b = inner.row(chain, work.a, i), inner.row(chain, work.b, i)
+            mean = inner.operate("fmul", inner.operate("fadd", a, b), inner.constant(0.5))
+            inner.put(inner.operate("fsub", mean, inner.row(x, 0, i)), to, 0, i)
+
+        self.text.fold(self.D, {}, end)
+        for i, value in enumerate(of_a):
+            inner.put(value, chain, work.f_last, i)
 
     def columns_in_lanes(self):
         """Add the function `columns` of one trajectory, whose columns are lanes, side by side.
@@ -162,19 +221,19 @@ class _Steps:
         text.add(f"define internal void @{self.name}_columns(i64 %x, i64 %f, i64 %table, "
                  "i64 %work, i64 %count) #0 {")  # fmt: skip
         text.label("entry")
-        parts, last, begin = (
-            text.numbers(f"{self.name}_{name}", np.array(table, float))
-            for name, table in (("parts", _PARTS), ("last", _LAST), ("begin", _BEGIN))
-        )
+        rounds = [(*each, each[0]) for each in in_turn(CHAINS)]
+        parts = self.table("parts", [[1.0 / pair.N for pair in each] for each in rounds])
+        last = self.table("last", [[1.0 if pair.ends else 2.0 for pair in each] for each in rounds])
+        begin = self.table("begin", [[float(pair.begins) for pair in each] for each in rounds])
         rows = text.place("%work", work.size)  # a, b and f of all lanes, then ends
         first_a, first_b, first_f, ends = 0, D, 2 * D, 2 * D + self.extended
-        scratch = inner.place(rows, ends + len(_PARTS) * D)
+        scratch = inner.place(rows, ends + len(rounds) * D)
         signed = inner.splat(text.row("%work", work.signed), LANES)
 
         def shared(base, i):
             return inner.splat(text.row(base, 0, i), LANES)
 
-        with text.times(len(_PARTS)) as m:
+        with text.times(len(rounds)) as m:
             s = inner.operate("fmul", signed, inner.row(parts, 0, m))
             double = inner.operate("fadd", s, s)
             factor = inner.operate("fmul", s, inner.row(last, 0, m))
@@ -194,7 +253,7 @@ class _Steps:
             with text.when(inner.any(begins)):
                 text.fold(D, {}, start)
             if self.is_inlined:
-                self.pair(inner, rows, (first_a, first_b, first_f), (double, factor))
+                self.pair_of_rows(inner, rows, (first_a, first_b, first_f), "%table", (double, factor))
             else:
                 for of, to, length in ((first_b, first_a, double), (first_a, first_b, factor)):
                     places = inner.place(rows, of), "%table", inner.place(rows, first_f)
@@ -218,8 +277,11 @@ class _Steps:
             return text.load("double", text.plus(place, 8 * number))
 
         def copy(i):
-            for c, (pair, number) in enumerate(_ENDS):
-                text.put(lane(ends + pair * D, i, number), "%work", work.ends + c * D, i)
+            for m, each in enumerate(rounds):
+                for number, pair in enumerate(each[:-1]):
+                    if pair.ends:
+                        of_pair = lane(ends + m * D, i, number)
+                        text.put(of_pair, "%work", work.ends + EXPLICIT.index(pair.N) * D, i)
             text.put(lane(first_a, i, 0), "%work", work.a, i)
             text.put(lane(first_f, i, 0), "%work", work.f_last, i)
 
@@ -227,51 +289,22 @@ class _Steps:
         text.add("  ret void")
         text.add("}")
 
-    def explicit_column(self, N, s, ends):
-        """Add Gragg's midpoint rule with smoothing; y_N stays in the rows `a`."""
-        text, work, D = self.text, self.work, self.D
-        double = text.operate("fadd", s, s)
+    def pair(self, inner, chain, table, factors):
+        """Add two sub-steps; return f at the state after the first, [] if it is in its rows."""
+        work = self.work
+        if self.is_inlined:
+            return self.pair_of_rows(inner, chain, (work.a, work.b), table, factors)
+        for of, to, factor in ((work.b, work.a, factors[0]), (work.a, work.b, factors[1])):
+            self.call("f", inner.place(chain, of), table, inner.place(chain, work.f_last))
 
-        def start(i):
-            x = text.row("%x", 0, i)
-            text.put(x, "%work", work.a, i)
-            text.put(self.plus(x, s, text.row("%f", 0, i)), "%work", work.b, i)
+            def add(i, to=to, factor=factor):
+                product = inner.operate("fmul", factor, inner.row(chain, work.f_last, i))
+                inner.put(inner.operate("fadd", inner.row(chain, to, i), product), chain, to, i)
 
-        def end(i):
-            total = text.operate("fadd", text.row("%work", work.a, i), text.row("%work", work.b, i))
-            end = text.operate("fmul", total, text.constant(0.5))
-            text.put(text.operate("fsub", end, text.row("%x", 0, i)), ends, 0, i)
+            self.text.fold(self.D, {}, add)
+        return []
 
-        text.fold(D, {}, start)
-        pairs = text.integer("lshr", N, 1)
-        with text.times(pairs) as m:
-            is_last = text.compare_integers("eq", text.integer("add", m, 1), pairs)
-            factor = text.new(f"select i1 {is_last}, {text.V} {s}, {text.V} {double}")
-            if self.is_inlined:
-                of_a = self.pair(text, "%work", (work.a, work.b), (double, factor))
-                with text.when(is_last):
-                    for i in range(D):
-                        text.put(of_a[i], "%work", work.f_last, i)
-            else:
-                self.sub_step(work.b, work.a, double)
-                self.sub_step(work.a, work.b, factor)
-        text.fold(D, {}, end)
-
-    def sub_step(self, of, to, factor):
-        """Add factor f(y) to rows, by a call; `f_last` keeps the value of f."""
-        text, work = self.text, self.work
-        self.call("f", text.place("%work", of), "%table", text.place("%work", work.f_last))
-
-        def add(i):
-            value = self.plus(text.row("%work", to, i), factor, text.row("%work", work.f_last, i))
-            text.put(value, "%work", to, i)
-
-        text.fold(self.D, {}, add)
-
-    def plus(self, a, factor, b):
-        return self.text.operate("fadd", a, self.text.operate("fmul", factor, b))
-
-    def pair(self, text, base, rows, factors):
+    def pair_of_rows(self, inner, base, rows, table, factors):
         """Add two sub-steps with f within the code; return f at the state after the first.
 
         `rows` are those of a, of b, and of f at the new a, if it is wanted.
@@ -279,22 +312,32 @@ class _Steps:
         function, D = self.half.functions["f"], self.D
 
         def value(x):
-            return function.values(text, lambda k: x[k], "%table", self.for_each and text.W > LANES)
+            return function.values(inner, lambda k: x[k], table, self.for_each and self.text.W > 1)
 
         def added(a, factor, change):
-            return text.operate("fadd", a, text.operate("fmul", factor, change))
+            return inner.operate("fadd", a, inner.operate("fmul", factor, change))
 
-        b = [text.row(base, rows[1], i) for i in range(D)]
+        b = [inner.row(base, rows[1], i) for i in range(D)]
         of_b = value(b)
-        a = [added(text.row(base, rows[0], i), factors[0], of_b[i]) for i in range(D)]
+        a = [added(inner.row(base, rows[0], i), factors[0], of_b[i]) for i in range(D)]
         for i in range(D):
-            text.put(a[i], base, rows[0], i)
+            inner.put(a[i], base, rows[0], i)
         of_a = value(a)
         for i in range(D):
-            text.put(added(b[i], factors[1], of_a[i]), base, rows[1], i)
+            inner.put(added(b[i], factors[1], of_a[i]), base, rows[1], i)
         for i in range(D if len(rows) > 2 else 0):
-            text.put(of_a[i], base, rows[2], i)
-        return of_a
+            inner.put(of_a[i], base, rows[2], i)
+        return of_a[:D]
+
+    def implicit_columns(self):
+        text, work = self.text, self.work
+        lengths = self.table("lengths", self.columns)
+        inverses = self.table("inverses", [1.0 / N for N in self.columns])
+        with text.times("%count") as c:
+            N = text.load("i64", text.at(lengths, c))
+            s = text.operate("fmul", text.row("%work", work.signed),
+                             text.shared(text.at(inverses, c)))  # fmt: skip
+            self.implicit_column(N, s, text.place("%work", work.ends, text.integer("mul", c, self.D)))
 
     def implicit_column(self, N, s, ends):
         """Add the linearly implicit Euler rule, whose increments are added up."""
@@ -333,44 +376,93 @@ class _Steps:
 
     # ----------------------------------------------------------------------------------- whole step
     def main(self):
-        """Add the function that takes steps of all lines."""
+        """Add the function that takes steps of all trajectories."""
         text = self.text
         text.add(f"define i64 @{self.name}(i64 %arguments) #0 {{")
         text.label("entry")
         self.of = Arguments(*(text.load("i64", text.plus("%arguments", 8 * k)) for k in SLOT))
-        self.base = self.of.work
-        with text.repeat() as more_lines:
-            number = text.load("i64", text.plus("%arguments", 8 * SLOT.line))
-            offset = text.integer("mul", number, self.rows.size * text.size)
-            self.line = text.integer("add", self.of.rows, offset)
-            self.table = text.integer(
-                "add", self.of.table, text.integer("mul", number, self.of.table_bytes)
-            )
-            state = text.row(self.line, self.rows.state)
-            with text.when(text.any(text.compare("olt", state, text.constant(0.0)))):
-                self.begin()
-            with text.repeat() as more_steps:
-                self.choose_length()
-                is_active = text.compare("ogt", text.row(self.of.work, self.work.taken),
-                                         text.constant(0.0))  # fmt: skip
-                is_active = text.any(is_active)
-                with text.when(is_active, likely=True):
-                    self.pause_if_spent()
-                    self.step()
-                more_steps.append(is_active)
-            following = text.integer("add", number, 1)
-            text.store("i64", following, text.plus("%arguments", 8 * SLOT.line))
-            more_lines.append(text.compare_integers("ult", following, self.of.lines))
+        self.base, self.line = self.of.work, text.place(self.of.work, self.work.line)
+        self.table = self.of.table
+        if self.for_each:
+            self.table = text.place(self.of.work, self.work.table)
+        with text.repeat() as more:
+            self.choose_length()
+            free = text.compare("ule", self.work_row("taken"), text.constant(0.0))
+            with text.when(text.any(free), likely=False):
+                self.take_next(text.bits(free))
+            is_active = text.any(text.compare("ogt", self.work_row("taken"), text.constant(0.0)))
+            with text.when(is_active, likely=True):
+                self.pause_if_spent()
+                self.step()
+            own = text.load(text.I, self.own_at(0))
+            zero = "0" if text.W == 1 else "zeroinitializer"
+            more.append(text.any(text.new(f"icmp ne {text.I} {own}, {zero}")))
         text.add("  ret i64 1")
+
+    def argument(self, name):
+        """Return one of `Arguments` that the code changes."""
+        return self.text.load("i64", self.text.plus("%arguments", 8 * getattr(SLOT, name)))
+
+    def keep_argument(self, name, value):
+        self.text.store("i64", value, self.text.plus("%arguments", 8 * getattr(SLOT, name)))
+
+    def take_next(self, free):
+        """Write back the trajectories of lanes with these bits, and let them take the next ones."""
+        text, rows = self.text, self.rows
+        with text.times(text.W) as lane:
+            bit = text.integer("and", text.integer("lshr", free, lane), 1)
+            with text.when(text.compare_integers("ne", bit, 0)):
+                offset = text.integer("mul", lane, 8)
+                line, own = text.integer("add", self.line, offset), self.own_at(offset)
+                self.write_back(line, text.load("i64", own))
+                number = self.argument("following")
+                text.store("i64", 0, own)
+                with text.when(text.compare_integers("ult", number, self.of.count)):
+                    following = text.integer("add", number, 1)
+                    text.store("i64", following, own)
+                    self.keep_argument("following", following)
+                    size = 8 * rows.size
+                    at = text.integer("add", self.of.rows, text.integer("mul", number, size))
+                    self.copy_lane(at, 8, line, text.size, rows.size)
+                    if self.for_each:
+                        at = text.integer("mul", number, self.of.table_bytes)
+                        at = text.integer("add", self.of.table, at)
+                        to = text.integer("add", self.table, offset)
+                        self.copy_lane(at, 8, to, text.size, self.half.numbers)
+        begins = text.compare("olt", text.row(self.line, rows.state), text.constant(0.0))
+        with text.when(text.any(begins)):
+            self.begin(begins)
+        self.choose_length()
+
+    def own_at(self, offset):
+        """Return where the number of the trajectory of a lane stands, plus 1; 0 is none."""
+        return self.text.integer("add", self.text.place(self.of.work, self.work.own), offset)
+
+    def write_back(self, line, own):
+        """Write the rows of a lane to those of its trajectory, if it has one."""
+        text, size = self.text, 8 * self.rows.size
+        with text.when(text.compare_integers("ne", own, 0)):
+            at = text.integer("mul", text.integer("sub", own, 1), size)
+            at = text.integer("add", self.of.rows, at)
+            self.copy_lane(line, text.size, at, 8, self.rows.size)
+
+    def copy_lane(self, source, step, target, other, count):
+        """Copy so many numbers that stand so many bytes apart."""
+        text = self.text
+        with text.times(count) as k:
+            number = text.load("i64", text.integer("add", source, text.integer("mul", k, step)))
+            text.store("i64", number, text.integer("add", target, text.integer("mul", k, other)))
 
     def pause_if_spent(self):
         """Return 0 where the budget is spent."""
-        text, slot = self.text, self.text.plus("%arguments", 8 * SLOT.budget)
-        left = text.load("i64", slot)
-        with text.when(text.compare_integers("sle", left, 0)):
-            text.add("  ret i64 0")
-            text.label(text._name("never"))
-        text.store("i64", text.integer("sub", left, 1), slot)
+        text, left = self.text, self.argument("budget")
+        with text.when(text.compare_integers("sle", left, 0), likely=False):
+            with text.times(text.W) as lane:
+                offset = text.integer("mul", lane, 8)
+                line = text.integer("add", self.line, offset)
+                self.write_back(line, text.load("i64", self.own_at(offset)))
+            text.leave("i64 0")
+        self.keep_argument("budget", text.integer("sub", left, 1))
 
     def number(self, name):
         """Return one of `Numbers`."""
@@ -401,28 +493,31 @@ class _Steps:
         for name, value in found.items():
             self.text.put_chosen(value, self.of.work, getattr(self.work, name))
 
-    def begin(self):
-        """Begin the trajectories of a line: f, the largest moduli, the first length."""
+    def begin(self, begins):
+        """Begin the trajectories of some lanes: f, the largest moduli, the first length."""
         text, rows = self.text, self.rows
         zero, one = text.constant(0.0), text.constant(1.0)
-        self.call("f", self.line, self.table, text.place(self.line, rows.f))
+        f_new = text.place(self.of.work, self.work.f_new)
+        self.call("f", self.line, self.table, f_new)
+
+        def chosen(value, row, i=0):
+            value = text.select(begins, value, text.row(self.line, row, i))
+            text.put_chosen(value, self.line, row, i)
 
         def component(i, size, rate, total):
-            x, f = text.row(self.line, rows.x, i), text.row(self.line, rows.f, i)
-            text.put(text.absolute(x), self.line, rows.largest, i)
-            text.put(one, self.line, rows.mode, i)
+            x, f = text.row(self.line, rows.x, i), text.row(f_new, 0, i)
+            chosen(text.absolute(x), rows.largest, i)
+            chosen(one, rows.mode, i)
             counts = text.shared(text.at(self.of.counts, i))
             return text.apply(
                 rules.BEGIN_COMPONENT, x=x, f=f, counts=counts, size=size, rate=rate, total=total
             )
 
+        text.fold(self.extended, {}, lambda i: chosen(text.row(f_new, 0, i), rows.f, i))
         sums = text.fold(self.D, dict.fromkeys(("size", "rate", "total"), zero), component)
         found = text.apply(rules.BEGIN, **self.inputs(rules.BEGIN, **sums))
-        # Lanes that fill up the last line are done.
-        is_new = text.compare("oeq", text.row(self.line, rows.state), text.constant(BEGINS))
-        done = text.constant(float(State.DONE))
-        found["state"] = text.select(is_new, found["state"], done)
-        self.keep_rows(found)
+        for name, value in found.items():
+            chosen(value, getattr(rows, name))
 
     def choose_length(self):
         text, mode = self.text, State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
@@ -752,6 +847,6 @@ class _Steps:
                 text.store("i64", following, place_at)
                 next_at = text.plus(line, text.size * rows.next)
                 text.store("double", bits_of(float("inf")), next_at)
-                with text.when(text.compare_integers("ult", following, of.count)):
+                with text.when(text.compare_integers("ult", following, of.times_count)):
                     text.store("double", text.load("double", text.at(of.times, following)), next_at)
                 text.store("double", bits_of(0.0), text.plus(line, text.size * rows.tries))

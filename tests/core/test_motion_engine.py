@@ -106,7 +106,7 @@ def test_machine_code_has_the_bits_of_numpy(case, sign, with_atol, monkeypatch):
     if sign < 0.0 and case == "robertson":
         last = 1e-3
     f, times = right_hand_side(function, x0.shape[1]), [0.01 * last, 0.013 * last, last]
-    options = {"sign": sign, "atol": np.full(f.D, 1e-10) if with_atol else None}
+    options = {"sign": sign, "atol": (1e-10,) * f.D if with_atol else None}
     by_code = motion(f, x0, times, **options)
     monkeypatch.setattr(engine, "compiled", lambda *_, **__: None)
     assert_equal(by_code, motion(f, x0, times, **options))

@@ -31,8 +31,8 @@ import numpy as np
 EXPLICIT = 2, 4, 6, 8, 10
 IMPLICIT = 2, 3, 4, 6, 8, 12, 16
 
-# Columns that take turns with those of other chains, so that none waits for its last sub-step; those
-# of a chain follow one another on the same rows. Where f is long, they would not stay in the cache.
+# Columns of different chains take turns, so that none waits for its last sub-step; those of a chain
+# follow one another on the same rows. Where f is long, rows of one chain stay in the cache.
 CHAINS, ONE_CHAIN = ((10,), (8, 2), (6, 4)), (EXPLICIT,)
 
 

@@ -13,7 +13,7 @@ from .half import Half
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, State
 from .rules import MOST_STEPS, first_part, limit_of
-from .text import SLOT, Arguments, Numbers, lane_numbers, text_of_half
+from .text import COMPONENT, SLOT, Arguments, Numbers, lane_numbers, text_of_half
 
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
@@ -32,14 +32,17 @@ class Settings(NamedTuple):
     stiff: bool | None  # whether all steps are implicit, None to choose
 
 
-def constants_of(f, atol):
-    """Return the arrays (D,) of `Arguments`: extra, counts, keeps and seeds."""
+@functools.lru_cache(64)
+def components_of(f, atol):
+    """Return `Arguments.components` (4, D): the rows extra, counts, keeps and seeds."""
     is_clock = np.zeros(f.D, bool)
     is_clock[[*f.clocks]] = True
-    extra, keeps = np.where(is_clock, np.inf, 0.0 if atol is None else atol), np.zeros(f.D)
-    keeps[[*f.of_one_sign]] = 1.0
-    seeds = 2.0**-10 * np.cos(2.0 * np.arange(f.D) + 1.0)
-    return extra, np.where(is_clock, 0.0, 1.0), keeps, seeds
+    found = np.zeros((len(COMPONENT), f.D))
+    found[COMPONENT.extra] = np.where(is_clock, np.inf, 0.0 if atol is None else atol)
+    found[COMPONENT.counts] = ~is_clock
+    found[COMPONENT.keeps, [*f.of_one_sign]] = 1.0
+    found[COMPONENT.seeds] = 2.0**-10 * np.cos(2.0 * np.arange(f.D) + 1.0)
+    return found
 
 
 def numbers_of(f, settings, sign, first, last):
@@ -80,10 +83,10 @@ class Motion:
     def __init__(self, f, table, x0, times, sign, settings, states):
         self.f, self.table, self.x0, self.states = f, table, x0, states
         self.settings, self.times = settings, np.ascontiguousarray(times, np.float64)
-        atol, last = settings.atol, float(self.times[-1])
-        self.extra, self.counts, self.keeps, self.seeds = constants_of(f, atol)
-        self.numbers = np.array(numbers_of(f, settings, sign, float(self.times[0]), last))
-        self.has_atol = atol is not None
+        first, last = float(self.times[0]), float(self.times[-1])
+        self.components = components_of(f, settings.atol)
+        self.numbers = np.array(numbers_of(f, settings, sign, first, last))
+        self.has_atol = settings.atol is not None
         self.t = np.zeros(len(x0))
         self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
         self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
@@ -109,25 +112,28 @@ class Motion:
     def _take(self, block, abandoned):
         """Take all steps of a block of trajectories."""
         rows, B = half_of(self.f, False, self.has_atol).rows, block.stop - block.start
-        flat = np.zeros((B, rows.size))
+        own = flat = np.zeros((B, rows.size))
         flat[:, : self.f.D] = self.x0[block]
         flat[:, rows.state] = BEGINS
         flat[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
-        which, is_implicit, W = np.arange(B), bool(self.settings.stiff), 1 if B == 1 else WIDTH
-        while which.size and not abandoned:
-            half = half_of(self.f, is_implicit, self.has_atol)
-            own, steps = flat[which], flat[which, rows.steps]
+        which, mode, W = slice(None), int(bool(self.settings.stiff)), 1 if B == 1 else WIDTH
+        while len(own) and not abandoned:
+            half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
+            before = own[:, rows.steps].copy()
             self._steps(half, own, block, which, W, abandoned)
-            flat[which] = own
-            if is_implicit:
-                taken = own[:, rows.steps] - steps
+            if mode == State.IMPLICIT:
+                taken = own[:, rows.steps] - before
                 self.implicit_steps[block][which] += taken.astype(np.int64)
-            state = flat[:, rows.state]
-            is_implicit = not is_implicit
-            which = np.flatnonzero(state == float(is_implicit))
-            if not which.size:
-                is_implicit = not is_implicit
-                which = np.flatnonzero(state == float(is_implicit))
+            if own is not flat:
+                flat[which] = own
+            state, mode = (
+                flat[:, rows.state],
+                1 - mode,
+            )  # trajectories that turned to the other half
+            if not np.count_nonzero(state == mode):
+                mode = 1 - mode
+            which = np.flatnonzero(state == mode)
+            own = flat[which]
         self.t[block], self.steps[block] = flat[:, rows.t], flat[:, rows.steps]
         self.state[block] = flat[:, rows.state]
 
@@ -171,11 +177,10 @@ class Motion:
         work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
         arguments = np.array(Arguments(
             rows=rows.ctypes.data, count=len(rows), following=0, budget=0, table=table.ctypes.data,
-            table_bytes=table.strides[0], work=work.ctypes.data,
-            numbers=self.numbers.ctypes.data, extra=self.extra.ctypes.data,
-            counts=self.counts.ctypes.data, keeps=self.keeps.ctypes.data,
-            seeds=self.seeds.ctypes.data, times=self.times.ctypes.data, times_count=len(self.times),
-            states=self.states.ctypes.data, state_bytes=self.states.strides[0],
+            table_bytes=table.strides[0], work=work.ctypes.data, numbers=self.numbers.ctypes.data,
+            components=self.components.ctypes.data, times=self.times.ctypes.data,
+            times_count=len(self.times), states=self.states.ctypes.data,
+            state_bytes=self.states.strides[0],
         ), np.int64)  # fmt: skip
 
         def take(_, kept=(rows, table, work)):  # the arguments point there

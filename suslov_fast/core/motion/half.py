@@ -8,6 +8,7 @@ from ..lists.elimination import Elimination, work_of_elimination
 from ..lists.right_hand_side import List
 from ..lists.step import Values
 from ..lists.variational import Variational
+from . import rules
 from .columns import CHAINS, EXPLICIT, IMPLICIT
 from .functions import (
     Blocks,
@@ -32,6 +33,7 @@ class Half:
                  entries of f'; `factor`, from these and s; `solve`; and `power`, f' times a vector
                  after the entries and s
     numbers      how many numbers the table of a trajectory has
+    largest, allowed   rules for the size of all components, and for the error that one may have
     rows, work   `Rows` of a trajectory, and `Work`
     """
 
@@ -39,6 +41,12 @@ class Half:
         self.f, self.is_implicit, self.has_atol = f, is_implicit, has_atol
         D, extended = f.D, len(f.denominators)
         self.rows = rows_of(D, extended)
+        if has_atol:
+            self.largest, self.allowed = rules.NO_SIZE, rules.ALLOWED_WITH_ATOL
+        elif f.clocks:
+            self.largest, self.allowed = rules.LARGEST_WITH_CLOCKS, rules.ALLOWED_WITH_CLOCKS
+        else:
+            self.largest, self.allowed = rules.LARGEST, rules.ALLOWED
         # What the derivative has a block of for x, and the same for each column beside it.
         self.block = f.of if isinstance(f, Variational) else f
         if f.is_dense:

@@ -9,7 +9,7 @@ from ..lists.step import evaluate
 from . import rules
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors, weights_of_few
 from .rows import State
-from .text import NUMBER, Numbers
+from .text import COMPONENT, NUMBER, Component, Numbers
 
 
 class StepsInNumPy:
@@ -57,6 +57,10 @@ class StepsInNumPy:
         first = getattr(self.rows, name)
         return self.lanes[first : first + count]
 
+    def of_component(self, name, i):
+        """Return one of `Component`."""
+        return self.motion.components[getattr(COMPONENT, name), i]
+
     def _apply(self, rule, **inputs):
         """Carry out a rule; inputs that are not given are rows of the line and numbers."""
         values = {}
@@ -74,6 +78,12 @@ class StepsInNumPy:
             for name, a in rule.results.items()
         }
 
+    def _apply_to(self, rule, i, **inputs):
+        """Carry out a rule for a component."""
+        names = {*rule.inputs} - {*inputs}
+        inputs |= {n: self.of_component(n, i) for n in names if n in Component._fields}
+        return self._apply(rule, **inputs)
+
     def _keep(self, found):
         for name, value in found.items():
             self.row(name)[:] = value
@@ -89,7 +99,7 @@ class StepsInNumPy:
         sums = dict.fromkeys(("size", "rate", "total"), 0.0)
         for i in range(self.D):
             sums = self._apply(
-                rules.BEGIN_COMPONENT, x=x[i], f=f[i], counts=self.motion.counts[i], **sums
+                rules.BEGIN_COMPONENT, x=x[i], f=f[i], counts=self.of_component("counts", i), **sums
             )
         found = self._apply(rules.BEGIN, **sums)
         self._keep(found)
@@ -126,55 +136,53 @@ class StepsInNumPy:
 
     # ------------------------------------------------------------------------------------ one step
     def _step(self, taken, signed):
-        is_implicit, D, motion = self.half.is_implicit, self.D, self.motion
+        is_implicit, D = self.half.is_implicit, self.D
         x, f = self._rows("x", D).copy(), self._rows("f", self.extended).copy()
         if is_implicit:
             rate = self._derive(x)
         ends = self._ends(x, f, signed, len(self.columns))
         new, error = x + self._sum(self.own, ends), self._sum(self.of_error, ends)
-        largest, sizes, kept = self._rows("largest", D), {"top": 0.0, "moved": 0.0}, 1.0
+        largest, kept = self._rows("largest", D), 1.0
+        sizes = dict.fromkeys(self.half.largest.results, 0.0)
         for i in range(D):
             if self.f.of_one_sign:
                 found = self._apply(
                     rules.KEPT,
                     x=x[i],
                     new=new[i],
-                    keeps=motion.keeps[i],
+                    keeps=self.of_component("keeps", i),
                     kept=kept,
-                    extra=motion.extra[i],
+                    extra=self.of_component("extra", i),
                     size=abs(x[i]) if self.half.has_atol else largest[i],
                 )
                 new[i], kept = found["new"], found["kept"]
-            counts = motion.counts[i]
-            sizes = self._apply(
-                rules.LARGEST, x=x[i], new=new[i], largest=largest[i], counts=counts, **sizes
-            )
+            own = {"x": x[i], "new": new[i], "largest": largest[i]}
+            sizes = self._apply_to(self.half.largest, i, **own, **sizes)
         f_new = self._value(new)
         for k in range(D, self.extended):
             kept = self._apply(rules.SAME_SIGN, x=f[k], new=f_new[k], kept=kept)["kept"]
-        sums = ["ratio", "total"] + ([] if is_implicit else ["rates", "states"])
-        sums, inverse = dict.fromkeys(sums, 0.0), np.empty_like(x)
-        with_atol = rules.IMPLICIT_ERROR_WITH_ATOL if is_implicit else rules.ERROR_WITH_ATOL
-        rule = rules.IMPLICIT_ERROR if is_implicit else rules.ERROR
+        names = ["ratio", "total"] + ([] if is_implicit else ["rates", "states"])
+        sums, inverse = dict.fromkeys(names, 0.0), np.empty_like(x)
         noise = self._sum([abs(w) for w in self.own], [abs(end) for end in ends])
         for i in range(D):
-            inputs = dict(
-                x=x[i], new=new[i], error=error[i], largest=largest[i], noise=noise[i],
-                f_new=f_new[i], extra=motion.extra[i], **sizes, **sums,
-            )  # fmt: skip
+            own = {"x": x[i], "new": new[i], "error": error[i], "largest": largest[i]}
+            own |= {"noise": noise[i], "f_new": f_new[i]}
+            inverse[i] = self._apply_to(self.half.allowed, i, **own, **sizes)["inverse"]
+            own["inverse"] = inverse[i]
+            found = self._apply(rules.RATIO, **own, **sums)
             if not is_implicit:
-                inputs |= {"last": self.last[i], "f_last": self.f_last[i]}
-            sums = self._apply(with_atol if self.half.has_atol else rule, **inputs)
-            inverse[i] = sums.pop("inverse")
-        if is_implicit:
-            sums["rate"] = rate
-            rule = rules.CHOOSE_IMPLICIT
-        else:
-            rule = rules.CHOOSE_EXPLICIT
+                own |= {"last": self.last[i], "f_last": self.f_last[i]}
+                found |= self._apply(rules.DIFFERENCES, **own, **sums)
+            sums = found
+        sums |= {"taken": taken, "kept": kept}
         before = self.row("t").copy()
-        found = self._apply(rule, taken=taken, kept=kept, **sums)
-        accepted = found.pop("accepted")
+        found = self._apply(rules.AFTER, **sums)
+        sums["accepted"] = accepted = found.pop("accepted")
         self._keep(found)
+        if is_implicit:
+            self._keep(self._apply(rules.TURN_IMPLICIT, rate=rate, **sums))
+        else:
+            self._keep(self._apply(rules.TURN_EXPLICIT, **sums))
         passed = Passed(before, taken, x, f, new, f_new, inverse, ends, accepted)
         self._save_inside(passed)
         is_taken = passed.accepted > 0.0
@@ -202,7 +210,7 @@ class StepsInNumPy:
             )
             own[i], size = found["product"], found["size"]
         for i in range(D):
-            seed = self.motion.seeds[i]
+            seed = self.of_component("seeds", i)
             found = self._apply(rules.MODE, product=own[i], size=size, mode=mode[i], seed=seed)
             mode[i] = found["mode"]
         return size
@@ -210,16 +218,21 @@ class StepsInNumPy:
     # ----------------------------------------------------------------------------------- the times
     def _save_inside(self, passed):
         """Save the states at times that the step has passed."""
-        ratios = None
-        while (pending := (passed.accepted > 0.0) & (self.row("t") >= self.row("next"))).any():
+        if self._passed(passed, np.greater).any() and not self.half.is_implicit:
+            ratios = self._ratios_of_few(passed)
+        while self._passed(passed, np.greater).any():
             if self.half.is_implicit:
                 states = self._shorter_implicit_step(passed)
-                pending = (passed.accepted > 0.0) & (self.row("t") >= self.row("next"))
             else:
-                ratios = ratios or self._ratios_of_few(passed)
                 states = self._shorter_step(passed, ratios)
-            for lane in np.flatnonzero(pending):
+            for lane in np.flatnonzero(self._passed(passed, np.greater)):
                 self._save(lane, states[:, lane])
+        for lane in np.flatnonzero(self._passed(passed, np.equal)):
+            self._save(lane, passed.new[:, lane])
+
+    def _passed(self, passed, how):
+        """Return which lanes have taken a step to their next time, or beyond it."""
+        return (passed.accepted > 0.0) & how(self.row("t"), self.row("next"))
 
     def _save(self, lane, state):
         place, trajectory = (self.row(name).view(np.int64) for name in ("place", "trajectory"))
@@ -262,7 +275,7 @@ class StepsInNumPy:
     def _with_signs(self, states, passed):
         if self.f.of_one_sign:
             for i, x in enumerate(passed.x):
-                keeps = self.motion.keeps[i]
+                keeps = self.of_component("keeps", i)
                 found = self._apply(rules.WITH_SIGN, value=states[i], x=x, keeps=keeps)
                 states[i] = found["value"]
         return states
@@ -271,8 +284,7 @@ class StepsInNumPy:
         found = self._inside(rules.INSIDE_IMPLICIT, passed)
         ends = self._ends(passed.x, passed.f, found["signed"], len(self.columns))
         is_inside, total, ratio = found["length"] > 0.0, 0.0, 0.0
-        states = np.where(is_inside, passed.x + self._sum(self.own, ends), passed.new)
-        states = self._with_signs(states, passed)
+        states = self._with_signs(passed.x + self._sum(self.own, ends), passed)
         errors = abs(self._sum(self.of_error, ends)) * passed.inverse
         for own in errors:
             ratio = self._apply(rules.LARGER_RATIO, error=own, inverse=1.0, ratio=ratio)["ratio"]

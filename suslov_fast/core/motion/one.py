@@ -9,7 +9,7 @@ from array import array
 
 import numpy as np
 
-from .engine import BUDGET, code_of_half, constants_of, half_of, numbers_of
+from .engine import BUDGET, code_of_half, components_of, half_of, numbers_of
 from .rows import BEGINS, State
 from .text import NUMBER, SLOT, Arguments, lane_numbers
 
@@ -29,13 +29,11 @@ def _plan(f, table, settings, sign):
     code = code_of_half(half, 1, False)
     if code is None:
         return None
-    atol = None if settings.atol is None else np.array(settings.atol)
-    arrays = constants_of(f, atol)
     own = half.table_of(np.frombuffer(table))
-    extra, counts, keeps, seeds = (each.ctypes.data for each in arrays)
+    components = components_of(f, settings.atol)
     arguments = Arguments(
-        rows=0, count=1, following=0, budget=0, table=own.ctypes.data, table_bytes=0, work=0, numbers=0,
-        extra=extra, counts=counts, keeps=keeps, seeds=seeds, times=0, times_count=0, states=0,
+        rows=0, count=1, following=0, budget=0, table=own.ctypes.data, table_bytes=0, work=0,
+        numbers=0, components=components.ctypes.data, times=0, times_count=0, states=0,
         state_bytes=_SIZE * f.D,
     )  # fmt: skip
     numbers = array("d", numbers_of(f, settings, sign, 1.0, 1.0))
@@ -44,7 +42,7 @@ def _plan(f, table, settings, sign):
     rows = rows[f.D :]  # those after x
     work = array("d", bytes(_SIZE * (half.work.size + lane_numbers(half))))
     budget = max(BUDGET // f.work, 1)
-    return code, array("q", arguments), numbers, rows, work, half.rows, budget, (arrays, own)
+    return code, array("q", arguments), numbers, rows, work, half.rows, budget, (components, own)
 
 
 def motion_of_one(f, table, x, times, sign, settings):

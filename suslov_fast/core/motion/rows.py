@@ -85,8 +85,8 @@ def work_of(rows, numbers, D, denominators, chains, columns, entries, factors, s
     """Return the rows of `Work`."""
     extended = D + denominators
     others = (chains - 1) * (D + 2 * extended)
-    sizes = [rows, 1, numbers, D, extended, D, extended, extended, others, columns * D, D, extended, D,
-             entries, factors, D, *[1] * 4, scratch]  # fmt: skip
+    sizes = [rows, 1, numbers, D, extended, D, extended, extended, others, columns * D,
+             D, extended, D, entries, factors, D, *[1] * 4, scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

@@ -26,6 +26,7 @@ import inspect
 from math import inf, sqrt
 from typing import NamedTuple
 
+from ..lists.functions import from_bits
 from ..lists.numbers import Number, larger, smaller
 from ..lists.step import Values
 from .rows import State
@@ -33,6 +34,8 @@ from .rows import State
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
 SMALLEST, OF_ROUNDING, OF_CLOCK = 2.0**-20, 2.0**-52, 2.0**-50
 SAFETY, SHORTER, LONGER, AT_FIRST, AFTER_REFUSED, OF_NAN = 0.8, 0.2, 4.0, 10.0, 1.0, 0.25
+# Less an eighth of the bits of a number they are those of its root, the error in both directions.
+_ROOT = from_bits(round((1023 * 9 / 8 - 0.058) * 2**52))
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
 SHORTEST, LEAST = 2.0**-44, 2.0**-1000  # of a step: part of the time, and length
@@ -103,62 +106,59 @@ def SAME_SIGN(x, new, kept):
 
 
 @_rule
-def LARGEST(x, new, largest, counts, top, moved):
-    """The largest modulus of a component; a clock counts with its change in the step."""
+def NO_SIZE():
+    """With `atol` no component depends on others."""
+    return {}
+
+
+@_rule
+def LARGEST(new, largest, top):
+    """The largest modulus of all components."""
+    return {"top": larger(larger(abs(new), largest), top)}
+
+
+@_rule
+def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
+    """The same where a clock counts with its change in the step."""
     change = (counts > 0.0).select(0.0, abs(new - x))
     size = (counts > 0.0).select(larger(abs(new), largest), change)
     return {"top": larger(size, top), "moved": larger(change, moved)}
 
 
-def _ratio(error, allowed, f_new, ratio, total):
-    """Return the inverse of an allowed error, and the largest ratio and the total with one more."""
-    inverse = 1.0 / larger(allowed, TINY)
+def _by_largest(new, largest, top, rtol):
+    return rtol * larger(larger(abs(new), largest), SMALLEST * top)
+
+
+@_rule
+def ALLOWED(new, largest, top, rtol):
+    """The inverse of the allowed error of a component."""
+    return {"inverse": 1.0 / larger(_by_largest(new, largest, top, rtol), TINY)}
+
+
+@_rule
+def ALLOWED_WITH_CLOCKS(new, largest, top, moved, extra, rtol):
+    allowed = larger(extra + _by_largest(new, largest, top, rtol), OF_CLOCK * moved)
+    return {"inverse": 1.0 / larger(allowed, TINY)}
+
+
+@_rule
+def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
+    allowed = larger(extra + rtol * larger(abs(x), abs(new)), OF_ROUNDING * noise)
+    return {"inverse": 1.0 / larger(allowed, TINY)}
+
+
+@_rule
+def RATIO(error, inverse, f_new, ratio, total):
+    """The largest error by what is allowed, and a sum that shows what is not finite."""
     own = abs(error) * inverse
-    found = {"ratio": larger(own, ratio), "total": total + own + abs(f_new), "inverse": inverse}
-    return inverse, found
+    return {"ratio": larger(own, ratio), "total": total + own + abs(f_new)}
 
 
-def _differences(inverse, new, f_new, last, f_last, rates, states):
-    """Return the squared differences of f and of states with one more."""
+@_rule
+def DIFFERENCES(new, f_new, last, f_last, inverse, rates, states):
+    """The squared differences of f and of states, between the next state and the last column."""
     of_f, of_states = (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
-
-
-def _by_largest(new, largest, top, moved, extra, rtol):
-    allowed = extra + rtol * larger(larger(abs(new), largest), SMALLEST * top)
-    return larger(allowed, OF_CLOCK * moved)
-
-
-def _by_both(x, new, noise, extra, rtol):
-    return larger(extra + rtol * larger(abs(x), abs(new)), OF_ROUNDING * noise)
-
-
-@_rule
-def ERROR(
-    new, error, largest, f_new, last, f_last, extra, top, moved, rtol, ratio, total, rates, states
-):
-    allowed = _by_largest(new, largest, top, moved, extra, rtol)
-    inverse, found = _ratio(error, allowed, f_new, ratio, total)
-    return found | _differences(inverse, new, f_new, last, f_last, rates, states)
-
-
-@_rule
-def ERROR_WITH_ATOL(
-    x, new, error, noise, f_new, last, f_last, extra, rtol, ratio, total, rates, states
-):
-    inverse, found = _ratio(error, _by_both(x, new, noise, extra, rtol), f_new, ratio, total)
-    return found | _differences(inverse, new, f_new, last, f_last, rates, states)
-
-
-@_rule
-def IMPLICIT_ERROR(new, error, largest, f_new, extra, top, moved, rtol, ratio, total):
-    allowed = _by_largest(new, largest, top, moved, extra, rtol)
-    return _ratio(error, allowed, f_new, ratio, total)[1]
-
-
-@_rule
-def IMPLICIT_ERROR_WITH_ATOL(x, new, error, noise, f_new, extra, rtol, ratio, total):
-    return _ratio(error, _by_both(x, new, noise, extra, rtol), f_new, ratio, total)[1]
 
 
 # -------------------------------------------------------------------------------- one for each lane
@@ -193,83 +193,96 @@ def LENGTH(t, wanted, state, mode, last, sign):
     return {"taken": taken, "signed": sign * taken}
 
 
-def _after(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest, most):
-    """Return what both halves have in common: numbers, truth values and the next length.
-
-    `stops` is where a lane has no steps left, unless the other half takes the next one.
-    """
-    is_finite = total < inf
-    factor = larger(smaller(SAFETY / ratio.sqrt().sqrt().sqrt(), longer), SHORTER)
-    accepted = (taken > 0.0) & is_finite & (kept > 0.0) & (ratio <= 1.0)
-    sees = is_finite & (kept > 0.0)  # the estimate means something
-    factor = sees.select(factor, OF_NAN)
-    factor = accepted.select(factor, smaller(factor, REFUSED))
-    is_active = taken > 0.0
-    reaches = (wanted < REACH * (last - t)).select(0.0, 1.0) > 0.0
-    length = smaller(factor * taken, longest)
-    after = accepted.select(reaches.select(last, t + taken), t)
-    tried = tries + is_active.select(1.0, 0.0)
-    is_short = (length < larger(SHORTEST * after, LEAST)) & is_active
-    # A state keeps its number unless one of these happens.
-    state = is_short.select(float(State.ENDED), state)
-    state = (is_active & (after >= last)).select(float(State.DONE), state)
-    stops = is_active & (tried > most) & (state < State.DONE)
-    return accepted, is_active, length, state, stops, {
-        "accepted": accepted.select(1.0, 0.0),
-        "t": after,
-        "longer": is_active.select(accepted.select(LONGER, AFTER_REFUSED), longer),
-        "steps": steps + accepted.select(1.0, 0.0),
-        "tries": tried,
-    }  # fmt: skip
+def _root(ratio):
+    """Return ratio**(-1/8), within 3.3 percent: bits of a number are nearly its logarithm."""
+    return ratio._of("bits_sub", _ROOT, ratio.then("bits_lshr", from_bits(3)))
 
 
 @_rule
-def CHOOSE_EXPLICIT(
-    t, taken, wanted, longer, state, stiff, easy, patience, trial, steps, tries, ratio, total,
-    kept, rates, states, last, longest, limit, switches, most,
+def AFTER(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest):
+    """Whether a step is taken, and the length of the next one."""
+    is_finite = total < inf
+    factor = larger(smaller(SAFETY * _root(ratio), longer), SHORTER)
+    is_active = taken > 0.0
+    sees = is_finite & (kept > 0.0)  # the estimate means something
+    accepted = is_active & sees & (ratio <= 1.0)
+    factor = sees.select(factor, OF_NAN)
+    factor = accepted.select(factor, smaller(factor, REFUSED))
+    reaches = (wanted < REACH * (last - t)).select(t + taken, last)
+    after = accepted.select(reaches, t)
+    return {
+        "accepted": accepted.select(1.0, 0.0),
+        "t": after,
+        "wanted": is_active.select(smaller(factor * taken, longest), wanted),
+        "longer": is_active.select(accepted.select(LONGER, AFTER_REFUSED), longer),
+        "state": (is_active & (after >= last)).select(float(State.DONE), state),
+        "steps": steps + accepted.select(1.0, 0.0),
+        "tries": tries + is_active.select(1.0, 0.0),
+    }
+
+
+def _ends(t, taken, wanted, state, tries, most):
+    """Return the state of lanes whose steps become too short, and which have taken too many."""
+    runs = (taken > 0.0) & (state < State.DONE)
+    is_short = runs & (wanted < larger(SHORTEST * t, LEAST))
+    state = is_short.select(float(State.ENDED), state)
+    return runs, state, runs & (tries > most) & (state < State.DONE)
+
+
+def _is_stiff(taken, rates, states, limit):
+    return (taken * taken * rates > limit * limit * states) & (states > 0.0)
+
+
+@_rule
+def LOOKS(t, taken, wanted, tries, rates, states, stiff, limit, most):
+    """Whether `TURN_EXPLICIT` changes anything."""
+    is_stiff = _is_stiff(taken, rates, states, limit) | (stiff > 0.0)
+    is_over = (wanted < larger(SHORTEST * t, LEAST)) | (tries > most)
+    return {"looks": (taken > 0.0) & (is_stiff | is_over)}
+
+
+@_rule
+def TURN_EXPLICIT(
+    t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
+    limit, switches, most,
 ):  # fmt: skip
-    accepted, is_active, length, state, stops, found = _after(
-        t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest, most
-    )
-    is_stiff = (taken * taken * rates > limit * limit * states) & (states > 0.0)
-    easy_now = is_stiff.select(0.0, easy + 1.0)
+    """Whether the motion ends, or a lane becomes implicit, after `AFTER`."""
+    _, state, stops = _ends(t, taken, wanted, state, tries, most)
+    is_stiff, accepted = _is_stiff(taken, rates, states, limit), accepted > 0.0
+    easy_now = is_stiff.select(0.0, (stiff > 0.0).select(easy + 1.0, 0.0))
     stiff_now = is_stiff.select(stiff + 1.0, (easy_now < FORGET).select(stiff, 0.0))
-    easy, stiff = accepted.select(easy_now, easy), accepted.select(stiff_now, stiff)
+    easy = accepted.select((stiff_now > 0.0).select(easy_now, 0.0), easy)
+    stiff = accepted.select(stiff_now, stiff)
     turns = (stiff >= patience) & (switches > 0.0) & (state < State.IMPLICIT)
-    return found | {
-        "wanted": is_active.select(length, wanted),
-        "longer": turns.select(AT_FIRST, found["longer"]),
+    return {
+        "longer": turns.select(AT_FIRST, longer),
         "state": turns.select(float(State.IMPLICIT), stops.select(float(State.TOO_MANY), state)),
         "stiff": turns.select(0.0, stiff),
         "easy": turns.select(0.0, easy),
-        "patience": patience,
         "trial": turns.select(TRIAL, trial),
     }
 
 
 @_rule
-def CHOOSE_IMPLICIT(
-    t, taken, wanted, longer, state, stiff, easy, patience, trial, steps, tries, ratio, total,
-    kept, rate, last, longest, limit, switches, most,
-):  # fmt: skip
-    accepted, is_active, length, state, stops, found = _after(
-        t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest, most
-    )
+def TURN_IMPLICIT(
+    t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, limit, switches, most
+):
+    """The same for an implicit lane, which may become explicit."""
+    runs, state, stops = _ends(t, taken, wanted, state, tries, most)
+    accepted = accepted > 0.0
     left = larger(trial - 1.0, 0.0)
     is_trial = left > 0.0
-    product = rate * length
+    product = rate * wanted
     is_easy = (product < 2.0 * limit) & (product < is_trial.select(0.6 * limit, inf))
     easy_now = is_easy.select(easy + 1.0, 0.0)
     patient = (is_easy | is_trial).select(patience, PATIENCE)
     easy, patience = accepted.select(easy_now, easy), accepted.select(patient, patience)
-    runs = (state < State.DONE) & is_active
-    turns = (easy >= EASY) & (switches > 0.0) & runs & accepted
+    turns = (easy >= EASY) & (switches > 0.0) & runs & accepted & (state < State.DONE)
     after_trial = is_trial.select(smaller(4.0 * patience, MOST_PATIENCE), patience)
-    explicit = smaller(length, limit / larger(rate, LEAST))
-    return found | {
-        "wanted": is_active.select(turns.select(explicit, length), wanted),
+    explicit = smaller(wanted, limit / larger(rate, LEAST))
+    return {
+        "wanted": turns.select(explicit, wanted),
         "state": turns.select(float(State.EXPLICIT), stops.select(float(State.TOO_MANY), state)),
-        "stiff": turns.select(0.0, stiff),
         "easy": turns.select(0.0, easy),
         "patience": turns.select(after_trial, patience),
         "trial": accepted.select(left, trial),
@@ -286,12 +299,11 @@ OF_ALLOWED = 0.25
 def INSIDE(t, after, taken, next, accepted, sign):
     """Of the shorter step to the next time: from which end, and its length."""
     offset = next - t
-    is_pending = (accepted > 0.0) & (next <= after)
+    is_inside = (accepted > 0.0) & (next < after)
     is_forward = offset <= 0.5 * taken
-    length = is_forward.select(offset, offset - taken)
-    length = (is_pending & (next < after)).select(length, 0.0)
+    length = is_inside.select(is_forward.select(offset, offset - taken), 0.0)
     return {
-        "forward": (is_pending & is_forward & (next < after)).select(1.0, 0.0),
+        "forward": (is_inside & is_forward).select(1.0, 0.0),
         "signed": sign * length,
         "part": abs(length) / larger(taken, LEAST),
     }
@@ -324,8 +336,7 @@ def LARGER_RATIO(error, inverse, ratio):
 @_rule
 def INSIDE_IMPLICIT(t, after, taken, next, accepted, sign):
     """Of the shorter step from the state before the step to the next time."""
-    is_pending = (accepted > 0.0) & (next <= after)
-    length = (is_pending & (next < after)).select(next - t, 0.0)
+    length = ((accepted > 0.0) & (next < after)).select(next - t, 0.0)
     return {"length": length, "signed": sign * length}
 
 

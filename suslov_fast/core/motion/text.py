@@ -38,14 +38,20 @@ class Arguments(NamedTuple):
     table_bytes: int  # from trajectory to trajectory
     work: int  # address of the rows of `Work`
     numbers: int  # address of `Numbers`
-    extra: int  # address of what is added to the allowed errors: atol, infinity for clocks (D)
-    counts: int  # address of 1 for components, 0 for clocks (D)
-    keeps: int  # address of 1 for components that keep their sign, else 0 (D)
-    seeds: int  # address of what is added to vectors of the power iteration (D)
+    components: int  # address of the rows of `Component` (4, D)
     times: int  # address of the moduli of times, ascending (times_count,)
     times_count: int
     states: int  # address of the states at these times (count, trajectories, D)
     state_bytes: int  # of one time
+
+
+class Component(NamedTuple):
+    """Numbers of a component that all lanes share."""
+
+    extra: float  # what is added to the allowed error: atol, infinity for clocks
+    counts: float  # 1, for clocks 0
+    keeps: float  # 1 for components that keep their sign, else 0
+    seeds: float  # what is added to the vector of the power iteration
 
 
 class Numbers(NamedTuple):
@@ -64,7 +70,9 @@ class Numbers(NamedTuple):
 
 
 LANES = 1 + len(CHAINS)  # of columns of one trajectory: a chain each, and the first one again
-SLOT, NUMBER = Arguments(*range(len(Arguments._fields))), Numbers(*range(len(Numbers._fields)))
+SLOT, NUMBER, COMPONENT = (
+    kind(*range(len(kind._fields))) for kind in (Arguments, Numbers, Component)
+)
 
 
 def lane_numbers(half):
@@ -157,9 +165,9 @@ class _Steps:
         rows = self.table("rows", [pair.chain * (work.chains - work.a) for pair in pairs])
         begins = self.table("begins", [int(pair.begins) for pair in pairs])
         ends = self.table("ends", [int(pair.ends) for pair in pairs])
-        inner = text
-        if self.is_inlined and text.W > numbers_in_register():
-            inner = Code(numbers_in_register(), text)
+        inner, W = text, numbers_in_register()
+        if self.is_inlined and W < text.W:
+            inner = Code(W, text)
             inner.size = text.size
         with text.times(len(pairs)) as k:
             column, begin, end, row = (
@@ -167,23 +175,21 @@ class _Steps:
             )
             inverse = inner.shared(text.at(inverses, k))
             end = text.compare_integers("ne", end, 0)
-            with text.when(text.compare_integers("ult", column, "%count")):
-                with text.times(text.W // inner.W) as part:
-                    offset = text.integer("mul", part, 8 * inner.W)
-                    x, f, lanes = (
-                        text.integer("add", each, offset) for each in ("%x", "%f", "%work")
-                    )
-                    chain = text.place(lanes, 0, row)
-                    table = text.integer("add", "%table", offset) if self.for_each else "%table"
-                    s = inner.operate("fmul", inner.row(lanes, work.signed), inverse)
-                    double = inner.operate("fadd", s, s)
-                    factor = inner.new(f"select i1 {end}, {inner.V} {s}, {inner.V} {double}")
-                    with text.when(text.compare_integers("ne", begin, 0)):
-                        self.begin_column(inner, chain, x, f, s)
-                    of_a = self.pair(inner, chain, table, (double, factor))
-                    with text.when(end):
-                        to = text.place(lanes, work.ends, text.integer("mul", column, D))
-                        self.end_column(inner, chain, x, of_a, to)
+            is_wanted = text.compare_integers("ult", column, "%count")
+            with text.when(is_wanted), text.times(text.W // inner.W) as part:
+                offset = text.integer("mul", part, 8 * inner.W)
+                x, f, lanes = (text.integer("add", each, offset) for each in ("%x", "%f", "%work"))
+                chain = text.place(lanes, 0, row)
+                table = text.integer("add", "%table", offset) if self.for_each else "%table"
+                s = inner.operate("fmul", inner.row(lanes, work.signed), inverse)
+                double = inner.operate("fadd", s, s)
+                factor = inner.new(f"select i1 {end}, {inner.V} {s}, {inner.V} {double}")
+                with text.when(text.compare_integers("ne", begin, 0)):
+                    self.begin_column(inner, chain, x, f, s)
+                of_a = self.pair(inner, chain, table, (double, factor))
+                with text.when(end):
+                    to = text.place(lanes, work.ends, text.integer("mul", column, D))
+                    self.end_column(inner, chain, x, of_a, to)
 
     def begin_column(self, inner, chain, x, f, s):
         work = self.work
@@ -253,7 +259,9 @@ class _Steps:
             with text.when(inner.any(begins)):
                 text.fold(D, {}, start)
             if self.is_inlined:
-                self.pair_of_rows(inner, rows, (first_a, first_b, first_f), "%table", (double, factor))
+                self.pair_of_rows(
+                    inner, rows, (first_a, first_b, first_f), "%table", (double, factor)
+                )
             else:
                 for of, to, length in ((first_b, first_a, double), (first_a, first_b, factor)):
                     places = inner.place(rows, of), "%table", inner.place(rows, first_f)
@@ -337,7 +345,9 @@ class _Steps:
             N = text.load("i64", text.at(lengths, c))
             s = text.operate("fmul", text.row("%work", work.signed),
                              text.shared(text.at(inverses, c)))  # fmt: skip
-            self.implicit_column(N, s, text.place("%work", work.ends, text.integer("mul", c, self.D)))
+            self.implicit_column(
+                N, s, text.place("%work", work.ends, text.integer("mul", c, self.D))
+            )
 
     def implicit_column(self, N, s, ends):
         """Add the linearly implicit Euler rule, whose increments are added up."""
@@ -468,6 +478,11 @@ class _Steps:
         """Return one of `Numbers`."""
         return self.text.shared(self.text.plus(self.of.numbers, 8 * getattr(NUMBER, name)))
 
+    def of_component(self, name, i):
+        """Return one of `Component`."""
+        row = self.text.plus(self.of.components, 8 * getattr(COMPONENT, name) * self.D)
+        return self.text.shared(self.text.at(row, i))
+
     def inputs(self, rule, **others):
         """Return the inputs of a rule for lanes: rows of the line and of `work`, and numbers."""
         found = {}
@@ -508,7 +523,7 @@ class _Steps:
             x, f = text.row(self.line, rows.x, i), text.row(f_new, 0, i)
             chosen(text.absolute(x), rows.largest, i)
             chosen(one, rows.mode, i)
-            counts = text.shared(text.at(self.of.counts, i))
+            counts = self.of_component("counts", i)
             return text.apply(
                 rules.BEGIN_COMPONENT, x=x, f=f, counts=counts, size=size, rate=rate, total=total
             )
@@ -533,27 +548,24 @@ class _Steps:
         self.call_with("columns", x, f, self.table, base, len(self.columns))
         own, of_error = weights(self.columns, self.p), weights_of_errors(self.columns, self.p)
 
-        def next_state(i, top, moved, kept):
-            start, largest = text.row(self.line, rows.x, i), text.row(self.line, rows.largest, i)
+        sizes = dict.fromkeys(self.half.largest.results, zero)
+
+        def next_state(i, kept, **sizes):
+            start = text.row(self.line, rows.x, i)
             new = text.operate("fadd", start, self.sum_of_ends(own, i))
-            counts = text.shared(text.at(self.of.counts, i))
             if self.f.of_one_sign:
+                before = text.row(self.line, rows.largest, i)
                 found = text.apply(
                     rules.KEPT, x=start, new=new, kept=kept, rtol=self.number("rtol"),
-                    keeps=text.shared(text.at(self.of.keeps, i)),
-                    extra=text.shared(text.at(self.of.extra, i)),
-                    size=text.absolute(start) if self.half.has_atol else largest,
+                    keeps=self.of_component("keeps", i), extra=self.of_component("extra", i),
+                    size=text.absolute(start) if self.half.has_atol else before,
                 )  # fmt: skip
                 new, kept = found["new"], found["kept"]
             text.put_chosen(new, base, work.new, i)
             text.put(self.sum_of_ends(of_error, i), base, work.error, i)
-            found = text.apply(
-                rules.LARGEST, x=start, new=new, largest=largest, counts=counts, top=top,
-                moved=moved,
-            )  # fmt: skip
-            return found | {"kept": kept}
+            return self.apply(self.half.largest, i, new=new, **sizes) | {"kept": kept}
 
-        sizes = text.fold(D, {"top": zero, "moved": zero, "kept": one}, next_state)
+        sizes = text.fold(D, sizes | {"kept": one}, next_state)
         kept = sizes.pop("kept")
         self.call("f", text.place(base, work.new), self.table, text.place(base, work.f_new))
         for k in range(D, self.extended):  # denominators of clocks
@@ -563,14 +575,38 @@ class _Steps:
         sums = text.fold(
             D, dict.fromkeys(sums, zero), lambda i, **sums: self.add_error(i, own, sizes, sums)
         )
-        rule = rules.CHOOSE_IMPLICIT if self.half.is_implicit else rules.CHOOSE_EXPLICIT
-        inputs = sums | {"kept": kept, "taken": self.work_row("taken"), "rate": rate}
-        found = text.apply(rule, **self.inputs(rule, **inputs))
+        sums |= {"kept": kept, "taken": self.work_row("taken"), "rate": rate}
         before = text.row(self.line, rows.t)
-        self.keep_work({"accepted": found.pop("accepted"), "t": before})
+        found = text.apply(rules.AFTER, **self.inputs(rules.AFTER, **sums))
+        sums["accepted"] = found.pop("accepted")
+        self.keep_work({"accepted": sums["accepted"], "t": before})
         self.keep_rows(found)
+        if self.half.is_implicit:
+            self.turn(rules.TURN_IMPLICIT, sums)
+        else:
+            looks = text.apply(rules.LOOKS, **self.inputs(rules.LOOKS, **sums))["looks"]
+            with text.when(text.any(looks), likely=False):
+                self.turn(rules.TURN_EXPLICIT, sums)
         self.save_inside()
         self.move()
+
+    def turn(self, rule, sums):
+        """Let the motion of a lane end, or the other half take its next step."""
+        self.keep_rows(self.text.apply(rule, **self.inputs(rule, **sums)))
+
+    def apply(self, rule, i, **inputs):
+        """Carry out a rule for a component; inputs that are not given are numbers and rows."""
+        text = self.text
+        for name in {*rule.inputs} - {*inputs}:
+            if name in Numbers._fields:
+                inputs[name] = self.number(name)
+            elif name in Component._fields:
+                inputs[name] = self.of_component(name, i)
+            elif name in ("x", "largest"):
+                inputs[name] = text.row(self.line, getattr(self.rows, name), i)
+            else:
+                inputs[name] = text.row(self.of.work, getattr(self.work, name), i)
+        return text.apply(rule, **inputs)
 
     def sum_of_ends(self, factors, i):
         """Return the sum of factors times y_c - x of component i, in the order of columns."""
@@ -583,30 +619,19 @@ class _Steps:
 
     def add_error(self, i, own, sizes, sums):
         """Return sums with the error of a component; `error` becomes the inverse of the allowed."""
-        text, rows, work = self.text, self.rows, self.work
-        base, is_implicit = self.of.work, self.half.is_implicit
-        if self.half.has_atol:
-            rule = rules.IMPLICIT_ERROR_WITH_ATOL if is_implicit else rules.ERROR_WITH_ATOL
-        else:
-            rule = rules.IMPLICIT_ERROR if is_implicit else rules.ERROR
-        inputs = {
-            "x": lambda: text.row(self.line, rows.x, i),
-            "largest": lambda: text.row(self.line, rows.largest, i),
-            "last": lambda: text.row(base, work.a, i),
-            "extra": lambda: text.shared(text.at(self.of.extra, i)),
-            "top": lambda: sizes["top"],
-            "moved": lambda: sizes["moved"],
-            "rtol": lambda: self.number("rtol"),
-            "noise": lambda: self.noise(own, i),
-        }
-
-        def value(name):
-            if name in sums:
-                return sums[name]
-            return inputs[name]() if name in inputs else text.row(base, getattr(work, name), i)
-
-        found = text.apply(rule, **{name: value(name) for name in rule.inputs})
-        text.put(found.pop("inverse"), base, work.error, i)
+        allowed, inputs = self.half.allowed, dict(sizes)
+        if "noise" in allowed.inputs:
+            inputs["noise"] = self.noise(own, i)
+        inverse = self.apply(allowed, i, **inputs)["inverse"]
+        found = self.apply(
+            rules.RATIO, i, inverse=inverse, ratio=sums["ratio"], total=sums["total"]
+        )
+        if not self.half.is_implicit:
+            last = self.text.row(self.of.work, self.work.a, i)
+            inputs = {"last": last, "inverse": inverse}
+            inputs |= {name: sums[name] for name in ("rates", "states")}
+            found |= self.apply(rules.DIFFERENCES, i, **inputs)
+        self.text.put(inverse, self.of.work, self.work.error, i)
         return found
 
     def noise(self, own, i):
@@ -670,7 +695,7 @@ class _Steps:
             found = text.apply(
                 rules.MODE, product=text.row(right, 0, i), size=size,
                 mode=text.row(self.line, rows.mode, i),
-                seed=text.shared(text.at(self.of.seeds, i)),
+                seed=self.of_component("seeds", i),
             )  # fmt: skip
             text.put_chosen(found["mode"], self.line, rows.mode, i)
 
@@ -687,25 +712,25 @@ class _Steps:
     def save_inside(self):
         """Save the states at times that the step has passed."""
         text = self.text
-        with text.when(text.any(self.pending())):
-            if not self.half.is_implicit:
-                few = self.ratios_of_few()
-            with text.repeat() as more:
-                if self.half.is_implicit:
-                    self.shorter_implicit_step()
-                else:
-                    self.shorter_step(few)
-                pending = self.pending()
-                with text.when(text.any(pending)):
-                    self.save_lanes(text.bits(pending))
-                more.append(text.any(self.pending()))
+        with text.when(text.any(self.passed("oge")), likely=False):
+            with text.when(text.any(self.passed("ogt"))):
+                if not self.half.is_implicit:
+                    few = self.ratios_of_few()
+                with text.repeat() as more:
+                    if self.half.is_implicit:
+                        self.shorter_implicit_step()
+                    else:
+                        self.shorter_step(few)
+                    self.save_lanes(text.bits(self.passed("ogt")), self.work.start)
+                    more.append(text.any(self.passed("ogt")))
+            self.save_lanes(text.bits(self.passed("oeq")), self.work.new)
 
-    def pending(self):
-        """Return which lanes have a time within their step."""
+    def passed(self, how):
+        """Return which lanes have taken a step to their next time, or beyond it."""
         text, rows = self.text, self.rows
         next_, after = (text.row(self.line, k) for k in (rows.next, rows.t))
         accepted = text.compare("ogt", self.work_row("accepted"), text.constant(0.0))
-        return text.new(f"and {text.M} {accepted}, {text.compare('oge', after, next_)}")
+        return text.new(f"and {text.M} {accepted}, {text.compare(how, after, next_)}")
 
     def ratios_of_few(self):
         """Return the errors of the first 1, 2 and 3 columns by what is allowed."""
@@ -773,7 +798,7 @@ class _Steps:
         text = self.text
         if not self.f.of_one_sign:
             return value
-        x, keeps = text.row(self.line, self.rows.x, i), text.shared(text.at(self.of.keeps, i))
+        x, keeps = text.row(self.line, self.rows.x, i), self.of_component("keeps", i)
         return text.apply(rules.WITH_SIGN, value=value, x=x, keeps=keeps)["value"]
 
     def shorter_implicit_step(self):
@@ -796,7 +821,6 @@ class _Steps:
 
         def component(i, total, ratio):
             value = text.operate("fadd", text.row(self.line, rows.x, i), self.sum_of_ends(own, i))
-            value = text.select(is_inside, value, text.row(base, work.new, i))
             text.put_chosen(self.with_sign(value, i), base, work.start, i)
             own_ratio = text.operate("fmul", text.absolute(self.sum_of_ends(of_error, i)),
                                      text.row(base, work.error, i))  # fmt: skip
@@ -823,11 +847,11 @@ class _Steps:
         W = self.text.W
         return "true" if W == 1 else f"<{', '.join(['i1 true'] * W)}>"
 
-    def save_lanes(self, pending):
-        """Save the state in `start` of the lanes with these bits, and go to their next time."""
-        text, rows, work, of = self.text, self.rows, self.work, self.of
+    def save_lanes(self, bits, row):
+        """Save the states in rows of `Work` of the lanes with these bits; go to their next time."""
+        text, rows, of = self.text, self.rows, self.of
         with text.times(text.W) as lane:
-            bit = text.integer("and", text.integer("lshr", pending, lane), 1)
+            bit = text.integer("and", text.integer("lshr", bits, lane), 1)
             with text.when(text.compare_integers("eq", bit, 1)):
                 of_lane = text.integer("mul", lane, 8)
                 line = text.integer("add", self.line, of_lane)
@@ -839,7 +863,7 @@ class _Steps:
                 to = text.integer("add", to, text.integer("mul", trajectory, 8 * self.D))
 
                 def copy(i):
-                    number = text.load("double", text.place(of_work, work.start, i))
+                    number = text.load("double", text.place(of_work, row, i))
                     text.store("double", number, text.at(to, i))
 
                 text.fold(self.D, {}, copy)

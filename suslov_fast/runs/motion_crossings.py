@@ -68,6 +68,8 @@ class MotionCrossings(Points):
     True
     """
 
+    _coordinates = "trajectory", "surface", "time"
+
     trajectory: NDArray[np.int64]
     surface: NDArray[np.int64]
     time: FloatArray

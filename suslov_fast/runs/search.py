@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..bodies.fields.advice import arguments_of
+from ..bodies.fields.calls import arguments_of
 from ..checks import FloatArray, require, wrong
 from ..core.motion.refine import crossing_fractions
 from ..core.users.sign_changes import sort_by_orbit, write_crossings

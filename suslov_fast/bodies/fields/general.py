@@ -317,7 +317,7 @@ class Field(FieldOfFunction):
         """
         names = variables("dimension", dimension, has_map=False)
         values = named_parameters(parameters, names, has_map=False)
-        tracer, rows = operands_of_function("f", f, names, values, f"{cls.__name__}.from_function")
+        tracer, rows = operands_of_function("f", f, names, values)
         equations = Equations(names, [*values], tracer.values, rows)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 
@@ -368,9 +368,7 @@ class Field(FieldOfFunction):
         names = variables("dimension", dimension, has_map=False)
         values = named_parameters(parameters, names, has_map=False)
         matrix = structure_matrix(K, len(names), names)
-        tracer, [energy] = operands_of_function(
-            "H", H, names, values, f"{cls.__name__}.from_hamiltonian"
-        )
+        tracer, [energy] = operands_of_function("H", H, names, values)
         equations = _of_hamiltonian(tracer, names, [*values], energy, matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 

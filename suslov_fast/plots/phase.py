@@ -146,7 +146,7 @@ def plot_phase(
     >>> ax = plot_phase(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), eps=0.2, extent=4.0)
     >>> ax.figure.savefig("phase.png")  # doctest: +SKIP
     """
-    from ..runs.plot import COLOURS, axes_for
+    from ..runs.plot import COLOURS, axes_for, spelled
 
     extent = positive("extent", extent)
     map_of(body).require("plot_phase", body)
@@ -182,7 +182,7 @@ def plot_phase(
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
-    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={eps:g}$"
+    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={spelled(eps)}$"
     products = rf"$I_{{13}}={I13:g}$, $I_{{23}}={I23:g}$" + (f", $k={k:g}$" if k else "")
     is_panel = ax is not None
     between = "\n" if is_panel or letter is not None else ", "

@@ -83,7 +83,7 @@ class Crossings(Points):
     array([ 4.72, 11.01, 17.3 , 23.59])
     """
 
-    _coordinates = "trajectory", "n", "time"
+    called = "a result of crossings"
 
     trajectory: NDArray[np.int64]
     n: NDArray[np.int64]
@@ -132,10 +132,6 @@ class Crossings(Points):
             chords = self.before + self.fraction[:, np.newaxis] * (self.after - self.before)
             points = np.where(self.over_pole[:, np.newaxis], chords, points)
         return read_only(points)
-
-    @property
-    def _on_orbits(self) -> FloatArray:
-        return self.before
 
     @cached_property
     def time(self) -> FloatArray:

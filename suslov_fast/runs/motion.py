@@ -148,6 +148,11 @@ class Motion(States):
     def _meaning(self) -> str:
         return "state" if self._variable == "x" else "angular velocity"
 
+    @property
+    def _heading(self) -> tuple[str, str, int]:
+        last = max(self.time, key=abs, default=0.0)
+        return self._titles["title"], f"to t = {last:g}", len(self.time)
+
     def _value(self, name: str, states: FloatArray) -> FloatArray:
         """Return the values of a public function for states of this motion."""
         function = getattr(import_module("suslov_fast"), name)

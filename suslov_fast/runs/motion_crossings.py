@@ -68,8 +68,6 @@ class MotionCrossings(Points):
     True
     """
 
-    _coordinates = "trajectory", "surface", "time"
-
     trajectory: NDArray[np.int64]
     surface: NDArray[np.int64]
     time: FloatArray

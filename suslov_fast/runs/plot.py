@@ -4,13 +4,15 @@ Imports Matplotlib (extra `plots`).
 """
 
 import math
+import re
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.fields.names import latex
-from ..checks import FloatArray, extra, integer, real_array, short, wrong
+from ..checks import FloatArray, extra, instance, integer, real_array, short, wrong
 from .files.datasets import varying
 
 try:
@@ -87,7 +89,7 @@ class _Colours(NamedTuple):
         axes.legend(squares, [f"{self.label} = {value:g}" for value in values], fontsize="small")
 
 
-def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any) -> Any:
+def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: Any, ax: Any) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
     chosen = _components(run, components)
     if lines not in (None, True, False):
@@ -104,28 +106,55 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any)
     if not lines:
         pieces, orbits = states, np.arange(B)
     most = _MOST_OVER_TIME if _TIME in chosen else _MOST_ON_LINES
-    drawn = _draw(axes, pieces, colours, orbits, lines, most)
+    drawn, count = _draw(axes, pieces, colours, orbits, lines, most)
     colours.explain(axes, drawn)
     _label(axes, run, chosen)
+    what, reach, total = run._heading
+    shown = f", {count:,} of their states" if count < B * total else ""
+    _entitle(axes, title, f"{what}\n{_orbits(B)} {reach}{shown}")
     return axes
 
 
-def plot_crossings(points: Any, components: Any, color: Any, ax: Any) -> Any:
+def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any) -> Any:
     """Draw crossings, and return the axes; see `Crossings.plot`."""
     K = len(points)
     chosen = _components(points, _varying(points) if components is None else components)
-    of_crossings = {name: getattr(points, name) for name in points._coordinates}
-    colours = _colours(points, color, (K,), of_crossings)
-    if colours.values is None and color is None:
-        colours = _levels(points, points._on_orbits)
+    is_of_map = hasattr(points, "eps")
+    names = "trajectory", "n" if is_of_map else "surface", "time"
+    colours = _colours(points, color, (K,), {name: getattr(points, name) for name in names})
+    if colours.values is None and color is None and np.size(points.eps if is_of_map else 0.0) == 1:
+        colours = _levels(points, points.before if is_of_map else points.states)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
-    drawn = _dots(axes, _drawn(points, points.states, chosen), colours, np.arange(K))
+    drawn, count = _dots(axes, _drawn(points, points.states, chosen), colours, np.arange(K))
     colours.explain(axes, drawn)
     _label(axes, points, chosen)
+    shown = f"{count:,} of {K:,}" if count < K else f"{K:,}"
+    what = titled(points) if is_of_map else f"Motion of a {type(points.body).__name__}"
+    _entitle(axes, title, f"{what}\n{shown} crossings by {_orbits(points.count.size)}")
     return axes
 
 
 _TIME = -1  # in place of the index of a component
+
+
+def _in_place_of(run: Any, components: Any) -> str:
+    """Return advice, for messages, on what is no component."""
+    if isinstance(components, str) and re.search(r"\.\w+$", components):
+        return f": plots return axes, whose figure.savefig({components!r}) writes a file"
+    quantities = ("energy", "modified_energy", "first_integral", "criticality")
+    if isinstance(components, (tuple, list)):
+        if any(isinstance(each, (tuple, list)) for each in components):
+            return ": draw one after the other, on the axes that the first plot returns"
+        for name in filter(run.body.parameters.__contains__, components):
+            values = f"body.parameters[{name!r}]"
+            drawn = f"run.{values}, run.{run._variable}[-1, :, 0]"
+            if hasattr(run, "trajectory"):  # of crossings
+                drawn = f"points.{values}[points.trajectory], points.states[:, 0]"
+            return f": draw a parameter by ax.plot({drawn}, '.')"
+        for name in quantities:
+            if name in components:
+                return f": draw quantities by ax.plot(run.time, run.{name}())"
+    return ""
 
 
 def _components(run: Any, components: Any) -> list[int]:
@@ -141,7 +170,7 @@ def _components(run: Any, components: Any) -> list[int]:
     if len(given) not in (2, 3) or any(
         isinstance(k, (tuple, list)) or (isinstance(k, str) and k not in names) for k in given
     ):
-        raise wrong("components", expected, short(components))
+        raise wrong("components", expected, f"{short(components)}{_in_place_of(run, components)}")
     indices = []
     for k in given:
         if isinstance(k, str):
@@ -258,8 +287,8 @@ def _are_near(pieces: FloatArray) -> bool:
 
 def _draw(
     axes: Any, pieces: FloatArray, colours: _Colours, orbits: NDArray[Any], lines: bool, most: int
-) -> Any:
-    """Draw pieces (n, pieces, c) of orbits, and return the coloured artist.
+) -> tuple[Any, int]:
+    """Draw pieces (n, pieces, c) of orbits; return the coloured artist and the number of states.
 
     Lines have dots at the states if there are at most so many.
     """
@@ -281,15 +310,16 @@ def _draw(
             axes.auto_scale_xyz(*pieces.reshape(-1, 3).T)
     if not lines or count <= most:
         size = 4.0 if lines else None
-        points = pieces.reshape(-1, pieces.shape[-1])
-        drawn = _dots(axes, points, colours, np.tile(orbits, n), size)
-    return drawn
+        drawn, count = _dots(
+            axes, pieces.reshape(-1, pieces.shape[-1]), colours, np.tile(orbits, n), size
+        )
+    return drawn, count
 
 
 def _dots(
     axes: Any, points: FloatArray, colours: _Colours, owners: NDArray[Any], size: Any = None
-) -> Any:
-    """Draw points (K, c) in the colours of their owners, and return the dots."""
+) -> tuple[Any, int]:
+    """Draw points (K, c) in the colours of their owners; return the dots and their number."""
     shown = np.arange(len(points))
     if len(points) > _MOST_DOTS:  # at random, because every k-th state may show one of k islands
         shown = np.random.default_rng(0).choice(len(points), _MOST_DOTS, replace=False)
@@ -302,7 +332,7 @@ def _dots(
     style["rasterized"] = len(shown) > _MOST_VECTORS
     drawn = axes.scatter(*points[shown].T, s=size, linewidths=0, **style)
     axes.autoscale_view()
-    return drawn
+    return drawn, len(shown)
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
@@ -317,6 +347,33 @@ def _label(axes: Any, run: Any, chosen: list[int]) -> None:
     axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
 
 
+def _entitle(axes: Any, title: Any, text: str) -> None:
+    """Write a title: this text, unless the user gives another one, or None for no title."""
+    if title is True:
+        title = text
+    if title is not None:
+        instance("title", title, str)
+        axes.set_title(title, fontsize="small", wrap=True)
+
+
 def _symbol(label: str) -> str:
     r"""Return `$\Omega_{1}$` for "Omega1"; labels that are no letter with an index stay text."""
     return f"${formula}$" if (formula := latex(label)) else label.replace("$", r"\$")
+
+
+def titled(run: Any) -> str:
+    """Return the title of the map, with the step size if there is one only."""
+    eps = rf", $\epsilon$ = {spelled(float(run.eps))}" if np.ndim(run.eps) == 0 else ""
+    return f"{run.map.title}{eps}"
+
+
+def spelled(eps: float) -> str:
+    """Return a step size as a user writes it: 0.2, and 1/256 instead of 0.00390625."""
+    near, is_short = Fraction(eps).limit_denominator(100_000), float(f"{eps:.3g}") == eps
+    is_power_of_2 = 8 <= Fraction(eps).denominator <= 2**20
+    is_fraction = float(near) == eps and abs(near.numerator) < 1000
+    return str(near) if is_fraction and (is_power_of_2 or not is_short) else f"{eps:g}"
+
+
+def _orbits(B: int) -> str:
+    return "1 orbit" if B == 1 else f"{B:,} orbits"

@@ -28,12 +28,6 @@ class Points(Result):
 
     called = "a result of crossings"
     kinds = "Crossings", "MotionCrossings"
-    _coordinates: tuple[str, ...]  # attributes of crossings that plots show as colours
-
-    @property
-    def _on_orbits(self) -> Any:
-        """States of the orbits, at which a quantity that they conserve is evaluated."""
-        return self.states
 
     def _at_crossings(self, values: Any, axes: int = 0) -> Any:
         """Return for each crossing the value (...) of its trajectory, an array of `axes` axes."""
@@ -68,6 +62,7 @@ class Points(Result):
         *names: int | str | Sequence[int | str],
         components: Sequence[int | str] | None = None,
         color: Any = None,
+        title: str | bool | None = True,
         ax: Any = None,
     ) -> Any:
         """Draw the crossings over two components, over time, or in space (extra `plots`).
@@ -87,6 +82,8 @@ class Points(Result):
             motions "surface"; a number for each crossing, or each trajectory; or a colour of
             Matplotlib. By default the parameter of a family, else the level of the conserved
             quantity, if it differs by more than 2 %.
+        title : str, optional
+            By default the system and the number of crossings; None leaves it out.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on; by default those of a new figure.
 
@@ -106,4 +103,4 @@ class Points(Result):
         from . import plot  # which imports Matplotlib
 
         chosen = names[0] if len(names) == 1 else names or components
-        return plot.plot_crossings(self, chosen, color, ax)
+        return plot.plot_crossings(self, chosen, color, title, ax)

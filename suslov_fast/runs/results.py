@@ -239,11 +239,13 @@ class Result:
 class States(Result):
     """The base of `Trajectories` and `Motion`, which have states with time on the first axis.
 
-    For plots they have `_is_whole`, whether states follow one another; for datasets `_titles`,
-    attributes, and the `_meaning` of states.
+    For plots they have `_is_whole`, whether states follow one another, and `_heading`: what they
+    are, how far orbits go, and the number of states of one; for datasets `_titles`, attributes, and
+    `_meaning` of states.
     """
 
     _is_whole: Any
+    _heading: Any
     _titles: Any
     _meaning: Any
 
@@ -258,6 +260,7 @@ class States(Result):
         components: Sequence[int | str] = (0, 1),
         lines: bool | None = None,
         color: Any = None,
+        title: str | bool | None = True,
         ax: Any = None,
     ) -> Any:
         """Draw the states over two components, over time, or in space (extra `plots`).
@@ -280,6 +283,9 @@ class States(Result):
         color : str or array_like(float, shape=(...)), optional
             A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
             default the parameter of a family, else the level of the conserved quantity.
+        title : str, optional
+            By default the map, the number of orbits and how many states are drawn; None leaves it
+            out.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on, 3-D axes for three components; by default those of a new figure.
 
@@ -299,12 +305,12 @@ class States(Result):
         >>> field = QuadraticField.from_function(predators, "prey predator")
         >>> run = iterate(field, [[1.0, 0.5], [1.0, 0.3]], eps=1 / 64, steps=1000)
         >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
-        >>> run.plot("time", "prey", color="black")  # doctest: +SKIP
+        >>> run.plot("time", "prey", color="black", title=None)  # doctest: +SKIP
         """
         from . import plot  # which imports Matplotlib
 
         chosen = names[0] if len(names) == 1 else names or components
-        return plot.plot_run(self._in_order(), chosen, lines, color, ax)
+        return plot.plot_run(self._in_order(), chosen, lines, color, title, ax)
 
     def _in_order(self) -> Any:
         """Return the run with its states in the order of time."""

@@ -149,6 +149,13 @@ class Trajectories(States):
         return bool(self.n[-1] == len(self) - 1)
 
     @property
+    def _heading(self) -> tuple[str, str, int]:
+        from .plot import titled
+
+        N = int(self.n[-1])
+        return titled(self), f"of {N:,} steps", N + 1
+
+    @property
     def _functions(self) -> list[str]:
         return self.map.functions(self.body)
 

@@ -129,6 +129,7 @@ def test_what_is_drawn_of_a_run(body, states, arguments, lines, joined, monkeypa
             np.testing.assert_array_equal(segments, orbits)
         else:  # consecutive states of one orbit
             assert 95_000 < drawn <= 100_000
+            assert f"{drawn:,} of their states" in axes.get_title()
             begins = {
                 tuple(state): (k, n) for k, o in enumerate(orbits) for n, state in enumerate(o)
             }
@@ -140,6 +141,9 @@ def test_what_is_drawn_of_a_run(body, states, arguments, lines, joined, monkeypa
         every, dots = plane.reshape(-1, 2), found[0].get_offsets()
         assert len(dots) == min(len(every), 45_000)
         assert {*map(tuple, dots)} <= {*map(tuple, every)}
+        all_of_them = len(dots) == states * (run.n[-1] + 1)
+        assert (f"{len(dots):,} of their states" in axes.get_title()) != all_of_them
+    assert f"{run.n[-1]:,}" in axes.get_title()
     _, *bars = axes.figure.axes
     assert len(bars) == (states > 1 and body is not LORENZ)
     for bar in bars:
@@ -202,6 +206,7 @@ def test_crossings_are_drawn():
     np.testing.assert_array_equal(dots.get_offsets(), points.states[:, ::2])
     np.testing.assert_array_equal(dots.get_array(), FAMILY.parameters["rho"][points.trajectory])
     assert bar.get_ylabel() == r"$\rho$"
+    assert f"{len(points)} crossings by 9 orbits" in axes.get_title()
     for name in ("trajectory", "n", "time"):
         dots = points.plot(color=name).collections[0]
         np.testing.assert_array_equal(dots.get_array(), getattr(points, name))
@@ -238,6 +243,20 @@ def test_crossings_are_drawn_over_components_that_vary():
     np.testing.assert_array_equal(
         everything.plot().collections[0].get_offsets(), everything.states[:, :2]
     )
+
+
+@pytest.mark.parametrize(
+    ("eps", "text"),
+    [(0.2, "0.2"), (0.02, "0.02"), (-1 / 256, "-1/256"), (1 / 64, "1/64"), (0.125, "1/8"),
+     (0.0125, "0.0125"), (0.25, "0.25"),
+     (1 / 3, "1/3"), (1e-05, "1e-05"), (0.00314159, "0.00314159"), (2.0, "2"), (0.1 + 0.2, "0.3")],
+)  # fmt: skip
+def test_titles_have_step_sizes_as_they_are_written(eps, text):
+    title = sf.iterate(BODY, [1.0, 0.5], eps, 2).plot().get_title()
+    assert rf"$\epsilon$ = {text}" + "\n" in title
+    if eps > 0:
+        assert rf"$\epsilon={text}$" in sf.plot_phase(BODY, eps, 0.1, levels=1).get_title()
+    plt.close("all")
 
 
 def test_the_view_has_all_lines():
@@ -314,7 +333,7 @@ def test_animation():
         sf.animate_body(body, steps=1)._draw_was_started = True
 
 
-# -------------------------------------------------------------------------- time, space, colours
+# ------------------------------------------------------------------ time, space, colours, titles
 def saddle(count):
     field = sf.QuadraticField.from_hamiltonian(
         lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1], "x y px py"
@@ -343,8 +362,8 @@ def test_time_is_a_component():
 
 def test_three_components_are_drawn_in_space():
     field, starts = saddle(2)
-    axes = sf.iterate(field, starts, 1 / 16, 50).plot(0, 1, "px")
-    assert (axes.name, axes.get_zlabel(), axes.get_title()) == ("3d", "$p_{x}$", "")
+    axes = sf.iterate(field, starts, 1 / 16, 50).plot(0, 1, "px", title="in space")
+    assert (axes.name, axes.get_zlabel(), axes.get_title()) == ("3d", "$p_{x}$", "in space")
     ours = plt.figure().add_subplot(projection="3d")
     run = sf.iterate(field, starts, 1 / 16, 50)
     assert run.plot(0, 1, 2, lines=False, ax=ours) is ours
@@ -357,13 +376,13 @@ def test_three_components_are_drawn_in_space():
             run.plot(*wrong)
 
 
-def test_colours_of_matplotlib():
+def test_colours_of_matplotlib_and_titles():
     field, starts = saddle(4)
     run = sf.iterate(field, starts, 1 / 16, 50)
-    axes = run.plot(color="crimson", lines=True)
+    axes = run.plot(color="crimson", title=None, lines=True)
+    assert axes.get_title() == ""
     np.testing.assert_array_equal(axes.collections[0].get_color(), [[*colors.to_rgba("crimson")]])
-    dots = run.plot(color=(0.1, 0.2, 0.3), lines=False).collections[0]
-    np.testing.assert_allclose(dots.get_facecolor(), [[0.1, 0.2, 0.3, 1.0]])
+    assert run.plot(color=(0.1, 0.2, 0.3)).get_title() != ""
     with pytest.raises(ValueError, match=r"color\b"):
         run.plot(color="crimsn")
 

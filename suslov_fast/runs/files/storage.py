@@ -139,7 +139,9 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:
     """Return the attributes of a result."""
     values = {name: about[name] for name in _NUMBERS[kind]}
     # JSON has no tuples.
-    attributes = {k: tuple(value) if type(value) is list else value for k, value in values.items()}
+    attributes: dict[str, Any] = {
+        k: tuple(value) if type(value) is list else value for k, value in values.items()
+    }
     there = {*entries.namelist()}
     for column in OF_KIND[kind]:
         is_there = f"{column.name}.npy" in there or not column.when

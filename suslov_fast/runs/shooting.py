@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.motion.engine import Settings
-from ..engine.motions import Found
+from ..engine.motions import Asked, Found
 from ..engine.sensitivity import Columns
 from ..quantities.derivatives import jacobian
-from .flow import _to_tolerance
+from .flow import to_tolerance
 from .iterate import iterate
 
 _ROUNDS, _HALVINGS = 60, 10
@@ -76,7 +76,7 @@ class OfMotion:
         self.drifts, self.is_forced = np.array(has_rate), bool(f.clocks)
 
     def _solved(self, field: Any, x: FloatArray, times: FloatArray, settings: Settings) -> Found:
-        return _to_tolerance(field, x, (len(x),), times, 1, settings, None, None)
+        return to_tolerance(field, x, (len(x),), Asked(times, 1, settings))
 
     def arcs(self, nodes: FloatArray, T: float) -> Arcs:
         M = len(nodes)

@@ -15,6 +15,7 @@ from ... import checks
 from ...checks import FloatArray, require, wrong
 from ...core.motion.engine import Settings
 from ...engine.arguments import flat_arrays
+from ...engine.motions import Asked
 from ...engine.problem import Problem, Where, along, part_of
 from ...engine.random_starts import RandomStarts
 from ...engine.stretches import March
@@ -114,8 +115,8 @@ class Times:
         """Yield the states, `rows` at a time, and at last the other columns."""
         (body, x, batch), n = (part.body, part.omega, part.batch), len(self.times)
         require(8 * (n + 2) * math.prod(batch) * body.dimension, "pass a smaller chunk")
-        arguments = flat_arrays(x, batch), batch, self.times, self.sign, self.settings
-        found = motion_of(body, *arguments, part.threads, None)
+        asked = Asked(self.times, self.sign, self.settings, part.threads)
+        found = motion_of(body, flat_arrays(x, batch), batch, asked)
         states = found.states.reshape(n, *batch, body.dimension)
         for k in range(0, n, rows):
             yield {"states": states[k : k + rows]}

@@ -145,11 +145,11 @@ def test_members_along_several_axes(index):
 
 def test_masks_that_select_members_of_a_run():
     """`bodies[run.status >= 0]` are those whose trajectories did not fail."""
-    bodies = Suslov3D(1, 1, [0.25, 0.3], [[0.0], [0.1]])
+    bodies = Suslov3D(1, 1, [0.25, 0.3, 0.25], [0.0, 0.0, 0.1])
     run = iterate(bodies, [4.0, -12.0], eps=1.0, steps=1, on_singular="ignore")
     healthy = run.status >= 0
-    assert healthy.tolist() == [[False, True], [True, True]]
-    assert bodies[healthy].shape == (3,)
+    assert healthy.tolist() == [False, True, True]
+    assert bodies[healthy].shape == (2,)
     assert bodies[~healthy] == Suslov3D(1, 1, [0.25], [0.0])
 
 

@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 import urllib.request
 from pathlib import Path
@@ -19,7 +18,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.command import main as command, summary, warm_up
+from suslov_fast.command import summary, warm_up
 from suslov_fast.command.main import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
@@ -307,16 +306,6 @@ def test_states_from_standard_input(monkeypatch):
     assert done.err.startswith("suslov-fast: standard input: not a complete file of numpy.save")
     succeed("run --initial s.npy --steps 9 -o read.npz")
     assert sf.Trajectories.load("piped.npz") == sf.Trajectories.load("read.npz")
-
-
-def test_a_log_shows_signs_of_life(monkeypatch):
-    seen = threading.Event()
-    monkeypatch.setattr(command, "_BEAT", 0.01)
-    monkeypatch.setattr(command, "_tell", lambda text: seen.set())
-    monkeypatch.setattr(os, "isatty", lambda _: False)
-    monkeypatch.setattr(warm_up, "call_all", lambda: seen.wait(60))
-    assert main(["warm-up"]) == 0
-    assert seen.is_set()
 
 
 def test_a_store_is_finished_or_refused():

@@ -11,7 +11,7 @@ from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..checks import FloatArray, integer, one_of, short, wrong
+from ..checks import FloatArray, integer, short, wrong
 from ..engine.motion_growth import exponents_of
 from ..engine.motions import threads_for
 from ..engine.problem import warn_of_times
@@ -102,15 +102,11 @@ def lyapunov_exponents(
     array([  0.9,   0. , -14.6])
     """
     if time is not None:
-        for name, value in (("eps", eps), ("steps", steps)):
-            if value is not None:
-                raise wrong(name, "left out beside time", short(value), TypeError)
-        one_of("method", method, ["auto"], ": a motion, with time=, has no method")
+        given = {"eps": eps is not None, "steps": steps is not None}
+        checks.left_out("time", **given, method=method != "auto")
         return _of_motion(system, x0, time, transient, rtol, threads, progress)
     if eps is None or steps is None:
-        missing = "eps" if eps is None else "steps"
-        how = "pass eps and steps, for the map, or time=, for the motion"
-        raise TypeError(f"lyapunov_exponents needs {missing}: {how}")
+        raise TypeError("lyapunov_exponents takes eps and steps of a map, or time= of a motion")
     checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)

@@ -125,7 +125,7 @@ GRID = Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, np.full((1, 3), 1 / 3))
 MASK = np.array([[True, False, True], [False, False, True]])
 INDICES = [
     (1, 2), (-1, slice(1, None)), (slice(None), [2, 0]), [False, True], (slice(None), MASK[0]),
-    MASK, ~MASK & False, (0, MASK[0]), np.int64(1), (slice(1, 1),),
+    MASK[:, 0], ~MASK[:, 0] & False, (0, MASK[0]), np.int64(1), (slice(1, 1),),
 ]  # fmt: skip
 
 

@@ -148,14 +148,14 @@ def test_bad_arguments():
         ({"steps": 10**6}, "steps must be an integer from 1 to 5000"),
         ({"method": "rank2"}, "method must be"),
         ({"x0": np.ones((21, 3))}, "starts must be at most 20 states, not 21"),
-        ({"time": 3.0, "steps": 5}, "time="),
+        ({"time": 3.0, "steps": 5}, "steps must"),
     ):
         x0 = arguments.pop("x0", None)
         with pytest.raises((ValueError, TypeError), match=message.replace("(", r"\(")):
             sf.explore(FAMILY, x0, **arguments)
     with pytest.raises(TypeError, match="body must be"):
         sf.explore("lorenz")
-    with pytest.raises(TypeError, match="Field has a motion"):
+    with pytest.raises(TypeError, match=r"^eps\b"):
         sf.explore(DRIVEN, eps=0.1)
     with pytest.raises(ValueError, match="method must be"):
         sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3), method="order4")

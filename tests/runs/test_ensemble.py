@@ -641,7 +641,7 @@ def test_stores_into_which_others_write(store):
     copy = store.with_name("copy.zarr")
     shutil.copytree(store, copy)
     data[["omega"]].mean("n").rename(omega="mean").drop_encoding().to_zarr(copy, mode="a")
-    group.create_array("mean", shape=(3,), dtype=float, dimension_names=["n"])
+    group.create_array("mean", shape=(3,), dtype=float, dimension_names=["mine"])
     zarr.consolidate_metadata(store)
     assert open_ensemble(store)[[*data]].equals(data)
     with pytest.raises(ValueError, match="store"):

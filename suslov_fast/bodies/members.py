@@ -131,19 +131,10 @@ class Members:
         if name in columns:
             return columns[name]
         if not self.shape:
-            raise ValueError(
-                f"sel: this is a single {type(self).__name__}, and sel is for families: {_FAMILY}"
-            )
-        how = f"choose from: {', '.join(columns)}"
-        if not columns:
-            first = ", ".join("0" * len(self.shape))
-            how = f"no parameter varies along one axis; select members by index, such as [{first}]"
-        if name not in values:
-            raise ValueError(f"sel: there is no parameter {name!r}; {how}")
-        a = values[name]
-        shape = f"has the shape {a.shape}"
-        reason = f"is {a.flat[0]} for all members" if a.size == 1 else shape
-        raise ValueError(f"sel: {name} {reason}; {how}")
+            what = f"this is a single {type(self).__name__}, and sel is for families: {_FAMILY}"
+            raise ValueError(f"sel: {what}")
+        known = ", ".join(columns) or "none: select members by index"
+        raise ValueError(f"sel: {name} must vary along one axis; those that do are {known}")
 
     def _part(self: Kind, axis: int, index: Any) -> Kind:
         """Return the members that an integer, a slice or indices select along one axis."""

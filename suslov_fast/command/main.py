@@ -19,7 +19,7 @@ from typing import Any
 import suslov_fast as sf
 
 from .options import PARAMETERS, parsed
-from .summary import facts_in, facts_of, facts_of_motion, is_complete, lines_of, result_in
+from .summary import facts_in, facts_of, is_complete, lines_of, result_in
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
 
@@ -248,7 +248,7 @@ def _motion(path: Path | None, force: bool, work: Any, settings: Any) -> dict[st
         begin = time.perf_counter()
         result = sf.flow(body, starts, **settings)
         seconds = time.perf_counter() - begin
-    return _saved(result, path, force, facts_of_motion(result) | {"seconds": seconds})
+    return _saved(result, path, force, facts_of(result) | {"seconds": seconds})
 
 
 def _check_writable(path: Path | None, force: bool) -> None:

@@ -61,10 +61,10 @@ DICTIONARIES = {
     "not a number": (FIELD | {"values": ["nan", 1]}, "values"),
     "infinite": (FIELD | {"values": [float("inf"), 1]}, "values"),
     "nothing": (FIELD | {"values": None}, "values"),
-    "deep values": (FIELD | {"values": nested(400)}, "parameters"),
-    "deep matrix": (OF_H | {"K": nested(400)}, "parameters"),
-    "deep parameter": (BODY | {"I1": nested(400)}, "parameters"),
-    "deep mapping": (BODY | {"I1": {"a": {"a": nested(70)}}}, "parameters"),
+    "deep values": (FIELD | {"values": nested(400)}, "values"),
+    "deep matrix": (OF_H | {"K": nested(400)}, "K"),
+    "deep parameter": (BODY | {"I1": nested(400)}, "I1"),
+    "deep mapping": (BODY | {"I1": {"a": {"a": nested(900)}}}, "parameters"),
     "repeated terms": (
         FIELD
         | {

@@ -53,10 +53,8 @@ def lyapunov_exponents(
     ----------
     system, x0
         As in :func:`iterate` and :func:`flow`.
-    eps : array_like(float, shape=(...)), optional
-        Step size of the map, in time.
-    steps : int, optional
-        Number of steps averaged over, after the transient; 1 or more.
+    eps, steps : optional
+        As in :func:`iterate`; the mean is over `steps`, 1 or more, after the transient.
     transient : int or float
         Number of steps, or time, before averaging begins. It also aligns the tangent vectors;
         without it the mean has an error of order 1 / steps, or 1 / time.
@@ -64,12 +62,10 @@ def lyapunov_exponents(
         The time to average over, positive, in place of eps and steps.
     rtol : float
         With `time`, the relative tolerance of :func:`flow`, for states and tangent vectors.
-    method, threads
-        As in :func:`iterate`; a motion has no method.
-    progress : bool or callable, optional
-        True shows a bar (needs tqdm). A function is called as ``progress(done, total)`` with
-        numbers of steps, the transient included, or with thousandths of the time; if it returns
-        False, the exponents are means over what is done, or NaN if the transient was not over.
+    method, threads, progress
+        As in :func:`iterate`; a motion has no method. `progress` counts steps, the transient
+        included, or thousandths of the time; if it returns False, the exponents are means over what
+        is done, or NaN if the transient was not over.
 
     Returns
     -------

@@ -183,7 +183,7 @@ class Crossings(Points):
         Returns
         -------
         Crossings
-            A new object, which also has the crossings of this one.
+            Those of this object, and the new ones.
 
         Raises
         ------

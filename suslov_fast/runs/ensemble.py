@@ -202,7 +202,7 @@ def open_ensemble(store: Any) -> xarray.Dataset:
 
     Parameters
     ----------
-    store : str, path-like or Zarr store
+    store
         As in :func:`ensemble`.
 
     Returns

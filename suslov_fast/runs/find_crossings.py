@@ -16,7 +16,7 @@ from ..checks import FloatArray, instance, integer, one_of, real_number, short, 
 from ..core.motion.engine import Settings
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
-from ..engine.starts import checked_settings, checked_starts, ends_in_words
+from ..engine.starts import checked_settings, checked_starts, ends_in_words, tolerances_of
 from ..engine.status import PoleWarning
 from ..engine.stretches import March, Progress, reporter
 from ..engine.threads import thread_count
@@ -192,7 +192,7 @@ def crossings(
         settings = checked_settings(system, rtol, atol, max_step, stiff)
         return _along_motion(
             system, x0, surface, time, settings, direction, transient, most, threads, on_singular,
-            progress, max_step, stiff,
+            progress,
         )  # fmt: skip
     if eps is None or steps is None:
         raise TypeError("crossings takes time=T along a motion, or eps and steps along a map")
@@ -223,8 +223,6 @@ def _along_motion(
     threads: int | None,
     on_singular: OnSingular,
     progress: Progress,
-    max_step: float | None,
-    stiff: bool | None,
 ) -> MotionCrossings:
     """Return the crossings along motions, after checks of the arguments that maps do not have."""
     instance("system", system, Body)
@@ -254,10 +252,7 @@ def _along_motion(
             "transient": before,
             "direction": direction,
             "most": most,
-            "rtol": settings.rtol,
-            "atol": settings.atol,
-            "max_step": max_step if max_step is None else settings.longest,
-            "stiff": stiff,
+            **tolerances_of(settings),
         }
     )
     report_ends(points, x, batch, search.is_stopped, on_singular)

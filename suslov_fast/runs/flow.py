@@ -19,7 +19,13 @@ from ..checks import FloatArray, short, wrong
 from ..engine.motions import Asked, Found, nothing_found, solve
 from ..engine.problem import Problem
 from ..engine.sensitivity import Columns
-from ..engine.starts import checked_settings, checked_starts, checked_times, warn_of_ends
+from ..engine.starts import (
+    checked_settings,
+    checked_starts,
+    checked_times,
+    tolerances_of,
+    warn_of_ends,
+)
 from ..engine.status import Status
 from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
@@ -136,10 +142,7 @@ def flow(
             "status": found.status.reshape(batch),
             "end": found.t.reshape(batch),
             "steps": found.steps.reshape(batch),
-            "rtol": settings.rtol,
-            "atol": settings.atol,
-            "max_step": max_step if max_step is None else settings.longest,
-            "stiff": stiff,
+            **tolerances_of(settings),
             "derivatives": names,
             "_derivatives": of_columns,
         }

@@ -18,6 +18,7 @@ from ...engine.arguments import flat_arrays
 from ...engine.motions import Asked
 from ...engine.problem import Problem, Where, along, part_of
 from ...engine.random_starts import RandomStarts
+from ...engine.starts import tolerances_of
 from ...engine.stretches import March
 from ..columns import RUN
 from ..flow import motion_of
@@ -107,9 +108,7 @@ class Times:
     @property
     def arguments(self) -> dict[str, Any]:
         """The arguments of :func:`flow`, as a motion has them."""
-        longest = self.settings.longest
-        found = {name: getattr(self.settings, name) for name in ("rtol", "atol", "stiff")}
-        return found | {"max_step": None if longest == math.inf else longest, "derivatives": ()}
+        return tolerances_of(self.settings) | {"derivatives": ()}
 
     def pieces(self, part: Problem, rows: int) -> Iterator[Piece]:
         """Yield the states, `rows` at a time, and at last the other columns."""

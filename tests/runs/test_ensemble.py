@@ -310,7 +310,7 @@ BAD = [
     ],
     ({"functions": {"r": lambda x: np.add(x, 1, out=x)[..., 0]}}, ValueError, "read-only"),
     ({"functions": {"r": doubled}}, ValueError, "read-only"),
-    ({"functions": {"r": first_of_two}}, ValueError, r"functions\['r'\] must take components on"),
+    ({"functions": {"r": first_of_two}}, ValueError, r"functions\['r'\] must take"),
     ({"functions": {"r": np.sin}}, TypeError, "functions.*r"),
     ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
     ({"functions": {"r": lambda x: x[..., 0] * 1j}}, TypeError, "functions.*r"),
@@ -631,7 +631,7 @@ def test_a_lost_chunk_is_an_error_and_computed_anew(store):
 
 @pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
 def test_stores_into_which_others_write(store):
-    """Attributes and arrays of one's own are kept; xarray writes over the attributes."""
+    """Attributes and arrays of one's own are kept, those that xarray adds, too."""
     data = call(ensemble, **ASKED, store=store).load()
     group = zarr.open_group(store, mode="r+")
     group.attrs["note"] = "mine"
@@ -643,9 +643,8 @@ def test_stores_into_which_others_write(store):
     data[["omega"]].mean("n").rename(omega="mean").drop_encoding().to_zarr(copy, mode="a")
     group.create_array("mean", shape=(3,), dtype=float, dimension_names=["mine"])
     zarr.consolidate_metadata(store)
-    assert open_ensemble(store)[[*data]].equals(data)
-    with pytest.raises(ValueError, match="store"):
-        open_ensemble(copy)
+    for place in (store, copy):
+        assert open_ensemble(place)[[*data]].equals(data)
 
 
 class Wrapper(zarr.storage.WrapperStore):

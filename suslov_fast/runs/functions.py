@@ -21,7 +21,7 @@ def returned_at(name: str, function: Any, states: FloatArray) -> Any:
             return function(states)
     except (TypeError, AttributeError, IndexError, ValueError) as error:
         kind = ValueError if isinstance(error, ValueError) else type(error)
-        raise kind(f"{name} must take arrays of states, {_LAST}: {error}") from error
+        raise kind(f"{name} must take {_LAST}: {error}") from error
 
 
 def values_at(

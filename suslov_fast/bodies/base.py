@@ -19,8 +19,8 @@ Kind = TypeVar("Kind", bound="Body")
 # Attributes for authors and for other modules; `dir` hides them from users.
 OF_AUTHORS = frozenset(
     "arrays axes batch_of_one called constants coordinates derived_by described instead labels "
-    "lists_terms listed_right_hand_sides may_escape of_member positive read reduction remake "
-    "right_hand_side right_hand_sides steady texts without_value".split()
+    "has_map lists_terms listed_right_hand_sides may_escape of_member positive read reduction "
+    "remake right_hand_side right_hand_sides steady texts without_value".split()
 )
 
 

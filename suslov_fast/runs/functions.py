@@ -20,8 +20,9 @@ def returned_at(name: str, function: Any, states: FloatArray) -> Any:
         with np.errstate(over="ignore", invalid="ignore"):
             return function(states)
     except (TypeError, AttributeError, IndexError, ValueError) as error:
-        kind = ValueError if isinstance(error, ValueError) else type(error)
-        raise kind(f"{name} must take {_LAST}: {error}") from error
+        if type(error).__module__ != "builtins":
+            raise
+        raise type(error)(f"{name} must take {_LAST}: {error}") from error
 
 
 def values_at(

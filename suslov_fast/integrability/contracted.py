@@ -26,6 +26,7 @@ from .growth import common_series, rational_series
 from .maps import RationalMap
 from .polynomials import (
     coefficients_in,
+    cramer,
     decoded,
     degree_of,
     determinant,
@@ -40,6 +41,7 @@ from .polynomials import (
 )
 from .reducible import count_factors
 
+_PAIRS = (0, 1), (0, 2), (1, 2)  # of coordinates
 _TERMS = 8, 32, 128, 512, 2048, 8192, 32768  # of power series in t, until they suffice
 _ENOUGH = 128  # for endless passages whose orders show a rule
 _RULE = 20  # steps that show a rule, if there is one
@@ -230,7 +232,7 @@ class PlaneModulo:
     def _at_one_point(self, first: Sequence[Any], second: Sequence[Any]) -> bool:
         """Return True if two germs begin at the same point."""
         a, b = ([int(P[0]) for P in germ] for germ in (first, second))
-        return all((a[i] * b[j] - a[j] * b[i]) % self.p == 0 for i, j in ((0, 1), (0, 2), (1, 2)))
+        return all((a[i] * b[j] - a[j] * b[i]) % self.p == 0 for i, j in _PAIRS)
 
 
 def _order(P: Any, terms: int) -> int:
@@ -404,10 +406,24 @@ class _Germs:
             image = self._values(self._plane.forms, x)
             if not any(image) or k == steps:
                 return not any(image) and k == steps
-            x = without_common_factor(image)
+            x = self._simplest(without_common_factor(image))
             if _is_large(x):
                 return False
         return False
+
+    def _simplest(self, x: list[Any]) -> list[Any]:
+        """Return the multiple of a point with a coordinate in which r does not occur."""
+        n, last = int(self._modulus.degrees()[-3]), next(P for P in reversed(x) if P != 0)
+        zeros = [self._ring.constant(0)] * n
+
+        def coefficients(P: Any) -> list[Any]:
+            return [*coefficients_in(P, -3), *zeros][:n]
+
+        # The inverse of this coordinate solves a linear system, up to a factor.
+        products = [coefficients(self._reduced(last * self._r**k)) for k in range(n)]
+        *inverse, _ = cramer([*map(list, zip(*products, coefficients(self._r**0), strict=True))])
+        multiple = sum(c * self._r**k for k, c in enumerate(inverse))
+        return without_common_factor([self._reduced(P * multiple) for P in x])
 
     def begin_at_point(self, germ: Sequence[Any]) -> bool:
         """Return True if a germ begins at a point that does not depend on s."""
@@ -415,8 +431,7 @@ class _Germs:
         for number in _NUMBERS:
             y = [P.compose(*self._eps, self._r, number + 0 * self._s, self._t) for P in x]
             if any(y):
-                pairs = ((0, 1), (0, 2), (1, 2))
-                return all(self._reduced(x[i] * y[j] - x[j] * y[i]) == 0 for i, j in pairs)
+                return all(self._reduced(x[i] * y[j] - x[j] * y[i]) == 0 for i, j in _PAIRS)
         return False
 
 

@@ -82,7 +82,7 @@ def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) ->
 
 
 def points_of_line(plane: Plane, number: int, most: int = POINTS) -> list[tuple[int, ...]]:
-    """Return the points to which a line with rational coefficients goes, up to one without an image.
+    """Return the points to which a line with rational coefficients goes, one after the other.
 
     At most so many; they may be repeated. Other curves, and a symbolic eps, have none.
     """

@@ -278,7 +278,7 @@ def test_a_run_has_the_quantities_of_its_map_alone(tmp_path, capsys):
     with pytest.raises(TypeError, match=r"^attitude\b"):
         midpoint(attitude=True)
     assert run.to_xarray().title == run.to_xarray().attrs["title"] == "Explicit midpoint rule"
-    axes = run.plot()
+    axes = run.plot(title=True)
     assert axes.get_title().startswith("Explicit midpoint rule")
     assert len(axes.figure.axes) == 1  # no bar of levels of a quantity
     kahan = iterate(HENON, START[:2], 0.1, 40)

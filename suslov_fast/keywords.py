@@ -25,9 +25,9 @@ _TABLE = (
     ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
     ("order integrator solver alg algorithm scheme method", "method",
      "method= of iterate; flow chooses its steps by rtol=, and stiff or not by itself"),
-    ("n nsteps numsteps iterations maxsteps maxiter steps", "steps n",
+    ("n nsteps numsteps iterations maxsteps maxiter steps", "steps n J",
      "steps= of iterate; flow chooses its steps by rtol="),
-    ("denseoutput interpolate interpolant", "time", "flow(system, x0, time=t), at any times t"),
+    ("denseoutput interpolate interpolant", "", "flow(system, x0, time=t), at any times t"),
     ("nfev nstep naccepted", "steps", ""),
     ("x0 y0 u0 z0 omega0 omega x state states ic", "states components omega0",
      "the second argument, without a name, for states"),
@@ -82,11 +82,11 @@ _TABLE = (
     ("lyapunov lyapunovs lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
     ("fixedpoints equilibria equilibrium", "fixed_points", ""),
     ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
-    ("theorem1 theorem closedform", "exact", ""),
-    ("lemma1 integral", "first_integral", ""),
+    ("theorem1 theorem", "exact", ""),
+    ("lemma1", "first_integral", ""),
     ("xy", "to_xy", ""),
-    ("lambda lagrange multiplier torque", "reaction", ""),
-    ("measure invariantmeasure density", "invariant_density", ""),
+    ("lambda torque", "reaction", ""),
+    ("invariantmeasure", "invariant_density", ""),
     ("fromsympy fromexpressions", "",
      "from_function(sympy.lambdify([symbols], expressions), names)"),
     ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
@@ -115,6 +115,8 @@ def lacking(thing: Any, name: str, called: str, here: str = "") -> AttributeErro
         own = [each for each in dir(thing) if not each.startswith("_")]
         functions = dir(suslov_fast)
         here = instead(name, own + functions)
+        if "argument" in here:  # advice on keywords
+            here = ""
         if here in functions and here not in own:
             here = f"suslov_fast.{here}"
     text = f"{called} has no attribute {name!r}"
@@ -166,6 +168,12 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         signature.bind(*args, **kwargs)
     except TypeError as error:
         shown = [p.replace(annotation=p.empty) for p in parameters if p.name not in _OWN]
+        how = ""
+        unnamed = sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
+        if len(args) > unnamed and (named := [p for p in shown if p.kind is p.KEYWORD_ONLY]):
+            how = f", pass {named[0].name}=... and what follows it here by name"
+        elif len(args) > unnamed and takes_any:
+            how = ", pass parameters by name, such as a=1"
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
-        return f"{called}: {error}: the call is {called}{takes}"
+        return f"{called}: {error}{how}: the call is {called}{takes}"
     return ""

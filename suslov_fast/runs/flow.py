@@ -15,7 +15,7 @@ from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.fields.general import Field
 from ..bodies.nd import NotIntegrableError
-from ..checks import FloatArray, short, wrong
+from ..checks import FloatArray, Reals, short, wrong
 from ..core.motion.engine import Settings
 from ..engine.motions import Found, nothing_found, solve
 from ..engine.problem import Problem
@@ -36,7 +36,7 @@ def flow(
     x0: ArrayLike,
     /,
     *,
-    time: ArrayLike,
+    time: Reals,
     rtol: float = 1e-9,
     atol: ArrayLike | None = None,
     max_step: float | None = None,

@@ -309,7 +309,7 @@ def test_animation_of_a_run():
         sf.animate_body(pole)
     for other in (sf.QuadraticField([[[1.0]]]), sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])):
         run = sf.iterate(other, np.full(other.dimension, 0.1), 0.1, 6)
-        with pytest.raises(TypeError, match=rf"^body.*not {type(other).__name__}"):
+        with pytest.raises(TypeError, match=rf"^(body|system).*not {type(other).__name__}"):
             sf.animate_body(run)
 
 

@@ -199,9 +199,9 @@ class Field(FieldOfFunction):
         >>> from suslov_fast import Field
         >>> Field.from_function(lambda x: (x[0] ** 3,), 1).field()  # doctest: +ELLIPSIS
         Traceback (most recent call last):
-        TypeError: body: a Field has a motion, flow(field, x0, time=...), and no map: ...
+        TypeError: system: a Field has a motion, flow(field, x0, time=...), and no map: ...
         """
-        raise TypeError(f"body: {NO_MAP}")
+        raise TypeError(f"system: {NO_MAP}")
 
     @property
     def K(self) -> Any:

@@ -15,7 +15,7 @@ from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.fields.general import Field
 from ..bodies.nd import NotIntegrableError
-from ..checks import FloatArray, short, wrong
+from ..checks import FloatArray, Reals, short, wrong
 from ..engine.motions import Asked, Found, nothing_found, solve
 from ..engine.problem import Problem
 from ..engine.sensitivity import Columns
@@ -41,7 +41,7 @@ def flow(
     x0: ArrayLike,
     /,
     *,
-    time: ArrayLike,
+    time: Reals,
     rtol: float = 1e-9,
     atol: ArrayLike | None = None,
     max_step: float | None = None,

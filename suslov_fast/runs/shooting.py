@@ -22,6 +22,7 @@ from ..checks import FloatArray
 from ..core.motion.engine import Settings
 from ..engine.motions import Asked, Found
 from ..engine.sensitivity import Columns
+from ..maps import Method
 from ..quantities.derivatives import jacobian
 from .flow import to_tolerance
 from .iterate import iterate
@@ -103,7 +104,7 @@ class OfMap:
 
     is_forced = False
 
-    def __init__(self, field: Any, rate: FloatArray, steps: int, method: str) -> None:
+    def __init__(self, field: Any, rate: FloatArray, steps: int, method: Method) -> None:
         self.field, self.steps, self.method, self.rate = field, steps, method, rate
         self.drifts = np.zeros(len(rate), bool)
 

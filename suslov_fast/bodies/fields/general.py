@@ -186,7 +186,7 @@ class Field(FieldOfFunction):
 
     @public
     def field(self) -> Any:
-        raise TypeError(f"body: {NO_MAP}")
+        raise TypeError(f"system: {NO_MAP}")
 
     @property
     def K(self) -> Any:

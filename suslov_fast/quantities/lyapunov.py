@@ -11,7 +11,7 @@ from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..checks import FloatArray, Reals, integer, one_of, short, wrong
+from ..checks import FloatArray, Reals, integer, short, wrong
 from ..engine.motion_growth import exponents_of
 from ..engine.motions import threads_for
 from ..engine.problem import warn_of_times

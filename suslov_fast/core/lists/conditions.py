@@ -2,16 +2,24 @@
 
 A comparison of numbers, at which f may jump, becomes the comparison of a parameter with 1/2, and
 `floor` becomes a parameter. So f is smooth within a step, even beyond the surface on which a choice
-changes: the difference of the numbers that are compared, or the argument of `floor`.
+changes: the difference of the numbers that are compared, or the argument of `floor`. The kinks of
+`abs`, `minimum` and `maximum` are surfaces, too; there f stays as it is, because it does not jump.
+Steps end on surfaces of both kinds.
 """
+
+import functools
+import operator
 
 import numpy as np
 
+from .grouped import Groups
+from .numbers import Number, larger, smaller
 from .records import same
 from .right_hand_side import Expressions, List, RightHandSide, needed_for
-from .step import evaluate
+from .step import Values
 
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
+_EXTREMES = "max", "min"
 
 
 class Conditions:
@@ -19,60 +27,91 @@ class Conditions:
 
     count      how many there are
     is_floor   (count,), whether a choice is an integer rather than a truth value
-    is_closed  (count,), whether a truth value is true where the surface is 0
-    is_equal   (count,), whether it is true there alone
     """
 
     def __init__(self, truths, kinds, D, P):
-        self._truths, self._D, self.P, self.count = truths, D, P, len(kinds)
+        self.D, self.P, self.count = D, P, len(kinds)
         self.is_floor = np.array([kind == "floor" for kind in kinds])
-        self.is_closed = np.array([kind == "oge" for kind in kinds])
-        self.is_equal = np.array([kind == "oeq" for kind in kinds])
+        self._truths = Groups(truths, range(D + P))
 
     def choices_at(self, x, parameters):
         """Return the choices (count, ...) of f at states (D, ...), for parameters (P, ...)."""
-        values = dict(enumerate([*x, *parameters]))
         with np.errstate(all="ignore"):
-            evaluate(self._truths.operations, values)
-        return np.array(
-            [np.broadcast_to(values[a], x.shape[1:]) for a in self._truths.results], float
-        )
-
-    def choices_of(self, surfaces):
-        """Return the choices that values (count, ...) of the surfaces stand for."""
-        choices = (surfaces > 0.0).astype(float)
-        for kind in ("is_closed", "is_equal", "is_floor"):
-            (k,) = np.nonzero(getattr(self, kind))
-            if k.size:
-                own = surfaces[k]
-                choices[k] = {
-                    "is_closed": own >= 0.0, "is_equal": own == 0.0, "is_floor": np.floor(own),
-                }[kind]  # fmt: skip
-        return choices
+            return self._truths.carried_out([*x, *parameters], x.shape[1:])
 
 
-def with_fixed_choices(values, results, P):
-    """Return the `RightHandSide` whose choices are its last parameters; None if there are none.
+def watch_of(f, kinds):
+    """Return the `List` that finds where a straight line from x to y crosses surfaces of f first.
 
-    It has the surfaces as `surfaces`, and the attribute `conditions`.
+    Values 0 to D - 1 are x, the next D are y, and those of the table follow. Results are the part
+    of the line before a surface, which is 1 where none is crossed; 1 where one is crossed, else 0;
+    and 1 where f jumps there. `kinds` are comparisons and "floor", whose choices begin the table
+    after the parameters, and "kink".
+    """
+    D, first = f.D, f.P - sum(kind != "kink" for kind in kinds)
+    of_table = {number: 2 * D + place for number, place in f.places.items()}
+    values = Values(2 * D + len(f.table), ())
+    ends = []
+    for begin in (0, D):
+        new = {i: begin + i for i in range(D)} | of_table
+        for name, number, operands in f.surfaces.operations:
+            of = (a if isinstance(a, float) else new[a] for a in operands)
+            new[number] = values.emit(name, *of)
+        results = (a if isinstance(a, float) else new[a] for a in f.surfaces.results)
+        ends.append([Number(values.emit, a) for a in results])
+    changes, jumps, part = [], [], 1.0
+    for k, (kind, a, b) in enumerate(zip(kinds, *ends, strict=True)):
+        if kind == "kink":
+            change = (a >= 0.0) ^ (b >= 0.0)
+        else:
+            choice = Number(values.emit, of_table[D + first + k])
+            if kind == "floor":
+                change = b.then("floor").equals(choice) ^ Number(values.emit, 0.0).equals(0.0)
+                level = choice + (b >= choice + 1.0).select(1.0, 0.0)
+                a, b = a - level, b - level
+            else:
+                now = {"oge": lambda b=b: b >= 0.0, "oeq": lambda b=b: b.equals(0.0)}
+                change = now.get(kind, lambda b=b: b > 0.0)() ^ (choice > 0.5)
+            jumps.append(change)
+        own = larger(smaller(a / (a - b), 1.0), 0.0)
+        part = smaller(change.select(own, 1.0), part)
+        changes.append(change)
+
+    def some(truths):
+        return functools.reduce(operator.or_, truths).select(1.0, 0.0).number if truths else 0.0
+
+    return List(values.operations, [part.number, some(changes), some(jumps)])
+
+
+def with_fixed_choices(values, results, P, by=()):
+    """Return the `RightHandSide` whose choices are its last parameters, after the P others.
+
+    Where f chooses or has kinks it has `surfaces`, and `watch`; where f chooses, `conditions`.
+    `by` are numbers of parameters to differentiate by.
     """
     D = len(results)
     operations = needed_for(values.operations, results)
+    varying = [each for each in operations if any(_varies(values, a) for a in each[2])]
     chosen = {
         number: name
-        for name, number, operands in operations
-        if name in (*_COMPARISONS, "floor")
-        and any(_varies(values, a) for a in operands)
-        and (name == "floor" or not same(*operands))  # not the test whether a number is NaN
+        for name, number, operands in varying
+        if name == "floor" or (name in _COMPARISONS and not same(*operands))  # whether it is NaN
     }
-    if not chosen:
-        return None
+    bent = {
+        number
+        for name, number, operands in varying
+        if name in _EXTREMES or (name == "fabs" and not _is_0_times(values, *operands))
+    }
+    if not (chosen or bent):
+        return RightHandSide(values, results, P, by)
     first = D + P
     given = first + len(chosen)
     fixed = Expressions(given, range(D, given))
-    new, surfaces = {a: a for a in range(first)}, []
+    new, surfaces, kinks = {a: a for a in range(first)}, [], []
     for name, number, operands in operations:
         of = [a if isinstance(a, float) else new[a] for a in operands]
+        if number in bent:
+            kinks.append(of[0] if name == "fabs" else fixed.emit("fsub", *of))
         if number not in chosen:
             new[number] = fixed.emit(name, *of)
             continue
@@ -89,12 +128,30 @@ def with_fixed_choices(values, results, P):
         if isinstance(place, int) and None not in others:
             fixed.written.setdefault(place, (name, (*others,), *tables))
     own = [a if isinstance(a, float) else new[a] for a in results]
-    f = RightHandSide(fixed, own, given - D, surfaces=surfaces, kept=range(D, given))
+    kinks = [a for a in dict.fromkeys(kinks) if _varies(fixed, a)]
+    f = RightHandSide(
+        fixed,
+        own,
+        given - D,
+        by,
+        surfaces=[*surfaces, *kinks],
+        jumps=len(surfaces),
+        kept=range(D, given) if chosen else (),
+    )
+    kinds = [*chosen.values()]
     f.clocks = sorted({*f.clocks, *RightHandSide(values, results, P).clocks})
-    truths = List(needed_for(operations, [*chosen]), [*chosen])
-    f.conditions = Conditions(truths, [*chosen.values()], D, P)
+    f.watch = watch_of(f, [*kinds, *["kink"] * len(kinks)])
+    if chosen:
+        truths = List(needed_for(operations, [*chosen]), [*chosen])
+        f.conditions = Conditions(truths, kinds, D, P)
     return f
 
 
 def _varies(values, operand):
     return not isinstance(operand, float) and operand not in values.fixed
+
+
+def _is_0_times(values, operand):
+    """Return whether a value is a product with 0, which tells of NaN alone."""
+    name, of = values.of.get(operand, ("", ()))
+    return name == "fmul" and isinstance(of[0], float) and of[0] == 0.0

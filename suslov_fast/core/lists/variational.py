@@ -25,13 +25,14 @@ class Variational:
     base     `List` of f, its denominators, trace f' or nothing, scale df/dp and the entries of f'
     """
 
-    is_dense, conditions = False, None
+    is_dense = False
 
     def __init__(self, f, columns, has_trace=False):
         self.of, self.columns, self.has_trace = f, columns, has_trace
         self.D = f.D * (1 + columns) + 2 * has_trace
         self.clocks, self.of_one_sign = f.clocks, f.of_one_sign
         self.denominators, self.entries = f.denominators, f.entries
+        self.conditions, self.watch = f.conditions, f.watch
         self.q = len(f.by) // f.D
         lists = f.f, f.derivative, f.of_parameters
         operations = {each[1]: each for list_ in lists for each in list_.operations}
@@ -62,6 +63,10 @@ class Variational:
         """Return the table (n, ...) for that of f and scales (q, ...)."""
         rows = [np.broadcast_to(a, table.shape[1:]) for a in scales]
         return np.concatenate([table, np.reshape(rows, (len(rows), *table.shape[1:]))])
+
+    def table_with(self, parameters, table):
+        """Return the table (n, ...) for other parameters, with the scales of `table`."""
+        return self.table_of(self.of.table_of(parameters), table[len(self.of.table) :])
 
     def value_and_denominators(self, x, table):
         """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""

@@ -9,6 +9,7 @@ import numpy as np
 from ..code.compiler import call, compiled
 from ..compiling.threads import in_parts
 from ..fields.lines import in_lines, zeros
+from .choosing import Choices
 from .half import Half
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, FILLING, State
@@ -55,6 +56,7 @@ def numbers_of(f, settings, sign, first, last):
         first,
         float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
         MOST_STEPS,
+        1.0,
     )
 
 
@@ -88,6 +90,8 @@ class Motion:
         self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
         self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
         self.places, self.is_stopped = np.zeros(len(x0), np.int64), False
+        self.rows = half_of(f, False, self.has_atol).rows
+        self.choices = None if f.conditions is None else Choices(self)
 
     def run(self, threads=1, report=None):
         """Take all steps of all trajectories.
@@ -108,7 +112,7 @@ class Motion:
 
     def _take(self, block, abandoned):
         """Take all steps of a block of trajectories."""
-        rows, B = half_of(self.f, False, self.has_atol).rows, block.stop - block.start
+        rows, B = self.rows, block.stop - block.start
         flat = np.zeros((B, rows.size))
         flat[:, : self.f.D] = self.x0[block]
         flat[:, rows.state] = BEGINS
@@ -127,6 +131,8 @@ class Motion:
                 flat = np.ascontiguousarray(back)
             else:
                 flat[which] = back
+            if self.choices is not None:
+                self.choices.renew(flat, np.arange(block.start, block.stop))
             state = flat[:, rows.state]
             is_implicit = not is_implicit
             which = np.flatnonzero(state == float(is_implicit))
@@ -138,8 +144,7 @@ class Motion:
 
     def _lines(self, flat, which, W):
         """Return trajectories as lines; lanes that fill up the last line are done."""
-        row = half_of(self.f, False, self.has_atol).rows.state
-        lines = in_lines(flat[which], W)
+        row, lines = self.rows.state, in_lines(flat[which], W)
         filling = len(lines) * W - len(which)
         if filling:
             is_new = lines[-1, row, -1] == BEGINS

@@ -57,6 +57,7 @@ class Numbers(NamedTuple):
     first_next: float  # the first time
     first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
     most: float  # steps, also refused ones, from one time to the next
+    stops: float  # 1 if steps end on surfaces, else 0
 
 
 LANES = 4  # of columns of one trajectory
@@ -424,10 +425,19 @@ class _Steps:
         found["state"] = text.select(is_new, found["state"], done)
         self.keep_rows(found)
 
+    def mode(self):
+        """Return the `State` of lanes that this half takes."""
+        mode = State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
+        return self.text.constant(float(mode))
+
+    def outer(self):
+        """Return the row `outer`, infinity where no surface ends steps."""
+        text = self.text
+        return text.row(self.line, self.rows.outer) if self.half.watched else text.constant(np.inf)
+
     def choose_length(self):
-        text, mode = self.text, State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
-        mode = text.constant(float(mode))
-        self.keep_work(text.apply(rules.LENGTH, **self.inputs(rules.LENGTH, mode=mode)))
+        inputs = self.inputs(rules.LENGTH, mode=self.mode(), outer=self.outer())
+        self.keep_work(self.text.apply(rules.LENGTH, **inputs))
 
     def step(self):
         """Take a step in the lanes that do so."""
@@ -470,12 +480,70 @@ class _Steps:
         )
         rule = rules.CHOOSE_IMPLICIT if self.half.is_implicit else rules.CHOOSE_EXPLICIT
         inputs = sums | {"kept": kept, "taken": self.work_row("taken"), "rate": rate}
+        inputs["outer"] = self.outer()
         found = text.apply(rule, **self.inputs(rule, **inputs))
         before = text.row(self.line, rows.t)
+        if self.half.watched:
+            found |= self.cut(before=before, total=sums["total"], **found)
         self.keep_work({"accepted": found.pop("accepted"), "t": before})
         self.keep_rows(found)
         self.save_inside()
         self.move()
+
+    def cut(self, **found):
+        """Return what changes in lanes whose step crosses a surface, or is on the way to one."""
+        text, rows, work, base = self.text, self.rows, self.work, self.of.work
+        watched, names = self.half.watched, ("crossed", "jumps", "place", "end")
+        line, seen = text.place(base, work.line), text.place(base, work.seen)
+        point = text.place(line, watched)
+        seen_so_far = dict.fromkeys(names, text.constant(0.0))
+        text.copy(text.place(self.line, rows.x), line, watched)
+
+        def look():
+            self.call("watch", line, self.table, seen)
+            return {
+                name: text.row(seen, k) for k, name in enumerate(("part", "crosses", "jumps_now"))
+            }
+
+        for k in range(1, rules.PARTS + 1):
+            if k < rules.PARTS:
+                self.put_point(text.constant(k / rules.PARTS), point)
+            else:
+                text.copy(text.place(base, work.new), point, watched)
+            own = text.apply(
+                rules.LOOK, u=text.constant(k / rules.PARTS), **look(), **seen_so_far
+            )
+            is_first = text.compare("ogt", own.pop("is_first"), text.constant(0.0))
+            seen_so_far = own
+
+            def keep(i, is_first=is_first):
+                far = text.row(self.line, rows.far, i)
+                far = text.select(is_first, text.row(point, 0, i), far)
+                text.put_chosen(far, self.line, rows.far, i)
+                text.put(text.row(point, 0, i), line, 0, i)
+
+            text.fold(watched, {}, keep)
+        text.copy(text.place(self.line, rows.far), point, watched)
+        inputs = found | seen_so_far | {"again": look()["part"], "mode": self.mode()}
+        inputs = self.inputs(rules.CUT, taken=self.work_row("taken"), **inputs)
+        return text.apply(rules.CUT, **inputs)
+
+    def put_point(self, u, to):
+        """Write the state at a part u of the step."""
+        text, rows, work, base = self.text, self.rows, self.work, self.of.work
+        rule = rules.POINT_IMPLICIT if self.half.is_implicit else rules.POINT
+        signed = self.work_row("signed")
+
+        def put(i):
+            inputs = {
+                "x": text.row(self.line, rows.x, i), "new": text.row(base, work.new, i),
+                "f": text.row(self.line, rows.f, i), "f_new": text.row(base, work.f_new, i),
+                "signed": signed, "u": u,
+            }  # fmt: skip
+            inputs = {name: inputs[name] for name in rule.inputs}
+            text.put(text.apply(rule, **inputs)["point"], to, 0, i)
+
+        text.fold(self.half.watched, {}, put)
 
     def sum_of_ends(self, factors, i):
         """Return the sum of factors times y_c - x of component i, in the order of columns."""

@@ -137,6 +137,7 @@ class MotionSearch:
 
     def _end(self, group: Group, own: Indices) -> None:
         """Note what has become of trajectories of a group, and end those that are done."""
+        group.engine.go_on(own)
         rows, flat, where = group.engine.rows, group.engine.flat[own], group.where[own]
         self.t[where], self.steps[where] = flat[:, rows.t], flat[:, rows.steps]
         state = flat[:, rows.state]

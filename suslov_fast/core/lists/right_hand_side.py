@@ -182,7 +182,8 @@ class RightHandSide:
         used = [a for each in lists for a in _operands(each)]
         self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed]
         self.places = {number: place for place, number in enumerate(self.table)}
-        of_parameters = [operation for operation in values.operations if operation[1] in fixed]
+        both = fixed | values.fixed_truths
+        of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
         self._fixed = fixed
         self._find_properties()
@@ -253,8 +254,7 @@ class RightHandSide:
 
     def value_and_denominators(self, x, table):
         """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
-        both = List(self.f.operations, [*self.f.results, *self.denominators])
-        return self._carried_out(both, None, x, table)
+        return self._carried_out(self._with_denominators, "_groups_of_both", x, table)
 
     def surface_slopes(self, x, table):
         """Return the derivatives of surfaces (slopes, ...) at states (D, ...)."""
@@ -277,6 +277,14 @@ class RightHandSide:
         return Groups(self.f, [*range(self.D), *self.table])
 
     @functools.cached_property
+    def _with_denominators(self):
+        return List(self.f.operations, [*self.f.results, *self.denominators])
+
+    @functools.cached_property
+    def _groups_of_both(self):
+        return Groups(self._with_denominators, [*range(self.D), *self.table])
+
+    @functools.cached_property
     def _groups_of_table(self):
         given = range(self.D, self.D + self.P)
         return Groups(List(self.fixed, self.table), given)
@@ -292,7 +300,7 @@ class RightHandSide:
     def _carried_out(self, list_, groups, x, table):
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
         with np.errstate(all="ignore"):
-            if groups and len(list_.operations) > _FEW and math.prod(shape) < _MANY:
+            if len(list_.operations) > _FEW and math.prod(shape) < _MANY:
                 return getattr(self, groups).carried_out([*x, *table], shape)
             values = dict(enumerate(x)) | dict(zip(self.table, table, strict=True))
             evaluate(list_.operations, values)

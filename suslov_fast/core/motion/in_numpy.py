@@ -198,13 +198,12 @@ class StepsInNumPy:
                 inputs = {"x": x, "new": new, "f": f, "f_new": f_new, "signed": signed, "u": u}
                 point = rules.carried_out(rules.POINT, **inputs)["point"]
             part, crosses, jumps = self.half.watch_in_numpy((before, point), self.table)
-            seen = self._apply(
-                rules.LOOK, part=part, crosses=crosses, jumps_now=jumps, u=u, **seen
-            )
+            own = {"part": part, "crosses": crosses, "jumps_now": jumps, "u": u, "taken": taken}
+            seen = self._apply(rules.LOOK, **own, **seen)
             far[:] = np.where(seen.pop("is_first") > 0.0, point, far)
             before = point
-        again, *_ = self.half.watch_in_numpy((new, far), self.table)
-        return self._apply(rules.CUT, taken=taken, again=again, mode=self.mode, **seen, **found)
+        part, *_ = self.half.watch_in_numpy((new, far), self.table)
+        return self._apply(rules.CUT, taken=taken, part=part, mode=self.mode, **seen, **found)
 
     def _derive(self, x):
         """Find the entries of f'; return its rate by a step of the power iteration."""

@@ -33,7 +33,7 @@ class Rows(NamedTuple):
     f: int  # f(x), and its denominators of clocks (D + denominators)
     largest: int  # moduli of components so far (D)
     mode: int  # a vector of the power iteration on f' (D)
-    far: int  # a state beyond a surface on which steps end (watched)
+    far: int  # the state after a step of length `outer` (watched)
     t: int  # modulus of the time
     wanted: int  # length of the next step
     longer: int  # the largest factor between this length and the one after it
@@ -45,9 +45,10 @@ class Rows(NamedTuple):
     trial: int  # implicit steps that are left of the first ones
     steps: int  # that were taken
     tries: int  # steps, also refused ones, since the last time that was asked for
-    outer: int  # a time from now on within which a surface is crossed, infinity if none is known
+    inner: int  # length of a step that crosses no surface, while one is looked for
+    outer: int  # and of one that does, infinity if none is looked for
     weight: int  # of the last guess where it is crossed, see `rules.CUT`
-    whole: int  # length of the next step after that
+    whole: int  # length of the next step after that to the surface
     place: int  # number of the next time, an integer
     trajectory: int  # number of the trajectory, an integer
     size: int  # number of all rows

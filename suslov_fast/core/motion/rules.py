@@ -20,11 +20,12 @@ quotient of f between the next state and the end of the last column shows the la
 nothing. After `patience` steps with h |mu| above `limit` a lane becomes implicit; it leaves this
 half if h |mu| stays below twice the limit for EASY steps, with |mu| by the power iteration on f'.
 
-Steps end on surfaces where f jumps or has a kink. Where one is crossed between the ends of PARTS of a
-step, shorter steps follow, to where a straight line between the two nearest states crosses it. Those
-that end before the surface are taken. If it is always the same end that is nearer, the other one
-counts half, a quarter, ... (the rule of Illinois). Once the surface is within PLACE of the time, the
-step to the state beyond it is taken.
+Steps end on surfaces where f jumps or has a kink. Where one is crossed between the ends of PARTS of
+a step, the step is taken again and again from the same state, with lengths between `inner`, with
+which none is crossed, and `outer`. The next length is where a straight line between the states at
+both crosses the surface. If it is always the same end that comes nearer, the other one counts half,
+a quarter, ... (the rule of Illinois). Once both differ by less than PLACE of the time, the step of
+length `outer` is taken.
 
 Each rule below is a list of operations on the numbers of one lane.
 """
@@ -198,6 +199,7 @@ def BEGIN(size, rate, total, part, last, longest, first_next, first_state):
         "steps": 0.0,
         "tries": 0.0,
         "t": 0.0,
+        "inner": 0.0,
         "outer": inf,
         "weight": 0.0,
         "whole": 0.0,
@@ -235,7 +237,7 @@ def _after(
     length = smaller(factor * taken, longest)
     after = accepted.select(reaches.select(last, t + taken), t)
     tried = tries + is_active.select(1.0, 0.0)
-    shortest = (accepted & (outer < inf)).select(0.0, larger(SHORTEST * after, LEAST))
+    shortest = (outer < inf).select(0.0, larger(SHORTEST * after, LEAST))
     is_short = (length < shortest) & is_active
     # A state keeps its number unless one of these happens.
     state = is_short.select(float(State.ENDED), state)
@@ -319,8 +321,9 @@ def POINT_IMPLICIT(x, new, u):
 
 
 @_rule
-def LOOK(crossed, jumps, place, end, part, crosses, jumps_now, u):
+def LOOK(crossed, jumps, place, end, part, crosses, jumps_now, u, taken, inner):
     """Where in a step a surface is crossed first, from what `watch` finds in the part before u."""
+    crosses = (u * taken > inner).select(crosses, 0.0)
     is_first = crosses > crossed
     return {
         "crossed": larger(crosses, crossed),
@@ -334,38 +337,45 @@ def LOOK(crossed, jumps, place, end, part, crosses, jumps_now, u):
 @_rule
 def CUT(
     before, t, taken, accepted, state, wanted, steps, tries, total, crossed, jumps, place, end,
-    again, outer, weight, whole, stops, mode, most, last,
+    part, inner, outer, weight, whole, stops, mode, most, last,
 ):  # fmt: skip
     """A step that crosses a surface: is it taken, and how long is the next one?
 
-    `outer` is a time within which a surface is crossed, and `again` the part of it before the
-    surface, for a step that ends before.
+    `part` is where a line from the end of this step to the state at `outer` crosses the surface.
     """
-    is_near, sought = outer < inf, PLACE * (before + taken) + PLACE_AT_0 * last
-    is_long = is_near.select(taken - sought, 1.0) > 0.0
-    seen = (crossed > 0.0) & (stops > 0.0) & (taken > 0.0) & (total < inf)
-    cut = seen & is_long
-    moved = cut.select(0.0, accepted) > 0.0
-    ends = moved & seen
-    goes_on = moved & is_near & (ends.select(0.0, outer - taken) > 0.0)
-    outer_now = cut.select(end * taken, goes_on.select(outer - taken, moved.select(inf, outer)))
-    part = smaller(larger(cut.select(place / end, again), LEAST_PART), MOST_PART)
+    is_near, is_active = outer < inf, taken > 0.0
+    sought = PLACE * (before + taken) + PLACE_AT_0 * last
+    seen = (crossed > 0.0) & (stops > 0.0) & is_active & (total < inf)
+    is_last = is_near & (taken >= outer) & (outer - inner <= sought)
+    cut = seen & (is_last.select(0.0, 1.0) > 0.0)
+    holds = is_near & (seen.select(0.0, accepted) > 0.0) & (taken < larger(outer, 0.25 * whole))
+    misses = holds & (taken >= outer)  # the surface lies farther, or rounding hides it
+    searches = cut | holds
+    moved = searches.select(0.0, accepted) > 0.0
+    forgets = (searches.select(0.0, 1.0) > 0.0) & is_active
+    outer_now = cut.select(end * taken, misses.select(4.0 * taken, outer))
+    inner_now = holds.select(taken, inner)
+    width = outer_now - inner_now
+    own = cut.select((place * taken - inner_now) / width, part)
+    own = smaller(larger(own, LEAST_PART), MOST_PART)
     heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
-    beyond, inside = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
-    of_near, of_far = cut.select(part, inside * part), cut.select(beyond, 1.0) * (1.0 - part)
-    guess = smaller(larger(outer_now * (of_near / (of_near + of_far)), 0.5 * sought), outer_now)
-    guess = (outer_now > sought).select(guess, outer_now)
+    of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
+    a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
+    least = 0.25 * sought
+    guess = smaller(larger(inner_now + width * (a / (a + b)), inner_now + least), outer_now - least)
+    guess = misses.select(outer_now, (width > sought).select(guess, outer_now))
     running = (tries > most).select(float(State.TOO_MANY), mode)
     stopped = (state >= State.DONE).select(running, state)
-    after = (ends & (jumps > 0.0)).select(mode + float(State.CHANGED), state)
+    after = (moved & seen & (jumps > 0.0)).select(mode + float(State.CHANGED), state)
     return {
         "accepted": moved.select(1.0, 0.0),
-        "t": cut.select(before, t),
-        "steps": cut.select(steps - accepted, steps),
-        "state": cut.select(stopped, after),
-        "wanted": (cut | goes_on).select(guess, (moved & is_near).select(whole, wanted)),
-        "outer": outer_now,
-        "weight": cut.select(beyond, goes_on.select(-inside, moved.select(0.0, weight))),
+        "t": searches.select(before, t),
+        "steps": searches.select(steps - accepted, steps),
+        "state": searches.select(stopped, after),
+        "wanted": searches.select(guess, (moved & is_near).select(whole, wanted)),
+        "inner": forgets.select(0.0, inner_now),
+        "outer": forgets.select(inf, outer_now),
+        "weight": cut.select(of_inner, holds.select(-of_outer, forgets.select(0.0, weight))),
         "whole": is_near.select(whole, wanted),
     }
 

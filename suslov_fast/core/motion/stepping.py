@@ -38,11 +38,9 @@ class Stepping(Motion):
 
         Return pairs: numbers of trajectories in `flat`, and their rows (1 + attempts, K, rows), of
         which the first are those of `flat`. A trajectory waits that turns to the other half, or
-        whose choices change.
+        whose choices change (`go_on`).
         """
         self.numbers[NUMBER.last] = last
-        if self.choices is not None:
-            self.choices.renew(flat, which)
         state, parts, abandoned = flat[:, self.rows.state], [], []
         for mode in (State.EXPLICIT, State.IMPLICIT):
             k = np.flatnonzero(state == mode)
@@ -75,6 +73,13 @@ class Stepping(Motion):
         else:
             in_parts(len(parts), take, abandoned)
         return found
+
+    def go_on(self, which):
+        """Make the choices of trajectories `which` anew where they have changed."""
+        if self.choices is not None:
+            flat = self.flat[which]
+            self.choices.renew(flat, which)
+            self.flat[which] = flat
 
     def attempt(self, flat, which, last=np.inf):
         """Let trajectories try one step each, not beyond the time `last`; change their rows."""

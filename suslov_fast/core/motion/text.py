@@ -495,7 +495,7 @@ class _Steps:
         text, rows, work, base = self.text, self.rows, self.work, self.of.work
         watched, names = self.half.watched, ("crossed", "jumps", "place", "end")
         line, seen = text.place(base, work.line), text.place(base, work.seen)
-        point = text.place(line, watched)
+        point, taken = text.place(line, watched), self.work_row("taken")
         seen_so_far = dict.fromkeys(names, text.constant(0.0))
         text.copy(text.place(self.line, rows.x), line, watched)
 
@@ -510,9 +510,8 @@ class _Steps:
                 self.put_point(text.constant(k / rules.PARTS), point)
             else:
                 text.copy(text.place(base, work.new), point, watched)
-            own = text.apply(
-                rules.LOOK, u=text.constant(k / rules.PARTS), **look(), **seen_so_far
-            )
+            inputs = look() | seen_so_far | {"u": text.constant(k / rules.PARTS), "taken": taken}
+            own = text.apply(rules.LOOK, **self.inputs(rules.LOOK, **inputs))
             is_first = text.compare("ogt", own.pop("is_first"), text.constant(0.0))
             seen_so_far = own
 
@@ -524,8 +523,8 @@ class _Steps:
 
             text.fold(watched, {}, keep)
         text.copy(text.place(self.line, rows.far), point, watched)
-        inputs = found | seen_so_far | {"again": look()["part"], "mode": self.mode()}
-        inputs = self.inputs(rules.CUT, taken=self.work_row("taken"), **inputs)
+        inputs = found | seen_so_far | {"part": look()["part"], "mode": self.mode()}
+        inputs = self.inputs(rules.CUT, taken=taken, **inputs)
         return text.apply(rules.CUT, **inputs)
 
     def put_point(self, u, to):

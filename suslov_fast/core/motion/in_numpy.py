@@ -188,8 +188,8 @@ class StepsInNumPy:
     def _cut(self, states, taken, signed, **found):
         """Return what changes in lanes whose step crosses a surface, or is on the way to one."""
         x, new, f, f_new = (each[: self.half.watched] for each in states)
-        far = self._rows("far", self.half.watched)
-        seen, before = dict.fromkeys(("crossed", "jumps", "place", "end"), 0.0), x
+        far, is_far = self._rows("far", self.half.watched), self.row("outer") == np.inf
+        parts, before = dict.fromkeys(("crossed", "place", "end"), 0.0), x
         for k in range(1, rules.PARTS + 1):
             u, point = k / rules.PARTS, new
             if k < rules.PARTS and self.half.is_implicit:
@@ -197,13 +197,17 @@ class StepsInNumPy:
             elif k < rules.PARTS:
                 inputs = {"x": x, "new": new, "f": f, "f_new": f_new, "signed": signed, "u": u}
                 point = rules.carried_out(rules.POINT, **inputs)["point"]
-            part, crosses, jumps = self.half.watch_in_numpy((before, point), self.table)
-            own = {"part": part, "crosses": crosses, "jumps_now": jumps, "u": u, "taken": taken}
-            seen = self._apply(rules.LOOK, **own, **seen)
-            far[:] = np.where(seen.pop("is_first") > 0.0, point, far)
+            part, crosses, _ = self.half.watch_in_numpy((before, point), self.table)
+            own = {"part": part, "crosses": crosses, "u": u, "taken": taken}
+            parts = self._apply(rules.LOOK, **own, **parts)
+            far[:] = np.where(is_far & (parts.pop("is_first") > 0.0), point, far)
             before = point
+        whole_part, crosses, jumps = self.half.watch_in_numpy((x, new), self.table)
         part, *_ = self.half.watch_in_numpy((new, far), self.table)
-        return self._apply(rules.CUT, taken=taken, part=part, mode=self.mode, **seen, **found)
+        inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
+        found = self._apply(rules.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
+        far[:] = np.where(found.pop("beyond") > 0.0, new, far)
+        return found
 
     def _derive(self, x):
         """Find the entries of f'; return its rate by a step of the power iteration."""

@@ -48,6 +48,7 @@ class Rows(NamedTuple):
     inner: int  # length of a step that crosses no surface, while one is looked for
     outer: int  # and of one that does, infinity if none is looked for
     weight: int  # of the last guess where it is crossed, see `rules.CUT`
+    rounds: int  # how many lengths have been tried
     whole: int  # length of the next step after that to the surface
     place: int  # number of the next time, an integer
     trajectory: int  # number of the trajectory, an integer

@@ -21,11 +21,12 @@ nothing. After `patience` steps with h |mu| above `limit` a lane becomes implici
 half if h |mu| stays below twice the limit for EASY steps, with |mu| by the power iteration on f'.
 
 Steps end on surfaces where f jumps or has a kink. Where one is crossed between the ends of PARTS of
-a step, the step is taken again and again from the same state, with lengths between `inner`, with
-which none is crossed, and `outer`. The next length is where a straight line between the states at
-both crosses the surface. If it is always the same end that comes nearer, the other one counts half,
-a quarter, ... (the rule of Illinois). Once both differ by less than PLACE of the time, the step of
-length `outer` is taken.
+a step, the step is taken again and again from the same state, with lengths between `inner`, at whose
+end none is crossed, and `outer`. Points inside a step are rough, so the first length is that of the
+part. The next ones are where a straight line between states at both sides crosses the surface. If it
+is always the same side that comes nearer, the other one counts half, a quarter, ... (the rule of
+Illinois); after ROUNDS it is the middle. Once both lengths differ by less than PLACE of the time, the
+step of length `outer` is taken.
 
 Each rule below is a list of operations on the numbers of one lane.
 """
@@ -48,6 +49,7 @@ SMALLEST_SCALE = 2.0**-60
 PARTS = 4
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
+ROUNDS = 14.0
 TINY = 2.0**-1000  # in place of an allowed error of 0
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
 MOST_STEPS = 250_000  # between two times that are asked for
@@ -202,6 +204,7 @@ def BEGIN(size, rate, total, part, last, longest, first_next, first_state):
         "inner": 0.0,
         "outer": inf,
         "weight": 0.0,
+        "rounds": 0.0,
         "whole": 0.0,
     }
 
@@ -321,13 +324,11 @@ def POINT_IMPLICIT(x, new, u):
 
 
 @_rule
-def LOOK(crossed, jumps, place, end, part, crosses, jumps_now, u, taken, inner):
+def LOOK(crossed, place, end, part, crosses, u, taken, inner):
     """Where in a step a surface is crossed first, from what `watch` finds in the part before u."""
-    crosses = (u * taken > inner).select(crosses, 0.0)
-    is_first = crosses > crossed
+    is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
-        "crossed": larger(crosses, crossed),
-        "jumps": larger(jumps_now, jumps),
+        "crossed": is_first.select(1.0, crossed),
         "place": is_first.select(u - (1.0 - part) / PARTS, place),
         "end": is_first.select(u, end),
         "is_first": is_first.select(1.0, 0.0),
@@ -336,34 +337,38 @@ def LOOK(crossed, jumps, place, end, part, crosses, jumps_now, u, taken, inner):
 
 @_rule
 def CUT(
-    before, t, taken, accepted, state, wanted, steps, tries, total, crossed, jumps, place, end,
-    part, inner, outer, weight, whole, stops, mode, most, last,
+    before, t, taken, accepted, state, wanted, steps, tries, total, crossed, place, end, crosses,
+    jumps, whole_part, part, inner, outer, weight, rounds, whole, stops, mode, most, last,
 ):  # fmt: skip
     """A step that crosses a surface: is it taken, and how long is the next one?
 
-    `part` is where a line from the end of this step to the state at `outer` crosses the surface.
+    A straight line to the end of this step crosses the surface at `whole_part`, one from there to
+    the state at `outer` at `part`.
     """
-    is_near, is_active = outer < inf, taken > 0.0
+    is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last
-    seen = (crossed > 0.0) & (stops > 0.0) & is_active & (total < inf)
+    seen = is_near.select(crosses, crossed) > 0.0
+    seen = seen & (stops > 0.0) & (taken > 0.0) & (total < inf)
     is_last = is_near & (taken >= outer) & (outer - inner <= sought)
     cut = seen & (is_last.select(0.0, 1.0) > 0.0)
     holds = is_near & (seen.select(0.0, accepted) > 0.0) & (taken < larger(outer, 0.25 * whole))
-    misses = holds & (taken >= outer)  # the surface lies farther, or rounding hides it
+    misses = holds & (taken >= outer)  # the surface lies farther
     searches = cut | holds
     moved = searches.select(0.0, accepted) > 0.0
-    forgets = (searches.select(0.0, 1.0) > 0.0) & is_active
-    outer_now = cut.select(end * taken, misses.select(4.0 * taken, outer))
+    forgets = (searches.select(0.0, 1.0) > 0.0) & (taken > 0.0)
+    outer_now = cut.select(is_near.select(1.0, end) * taken, misses.select(4.0 * taken, outer))
     inner_now = holds.select(taken, inner)
     width = outer_now - inner_now
-    own = cut.select((place * taken - inner_now) / width, part)
+    of_step = (crossed > 0.0).select(place, whole_part)
+    own = cut.select((of_step * taken - inner_now) / width, part)
     own = smaller(larger(own, LEAST_PART), MOST_PART)
     heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
     of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
     a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
-    least = 0.25 * sought
-    guess = smaller(larger(inner_now + width * (a / (a + b)), inner_now + least), outer_now - least)
-    guess = misses.select(outer_now, (width > sought).select(guess, outer_now))
+    guess = inner_now + width * (rounds > ROUNDS).select(0.5, a / (a + b))
+    guess = smaller(larger(guess, inner_now + 0.25 * sought), outer_now - 0.25 * sought)
+    is_rough = misses | ((end < 1.0) & (is_near.select(0.0, 1.0) > 0.0))
+    guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
     running = (tries > most).select(float(State.TOO_MANY), mode)
     stopped = (state >= State.DONE).select(running, state)
     after = (moved & seen & (jumps > 0.0)).select(mode + float(State.CHANGED), state)
@@ -376,7 +381,9 @@ def CUT(
         "inner": forgets.select(0.0, inner_now),
         "outer": forgets.select(inf, outer_now),
         "weight": cut.select(of_inner, holds.select(-of_outer, forgets.select(0.0, weight))),
+        "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
         "whole": is_near.select(whole, wanted),
+        "beyond": (cut & is_near).select(1.0, 0.0),
     }
 
 

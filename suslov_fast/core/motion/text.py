@@ -493,39 +493,46 @@ class _Steps:
     def cut(self, **found):
         """Return what changes in lanes whose step crosses a surface, or is on the way to one."""
         text, rows, work, base = self.text, self.rows, self.work, self.of.work
-        watched, names = self.half.watched, ("crossed", "jumps", "place", "end")
+        watched, taken = self.half.watched, self.work_row("taken")
         line, seen = text.place(base, work.line), text.place(base, work.seen)
-        point, taken = text.place(line, watched), self.work_row("taken")
-        seen_so_far = dict.fromkeys(names, text.constant(0.0))
-        text.copy(text.place(self.line, rows.x), line, watched)
+        point, new = text.place(line, watched), text.place(base, work.new)
+        x, far = text.place(self.line, rows.x), text.place(self.line, rows.far)
 
-        def look():
+        def look(*names):
             self.call("watch", line, self.table, seen)
-            return {
-                name: text.row(seen, k) for k, name in enumerate(("part", "crosses", "jumps_now"))
-            }
+            return {name: text.row(seen, k) for k, name in enumerate(names)}
 
-        for k in range(1, rules.PARTS + 1):
-            if k < rules.PARTS:
-                self.put_point(text.constant(k / rules.PARTS), point)
-            else:
-                text.copy(text.place(base, work.new), point, watched)
-            inputs = look() | seen_so_far | {"u": text.constant(k / rules.PARTS), "taken": taken}
-            own = text.apply(rules.LOOK, **self.inputs(rules.LOOK, **inputs))
-            is_first = text.compare("ogt", own.pop("is_first"), text.constant(0.0))
-            seen_so_far = own
-
-            def keep(i, is_first=is_first):
-                far = text.row(self.line, rows.far, i)
-                far = text.select(is_first, text.row(point, 0, i), far)
-                text.put_chosen(far, self.line, rows.far, i)
-                text.put(text.row(point, 0, i), line, 0, i)
+        def keep_far(truth):
+            def keep(i):
+                value = text.select(truth, text.row(point, 0, i), text.row(far, 0, i))
+                text.put_chosen(value, far, 0, i)
 
             text.fold(watched, {}, keep)
-        text.copy(text.place(self.line, rows.far), point, watched)
-        inputs = found | seen_so_far | {"part": look()["part"], "mode": self.mode()}
-        inputs = self.inputs(rules.CUT, taken=taken, **inputs)
-        return text.apply(rules.CUT, **inputs)
+
+        text.copy(x, line, watched)
+        parts = dict.fromkeys(("crossed", "place", "end"), text.constant(0.0))
+        is_far = text.compare("olt", self.outer(), text.constant(np.inf))
+        is_far = text.new(f"xor {text.M} {is_far}, {self.all_lanes()}")
+        for k in range(1, rules.PARTS + 1):
+            u = text.constant(k / rules.PARTS)
+            if k < rules.PARTS:
+                self.put_point(u, point)
+            else:
+                text.copy(new, point, watched)
+            inputs = look("part", "crosses") | parts | {"u": u, "taken": taken}
+            parts = text.apply(rules.LOOK, **self.inputs(rules.LOOK, **inputs))
+            is_first = text.compare("ogt", parts.pop("is_first"), text.constant(0.0))
+            keep_far(text.new(f"and {text.M} {is_first}, {is_far}"))
+            text.copy(point, line, watched)
+        text.copy(x, line, watched)
+        inputs = found | parts | look("whole_part", "crosses", "jumps")
+        text.copy(new, line, watched)
+        text.copy(far, point, watched)
+        inputs |= look("part") | {"mode": self.mode(), "taken": taken}
+        found = text.apply(rules.CUT, **self.inputs(rules.CUT, **inputs))
+        text.copy(new, point, watched)
+        keep_far(text.compare("ogt", found.pop("beyond"), text.constant(0.0)))
+        return found
 
     def put_point(self, u, to):
         """Write the state at a part u of the step."""

@@ -454,7 +454,8 @@ def _for_motion(equations: Equations, names: tuple[str, ...]) -> RightHandSide:
     """Return f with choices that are fixed within a step, and its derivatives by parameters."""
     values, results = in_order(equations.values, equations.results)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
-    return with_fixed_choices(values, results, len(equations.parameters), by)
+    fixed: RightHandSide = with_fixed_choices(values, results, len(equations.parameters), by)
+    return fixed
 
 
 class Energy:

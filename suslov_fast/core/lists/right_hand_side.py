@@ -167,7 +167,9 @@ class RightHandSide:
         self.by = [row.pop(p, 0.0) for p in by for row in slopes]
         of_surfaces = gradients(values, of_f, surfaces[:jumps], self.D, by)
         place = {p: self.D + k for k, p in enumerate(by)} | {j: j for j in range(self.D)}
-        of_surfaces = {(k, place[j]): a for k, row in enumerate(of_surfaces) for j, a in row.items()}
+        of_surfaces = {
+            (k, place[j]): a for k, row in enumerate(of_surfaces) for j, a in row.items()
+        }
         self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.pattern]
         fixed = values.fixed
@@ -180,7 +182,7 @@ class RightHandSide:
         self.slopes = [*of_surfaces], List(needed_for(varying, results), results)
         lists = self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes[1]
         used = [a for each in lists for a in _operands(each)]
-        self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed]
+        self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed or a in kept]
         self.places = {number: place for place, number in enumerate(self.table)}
         both = fixed | values.fixed_truths
         of_parameters = [operation for operation in values.operations if operation[1] in both]

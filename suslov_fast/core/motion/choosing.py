@@ -22,7 +22,7 @@ class Choices:
         self.conditions = self.f.conditions
         P = self.conditions.P
         table = np.broadcast_to(motion.table, (B, motion.table.shape[-1]))
-        self.inputs = table[:, : P + self.conditions.count].T.copy()
+        self.inputs = table[:, : P + self.conditions.jumps + self.conditions.kinks].T.copy()
         self.inputs[P:] = self.conditions.choices_at(self._watched(motion.x0), self.inputs[:P])
         motion.table = np.ascontiguousarray(self.f.table_with(self.inputs, table.T).T)
         self.at, self.often = np.zeros(B), np.zeros(B, int)  # of the last change
@@ -31,8 +31,17 @@ class Choices:
         """Return the components (-, K) on which choices depend, of states (K, D)."""
         return states[:, : self.conditions.D].T
 
+    def look(self, flat, which):
+        """Make the choices of kinks of trajectories `which` anew, at the states in these rows."""
+        P, first = self.conditions.P, self.conditions.P + self.conditions.jumps
+        if self.conditions.kinks:
+            x = self._watched(flat)
+            kinks = self.conditions.kinks_at(x, self.inputs[:P, which])
+            self.inputs[first:, which] = kinks
+            self.motion.table[which, first : first + len(kinks)] = kinks.T
+
     def renew(self, flat, which):
-        """Make the choices of trajectories `which`, with these rows, anew where they change."""
+        """Make the choices of trajectories `which`, with these rows, anew where f jumps."""
         rows, state = self.motion.rows, flat[:, self.motion.rows.state]
         (k,) = np.nonzero(state >= State.CHANGED)
         if k.size:
@@ -53,7 +62,8 @@ class Choices:
         t = flat[k, rows.t]
         ahead = _AHEAD * t
         choices = self._choices_ahead(flat, k, which, ahead)
-        differ = (choices != self.inputs[P:, which]).any(axis=0)
+        differ = choices != self.inputs[P:, which]
+        differ = differ[: self.conditions.jumps].any(axis=0)
         k, which, ahead = k[differ], which[differ], ahead[differ]
         if k.size:
             self.at[which] = t[differ]
@@ -62,7 +72,7 @@ class Choices:
             flat[k, rows.wanted], flat[k, rows.outer] = 16.0 * ahead, np.inf
 
     def _choices_ahead(self, flat, k, which, ahead):
-        """Return the choices (count, K) at the states of rows k, or a time later."""
+        """Return the choices (-, K) at the states of rows k, or a time later."""
         D, first = self.f.D, self.motion.rows.f
         of_time = (self.motion.numbers[NUMBER.sign] * ahead)[:, np.newaxis]
         states = flat[k, :D] + of_time * flat[k, first : first + D]
@@ -70,7 +80,7 @@ class Choices:
         return self.conditions.choices_at(self._watched(states), parameters)
 
     def _choose(self, flat, k, which, ahead):
-        """Make the choices of trajectories `which` anew, at the states of rows k or a time later."""
+        """Make the choices of trajectories `which` anew, at the states of rows k or later."""
         f, rows, motion = self.f, self.motion.rows, self.motion
         self.inputs[self.conditions.P :, which] = self._choices_ahead(flat, k, which, ahead)
         motion.table[which] = f.table_with(self.inputs[:, which], motion.table[which].T).T

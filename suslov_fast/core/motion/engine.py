@@ -121,7 +121,7 @@ class Motion:
         while which.size and not abandoned:
             lines = self._lines(flat, which, W)
             half = half_of(self.f, is_implicit, self.has_atol)
-            table = self._table(half, block, which, W)
+            table = self._table(half, flat, which, np.arange(block.start, block.stop), W)
             self._steps(half, lines, table, self.places[block], which, abandoned)
             back = lines.transpose(0, 2, 1).reshape(-1, rows.size)[: len(which)]
             if is_implicit:
@@ -151,11 +151,14 @@ class Motion:
             lines[-1, row, W - filling :] = FILLING if is_new else State.DONE
         return lines
 
-    def _table(self, half, block, which, W):
-        """Return the numbers that functions read: for all lanes, or as lines."""
+    def _table(self, half, flat, k, trajectories, W):
+        """Return the numbers that functions read: for all lanes, or as lines, for rows k."""
         if self.table.ndim == 1:
             return half.table_of(self.table)
-        return in_lines(half.table_of(self.table[block][which].T).T, W)
+        own = trajectories[k]
+        if self.choices is not None:
+            self.choices.look(flat[k], own)
+        return in_lines(half.table_of(self.table[own].T).T, W)
 
     def _steps(self, half, lines, table, places, which, abandoned):
         """Take steps of one half in all lines, until no lane is in it.

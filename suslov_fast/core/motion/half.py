@@ -40,7 +40,8 @@ class Half:
         D, extended = f.D, len(f.denominators)
         # What the derivative has a block of for x, and the same for each column beside it.
         self.block = f.of if isinstance(f, Variational) else f
-        self.watched = self.block.D if f.watch else 0
+        self.watched = self.block.D if f.conditions else 0
+        self.kinks = f.conditions.kinks if f.conditions else 0
         self.rows = rows_of(D, extended, self.watched)
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
@@ -50,7 +51,7 @@ class Half:
             self.functions = {
                 "f": of_list(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
             }
-        if f.watch:
+        if self.watched:
             places = {2 * self.block.D + k: k for k in range(len(self.block.table))}
             self.functions["watch"] = of_list(f.watch, 2 * self.block.D, places)
         columns, entries, factors = len(EXPLICIT), 0, 0
@@ -58,7 +59,8 @@ class Half:
             columns, entries = len(IMPLICIT), f.entries + 1 + D
             factors = self._add_implicit()
         scratch = max(function.scratch for function in self.functions.values())
-        self.work = work_of(D, extended, columns, entries, factors, self.watched, scratch)
+        sizes = self.watched, self.kinks, scratch
+        self.work = work_of(D, extended, columns, entries, factors, *sizes)
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""
@@ -96,7 +98,7 @@ class Half:
         return self.functions["solve"].in_numpy([*factors, *right])
 
     def watch_in_numpy(self, line, table):
-        """Return what `watch` finds (3, lanes) between two states (2, watched, lanes)."""
+        """Return what `watch` finds (3 + kinks, lanes) between two states (2, watched, lanes)."""
         return carried_out(self.f.watch, [*line[0], *line[1], *table])
 
     def product_in_numpy(self, entries, vector):

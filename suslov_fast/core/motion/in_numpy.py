@@ -23,7 +23,7 @@ class StepsInNumPy:
         count = len(half.f.table)
         if table.ndim > 1:
             lanes = self.lanes.shape[1]
-            self.table = np.moveaxis(table[:, :count], 1, 0).reshape(count, lanes)
+            self.table = np.moveaxis(table[:, :count], 1, 0).reshape(count, lanes).copy()
         else:
             self.table = table[:count, np.newaxis]
         self.columns = IMPLICIT if half.is_implicit else EXPLICIT
@@ -174,7 +174,10 @@ class StepsInNumPy:
         found = self._apply(rule, taken=taken, kept=kept, **sums)
         if self.half.watched:
             states = x, new, f, f_new
-            found |= self._cut(states, taken, signed, before=before, total=sums["total"], **found)
+            others = {"before": before, "total": sums["total"]}
+            own, kinks = self._cut(states, taken, signed, **others, **found)
+            at_surface = own.pop("at_surface")
+            found |= own
         accepted = found.pop("accepted")
         self._keep(found)
         passed = Passed(before, taken, x, f, new, f_new, inverse, ends, accepted)
@@ -184,9 +187,16 @@ class StepsInNumPy:
         self._rows("f", self.extended)[:] = np.where(is_taken, f_new, f)
         modulus = abs(new)
         largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
+        if self.half.kinks:
+            first = self.f.conditions.P + self.f.conditions.jumps
+            for k, now in enumerate(kinks, first):
+                self.table[k] = np.where(is_taken & (at_surface > 0.0), now, self.table[k])
 
     def _cut(self, states, taken, signed, **found):
-        """Return what changes in lanes whose step crosses a surface, or is on the way to one."""
+        """Return what changes in lanes whose step crosses a surface, or is on the way to one.
+
+        The choices of kinks at the end of the step follow.
+        """
         x, new, f, f_new = (each[: self.half.watched] for each in states)
         far, is_far = self._rows("far", self.half.watched), self.row("outer") == np.inf
         parts, before = dict.fromkeys(("crossed", "place", "end"), 0.0), x
@@ -197,17 +207,17 @@ class StepsInNumPy:
             elif k < rules.PARTS:
                 inputs = {"x": x, "new": new, "f": f, "f_new": f_new, "signed": signed, "u": u}
                 point = rules.carried_out(rules.POINT, **inputs)["point"]
-            part, crosses, _ = self.half.watch_in_numpy((before, point), self.table)
+            part, crosses, *_ = self.half.watch_in_numpy((before, point), self.table)
             own = {"part": part, "crosses": crosses, "u": u, "taken": taken}
             parts = self._apply(rules.LOOK, **own, **parts)
             far[:] = np.where(is_far & (parts.pop("is_first") > 0.0), point, far)
             before = point
-        whole_part, crosses, jumps = self.half.watch_in_numpy((x, new), self.table)
         part, *_ = self.half.watch_in_numpy((new, far), self.table)
+        whole_part, crosses, jumps, *kinks = self.half.watch_in_numpy((x, new), self.table)
         inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
         found = self._apply(rules.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
         far[:] = np.where(found.pop("beyond") > 0.0, new, far)
-        return found
+        return found, kinks
 
     def _derive(self, x):
         """Find the entries of f'; return its rate by a step of the power iteration."""

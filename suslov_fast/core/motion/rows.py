@@ -81,17 +81,18 @@ class Work(NamedTuple):
     signed: int  # the same with the sign of time
     accepted: int  # 1 where the step is taken, else 0
     t: int  # time before the step
+    at_surface: int  # 1 where the step ends on a surface, else 0
     line: int  # two states, between which surfaces are crossed or not (2 watched)
-    seen: int  # what `watch` finds there (3)
+    seen: int  # what `watch` finds there (3 + kinks)
     scratch: int  # rows that functions need
     size: int
 
 
-def work_of(D, denominators, columns, entries, factors, watched, scratch):
+def work_of(D, denominators, columns, entries, factors, watched, kinks, scratch):
     """Return the rows of `Work`."""
     extended = D + denominators
     sizes = [D, extended, D, extended, columns * D, extended, D, extended, D,
-             entries, factors, D, *[1] * 4, 2 * watched, 3, scratch]  # fmt: skip
+             entries, factors, D, *[1] * 5, 2 * watched, 3 + kinks, scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

@@ -21,12 +21,12 @@ nothing. After `patience` steps with h |mu| above `limit` a lane becomes implici
 half if h |mu| stays below twice the limit for EASY steps, with |mu| by the power iteration on f'.
 
 Steps end on surfaces where f jumps or has a kink. Where one is crossed between the ends of PARTS of
-a step, the step is taken again and again from the same state, with lengths between `inner`, at whose
-end none is crossed, and `outer`. Points inside a step are rough, so the first length is that of the
-part. The next ones are where a straight line between states at both sides crosses the surface. If it
-is always the same side that comes nearer, the other one counts half, a quarter, ... (the rule of
-Illinois); after ROUNDS it is the middle. Once both lengths differ by less than PLACE of the time, the
-step of length `outer` is taken.
+a step, the step is taken again and again from the same state, with lengths between `inner`, at
+whose end none is crossed, and `outer`. Points inside a step are rough, so the first length is that
+of the part. The next ones are where a straight line between states at both sides crosses the
+surface. If it is always the same side that comes nearer, the other one counts half, a quarter, ...
+(the rule of Illinois); after ROUNDS it is the middle. Once both lengths differ by less than PLACE
+of the time, the step of length `outer` is taken.
 
 Each rule below is a list of operations on the numbers of one lane.
 """
@@ -47,7 +47,9 @@ REACH = 0.92  # a step reaches the end of time if its length is this part of wha
 SHORTEST, LEAST = 2.0**-44, 2.0**-1000  # of a step: part of the time, and length
 SMALLEST_SCALE = 2.0**-60
 PARTS = 4
-PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
+# Of a surface: part of the time, of all the time, and of the time for a kink, where the error of f
+# is as small as that of the place.
+PLACE, PLACE_AT_0, OF_KINK = 2.0**-51, 2.0**-90, 2.0**-32
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
 TINY = 2.0**-1000  # in place of an allowed error of 0
@@ -261,7 +263,20 @@ def CHOOSE_EXPLICIT(
     total, kept, rates, states, last, longest, limit, switches, most,
 ):  # fmt: skip
     accepted, is_active, length, state, stops, found = _after(
-        t, taken, wanted, longer, state, steps, tries, outer, ratio, total, kept, last, longest, most
+        t,
+        taken,
+        wanted,
+        longer,
+        state,
+        steps,
+        tries,
+        outer,
+        ratio,
+        total,
+        kept,
+        last,
+        longest,
+        most,
     )
     is_stiff = (taken * taken * rates > limit * limit * states) & (states > 0.0)
     easy_now = is_stiff.select(0.0, easy + 1.0)
@@ -285,7 +300,20 @@ def CHOOSE_IMPLICIT(
     total, kept, rate, last, longest, limit, switches, most,
 ):  # fmt: skip
     accepted, is_active, length, state, stops, found = _after(
-        t, taken, wanted, longer, state, steps, tries, outer, ratio, total, kept, last, longest, most
+        t,
+        taken,
+        wanted,
+        longer,
+        state,
+        steps,
+        tries,
+        outer,
+        ratio,
+        total,
+        kept,
+        last,
+        longest,
+        most,
     )
     left = larger(trial - 1.0, 0.0)
     is_trial = left > 0.0
@@ -346,7 +374,8 @@ def CUT(
     the state at `outer` at `part`.
     """
     is_near = outer < inf
-    sought = PLACE * (before + taken) + PLACE_AT_0 * last
+    is_kink = (crosses > 0.0) & (jumps <= 0.0)
+    sought = is_kink.select(OF_KINK, PLACE) * (before + taken) + PLACE_AT_0 * last
     seen = is_near.select(crosses, crossed) > 0.0
     seen = seen & (stops > 0.0) & (taken > 0.0) & (total < inf)
     is_last = is_near & (taken >= outer) & (outer - inner <= sought)
@@ -384,6 +413,7 @@ def CUT(
         "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
         "whole": is_near.select(whole, wanted),
         "beyond": (cut & is_near).select(1.0, 0.0),
+        "at_surface": (moved & seen).select(1.0, 0.0),
     }
 
 

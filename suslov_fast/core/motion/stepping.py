@@ -30,7 +30,8 @@ class Stepping(Motion):
         half = half_of(self.f, False, self.has_atol)
         flat[:, self.rows.state] = BEGINS
         lines = np.ascontiguousarray(flat.T)[np.newaxis]
-        StepsInNumPy(half, self, lines, self._table(half, slice(None), which, len(which))).begin()
+        table = self._table(half, flat, np.arange(len(which)), which, len(which))
+        StepsInNumPy(half, self, lines, table).begin()
         flat[:] = lines[0].T
 
     def attempts(self, flat, which, last, count):
@@ -51,7 +52,7 @@ class Stepping(Motion):
             k, mode = parts[number]
             half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
             lines = self._lines(flat, k, self.W)
-            step = self._taker(half, lines, self._table(half, slice(None), which[k], self.W))
+            step = self._taker(half, lines, self._table(half, flat, k, which, self.W))
             of_lines, states, copies = (
                 lines.transpose(0, 2, 1),
                 lines[:, self.rows.state],

@@ -524,14 +524,15 @@ class _Steps:
             is_first = text.compare("ogt", parts.pop("is_first"), text.constant(0.0))
             keep_far(text.new(f"and {text.M} {is_first}, {is_far}"))
             text.copy(point, line, watched)
-        text.copy(x, line, watched)
-        inputs = found | parts | look("whole_part", "crosses", "jumps")
-        text.copy(new, line, watched)
+        inputs = found | parts | {"mode": self.mode(), "taken": taken}
         text.copy(far, point, watched)
-        inputs |= look("part") | {"mode": self.mode(), "taken": taken}
-        found = text.apply(rules.CUT, **self.inputs(rules.CUT, **inputs))
+        inputs |= look("part")
+        text.copy(x, line, watched)
         text.copy(new, point, watched)
+        inputs |= look("whole_part", "crosses", "jumps")
+        found = text.apply(rules.CUT, **self.inputs(rules.CUT, **inputs))
         keep_far(text.compare("ogt", found.pop("beyond"), text.constant(0.0)))
+        self.keep_work({"at_surface": found.pop("at_surface")})
         return found
 
     def put_point(self, u, to):
@@ -615,6 +616,13 @@ class _Steps:
 
         text.fold(self.D, {}, component)
         text.fold(self.extended, {}, lambda i: chosen(i, text.row(base, work.f_new, i), rows.f))
+        if self.half.kinks:  # choices at the end of the step, as `watch` has found them
+            ends = text.compare("ogt", self.work_row("at_surface"), text.constant(0.0))
+            ends = text.new(f"and {text.M} {ends}, {accepted}")
+            first = self.f.conditions.P + self.f.conditions.jumps
+            for k in range(self.half.kinks):
+                now, old = text.row(base, work.seen + 3, k), text.row(self.table, first, k)
+                text.put_chosen(text.select(ends, now, old), self.table, first, k)
 
     # ------------------------------------------------------------------------------- implicit lanes
     def derive(self):

@@ -26,12 +26,13 @@ class Expressions(Values):
     """Values of which equal ones are computed once, and those of constants at once.
 
     `written` has the function and operands of values that a user wrote, and that operations take
-    apart: a power is products. `of` has the instruction and operands of each value.
+    apart: a power is products. `of` has the instruction and operands of each value, `fixed_truths`
+    the numbers of truth values that depend on parameters alone.
     """
 
     def __init__(self, count, fixed=()):
         super().__init__(count, fixed)
-        self._known, self.of, self.written = {}, {}, {}
+        self._known, self.of, self.written, self.fixed_truths = {}, {}, {}, set()
 
     def emit(self, instruction, *operands):
         """Return the number of a value, or the constant that it is."""
@@ -52,6 +53,9 @@ class Expressions(Values):
         if simple is not None:
             return simple
         number = super().emit(instruction, *operands)
+        if all(self._is_fixed(a) or a in self.fixed_truths for a in operands):
+            is_truth = instruction in OF_TRUTH_VALUES
+            (self.fixed_truths if is_truth else self.fixed).add(number)
         self.of[number] = instruction, operands
         return number
 

@@ -155,20 +155,19 @@ class Values:
 
     The first `count` values need no operation. Operands are numbers of values, which are integers,
     and constants, which are floats. `fixed` has the numbers of values that depend on parameters
-    alone, `fixed_truths` those of such truth values.
+    alone.
     """
 
     def __init__(self, count, fixed):
         self.count, self.fixed, self.operations = count, set(fixed), []
-        self.fixed_truths = set()
 
     def emit(self, instruction, *operands):
         """Add an operation; return the number of its value."""
         number = self.count
         self.count += 1
         self.operations.append((instruction, number, operands))
-        if all(self._is_fixed(a) or a in self.fixed_truths for a in operands):
-            (self.fixed if instruction in OF_NUMBERS else self.fixed_truths).add(number)
+        if instruction in OF_NUMBERS and all(map(self._is_fixed, operands)):
+            self.fixed.add(number)
         return number
 
     def _is_fixed(self, operand):

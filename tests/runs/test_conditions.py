@@ -211,3 +211,66 @@ def test_kinks_and_jumps_together():
     motion = sf.flow(field(falling, "h v"), [0.5, 0.0], time=[1.0, 3.0, 2000.0])
     # It enters at v = -1, the terminal speed.
     np.testing.assert_allclose(motion.x[:, 0], [0.0, -2.0, -1999.0], atol=1e-9)
+
+
+# ------------------------------------------------------------------------------- derivatives
+def test_derivatives_across_jumps_of_an_acceleration():
+    # x'' = -a above 0 and b below: parabolas that last 2 v / a and 2 v / b.
+    f = field(lambda s, a, b: (s[1], np.where(s[0] > 0, -a, b)), "x v", a=[1.0, 1.2], b=2.0)
+    v, a, b = 0.8, np.array([1.0, 1.2]), 2.0
+    motion = sf.flow(f, [0.0, v], time=5.0, derivatives=("a", "x0", "b"))
+    period = 2 * v * (1 / a + 1 / b)
+    turns = np.floor(5.0 / period)
+    t, of_period = (
+        5.0 - turns * period,
+        turns * np.array([2 / a + 2 / b, -2 * v / a**2, -2 * v / b**2 + 0 * a]),
+    )
+    assert (t < 2 * v / a).all()
+    np.testing.assert_allclose(motion.x[0].T, [v * t - a * t * t / 2, v - a * t], atol=1e-9)
+    exact = -np.array([v - a * t, -a])[:, np.newaxis] * of_period
+    exact += [[t, -t * t / 2, 0 * a], [1 + 0 * a, -t, 0 * a]]
+    found = motion.derivative("x0")[0, ..., 1], motion.derivative("a")[0], motion.derivative("b")[0]
+    np.testing.assert_allclose(np.array(found).transpose(2, 0, 1), exact, atol=1e-8)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+def test_derivatives_by_the_time_of_a_dose(stiff):
+    def dosed(s, k, begin, dose):
+        return np.where((s[1] > begin) & (s[1] < begin + 2), dose, 0.0) - k * s[0], 1.0
+
+    f = field(dosed, "c t", k=0.3, begin=1.5, dose=5.0)
+    by = "begin", "dose", "x0"
+    motion = sf.flow(f, [0.0, 0.0], time=6.0, derivatives=by, stiff=stiff)
+    c = 5.0 / 0.3 * (np.exp(-0.3 * 2.5) - np.exp(-0.3 * 4.5))
+    assert motion.x[0, 0] == pytest.approx(c, rel=1e-8)
+    found = [*(motion.derivative(name)[0, 0] for name in by[:2]), *motion.derivative("x0")[0, 0]]
+    np.testing.assert_allclose(found, [0.3 * c, c / 5, np.exp(-1.8), -0.3 * c], rtol=1e-7)
+
+
+def test_derivatives_where_f_rounds_and_bends():
+    def stairs(s, k):
+        return k * np.floor(s[1]) - abs(s[0] - k), 1.0 + 0.1 * s[0]
+
+    f, h, options = field(stairs, "x y", k=0.5), 1e-5, {"time": 4.0, "rtol": 1e-12}
+    motion = sf.flow(f, [0.0, 0.5], derivatives=("k", "x0"), **options)
+    ends = [sf.flow(f.with_parameters(k=k), [0.0, 0.5], **options).x[0] for k in (0.5 + h, 0.5 - h)]
+    by_k = (ends[0] - ends[1]) / (2 * h)
+    np.testing.assert_allclose(motion.derivative("k")[0], by_k, rtol=1e-6)
+    ends = [sf.flow(f, [0.0, 0.5 + dy], **options).x[0] for dy in (h, -h)]
+    by_y = (ends[0] - ends[1]) / (2 * h)
+    np.testing.assert_allclose(motion.derivative("x0")[0, :, 1], by_y, rtol=1e-6)
+
+
+def test_a_relay_that_drives_an_oscillator():
+    # v' = -x - v/5 + sign(v)/2: in half a turn, which lasts pi/w, the amplitude A becomes
+    # (A + 1/2) q + 1/2.
+    relay = field(lambda s: (s[1], -s[0] - 0.2 * s[1] + 0.5 * np.sign(s[1])), "x v")
+    w = np.sqrt(0.99)
+    q = np.exp(-0.1 * np.pi / w)
+    A = 0.5 * (1 + q) / (1 - q)
+    orbit = sf.periodic_orbit(relay, [-1.1 * A, 0.1], period=6.0)
+    assert orbit.period == pytest.approx(2 * np.pi / w, rel=1e-9)
+    np.testing.assert_allclose(orbit.multipliers, [1.0, q * q], rtol=1e-8)
+    phases = {"time": 5 * orbit.period, "transient": 20 * orbit.period}
+    exponents = sf.lyapunov_exponents(relay, orbit.state, **phases)
+    np.testing.assert_allclose(exponents, [0.0, -0.1], atol=1e-5)

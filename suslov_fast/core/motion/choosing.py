@@ -6,6 +6,7 @@ back to surfaces at once, again and again, slides along them, and ends.
 
 import numpy as np
 
+from ..lists.variational import Variational
 from .rows import State
 from .text import NUMBER
 
@@ -81,8 +82,18 @@ class Choices:
 
     def _choose(self, flat, k, which, ahead):
         """Make the choices of trajectories `which` anew, at the states of rows k or later."""
-        f, rows, motion = self.f, self.motion.rows, self.motion
-        self.inputs[self.conditions.P :, which] = self._choices_ahead(flat, k, which, ahead)
-        motion.table[which] = f.table_with(self.inputs[:, which], motion.table[which].T).T
-        rates = f.value_and_denominators(flat[k, : f.D].T, motion.table[which].T)
+        f, rows, motion, P = self.f, self.motion.rows, self.motion, self.conditions.P
+        old, tables = self.inputs[P:, which], motion.table[which].T
+        self.inputs[P:, which] = choices = self._choices_ahead(flat, k, which, ahead)
+        motion.table[which] = f.table_with(self.inputs[:, which], tables).T
+        x, table = flat[k, : f.D].T, motion.table[which].T
+        rates = f.value_and_denominators(x, table)
+        if isinstance(f, Variational):
+            differ = (choices != old)[: self.conditions.jumps]
+            first = np.where(differ.any(axis=0), differ.argmax(axis=0), -1)
+            x = f.after_jump(x, flat[k, rows.f : rows.f + f.D].T, rates, tables, first)
+            flat[k, : f.D] = x.T
+            largest = flat[k, rows.largest : rows.largest + f.D]
+            flat[k, rows.largest : rows.largest + f.D] = np.maximum(largest, abs(x.T))
+            rates = f.value_and_denominators(x, table)
         flat[k, rows.f : rows.f + len(rates)] = rates.T

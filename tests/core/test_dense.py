@@ -65,7 +65,9 @@ def test_stages_solve_the_implicit_equations(rng, W, for_each):
         scheme = Scheme(step, Stages((1.0,) if n % 2 else (0.5, 0.5)))
         x = rng.normal(size=(D, W))
         x[3, 6:7] = np.nan
-        lines = _Lines((scheme, 1.2 * values / scheme.stages.fractions[0], np.ones(1)), x.T, notes, W)
+        lines = _Lines(
+            (scheme, 1.2 * values / scheme.stages.fractions[0], np.ones(1)), x.T, notes, W
+        )
         half = scheme.stages.fractions[0] * lines.halves[0].T
         before, wanted, refused, negative = x.copy(), x.copy(), np.isnan(x[3]), np.zeros(W, bool)
         for l in np.flatnonzero(~refused):

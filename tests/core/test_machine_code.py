@@ -229,7 +229,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
-    made = {text_of for text_of, *_ in machine_code._codes}  # of columns, which take no plan
+    made = {key[0] for key, _ in machine_code._codes}  # which take no plan
     assert made <= {text_of_orthonormalise, driver.text_of_called_steps}
 
 

@@ -28,7 +28,7 @@ def common_table(step, stages, eps, values):
 
 
 def plan_of(stages, table, halves=None):
-    """Return the plan (stages, 2) of `DriverArguments`, with the halves h v if there is no table."""
+    """Return the plan (stages, 2) of `DriverArguments`; without a table, of the halves h v."""
     plan = np.empty((len(stages.fractions), 2))
     plan[:, 1] = stages.fractions
     if table is None:

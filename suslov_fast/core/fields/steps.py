@@ -27,8 +27,8 @@ from ..compiling.codes import CHANGED
 from ..compiling.numba import STREAM_FROM, Kernel, as_python, loop_over_parts
 from ..compiling.threads import in_parts
 from ..lists.step import SIGNIFICANT, Step, evaluate, of_one_sign
-from .careful import ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
 from .called_stages import called_stage_of
+from .careful import ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
 from .driver import (
     NOT_READY,
     OF_HALVES,

@@ -327,17 +327,6 @@ def test_a_family_of_hamiltonians_has_the_bits_of_its_members():
         assert (family[3:].H.tensor[i - 3] == single.H.tensor).all() or i < 3
 
 
-def test_errors_of_a_family_are_those_of_its_members():
-    for f, message in (
-        (lambda x, a: (x[0] / (a - a[0]),), "f"),
-        (lambda x, a: (x[0] / (a - 3.0),), "f"),
-        (lambda x, a: (x[0] * 10.0 ** -(60 * (a > 3)) * 0.1,), "coefficients"),
-        (lambda x, a: (a * x[0] ** 3,), "degree"),
-    ):
-        with pytest.raises((TypeError, ValueError), match=message):
-            of_function(f, 1, a=np.linspace(1, 5, 5))
-
-
 def test_the_derivative_of_the_right_hand_side(rng):
     """By central differences, which are exact for degree 2 but for rounding; families broadcast."""
     single = QuadraticField(*(rng.normal(size=(4,) * k) for k in (3, 2, 1)))

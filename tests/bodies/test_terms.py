@@ -274,15 +274,6 @@ def test_what_sympy_and_complex_variables_need():
     assert of_function(lambda a: (a[0].conjugate(), np.vdot(a, [1, 2])), 2)([3, 4]) == (3, 11)
 
 
-def test_names_that_do_not_fit_what_f_unpacks():
-    def uvw(state):
-        u, v, w = state
-        return u, v, w
-
-    with pytest.raises(ValueError, match=r"^f\b.*u, v"):
-        of_function(uvw, "u v")
-
-
 def test_long_lists_of_states_are_those_of_arrays(rng):
     field, x = of_terms(*lattice(4), 4), rng.normal(size=(200, 4))
     expected = sf.step(field, x, 0.01)
@@ -304,8 +295,3 @@ def test_the_tensor_of_a_hamiltonian_is_its_form():
     y = [F(3), F(-1, 2), F(5), F(2, 3), F(1)]
     form = sum(T * y[i] * y[j] * y[k] for (i, j, k), T in np.ndenumerate(field.H.tensor))
     assert form == field.H(y[:4])
-
-
-def test_the_canonical_matrix_has_the_entries_1_and_minus_1():
-    oscillator = QuadraticField.from_hamiltonian(lambda x: (x[0] ** 2 + x[1] ** 2) / 2, 2)
-    assert oscillator([3, 5]) == (5, -3)

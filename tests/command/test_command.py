@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 import urllib.request
 from pathlib import Path
@@ -19,7 +18,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.command import main as command, summary, warm_up
+from suslov_fast.command import warm_up
 from suslov_fast.command.main import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
@@ -231,23 +230,6 @@ def lorenz(rho):
     return sf.QuadraticField.from_function(f, "u v w", rho=rho)
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("members", [1, 38, 400])
-def test_summaries_of_families(members):
-    """Of large tables a store has no numbers; values of a parameter take one line."""
-    family = lorenz(np.linspace(20, 30, members))
-    sf.ensemble(family, np.ones(3), 1 / 128, 3, store="f.zarr")
-    sf.iterate(family, np.ones(3), 1 / 128, 3).save("f.npz")
-    Path("b.json").write_text(json.dumps(family.to_dict()))
-    line = "run --body b.json --eps 1/128 --omega0 1,1,1 --steps 3 -o c.zarr"
-    for text in (succeed("info f.zarr"), succeed("info f.npz"), succeed(line)):
-        assert f"trajectories     {members}\n" in text
-        assert "QuadraticField" in text
-        assert max(map(len, text.splitlines())) < 120
-        assert members == 1 or f"{members} values from 20 to 30" in text
-        assert "linear" not in text
-
-
 @pytest.mark.slow
 def test_info_and_plot_of_crossings():
     points = sf.crossings(
@@ -309,16 +291,6 @@ def test_states_from_standard_input(monkeypatch):
     assert sf.Trajectories.load("piped.npz") == sf.Trajectories.load("read.npz")
 
 
-def test_a_log_shows_signs_of_life(monkeypatch):
-    seen = threading.Event()
-    monkeypatch.setattr(command, "_BEAT", 0.01)
-    monkeypatch.setattr(command, "_tell", lambda text: seen.set())
-    monkeypatch.setattr(os, "isatty", lambda _: False)
-    monkeypatch.setattr(warm_up, "call_all", lambda: seen.wait(60))
-    assert main(["warm-up"]) == 0
-    assert seen.is_set()
-
-
 def test_a_store_is_finished_or_refused():
     line = "run --trajectories 100 --steps 40 --save-every 4 -o run.zarr"
     succeed(line)
@@ -345,12 +317,6 @@ def test_force_replaces_a_run(monkeypatch):
     monkeypatch.setattr("shutil.rmtree", refuse)
     refused = run(line)
     assert refused.err == "suslov-fast: run.zarr: not replaced: Permission denied\n"
-
-
-def test_long_names_in_a_summary_end_with_a_blank():
-    facts = summary.facts_of(sf.iterate(BODY, [1.0, 0.5], 0.2, 3), None)
-    text = summary.lines_of(facts | {"failed_after_a_pole": 42}, False)
-    assert "failed after a pole 42" in text
 
 
 # Exit status, command line, and what the message on stderr names.

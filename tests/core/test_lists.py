@@ -8,7 +8,6 @@ import pytest
 import suslov_fast as sf
 from suslov_fast.core.code import compiler as machine_code, runs as listed, runs_code as listed_code
 from suslov_fast.core.fields import in_calls, steps as steps_field
-from suslov_fast.core.fields.careful import careful
 from suslov_fast.core.fields.stages import Stages
 from suslov_fast.core.lists import step as operations
 
@@ -171,23 +170,6 @@ def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
     taken, bits = take(0, 0, 5)
     assert (taken, bits) == (5, 0)
     assert (lines.states() == sf.iterate(field, x, 0.1, 5).final).all()
-
-
-def test_steps_by_elimination_pause(monkeypatch):
-    """So that Python hears Ctrl-C: the code returns when it has made as many calls as it may."""
-    calls, usual = [], steps_field.call
-
-    def count(*arguments):
-        calls.append(usual(*arguments))
-        return calls[-1]
-
-    field, x0 = sf.QuadraticField([[[1.0]]]), np.full((3000, 1), 2.0)
-    careful.compile()
-    expected = sf.iterate(field, x0, 0.5, 20, on_singular="ignore")
-    monkeypatch.setattr(steps_field, "call", count)
-    monkeypatch.setattr(steps_field, "CAREFUL_TIME", 1)
-    assert sf.iterate(field, x0, 0.5, 20, on_singular="ignore", threads=1) == expected
-    assert len(calls) > 1
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 A small package with a copy of `core` compiles fast.
 """
 
-import gc
 import re
 import shutil
 import zipfile
@@ -16,13 +15,9 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.command.warm_up import where_code_is_kept
-from suslov_fast.core.compiling import arrays, cache, elimination, llvm, numba as core_numba
+from suslov_fast.core.compiling import arrays, cache, numba as core_numba
 from suslov_fast.core.suslov import (
-    blocks as rows,
-    map as map_3d,
     n_dimensions as steps_nd,
-    orientations,
-    quantities,
     steps as steps_3d,
 )
 
@@ -364,50 +359,6 @@ def test_arrays_at_an_address():
     assert x[1] == -1.0
 
 
-@pytest.mark.slow
-def test_every_kind_can_be_called_at_a_prompt(rng):
-    """Formulas, functions, kernels and universal functions: compiled, and as Python functions.
-
-    (A few are always Python functions at a prompt: for them `compiled` is as kernels call them.)
-    """
-    x, y, w = rng.normal(size=16), np.zeros(32), rng.normal(size=(1, 2))
-    body, eps = (4.0, 1.0, -0.5, -0.3, 0.0), 0.2
-    for take in (map_3d.plain_step, map_3d.plain_step.py_func):
-        assert np.allclose(take(0.1, 0.2), (6 / 41, 7 / 41), rtol=1e-15)
-    gram = np.empty((3, 3, 8))
-    for clean in (orientations.clean, orientations.clean.py_func):
-        turned = np.repeat(np.eye(3)[:, :, None], 8, axis=2) * (1 + 1e-12)
-        clean(turned, gram, np.empty_like(gram))
-        assert abs(turned[..., 0] - np.eye(3)).max() < 1e-15
-    for memory_of_one in (elimination.memory_of_one, elimination.memory_of_one.py_func):
-        assert len(memory_of_one(3)) == 2
-    states = []
-    for steps in (steps_3d.steps, steps_3d.steps.py_func):
-        carry, saved, final = np.empty((steps_3d.CARRIED, 1)), np.empty((6, 1, 2)), np.empty((1, 2))
-        given = tuple(np.array([number]) for number in (*body, eps)), w, carry, (0, 1, 0, 5, 1, 0)
-        with np.errstate(all="ignore"):
-            steps(0, 1, *given, saved, final, np.zeros(1, np.int8), np.zeros(1, np.int64))
-        states.append(saved)
-    np.testing.assert_array_equal(*states)
-    value = np.empty(1)
-    quantities.energy.py_func(*body, eps, w[0], value)
-    assert value == quantities.energy(*body, eps, w[0])
-    lead, b = -(y.ctypes.data // 8) % llvm.LINE, x.reshape(2, 8)
-    for write in (rows.write_pairs, compiled(rows.write_pairs)):
-        write(b, 0, y, lead, 8, lead)
-        assert (y[lead : lead + 16] == b.T.ravel()).all()
-        y[:] = 0
-    assert arrays.uncounted(x) is x
-    assert arrays.block_of(2, 8)().shape == (2, 8)
-    # Arguments that a person gets wrong are errors: numbers beside a line, and beyond the end.
-    rows.write_pairs(b, 0, y, lead, 8, lead + 1)
-    assert (y[lead : lead + 16] == b.T.ravel()).all()
-    with pytest.raises((IndexError, ValueError)):
-        rows.write_pairs(b, 0, y, 25, 8, -1)
-    with pytest.raises(IndexError):
-        orientations.clean(np.ones((3, 3, 8)), np.ones((2, 2, 8)), gram)
-
-
 # All, and one of each kind of function: its files, its code, the functions that are made of it.
 HIDDEN = [[*PRIVATE], ["_cache", "_cres", "get_compile_result"], ["gufunc_builder"]]
 HIDDEN += [["FunctionCache", "build", "CompileResultWAP"]]
@@ -424,25 +375,6 @@ def test_without_private_names_of_numba(folder, names):
         output = children.run(code, folder, *RESULTS, NUMBA_CACHE_DIR="")
         lines = [text.partition("result ")[2] for text in output.splitlines() if "result" in text]
         assert lines == [*RESULTS.values()]
-
-
-@pytest.mark.parametrize("is_enabled", [True, False])
-def test_the_garbage_collector_is_paused_by_first_calls_alone(is_enabled):
-    seen = []
-
-    @core_numba.kernel
-    def count(part, parts, numbers):
-        numbers[0] += 1
-
-    count.compiled = lambda *arguments: seen.append(gc.isenabled())
-    (gc.enable if is_enabled else gc.disable)()
-    try:
-        count.serial(np.zeros(1))
-        assert gc.isenabled() == is_enabled
-        count.serial(np.zeros(1))
-    finally:
-        gc.enable()
-    assert seen == [False, is_enabled]
 
 
 # The first thread is inside until the second one begins, or, if that waits, for half a second.
@@ -518,7 +450,7 @@ def test_nothing_is_compiled_after_warm_up():
     assert place == where_code_is_kept()
     assert any("suslov.steps.steps" in name for name in made)
     # Each function, serially and in threads, and each kernel of steps.
-    words = "any_input or threads_and_stretches or contract or states_saved"
+    words = "any_input or threads_and_stretches or states_saved"
     tests = Path(__file__).parents[1] / "package" / "test_promises.py"
     _, used = asked(PROMISES, tests, "-m", "", "-k", words)
     assert any("suslov.steps.steps" in name for name in used)

@@ -14,10 +14,7 @@ from numba import config
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
-from suslov_fast.core.compiling import numba as core_numba
-from suslov_fast.core.fields import careful
 from suslov_fast.core.lists import step as plans
-from suslov_fast.core.lists.planned_elimination import elimination_order
 
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
@@ -169,23 +166,6 @@ def test_fields_have_a_plan_unless_it_takes_too_long():
         assert bool(plans.Step(np.array(terms).T, D).usual) == has_plan
 
 
-@pytest.mark.parametrize(
-    ("D", "terms", "longest", "has_plan"),
-    [
-        (10, [], 1000, True),
-        (10, [(0, 0, 0)], 100, False),
-        (10, [], 100, False),
-        (12, [], 1000, False),
-    ],
-)
-def test_the_work_of_a_plan_is_bounded(monkeypatch, D, terms, longest, has_plan):
-    """Also that of elimination which is done once for a step size, of a linear field."""
-    monkeypatch.setattr("suslov_fast.core.lists.sizes.LONGEST", longest)
-    monkeypatch.setattr("suslov_fast.core.lists.sizes.LONGEST_ONCE", 400)
-    indices = [*terms, *((i, j, D) for i in range(D) for j in range(D))]
-    assert bool(plans.Step(np.array(indices).T, D).usual) == has_plan
-
-
 def test_grids_have_a_plan():
     """Elimination fills in, but takes far fewer products than that of a dense matrix."""
     n = 16
@@ -223,60 +203,6 @@ def test_a_plan_tells_lost_digits(A, good, accurate):
     if accurate:
         exact = linear_step(A, x)[1]
         assert naive.relative_error(np.array([found[k] for k in step.after_rare]), exact) < 3e-16
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("batch", [1, 16])
-def test_a_component_that_cancels_needs_no_pivoting(rng, monkeypatch, batch):
-    """The factors of a step serve for it, too, in all digits: components that pass through 0."""
-
-    def atmosphere(x):
-        return [x[i - 1] * (x[(i + 1) % 9] - x[i - 2]) - x[i] + 8 for i in range(9)]
-
-    given = careful.careful.signature, careful.careful.py_func
-    unused = core_numba.CFunction(*given)
-    monkeypatch.setattr("suslov_fast.core.fields.steps.careful", unused)
-    x0, steps = rng.normal(8, 1, (batch, 9)), 64_000 // batch
-    run = sf.iterate(of_function(atmosphere, 9), x0, 1 / 64, steps)
-    assert run.ok
-    assert not unused.is_compiled
-    cancelled = abs(run.x[1:]) < 2.0**-11 * abs(np.diff(run.x, axis=0))
-    places = np.argwhere(cancelled.any(axis=2))[:3]
-    assert len(places)
-    for n, k in places:
-        exact = naive.kahan_step(atmosphere, 1 / 64, run.x[n, k])
-        assert naive.relative_error(run.x[n + 1, k], exact) < 5e-16
-
-
-def test_elimination_among_parameters_is_no_part_of_a_step(rng):
-    step, _ = evaluated(rng.normal(size=(4, 4)), np.ones(4))
-    divisions = [
-        sum(instruction == "fdiv" for instruction, *_ in each)
-        for each in (step.fixed, step.usual, step.rare)
-    ]
-    assert divisions == [4, 0, 0]
-
-
-def test_pivots_are_those_of_least_degree(rng):
-    """As in a table of which equations hold which unknowns, after each elimination.
-
-    Ties go to an unknown that waits for the fewest others, one after the other.
-    """
-    for _ in range(20):
-        D = int(rng.integers(2, 12))
-        pattern = np.argwhere(random_pattern(rng, D)).tolist()
-        table = np.eye(D, dtype=bool)
-        for i, j in pattern:
-            table[i, j] = table[j, i] = True
-        left, expected, depth = [*range(D)], [], [0] * D
-        while left:
-            k = min(left, key=lambda i: (table[i, left].sum(), depth[i], i))
-            expected.append(k)
-            table |= np.outer(table[:, k], table[k])
-            left.remove(k)
-            for i in np.flatnonzero(table[k, left]):
-                depth[left[i]] = max(depth[left[i]], depth[k] + 1)
-        assert elimination_order(pattern, D) == expected
 
 
 def linear_step(A, x):

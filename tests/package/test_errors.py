@@ -28,7 +28,7 @@ from scipy.interpolate import interp1d
 import suslov_fast as sf
 from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, checks, maps
 from suslov_fast.bodies.base import OF_AUTHORS
-from suslov_fast.keywords import instead, public
+from suslov_fast.keywords import public
 
 NAN, INF, ID = float("nan"), float("inf"), np.eye(3)
 OMEGA, ONES = [[1.0, 0.5], [0.2, 0.3]], np.ones((4, 2))
@@ -376,12 +376,6 @@ def test_unknown_attributes(thing, name, answer):
     assert answer or ("use " not in str(caught.value) and caught.value.name == name)
 
 
-def test_words_that_are_names_here_come_before_sentences():
-    assert instead("t", {"time", "steps"}) == "time"
-    assert instead("ste", {"step", "stop"}) == "step"
-    assert instead("nothing", {"time"}) == ""
-
-
 # Classes that users make by a call; all others are results, errors, or made by functions.
 MADE_FOR_MAPS = maps.Map, maps.Steps, maps.Formula, maps.Plane
 MADE_BY_USERS = QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, sf.RandomStarts, *MADE_FOR_MAPS
@@ -491,14 +485,6 @@ def test_units_and_labels_are_refused(wrap, name):
     """20 ms must never be read as 20, and labels are neither guessed nor ignored."""
     with pytest.raises(TypeError, match=rf"\b{name}\b"):
         CALLS[name](wrap(20.0))
-
-
-def test_errors_name_a_page_by_its_title():
-    title = 'the page "Any equations, to a tolerance" of the documentation'
-    assert checks.page("howto/motion") == title
-    docs = Path(__file__).parents[2] / "docs"
-    for name, words in checks._TITLES.items():
-        assert (docs / f"{name}.md").read_text("utf-8").startswith(f"# {words}\n")
 
 
 def test_errors_that_tell_of_the_mathematics_have_one_base_class():

@@ -326,12 +326,6 @@ def test_what_a_surface_may_not_be(surface, error, message, monkeypatch):
         sf.crossings(LORENZ, np.ones((2, 3)), 0.1, 10, surface)
 
 
-def test_a_surface_that_changes_its_answer():
-    answers = iter([np.zeros((1, 1)), np.zeros((9, 1), bool)])
-    with pytest.raises(TypeError, match=r"^surface must"):
-        sf.crossings(OSCILLATOR, [[1.0, 0.0]], 0.1, 9, lambda x: next(answers))
-
-
 @pytest.mark.parametrize("kind", [np.int64, np.int8, np.float32])
 def test_integers_and_single_precision_are_taken_as_floats(kind):
     starts = [[10.0, 0.0], [0.0, 7.0]]
@@ -365,31 +359,6 @@ def test_there_is_no_crossing_to_a_state_that_is_nan(monkeypatch, kind, piece):
         )
         assert one.count.tolist() == expected
         assert np.isfinite(one.after).all()
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"direction": 2}, "direction must be 1, -1 or 0, not 2"),
-        ({"direction": -2}, "direction must be 1, -1 or 0, not -2"),
-        ({"direction": "up"}, "direction must be 1, -1 or 0, not .*'up'"),
-        ({"transient": -1}, "transient must be an integer"),
-        ({"steps": 1.5}, "steps must be an integer"),
-        ({"most": 0}, "most must be None or an integer of at least 1, not 0"),
-        ({"threads": 0}, "threads must be "),
-        ({"eps": 1j}, "eps must hold real numbers"),
-        ({"on_singular": "stop"}, "on_singular must be "),
-        ({"progress": 3}, "progress must be "),
-        ({"method": "rank2"}, "method must be "),
-    ],
-)
-def test_bad_arguments(options, message):
-    def surface(x):
-        raise AssertionError
-
-    given = {"eps": 0.1, "steps": 3, "surface": surface} | options
-    with pytest.raises((TypeError, ValueError), match=f"^{message}"):
-        sf.crossings(OSCILLATOR, [1.0, 0.0], **given)
 
 
 def test_progress_stops_where_the_run_ends():
@@ -496,19 +465,6 @@ def test_extended_crossings_are_those_of_one_call(name, most, tmp_path):
     assert one.extend(40, first, on_singular="ignore") == whole.of(4)
 
 
-def test_extended_families_with_surfaces_of_their_own(rng):
-    family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[[1], [0], [3]])
-    starts, eps = rng.normal(size=(3, 4, 2)), np.array([0.1, 0.2, -0.1, 0.05])
-    level = rng.normal(size=(3, 4)) / 9
-
-    def surface(x):
-        return first(x) - level
-
-    whole = sf.crossings(family, starts, eps, 300, surface, transient=7)
-    assert sf.crossings(family, starts, eps, 111, surface, transient=7).extend(189) == whole
-    assert whole.extend(0) == whole
-
-
 def test_what_extend_needs(tmp_path):
     points = sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 99, first)
     for copy in (
@@ -540,39 +496,6 @@ def test_what_extend_needs(tmp_path):
     with pytest.warns(sf.SingularStepWarning, match="first: 0 at step 11"):
         failed = begin.extend(20)
     assert failed.extend(3) == sf.crossings(field, start, 0.5, 28, first, on_singular="ignore")
-
-
-def test_a_return_map_goes_on_from_the_states_after():
-    """From a point of a surface that is convex an orbit would return at once."""
-    field = sf.QuadraticField.from_hamiltonian(
-        lambda x: (
-            (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
-        ),
-        4,
-    )
-    circle = lambda x: x[..., 0] ** 2 + x[..., 1] ** 2 - 0.05  # noqa: E731
-    state, times = [0.0, 0.1, 0.4, 0.0], []
-    for _ in range(10):
-        found = sf.crossings(field, state, 1 / 16, 3000, circle, most=1)
-        state = found.after[0]
-        times.append(float(found.time[0]))
-    many = sf.crossings(field, [0.0, 0.1, 0.4, 0.0], 1 / 16, 3000, circle)
-    np.testing.assert_array_equal(state, many.after[9])
-    assert min(times[1:]) > 1
-
-
-def test_which_direction_found_none():
-    fall = sf.QuadraticField.from_function(lambda y: (y[1], -10), 2)
-    for direction, word in ((1, "none upwards"), (-1, "none downwards"), (0, "none")):
-        points = sf.crossings(fall, [1e9, 0], 0.1, 9, first, direction=direction)
-        assert repr(points) == f"Crossings(x: (0, 2), n: {word}, eps: 0.1, failed: 0 of 1)"
-    points = sf.crossings(fall, [1000, 0], 0.1, 400, first, direction=-1, most=1)
-    assert repr(points) == "Crossings(x: (1, 2), n: 141, eps: 0.1, failed: 0 of 1)"
-    four = sf.crossings(OSCILLATOR, [1.0, 0.0], [0.125, 0.25], 200, first)
-    assert repr(four) == "Crossings(x: (12, 2), n: 18 ... 195, eps: 0.125 ... 0.25, failed: 0 of 2)"
-    assert repr(four.of(0)) == (
-        "Crossings(x: (4, 2), n: 37, 88, 138, 188, eps: 0.125, failed: 0 of 1)"
-    )
 
 
 def test_results(rng):
@@ -631,26 +554,3 @@ def test_dataset(rng):
     assert len(data.to_dataframe()) == 2 * data.sizes["crossing"]
     assert "omega" in data.data_vars
     assert data.component.values.tolist() == ["Omega1n", "Omega2n"]
-
-
-@pytest.mark.compiled  # interpreted, a minute passes before the first report
-def test_an_interrupted_call_ends():
-    def interrupt(done, total):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 10**12, first, progress=interrupt)
-
-
-def test_an_extension_reports_a_failure_at_its_first_step():
-    """Of x' = x**2, whose step from 1 does not exist for eps = 1."""
-    points = sf.crossings(sf.QuadraticField([[[1]]]), [0.5], 1.0, 1, lambda x: x[..., 0] - 0.7)
-    with pytest.warns(sf.SingularStepWarning, match="at step 2"):
-        points.extend(1, lambda x: x[..., 0] - 0.7)
-
-
-def test_names_of_attributes_that_crossings_lack():
-    points = sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 9, first)
-    for name, here in (("t", "time"), ("times", "time"), ("nothing", "")):
-        with pytest.raises(AttributeError, match=f"'{name}'.*{here}"):
-            getattr(points, name)

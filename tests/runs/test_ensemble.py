@@ -1,6 +1,5 @@
 """Stored runs equal those of `iterate`, bit for bit, whatever happened in between."""
 
-import asyncio
 import errno
 import json
 import os
@@ -12,7 +11,7 @@ import textwrap
 import threading
 import time
 import warnings
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import dask.array
@@ -22,12 +21,11 @@ import pytest
 import xarray
 import zarr
 from scipy.spatial.transform import Rotation
-from zarr.core import sync
 
 import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, flow, iterate, open_ensemble
 from suslov_fast.runs.ensemble import _sizes
-from suslov_fast.runs.files import access, stores
+from suslov_fast.runs.files import stores
 from suslov_fast.runs.files.stores import described
 from suslov_fast.runs.files.tiles import Steps, Times
 
@@ -363,12 +361,6 @@ def test_places_that_cannot_hold_a_store(store):
         open_ensemble(store.with_name("missing.zarr"))
 
 
-def test_a_finished_store_needs_no_space(store, monkeypatch):
-    call(ensemble, **ASKED, store=store)
-    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=0))
-    call(ensemble, **ASKED, store=store)
-
-
 def test_the_url_of_a_folder(tmp_path):
     folder = tmp_path / "a folder"
     data = call(ensemble, **ASKED, store=folder.as_uri())
@@ -532,32 +524,6 @@ def test_parameters_and_step_sizes_are_those_of_the_run(store):
         assert contents(store) == whole
 
 
-def have(name, **changes):
-    return lambda attributes, arrays: arrays[name].update(changes)
-
-
-def say(**changes):
-    return lambda attributes, arrays: attributes.update(changes)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        have("final", data_type="float32"), have("n", shape=[12]), have("failed_at", shape=[2]),
-        say(steps=22), say(map="other"), say(method="gauss"),
-        have("final", chunk_grid={"name": "regular", "configuration": {"chunk_shape": [3, 2]}}),
-        have("final", dimension_names=["start", "component"]),
-    ],
-)  # fmt: skip
-def test_metadata_that_contradict_themselves(store, change):
-    call(ensemble, **ASKED, store=store)
-    made = json.loads((store / "zarr.json").read_text())
-    change(made["attributes"], made["consolidated_metadata"]["metadata"])
-    (store / "zarr.json").write_text(json.dumps(made))
-    with pytest.raises(ValueError, match=r"store.* damaged metadata"):
-        open_ensemble(store)
-
-
 def test_tiles_without_metadata_are_of_no_run(store):
     """Statuses of another run do not make tiles of a new one."""
     call(ensemble, **ASKED, store=store)
@@ -565,21 +531,6 @@ def test_tiles_without_metadata_are_of_no_run(store):
         path.unlink()
     with pytest.raises(ValueError, match="with tiles, but without zarr"):
         call(ensemble, **ASKED | {"eps": 0.3}, store=store)
-
-
-@pytest.mark.parametrize("place", ["omega/c/0/0/0", "omega/c", "status/c/0"])
-def test_folders_and_files_in_places_of_the_other_are_named(store, place):
-    call(ensemble, **ASKED, store=store)
-    path = store / place
-    if path.is_file():
-        path.unlink()
-        path.mkdir()
-    else:
-        shutil.rmtree(path)
-        path.touch()
-    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
-        with pytest.raises(ValueError, match=rf"store.*{place.replace('/', '.')}: remove it"):
-            opens(store)
 
 
 @pytest.mark.slow
@@ -655,25 +606,6 @@ def test_a_lost_chunk_is_an_error_and_computed_anew(store):
         open_ensemble(store)
 
 
-@pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
-def test_stores_into_which_others_write(store):
-    """An attribute of one's own is kept, an array refused; xarray writes over the attributes."""
-    data = call(ensemble, **ASKED, store=store).load()
-    group = zarr.open_group(store, mode="r+")
-    group.attrs["note"] = "mine"
-    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
-        assert opens(store).equals(data)
-        assert opens(store).attrs["note"] == "mine"
-    copy = store.with_name("copy.zarr")
-    shutil.copytree(store, copy)
-    data[["omega"]].mean("n").rename(omega="mean").drop_encoding().to_zarr(copy, mode="a")
-    group.create_array("mean", shape=(3,), dtype=float, dimension_names=["n"])
-    zarr.consolidate_metadata(store)
-    for place in (store, copy):
-        with pytest.raises(ValueError, match="store"):
-            open_ensemble(place)
-
-
 class Wrapper(zarr.storage.WrapperStore):
     """A view of a store, which Zarr opens for reading; its own does so from version 3.1.6 on."""
 
@@ -740,19 +672,6 @@ def test_a_store_that_permits_no_lists_opens():
     assert open_ensemble(Unlisted(place)).identical(data)
     with pytest.raises(OSError, match=r"store: zarr.json cannot be read: check .*403, Forbidden"):
         open_ensemble(Unread(place))
-
-
-def test_names_of_functions_and_parameters_of_a_store(tmp_path):
-    """A parameter may be called states; a function not like a column of coefficients."""
-    turns = sf.QuadraticField.from_function(lambda x, states: (x[1], -states * x[0]), 2, states=3.0)
-    data = ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "a.zarr")
-    assert (data.states.item(), data.x.shape) == (3.0, (1, 2))
-    for name in ("linear_1", "time", "x"):
-        with pytest.raises(ValueError, match="functions must be names that the dataset does not"):
-            ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "b.zarr", functions={name: radius})
-    with pytest.raises(ValueError, match=r"store.*Trajectories.load reads"):
-        ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "b.npz")
-    assert not (tmp_path / "b.zarr").exists()
 
 
 def test_a_store_in_a_zip_file(store):
@@ -826,44 +745,6 @@ def test_a_tile_finished_while_its_store_is_opened(store, monkeypatch):
     assert_same(open_ensemble(store), iterate(BODY, omega0, 0.2, 9))
 
 
-def test_requests_that_an_interrupt_has_left():
-    """They end, or are cancelled: at the end of a process asyncio would print them."""
-    begun = threading.Event()
-
-    async def left(seconds):
-        begun.set()
-        await asyncio.sleep(seconds)
-
-    for seconds, limit in ((0.01, 60.0), (600.0, 0.01)):
-        future = asyncio.run_coroutine_threadsafe(left(seconds), sync._get_loop())
-        begun.wait()
-        access.run(access.settle(limit))
-        if seconds < limit:
-            assert future.result() is None
-        else:
-            with pytest.raises(CancelledError):
-                future.result()
-        begun.clear()
-
-
-def test_only_format_3_is_opened(store):
-    """Zarr reads no metadata of format 2, and no codecs that stores do not have."""
-    zarr.open_group(store, mode="w", zarr_format=2).attrs.update({"format": 9})
-    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
-        with pytest.raises(ValueError, match=r"store.*format 2"):
-            opens(store)
-    shutil.rmtree(store)
-    call(ensemble, **ASKED, store=store)
-    made = json.loads((store / "zarr.json").read_text())
-    arrays = made["consolidated_metadata"]["metadata"]
-    for change in ({"zarr_format": 2}, {"codecs": [{"name": "numcodecs.lz4"}]}, {"shape": [3]}):
-        metadata = {**arrays, "final": arrays["final"] | change}
-        about = {**made, "consolidated_metadata": {"kind": "inline", "metadata": metadata}}
-        (store / "zarr.json").write_text(json.dumps(about))
-        with pytest.raises(ValueError, match=r"store.*final"):
-            open_ensemble(store)
-
-
 @pytest.mark.slow
 def test_workers_that_do_not_share_the_store():
     """The memory of another process: an error after the first tile."""
@@ -874,16 +755,6 @@ def test_workers_that_do_not_share_the_store():
         pytest.raises(ValueError, match=r"^client must have workers.* whose tile is not at"),
     ):
         ensemble(BODY, RandomStarts(50, 1.5), 0.2, 10, store=place, client=client, chunk=7)
-
-
-@pytest.mark.parametrize("eps", [0.2, [[0.1], [0.2]]])
-def test_a_store_as_netcdf(store, eps):
-    path = store.with_suffix(".nc")
-    data = ensemble(BODY, [[1.0, 0.5], [0.3, 0.4]], eps, 6, store=store, attitude=True)
-    data.to_netcdf(path)
-    with xarray.open_dataset(path) as again:
-        np.testing.assert_array_equal(again.final, data.final)
-    data.close()
 
 
 class Counting(Wrapper):

@@ -97,8 +97,7 @@ def test_weights_cancel_the_powers_of_the_length(lengths, p):
         assert errors == pytest.approx(0.0, abs=1e-11)
 
 
-@pytest.mark.parametrize("with_atol", [False, True])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("sign", "with_atol"), [(1.0, False), (-1.0, True)])
 @pytest.mark.parametrize("case", CASES)
 @needs_code
 def test_machine_code_has_the_bits_of_numpy(case, sign, with_atol, monkeypatch):

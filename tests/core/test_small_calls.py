@@ -104,6 +104,7 @@ def as_in_an_empty_process(monkeypatch):
     return begin
 
 
+@pytest.mark.sampled(13)
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("name", CALLS)
 def test_same_bits(name, as_in_an_empty_process, monkeypatch):

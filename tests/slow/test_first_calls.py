@@ -1,13 +1,11 @@
 """Each kind of call as the first one of a process, which has compiled nothing, and of a second one.
 
 What other calls compile before hides what a kind of call lacks, so each has processes and a cache
-of its own. Each runs on one thread and on two, at once; the second processes load what the first
-ones kept. All four find the same bits.
+of its own. Every other kind runs on one thread first, and then on two, the others the other way
+round: the second process loads what the first one kept, and finds the same bits.
 """
 
-import os
-import subprocess
-import sys
+from itertools import cycle
 
 import children
 import numba
@@ -188,29 +186,11 @@ print(*text, sep="\\n")
 """
 
 
-def outputs(code, folders):
-    """Run a process for each number of threads, at once; return what each printed."""
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", code],
-            env=os.environ | {"NUMBA_CACHE_DIR": str(folder), "NUMBA_NUM_THREADS": threads},
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            cwd=children.HERE,
-        )
-        for threads, folder in folders.items()
-    ]  # fmt: skip
-    both = [process.communicate(timeout=300) for process in processes]
-    for process, (_, errors) in zip(processes, both, strict=True):
-        assert process.returncode == 0, errors[-3000:]
-    return [printed for printed, _ in both]
-
-
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
-@pytest.mark.parametrize("name", CALLS)
-def test_first_calls(name, tmp_path):
+@pytest.mark.parametrize(("name", "order"), [*zip(CALLS, cycle(["12", "21"]), strict=False)])
+def test_first_calls(name, order, tmp_path):
     code = "\n".join([BEGIN, CALLS[name], END])
-    folders = {threads: tmp_path / threads for threads in ("1", "2")}
-    first, second = outputs(code, folders), outputs(code, folders)
-    assert first[0].strip()
-    assert first == [first[0]] * 2
-    assert second == first
+    settings = {"NUMBA_CACHE_DIR": str(tmp_path), "timeout": 300}
+    first, second = (children.run(code, NUMBA_NUM_THREADS=count, **settings) for count in order)
+    assert first.strip()
+    assert first == second

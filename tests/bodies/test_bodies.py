@@ -15,7 +15,6 @@ from suslov_fast import (
     SuslovGyrostat,
     SuslovND,
     energy,
-    iterate,
     vector_field,
 )
 
@@ -68,17 +67,6 @@ def test_copies_are_equal_and_immutable(body):
     for array in (each for each in body._parts.values() if isinstance(each, np.ndarray)):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 7
-
-
-def test_dir_shows_what_is_public():
-    """What completion offers at a prompt."""
-    for body in SINGLE:
-        names = {name for name in dir(body) if not name.startswith("_")}
-        assert {"dimension", "field", "sel", "shape", "to_dict", "from_dict", *body._parts} <= names
-        assert not names & {"batch_of_one", "constants"}
-    names = {name for name in dir(QuadraticField([[[1]]])) if not name.startswith("_")}
-    assert {"quadratic", "linear", "constant", "H", "K", "parameters", "components"} <= names
-    assert not names & {"batch_of_one", "constants"}
 
 
 def test_what_counts_as_equal():
@@ -140,16 +128,6 @@ def test_members_along_several_axes(index):
     several = SuslovND(np.arange(1.0, 25).reshape(2, 3, 4), [0.1, 0.2, 0.3, 0.4])
     assert (several.J[index] == several[index].J).all()
     assert several[index].I.tolist() == several.I.tolist()
-
-
-def test_masks_that_select_members_of_a_run():
-    """`bodies[run.status >= 0]` are those whose trajectories did not fail."""
-    bodies = Suslov3D(1, 1, [0.25, 0.3], [[0.0], [0.1]])
-    run = iterate(bodies, [4.0, -12.0], eps=1.0, steps=1, on_singular="ignore")
-    healthy = run.status >= 0
-    assert healthy.tolist() == [[False, True], [True, True]]
-    assert bodies[healthy].shape == (3,)
-    assert bodies[~healthy] == Suslov3D(1, 1, [0.25], [0.0])
 
 
 def test_selection_by_value():

@@ -224,18 +224,6 @@ def test_derivatives_of_random_expressions_in_40_digits():
                 assert abs(own - slope) <= 1e-11 * (1 + abs(slope)), (tree, x, found, slopes)
 
 
-FUNCTIONS = "exp exp2 expm1 log log2 log10 log1p sqrt cbrt sin cos tan sinh cosh tanh".split()
-FUNCTIONS += "arcsin arccos arctan arcsinh arccosh arctanh".split()
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_a_function_is_that_of_numpy_within_its_error(name):
-    function = getattr(np, name)
-    field = Field.from_function(lambda x: (function(x[0]),), 1)
-    x = RNG(5).uniform(1, 3, 500) if name == "arccosh" else RNG(5).uniform(0.01, 0.99, 500)
-    np.testing.assert_allclose(field(x[:, None])[:, 0], function(x), rtol=5e-16 * 3)
-
-
 # ------------------------------------------------------------------------------------- f' by rule
 @pytest.mark.parametrize(
     ("f", "x", "slope"),

@@ -13,7 +13,6 @@ from llvmlite import binding
 
 import suslov_fast as sf
 from suslov_fast.core.code import compiler as machine_code
-from suslov_fast.core.compiling import numba as core_numba
 from suslov_fast.core.fields import (
     careful,
     generated,
@@ -258,34 +257,6 @@ def test_old_codes_are_freed_but_not_those_in_use(rng, monkeypatch, anew):
     for _ in range(20):
         assert sf.compiled.step_system(system, x, x, memory) == 0
     assert (x == run.x[20, 0]).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("batch", [1, 3000])
-def test_an_interrupt_while_careful_steps_are_compiled(monkeypatch, batch):
-    """Ctrl-C ends the run, in whichever thread it arrives, and later runs are as before."""
-    field = sf.QuadraticField([[[1.0]]])
-    run = functools.partial(
-        sf.iterate, field, np.full((batch, 1), 2.0), 0.5, 2000, threads=children.TWO_THREADS
-    )
-    expected = run(on_singular="ignore")
-    assert (expected.status == sf.Status.SINGULAR).all()
-    fresh = core_numba.CFunction(careful.careful.signature, careful.careful.py_func)
-    calls, compile_with = [], core_numba.numba.cfunc
-
-    def interrupted(*signature, **options):
-        calls.append(1)
-        if len(calls) == 1:
-            raise KeyboardInterrupt
-        return compile_with(*signature, **options)
-
-    monkeypatch.setattr(core_numba, "PATIENCE", -1.0)
-    monkeypatch.setattr(core_numba.numba, "cfunc", interrupted)
-    monkeypatch.setattr(steps_field, "careful", fresh)
-    with pytest.raises(KeyboardInterrupt):
-        run(on_singular="ignore")
-    assert run(on_singular="ignore") == expected
-    assert fresh.is_compiled
 
 
 PICKLED = """

@@ -10,7 +10,7 @@ import re
 import signal
 import threading
 from fractions import Fraction as F
-from itertools import pairwise, permutations, product
+from itertools import permutations, product
 
 import numpy as np
 import pytest
@@ -20,7 +20,6 @@ from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
 
 pytest.importorskip("flint")
 
-import flint
 from papers import three_lines
 
 from suslov_fast.integrability import (
@@ -30,7 +29,6 @@ from suslov_fast.integrability import (
     cofactors,
     darboux_polynomials,
     degrees,
-    functions,
     growth as growth_of,
     hk_bases,
     invariants,
@@ -794,21 +792,6 @@ def test_names_of_variables(eps):
         assert plain(texts) == repr(hk_bases(there, 3).polynomials)
 
 
-def test_names_that_sympy_takes_for_its_own():
-    names = "S", "I", "beta"
-    ring = flint.fmpz_mpoly_ctx.get(("eps", *names), ordering="deglex")
-    eps, S, I, beta = ring.gens()
-    f = RationalFunction(((eps * S * I, -1), (I**2 + beta, 2), (beta, 1)), F(-3, 2))
-    assert {*f.symbols()} == {"eps", *names}
-    assert {*f.subs("1/7").symbols()} == {*names}
-    for each in (f, f**-1, RationalFunction(((S, -1),)), RationalFunction(((2 * S * I, 1),))):
-        at = dict(zip(names, (F(2), F(-3), F(1, 5)), strict=True)) | {"eps": F(1, 7)}
-        found = sympy.sympify(str(each), locals=each.symbols())
-        value = found.subs({name: sympy.Rational(str(a)) for name, a in at.items()})
-        assert F(int(value.p), int(value.q)) == each([at[name] for name in names], at["eps"])
-    assert RationalFunction(()).symbols() == {}
-
-
 # Numbers, limits and bad input.
 
 
@@ -904,41 +887,6 @@ def test_the_cheapest_task_goes_first():
     assert (len(queue), queue.has_set_aside, queue.finished()) == (1, True, {"a": 4, "b": 1})
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("given", [BODY, CYCLE, PREY, SIR])
-def test_a_larger_degree_shows_no_less(given):
-    is_map = isinstance(given, RationalMap)
-    reports = [reported(given, None if is_map else EPS, degree) for degree in (1, 2, 3)]
-    for less, more in pairwise(reports):
-        assert more.relations >= less.relations
-        for name in ("integrals", "measures", "polynomials"):
-            assert len(getattr(more, name)) >= len(getattr(less, name))
-        both = functions.independent([*more.integrals, *less.integrals], more.map.prime)
-        assert len(both) == len(more.integrals)
-
-
-@pytest.mark.slow
-def test_a_permutation_of_the_variables():
-    """Reports of the same field in other variables show as much, of the same degrees."""
-    field, n = EULER, 3
-
-    def permuted(y):
-        """The equations of y_i = x_(i + 1)."""
-        x = [*y[-1:], *y[:-1], 1]
-        indices, values = field.terms
-        terms = [*zip(*indices.tolist(), values.tolist(), strict=True)]
-        f = [sum(v * x[j] * x[k] for row, j, k, v in terms if row == i) for i in range(n)]
-        return [*f[1:], f[0]]
-
-    first, second = reported(field, F(2, 5)), report(field_of(permuted, n), F(2, 5))
-    for name in ("integrals", "polynomials"):
-        degrees = [sorted(f.degree for f in getattr(each, name)) for each in (first, second)]
-        assert degrees[0] == degrees[1]
-    for name in ("measures", "symmetries"):
-        assert len(getattr(first, name)) == len(getattr(second, name))
-    assert (first.relations, first.growth) == (second.relations, second.growth)
-
-
 # Somos-5, reduced by its symmetries.
 SOMOS = rational_map(
     lambda x: (x[1], x[2], (2 + 5 * x[1] * x[2]) / (x[0] * x[1] ** 2 * x[2] ** 2)),
@@ -970,20 +918,6 @@ def test_what_reports_print_of_several_possibilities():
     assert [P.degree for P in reported(SOLVED, EPS, 4).polynomials].count(1) == 4
     # Bounded, but only from the 17th iterate on.
     assert report(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2), 1).growth.kind == "bounded"
-
-
-@pytest.mark.slow
-def test_products_of_polynomials_of_a_higher_degree_are_left_out():
-    rolling = field_of(
-        lambda x: (x[3] / 2, -x[2] / 2, -x[4] * x[1], x[4] * x[0], x[2] * x[1] - x[3] * x[0]), 5
-    )
-    found = report(rolling, F(1, 3), 2)
-    assert [P.degree for P in found.polynomials] == [1, 2, 2, 2, 4]
-    assert_holds(found)
-    # x5^2 - 36 comes from a normal form, but both of its factors have cofactors.
-    body = report(*ZOO["Klebsch-Tisserand"], degree=2)
-    assert [len(P.factors) for P in body.polynomials] == [1] * 7
-    assert_holds(body)
 
 
 def test_kharlamova_on_the_invariant_hyperplane():
@@ -1031,40 +965,6 @@ def test_members_with_more_than_two_factors():
     members = [*reducible.reducible_members([others + 2 * lines, 3 * others - lines])]
     for expected in (lines, others):
         assert expected in members or -expected in members
-
-
-@pytest.mark.slow
-def test_products_where_the_rank_falls_by_more_than_one():
-    """Two members of a pencil have several factors: multiple roots of the lost rank."""
-    octahedral = report(ZOO["Nahm, octahedral"][0], F(1, 4), degree=4)
-    (integral,) = octahedral.integrals
-    assert sorted(str(f) for f, power in integral.factors if power < 0) == [
-        "3*x1 + 2*x2 + 4",
-        "3*x1 + 2*x2 - 4",
-        "x1 - 6*x2 + 4",
-        "x1 - 6*x2 - 4",
-    ]
-    assert sorted(power for _, power in integral.factors if power > 0) == [1, 1, 2]
-    assert_holds(octahedral)
-
-
-@pytest.mark.slow
-def test_a_line_twice_and_three_conics():
-    """L^2 Q / (C+ C-), where 0.8 had 52 terms over 25."""
-    field = field_of(
-        lambda x: (
-            x[0] ** 2 + 3 * x[0] * x[1] + 2 * x[0] - 2,
-            -3 * x[0] * x[1] - x[1] ** 2 - 2 * x[1] + 2,
-        ),
-        2,
-    )
-    found = report(field, degree=4)
-    (integral,) = found.integrals
-    shapes = sorted((int(P.total_degree()), power) for P, power in integral.subs(eps=1).factors)
-    assert shapes == [(1, 2), (2, -1), (2, -1), (2, 1)]
-    assert "x1 + x2 + 2" in {str(P) for P, _ in integral.factors}
-    x, map = (F(2, 7), F(-3, 5)), kahan(field, EPS)
-    assert integral.subs(eps=EPS)(map(x)) == integral.subs(eps=EPS)(x)
 
 
 TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)

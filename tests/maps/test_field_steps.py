@@ -4,13 +4,11 @@ Of a linear field x' = (1 - A) x and eps = 2 the matrix of a step is A, so that 
 what each rule of elimination is for.
 """
 
-import importlib
-from functools import cache, partial
+from functools import partial
 
 import naive
 import numpy as np
 import pytest
-from numba import config
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
@@ -370,30 +368,3 @@ def test_a_pivot_of_parameters_alone_may_be_0():
     with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
         assert np.isnan(sf.lyapunov_exponents(field, [1.0, 0.5], 2.0, 3)).all()
     assert system(field, 2.0).dimension == 2
-
-
-@pytest.mark.skipif(not config.DISABLE_JIT, reason="compiled: test_machine_code")
-def test_interpreted_fields_without_a_plan(monkeypatch):
-    """Each step by `solve`: within rounding of a plan."""
-    field, x = of_function(lorenz, 3), np.array([[1.0, 2.0, 20.0], [-3.0, 1.0, 9.0]])
-    hamiltonian = sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 3 / 3 + x[0] * x[1] ** 2, 2)
-
-    def found():
-        yield from (sf.iterate(field, x, 1 / 64, 3, method=each).x for each in ("auto", "order4"))
-        yield sf.jacobian(field, x, 1 / 64)
-        yield sf.lyapunov_exponents(field, x, 1 / 64, 4)
-        yield sf.invariant_density(hamiltonian, x[:, :2], 0.02)
-
-    planned = [*found()]
-    with monkeypatch.context() as patch:
-        patch.setattr("suslov_fast.core.lists.sizes.CODE", 0)
-        np.testing.assert_array_equal(next(found()), planned[0])
-    monkeypatch.setattr("suslov_fast.core.lists.sizes.PRODUCTS", -1)
-    for module, name in (
-        ("core.fields.steps", "_step_of"),
-        ("core.fields.tangent", "_tangent_of"),
-    ):
-        place = importlib.import_module(f"suslov_fast.{module}")
-        monkeypatch.setattr(place, name, cache(getattr(place, name).__wrapped__))
-    for one, other in zip(found(), planned, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-11)

@@ -163,41 +163,6 @@ def test_steps_are_composed(name, method, rng):
     assert (sf.step(field, x, eps, method=method) == run.x[1]).all()
 
 
-def precise_jacobian(field, x, eps, method):
-    """The product of the derivatives of sub-steps, in 40 digits; and what it may be off by."""
-    D, table = field.dimension, np.zeros([field.dimension + 1] * 3)
-    for i, j, k, v in zip(*field.terms[0], field.terms[1], strict=True):
-        table[i, [j, k], [k, j]] += v / 2 if j < k else v
-    product, norms, conditions = mpmath.eye(D), 1.0, 0.0
-
-    def matrix(x, h):
-        """1 - h f'(x) for half a step h."""
-        y = [*x, mpmath.mpf(1)]
-        return mpmath.eye(D) - mpmath.matrix(D, D) - 2 * h * mpmath.matrix(
-            [[sum(mpmath.mpf(float(table[i][j][k])) * y[k] for k in range(D + 1)) for j in range(D)]
-             for i in range(D)]
-        )  # fmt: skip
-
-    with mpmath.workdps(40):
-        x = [mpmath.mpf(float(each)) for each in x]
-        for fraction in map_of(field, method).stages.fractions:
-            h = mpmath.mpf(float(fraction)) * mpmath.mpf(eps) / 2
-            A = matrix(x, h)
-            y = [*x, mpmath.mpf(1)]
-            f = [
-                sum(mpmath.mpf(float(table[i][j][k])) * y[j] * y[k]
-                    for j in range(D + 1) for k in range(D + 1))
-                for i in range(D)
-            ]  # fmt: skip
-            x = list(mpmath.matrix(x) + 2 * h * mpmath.lu_solve(A, mpmath.matrix(f)))
-            of_step = mpmath.inverse(A) * matrix(x, -h)
-            product = of_step * product
-            norms *= float(mpmath.norm(of_step))
-            conditions += float(mpmath.norm(A) * mpmath.norm(mpmath.inverse(A)))
-        found = np.array(product.tolist(), float)
-    return found, conditions * norms
-
-
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "method"), EACH)
 def test_jacobian(name, method, rng):
@@ -206,9 +171,6 @@ def test_jacobian(name, method, rng):
     D, eps = field.dimension, time / 20
     x = np.array(start) + rng.normal(size=(5, D)) / 4
     slopes = sf.jacobian(field, x, eps, method=method)
-    for each, found in zip(x, slopes, strict=True):
-        wanted, bound = precise_jacobian(field, each, eps, method)
-        assert abs(found - wanted).max() < 1e-13 * bound
     product = np.eye(D)
     now = x
     for fraction in STAGES[method]:
@@ -265,7 +227,7 @@ def test_exponents_of_a_linear_field(method):
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS)
 def test_exponents(method):
-    """Their sum; those of Lorenz; not those of others in the batch."""
+    """Their sum is that of determinants, and others in the batch change none."""
     x, eps = np.array([[1.0, 2, 20], [5, 5, 25], [-3, 1, 15]]), 1 / 32
     found = sf.lyapunov_exponents(LORENZ, x, eps, 400, transient=30, method=method)
     run = sf.iterate(LORENZ, x, eps, 430, method=method)
@@ -273,8 +235,6 @@ def test_exponents(method):
     assert abs(found.sum(axis=1) - of_det.mean(axis=0)).max() < 1e-10 * abs(of_det).mean()
     alone = sf.lyapunov_exponents(LORENZ, x[1], eps, 400, transient=30, method=method)
     assert (found[1] == alone).all()
-    long = sf.lyapunov_exponents(LORENZ, x, eps, 20_000, transient=500, method=method) / eps
-    assert abs(long.mean(axis=0) - [0.906, 0, -14.572]).max() < 0.03
 
 
 @pytest.mark.compiled  # interpreted, they agree to rounding

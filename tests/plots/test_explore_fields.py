@@ -277,12 +277,6 @@ def test_named_parameters_of_a_single_field(kind):
     assert scene(loaded)["field"]["numbers"] == {}
 
 
-def test_parameters_of_a_hamiltonian():
-    well = sf.QuadraticField.from_hamiltonian(lambda x, a: x[1] ** 2 / 2 + a * x[0] ** 2, 2, a=0)
-    orbit = scene(well, "numbers=0.5", x0=[3.0, 4.0])["orbits"][0]
-    assert orbit["energy"] == 12.5
-
-
 def test_errors_of_the_function_of_the_user_are_shown_on_the_page():
     """Whatever their class is: a function may look its parameter up."""
 

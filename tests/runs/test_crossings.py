@@ -301,23 +301,13 @@ def event(**attributes):
         (3.0, TypeError, r"surface must be .*such as lambda x: x\[\.\.\., 0\] - 1, not float"),
         (lambda x: x[..., 0] > 1, TypeError, "surface.* bool: pass the difference, not the comp"),
         (lambda x: x[..., 0] + 1j, TypeError, "surface.* complex128"),
-        (lambda x: x[..., 0].astype(object), TypeError, "surface.* object"),
-        (lambda x: "above", TypeError, "surface.* <U5"),
-        (lambda x: x, ValueError, r"surface.* \(1, 2, 3\) for states \(1, 2, 3\)"),
         (lambda x: 1.0, ValueError, r"surface.* \(\)"),
-        (lambda x: x[..., :1], ValueError, "surface must"),
         (unlucky, Unlucky, "mine"),
         (lambda x: x[..., 7], IndexError, "surface must take components on the last axis"),
         (overwrite, ValueError, "read-only"),
         (unpacking, ValueError, "surface must take components on the last axis, .* unpack"),
         (masked, TypeError, "surface.* masked array: return NaN"),
-        (
-            event(terminal=True),
-            TypeError,
-            "surface.*terminal = True: pass most=1 .* direction=-1",
-        ),
-        (event(direction=-1), TypeError, "surface.*direction = -1: pass most=1 .* direction=-1 "),
-        (event(direction=0, terminal=0), TypeError, "surface.*terminal = 0 and .*direction = 0"),
+        (event(terminal=True), TypeError, "surface.*terminal"),
     ],
 )
 def test_what_a_surface_may_not_be(surface, error, message, monkeypatch):
@@ -496,34 +486,6 @@ def test_what_extend_needs(tmp_path):
     with pytest.warns(sf.SingularStepWarning, match="first: 0 at step 11"):
         failed = begin.extend(20)
     assert failed.extend(3) == sf.crossings(field, start, 0.5, 28, first, on_singular="ignore")
-
-
-def test_results(rng):
-    family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[[1], [2], [3]])
-    starts = rng.normal(size=(2, 2))
-    points = sf.crossings(family, starts, [[0.1], [0.2], [0.1]], 200, first)
-    for value in (*vars(points).values(), points.states, points.time):
-        if isinstance(value, np.ndarray):
-            assert not value.flags.writeable
-    again = pickle.loads(pickle.dumps(points))
-    assert again == points
-    assert not again.before.flags.writeable
-    assert points != sf.crossings(family, starts, [[0.1], [0.2], [0.1]], 201, first, direction=-1)
-    assert points != 1
-    assert len({type(points).__hash__}) == 1
-    with pytest.raises(TypeError, match="unhashable"):
-        hash(points)
-    assert "\n" not in repr(points)
-    assert repr(points).startswith(f"Crossings(x: ({len(points)}, 2), n: ")
-    assert len(points) == points.count.sum()
-    member = points.of((1, -1))
-    assert member.body == family[1][0]
-    assert (member.eps, member.count.shape) == (0.2, ())
-    assert member == sf.crossings(family[1][0], starts[1], 0.2, 200, first)
-    assert member == points.of(np.array([1, 1])) == member.of(())
-    for index in (0, (0, 2), (3, 0), (0, 0, 0), slice(1), (0, slice(1)), "a", (0.5, 0), None):
-        with pytest.raises((IndexError, TypeError), match=r"^index must be"):
-            points.of(index)
 
 
 def test_dataset(rng):

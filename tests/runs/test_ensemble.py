@@ -361,13 +361,6 @@ def test_places_that_cannot_hold_a_store(store):
         open_ensemble(store.with_name("missing.zarr"))
 
 
-def test_the_url_of_a_folder(tmp_path):
-    folder = tmp_path / "a folder"
-    data = call(ensemble, **ASKED, store=folder.as_uri())
-    assert_same(data, call(iterate, **ASKED))
-    assert open_ensemble(folder).identical(data)
-
-
 def test_other_kinds_of_stores():
     orbits = call(iterate, **ASKED)
     for place in (zarr.storage.MemoryStore(), "memory://run.zarr"):
@@ -645,35 +638,6 @@ def test_a_disk_that_fills_up_on_the_way(monkeypatch, code):
     assert_same(call(ensemble, **asked, store=place, chunk=2), call(iterate, **asked))
 
 
-class ResponseError(Exception):
-    """As that of aiohttp, which is no OSError."""
-
-
-class Unlisted(Wrapper):
-    """A store that does not permit lists, as some buckets and web servers do not."""
-
-    async def list_prefix(self, prefix):
-        raise ResponseError("403, Forbidden")
-        yield
-
-    list_dir = list_prefix
-
-
-class Unread(Unlisted):
-    """A store that permits nothing."""
-
-    async def get(self, *arguments, **options):
-        raise ResponseError("403, Forbidden")
-
-
-def test_a_store_that_permits_no_lists_opens():
-    place = zarr.storage.MemoryStore()
-    data = ensemble(BODY, RandomStarts(9, 1.0), 0.2, 3, store=place, chunk=4)
-    assert open_ensemble(Unlisted(place)).identical(data)
-    with pytest.raises(OSError, match=r"store: zarr.json cannot be read: check .*403, Forbidden"):
-        open_ensemble(Unread(place))
-
-
 def test_a_store_in_a_zip_file(store):
     data = call(ensemble, **ASKED, store=store)
     shutil.make_archive(store, "zip", store)
@@ -745,48 +709,6 @@ def test_a_tile_finished_while_its_store_is_opened(store, monkeypatch):
     assert_same(open_ensemble(store), iterate(BODY, omega0, 0.2, 9))
 
 
-@pytest.mark.slow
-def test_workers_that_do_not_share_the_store():
-    """The memory of another process: an error after the first tile."""
-    place = "memory://elsewhere.zarr"
-    with (
-        distributed.LocalCluster(1, threads_per_worker=1, dashboard_address=":0") as cluster,
-        distributed.Client(cluster) as client,
-        pytest.raises(ValueError, match=r"^client must have workers.* whose tile is not at"),
-    ):
-        ensemble(BODY, RandomStarts(50, 1.5), 0.2, 10, store=place, client=client, chunk=7)
-
-
-class Counting(Wrapper):
-    """Counts requests; on object storage each takes some 30 ms."""
-
-    count = 0
-
-    async def get(self, *arguments, **options):
-        Counting.count += 1
-        return await self._store.get(*arguments, **options)
-
-    async def exists(self, *arguments, **options):
-        Counting.count += 1
-        return await self._store.exists(*arguments, **options)
-
-    def list_prefix(self, prefix):
-        Counting.count += 1
-        return self._store.list_prefix(prefix)
-
-
-@pytest.mark.slow
-def test_a_finished_store_takes_few_requests():
-    """One listing, and no request for each tile; statuses are read in one task, many at a time."""
-    place, run = Counting(zarr.storage.MemoryStore()), (BODY, RandomStarts(200, 1.0), 0.2, 3)
-    ensemble(*run, store=place, chunk=1)
-    Counting.count = 0
-    dataset = ensemble(*run, store=place)
-    assert Counting.count < 20
-    assert dataset.status.data.npartitions == 1
-    assert_same(dataset, iterate(*run, save_every=None))
-
-
 @pytest.mark.parametrize("steps", [12, 10**6, 10**9])
 def test_tiles_take_neither_long_nor_much_memory(steps):
     """Of 2**24 states of 3 numbers, 5 of them saved; of a long run 2**12 trajectories at least."""
@@ -798,17 +720,6 @@ def test_tiles_take_neither_long_nor_much_memory(steps):
         assert 24 * count * found[task.axis] <= 2**24
         assert count >= task.fewest
         assert count <= max(task.most, task.fewest)
-
-
-def test_tasks_read_as_many_chunks_as_fill_one(store, monkeypatch):
-    """Along the last axis first; a task reads at most one chunk, or the bytes of a large one."""
-    monkeypatch.setattr("suslov_fast.runs.ensemble._CHUNK", 16 * 24)
-    starts, chunk = RandomStarts((6, 8), 1.0), {"batch_0": 1, "batch_1": 2, "n": 5}
-    dataset = ensemble(BODY, starts, 0.2, 9, store=store, chunk=chunk, save_every=1)
-    assert dataset.status.chunks == ((6,), (8,))
-    assert dataset.final.chunks == ((2,) * 3, (8,), (2,))
-    assert dataset.omega.chunks == ((5, 5), (1,) * 6, (4, 4), (2,))
-    assert_same(dataset, iterate(BODY, starts, 0.2, 9))
 
 
 def test_without_dask_nothing_is_computed(store, monkeypatch):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast import QuadraticField, energy, ensemble, fixed_points, iterate, vector_field
+from suslov_fast import QuadraticField, energy, fixed_points, iterate, vector_field
 from suslov_fast.bodies.fields.names import variables
 from suslov_fast.bodies.fields.polynomials import named_parameters
 
@@ -248,22 +248,6 @@ def test_parameters_that_have_names_of_arguments():
     assert (data.save_every.values.tolist(), data.attrs["save_every"]) == ([6, 7], 1)
     wells = of_hamiltonian(lambda x, H: H * x[0] ** 2 + x[1] ** 2, 2, H=[1.0, 3.0])
     assert wells.sel(H=3).H([1, 1]) == 4
-
-
-def test_names_and_parameters_identify_a_store(tmp_path):
-    f = lambda x, save_every, H: (save_every * x[1], -H * x[0])  # noqa: E731
-    field = of_function(f, "u v", save_every=[1.0, 2.0], H=3)
-    arguments = [1.0, 0.5], 0.1, 10
-    data = ensemble(field, *arguments, store=tmp_path / "s.zarr")
-    assert data.component.values.tolist() == ["u", "v"]
-    assert (data.save_every.values.tolist(), data.H.item()) == ([1, 2], 3)
-    ensemble(field, *arguments, store=tmp_path / "s.zarr")
-    for other in (
-        of_function(f, 2, save_every=[1.0, 2.0], H=3),
-        of_function(f, "u p", save_every=[1.0, 2.0], H=3),
-    ):
-        with pytest.raises(ValueError, match=r"names.*u, v"):
-            ensemble(other, *arguments, store=tmp_path / "s.zarr")
 
 
 MANY = {"a": np.linspace(0.1, 0.37, 7)[:, None], "b": np.linspace(-2.9, 4.7, 5), "c": 3}

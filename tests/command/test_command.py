@@ -391,23 +391,6 @@ def test_ctrl_c():
     assert os.listdir() == ["o.zarr"]
 
 
-@posix
-@pytest.mark.slow
-def test_streams():
-    reading, writing = os.pipe()
-    os.close(reading)  # nobody reads
-    with start("run --trajectories 5 --steps 5", stdout=writing) as process:
-        assert (process.communicate(timeout=60)[1], process.returncode) == ("", 141)
-    os.close(writing)
-    line = f"'{COMMAND[0]}' -m suslov_fast run --trajectories 5 --steps 5 > /dev/full"
-    for unbuffered in ("", "1"):
-        done = subprocess.run(
-            ["sh", "-c", line], capture_output=True, text=True, timeout=60,
-            env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
-        )  # fmt: skip
-        assert (done.returncode, done.stderr) == (1, "suslov-fast: No space left on device\n")
-
-
 def test_report():
     Path("b.json").write_text(json.dumps(lotka().to_dict()))
     line = "report --body b.json --eps 1/3 --degree 1"

@@ -17,7 +17,6 @@ import suslov_fast as sf
 from suslov_fast.command.warm_up import where_code_is_kept
 from suslov_fast.core.compiling import arrays, cache, numba as core_numba
 from suslov_fast.core.suslov import (
-    n_dimensions as steps_nd,
     steps as steps_3d,
 )
 
@@ -380,54 +379,3 @@ def test_all_is_imported_from_an_archive(tmp_path):
     places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path)}
     found = children.run(code, archive, **places)
     assert found == f"2.25 {cache._digest()}\n"
-
-
-def test_arguments_of_the_same_kind_have_the_same_type():
-    """A parallel call looks the kernel up by the kind of its arguments, which is found faster."""
-    read_only, numbers = np.ones(3), np.ones((3, 2))
-    system = steps_nd.NDSystem(np.ones(2), np.ones(2), 0.1, 0.3, 2)
-    read_only.setflags(write=False)
-    arguments = [
-        1, 1.0, True, (1, 2), (1, 2.0), (1, 2, 3), ((1, 2),), np.float64(1), system, (*system,),
-        np.ones(3), read_only, np.ones(3, np.int64), np.ones(3, np.int8), numbers, numbers.T,
-        numbers[:, 0], numbers[:0], (numbers, 1.0), (numbers.T, 1.0), ((), numbers), (numbers,),
-    ]  # fmt: skip
-    kinds = {}
-    for argument in arguments:
-        kinds.setdefault(core_numba._kind(argument), set()).add(numba.typeof(argument))
-    assert all(len(types) == 1 for types in kinds.values())
-    assert len(kinds) > 15
-
-
-INTERRUPTED = """
-import signal, sys
-import suslov_fast as sf
-
-def interrupt(frame, event, argument):
-    if (frame.f_globals.get("__name__"), frame.f_code.co_name) == place and event == "call":
-        sys.setprofile(None)
-        signal.raise_signal(signal.SIGINT)
-
-def energy():
-    return sf.energy(sf.SuslovGyrostat(4, 2, -0.5, -0.3, k=1.0), [1.0, 0.5])
-
-signal.signal(signal.SIGINT, signal.default_int_handler)
-# In the import of Numba, and where Numba loads what it needs to compile.
-for place in (("numba.core.types", "<module>"), ("numba.core.utils", "stream_list")):
-    sys.setprofile(interrupt)
-    try:
-        energy()
-    except KeyboardInterrupt:
-        assert sys.getprofile() is None
-        sys.modules["suslov_fast.core.compiling.numba"].PATIENCE = -1.0  # the next call compiles
-    else:
-        raise AssertionError("Ctrl-C is lost")
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-assert energy() == 2.25
-"""
-
-
-@pytest.mark.slow
-def test_ctrl_c_leaves_no_package_half_imported():
-    """It waits for the end of an import, because Python cannot repeat that of Numba."""
-    children.run(INTERRUPTED)

@@ -44,7 +44,7 @@ from suslov_fast.integrability import (
 from suslov_fast.integrability.functions import MODULAR
 from suslov_fast.integrability.invariants import Invariants, NormalForms
 from suslov_fast.integrability.report import Report
-from suslov_fast.integrability.search import Queue, Search, Task
+from suslov_fast.integrability.search import Search
 
 
 @functools.cache
@@ -862,29 +862,6 @@ def test_a_report_that_is_cut_short(monkeypatch, tmp_path):
     report(CUBIC, EPS, progress=lambda *done: calls.append(done))
     assert calls == sorted(calls)
     assert calls[0][0] == 1
-
-
-def test_the_cheapest_task_goes_first():
-    """A task that is not wanted waits aside until it is, or until the end."""
-    order, wanted = [], set()
-
-    def task(name, cost, *following, needed=True):
-        def run():
-            order.append(name)
-            return following
-
-        return Task(cost, run, name[0], int(name[1]), needed)
-
-    late, unwanted = task("b1", 0.1, needed=False), task("b2", 0.1, needed=False)
-    first = [task("a2", 3.0), task("a1", 1.0, task("a3", 2.0), task("a4", 2.0)), late, unwanted]
-    queue = Queue(first, wanted.__contains__)
-    for done, _ in enumerate(queue, start=1):
-        assert queue.done == done
-        if done == 2:
-            wanted.add(1)
-            assert queue.finished() == {"a": 1}
-    assert order == ["a1", "a3", "b1", "a4", "a2"]
-    assert (len(queue), queue.has_set_aside, queue.finished()) == (1, True, {"a": 4, "b": 1})
 
 
 # Somos-5, reduced by its symmetries.

@@ -153,20 +153,6 @@ def test_loops_of_users_have_the_bits_of_runs(rng):
                 np.testing.assert_array_equal(after(constants, omega, steps)[:, :2], expected)
 
 
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
-@pytest.mark.parametrize("body", [BODY, GYROSTAT, *OTHERS], ids=repr)
-def test_enter_advance_and_leave_are_a_step(body, rng):
-    """To the digits that two numbers carry: `step` has the bits of runs."""
-    for eps in (0.2, -1.5):
-        omega = rng.normal(size=(20, 2))
-        constants, expected = frame(body, eps), sf.step(body, omega, eps)
-        for before, exact in zip(omega, expected, strict=True):
-            assert (np.array(compiled.step(constants, *before)) == exact).all()
-            two = leave(constants, *advance(constants, *enter(constants, *before)))
-            size = condition(body, before, eps, exact)
-            assert naive.relative_error(two, exact) < 64 * 2.0**-52 * size
-
-
 def test_states_at_rest_stay_at_rest():
     constants = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)
     for Y in (5.0, -5.0, 1.5, -1.5, 0.3, -0.7):

@@ -322,32 +322,6 @@ def test_an_ensemble_tells_of_its_store(tmp_path):
     assert told(sf.ensemble, three, [1.0, -9.0], 1.0, 20, store=tmp_path / "3.zarr")[1] == []
 
 
-# -------------------------------------------------------------------------- judged by an integrator
-def energies_above_the_saddle(count, seed):
-    """Return states of Henon and Heiles's system with 0.18 < E < 0.35; their orbits may escape."""
-    rng, found = np.random.default_rng(seed), []
-    while len(found) < count:
-        x = rng.uniform(-1, 1, 4) * [0.5, 0.5, 0.8, 0.8]
-        if 0.18 < HENON.H(x) < 0.35:
-            found.append(x)
-    return np.array(found)
-
-
-def time_of_escape(x, end):
-    """Return the time at which the motion goes beyond 1e6, by an integrator of order 8, or inf."""
-    from scipy.integrate import solve_ivp
-
-    def is_beyond(t, x):
-        return abs(x[0]) + abs(x[1]) - 1e6
-
-    def f(t, x):
-        return x[2], x[3], -x[0] - 2 * x[0] * x[1], -x[1] - x[0] ** 2 + x[1] ** 2
-
-    is_beyond.terminal = True
-    found = solve_ivp(f, (0, end), x, "DOP853", events=is_beyond, rtol=1e-10, atol=1e-12)
-    return found.t[-1] if found.status == 1 else np.inf
-
-
 # ---------------------------------------------------------------- components that keep their signs
 # Two populations. By DOP853 those that start from (0.05, 0.05) stay between 5e-4 and 48.
 PREY = QuadraticField.from_function(
@@ -516,18 +490,3 @@ def test_summaries_count_poles_before_failures(tmp_path):
         facts = facts_in(tmp_path / name)
         assert facts["status"] == {"OK": 1, "SINGULAR": 1}
         assert facts["failed_after_a_pole"] == 1
-
-
-def test_stiff_decay_with_sources_is_not_told():
-    """Robertson's reaction; at t = 40 the first component is 0.7158270688 (Hairer and Wanner)."""
-    reaction = QuadraticField.from_function(
-        lambda y: (
-            -0.04 * y[0] + 1e4 * y[1] * y[2],
-            0.04 * y[0] - 1e4 * y[1] * y[2] - 3e7 * y[1] ** 2,
-            3e7 * y[1] ** 2,
-        ),
-        3,
-    )
-    run, messages = told(iterate, reaction, [1.0, 0.0, 0.0], 1.0, 40)
-    assert (run.status, messages) == (Status.OK, [])
-    assert abs(run.final[0] - 0.992) < 1e-3  # as the page says

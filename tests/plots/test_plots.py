@@ -223,28 +223,6 @@ def test_crossings_are_drawn():
     assert "modified energy" in wells.plot().figure.axes[1].get_ylabel()
 
 
-def test_crossings_are_drawn_over_components_that_vary():
-    """Not over a pair with the one that is 0 on the surface, up to rounding, nor over constants."""
-    henon_heiles = sf.QuadraticField.from_hamiltonian(
-        lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
-    )
-    starts = np.random.default_rng(0).uniform(-0.2, 0.2, (20, 4))
-    points = sf.crossings(henon_heiles, starts, 1 / 8, 500, lambda x: x[..., 0])
-    assert 0 < abs(points.states[:, 0]).max() < 1e-15
-    axes = points.plot(color=np.arange(20.0))
-    np.testing.assert_array_equal(axes.collections[0].get_offsets(), points.states[:, 1::2])
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x_{2}$", "$x_{4}$")
-    np.testing.assert_array_equal(axes.collections[0].get_array(), points.trajectory)
-    still = sf.QuadraticField.from_function(lambda x: (0, x[2], -x[1]), 3)
-    points = sf.crossings(still, [[7.0, 1.0, 0.0], [7.0, 2.0, 0.0]], 0.1, 200, lambda x: x[..., 1])
-    offsets = points.plot().collections[0].get_offsets()
-    np.testing.assert_array_equal(offsets, points.states[:, [0, 2]])  # x2 is 0, x1 is 7
-    everything = sf.crossings(LORENZ, [1, 1, 20], 1 / 64, 3000, lambda x: x.sum(axis=-1))
-    np.testing.assert_array_equal(
-        everything.plot().collections[0].get_offsets(), everything.states[:, :2]
-    )
-
-
 def test_animation_of_a_run():
     """With the orientations that it holds, or those along its states; from it, not a new one."""
     body, start = sf.Suslov3D(4, 3, -0.4, -0.2, 2.5), [1.0, 0.5]

@@ -363,31 +363,6 @@ def test_progress_stops_where_the_run_ends():
     assert {total for _, total in done} == {10_000}
 
 
-def test_a_callable_ends_a_run(monkeypatch):
-    """By False, also NumPy's; the run is that of so many steps, and can be extended."""
-    monkeypatch.setattr(module, "_PIECE", 60)
-    whole = sf.crossings(LORENZ, TWO, 1 / 64, 900, plane, transient=100)
-    for answer, first in ((False, 0), (np.False_, 300), (False, 10**9)):
-        done = []
-
-        def progress(n, total, answer=answer, first=first, done=done):
-            done.append(n)
-            return answer if n >= first else None
-
-        points = sf.crossings(LORENZ, TWO, 1 / 64, 900, plane, transient=100, progress=progress)
-        steps = max(done[-1] - 100, 0)
-        assert (points.steps, points.transient) == (steps, 100)
-        np.testing.assert_array_equal(points.final, sf.iterate(LORENZ, TWO, 1 / 64, done[-1]).final)
-        if steps:
-            assert points == sf.crossings(LORENZ, TWO, 1 / 64, steps, plane, transient=100)
-        assert points.extend(900 - steps) == whole
-    for answer in (0, None, True, np.zeros(1)):
-        points = sf.crossings(
-            LORENZ, TWO, 1 / 64, 900, plane, transient=100, progress=lambda *_, a=answer: a
-        )
-        assert points == whole
-
-
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("stop", [1, 40, 99, 100, 101])
 def test_a_run_that_ended_in_its_transient(monkeypatch, stop, tmp_path):
@@ -486,33 +461,3 @@ def test_what_extend_needs(tmp_path):
     with pytest.warns(sf.SingularStepWarning, match="first: 0 at step 11"):
         failed = begin.extend(20)
     assert failed.extend(3) == sf.crossings(field, start, 0.5, 28, first, on_singular="ignore")
-
-
-def test_dataset(rng):
-    pytest.importorskip("xarray")
-    family = sf.QuadraticField.from_function(
-        lambda x, a, b: (x[1], -a * x[0] + b), 2, a=[[1], [2], [3]], b=0.5
-    )
-    starts, eps = rng.normal(size=(2, 2)), np.array([0.1, -0.2])
-    points = sf.crossings(family, starts, eps, 200, first)
-    data = points.to_xarray()
-    assert dict(data.sizes) == {"crossing": len(points), "component": 2}
-    assert {*data.data_vars} == {"before", "after", "fraction", "over_pole", "x"}
-    assert {*data.coords} == {"trajectory", "n", "time", "eps", "a", "component"}
-    about = {"method": "auto", "steps": 200, "transient": 0, "direction": 1}
-    assert {**data.attrs, **about} == data.attrs
-    assert "most" not in data.attrs
-    np.testing.assert_array_equal(data.x, points.states)
-    np.testing.assert_array_equal(data.a, np.array([1, 1, 2, 2, 3, 3])[points.trajectory])
-    np.testing.assert_array_equal(data.eps, eps[points.trajectory % 2])
-    np.testing.assert_array_equal(data.time, points.time)
-    bodies = sf.SuslovND([[1.3, 2.1], [2, 3]], [0.4, -0.7])
-    data = sf.crossings(bodies, [0.5, 0.2], 0.3, 50, first, direction=0).to_xarray()
-    assert data.J.dims == ("crossing", "component")
-    trajectory = data.trajectory.values
-    assert {*trajectory} == {0, 1}
-    np.testing.assert_array_equal(data.J, np.array([[1.3, 2.1], [2, 3]])[trajectory])
-    assert "I" not in data  # which does not vary
-    assert len(data.to_dataframe()) == 2 * data.sizes["crossing"]
-    assert "omega" in data.data_vars
-    assert data.component.values.tolist() == ["Omega1n", "Omega2n"]

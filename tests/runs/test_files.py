@@ -7,7 +7,6 @@ import os
 import stat
 import sys
 import threading
-import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -85,20 +84,6 @@ def test_what_interrupts_a_save_leaves_no_part_and_the_old_file(path, monkeypatc
             assert "save_every" in str(told.value)
     assert os.listdir(path.parent) == [path.name]
     assert sf.Trajectories.load(path) == run
-
-
-@pytest.mark.parametrize("name", ["link", "replace"])
-def test_a_file_is_complete_when_it_gets_its_name(path, monkeypatch, name):
-    moved, given = [], getattr(os, name)
-
-    def move(new, target):
-        with zipfile.ZipFile(new) as file:
-            moved.append(file.testzip())
-        given(new, target)
-
-    monkeypatch.setattr(os, name, move)
-    run_of("one").save(path, overwrite=name == "replace")
-    assert moved == [None]
 
 
 def test_existing_files(path):
@@ -209,21 +194,6 @@ def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
             assert sf.Trajectories.load(path) == runs[told.index("")]
             assert os.listdir(path.parent) == [path.name]
             path.unlink()
-
-
-def test_a_name_that_is_taken_meanwhile_stays(path, monkeypatch):
-    """The look at the beginning does not see a file that another process makes later."""
-    savez = np.savez
-
-    def slow(file, **arrays):
-        savez(file, **arrays)
-        path.write_bytes(b"of another")
-
-    monkeypatch.setattr(np, "savez", slow)
-    with pytest.raises(FileExistsError, match=r"run\.npz"):
-        run_of("one").save(path)
-    assert path.read_bytes() == b"of another"
-    assert os.listdir(path.parent) == [path.name]
 
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes and links of POSIX")

@@ -246,7 +246,7 @@ def test_old_codes_are_freed_but_not_those_in_use(rng, monkeypatch, anew):
     monkeypatch.setattr(machine_code, "MOST_CODES", 3)
     monkeypatch.setattr(stretches, "_STRETCH", 1)
     monkeypatch.setattr(derivatives, "_STRETCH", 1)
-    last = 64
+    last = 9
     assert (sf.iterate(field, x0, 0.02, 200, progress=compile_others).x == run.x).all()
     last = 1
     found = sf.lyapunov_exponents(field, x0[:2], 0.02, 9, progress=compile_others)

@@ -169,7 +169,7 @@ def test_rational_maps():
     assert pickle.loads(pickle.dumps(both)) == both
 
 
-@pytest.mark.parametrize("letter", ["h", "λ"])
+@pytest.mark.parametrize("letter", [pytest.param("h", marks=pytest.mark.slow), "λ"])
 def test_a_letter_in_the_coefficients(letter):
     """What is found for it holds for its values; so do maps, inverses, formulas, and text."""
     forward = f"lambda x, {letter}: (x[1], {letter} * (x[1] + 1) / (x[0] * ({letter} - 2)))"
@@ -897,6 +897,7 @@ def test_what_reports_print_of_several_possibilities():
     assert report(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2), 1).growth.kind == "bounded"
 
 
+@pytest.mark.slow
 def test_kharlamova_on_the_invariant_hyperplane():
     """W1 = -4 W2 with c = (1, 2, 0), I = (1, 2): three integrals, as identities in x and eps."""
     sympy = pytest.importorskip("sympy")

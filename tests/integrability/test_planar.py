@@ -54,7 +54,7 @@ HENON = rational_map(
 )
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("map", "lengths", "entropy", "minimal", "proved"),
     [
@@ -197,6 +197,7 @@ def test_a_periodic_orbit_is_never_confined(monkeypatch):
     assert (undecided.proved, undecided.lengths.count(None)) == (False, 2)
 
 
+@pytest.mark.slow
 def test_a_wrong_passage_is_no_proof():
     map = kahan(*ZOO["Nahm, octahedral"])
     plane = Plane(map)

@@ -343,7 +343,7 @@ def test_colours_of_matplotlib_and_titles():
 
 def test_one_energy_has_no_colours():
     """Levels that differ by rounding, or by less than 2 %, are one."""
-    field, starts = saddle(50)
+    field, starts = saddle(20)
     points = sf.crossings(field, starts, 1 / 16, 400, lambda x: x[..., 0])
     assert len(points.plot().figure.axes) == 2  # energies differ: a colour bar
     starts[:, 0] = 0.0

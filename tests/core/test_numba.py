@@ -318,7 +318,7 @@ def test_nothing_is_compiled_after_warm_up():
     # Each function, serially and in threads, and each kernel of steps.
     words = "any_input or threads_and_stretches or states_saved"
     tests = Path(__file__).parents[1] / "package" / "test_promises.py"
-    _, used = asked(PROMISES, tests, "-m", "", "-k", words)
+    _, used = asked(PROMISES, tests, "-k", words)
     assert any("suslov.steps.steps" in name for name in used)
     assert used - made == set()
 

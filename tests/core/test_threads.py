@@ -54,7 +54,7 @@ thread.join()
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("code", "count", "layer"),
-    [(AT_ONCE, 40, "tbb"), (AT_ONCE, 40, "workqueue"), (FORKS, 30, "tbb"), (FORKS, 30, "omp")],
+    [(AT_ONCE, 20, "tbb"), (AT_ONCE, 20, "workqueue"), (FORKS, 12, "tbb"), (FORKS, 12, "omp")],
 )
 @pytest.mark.slow
 def test_threads_and_forks(code, count, layer):

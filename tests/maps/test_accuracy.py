@@ -104,7 +104,7 @@ THREE = {"exact": of_exact, "flow": of_flow, "limits": of_limits, "iterate": of_
 
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("kernel", THREE)
-@pytest.mark.parametrize("cases", [15, pytest.param(200, marks=SLOW)])
+@pytest.mark.parametrize("cases", [15, pytest.param(80, marks=SLOW)])
 def test_three_dimensions(kernel, cases, seed):
     draw, errors = adversary.Adversary(np.random.default_rng([seed, cases])), []
     for _ in range(cases):
@@ -135,7 +135,7 @@ def condition_of(A, moduli, units):
     return terms[0] / singular[-1] if singular[-1] > 0.0 else np.inf
 
 
-@pytest.mark.parametrize("cases", [10, pytest.param(200, marks=SLOW)])
+@pytest.mark.parametrize("cases", [10, pytest.param(60, marks=SLOW)])
 def test_n_dimensions(cases, seed):
     draw, count = adversary.Adversary(np.random.default_rng([seed, cases])), 0
     for _ in range(cases):
@@ -155,7 +155,7 @@ def test_n_dimensions(cases, seed):
     assert count > cases
 
 
-@pytest.mark.parametrize("cases", [10, pytest.param(120, marks=SLOW)])
+@pytest.mark.parametrize("cases", [10, pytest.param(40, marks=SLOW)])
 def test_fields(cases, seed):
     draw, count = adversary.Adversary(np.random.default_rng([seed, cases])), 0
     for case in range(cases):

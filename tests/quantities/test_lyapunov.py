@@ -457,9 +457,9 @@ def test_motion_of_a_forced_oscillator():
     assert found.sum() == pytest.approx(divergence, rel=1e-7)
 
 
-@pytest.mark.parametrize("n", [8, pytest.param(100, marks=pytest.mark.slow)])
-def test_motion_of_a_network(n):
+def test_motion_of_a_network():
     """Of n Roessler systems; the sum of the 3 n exponents is the mean of the divergence."""
+    n = 8
 
     def network(s):
         x, y, z = s.reshape(3, n)
@@ -469,7 +469,7 @@ def test_motion_of_a_network(n):
     field = sf.Field.from_function(network, 3 * n)
     start = np.concatenate([np.cos(np.arange(2 * n)) * 4, np.full(n, 0.1)])
     start = sf.flow(field, start, time=100.0, rtol=1e-6).x[0]
-    time = 40.0 if n < 100 else 1.0
+    time = 40.0
     found = sf.lyapunov_exponents(field, start, time=time, rtol=1e-7)
     assert found.shape == (3 * n,)
     times = np.linspace(0.0, time, 8001)

@@ -91,16 +91,6 @@ def test_a_step_is_accurate(body, rng):
         (ND, 10.0, -3.0, "gauss"),
         (sf.SuslovND([1.0], [2.0]), 1.0, 0.25, "auto"),
     ],
-    ids=[
-        "lorenz",
-        "lorenz-pivots",
-        "gyrostat",
-        "nd",
-        "nd-elimination",
-        "gauss",
-        "gauss-long",
-        "n=2",
-    ],
 )
 def test_steps_in_any_dimension_are_those_of_the_package(body, size, eps, method, rng):
     """Their accuracy is tested there. Views are taken, and out may be x."""

@@ -1,7 +1,6 @@
 """Maps and bodies of a user's own: each function is right for them, or refuses them."""
 
 import dataclasses
-import json
 import os
 import pickle
 import re
@@ -19,7 +18,6 @@ from test_kernels import try_kernel
 
 import suslov_fast as sf
 from suslov_fast import compiled, ensemble, iterate, maps
-from suslov_fast.command.main import main
 from suslov_fast.core.compiling import cache
 from suslov_fast.core.compiling.numba import kernel
 from suslov_fast.engine import threads
@@ -248,33 +246,6 @@ def test_an_edit_of_a_step_compiles_anew():
 
 
 @pytest.mark.slow
-def test_a_run_has_the_quantities_of_its_map_alone(tmp_path, capsys):
-    """Kahan's modified energy is none of the midpoint rule, which has no drift."""
-    run = iterate(HENON, START[:2], 0.1, 40, method="midpoint")
-    assert run.map is own.MIDPOINT
-    np.testing.assert_array_equal(run.energy(), sf.energy(HENON, run.x))
-    assert {"energy"} == {"energy", "modified_energy", "first_integral"} & {*dir(run)}
-    with pytest.raises(TypeError, match="Explicit midpoint rule has no modified_energy"):
-        run.modified_energy()
-    with pytest.raises(TypeError, match=r"^attitude\b"):
-        midpoint(attitude=True)
-    assert run.to_xarray().title == run.to_xarray().attrs["title"] == "Explicit midpoint rule"
-    axes = run.plot()
-    assert axes.get_title().startswith("Explicit midpoint rule")
-    assert len(axes.figure.axes) == 1  # no bar of levels of a quantity
-    kahan = iterate(HENON, START[:2], 0.1, 40)
-    assert kahan != run
-    assert "modified_energy" in dir(kahan)
-    assert (sf.step(HENON, START[0], 0.1) == kahan.x[1, 0]).all()  # functions are of "auto"
-    path, body = tmp_path / "run.npz", tmp_path / "body.json"
-    body.write_text(json.dumps(HENON.to_dict()))
-    given = f"run --body {body} --eps 0.1 --steps 9 --trajectories 3 --method midpoint --json"
-    assert main([*given.split(), "-o", str(path)]) == 0
-    assert json.loads(capsys.readouterr().out)["drift"] == {}
-    assert sf.Trajectories.load(path).map is own.MIDPOINT
-
-
-@pytest.mark.slow
 def test_files_name_the_map(tmp_path):
     run, path = midpoint(), tmp_path / "run.npz"
     run.save(path)
@@ -353,35 +324,6 @@ def of_midpoint(problem):
     f, one = f.field() if hasattr(f, "field") else f, np.eye(x.shape[-1])
     slopes = [2.0 * (one - sf.matrix(f, y, 1.0)) for y in (x, x + 0.5 * h[..., 0] * f(x))]
     return one + h * slopes[1] @ (one + 0.5 * h * slopes[0])
-
-
-def test_exponents_of_a_map_with_a_jacobian(monkeypatch):
-    """Those of Kahan's map by its formula of the Jacobian alone."""
-
-    class Alone(own.Sleigh):
-        """A sleigh of which nothing but the Jacobian is known."""
-
-    jacobian = {"jacobian": KAHAN["jacobian"]}
-    new = dataclasses.replace(own.SLEIGH, name="alone", body=Alone, formulas=jacobian, pole=None)
-    maps.register(new)
-    given = [2.0, 3.0], 1.5, 0.4
-    starts, eps = [[1.0, 0.5], [np.nan, 0.5]], [0.3, 0.2]
-    expected = sf.lyapunov_exponents(own.Sleigh(*given), starts, eps, 200, 5)
-    rates = sf.lyapunov_exponents(Alone(*given), starts, eps, 200, 5)
-    np.testing.assert_allclose(rates, expected, atol=1e-13)
-    assert np.isnan(rates[1]).all()
-    monkeypatch.setattr("suslov_fast.engine.derivatives._STRETCH", 0)  # one state at a time
-    np.testing.assert_array_equal(sf.lyapunov_exponents(Alone(*given), starts, eps, 200, 5), rates)
-    rest = [[2.0, 0.0], [np.nan, 0.0]]
-    values = sf.multipliers(Alone(*given), rest, eps)
-    np.testing.assert_allclose(values, sf.multipliers(own.Sleigh(*given), rest, eps), rtol=1e-13)
-    with pytest.raises(TypeError, match=r"^body\b"):
-        sf.energy(Alone(*given), starts)
-    with pytest.warns(sf.SingularStepWarning):
-        pole = sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), own.SLEIGH.pole[1], 1.0, 1)
-    assert np.isnan(pole).all()
-    with pytest.warns(sf.PoleWarning, match="1 of 1 .* trajectory 0 at step 1"):  # det A = -1 / 4
-        sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), [-5.0, 0.0], 1.0, 1)
 
 
 def test_functions_of_a_second_method_of_a_class():

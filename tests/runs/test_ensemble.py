@@ -296,24 +296,16 @@ UNKNOWN = dask.array.ones((5, 2))
 UNKNOWN = UNKNOWN[UNKNOWN[:, 0] > 0]
 BAD = [
     ({"omega0": "starts.txt"}, TypeError, "x0"), ({"omega0": UNKNOWN}, ValueError, "x0"),
-    ({"omega0": dask.array.full((9, 2), np.inf)}, ValueError, "x0"),
     ({"chunk": 0}, ValueError, "chunk"), ({"chunk": {"time": 3}}, ValueError, "chunk.*time"),
     ({"chunk": "many"}, TypeError, "chunk"), ({"dims": ("a", "b")}, ValueError, "dims"),
-    *[({"coords": {name: 3}}, ValueError, "coords") for name in ("a/b", "omega", "zarr.json")],
-    *[({"functions": {name: radius}}, ValueError, "functions") for name in ("", ".", "..", "/r")],
-    *[({"dims": name}, ValueError, "dims") for name in ("", "..", "a/b")],
-    *[
-        ({"functions": {name: radius}}, ValueError, "functions")
-        for name in ("omega", "time", "trajectory")
-    ],
-    ({"functions": {"r": lambda x: np.add(x, 1, out=x)[..., 0]}}, ValueError, "read-only"),
+    ({"dims": "a/b"}, ValueError, "dims"), ({"coords": {"zarr.json": 3}}, ValueError, "coords"),
+    ({"functions": {"..": radius}}, ValueError, "functions"),
+    ({"functions": {"omega": radius}}, ValueError, "functions"),
     ({"functions": {"r": doubled}}, ValueError, "read-only"),
-    ({"functions": {"r": first_of_two}}, ValueError, r"functions\['r'\] must take components on"),
-    ({"functions": {"r": np.sin}}, TypeError, "functions.*r"),
+    ({"functions": {"r": first_of_two}}, ValueError, "functions.*r"),
     ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
     ({"functions": {"r": lambda x: x[..., 0] * 1j}}, TypeError, "functions.*r"),
-    ({"omega0": RandomStarts(10**15, 1)}, OSError, r"[\d.]+ [MGT]B are free, .* [\d,]{5,} TB"),
-    ({"store": None}, TypeError, "store"),
+    ({"omega0": RandomStarts(10**15, 1)}, OSError, "free"), ({"store": None}, TypeError, "store"),
     ({"client": 5}, TypeError, "client"), ({"progress": 5}, TypeError, "progress"),
     (FIELD | {"attitude": True}, TypeError, "attitude"),
     ({"time": [1.0]}, TypeError, "eps"), ({"rtol": 1e-6}, TypeError, "rtol"),
@@ -321,10 +313,9 @@ BAD = [
     *[
         (MOVED | change | {"steps": None, "save_every": None, "eps": None}, error, name)
         for change, error, name in (
-            ({"time": [-1.0, 1.0]}, ValueError, "time"), ({"rtol": 1.0}, ValueError, "rtol"),
+            ({"time": [-1.0, 1.0]}, ValueError, "time"), ({"chunk": {"n": 3}}, ValueError, "chunk"),
             ({"attitude": True}, TypeError, "attitude"),
             ({"method": "order4"}, TypeError, "method"),
-            ({"chunk": {"n": 3}}, ValueError, "chunk"), ({"body": abs}, TypeError, "system"),
         )
     ],
 ]  # fmt: skip
@@ -342,21 +333,10 @@ def test_places_that_cannot_hold_a_store(store):
     for place in ("file", "file/run.zarr"):
         with pytest.raises((NotADirectoryError, FileExistsError), match="file"):
             call(ensemble, **ASKED, store=store.parent / place)
-    (store.parent / "link").symlink_to(store.parent / "nowhere")
-    with pytest.raises(FileExistsError, match="a link without a target: pass a new name"):
-        call(ensemble, **ASKED, store=store.parent / "link")
     (store.parent / "thesis").mkdir()
     (store.parent / "thesis" / "thesis.tex").touch()
-    with pytest.raises(ValueError, match=r"store.*thesis\.tex in it: pass a new name"):
+    with pytest.raises(ValueError, match=r"store.*thesis\.tex"):
         call(ensemble, **ASKED, store=store.parent / "thesis")
-    zarr.open_group(store, mode="w").attrs.update({"source": "suslov_fast 0.5.0", "steps": 3})
-    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
-        with pytest.raises(ValueError, match=r"store.*0\.5\.0"):
-            opens(store)
-    by_xarray = store.with_name("own.zarr")
-    call(iterate, **ASKED).to_xarray().to_zarr(by_xarray, zarr_format=3, consolidated=False)
-    with pytest.raises(ValueError, match=r"of to_xarray\(\): open it by xarray\.open_zarr"):
-        open_ensemble(by_xarray)
     with pytest.raises(FileNotFoundError, match="store"):
         open_ensemble(store.with_name("missing.zarr"))
 

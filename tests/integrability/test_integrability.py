@@ -14,7 +14,6 @@ from itertools import permutations, product
 
 import numpy as np
 import pytest
-import sympy
 
 from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
 
@@ -111,6 +110,8 @@ def value(P, x):
 
 def by_sympy(f, x, **parameters):
     """The value of the text of a function."""
+    import sympy  # takes long, and not every process that collects tests needs it
+
     values = {f"x{i}": a for i, a in enumerate(x, start=1)} | parameters
     found = sympy.sympify(str(f)).subs({name: sympy.Rational(str(a)) for name, a in values.items()})
     return F(int(found.p), int(found.q))
@@ -118,6 +119,8 @@ def by_sympy(f, x, **parameters):
 
 def assert_derivative(map, x):
     """The Jacobian is that of central differences."""
+    import sympy
+
     jacobian, h = map.jacobian(x), F(1, 10**20)
     for j in range(len(x)):
         ahead, behind = (map([a + s * h * (i == j) for i, a in enumerate(x)]) for s in (1, -1))
@@ -645,6 +648,8 @@ def test_determinants_that_are_too_long():
 
 
 def gradients_have_rank(functions, x, rank, eps):
+    import sympy
+
     symbols = sympy.symbols(f"x1:{len(x) + 1}")
     at = dict(zip(symbols, (sympy.Rational(str(a)) for a in x), strict=True))
     at[sympy.Symbol("eps")] = sympy.Rational(str(eps))

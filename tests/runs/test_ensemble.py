@@ -15,7 +15,6 @@ from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import dask.array
-import distributed
 import numpy as np
 import pytest
 import xarray
@@ -519,6 +518,8 @@ def test_two_at_once_write_the_same(store):
 
 @pytest.mark.slow
 def test_workers_of_a_cluster(store):
+    import distributed
+
     random = RandomStarts(50, 1.5)
     orbits = iterate(BODY, random, 0.2, 40, save_every=3)
     settings = {"save_every": 3, "chunk": {"trajectory": 7, "n": 3}, "functions": {"r": radius}}

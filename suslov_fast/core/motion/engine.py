@@ -9,6 +9,7 @@ import numpy as np
 from ..code.compiler import call, compiled
 from ..compiling.threads import in_parts
 from ..fields.lines import zeros
+from .choosing import Choices
 from .half import Half
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, State
@@ -58,6 +59,7 @@ def numbers_of(f, settings, sign, first, last):
         first,
         float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
         MOST_STEPS,
+        1.0,
     )
 
 
@@ -91,6 +93,8 @@ class Motion:
         self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
         self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
         self.places, self.is_stopped = np.zeros(len(x0), np.int64), False
+        self.rows = half_of(f, False, self.has_atol).rows
+        self.choices = None if f.conditions is None else Choices(self)
 
     def run(self, threads=1, report=None):
         """Take all steps of all trajectories.
@@ -111,25 +115,25 @@ class Motion:
 
     def _take(self, block, abandoned):
         """Take all steps of a block of trajectories."""
-        rows, B = half_of(self.f, False, self.has_atol).rows, block.stop - block.start
+        rows, B = self.rows, block.stop - block.start
         own = flat = np.zeros((B, rows.size))
         flat[:, : self.f.D] = self.x0[block]
         flat[:, rows.state] = BEGINS
-        flat[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
+        numbers = np.arange(block.start, block.stop)
+        flat[:, rows.trajectory].view(np.int64)[:] = numbers
         which, mode, W = slice(None), int(bool(self.settings.stiff)), 1 if B == 1 else WIDTH
         while len(own) and not abandoned:
             half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
             before = own[:, rows.steps].copy()
-            self._steps(half, own, block, which, W, abandoned)
+            self._steps(half, own, numbers[which], W, abandoned)
             if mode == State.IMPLICIT:
                 taken = own[:, rows.steps] - before
-                self.implicit_steps[block][which] += taken.astype(np.int64)
+                self.implicit_steps[numbers[which]] += taken.astype(np.int64)
             if own is not flat:
                 flat[which] = own
-            state, mode = (
-                flat[:, rows.state],
-                1 - mode,
-            )  # trajectories that turned to the other half
+            if self.choices is not None:
+                self.choices.renew(flat, numbers)
+            state, mode = flat[:, rows.state], 1 - mode  # of those that turned to the other half
             if not np.count_nonzero(state == mode):
                 mode = 1 - mode
             which = np.flatnonzero(state == mode)
@@ -137,23 +141,25 @@ class Motion:
         self.t[block], self.steps[block] = flat[:, rows.t], flat[:, rows.steps]
         self.state[block] = flat[:, rows.state]
 
-    def _table(self, half, block, which):
+    def _table(self, half, rows, which):
         """Return the numbers that functions read: for all trajectories, or for each (K, n)."""
         if self.table.ndim == 1:
             return half.table_of(self.table)
-        return np.ascontiguousarray(half.table_of(self.table[block][which].T).T)
+        if self.choices is not None:
+            self.choices.look(rows, which)
+        return np.ascontiguousarray(half.table_of(self.table[which].T).T)
 
-    def _steps(self, half, rows, block, which, W, abandoned):
+    def _steps(self, half, rows, which, W, abandoned):
         """Take steps of one half of trajectories (K, rows), until none is in it.
 
-        `which` are their numbers in the block; `places` count the times that they have reached.
+        `which` are their numbers; `places` count the times that they have reached.
         """
-        take = self._taker(half, rows, self._table(half, block, which), W)
+        take = self._taker(half, rows, self._table(half, rows, which), W)
         while not abandoned:
             is_done = take(abandoned)
             if self.report is not None:
                 reached = rows[:, half.rows.place].view(np.int64)
-                self.places[block][which] = reached
+                self.places[which] = reached
                 if get_ident() == self.caller and self.report(int(self.places.sum())) is False:
                     self.is_stopped = True
                     abandoned.append(True)

@@ -18,6 +18,7 @@ from .functions import (
     DenseSolution,
     FirstBlock,
     Tangents,
+    carried_out,
     of_list,
 )
 from .rows import rows_of, work_of
@@ -29,9 +30,9 @@ PLANNED = 40_000
 class Half:
     """The explicit or the implicit half of the motion of a right-hand side.
 
-    functions    by name: `f` with the denominators of clocks; in the implicit half also `j`, the
-                 entries of f'; `factor`, from these and s; `solve`; and `power`, f' times a vector
-                 after the entries and s
+    functions    by name: `f` with the denominators of clocks; `watch`, see `watch_of`, if steps
+                 end on surfaces; in the implicit half also `j`, the entries of f'; `factor`, from
+                 these and s; `solve`; and `power`, f' times a vector after the entries and s
     numbers      how many numbers the table of a trajectory has
     largest, allowed   rules for the size of all components, and for the error that one may have
     rows, work   `Rows` of a trajectory, and `Work`
@@ -40,7 +41,6 @@ class Half:
     def __init__(self, f, is_implicit, has_atol):
         self.f, self.is_implicit, self.has_atol = f, is_implicit, has_atol
         D, extended = f.D, len(f.denominators)
-        self.rows = rows_of(D, extended)
         if has_atol:
             self.largest, self.allowed = rules.NO_SIZE, rules.ALLOWED_WITH_ATOL
         elif f.clocks:
@@ -49,6 +49,9 @@ class Half:
             self.largest, self.allowed = rules.LARGEST, rules.ALLOWED
         # What the derivative has a block of for x, and the same for each column beside it.
         self.block = f.of if isinstance(f, Variational) else f
+        self.watched = self.block.D if f.conditions else 0
+        self.kinks = f.conditions.kinks if f.conditions else 0
+        self.rows = rows_of(D, extended, self.watched)
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
         elif self.block is not f:
@@ -57,6 +60,9 @@ class Half:
             self.functions = {
                 "f": of_list(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
             }
+        if self.watched:
+            places = {2 * self.block.D + k: k for k in range(len(self.block.table))}
+            self.functions["watch"] = of_list(f.watch, 2 * self.block.D, places)
         columns, entries, factors = len(EXPLICIT), 0, 0
         if is_implicit:
             columns, entries = len(IMPLICIT), f.entries + 1 + D
@@ -64,7 +70,7 @@ class Half:
         scratch = max(function.scratch for function in self.functions.values())
         chains = 1 if is_implicit else len(CHAINS)
         self.numbers = len(self.table_of(np.zeros(len(f.table))))
-        parts = D, extended, chains, columns, entries, factors, scratch
+        parts = D, extended, chains, columns, entries, factors, self.watched, self.kinks, scratch
         self.work = work_of(self.rows.size, self.numbers, *parts)
 
     def _add_implicit(self):
@@ -101,6 +107,10 @@ class Half:
     def solve_in_numpy(self, factors, right):
         """Return (1 - s J)**-1 times vectors (D, lanes)."""
         return self.functions["solve"].in_numpy([*factors, *right])
+
+    def watch_in_numpy(self, line, table):
+        """Return what `watch` finds (3 + kinks, lanes) between two states (2, watched, lanes)."""
+        return carried_out(self.f.watch, [*line[0], *line[1], *table])
 
     def product_in_numpy(self, entries, vector):
         """Return f' times vectors (D, lanes)."""

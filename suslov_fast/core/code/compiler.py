@@ -39,6 +39,7 @@ class Text:
     def __init__(self, W, target=None):
         self.W, self.target = W, target or self
         self.lines, self.count, self.declared, self.functions = [], 0, set(), {}
+        self._usual = {}  # whether no lane is far, by operand
         self.V = f"<{W} x double>" if W > 1 else "double"
         self.M = f"<{W} x i1>" if W > 1 else "i1"
         self.I = f"<{W} x i64>" if W > 1 else "i64"
@@ -243,8 +244,10 @@ class Text:
     def _far_part(self, instruction, x, usual):
         """Return a value of `far.remainder` for lanes from LIMIT on, else `usual`."""
         target, label = self.target, f"{instruction}_{self.target.count}"
-        is_far, before = self._is_far(x), target.block
-        is_usual = self.compare_integers("eq", self.bits(is_far), 0)
+        before = target.block
+        if x not in self._usual:  # once for all values of x
+            self._usual[x] = self.compare_integers("eq", self.bits(self._is_far(x)), 0)
+        is_usual = self._usual[x]
         target.branch(is_usual, f"{label}_end", label, likely=True)
         target.label(label)
         operands = f"{self._typed([x, usual])}, i64 {[*PARTS].index(instruction)}"

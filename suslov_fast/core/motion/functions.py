@@ -13,7 +13,7 @@ import numpy as np
 
 from ..code.runs import program_of
 from ..code.runs_code import add_runs
-from ..lists.step import evaluate
+from ..lists.step import OF_LISTS, evaluate
 from .text import INLINED
 
 BLOCK = 64  # operations of a block of straight-line code
@@ -37,6 +37,7 @@ class OfList:
     def __init__(self, list_, inputs, places):
         self.list_, self.inputs, self.places = list_, inputs, places
         self.length = len(list_.operations)
+        self.calls = any(instruction in OF_LISTS for instruction, *_ in list_.operations)
 
     def numbers(self, table):
         return table[:0]

@@ -156,7 +156,7 @@ class _Steps:
         """Add Gragg's midpoint rule with smoothing, pair by pair of sub-steps.
 
         y_N of the last column and f there stay in the rows `a` and `f_last`. Where f is within the
-        code, lanes of one register take turns, because the processor has few registers.
+        code and calls no function, lanes of one register take turns, because registers are few.
         """
         text, work, D = self.text, self.work, self.D
         rounds = in_turn(CHAINS if self.is_inlined else ONE_CHAIN)
@@ -166,8 +166,8 @@ class _Steps:
         rows = self.table("rows", [pair.chain * (work.chains - work.a) for pair in pairs])
         begins = self.table("begins", [int(pair.begins) for pair in pairs])
         ends = self.table("ends", [int(pair.ends) for pair in pairs])
-        inner, W = text, numbers_in_register()
-        if self.is_inlined and W < text.W:
+        inner, W, f = text, numbers_in_register(), self.half.functions["f"]
+        if self.is_inlined and W < text.W and not f.calls:
             inner = Code(W, text)
             inner.size = text.size
         with text.times(len(pairs)) as k:

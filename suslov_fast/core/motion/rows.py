@@ -76,7 +76,7 @@ class Work(NamedTuple):
     error: int  # (D)
     jacobian: int  # entries of f', s, and a vector (D)
     factors: int  # of 1 - s f'
-    right: int  # (D)
+    right: int  # (D), and products of s and the couplings of a `Variational`
     taken: int  # length of this step
     signed: int  # the same with the sign of time
     accepted: int  # 1 where the step is taken, else 0
@@ -88,11 +88,13 @@ class Work(NamedTuple):
     size: int
 
 
-def work_of(D, denominators, columns, entries, factors, watched, kinks, scratch):
+def work_of(D, denominators, columns, entries, factors, couplings, watched, kinks, scratch):
     """Return the rows of `Work`."""
     extended = D + denominators
-    sizes = [D, extended, D, extended, columns * D, extended, D, extended, D,
-             entries, factors, D, *[1] * 5, 2 * watched, 3 + kinks, scratch]  # fmt: skip
+    sizes = [
+        D, extended, D, extended, columns * D, extended, D, extended, D, entries, factors,
+        D + couplings, *[1] * 5, 2 * watched, 3 + kinks, scratch,
+    ]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

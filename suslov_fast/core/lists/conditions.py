@@ -156,7 +156,8 @@ def with_fixed_choices(values, results, P, by=(), twice=False):
         kept=range(D, given),
         twice=twice,
     )
-    f.clocks = sorted({*f.clocks, *RightHandSide(values, results, P).clocks})
+    plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
+    f.steady, f.clocks = plain.steady, plain.clocks
     f.watch = watch_of(f, [*kinds.values()], len(jumps))
     tested = [truths[number] for number in kinds]
     f.conditions = Conditions(List(needed_for(tests.operations, tested), tested), len(jumps), D, P)

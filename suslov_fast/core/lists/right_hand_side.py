@@ -169,7 +169,8 @@ class RightHandSide:
     derivative   `List` of f' by itself; results are the entries of `pattern`
     of_parameters  `List` of df/dp for the parameters `by`; D results for each, in `by`
     second       `Second`, or None
-    clocks       components of constant rate, not 0, that others depend on
+    steady       components of constant rate, not 0
+    clocks       those of them that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators numbers of values of `f` that divide, and depend on clocks and parameters alone
     surfaces     `List` of the surfaces on which steps end
@@ -262,12 +263,9 @@ class RightHandSide:
             if instruction in OF_TRUTH_VALUES:
                 truth.add(number)
         dependent = [0 if isinstance(a, float) else of.get(a, 0) for a in self._results]
-        clocks = 0
-        for i in range(self.D):
-            others = any(mask >> i & 1 for mask in dependent)
-            if is_fixed[i] and self._results[i] != 0.0 and others:
-                clocks |= 1 << i
-        self.clocks = _members(clocks)
+        self.steady = [i for i in range(self.D) if is_fixed[i] and self._results[i] != 0.0]
+        self.clocks = [i for i in self.steady if any(mask >> i & 1 for mask in dependent)]
+        clocks = sum(1 << i for i in self.clocks)
         self.of_one_sign = [
             i
             for i, a in enumerate(self._results)
@@ -383,10 +381,6 @@ def _operands(list_):
     """Return the numbers of values that a list reads."""
     operands = [a for _, _, of in list_.operations for a in of] + list_.results
     return [a for a in operands if not isinstance(a, float)]
-
-
-def _members(mask):
-    return [i for i in range(mask.bit_length()) if mask >> i & 1]
 
 
 def _common_factors(instruction, operands, factors, D):

@@ -25,6 +25,16 @@ _STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
 _STATUS[State.NO_VALUE], _STATUS[State.SLIDING] = Status.NONFINITE, Status.SLIDING
 
 
+class Asked(NamedTuple):
+    """What is asked of a motion."""
+
+    times: FloatArray  # (n,), in any order
+    sign: int  # -1 backwards in time
+    settings: Settings
+    threads: int | None = None
+    report: Callable[[int], bool] | None = None  # takes the number of states that are done
+
+
 class Found(NamedTuple):
     """What the engine found of B trajectories."""
 
@@ -67,20 +77,12 @@ def right_hand_sides(
             yield where, f, table[places[where]]
 
 
-def solve(
-    field: Any,
-    starts: FloatArray,
-    batch: tuple[int, ...],
-    times: FloatArray,
-    sign: int,
-    settings: Settings,
-    threads: int | None,
-    report: Callable[[int], bool] | None = None,
-) -> Found:
+def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
     """Return what is found of the motion from `starts` (B, D) at ascending moduli of times.
 
-    `report` takes the number of states that are done; if it returns False, the others stay NaN.
+    If `report` returns False, states that are not done stay NaN.
     """
+    times, sign, settings, threads, report = asked
     B = len(starts)
     if B == 1 and report is None:
         alone = _of_one(field, starts, times, sign, settings)

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.motion.engine import Settings
-from ..engine.motions import Found
+from ..engine.motions import Asked, Found
 from ..engine.sensitivity import Columns
+from ..maps import Method
 from ..quantities.derivatives import jacobian, vector_field
-from .flow import _to_tolerance
+from .flow import to_tolerance
 from .iterate import iterate
 
 _ROUNDS, _HALVINGS = 60, 10
@@ -74,7 +75,7 @@ class OfMotion:
         self.drifts, self.is_forced = is_steady & (self.rate != 0.0), bool(f.clocks)
 
     def _solved(self, field: Any, x: FloatArray, times: FloatArray, settings: Settings) -> Found:
-        return _to_tolerance(field, x, (len(x),), times, 1, settings, None, None)
+        return to_tolerance(field, x, (len(x),), Asked(times, 1, settings))
 
     def arcs(self, nodes: FloatArray, T: float) -> Arcs:
         M = len(nodes)
@@ -101,7 +102,7 @@ class OfMap:
 
     is_forced = False
 
-    def __init__(self, field: Any, rate: FloatArray, steps: int, method: str) -> None:
+    def __init__(self, field: Any, rate: FloatArray, steps: int, method: Method) -> None:
         self.field, self.steps, self.method, self.rate = field, steps, method, rate
         self.drifts = np.zeros(len(rate), bool)
 

@@ -71,9 +71,8 @@ class OfMotion:
         self.field, self.settings = field, Settings(rtol, None, np.inf, None)
         (_, f, _), *_ = field.listed_right_hand_sides
         self.rate = vector_field(field, start)
-        depends = {i for i, _ in f.pattern}
-        has_rate = [i not in depends and self.rate[i] != 0.0 for i in range(f.D)]
-        self.drifts, self.is_forced = np.array(has_rate), bool(f.clocks)
+        is_steady = np.isin(np.arange(f.D), f.steady)
+        self.drifts, self.is_forced = is_steady & (self.rate != 0.0), bool(f.clocks)
 
     def _solved(self, field: Any, x: FloatArray, times: FloatArray, settings: Settings) -> Found:
         return to_tolerance(field, x, (len(x),), Asked(times, 1, settings))

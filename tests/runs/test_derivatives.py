@@ -132,6 +132,42 @@ def test_stiff_equations_against_series(name, stiff):
     assert max(errors(name, 1e-12, stiff=stiff)) < 1e-10
 
 
+@pytest.mark.parametrize(
+    ("f", "start", "time", "parameters"),
+    [
+        (robertson, [1.0, 0.0, 0.0], 1e4, {"k1": 0.04, "k3": 3e7}),
+        (hires, STIFF["hires"][1], 321.8122, {"k": 280.0}),
+        (van_der_pol, [2.0, 0.0], 1500.0, {"mu": 1000.0}),
+    ],
+)
+def test_stiff_derivatives_take_about_the_steps_of_states(f, start, time, parameters):
+    field = Field.from_function(f, len(start), **parameters)
+    for rtol, factor in ((1e-6, 1.6), (1e-8, 2.2)):
+        states, columns = (
+            flow(field, start, time=time, rtol=rtol, derivatives=by)
+            for by in ((), ("x0", *parameters))
+        )
+        assert columns.steps < factor * states.steps
+    h = 1e-4
+    for name, value in parameters.items():  # by differences of states
+        own = {sign: field.with_parameters(**{name: value * (1 + sign * h)}) for sign in (1, -1)}
+        ends = [flow(own[sign], start, time=time, rtol=1e-12).x[0] for sign in (1, -1)]
+        wanted = (ends[0] - ends[1]) / (2 * h * value)
+        found = columns.derivative(name)[0]
+        np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=1e-6 * abs(wanted).max())
+
+
+def test_numpy_has_the_bits_of_machine_code(monkeypatch):
+    f, start, time, _, parameters = STIFF["robertson"]
+    field = Field.from_function(f, 3, **parameters)
+    options = {"time": time, "rtol": 1e-4, "derivatives": ("k3", "x0", "k1"), "stiff": True}
+    by_code = flow(field, start, **options)
+    monkeypatch.setattr("suslov_fast.core.motion.engine.code_of_half", lambda *_: None)
+    by_numpy = flow(field, start, **options)
+    for name in options["derivatives"]:
+        np.testing.assert_array_equal(by_code.derivative(name), by_numpy.derivative(name))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["pendulum", "robertson"])
 def test_the_series(name):

@@ -269,13 +269,22 @@ def test_what_is_no_orbit_is_told(field, start, period, reason):
 
 
 def test_a_tolerance_that_works_is_named():
-    """Jumps of f leave errors near the tolerance, which steps of Newton cannot reduce."""
-    field = Field.from_function(lambda x: (x[1], -np.sign(x[0])), 2)
+    """A difference of large numbers has errors above the tolerance."""
+    field = Field.from_function(lambda x: (x[1], 1e6 - (1e6 + x[0])), 2)
     with pytest.raises(RuntimeError, match="pass rtol=") as told:
-        periodic_orbit(field, [1.0, 0.0], 5.6, rtol=1e-12)
+        periodic_orbit(field, [1.0, 0.0], 6.2, rtol=1e-13)
     enough = float(str(told.value).rpartition("pass rtol=")[2])
-    orbit = periodic_orbit(field, [1.0, 0.0], 5.6, rtol=enough)
-    assert orbit.period == pytest.approx(4 * np.sqrt(2 * orbit.state[0]), rel=1e-5)
+    orbit = periodic_orbit(field, [1.0, 0.0], 6.2, rtol=enough)
+    assert orbit.period == pytest.approx(2 * np.pi, rel=1e-9)
+
+
+@pytest.mark.parametrize("rtol", [1e-9, 1e-13])
+@pytest.mark.parametrize("about", [None, 5.6])
+def test_an_orbit_across_jumps(rtol, about):
+    field = Field.from_function(lambda x: (x[1], -np.sign(x[0])), 2)
+    orbit = periodic_orbit(field, [1.0, 0.0], about, rtol=rtol)
+    assert orbit.period == pytest.approx(4 * np.sqrt(2 * orbit.state[0]), rel=1e-10)
+    np.testing.assert_allclose(orbit.multipliers, 1.0, atol=1e-6)
 
 
 def test_an_orbit_far_from_the_origin():

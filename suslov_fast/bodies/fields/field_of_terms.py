@@ -199,7 +199,7 @@ class FieldOfFunction(Body):
 
     @property
     def listed_right_hand_sides(self) -> list[OfMembers]:
-        """The same, as lists of operations."""
+        """The same for variational equations, with the second derivative."""
         return self.right_hand_sides
 
     @public
@@ -416,17 +416,19 @@ def _quadratic(
     rows = values.reshape(math.prod(values.shape[:-1]), T)
     units = (rows == 1.0).all(axis=0), (rows == -1.0).all(axis=0)
     parameters: FloatArray = parameters_of(values, *units)
-    return _of_terms(indices.tobytes(), D, *(each.tobytes() for each in units)), parameters
+    texts = (each.tobytes() for each in units)
+    return _of_terms(indices.tobytes(), D, *texts, twice=longest is None), parameters
 
 
 _dense = lru_cache(16)(DenseRightHandSide)
 
 
 @lru_cache(256)
-def _of_terms(indices: bytes, D: int, *units: bytes) -> Any:
+def _of_terms(indices: bytes, D: int, *units: bytes, twice: bool) -> Any:
     """Return the right-hand side that fields of the same form share."""
     places = np.frombuffer(indices, np.int64).reshape(3, -1)
-    return right_hand_side_of(places, D, *(np.frombuffer(each, bool) for each in units))
+    is_one, is_minus_one = (np.frombuffer(each, bool) for each in units)
+    return right_hand_side_of(places, D, is_one, is_minus_one, twice)
 
 
 def parts_of(terms: Terms | None, names: Sequence[str]) -> dict[str, Any]:

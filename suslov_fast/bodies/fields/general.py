@@ -205,11 +205,15 @@ class Field(FieldOfFunction):
 
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
+        return self._of_members(_for_motion(self._equations, (), False), self._inputs)
+
+    @property
+    def listed_right_hand_sides(self) -> list[OfMembers]:
         return self.derived_by(())
 
     def derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
-        """The right-hand sides of the motion, with the derivatives of f by parameters."""
-        return self._of_members(_for_motion(self._equations, names), self._inputs)
+        """Return those of variational equations, with the derivatives of f by parameters."""
+        return self._of_members(_for_motion(self._equations, names, True), self._inputs)
 
     def _of_members(self, f: RightHandSide, parameters: FloatArray) -> list[OfMembers]:
         choices = np.zeros((f.P - len(parameters), *self.shape))  # of no state yet
@@ -345,11 +349,14 @@ class Field(FieldOfFunction):
 
 
 @lru_cache(64)
-def _for_motion(equations: Equations, names: tuple[str, ...]) -> RightHandSide:
-    """Return f with choices that are fixed within a step, and its derivatives by parameters."""
+def _for_motion(equations: Equations, names: tuple[str, ...], twice: bool) -> RightHandSide:
+    """Return f with choices that are fixed within a step, and its derivatives by parameters.
+
+    `twice` asks for the second derivative.
+    """
     values, results = in_order(equations.values, equations.results)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
-    fixed: RightHandSide = with_fixed_choices(values, results, len(equations.parameters), by)
+    fixed: RightHandSide = with_fixed_choices(values, results, len(equations.parameters), by, twice)
     return fixed
 
 

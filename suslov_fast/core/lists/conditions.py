@@ -90,11 +90,11 @@ def watch_of(f, kinds, jumps):
     return List(values.operations, [part.number, some(changes), some(changes[:jumps]), *of_kinks])
 
 
-def with_fixed_choices(values, results, P, by=()):
+def with_fixed_choices(values, results, P, by=(), twice=False):
     """Return the `RightHandSide` whose choices are its last parameters, after the P others.
 
     Where f chooses it has `surfaces`, `watch` and `conditions`. `by` are numbers of parameters to
-    differentiate by.
+    differentiate by, `twice` asks for the second derivative.
     """
     D = len(results)
     operations = needed_for(values.operations, results)
@@ -111,7 +111,7 @@ def with_fixed_choices(values, results, P, by=()):
     }
     kinds = jumps | kinks
     if not kinds:
-        return RightHandSide(values, results, P, by)
+        return RightHandSide(values, results, P, by, twice=twice)
     first = D + P
     given = first + len(kinds)
     choices = {number: first + k for k, number in enumerate(kinds)}
@@ -154,8 +154,10 @@ def with_fixed_choices(values, results, P, by=()):
         surfaces=[surfaces[number] for number in kinds],
         jumps=len(jumps),
         kept=range(D, given),
+        twice=twice,
     )
-    f.clocks = sorted({*f.clocks, *RightHandSide(values, results, P).clocks})
+    plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
+    f.steady, f.clocks = plain.steady, plain.clocks
     f.watch = watch_of(f, [*kinds.values()], len(jumps))
     tested = [truths[number] for number in kinds]
     f.conditions = Conditions(List(needed_for(tests.operations, tested), tested), len(jumps), D, P)

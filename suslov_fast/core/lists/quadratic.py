@@ -5,11 +5,11 @@ import numpy as np
 from .right_hand_side import Expressions, RightHandSide
 
 
-def right_hand_side_of(indices, D, is_one, is_minus_one):
+def right_hand_side_of(indices, D, is_one, is_minus_one, twice):
     """Return the right-hand side f_i = sum of v x_j x_k over terms (3, T), where x_D = 1.
 
     `is_one` and `is_minus_one` (T,) say which v are 1 and -1 for all members; the other v are the
-    parameters, in the order of terms: see `parameters_of`.
+    parameters, in the order of terms: see `parameters_of`. `twice` asks for `second`.
     """
     given = ~(is_one | is_minus_one)
     numbers = iter(range(D, D + int(given.sum())))
@@ -24,7 +24,8 @@ def right_hand_side_of(indices, D, is_one, is_minus_one):
         for factor in factors[1:]:
             product = values.emit("fmul", product, factor)
         terms[i].append((minus, product))
-    return RightHandSide(values, [_sum(values.emit, each) for each in terms], given.sum().item())
+    results = [_sum(values.emit, each) for each in terms]
+    return RightHandSide(values, results, given.sum().item(), twice=twice)
 
 
 def parameters_of(terms, is_one, is_minus_one):

@@ -13,6 +13,7 @@ from .step import FUNCTIONS, OF_NUMBERS, OF_TRUTH_VALUES, Values, evaluate
 
 # Lists of more operations are carried out in groups, at fewer than MANY states.
 _FEW, _MANY = 32, 1024
+_TWICE = 2000  # entries of f' from which on f'' is not looked for
 
 
 class List(NamedTuple):
@@ -43,6 +44,11 @@ class Expressions(Values):
         if key not in self._known:
             self._known[key] = self._new(instruction, operands)
         return self._known[key]
+
+    def given(self):
+        """Return the number of a value that needs no operation, and does not depend on others."""
+        self.count += 1
+        return self.count - 1
 
     def _new(self, instruction, operands):
         is_constant = all(type(a) is float for a in operands)
@@ -133,6 +139,21 @@ def _depth_first(values, results):
             stack.extend((a, False) for a in reversed(operands))
 
 
+class Second(NamedTuple):
+    """The derivative of f'(x) v by x, for a direction v.
+
+    pattern     the places (i, j) where an entry may differ from 0
+    directions  numbers of the values v
+    entries     `List` of the entries
+    mixed       `List` of the entries of the derivative by x of df/dp, for each parameter of `by`
+    """
+
+    pattern: list
+    directions: list
+    entries: List
+    mixed: List
+
+
 class RightHandSide:
     """The right-hand side f of D equations with P parameters.
 
@@ -147,7 +168,9 @@ class RightHandSide:
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
     derivative   `List` of f' by itself; results are the entries of `pattern`
     of_parameters  `List` of df/dp for the parameters `by`; D results for each, in `by`
-    clocks       components of constant rate, not 0, that others depend on
+    second       `Second`, or None
+    steady       components of constant rate, not 0
+    clocks       those of them that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators numbers of values of `f` that divide, and depend on clocks and parameters alone
     surfaces     `List` of the surfaces on which steps end
@@ -157,12 +180,12 @@ class RightHandSide:
     key          what tells this right-hand side from others
     """
 
-    def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
+    def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=(), twice=False):
         """Take `Expressions` whose operations are those of f, and the operands that are f.
 
         `by` are numbers of parameters to differentiate by, `surfaces` other operands whose values
         are wanted, of the first `jumps` their derivatives, too, and `kept` parameters that the
-        table begins with.
+        table begins with. `twice` asks for `second`.
         """
         self.D, self.P = len(results), P
         self._results = [*results]
@@ -176,6 +199,9 @@ class RightHandSide:
         }
         self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.pattern]
+        self.second = None
+        if twice and len(entries) <= _TWICE:
+            pattern, *second = self._differentiate_again(values, entries)
         fixed = values.fixed
         varying = [operation for operation in values.operations if operation[1] not in fixed]
         self.f = List(needed_for(varying, results), self._results)
@@ -184,7 +210,12 @@ class RightHandSide:
         self.of_parameters = List(needed_for(varying, self.by), self.by)
         results = [*of_surfaces.values()]
         self.slopes = [*of_surfaces], List(needed_for(varying, results), results)
-        lists = self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes[1]
+        lists = [self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes[1]]
+        if twice and len(entries) <= _TWICE:
+            directions, *second = second
+            both = [List(needed_for(varying, results), results) for results in second]
+            self.second = Second(pattern, directions, *both)
+            lists += both
         used = [a for each in lists for a in _operands(each)]
         self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed or a in kept]
         self.places = {number: place for place, number in enumerate(self.table)}
@@ -201,8 +232,21 @@ class RightHandSide:
     @functools.cached_property
     def key(self):
         """What tells the lists of this right-hand side from those of others."""
-        lists = self.f, self.fixed, self.derivative, self.pattern, self.watch
+        lists = self.f, self.fixed, self.derivative, self.pattern, self.watch, self.second
         return repr((self.D, self.table, *lists))
+
+    def _differentiate_again(self, values, entries):
+        """Return the pattern, directions, and results of the two lists of `Second`."""
+        directions, totals = [values.given() for _ in range(self.D)], {}
+        for (i, j), entry in zip(self.pattern, entries, strict=True):
+            part = values.emit("fmul", entry, directions[j])
+            totals[i] = values.emit("fadd", totals[i], part) if i in totals else part
+        results = [*(totals.get(i, 0.0) for i in range(self.D)), *self.by]
+        rows = gradients(values, needed_for(values.operations, results), results, self.D)
+        blocks = [rows[first : first + self.D] for first in range(0, len(rows), self.D)]
+        pattern = sorted({(i, j) for block in blocks for i, row in enumerate(block) for j in row})
+        found = [[block[i].get(j, 0.0) for i, j in pattern] for block in blocks]
+        return pattern, directions, found[0], [a for block in found[1:] for a in block]
 
     def _find_properties(self):
         """Find clocks, components that keep their sign, and denominators of clocks."""
@@ -219,12 +263,9 @@ class RightHandSide:
             if instruction in OF_TRUTH_VALUES:
                 truth.add(number)
         dependent = [0 if isinstance(a, float) else of.get(a, 0) for a in self._results]
-        clocks = 0
-        for i in range(self.D):
-            others = any(mask >> i & 1 for mask in dependent)
-            if is_fixed[i] and self._results[i] != 0.0 and others:
-                clocks |= 1 << i
-        self.clocks = _members(clocks)
+        self.steady = [i for i in range(self.D) if is_fixed[i] and self._results[i] != 0.0]
+        self.clocks = [i for i in self.steady if any(mask >> i & 1 for mask in dependent)]
+        clocks = sum(1 << i for i in self.clocks)
         self.of_one_sign = [
             i
             for i, a in enumerate(self._results)
@@ -326,14 +367,20 @@ def needed_for(operations, results):
     return found[::-1]
 
 
+def renumbered(list_, given):
+    """Return a `List` with other numbers of values that are given, a dict; others follow."""
+    new, count, operations = dict(given), 1 + max(given.values()), []
+    for number, (name, old, operands) in enumerate(list_.operations, count):
+        of = tuple(a if isinstance(a, float) else new[a] for a in operands)
+        operations.append((name, number, of))
+        new[old] = number
+    return List(operations, [a if isinstance(a, float) else new[a] for a in list_.results])
+
+
 def _operands(list_):
     """Return the numbers of values that a list reads."""
     operands = [a for _, _, of in list_.operations for a in of] + list_.results
     return [a for a in operands if not isinstance(a, float)]
-
-
-def _members(mask):
-    return [i for i in range(mask.bit_length()) if mask >> i & 1]
 
 
 def _common_factors(instruction, operands, factors, D):

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..code.runs import program_of
 from ..code.runs_code import add_runs
+from ..lists.right_hand_side import renumbered
 from ..lists.step import OF_LISTS, evaluate
 from .text import INLINED
 
@@ -225,6 +226,93 @@ class Tangents(_Loops):
                 text.put(s, "%to", f.D - 1)
 
 
+class TangentEntries(_Loops):
+    """What implicit steps take for the derivative of a `Variational`: f', and the couplings.
+
+    Entries of f' come first, those of the couplings from the row `after` on.
+    """
+
+    def __init__(self, f, after):
+        D, second = f.of.D, f.of.second
+        self.f, self.D, self.after = f, D, after
+        self.first = of_list(f.derivative, D, f.places)
+        of_table = {number: 2 * D + place for number, place in f.of.places.items()}
+        given = {i: i for i in range(D)} | of_table
+        given |= {number: D + k for k, number in enumerate(second.directions)}
+        places = {number: number - 2 * D for number in of_table.values()}
+        self.second = of_list(renumbered(second.entries, given), 2 * D, places)
+        self.own = len(f.derivative.results) + 2 * D
+        parts = self.first, self.second
+        self.scratch = self.own + max(part.scratch for part in parts)
+        self.called = {name for part in parts for name in part.called}
+
+    def numbers(self, table):
+        return np.concatenate([self.first.numbers(table), self.second.numbers(table)])
+
+    def add(self, text, name, for_each, first):
+        f, D, integer, entries = self.f, self.D, text.integer, self.f.entries
+        self.first.add(text, f"{name}_first", for_each, first)
+        later = first + len(self.first.numbers(np.zeros(len(f.table))))
+        self.second.add(text, f"{name}_second", for_each, later)
+        pair = len(f.derivative.results)
+        with text.function(name):
+            inner = text.place("%scratch", self.own)
+            call = f"  call void @{name}_{{}}(i64 {{}}, i64 %table, i64 {{}}, i64 {inner})"
+            text.add(call.format("first", "%from", "%scratch"))
+            text.copy("%scratch", "%to", entries)
+            line = text.place("%scratch", pair)
+            text.copy("%from", line, D)
+
+            def column(c):
+                own = text.place("%from", D, integer("mul", c, D))
+                text.copy(own, text.place(line, D), D)
+                to = text.place("%to", self.after, integer("mul", c, f.coupling))
+                text.add(call.format("second", line, to))
+
+            text.fold(f.columns, {}, column)
+            last = self.after + (f.columns - f.q) * f.coupling
+
+            def add(k):
+                a = text.row("%scratch", entries, k)
+                text.put(text.operate("fadd", text.row("%to", last, k), a), "%to", last, k)
+
+            if f.q:
+                text.fold(f.q * f.coupling, {}, add)
+
+
+class TangentFactors(_Loops):
+    """The factors of a block, and s times the entries of the couplings from the row `to` on.
+
+    The entries of f' come first, those of the couplings from the row `after` on.
+    """
+
+    def __init__(self, factors, to, entries, after, couplings):
+        self.factors, self.to, self.entries = factors, to, entries
+        self.after, self.couplings = after, couplings
+        self.scratch, self.called = factors.scratch, factors.called
+
+    def numbers(self, table):
+        return self.factors.numbers(table)
+
+    def in_numpy(self, rows):
+        """Return both for the entries of f', those of the couplings, and s, as rows."""
+        *own, s = rows
+        factors = self.factors.in_numpy([*own[: self.entries], s])
+        return np.concatenate([factors, s * np.array(own[self.entries :])])
+
+    def add(self, text, name, for_each, first):
+        self.factors.add(text, f"{name}_block", for_each, first)
+        with text.function(name):
+            text.add(f"  call void @{name}_block({_ADDRESSES})")
+            s = text.row("%from", self.entries)
+
+            def scale(k):
+                product = text.operate("fmul", s, text.row("%from", self.after, k))
+                text.put(product, "%to", self.to, k)
+
+            text.fold(self.couplings, {}, scale)
+
+
 class FirstBlock(_Loops):
     """A function of the first of equal blocks, and 0 for the others, `rows` in all."""
 
@@ -249,44 +337,57 @@ class FirstBlock(_Loops):
 
 
 class Blocks(_Loops):
-    """The solution for each of some equal blocks; `count` factors stand before the first one.
+    """The solution for x, and for columns beside it, in place of the right-hand side.
 
+    `count` factors of a block stand before the right-hand side, and s times the entries of the
+    couplings after it; products of these and the solution for x are added to the columns first.
     Rows after the blocks stay as they are.
     """
 
-    def __init__(self, solution, count, D, blocks):
-        self.solution, self.count, self.D, self.blocks = solution, count, D, blocks
-        self.scratch, self.called = D + solution.scratch, solution.called
+    def __init__(self, solution, count, f, pattern):
+        self.solution, self.count, self.D, self.columns = solution, count, f.of.D, f.columns
+        self.pattern, self.after = pattern, count + f.D
+        self.scratch, self.called = self.D + solution.scratch, solution.called
 
     def numbers(self, table):
         return self.solution.numbers(table)
 
     def in_numpy(self, rows):
-        factors, right = rows[: self.count], np.array(rows[self.count :])
-        for first in range(0, self.D * self.blocks, self.D):
-            own = slice(first, first + self.D)
-            right[own] = self.solution.in_numpy([*factors, *right[own]])
+        """Return the solution for factors, couplings and the right-hand side, as rows."""
+        D, size = self.D, len(self.pattern)
+        end = self.count + size * self.columns
+        factors, couplings, right = rows[: self.count], rows[self.count : end], np.array(rows[end:])
+        right[:D] = x = self.solution.in_numpy([*factors, *right[:D]])
+        for c in range(self.columns):
+            own = right[D * (1 + c) : D * (2 + c)]
+            for (i, j), entry in zip(self.pattern, couplings[c * size :], strict=False):
+                own[i] = own[i] + entry * x[j]
+            own[:] = self.solution.in_numpy([*factors, *own])
         return right
 
     def add(self, text, name, for_each, first):
-        """Add the function, which takes the first block last: solutions read a block there."""
+        """Add the function; solutions read a block at `%to`."""
         self.solution.add(text, f"{name}_block", for_each, first)
-        D, kept = self.D, "%scratch"
+        D, kept, integer, size = self.D, "%scratch", text.integer, len(self.pattern)
 
         def solve(to):
             inner = text.place("%scratch", D)
             text.add(f"  call void @{name}_block(i64 %from, i64 %table, i64 {to}, i64 {inner})")
 
         def block(c):
-            own = text.place("%to", 0, text.integer("mul", text.integer("add", c, 1), D))
+            own = text.place("%to", 0, integer("mul", integer("add", c, 1), D))
             text.copy(own, "%to", D)
+            entries = text.place("%from", self.after, integer("mul", c, size))
+            for k, (i, j) in enumerate(self.pattern):
+                product = text.operate("fmul", text.row(entries, k), text.row(kept, j))
+                text.put(text.operate("fadd", text.row("%to", i), product), "%to", i)
             solve(own)
 
         with text.function(name):
-            text.copy("%to", kept, D)
-            text.fold(self.blocks - 1, {}, block)
-            text.copy(kept, "%to", D)
             solve("%to")
+            text.copy("%to", kept, D)
+            text.fold(self.columns, {}, block)
+            text.copy(kept, "%to", D)
 
 
 class DenseFactors(_Loops):

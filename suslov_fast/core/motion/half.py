@@ -17,6 +17,8 @@ from .functions import (
     DenseQuadratic,
     DenseSolution,
     FirstBlock,
+    TangentEntries,
+    TangentFactors,
     Tangents,
     carried_out,
     of_list,
@@ -51,6 +53,7 @@ class Half:
         self.block = f.of if isinstance(f, Variational) else f
         self.watched = self.block.D if f.conditions else 0
         self.kinks = f.conditions.kinks if f.conditions else 0
+        self.couplings = 0 if self.block is f else f.columns * f.coupling
         self.rows = rows_of(D, extended, self.watched)
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
@@ -65,13 +68,14 @@ class Half:
             self.functions["watch"] = of_list(f.watch, 2 * self.block.D, places)
         columns, entries, factors = len(EXPLICIT), 0, 0
         if is_implicit:
-            columns, entries = len(IMPLICIT), f.entries + 1 + D
+            columns, entries = len(IMPLICIT), f.entries + 1 + D + self.couplings
             factors = self._add_implicit()
         scratch = max(function.scratch for function in self.functions.values())
         chains = 1 if is_implicit else len(CHAINS)
         self.numbers = len(self.table_of(np.zeros(len(f.table))))
-        parts = D, extended, chains, columns, entries, factors, self.watched, self.kinks, scratch
-        self.work = work_of(self.rows.size, self.numbers, *parts)
+        sizes = D, extended, chains, columns, entries, factors, self.couplings * is_implicit
+        others = self.watched, self.kinks, scratch
+        self.work = work_of(self.rows.size, self.numbers, *sizes, *others)
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""
@@ -91,9 +95,20 @@ class Half:
             functions["factor"] = of_list(elimination.factors, f.entries + 1)
             functions["solve"] = of_list(elimination.solution, count + D)
         if self.block is not self.f:
-            functions["power"] = FirstBlock(functions["power"], D, self.f.D)
-            functions["solve"] = Blocks(functions["solve"], count, D, 1 + self.f.columns)
+            self._add_columns(count)
         return count
+
+    def _add_columns(self, count):
+        """Make the functions those of a `Variational`."""
+        f, D, functions = self.f, self.block.D, self.functions
+        functions["power"] = FirstBlock(functions["power"], D, f.D)
+        pattern = ()
+        if self.couplings:
+            pattern, after = self.block.second.pattern, f.entries + 1 + f.D
+            functions["j"] = TangentEntries(f, after)
+            others = count + f.D, f.entries, after, self.couplings
+            functions["factor"] = TangentFactors(functions["factor"], *others)
+        functions["solve"] = Blocks(functions["solve"], count, f, pattern)
 
     @functools.cached_property
     def key(self):
@@ -114,7 +129,8 @@ class Half:
 
     def product_in_numpy(self, entries, vector):
         """Return f' times vectors (D, lanes)."""
-        return self.functions["power"].in_numpy([*entries, np.zeros_like(vector[0]), *vector])
+        own = entries[: self.f.entries]
+        return self.functions["power"].in_numpy([*own, np.zeros_like(vector[0]), *vector])
 
     def table_of(self, table):
         """Return the table (n, ...) of f with the numbers that functions read after it."""

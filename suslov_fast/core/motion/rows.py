@@ -80,7 +80,7 @@ class Work(NamedTuple):
     error: int  # (D)
     jacobian: int  # entries of f', s, and a vector (D)
     factors: int  # of 1 - s f'
-    right: int  # (D)
+    right: int  # (D), and products of s and the couplings of a `Variational`
     taken: int  # length of this step
     signed: int  # the same with the sign of time
     accepted: int  # 1 where the step is taken, else 0
@@ -93,13 +93,14 @@ class Work(NamedTuple):
 
 
 def work_of(
-    rows, numbers, D, denominators, chains, columns, entries, factors, watched, kinks, scratch
+    rows, numbers, D, denominators, chains, columns, entries, factors, couplings, watched, kinks,
+    scratch,
 ):  # fmt: skip
     """Return the rows of `Work`."""
     extended = D + denominators
     others = (chains - 1) * (D + 2 * extended)
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, others, columns * D,
-             D, extended, D, entries, factors, D, *[1] * 5, 2 * watched, 3 + kinks,
+             D, extended, D, entries, factors, D + couplings, *[1] * 5, 2 * watched, 3 + kinks,
              scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:

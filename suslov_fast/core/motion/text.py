@@ -760,9 +760,9 @@ class _Steps:
         jacobian, right = text.place(base, work.jacobian), text.place(base, work.right)
         self.call("j", text.place(self.line, rows.x), self.table, jacobian)
 
-        def finite(k):
-            entry = text.apply(rules.FINITE, entry=text.row(jacobian, 0, k))["entry"]
-            text.put(entry, jacobian, 0, k)
+        def finite(k, place=jacobian):
+            entry = text.apply(rules.FINITE, entry=text.row(place, 0, k))["entry"]
+            text.put(entry, place, 0, k)
 
         def largest(i, top):
             return text.apply(rules.SIZE, modulus=text.row(self.line, rows.largest, i), top=top)
@@ -791,6 +791,9 @@ class _Steps:
 
         if entries:
             text.fold(entries, {}, finite)
+        if self.half.couplings:
+            place = text.place(jacobian, entries + 1 + self.D)
+            text.fold(self.half.couplings, {}, lambda k: finite(k, place))
         top = text.fold(self.D, {"top": zero}, largest)["top"]
         text.fold(self.D, {}, scale)
         self.call("power", jacobian, self.table, right)

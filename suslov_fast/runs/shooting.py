@@ -315,14 +315,15 @@ def near_return(flow: OfMotion, start: FloatArray) -> float | None:
         near = np.sqrt(((ways / scale) ** 2).mean(axis=1)) < _FAR
         rises = (heights[:-1] < 0.0) & (heights[1:] >= 0.0) & (near[:-1] | near[1:])
         for k in np.flatnonzero(rises):
-            inside = (times[k + 1] - times[k]) * _INSIDE
-            found = (flow.states(states[k], inside)[:, own] - start[own]) / scale
-            levels = found @ (rate / scale)
-            j = int((levels[1:] >= 0.0).argmax())  # the first part that ends beyond the plane
-            u = levels[j] / (levels[j] - levels[j + 1])
-            distance = float(np.sqrt(((found[j] + u * (found[j + 1] - found[j])) ** 2).mean()))
-            if distance < 0.7 * best[0]:
-                best = distance, float(times[k] + inside[j] + u * (inside[j + 1] - inside[j]))
+            first, length = 0.0, times[k + 1] - times[k]
+            for _ in range(2):  # closer around the nearest point
+                inside = first + length * _INSIDE
+                found = (flow.states(states[k], inside)[:, own] - start[own]) / scale
+                distances = np.sqrt((found**2).mean(axis=1))
+                nearest = int(distances.argmin())
+                first, length = inside[max(nearest - 1, 0)], length / 16
+            if distances[nearest] < 0.7 * best[0]:
+                best = float(distances[nearest]), float(times[k] + inside[nearest])
             left -= best[1] is not None
             if left == 0 or best[0] < _NEAR / 10:
                 return best[1]

@@ -89,7 +89,8 @@ def test_published_periods(name):
     orbit = periodic_orbit(field, start, about)
     assert abs(orbit.period / period - 1) < digits
     assert orbit.residual < 1e-10
-    assert abs(orbit.multipliers - 1).min() < 1e-4
+    # Of a system with an integral 1 is double, and has the root of the errors.
+    assert abs(orbit.multipliers - 1).min() < 5e-4
     back = flow(field, orbit.state, time=orbit.period, rtol=1e-12).x[0]
     assert abs(back - orbit.state).max() < 1e-8 * abs(orbit.state).max()
 

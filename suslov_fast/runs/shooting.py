@@ -12,6 +12,7 @@ equations.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -20,6 +21,8 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.motion.engine import Settings
+from ..core.motion.rows import State
+from ..core.motion.stepping import Stepping
 from ..engine.motions import Asked, Found
 from ..engine.sensitivity import Columns
 from ..maps import Method
@@ -90,11 +93,22 @@ class OfMotion:
         """Return the states (n, D) at times, all 0 or later."""
         return self._solved(self.field, x[np.newaxis], times, self.settings).states[:, 0]
 
-    def steps(self, x: FloatArray, time: float) -> int:
-        """Return how many steps the motion takes."""
-        return int(
-            self._solved(self.field, x[np.newaxis], np.array([time]), self.settings).steps[0]
-        )
+    def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield times and states (n, D) at the ends of steps; the first are the last of before."""
+        (_, f, table), *_ = self.field.right_hand_sides
+        states, which = np.empty((1, 1, f.D)), np.zeros(1, np.int64)
+        engine = Stepping(f, table[0], x[np.newaxis], [last], 1, self.settings, states, 1)
+        places = engine.rows
+        tries = 0
+        while tries < _MOST and engine.flat[0, places.state] <= State.IMPLICIT:
+            count = max(_STEPS, tries)
+            ((_, found),) = engine.attempts(engine.flat.copy(), which, last, count)
+            rows = found[:, 0]
+            tries += len(rows) - 1
+            is_taken = np.diff(rows[:, places.steps], prepend=-1.0) > 0.0
+            yield rows[is_taken, places.t], rows[is_taken, : f.D]
+            engine.flat[0] = rows[-1]
+            engine.go_on(which)
 
 
 class OfMap:
@@ -274,10 +288,10 @@ def _sizes(flow: Flow, start: FloatArray, T: float) -> FloatArray:
 
 
 # ------------------------------------------------------------------------------------ near returns
-_POINTS, _DOUBLINGS = 512, 12  # times in each stretch, and stretches, each as long as all before
-_INSIDE = np.arange(33) / 32  # parts of the time between two points, where a return is looked for
-_FAR, _NEAR = 0.7, 0.1  # of the extent of an orbit: what is not looked at, and what is near
-_STEPS = 64  # of the first stretch, at most
+# Steps of the first look, and those of all looks; the longest time, in units of |x / f(x)|.
+_STEPS, _MOST, _LAST = 64, 2**16, 2.0**30
+_INSIDE = np.arange(33) / 32  # parts of a step, where a return is looked for
+_FAR, _NEAR = 1.0, 0.1  # of the extent of an orbit: what is not looked at, and what is near
 _NEAREST = 4  # returns from the first near one on, of which the nearest is taken
 
 
@@ -290,33 +304,27 @@ def near_return(flow: OfMotion, start: FloatArray) -> float | None:
     rate, size = flow.rate[own], abs(start[own]).max()
     if not rate.any():
         return None
-    low, high = 0.0, 4.0 * float(size or 1.0) / float(abs(rate).max())
-    while flow.steps(start, high) > _STEPS:
-        high /= 4.0
-    last = extent = np.zeros(own.sum())
+    longest = _LAST * float(size or 1.0) / float(abs(rate).max())
+    extent, left = np.zeros(own.sum()), _NEAREST
     best: tuple[float, float | None] = _NEAR, None
-    left = _NEAREST
-    for _ in range(_DOUBLINGS):
-        times = np.linspace(low, high, _POINTS + 1)
-        ways = np.vstack([last, flow.states(start, times[1:])[:, own] - start[own]])
-        ways = ways[np.isfinite(ways).all(axis=1)]
+    for times, states in flow.steps(start, longest):
+        ways = states[:, own] - start[own]
         extent = np.maximum(extent, abs(ways).max(axis=0))
         scale = np.where(extent > 0.0, extent, 1.0)
         heights = ways @ (rate / scale**2)
         near = np.sqrt(((ways / scale) ** 2).mean(axis=1)) < _FAR
         rises = (heights[:-1] < 0.0) & (heights[1:] >= 0.0) & (near[:-1] | near[1:])
         for k in np.flatnonzero(rises):
-            inside, state = (times[k + 1] - times[k]) * _INSIDE, start.copy()
-            state[own] += ways[k]  # constant rates do not matter, where no other depends on them
-            found = (flow.states(state, inside)[:, own] - start[own]) / scale
-            distances = np.sqrt((found**2).mean(axis=1))
-            nearest = int(distances.argmin())
+            first, length = 0.0, times[k + 1] - times[k]
+            for _ in range(2):  # closer around the nearest point
+                inside = first + length * _INSIDE
+                found = (flow.states(states[k], inside)[:, own] - start[own]) / scale
+                distances = np.sqrt((found**2).mean(axis=1))
+                nearest = int(distances.argmin())
+                first, length = inside[max(nearest - 1, 0)], length / 16
             if distances[nearest] < 0.7 * best[0]:
                 best = float(distances[nearest]), float(times[k] + inside[nearest])
             left -= best[1] is not None
             if left == 0 or best[0] < _NEAR / 10:
                 return best[1]
-        if len(ways) <= _POINTS:
-            break
-        last, low, high = ways[-1], high, 2.0 * high
     return best[1]

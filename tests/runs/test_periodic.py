@@ -89,7 +89,8 @@ def test_published_periods(name):
     orbit = periodic_orbit(field, start, about)
     assert abs(orbit.period / period - 1) < digits
     assert orbit.residual < 1e-10
-    assert abs(orbit.multipliers - 1).min() < 1e-4
+    # Of a system with an integral 1 is double, and has the root of the errors.
+    assert abs(orbit.multipliers - 1).min() < 5e-4
     back = flow(field, orbit.state, time=orbit.period, rtol=1e-12).x[0]
     assert abs(back - orbit.state).max() < 1e-8 * abs(orbit.state).max()
 
@@ -285,6 +286,13 @@ def test_an_orbit_across_jumps(rtol, about):
     orbit = periodic_orbit(field, [1.0, 0.0], about, rtol=rtol)
     assert orbit.period == pytest.approx(4 * np.sqrt(2 * orbit.state[0]), rel=1e-10)
     np.testing.assert_allclose(orbit.multipliers, 1.0, atol=1e-6)
+
+
+def test_a_return_to_the_fast_part_of_a_cycle():
+    """The start lies within a jump that takes a millionth of the period."""
+    field = Field.from_function(lambda x: (x[1], 1e3 * (1 - x[0] ** 2) * x[1] - x[0]), 2)
+    orbit = periodic_orbit(field, [-1.6325062, -849.1501], rtol=1e-10)
+    assert orbit.period == pytest.approx(1614.40114, rel=1e-8)
 
 
 def test_an_orbit_far_from_the_origin():

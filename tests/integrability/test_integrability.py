@@ -552,8 +552,6 @@ def test_report(given, degree, kind, integrals, measure, planes):
     plain = json.loads(json.dumps(found.to_dict()))
     assert [each["degree"] for each in plain["integrals"]] == integrals
     assert is_map or QuadraticField.from_dict(plain["field"]) == of(given)
-    if n <= 2:  # other primes and points
-        assert repr(report(given, eps and str(eps), degree, seed=5)) == repr(found)
     assert pickle.loads(pickle.dumps(found)).integrals == found.integrals
     assert any("not checked" in note for note in found.notes) == (found.map.inverse is None)
 
@@ -1089,7 +1087,7 @@ def test_a_density_up_to_sign():
 def test_every_report_on_the_way_has_a_text():
     """Also with a density that is found before the factors of det DPhi."""
     map, _ = zoo()["McMillan"]
-    search, found = Search(map, 3, 0), Report(map, 3)
+    search, found = Search(map, 3), Report(map, 3)
     early = []
     for _ in search.queue:
         search.fill(found)

@@ -41,11 +41,12 @@ def counted(map, degree):
     return count_relations(map, exponents_up_to(degree, map.dimension)).relations
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("f", "degree", "generic", "values"),
     [
         (lambda b: three_lines(b, 1), 4, 0, {F(-2): 10, F(-1): 6, F(0): 6, F(1): 3, F(2): 1}),
-        pytest.param(rotors, 3, 4, {F(0): 8}, marks=pytest.mark.slow),
+        (rotors, 3, 4, {F(0): 8}),
     ],
 )
 def test_known_loci(f, degree, generic, values):

@@ -5,7 +5,7 @@ Hirota-Kimura bases, which give first integrals, and Darboux polynomials, which 
 measures and first integrals. All are evidence for or against integrability.
 
 Arithmetic is exact, over the rationals or modulo random primes of 62 bits, two of which must agree
-on each result. A seed determines primes, points and lines. Extra `algebra`: python-flint.
+on each result; they are the same ones each time. Extra `algebra`: python-flint.
 
 The files, in an order in which each uses only those before it:
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import integer
 from ..keywords import public
 from . import arithmetic
 from .arguments import exponents_of
@@ -77,7 +76,6 @@ def hk_bases(
     monomials: int | Sequence[Sequence[int]],
     *,
     point: Any = None,
-    seed: int = 0,
 ) -> HKBasis:
     """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
 
@@ -96,8 +94,6 @@ def hk_bases(
         the lowest degree that shows as many independent integrals.
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default random integers below 100.
-    seed
-        As in :func:`darboux_polynomials`.
 
     Returns
     -------
@@ -121,22 +117,22 @@ def hk_bases(
     (4*x1^2 + x2^2, x1*x2 + 1024)
     """
     check_map(map)
-    n, seed = map.dimension, integer("seed", seed, 0)
+    n = map.dimension
     exponents = exponents_of(monomials, n)
-    given = random.Random(seed).sample(range(2, 100), n) if point is None else point
+    given = random.Random(0).sample(range(2, 100), n) if point is None else point
     start = arithmetic.rationals("point", given, n)
-    dimension, independent = count_relations(map, exponents, seed)
+    dimension, independent = count_relations(map, exponents)
     integrals: Polynomials = ()
     if independent and isinstance(monomials, int | np.integer):
-        integrals = _integrals_up_to(map, int(monomials), independent, seed)
+        integrals = _integrals_up_to(map, int(monomials), independent)
         for d in range(1, int(monomials)):
             lower = exponents_up_to(d, n)
-            counted = count_relations(map, lower, seed)
+            counted = count_relations(map, lower)
             if counted.integrals == independent:
                 exponents, dimension = lower, counted.relations
                 break
     elif independent:
-        integrals = integrals_of_relations(map, exponents, seed)
+        integrals = integrals_of_relations(map, exponents)
     complete = rank_of_quotients(integrals) == independent
     basis: tuple[Point, ...] | None = None if map.is_symbolic else ()
     if not map.is_symbolic and (dimension > 0 or point is not None):
@@ -144,7 +140,7 @@ def hk_bases(
         def search(p: int, eps: int) -> Residues:
             return relations_along(map, exponents, eps, arithmetic.point_modulo(p, start))
 
-        rows = over_rationals(map.generator(seed), search)
+        rows = over_rationals(map.generator(), search)
         basis = None if rows is None else tuple(tuple(a for (a,) in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
@@ -160,9 +156,9 @@ def hk_bases(
     )
 
 
-def _integrals_up_to(map: RationalMap, degree: int, enough: int, seed: int) -> Polynomials:
+def _integrals_up_to(map: RationalMap, degree: int, enough: int) -> Polynomials:
     """Return polynomials whose quotients are first integrals, until enough are independent."""
-    search = Search(map, degree, seed, only_integrals=True)
+    search = Search(map, degree, only_integrals=True)
     for _ in search.queue:
         if len(search.known.integrals) >= enough:
             break

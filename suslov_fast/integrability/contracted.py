@@ -240,12 +240,12 @@ def _order(P: Any, terms: int) -> int:
     return next((k for k, c in enumerate(P.coeffs()[:terms]) if c), terms)
 
 
-def passages_across(plane: Plane, most: int, seed: int) -> list[Passage] | None:
+def passages_across(plane: Plane, most: int) -> list[Passage] | None:
     """Return the passages across all contracted curves, of which two primes have the same.
 
     None if no primes show them.
     """
-    rng, numbers = plane.map.generator(seed), range(len(plane.curves))
+    rng, numbers = plane.map.generator(), range(len(plane.curves))
     by_prime: list[list[Passage]] = [[] for _ in numbers]
     for _ in range(_PRIMES):
         p = arithmetic.random_prime(rng, _BITS)

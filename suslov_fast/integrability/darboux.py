@@ -35,9 +35,7 @@ from .polynomials import (
 
 
 @public
-def darboux_polynomials(
-    map: RationalMap, degree: int, cofactor: Any = None, *, seed: int = 0
-) -> Polynomials:
+def darboux_polynomials(map: RationalMap, degree: int, cofactor: Any = None) -> Polynomials:
     """Find the polynomials P with P(map(x)) = C(x) P(x) (arXiv:1902.04715).
 
     For the default cofactor, 1 / P is the density of an invariant measure. For any cofactor,
@@ -53,8 +51,6 @@ def darboux_polynomials(
     cofactor : number, RationalFunction or callable, optional
         C: a rational number, a function that `cofactors` found, or, unless eps is symbolic, one of
         a tuple of fractions that returns a rational number. By default ``map.determinant``.
-    seed : int, optional
-        Seed of the random primes and points.
 
     Returns
     -------
@@ -79,19 +75,16 @@ def darboux_polynomials(
     check_map(map)
     degree = integer("degree", degree, 0)
     check_unknowns("degree", degree, map.dimension)
-    seed = integer("seed", seed, 0)
     if cofactor is not None and not callable(cofactor):
         cofactor = RationalFunction((), arithmetic.rational("cofactor", cofactor))
     if map.is_symbolic and not isinstance(cofactor, RationalFunction | None):
         how = "where eps is symbolic, not another function"
         raise TypeError(f"cofactor must be a number or a RationalFunction {how}")
-    space = space_of(map, degree, cofactor, seed=seed)
+    space = space_of(map, degree, cofactor)
     return tuple(renamed(P, map.names, map.letter) for P in space)
 
 
-def space_of(
-    map: RationalMap, degree: int, cofactor: Any, sign: int = 1, *, seed: int = 0
-) -> Polynomials:
+def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
     """Return a basis of the polynomials with a cofactor, None for det DPhi, times a sign."""
 
     def search(p: int, eps: int) -> Residues:
@@ -100,7 +93,7 @@ def space_of(
             return arithmetic.row_space(space, p)
         return space
 
-    rows = over_rationals(map.generator(seed), search, map.is_symbolic)
+    rows = over_rationals(map.generator(), search, map.is_symbolic)
     if rows is None:
         raise ArithmeticError("the coefficients of the polynomials are too long to reconstruct")
     exponents = exponents_up_to(degree, map.dimension)

@@ -23,7 +23,7 @@ from .polynomials import random_line
 
 
 @public
-def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
+def degrees(map: RationalMap, n: int) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
     The degree is the largest of those of the numerators and their common denominator, without
@@ -35,8 +35,6 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
         As in :func:`darboux_polynomials`.
     n : int
         Number of iterates.
-    seed
-        As in :func:`darboux_polynomials`.
 
     Returns
     -------
@@ -55,13 +53,12 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
     [2, 4, 6, 8, 10, 12, 14, 16]
     """
     check_map(map)
-    n, seed = integer("n", n, 0), integer("seed", seed, 0)
-    return [*islice(agreed_degrees(map, seed), n)]
+    return [*islice(agreed_degrees(map), integer("n", n, 0))]
 
 
-def agreed_degrees(map: RationalMap, seed: int) -> Iterator[int]:
+def agreed_degrees(map: RationalMap) -> Iterator[int]:
     """Yield the degrees of iterates, as found on random lines modulo two primes that agree."""
-    rng = map.generator(seed)
+    rng = map.generator()
     runs: list[tuple[Iterator[int], list[int]]] = []  # on one line each, with the degrees so far
     for length in count(1):
         for _ in range(DRAWS):

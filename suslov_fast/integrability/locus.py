@@ -82,7 +82,6 @@ def locus(
     *,
     height: int = 10,
     monomials: Sequence[Sequence[int]] | None = None,
-    seed: int = 0,
     progress: Any = None,
 ) -> Locus:
     """Find the values of a parameter for which a map has more relations along its orbits.
@@ -103,8 +102,6 @@ def locus(
         Largest numerator and denominator of the values, by default 10.
     monomials : sequence of exponents, optional
         The exponents (e1, ..., eD) of the monomials, by default all up to `degree`.
-    seed : int, optional
-        Seed of the random primes, points and step sizes.
     progress : callable, optional
         Called as ``progress(done, parts)`` after each group of values.
 
@@ -131,8 +128,7 @@ def locus(
     Locus(general values: 0 relations; more at 1 (2), of all fractions of height up to 3)
     """
     degree, height = integer("degree", degree, 1), integer("height", height, 1)
-    seed = integer("seed", seed, 0)
-    rng = random.Random(seed)
+    rng = random.Random(0)
     report_progress = progress_function(progress)
     maps = _Maps(f)
     general = [
@@ -142,7 +138,7 @@ def locus(
     examples = [*filter(None, map(maps.at, general))]
     if not examples:
         raise ArithmeticError("f makes no map for general values of the parameter") from maps.error
-    example, rng = examples[0], examples[0].generator(seed)
+    example, rng = examples[0], examples[0].generator()
     exponents = exponents_of(degree if monomials is None else monomials, example.dimension)
     # A prime does not fit if it divides a coefficient whatever the value is.
     fitting = [p for p in _PRIMES if any(all(c % p for c in e.coefficients) for e in examples)]

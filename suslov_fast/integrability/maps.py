@@ -109,12 +109,12 @@ class RationalMap(WithLetter):
         """The integers that define the map."""
         return [int(c) for F in self.forms for c in F.coeffs()]
 
-    def generator(self, seed: int) -> random.Random:
+    def generator(self, number: int = 0) -> random.Random:
         """Return a generator of random numbers for computations with the map.
 
-        It depends on the coefficients, too: one may be a multiple of the primes of a seed alone.
+        It depends on the coefficients: one may be a multiple of primes that do not.
         """
-        return random.Random(f"{seed} {self.prime}")
+        return random.Random(f"{number} {self.prime}")
 
     @cached_property
     def prime(self) -> int:

@@ -16,7 +16,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..checks import integer, wrong
+from ..checks import wrong
 from ..keywords import public
 from .contracted import Passage, Plane, is_proved, passages_across
 from .functions import IDENTITY, RationalFunction
@@ -107,7 +107,7 @@ class PlanarEntropy:
 
 
 @public
-def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
+def planar_entropy(map: RationalMap) -> PlanarEntropy:
     """Find the algebraic entropy of a birational map of the plane from its singularities.
 
     The map contracts some curves to points. If the orbit of such a point comes to a point without
@@ -124,8 +124,6 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     ----------
     map : KahanMap or RationalMap
         A birational map of two variables. If eps is symbolic, the entropy is that of a general eps.
-    seed : int, optional
-        Seed of the random primes and points.
 
     Returns
     -------
@@ -148,7 +146,6 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     ((None, 4, None), x^4 - x^3 - x^2 - x - 1, 0.656256, True)
     """
     check_map(map)
-    seed = integer("seed", seed, 0)
     if map.dimension != 2:
         raise wrong("map", "one of two variables", f"of {map.dimension}")
     if not map.is_planar:
@@ -157,7 +154,7 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     if (A := _exponents_of_monomials(map)) is not None:
         return _of_monomials(A)
     plane = Plane(map)
-    passages = passages_across(plane, _STEPS, seed)
+    passages = passages_across(plane, _STEPS)
     if passages is None:
         return PlanarEntropy(reason="no prime was found modulo which the contracted curves split")
     contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
@@ -167,7 +164,7 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
         return PlanarEntropy(reason=f"{why} in the {steps} steps that could be computed")
     found = _from_series(series, contractions)
     proved = all(curve.proved for curve in contractions)
-    if why := found.contradiction([] if proved else [*_few_degrees(map, seed)]):
+    if why := found.contradiction([] if proved else [*_few_degrees(map)]):
         return PlanarEntropy(reason=why)
     based_on = "; ".join(str(curve) for curve in contractions) or "no contracted curve"
     return replace(found, proved=proved, based_on=based_on)
@@ -203,9 +200,9 @@ def proved_by_integral(
     return replace(known, entropy=0.0, proved=True, **facts)
 
 
-def _few_degrees(map: RationalMap, seed: int) -> Iterator[int]:
+def _few_degrees(map: RationalMap) -> Iterator[int]:
     """Yield the degrees of iterates on random lines as long as they take little time."""
-    for degree in islice(agreed_degrees(map, seed), _DEGREES):
+    for degree in islice(agreed_degrees(map), _DEGREES):
         yield degree
         if degree > _HIGHEST:
             break

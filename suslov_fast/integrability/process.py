@@ -35,9 +35,9 @@ class Part(NamedTuple):
     known: int
 
 
-def search(report: Any, seed: int) -> Iterator[Part]:
+def search(report: Any) -> Iterator[Part]:
     """Fill a `Report`, and yield it after each task."""
-    facts = Search(report.map, report.degree, seed)
+    facts = Search(report.map, report.degree)
     tasks = facts.queue
     for _ in tasks:
         facts.fill(report)
@@ -47,12 +47,12 @@ def search(report: Any, seed: int) -> Iterator[Part]:
     yield Part(report, known, known)
 
 
-def search_until(deadline: float, report: Any, seed: int) -> Iterator[Part]:
+def search_until(deadline: float, report: Any) -> Iterator[Part]:
     """Yield what `search` yields in another process, until `time.monotonic()` is the deadline."""
     pipe, command = subprocess.PIPE, [sys.executable, "-c", _START.format(sys.path)]
     process: Any = subprocess.Popen(command, stdin=pipe, stdout=pipe)
     answers: Any = queue.SimpleQueue()
-    exchange = threading.Thread(target=_exchange, args=(process, (report, seed), answers))
+    exchange = threading.Thread(target=_exchange, args=(process, report, answers))
     with process:
         try:
             exchange.start()
@@ -91,7 +91,7 @@ def serve() -> None:
     """Run the search with arguments from stdin, and write what it yields to stdout."""
     out, written = sys.stdout.buffer, b""
     try:
-        for result in search(*pickle.load(sys.stdin.buffer)):
+        for result in search(pickle.load(sys.stdin.buffer)):
             if (pickled := pickle.dumps(result.report)) != written or result.report.finished:
                 written = pickled
                 pickle.dump(result, out)

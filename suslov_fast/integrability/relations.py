@@ -81,9 +81,9 @@ class Counted(NamedTuple):
 
 
 @lru_cache(maxsize=32)
-def count_relations(map: RationalMap, exponents: Exponents, seed: int) -> Counted:
+def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
     """Return how many relations and integrals there are, on which two primes agree."""
-    rng = map.generator(seed)
+    rng = map.generator()
 
     def count_modulo(p: int, eps: int) -> Counted:
         x = arithmetic.random_point(map.dimension, p, rng)
@@ -98,12 +98,12 @@ def count_relations(map: RationalMap, exponents: Exponents, seed: int) -> Counte
     return arithmetic.agreed_by_primes(rng, count_modulo)  # type: ignore[no-any-return]
 
 
-def integrals_of_relations(map: RationalMap, exponents: Exponents, seed: int) -> Polynomials:
+def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomials:
     """Return the polynomials of all relations if their quotients are first integrals, else ().
 
     They are if the relations of all orbits span one dimension more than those of one orbit.
     """
-    rng, dimension = map.generator(seed), count_relations(map, exponents, seed).relations
+    rng, dimension = map.generator(), count_relations(map, exponents).relations
     if dimension == 0:
         return ()
 

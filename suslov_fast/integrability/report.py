@@ -254,7 +254,6 @@ def report(
     *,
     decimals: bool = True,
     time_limit: float | None = None,
-    seed: int = 0,
     progress: Any = None,
 ) -> Report:
     """Report the growth of degrees, first integrals, measures and Darboux polynomials of a map.
@@ -277,9 +276,7 @@ def report(
         If False, they are binary numbers.
     time_limit : float, optional
         Limit in seconds; the report then contains the results found so far. With a limit the search
-        runs in a separate process from its start. Without one the report does not depend on `seed`.
-    seed : int, optional
-        Seed of the random primes, points and lines.
+        runs in a separate process from its start.
     progress : callable, optional
         Called as ``progress(done, parts)`` after each part of the search; where it returns False
         the search ends, as at Ctrl-C.
@@ -310,7 +307,7 @@ def report(
     >>> report(Suslov3D(4, 1, -0.5, -0.25)).integrals
     ((4*x1^2 + x2^2)/(4*eps^2*x1^2 + 4*eps^2*x1*x2 + eps^2*x2^2 + 256),)
     """
-    degree, seed = integer("degree", degree, 1), integer("seed", seed, 0)
+    degree = integer("degree", degree, 1)
     map, notes = _map_of(field, eps, decimals)
     check_map(map)
     if isinstance(map, KahanMap) and not map.is_invertible:
@@ -319,12 +316,12 @@ def report(
     report_progress = progress_function(progress)
     latest = Report(map, degree, notes=notes)
     if time_limit is None:
-        parts: Any = search(latest, seed)
+        parts: Any = search(latest)
     else:
         seconds = float(real_number("time_limit", time_limit))
         if seconds < 0:
             raise wrong("time_limit", "0 seconds or more, or left out", seconds)
-        parts = search_until(time.monotonic() + seconds, latest, seed)
+        parts = search_until(time.monotonic() + seconds, latest)
     with closing(parts):
         try:
             for part in parts:

@@ -150,8 +150,8 @@ class Known(NamedTuple):
 class Search:
     """The facts known about a map, and the tasks that find more."""
 
-    def __init__(self, map: RationalMap, degree: int, seed: int, only_integrals: bool = False):
-        self.map, self.degree, self.seed = map, degree, seed
+    def __init__(self, map: RationalMap, degree: int, only_integrals: bool = False):
+        self.map, self.degree = map, degree
         self._only_integrals = only_integrals
         self.invariants = Invariants(map, degree)
         self.degrees: list[int] = []
@@ -224,7 +224,7 @@ class Search:
     def _first_tasks(self) -> Iterator[Task]:
         map = self.map
         if not self._only_integrals:
-            yield self._next_degree(agreed_degrees(map, self.seed))
+            yield self._next_degree(agreed_degrees(map))
             if map.is_planar:
                 yield Task(_PLANAR, self._find_planar_entropy, "planar entropy")
             is_birational = map.inverse is not None and map.is_invertible
@@ -272,7 +272,7 @@ class Search:
             raise ArithmeticError(f"{self.map}: {text}: this is an error of the package")
 
     def _find_planar_entropy(self) -> Tasks:
-        self.planar = planar_entropy(self.map, seed=self.seed)
+        self.planar = planar_entropy(self.map)
         self._check_degrees()
         return []
 
@@ -282,7 +282,7 @@ class Search:
         if len(integrals) == self.map.dimension - 2:
             try:
                 self.level = level_of(self.map, integrals)
-                self.on_level = planar_entropy(self.level.map, seed=self.seed)
+                self.on_level = planar_entropy(self.level.map)
             except (ArithmeticError, ValueError) as error:
                 self.on_level = PlanarEntropy(reason=str(error))
         return []
@@ -308,7 +308,7 @@ class Search:
     def _count_relations(self, k: int) -> Tasks:
         """Count the integrals that relations up to degree k show."""
         exponents = exponents_up_to(k, self.map.dimension)
-        independent = count_relations(self.map, exponents, self.seed).integrals
+        independent = count_relations(self.map, exponents).integrals
         if independent > (self.relations or 0):
             cost = _FEW_MONOMIALS + 1e-7 * self._unknowns(k) ** 3
             yield Task(cost, partial(self._integrals_between_few_monomials, k), "implicit", k)
@@ -322,7 +322,7 @@ class Search:
         if len(self.known.integrals) >= (self.relations or 0):
             return []
         exponents = exponents_up_to(k, self.map.dimension)
-        return self._add_space(integrals_of_relations(self.map, exponents, self.seed))
+        return self._add_space(integrals_of_relations(self.map, exponents))
 
     def _integrals_between_few_monomials(self, k: int) -> Tasks:
         """Find integrals from relations between few monomials, if formulas are missing."""
@@ -418,7 +418,7 @@ class Search:
                 return []
             if cofactor is not None and dimension == len(self.invariants.elements(value, k)):
                 return []
-            space = space_of(self.map, k, cofactor, sign, seed=self.seed)
+            space = space_of(self.map, k, cofactor, sign)
         except ArithmeticError:  # the coefficients are too long, or a number is special
             return []
         if cofactor is None and sign == 1 and space:

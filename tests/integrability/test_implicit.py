@@ -117,7 +117,7 @@ def test_integrals_of_systems_with_six_variables(name):
     field, eps = SYSTEMS[name]
     integrals = chosen(name)
     assert [each.degree for each in integrals] == DEGREES[name]
-    assert len(integrals) == count_relations(kahan(field, eps), QUADRATIC, 0).integrals
+    assert len(integrals) == count_relations(kahan(field, eps), QUADRATIC).integrals
     rng = random.Random(name)
     for _ in range(2):
         x = [F(rng.randrange(1, 20) * rng.choice([-1, 1]), 2) for _ in range(6)]
@@ -135,7 +135,7 @@ def test_integrals_of_systems_with_six_variables(name):
     assert np.linalg.svd(rows)[1][-1] > 1e-3  # the rank of the gradients
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_degrees_on_a_line(name):
     """A quotient of polynomials of degree d goes through the values on a line, none below."""

@@ -143,6 +143,7 @@ def assert_holds(found, map=None, x=None):
 # Maps.
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("n", [1, 2, 3, 6])
 def test_the_map_its_inverse_and_its_derivative(n):
     field, eps = random_field(n), F(-2, 7)
@@ -172,6 +173,7 @@ def test_rational_maps():
     assert pickle.loads(pickle.dumps(both)) == both
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("letter", [pytest.param("h", marks=pytest.mark.slow), "λ"])
 def test_a_letter_in_the_coefficients(letter):
     """What is found for it holds for its values; so do maps, inverses, formulas, and text."""
@@ -222,6 +224,7 @@ def test_values_of_a_letter(given, error):
 # Degrees and their growth.
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("field", "n", "law", "kind", "entropy"),
     [
@@ -361,7 +364,7 @@ def assert_basis(found, map):
     assert all(a * before[0] == b * after[0] for a, b in zip(after, before, strict=True))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("field", "lowest", "independent"),
     [(EULER, 2, 2), (of(BODY), 2, 1), (SIR, 1, 1), (CHAIN, 2, 1), (CYCLE, 3, 2), (CUBIC, 3, 1)],
@@ -409,6 +412,7 @@ def test_iterates_without_an_image():
             call()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("n", "degree"), [(4, 8), (5, 5)])
 def test_generic_bodies_have_no_integral(n, degree):
     map = kahan(of(SuslovND(J[: n - 1], I[: n - 1])), 0.5)
@@ -416,6 +420,7 @@ def test_generic_bodies_have_no_integral(n, degree):
     assert darboux_polynomials(map, 5 if n == 4 else 3) == ()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("map", "degree", "cofactor", "expected"),
     [
@@ -552,8 +557,6 @@ def test_report(given, degree, kind, integrals, measure, planes):
     plain = json.loads(json.dumps(found.to_dict()))
     assert [each["degree"] for each in plain["integrals"]] == integrals
     assert is_map or QuadraticField.from_dict(plain["field"]) == of(given)
-    if n <= 2:  # other primes and points
-        assert repr(report(given, eps and str(eps), degree, seed=5)) == repr(found)
     assert pickle.loads(pickle.dumps(found)).integrals == found.integrals
     assert any("not checked" in note for note in found.notes) == (found.map.inverse is None)
 
@@ -582,7 +585,7 @@ LINES = from_hamiltonian(
 )
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("field", "eps"),
     [
@@ -717,6 +720,7 @@ def test_formulas_in_eps(name):
         assert P(y, eps) == P.cofactor(x, eps) * P(x, eps)
 
 
+@pytest.mark.slow
 def test_special_values_of_eps():
     assert reported(BODY).special_eps == ()
     linear = report(field_of(lambda x: (x[0], 2 * x[1]), 2), degree=2)
@@ -800,7 +804,7 @@ def test_names_of_variables(eps):
 # Numbers, limits and bad input.
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.slow
 def test_decimals():
     """5 x1 + 3 x2 is the line of steady states of the body of the README."""
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
@@ -940,6 +944,7 @@ def test_kharlamova_on_the_invariant_hyperplane():
     assert [f.subs(numbers) for f in solution] == expected
 
 
+@pytest.mark.slow
 def test_members_with_more_than_two_factors():
     """They are multiple roots of the lost rank: here of the pencil of Nahm's octahedral system."""
     eps, x, y = polynomials.polynomial_ring(2, True).gens()
@@ -1089,7 +1094,7 @@ def test_a_density_up_to_sign():
 def test_every_report_on_the_way_has_a_text():
     """Also with a density that is found before the factors of det DPhi."""
     map, _ = zoo()["McMillan"]
-    search, found = Search(map, 3, 0), Report(map, 3)
+    search, found = Search(map, 3), Report(map, 3)
     early = []
     for _ in search.queue:
         search.fill(found)

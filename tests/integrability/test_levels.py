@@ -107,7 +107,7 @@ CASES = [  # a map, its integrals, the entropy
 ]
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("map", "integrals", "entropy"), CASES)
 def test_entropies_on_the_generic_level(map, integrals, entropy):
     """They are those that the degrees of the map itself show, and proved."""
@@ -119,6 +119,7 @@ def test_entropies_on_the_generic_level(map, integrals, entropy):
     assert by_degrees.entropy == pytest.approx(entropy, abs=max(by_degrees.entropy_error, 1e-9))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("map", "integrals", "point"),
     [
@@ -158,6 +159,7 @@ def test_eps_stays_symbolic():
         on_level(map, [total])
 
 
+@pytest.mark.slow
 def test_the_integrals_of_a_report_are_taken():
     map = kahan(lotka_volterra(1, 2, 3), F(1, 2))
     level = on_level(map)

@@ -17,7 +17,6 @@ from suslov_fast import QuadraticField
 pytest.importorskip("flint")
 
 from suslov_fast.integrability import (
-    Contraction,
     PlanarEntropy,
     contracted,
     degrees,
@@ -56,7 +55,7 @@ HENON = rational_map(
 )
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("map", "lengths", "entropy", "minimal", "proved"),
     [
@@ -95,7 +94,7 @@ def test_known_entropies(map, lengths, entropy, minimal, proved):
     assert sorted(found.lengths, key=lambda n: n or 0) == lengths
     assert (found.proved, found.reason) == (proved, "")
     assert [*found.degrees[:10]] == degrees(map, 10)
-    assert planar_entropy(map, seed=7) == found == pickle.loads(pickle.dumps(found))
+    assert found == pickle.loads(pickle.dumps(found))
     assert found.root == pytest.approx(math.exp(entropy), abs=1e-5)
     coefficients = {int(e): int(c) for (e,), c in found.minimal.to_dict().items()}
     assert abs(sum(c * found.root**k for k, c in coefficients.items())) < 1e-9
@@ -116,6 +115,7 @@ def test_a_singularity_that_is_confined_after_17_points():
     assert found.degrees[15:18] == (17, 18, 18)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(5))
 def test_random_fields(seed):
     """Degrees of iterates agree with what contracted curves predict."""
@@ -146,6 +146,7 @@ def test_maps_without_an_entropy():
         planar_entropy(ZOO["Suslov body"][0])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("field", "entropy"),
     [
@@ -227,7 +228,7 @@ def test_zeros_of_recurrences(q, s):
 def test_a_wrong_passage_is_no_proof():
     map = kahan(*ZOO["Nahm, octahedral"])
     plane = Plane(map)
-    passages = planar.passages_across(plane, 80, 0)
+    passages = planar.passages_across(plane, 80)
     for number, right in enumerate(passages):
         assert contracted.is_proved(plane, number, right)
         longer = Passage(
@@ -255,7 +256,7 @@ def test_reports_list_it_beside_the_growth(monkeypatch):
     assert late.growth.entropy_error == pytest.approx(math.log(2) - 0.6759746921034222)
     assert "by accident" in late.growth.based_on
     wrong = planar.planar_entropy(kahan(three_lines(2, 2), THIRD))
-    monkeypatch.setattr(search, "planar_entropy", lambda map, seed: wrong)
+    monkeypatch.setattr(search, "planar_entropy", lambda map: wrong)
     with pytest.raises(ArithmeticError, match="an error of the package"):
         report(field, eps, 1)
 
@@ -317,7 +318,7 @@ def monomials_and_constants(*parts):
 def cheap_degrees(map):
     """The degrees on random lines, as long as they take little time."""
     found = []
-    for degree in islice(agreed_degrees(map, 1), 14):
+    for degree in islice(agreed_degrees(map), 14):
         found.append(degree)
         if degree > 150:
             break
@@ -354,6 +355,7 @@ def test_products_have_the_entropy_of_the_golden_ratio(map):
     assert not found.proved
 
 
+@pytest.mark.slow
 def test_orders_of_germs_that_triple():
     """x_{n+1} = x_{n-1} x_n^3 + c: degrees 4, 13, 43, 142, d_{k+1} = 3 d_k + d_{k-1}."""
     map = rational_map(
@@ -378,6 +380,7 @@ def test_orders_that_grow_fast_show_their_rule_together():
     assert passage._replace(curve_orders=multiples).series is None
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "A",
     [
@@ -457,9 +460,3 @@ def test_contractions_keep_their_orbits():
     # A point that is fixed is there once.
     generic = planar_entropy(kahan(*ZOO["Lotka-Volterra"]))
     assert all(len({*each.orbit}) == len(each.orbit) > 0 for each in generic.contractions)
-
-
-def test_conjugate_curves_are_counted():
-    texts = [str(Contraction("x1 = 0", count, 3, True, "proved")) for count in (1, 2)]
-    assert texts[0] == "x1 = 0: confined after 3 points, proved"
-    assert texts[1] == "x1 = 0 (2 conjugate curves): confined after 3 points, proved"

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -30,8 +29,8 @@ from ..keywords import public
 from ..maps import map_of
 from .columns import FORMAT, in_stores, shape_of, sizes_of
 from .files import access, metadata, stores
-from .files.datasets import as_columns, columns_of, to_xarray, with_time
-from .files.tiles import Functions, Steps, Task, Times, checked_values, count_in, finish, place_of
+from .files.datasets import as_columns, to_xarray, with_time
+from .files.tiles import Steps, Task, Times, count_in, finish, place_of
 from .iterate import checked_counts
 from .motion import Motion, variable_of
 from .trajectories import Trajectories
@@ -66,7 +65,6 @@ def ensemble(
     dims: str | Sequence[str] | None = None,
     coords: Mapping[Any, Any] | None = None,
     chunk: int | Mapping[str, int] | None = None,
-    functions: Functions | None = None,
     client: distributed.Client | None = None,
     progress: Progress = None,
 ) -> xarray.Dataset:
@@ -98,10 +96,6 @@ def ensemble(
     chunk : int or mapping, optional
         Number of trajectories in a tile, or lengths along `dims`, and along "n" or "time". An
         existing store keeps its own.
-    functions : mapping of str to callable, optional
-        Functions of the saved states (..., D), which they cannot change; their real values (...)
-        are stored under these names. Their source code is part of the identity of the run; the
-        values of global variables are not. With `client` they must be picklable.
     client : distributed.Client, optional
         Its Dask workers compute the tiles and write to the store.
     progress : bool or callable, optional
@@ -169,17 +163,15 @@ def ensemble(
     if shape[-1:] != (system.dimension,) or np.isnan(shape).any():
         raise wrong("x0", f"have a known shape (..., {system.dimension})", shape)
     batch = checks.common_shape({"x0": shape[:-1], "the other arguments": whole.batch})
-    functions = functions or {}
-    checks.instance("functions", functions, Mapping)
     whole, store = whole._replace(omega=x0, batch=batch), stores.resolved(store)
-    data = _template(whole, task, functions, dims, coords)
+    data = _template(whole, task, dims, coords)
     reports = reporter(progress, math.prod(batch) * task.work)
     with stores.naming_full_disks(store):
         missing, contents = stores.prepare(store, data, _sizes(data, task, chunk))
     arrays, status = contents.arrays, contents.arrays["status"]
     tiles = {tile: place_of(tile, status.shape, status.chunks) for tile in missing}
     done = math.prod(batch) - sum(count_in(where) for where in tiles.values())
-    finished = finish(tiles, whole, task, functions, arrays, client, store)
+    finished = finish(tiles, whole, task, arrays, client, store)
     by_sign = False
     with reports as report, closing(finished), stores.naming_full_disks(store):
         goes_on = report is None or report(done * task.work)
@@ -208,9 +200,9 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        Lazy, with the variables of :meth:`Trajectories.to_xarray` and those of `functions`; the
-        attributes are the arguments of the run. Trajectories that are not computed yet are NaN and
-        have the status -128, PENDING.
+        Lazy, with the variables of :meth:`Trajectories.to_xarray`; the attributes are the arguments
+        of the run. Trajectories that are not computed yet are NaN and have the status -128,
+        PENDING.
 
     Raises
     ------
@@ -282,9 +274,7 @@ def _parts(array: metadata.Stored) -> dict[Any, int]:
     return parts
 
 
-def _template(
-    whole: Problem, task: Task, functions: Functions, dims: Any, coords: Any
-) -> xarray.Dataset:
+def _template(whole: Problem, task: Task, dims: Any, coords: Any) -> xarray.Dataset:
     """Return the empty dataset of a run, with attributes that identify the run."""
     (map, body, x0, eps, batch, *_, turns), is_motion = whole, isinstance(task, Times)
     kind: Any = Motion if is_motion else Trajectories
@@ -308,51 +298,26 @@ def _template(
     flags = data.status.attrs
     flags["flag_values"] = [*flags["flag_values"], PENDING]
     flags["flag_meanings"] += " PENDING"
-    sources = _add_functions(data, functions)
     names = *data.variables, *data.dims
     if refused := [repr(str(name)) for name in names if not _is_storable(name)]:
         expected = "have names without /, and other than '', '.' and 'zarr.json'"
-        raise wrong("dims, coords and functions", expected, ", ".join(refused))
+        raise wrong("dims and coords", expected, ", ".join(refused))
     identity = {
         name: value if isinstance(value, str) else stores.described(name, value)
         for name, value in arguments.items()
     }
     identity["x0"] = stores.described("x0", x0, few=0)
-    labels = {name: data[name].values.tolist() for name in coords or ()}
-    for name, texts in (("functions", sources), ("coords", labels)):
-        digest = hashlib.sha256(repr(sorted(texts.items())).encode()).hexdigest()
-        identity |= {name: f"{', '.join(texts)}, sha256 {digest}"} if texts else {}
+    if coords:
+        labels = {name: data[name].values.tolist() for name in coords}
+        digest = hashlib.sha256(repr(sorted(labels.items())).encode()).hexdigest()
+        identity["coords"] = f"{', '.join(labels)}, sha256 {digest}"
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
     variable = map.variable if map else variable_of(type(body))  # the name of states in the dataset
-    tiled = sorted({*filled, *functions, variable} - {"states", "time"})
+    tiled = sorted({*filled, variable} - {"states", "time"})
     shared = sorted({*data.variables} - {*tiled})
     lists = {"tiled": tiled, "shared": shared}
     identity |= {name: json.dumps(value) for name, value in lists.items()}
     return data.assign_attrs(identity, format=FORMAT)
-
-
-def _add_functions(data: Any, functions: Functions) -> dict[str, str]:
-    """Add an empty variable for each function of states, and return their source texts."""
-    sources, columns = {}, columns_of(data)
-    for name, function in functions.items():
-        checks.instance("functions, a name", name, str)
-        if name in (*data.variables, *data.dims, *columns, "time"):
-            raise wrong("functions", "names that the dataset does not have", repr(name))
-        try:
-            sources[name] = inspect.getsource(function)
-        except (TypeError, OSError) as error:
-            received = f"{name}: {function!r}"
-            must = "functions with a source, as in a file or a notebook, which identifies the run"
-            raise wrong("functions", must, received, TypeError) from error
-        if getattr(function, "__name__", "") == "<lambda>":  # whose text is that of whole lines
-            starts = [place[2] for place in function.__code__.co_positions() if place[2]]
-            sources[name] += f"# column {min(starts, default=0)}"
-        # A trial call, so that a wrong function is an error before anything is stored.
-        checked_values(name, function, np.full((3, data.sizes["component"]), 0.5))
-        axis = "n" if "n" in data.dims else "time"
-        shape = data.sizes[axis], *data.status.shape
-        data[name] = (axis, *data.status.dims), np.broadcast_to(np.nan, shape)
-    return sources
 
 
 def _is_storable(name: Any) -> bool:

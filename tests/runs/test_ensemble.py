@@ -131,15 +131,13 @@ MOVING = [
 def test_a_stored_motion_equals_flow(store, rng, system, shape, ours):
     """Bit for bit, with all that a dataset of it has; solutions that end cause no warning."""
     x0, times = rng.uniform(0.0, 1.0, (*shape, system.dimension)), [0.3, 0.0, 0.1, 0.2]
-    chosen = {"first": one_component}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sf.PoleWarning)
         motion = flow(system, x0, time=times, rtol=1e-7)
     for _ in range(2):
-        data = ensemble(system, x0, time=times, rtol=1e-7, functions=chosen, store=store, **ours)
-        assert np.array_equal(data.first, motion.states[..., 0], equal_nan=True)
+        data = ensemble(system, x0, time=times, rtol=1e-7, store=store, **ours)
         expected = motion.to_xarray(dims=ours.get("dims"))
-        xarray.testing.assert_equal(data.drop_vars("first"), expected)
+        xarray.testing.assert_equal(data, expected)
         assert {*data.coords} == {*expected.coords}
     assert motion.ok == (system is not MOVING[-1][0])
     data.to_netcdf(store.with_suffix(".nc"))
@@ -226,37 +224,6 @@ def test_every_initial_state_identifies_a_run(tmp_path):
     assert described("I1", array[:3, 0]) == array[:3, 0].tolist()
 
 
-def radius(x):
-    return np.hypot(x[..., 0], x[..., 1])
-
-
-def one_component(x):
-    return x[..., 0]
-
-
-def doubled(x):
-    x *= 2
-    return x[..., 0]
-
-
-def first_of_two(x):
-    u, _v = x
-    return u
-
-
-def test_functions_of_states(store, rng):
-    omega0 = rng.uniform(-2.0, 2.0, (20, 2))
-    chosen = {"radius": radius, "up": lambda x: x[..., 1] > 0}
-    ours = {"store": store, "chunk": {"trajectory": 7, "n": 3}, "save_every": 3}
-    for _ in range(2):
-        dataset = ensemble(BODY, omega0, 0.3, 30, functions=chosen, **ours)
-    orbits = iterate(BODY, omega0, 0.3, 30, save_every=3)
-    assert_same(dataset, orbits)
-    for name, function in chosen.items():
-        assert dataset[name].dims == ("n", "trajectory")
-        assert np.array_equal(dataset[name], function(orbits.omega))
-
-
 def oscillator(constant):
     H = lambda x: (x[0] ** 2 + x[1] ** 2) / 2 + constant  # noqa: E731
     return sf.QuadraticField.from_hamiltonian(H, 2)
@@ -270,8 +237,6 @@ def oscillator(constant):
         (ASKED, {"omega0": [[1.0, 0.5 + 1e-12]]}, "x0"),
         (ASKED, {"save_every": None}, "save_every"),
         (ASKED, {"attitude": True}, "attitude"),
-        (ASKED, {"functions": {"radius": radius}}, "functions"),
-        (ASKED | {"functions": {"r": radius}}, {"functions": {"r": one_component}}, "functions"),
         (ASKED, {"dims": "start"}, "dims"),
         (ASKED, {"coords": {"a": 3}}, "coords"),
         (ASKED, {"steps": 19}, "steps"),
@@ -302,18 +267,7 @@ BAD = [
     ({"chunk": 0}, ValueError, "chunk"), ({"chunk": {"time": 3}}, ValueError, "chunk.*time"),
     ({"chunk": "many"}, TypeError, "chunk"), ({"dims": ("a", "b")}, ValueError, "dims"),
     *[({"coords": {name: 3}}, ValueError, "coords") for name in ("a/b", "omega", "zarr.json")],
-    *[({"functions": {name: radius}}, ValueError, "functions") for name in ("", ".", "..", "/r")],
     *[({"dims": name}, ValueError, "dims") for name in ("", "..", "a/b")],
-    *[
-        ({"functions": {name: radius}}, ValueError, "functions")
-        for name in ("omega", "time", "trajectory")
-    ],
-    ({"functions": {"r": lambda x: np.add(x, 1, out=x)[..., 0]}}, ValueError, "read-only"),
-    ({"functions": {"r": doubled}}, ValueError, "read-only"),
-    ({"functions": {"r": first_of_two}}, ValueError, r"functions\['r'\] must take"),
-    ({"functions": {"r": np.sin}}, TypeError, "functions.*r"),
-    ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
-    ({"functions": {"r": lambda x: x[..., 0] * 1j}}, TypeError, "functions.*r"),
     ({"omega0": RandomStarts(10**15, 1)}, OSError, r"[\d.]+ [MGT]B are free, .* [\d,]{5,} TB"),
     ({"store": None}, TypeError, "store"),
     ({"client": 5}, TypeError, "client"), ({"progress": 5}, TypeError, "progress"),
@@ -571,13 +525,12 @@ def test_two_at_once_write_the_same(store):
 def test_workers_of_a_cluster(store):
     random = RandomStarts(50, 1.5)
     orbits = iterate(BODY, random, 0.2, 40, save_every=3)
-    settings = {"save_every": 3, "chunk": {"trajectory": 7, "n": 3}, "functions": {"r": radius}}
+    settings = {"save_every": 3, "chunk": {"trajectory": 7, "n": 3}}
     with distributed.Client(n_workers=1, processes=False, dashboard_address=":0") as client:
         for name, omega0 in (("random", random), ("states", random.states(50))):
             place = store.with_name(f"{name}.zarr")
             dataset = ensemble(BODY, omega0, 0.2, 40, store=place, client=client, **settings)
             assert_same(dataset, orbits)
-            assert np.array_equal(dataset.r, radius(orbits.omega))
         ours = {"store": store.with_name("ended.zarr"), "chunk": 2, "client": client}
         data = ensemble(BODY, random, 0.2, 40, **ours, progress=lambda done, total: done < 400)
         assert (data.status.values != PENDING).sum() >= 10
@@ -593,7 +546,7 @@ def test_workers_of_a_cluster(store):
 
 def test_attributes_are_plain(store):
     """They can be written to NetCDF, and the dataset is read by xarray alone."""
-    dataset = call(ensemble, **FIELD, store=store, functions={"radius": radius})
+    dataset = call(ensemble, **FIELD, store=store)
     assert xarray.open_zarr(store).attrs == dataset.attrs
     assert json.loads(json.dumps(dataset.attrs)) == dataset.attrs
     assert json.loads(dataset.attrs["rho"]) == FAMILY.parameters["rho"].tolist()
@@ -606,7 +559,7 @@ def test_a_lost_chunk_is_an_error_and_computed_anew(store):
     body = Suslov3D(4, 1, 0.0, -0.3)
     omega0 = np.linspace(-1.0, 1.0, 12).reshape(6, 2)
     omega0[2:4] = np.nan  # a tile of fill values
-    ours = {"save_every": 1, "chunk": {"trajectory": 2, "n": 3}, "functions": {"radius": radius}}
+    ours = {"save_every": 1, "chunk": {"trajectory": 2, "n": 3}}
     orbits = iterate(body, omega0, 0.0, 4, on_singular="ignore")
     ensemble(body, omega0, 0.0, 4, store=store, **ours)
     whole = contents(store)
@@ -715,14 +668,10 @@ def test_a_store_that_permits_no_lists_opens():
         open_ensemble(Unread(place))
 
 
-def test_names_of_functions_and_parameters_of_a_store(tmp_path):
-    """A parameter may be called states; a function not like a column of coefficients."""
+def test_a_parameter_may_be_called_states(tmp_path):
     turns = sf.QuadraticField.from_function(lambda x, states: (x[1], -states * x[0]), 2, states=3.0)
     data = ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "a.zarr")
     assert (data.states.item(), data.x.shape) == (3.0, (1, 2))
-    for name in ("linear_1", "time", "x"):
-        with pytest.raises(ValueError, match="functions must be names that the dataset does not"):
-            ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "b.zarr", functions={name: radius})
     with pytest.raises(ValueError, match=r"store.*Trajectories.load reads"):
         ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "b.npz")
     assert not (tmp_path / "b.zarr").exists()
@@ -766,14 +715,6 @@ def test_a_callable_ends_a_run(store):
         **{each.name: each.value for each in sf.Status},
         "PENDING": PENDING,
     }
-
-
-def test_two_functions_in_one_line_are_told_apart(store):
-    pair = [lambda x: x[..., 0], lambda x: x[..., 1]]
-    for f in (pair[0], pair[0]):
-        call(ensemble, **ASKED, store=store, functions={"f": f})
-    with pytest.raises(ValueError, match="functions"):
-        call(ensemble, **ASKED, store=store, functions={"f": pair[1]})
 
 
 def test_a_tile_finished_while_its_store_is_opened(store, monkeypatch):

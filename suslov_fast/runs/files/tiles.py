@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import islice
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ... import checks
 from ...checks import FloatArray, require, wrong
@@ -22,7 +21,6 @@ from ...engine.starts import tolerances_of
 from ...engine.stretches import March
 from ..columns import RUN
 from ..flow import motion_of
-from ..functions import returned_at, values_at
 from ..motion import variable_of
 from . import access, stores
 from .metadata import Stored, Tile
@@ -35,7 +33,6 @@ _LARGE_TASK = 2**28
 # states cost less, one thread computes them, because others would spin while it writes.
 _WRITING_COST = 8.0
 
-Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
 Arrays = Mapping[str, Stored]  # of a store, by their names
 Piece = dict[str, Any]  # values of columns
 
@@ -130,7 +127,6 @@ def finish(
     tiles: dict[Tile, Where],
     whole: Problem,
     task: Task,
-    functions: Functions,
     arrays: Arrays,
     client: Any,
     store: Any,
@@ -143,7 +139,7 @@ def finish(
     if client is None:
         for tile, where in tiles.items():
             part = _problem_of(whole, where)
-            yield where, _compute(part, task, functions, tile, where, arrays, target)
+            yield where, _compute(part, task, tile, where, arrays, target)
         return
     from dask import config
     from distributed import as_completed
@@ -158,7 +154,7 @@ def finish(
         most = _QUEUED * max(1, sum(client.nthreads().values()))
         for tile, where in islice(waiting, max(0, most - len(under_way))):
             part = _problem_of(whole, where)
-            arguments = part, task, functions, tile, where, arrays, target
+            arguments = part, task, tile, where, arrays, target
             with config.set(settings):
                 job = client.submit(_compute_on_worker, *arguments, pure=False)
             under_way[job] = tile, where
@@ -190,7 +186,6 @@ def _compute_on_worker(*arguments: Any) -> tuple[str, bool]:
 def _compute(
     part: Problem,
     task: Task,
-    functions: Functions,
     tile: Tile,
     where: Where,
     arrays: Arrays,
@@ -220,19 +215,12 @@ def _compute(
     for k, piece in enumerate(task.pieces(part, arrays[variable].chunks[0])):
         position[task.axis] = k
         if (states := piece.pop("states", None)) is not None:
-            values = {name: checked_values(name, f, states) for name, f in functions.items()}
-            write({variable: states} | piece | values)
+            write({variable: states} | piece)
             continue
         told, status = piece.pop("told_by_signs", False), piece.pop("status")
         write(piece)
         write({"status": status})
     return bool(np.any(told))
-
-
-def checked_values(name: str, function: Any, states: FloatArray) -> Any:
-    """Return the values of a user's function for states (..., D), real numbers (...)."""
-    name = f"functions[{name!r}]"
-    return values_at(name, states, returned_at(name, function, states), truths=True)
 
 
 def _problem_of(whole: Problem, where: Where) -> Problem:

@@ -495,21 +495,6 @@ def test_tiles_without_metadata_are_of_no_run(store):
         call(ensemble, **ASKED | {"eps": 0.3}, store=store)
 
 
-@pytest.mark.parametrize("place", ["omega/c/0/0/0", "omega/c", "status/c/0"])
-def test_folders_and_files_in_places_of_the_other_are_named(store, place):
-    call(ensemble, **ASKED, store=store)
-    path = store / place
-    if path.is_file():
-        path.unlink()
-        path.mkdir()
-    else:
-        shutil.rmtree(path)
-        path.touch()
-    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
-        with pytest.raises(ValueError, match=rf"store.*{place.replace('/', '.')}: remove it"):
-            opens(store)
-
-
 @pytest.mark.slow
 def test_two_at_once_write_the_same(store):
     seen, run = [], {**ASKED, "omega0": RandomStarts(200, 1.0)}

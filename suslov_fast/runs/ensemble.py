@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -63,7 +62,6 @@ def ensemble(
     max_step: float | None = None,
     stiff: bool | None = None,
     dims: str | Sequence[str] | None = None,
-    coords: Mapping[Any, Any] | None = None,
     chunk: int | Mapping[str, int] | None = None,
     client: distributed.Client | None = None,
     progress: Progress = None,
@@ -91,7 +89,7 @@ def ensemble(
     time, rtol, atol, max_step, stiff : optional
         As in :func:`flow`, in place of `eps`, `steps` and the arguments of maps. All states of a
         tile are in memory at once.
-    dims, coords : optional
+    dims : optional
         As in :meth:`Trajectories.to_xarray`.
     chunk : int or mapping, optional
         Number of trajectories in a tile, or lengths along `dims`, and along "n" or "time". An
@@ -164,7 +162,7 @@ def ensemble(
         raise wrong("x0", f"have a known shape (..., {system.dimension})", shape)
     batch = checks.common_shape({"x0": shape[:-1], "the other arguments": whole.batch})
     whole, store = whole._replace(omega=x0, batch=batch), stores.resolved(store)
-    data = _template(whole, task, dims, coords)
+    data = _template(whole, task, dims)
     reports = reporter(progress, math.prod(batch) * task.work)
     with stores.naming_full_disks(store):
         missing, contents = stores.prepare(store, data, _sizes(data, task, chunk))
@@ -274,7 +272,7 @@ def _parts(array: metadata.Stored) -> dict[Any, int]:
     return parts
 
 
-def _template(whole: Problem, task: Task, dims: Any, coords: Any) -> xarray.Dataset:
+def _template(whole: Problem, task: Task, dims: Any) -> xarray.Dataset:
     """Return the empty dataset of a run, with attributes that identify the run."""
     (map, body, x0, eps, batch, *_, turns), is_motion = whole, isinstance(task, Times)
     kind: Any = Motion if is_motion else Trajectories
@@ -293,7 +291,7 @@ def _template(whole: Problem, task: Task, dims: Any, coords: Any) -> xarray.Data
     else:
         arguments |= {"eps": np.asarray(eps)} | ({} if turns is None else {"attitude": turns})
         run |= {"map": map, "eps": eps}
-    data = to_xarray(kind._of(filled | run), dims, coords, with_terms=True)
+    data = to_xarray(kind._of(filled | run), dims, with_terms=True)
     data = data if is_motion else data.drop_vars("time")
     flags = data.status.attrs
     flags["flag_values"] = [*flags["flag_values"], PENDING]
@@ -301,16 +299,12 @@ def _template(whole: Problem, task: Task, dims: Any, coords: Any) -> xarray.Data
     names = *data.variables, *data.dims
     if refused := [repr(str(name)) for name in names if not _is_storable(name)]:
         expected = "have names without /, and other than '', '.' and 'zarr.json'"
-        raise wrong("dims and coords", expected, ", ".join(refused))
+        raise wrong("dims", expected, ", ".join(refused))
     identity = {
         name: value if isinstance(value, str) else stores.described(name, value)
         for name, value in arguments.items()
     }
     identity["x0"] = stores.described("x0", x0, few=0)
-    if coords:
-        labels = {name: data[name].values.tolist() for name in coords}
-        digest = hashlib.sha256(repr(sorted(labels.items())).encode()).hexdigest()
-        identity["coords"] = f"{', '.join(labels)}, sha256 {digest}"
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
     variable = map.variable if map else variable_of(type(body))  # the name of states in the dataset
     tiled = sorted({*filled, variable} - {"states", "time"})

@@ -173,24 +173,18 @@ def test_orientations_change_no_state():
     assert (run.states == sf.iterate(BODY, STARTS, 0.2, 7, save_every=5).states).all()
 
 
-def test_parameters_and_names_of_the_user_as_coordinates():
+def test_parameters_as_coordinates():
     sizes = np.array([0.1, 0.2, 0.3])[:, None, None]
     body = sf.Suslov3D(4, 1, np.array([[-0.5], [-0.4]]), -0.3)
     run = sf.iterate(body, [[1.0, 0.5], [0.2, -0.7]], sizes, 5)
-    data = run.to_xarray(dims=("eps", "I13", "start"), coords={"colour": ("start", ["a", "b"])})
+    data = run.to_xarray(dims=("eps", "I13", "start"))
     assert (data.omega.sel(eps=0.2, I13=-0.4).values == run.omega[:, 1, 1]).all()
     assert (data.time.sel(eps=0.3).values == 0.3 * np.arange(6)).all()
-    assert data.colour.dims == ("start",)
-    assert run.to_xarray(("a", "b", "start"), {"start": [10, 20]}).start.values.tolist() == [10, 20]
     one = sf.iterate(BODY, [[1.0, 0.5]], [0.2], 5).to_xarray(dims="eps")
     assert one.omega.sel(eps=0.2).shape == (6, 2)
     for last in ("a", "n", "omega", 3, "eps", "I1"):  # eps varies along another axis, I1 along none
         with pytest.raises(ValueError, match=r"^dims "):
             run.to_xarray(dims=("a", "b", last))
-    too_long = {"start": [1, 2, 3]}, {"colour": ("start", ["a", "b", "c"])}
-    for coords in ({"omega": 3}, {"I1": [1, 2]}, [1, 2], *too_long):
-        with pytest.raises((TypeError, ValueError), match=r"^coords must"):
-            run.to_xarray(("eps", "I13", "start"), coords)
     family = run_of("field").to_xarray()
     assert (family.x.sel(a=2).values == run_of("field").x[:, 1]).all()
 

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import extra, instance, short, wrong
+from ...checks import extra, short, wrong
 from ...engine.status import Status
 from ..columns import ARGUMENTS, MOTION, OF_KIND, RUN, dims_of, in_stores
 
 # The terms of a field in a store, and their axes: the names are no identifiers, as those of
 # parameters are.
 _INDICES, _VALUES, _OF_TERMS = "terms-indices", "terms-values", ("terms-places", "terms-numbers")
-# Names that neither an axis of the batch nor a coordinate of the user may have.
+# Names that an axis of the batch may not have.
 TAKEN = (
     *("n", "time", "component", "space", "body"),
     *_OF_TERMS,
@@ -24,7 +24,6 @@ TAKEN = (
 def to_xarray(
     run: Any,
     dims: str | Sequence[str] | None = None,
-    coords: Mapping[Any, Any] | None = None,
     with_terms: bool = False,
 ) -> Any:
     """Return a run or a motion as a dataset; see `States.to_xarray`.
@@ -50,7 +49,7 @@ def to_xarray(
 
     of_steps = {"eps": np.asarray(run.eps)} if hasattr(type(run), "n") else {}
     attributes = {**run._titles, **_arguments_of(run)}
-    dataset = with_time(_labelled(run, variables, of_steps, attributes, dims, coords))
+    dataset = with_time(_labelled(run, variables, of_steps, attributes, dims))
     return dataset if with_terms else as_columns(dataset)
 
 
@@ -65,7 +64,6 @@ def _labelled(
     of_steps: dict[str, Any],
     attributes: dict[str, Any],
     dims: str | Sequence[str] | None,
-    coords: Mapping[Any, Any] | None,
 ) -> Any:
     """Return variables along the axes of the batch, with parameters and coordinates."""
     from ... import __version__
@@ -91,16 +89,7 @@ def _labelled(
     if body.lists_terms:
         variables[_INDICES] = _OF_TERMS, indices
     attributes = {**attributes, "version": __version__}
-    dataset = xarray.Dataset(variables, attrs=attributes).set_coords(coordinates)
-    if coords is not None:
-        instance("coords", coords, Mapping)
-    if taken := [str(name) for name in coords or () if name in {*dataset.variables, *TAKEN}]:
-        raise wrong("coords", "names that are not taken", ", ".join(repr(name) for name in taken))
-    for name, values in (coords or {}).items():
-        for dim, length in xarray.Dataset(coords={name: values}).sizes.items():
-            if length != (expected := dataset.sizes.get(dim, length)):
-                raise wrong("coords", f"have {expected} values along {dim}", f"{length}, {name}")
-    return dataset.assign_coords(coords or {})
+    return xarray.Dataset(variables, attrs=attributes).set_coords(coordinates)
 
 
 def _inner(name: str, axes: int) -> tuple[str, ...]:

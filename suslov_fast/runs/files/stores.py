@@ -35,7 +35,7 @@ from .metadata import Contents, Stored, Tile, read_contents, stored_in
 # Values that unwritten chunks show, by the name of a column; others are NaN, or Zarr's default.
 _FILLS = {column.name: column.fill for column in (*RUN, *MOTION)}
 # Attributes that only some runs have.
-_OPTIONAL = "map save_every attitude names H K coords atol max_step stiff".split()
+_OPTIONAL = "map save_every attitude names H K atol max_step stiff".split()
 # Attributes that identify no run, or follow from others.
 _NOT_COMPARED = "version", "coordinates", "title", "tiled", "shared"
 # What to use for files with a suffix that no folder has, and what to do with a folder of others.

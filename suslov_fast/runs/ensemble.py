@@ -21,7 +21,7 @@ from ..checks import require, wrong
 from ..engine.problem import Problem, check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.starts import checked_settings, checked_times
-from ..engine.status import PENDING, warn_of_poles
+from ..engine.status import PENDING
 from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
@@ -104,8 +104,8 @@ def ensemble(
     Returns
     -------
     xarray.Dataset
-        The opened store, as by :func:`open_ensemble`. Failed trajectories and solutions that end
-        have a status, and cause no warning; poles that a map passed cause one :class:`PoleWarning`.
+        The opened store, as by :func:`open_ensemble`. Trajectories that failed or passed a pole,
+        and solutions that end, have a status, and cause no warning.
 
     Raises
     ------
@@ -170,20 +170,13 @@ def ensemble(
     tiles = {tile: place_of(tile, status.shape, status.chunks) for tile in missing}
     done = math.prod(batch) - sum(count_in(where) for where in tiles.values())
     finished = finish(tiles, whole, task, arrays, client, store)
-    by_sign = False
     with reports as report, closing(finished), stores.naming_full_disks(store):
         goes_on = report is None or report(done * task.work)
         while goes_on and (tile := next(finished, None)) is not None:
-            done += count_in(tile[0])
-            by_sign |= tile[1]
+            done += count_in(tile)
             goes_on = report is None or report(done * task.work)
     is_finished = done == math.prod(batch)
-    data = _dataset(store, is_finished, is_known=is_finished and (client is None or not tiles))
-    if tiles and isinstance(task, Steps) and map.methods[method].notes_poles:
-        count, first = stores.passed_poles(store, contents)
-        if first is not None:
-            warn_of_poles(whole, map.methods[method], count, first, by_sign)
-    return data
+    return _dataset(store, is_finished, is_known=is_finished and (client is None or not tiles))
 
 
 @public

@@ -16,7 +16,6 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
@@ -25,9 +24,8 @@ from urllib.request import url2pathname
 import numpy as np
 
 from ... import checks
-from ...checks import first_index, in_units, short, wrong
+from ...checks import in_units, short, wrong
 from ...engine.random_starts import RandomStarts
-from ...engine.status import Status
 from ..columns import MOTION, RUN
 from . import access
 from .metadata import Contents, Stored, Tile, read_contents, stored_in
@@ -182,25 +180,6 @@ def _require_same(store: Any, data: Any, theirs: dict[str, Any]) -> None:
     if differences:
         what = f"{store} holds another run: {'; '.join(differences)}"
         raise ValueError(f"store: {what}; pass a new name, or the arguments of that run")
-
-
-def passed_poles(store: Any, contents: Contents) -> tuple[int, tuple[tuple[int, ...], int] | None]:
-    """Return how many trajectories passed a pole, and the index and `failed_at` of the first."""
-    import zarr
-
-    arrays = zarr.open_group(access.reader(store), mode="r", zarr_format=3)
-    count, first, status = 0, None, contents.arrays["status"]
-    begins = [range(0, n, m) for n, m in zip(status.shape, status.chunks, strict=True)]
-    for begin in product(*begins):
-        where = tuple(slice(k, k + m) for k, m in zip(begin, status.chunks, strict=True))
-        passed = np.asarray(arrays["status"][where]) == Status.PASSED_POLE
-        if passed.any():
-            count += int(np.count_nonzero(passed))
-            index = first_index(passed)
-            step = int(np.asarray(arrays["failed_at"][where])[index])
-            here = tuple(k + m for k, m in zip(begin, index, strict=True)), step
-            first = here if first is None else min(first, here)
-    return count, first
 
 
 def _check_new(store: Any, data: Any) -> None:

@@ -77,7 +77,7 @@ class Steps:
         for states, turns in march.pieces(self.steps, every, rows):
             yield {"states": states} | ({} if turns is None else {"attitude": turns})
         last = [column.name for column in RUN if column.is_public and not column.is_saved]
-        yield {name: getattr(march, name) for name in (*last, "told_by_signs")}
+        yield {name: getattr(march, name) for name in last}
 
 
 @dataclass(frozen=True)
@@ -130,16 +130,17 @@ def finish(
     arrays: Arrays,
     client: Any,
     store: Any,
-) -> Generator[tuple[Where, bool], None, None]:
+) -> Generator[Where, None, None]:
     """Compute tiles of a batch, here or by a Dask client, and write them to the arrays of a store.
 
-    Yield the place of each when done, and whether a change of sign told a pole.
+    Yield the place of each when done.
     """
     target = access.reader(store, read_only=False)
     if client is None:
         for tile, where in tiles.items():
             part = _problem_of(whole, where)
-            yield where, _compute(part, task, tile, where, arrays, target)
+            _compute(part, task, tile, where, arrays, target)
+            yield where
         return
     from dask import config
     from distributed import as_completed
@@ -164,23 +165,23 @@ def finish(
         submit()
         for job in jobs:
             tile, where = under_way.pop(job)
-            worker, by_sign = job.result()
+            worker = job.result()
             if worker not in known_workers and not stores.has_tile(store, tile):
                 received = f"{worker}, whose tile is not at {store}"
                 raise wrong("client", "have workers that write to the store", received)
             known_workers.add(worker)
-            yield where, by_sign
+            yield where
             submit()
     finally:
         client.cancel([*under_way])
 
 
-def _compute_on_worker(*arguments: Any) -> tuple[str, bool]:
-    """Compute a tile; return the address of the worker, and the value of `_compute`."""
+def _compute_on_worker(*arguments: Any) -> str:
+    """Compute a tile; return the address of the worker."""
     from distributed import get_worker
 
-    by_sign = _compute(*arguments)
-    return str(get_worker().address), by_sign
+    _compute(*arguments)
+    return str(get_worker().address)
 
 
 def _compute(
@@ -190,11 +191,8 @@ def _compute(
     where: Where,
     arrays: Arrays,
     target: Any,
-) -> bool:
-    """Compute a tile in pieces that fill a chunk, and write them; `status`, last, marks it done.
-
-    Return whether a change of sign told that one of its trajectories passed a pole.
-    """
+) -> None:
+    """Compute a tile in pieces that fill a chunk, and write them; `status`, last, marks it done."""
     from .chunks import encoded
 
     if isinstance(part.omega, RandomStarts):  # drawn here, so that no process holds all states
@@ -202,7 +200,6 @@ def _compute(
         part = part._replace(omega=drawn)
     position = dict(zip(arrays["status"].dims, tile, strict=True))
     variable = part.map.variable if part.map else variable_of(type(part.body))
-    told: Any = False
 
     def write(columns: Mapping[str, Any]) -> None:
         """Write the values of columns to their chunks at `position`."""
@@ -217,10 +214,9 @@ def _compute(
         if (states := piece.pop("states", None)) is not None:
             write({variable: states} | piece)
             continue
-        told, status = piece.pop("told_by_signs", False), piece.pop("status")
+        status = piece.pop("status")
         write(piece)
         write({"status": status})
-    return bool(np.any(told))
 
 
 def _problem_of(whole: Problem, where: Where) -> Problem:

@@ -28,7 +28,7 @@ from ..keywords import public
 from ..maps import map_of
 from .columns import FORMAT, in_stores, shape_of, sizes_of
 from .files import access, metadata, stores
-from .files.datasets import as_columns, to_xarray, with_time
+from .files.datasets import to_xarray, with_time
 from .files.tiles import Steps, Task, Times, count_in, finish, place_of
 from .iterate import checked_counts
 from .motion import Motion, variable_of
@@ -248,7 +248,7 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
         for name, array in contents.arrays.items()
         if array.shape and name not in data.indexes
     }
-    return with_time(as_columns(data.assign(lazy)))
+    return with_time(data.assign(lazy))
 
 
 def _parts(array: metadata.Stored) -> dict[Any, int]:
@@ -284,7 +284,7 @@ def _template(whole: Problem, task: Task, dims: Any) -> xarray.Dataset:
     else:
         arguments |= {"eps": np.asarray(eps)} | ({} if turns is None else {"attitude": turns})
         run |= {"map": map, "eps": eps}
-    data = to_xarray(kind._of(filled | run), dims, with_terms=True)
+    data = to_xarray(kind._of(filled | run), dims)
     data = data if is_motion else data.drop_vars("time")
     flags = data.status.attrs
     flags["flag_values"] = [*flags["flag_values"], PENDING]

@@ -332,9 +332,7 @@ class States(Result):
         -------
         xarray.Dataset
             Dimensions: "n" for a run of a map, "time" for a motion, those of the batch, and
-            "component"; ``to_dataframe()`` has a row for each component of each state. Coefficients
-            of a `QuadraticField` are coordinates, one for each monomial: linear_2 for x2,
-            quadratic_1_3 for x1 x3.
+            "component"; ``to_dataframe()`` has a row for each component of each state.
 
         Raises
         ------

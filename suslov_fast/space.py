@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from . import checks
 from .bodies.classes import AnyBody, BodyIn3D
 from .bodies.rigid import Suslov3D
-from .checks import FloatArray, common_shape, first_index, spell, wrong
+from .checks import FloatArray, Reals, common_shape, first_index, spell, wrong
 from .core.suslov import orientations
 from .engine.arguments import flat_arrays, flat_parameter
 from .engine.problem import Problem
@@ -176,7 +176,7 @@ def attitude(
     body: AnyBody,
     omega: ArrayLike,
     /,
-    eps: ArrayLike,
+    eps: Reals,
     R0: ArrayLike | None = None,
     *,
     threads: int | None = None,

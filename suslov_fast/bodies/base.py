@@ -100,8 +100,10 @@ class Body(Members):
             if name in self.positive and not (array > 0).all():
                 is_tensor = array.ndim > 1 and array.shape[-1] == array.shape[-2]
                 makers = [m for m in ("from_inertia", "from_mass_tensor") if m in dir(type(self))]
-                how = f": a body is made from a tensor by {' or '.join(makers)}"
-                raise wrong(name, "positive", f"{array.min()}{how * (is_tensor and bool(makers))}")
+                how = f": the order is {', '.join(each.name for each in fields(self))}"
+                if is_tensor and makers:
+                    how = f": a body is made from a tensor by {' or '.join(makers)}"
+                raise wrong(name, "positive", f"{array.min()}{how}")
             vars(self)[name] = frozen(array)
         _ = self.shape  # raises if the parameters do not broadcast
 

@@ -22,7 +22,7 @@ from .formulas import INSTEAD, KAHAN, PARTS, SERVED, Formula, Plane, check_formu
 from .methods import with_notes
 
 # The methods of the package; `str` stands for those that `maps.register` adds.
-Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"] | str
+Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"]
 
 
 Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
@@ -202,7 +202,9 @@ class Map:
                 received += f", whose map ({self.title}) has no {name}"
             else:
                 received += INSTEAD.get(name) or body.instead
-            raise checks.wrong("body", checks.either(names or ["another one"]), received, TypeError)
+            raise checks.wrong(
+                "system", checks.either(names or ["another one"]), received, TypeError
+            )
         if name in self.formulas and (check := self.formulas[name].check):
             check(body)
         if PARTS.get(name) == "plane" and self.plane and self.plane.check:
@@ -310,13 +312,13 @@ def map_of(body: Any, method: str = "auto") -> Map:
     if type(method) is str and method in by_method:
         return by_method[method]
     if isinstance(body, Field):
-        raise TypeError(f"body: {NO_MAP}")
+        raise TypeError(f"system: {NO_MAP}")
     if not by_method:
         kinds = [record.body.__name__ for record in MAPS.values()]
         received = checks.kind_of(body) + checks.in_place_of(body)
         if isinstance(body, Body):
             received += ", a class without a record of its own: see maps.register"
-        raise checks.wrong("body", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
+        raise checks.wrong("system", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
     if f"order{method}" in by_method:
         checks.one_of("method", method, by_method, f": pass 'order{method}'")
     of_fields = ", ".join(repr(name) for name in methods_of(QuadraticField) if name != "auto")

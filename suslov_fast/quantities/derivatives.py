@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.classes import AnyBody, BodyOrField
-from ..checks import FloatArray, first_index, spell
+from ..checks import FloatArray, Reals, first_index, spell
 from ..engine.problem import Problem
 from ..engine.stretches import states_after
 from ..keywords import public
@@ -20,14 +20,14 @@ _FIXED = 1e-8
 
 
 @public
-def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
+def vector_field(system: BodyOrField, x: ArrayLike, /) -> FloatArray:
     """Right-hand side f(x) of the equations of motion ``x' = f(x)``.
 
     For a body, the time derivative of its angular velocity.
 
     Parameters
     ----------
-    body, omega
+    system, x
         As in :func:`jacobian`.
 
     Returns
@@ -38,7 +38,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     Raises
     ------
     TypeError, ValueError
-        If `body` is no body or field, or the shape of `omega` does not fit it.
+        If `system` is no body or field, or the shape of `x` does not fit it.
 
     Notes
     -----
@@ -52,11 +52,11 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     array([[0.5, 0. ],
            [0. , 1. ]])
     """
-    return evaluate("vector_field", body, omega)
+    return evaluate("vector_field", system, x)
 
 
 @public
-def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -> FloatArray:
+def reaction(body: AnyBody, omega: ArrayLike, /, eps: Reals | None = None) -> FloatArray:
     """Torque of the constraint of a body: the Lagrange multiplier lambda that keeps Omega3 at 0.
 
     With x = I13 Omega1 + I23 Omega2, the third equation of motion is
@@ -96,7 +96,7 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -
 
 
 @public
-def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
+def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
     """Matrix A of the linear system that a step of Kahan's map solves.
 
     A = 1 - (eps / 2) f'(x), and A (x_next - x) = eps f(x), where f is the :func:`vector_field`. The
@@ -104,7 +104,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
 
     Parameters
     ----------
-    body, omega, eps
+    system, x, eps
         As in :func:`jacobian`.
 
     Returns
@@ -115,7 +115,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
     Raises
     ------
     TypeError, ValueError
-        If `body` is no body or quadratic field; if shapes do not broadcast.
+        If `system` is no body or quadratic field; if shapes do not broadcast.
 
     Examples
     --------
@@ -125,12 +125,12 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
     array([[ 0.95,  0.1 ],
            [-0.05,  1.  ]])
     """
-    return evaluate("matrix", body, omega, eps)
+    return evaluate("matrix", system, x, eps)
 
 
 @public
 def jacobian(
-    body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike, *, method: Method = "auto"
+    system: BodyOrField, x: ArrayLike, /, eps: Reals, *, method: Method = "auto"
 ) -> FloatArray:
     """Derivative of the map: row i, column j holds the derivative of (x_next)_i by x_j.
 
@@ -139,9 +139,9 @@ def jacobian(
 
     Parameters
     ----------
-    body : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
+    system : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
         A single field or body, or a batch.
-    omega : array_like(float, shape=(..., D))
+    x : array_like(float, shape=(..., D))
         States x of a field, or angular velocities of a body. NaN gives NaN.
     eps : array_like(float, shape=(...))
         Step size in time; a negative one steps back.
@@ -166,12 +166,12 @@ def jacobian(
     array([[ 1.093638, -0.221485],
            [ 0.105205,  0.999397]])
     """
-    return evaluate("jacobian", body, omega, eps, map=map_of(body, method))
+    return evaluate("jacobian", system, x, eps, map=map_of(system, method))
 
 
 @public
 def multipliers(
-    body: BodyOrField, x: ArrayLike, /, eps: ArrayLike, *, method: Method = "auto"
+    system: BodyOrField, x: ArrayLike, /, eps: Reals, *, method: Method = "auto"
 ) -> FloatArray:
     """Multipliers of fixed points (equilibria): the eigenvalues of the derivative of the map.
 
@@ -182,7 +182,7 @@ def multipliers(
 
     Parameters
     ----------
-    body
+    system
         As in :func:`jacobian`.
     x : array_like(float, shape=(..., D))
         Fixed points of the map: zeros of a field, steady states of a body.
@@ -212,7 +212,7 @@ def multipliers(
     >>> abs(multipliers(field, [0.0, 0.0], eps=0.2)).round(6)
     array([0.990148, 0.990148])
     """
-    checked = problem("multipliers", body, x, eps, method=method, name="x")
+    checked = problem("multipliers", system, x, eps, method=method, name="x")
     with np.errstate(all="ignore"):
         eigenvalues = checked.map.known_eigenvalues
         slopes = (_slopes_at_fixed_points if eigenvalues else _jacobian_at_fixed_points)(checked)

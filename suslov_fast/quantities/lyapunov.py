@@ -11,7 +11,7 @@ from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..checks import FloatArray, integer, short, wrong
+from ..checks import FloatArray, Reals, integer, short, wrong
 from ..engine.motion_growth import exponents_of
 from ..engine.motions import threads_for
 from ..engine.problem import warn_of_times
@@ -29,7 +29,7 @@ def lyapunov_exponents(
     system: BodyOrField,
     x0: ArrayLike,
     /,
-    eps: ArrayLike | None = None,
+    eps: Reals | None = None,
     steps: int | None = None,
     transient: float = 0,
     *,

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..bodies.base import Body
-from ..checks import require, wrong
+from ..checks import Reals, require, wrong
 from ..engine.problem import Problem, check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.starts import checked_settings, checked_times
@@ -49,14 +49,14 @@ def ensemble(
     system: Any,
     x0: Any,
     /,
-    eps: ArrayLike | None = None,
+    eps: Reals | None = None,
     steps: int | None = None,
     *,
     store: Any,
     save_every: int | None = None,
     method: str = "auto",
     attitude: bool | ArrayLike = False,
-    time: ArrayLike | None = None,
+    time: Reals | None = None,
     rtol: float = 1e-9,
     atol: ArrayLike | None = None,
     max_step: float | None = None,

@@ -12,7 +12,7 @@ from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..checks import FloatArray, instance, integer, one_of, real_number, short, warn, wrong
+from ..checks import FloatArray, Reals, instance, integer, one_of, real_number, short, warn, wrong
 from ..core.motion.engine import Settings
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
@@ -34,7 +34,7 @@ def crossings(
     system: BodyOrField,
     x0: ArrayLike | RandomStarts,
     /,
-    eps: ArrayLike,
+    eps: Reals,
     steps: int,
     surface: Surface,
     *,
@@ -74,7 +74,7 @@ def crossings(
     system: BodyOrField,
     x0: ArrayLike | RandomStarts,
     /,
-    eps: ArrayLike | None = None,
+    eps: Reals | None = None,
     steps: int | None = None,
     surface: Surface | Sequence[Surface] | None = None,
     *,

@@ -15,7 +15,7 @@ from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.fields.general import Field
 from ..bodies.nd import NotIntegrableError
-from ..checks import FloatArray, short, wrong
+from ..checks import FloatArray, Reals, short, wrong
 from ..engine.motions import Asked, Found, nothing_found, solve
 from ..engine.problem import Problem
 from ..engine.sensitivity import Columns
@@ -41,7 +41,7 @@ def flow(
     x0: ArrayLike,
     /,
     *,
-    time: ArrayLike,
+    time: Reals,
     rtol: float = 1e-9,
     atol: ArrayLike | None = None,
     max_step: float | None = None,
@@ -79,9 +79,8 @@ def flow(
     derivatives : str or sequence of str
         "x0", and names of parameters of the field: what ``motion.derivative(name)`` is wanted by.
         Derivatives solve the variational equations beside the states, with the same tolerance:
-        those by x0 relative to the size of x0, those by a parameter relative to its size. Where f
-        jumps, what follows from the moment of the jump is not in them. The motion of a body whose
-        closed form is known is computed to the tolerance, too.
+        those by x0 relative to the size of x0, those by a parameter relative to its size. The
+        motion of a body whose closed form is known is computed to the tolerance, too.
     threads, progress
         As in :func:`iterate`; `progress` counts states, and those that are not computed yet when
         it returns False are NaN. A solution has the same bits on any threads, in any batch.

@@ -130,7 +130,7 @@ class Points(Result):
         *names: int | str | Sequence[int | str],
         components: Sequence[int | str] | None = None,
         color: Any = None,
-        title: str | bool | None = True,
+        title: str | bool | None = None,
         ax: Any = None,
     ) -> Any:
         """Draw the crossings over two components, over time, or in space (extra `plots`).
@@ -150,8 +150,9 @@ class Points(Result):
             motions "surface"; a number for each crossing, or each trajectory; or a colour of
             Matplotlib. By default the parameter of a family, else the level of the conserved
             quantity, if it differs by more than 2 %.
-        title : str, optional
-            By default the system and the number of crossings; None leaves it out.
+        title : str or bool, optional
+            True: the system and the number of crossings. By default none, unless crossings are
+            left out.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on; by default those of a new figure.
 

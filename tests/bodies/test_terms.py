@@ -254,15 +254,6 @@ def test_what_sympy_and_complex_variables_need():
     assert of_function(lambda a: (a[0].conjugate(), np.vdot(a, [1, 2])), 2)([3, 4]) == (3, 11)
 
 
-def test_names_that_do_not_fit_what_f_unpacks():
-    def uvw(state):
-        u, v, w = state
-        return u, v, w
-
-    with pytest.raises(ValueError, match=r"^f\b.*u, v"):
-        of_function(uvw, "u v")
-
-
 def test_long_lists_of_states_are_those_of_arrays(rng):
     field, x = of_terms(*lattice(4), 4), rng.normal(size=(200, 4))
     expected = sf.step(field, x, 0.01)

@@ -6,7 +6,6 @@ import json
 import os
 import stat
 import threading
-import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -85,20 +84,6 @@ def test_what_interrupts_a_save_leaves_no_part_and_the_old_file(path, monkeypatc
     assert sf.Trajectories.load(path) == run
 
 
-@pytest.mark.parametrize("name", ["link", "replace"])
-def test_a_file_is_complete_when_it_gets_its_name(path, monkeypatch, name):
-    moved, given = [], getattr(os, name)
-
-    def move(new, target):
-        with zipfile.ZipFile(new) as file:
-            moved.append(file.testzip())
-        given(new, target)
-
-    monkeypatch.setattr(os, name, move)
-    run_of("one").save(path, overwrite=name == "replace")
-    assert moved == [None]
-
-
 def test_existing_files(path):
     run = run_of("one")
     path.write_bytes(b"kept")
@@ -161,14 +146,6 @@ def test_damaged_files(path):
             assert sf.Trajectories.load(path) == run_of("batch")
 
 
-def test_an_entry_that_no_run_has_is_not_read(path):
-    """One of 1 MB may need gigabytes, and has no header that NumPy reads."""
-    run_of("batch").save(path)
-    with zipfile.ZipFile(path, "a") as file:
-        file.writestr("junk.npy", b"no array")
-    assert sf.Trajectories.load(path) == run_of("batch")
-
-
 @pytest.mark.parametrize("links", [True, False])
 def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
     """On file systems without links, too; the file is that of the one that succeeded."""
@@ -197,21 +174,6 @@ def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
             assert sf.Trajectories.load(path) == runs[told.index("")]
             assert os.listdir(path.parent) == [path.name]
             path.unlink()
-
-
-def test_a_name_that_is_taken_meanwhile_stays(path, monkeypatch):
-    """The look at the beginning does not see a file that another process makes later."""
-    savez = np.savez
-
-    def slow(file, **arrays):
-        savez(file, **arrays)
-        path.write_bytes(b"of another")
-
-    monkeypatch.setattr(np, "savez", slow)
-    with pytest.raises(FileExistsError, match=r"run\.npz"):
-        run_of("one").save(path)
-    assert path.read_bytes() == b"of another"
-    assert os.listdir(path.parent) == [path.name]
 
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes and links of POSIX")
@@ -276,9 +238,3 @@ def test_each_kind_of_file_names_what_loads_it(path):
     run_of("batch").save(path, overwrite=True)
     with pytest.raises(ValueError, match=r"run\.npz .* Trajectories\.load"):
         sf.Crossings.load(path)
-
-
-def test_files_that_were_compressed(path):
-    run_of("batch").save(path)
-    np.savez_compressed(path, **entries(path))
-    assert sf.Trajectories.load(path) == run_of("batch")

@@ -176,10 +176,14 @@ class FieldOfFunction(Body):
         """The named parameters of the function: numbers as they were given, and arrays."""
         return Parameters({name: self._parts[name] for name in self.coordinates})
 
-    def __call__(self, x: Any, *others: Any, **named: Any) -> Any:
+    def __call__(self, x: Any = None, *others: Any, **named: Any) -> Any:
         """Return f(x): fractions if all numbers of a quadratic field are exact, else floats."""
         if others or named:
             how = "for solve_ivp pass lambda t, x: field(x)"
+            if named:
+                how = (
+                    f"other parameters are those of field.with_parameters({next(iter(named))}=...)"
+                )
             raise TypeError(f"a field takes the state alone, field(x): {how}")
         return self._value_at(x)
 

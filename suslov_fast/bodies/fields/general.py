@@ -72,13 +72,6 @@ class Equations:
         return RightHandSide(values, results, len(self.parameters))
 
     @cached_property
-    def for_motion(self) -> RightHandSide:
-        """The right-hand side whose choices are fixed within a step, if it has any."""
-        values, results = in_order(self.values, self.results)
-        fixed = with_fixed_choices(values, results, len(self.parameters))
-        return self.right_hand_side if fixed is None else fixed
-
-    @cached_property
     def texts(self) -> tuple[dict[str, str], list[str]]:
         """Definitions, and the texts of f, or that of H, from which f follows."""
         results = self.results if self.H is None else [self.H]
@@ -186,7 +179,7 @@ class Field(FieldOfFunction):
 
     @public
     def field(self) -> Any:
-        raise TypeError(f"body: {NO_MAP}")
+        raise TypeError(f"system: {NO_MAP}")
 
     @property
     def K(self) -> Any:
@@ -212,16 +205,11 @@ class Field(FieldOfFunction):
 
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
-        return self._of_members(self._equations.for_motion, self._inputs)
-
-    @cached_property
-    def listed_right_hand_sides(self) -> list[OfMembers]:
-        """The same without fixed choices, for variational equations."""
-        return self._of_members(self._equations.right_hand_side, self._inputs)
+        return self.derived_by(())
 
     def derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
-        """The same as `listed_right_hand_sides`, with the derivatives of f by parameters."""
-        return self._of_members(_with_derivatives(self._equations, names), self._inputs)
+        """The right-hand sides of the motion, with the derivatives of f by parameters."""
+        return self._of_members(_for_motion(self._equations, names), self._inputs)
 
     def _of_members(self, f: RightHandSide, parameters: FloatArray) -> list[OfMembers]:
         choices = np.zeros((f.P - len(parameters), *self.shape))  # of no state yet
@@ -357,11 +345,12 @@ class Field(FieldOfFunction):
 
 
 @lru_cache(64)
-def _with_derivatives(equations: Equations, names: tuple[str, ...]) -> RightHandSide:
-    """Return f with its derivatives by parameters."""
+def _for_motion(equations: Equations, names: tuple[str, ...]) -> RightHandSide:
+    """Return f with choices that are fixed within a step, and its derivatives by parameters."""
     values, results = in_order(equations.values, equations.results)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
-    return RightHandSide(values, results, len(equations.parameters), by)
+    fixed: RightHandSide = with_fixed_choices(values, results, len(equations.parameters), by)
+    return fixed
 
 
 class Energy:

@@ -82,6 +82,14 @@ class MotionCrossings(Points):
         return variable_of(type(self.body))
 
     @property
+    def _heading(self) -> str:
+        return f"Motion of a {type(self.body).__name__}"
+
+    @property
+    def _on_orbits(self) -> FloatArray:
+        return self.states
+
+    @property
     def _conserved(self) -> str | None:
         return "energy" if getattr(self.body, "H", None) is not None else None
 

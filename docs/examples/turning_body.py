@@ -5,9 +5,13 @@ hidden half is faint. The motion begins close to one steady rotation and ends cl
 """
 
 import matplotlib.pyplot as plt
+import numpy as np
 
-from suslov_fast import animate_body
+from suslov_fast import Suslov3D, animate_body, iterate
 
+body = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3, I3=3)
+x, y = np.array([-0.3, 0.5]) / np.hypot(0.3, 0.5)  # a repelling steady rotation
+start = [2 * x - 0.3 * y, 2 * y + 0.3 * x]
 plt.rcParams["animation.html"] = "jshtml"
-animation = animate_body(every=8)
+animation = animate_body(iterate(body, start, eps=0.05, steps=440, attitude=True), every=8)
 animation

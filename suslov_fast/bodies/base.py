@@ -19,7 +19,7 @@ Kind = TypeVar("Kind", bound="Body")
 # Attributes for authors and for other modules; `dir` hides them from users.
 OF_AUTHORS = frozenset(
     "arrays axes batch_of_one called constants coordinates derived_by described instead labels "
-    "has_map lists_terms listed_right_hand_sides may_escape of_member positive read reduction "
+    "has_map listed_right_hand_sides may_escape of_member positive read reduction "
     "remake right_hand_side right_hand_sides steady texts without_value".split()
 )
 
@@ -67,8 +67,6 @@ class Body(Members):
         What makes a body from its dictionary, and the entries that hold no numbers.
     described : dict of str to array or str
         What identifies the body in a store.
-    lists_terms : bool
-        Whether datasets hold the terms of a field in place of parameters.
     remake : callable or None
         Makes the field with other named parameters.
     """
@@ -84,7 +82,6 @@ class Body(Members):
     coordinates: ClassVar[Any] = ()
     read: ClassVar[Any] = None
     texts: ClassVar[tuple[str, ...]] = ()
-    lists_terms: ClassVar[bool] = False
     remake: ClassVar[Any] = None
     may_escape: ClassVar[Any] = False  # the energy of a body is constant
 

@@ -25,8 +25,6 @@ from .fields.terms import collected
 # Tolerance of the triangle inequality of moments, relative to the largest one: flat bodies have
 # equality, and the parallel axis theorem loses a few digits.
 _ROUNDING = 1e-12
-# Relative asymmetry that printed digits or single precision may explain.
-_PRINTED = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -323,31 +321,24 @@ def _in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
     tensors, rotation = adapted(I, a, 3)
     principal = np.linalg.eigvalsh(checks.real_array("I", I))
     largest, others = principal[..., -1], principal[..., 0] + principal[..., 1]
-    if (bad := others - largest < -_ROUNDING * largest).any():
-        where = checks.first_index(bad)
-        low, middle, high = principal[where].tolist()
-        which, by = _of_batch("I", where, bad), high - low - middle
-        raise ValueError(
-            f"{which}violates the triangle inequality of principal moments: "
-            f"{high:.9g} > {low:.9g} + {middle:.9g}, by {by:.3g}; {_conventions()}"
-        )
+    bad = others - largest < -_ROUNDING * largest
+    _refuse("I", bad, f"violates the triangle inequality of principal moments: {_CONVENTIONS}")
     I1, I2, I3 = np.moveaxis(np.diagonal(tensors, axis1=-2, axis2=-1), -1, 0)
     return I1, I2, tensors[..., 0, 2], tensors[..., 1, 2], I3, rotation
 
 
-def _conventions() -> str:
-    """Return advice on the two ways in which programs print another tensor, for messages."""
-    text = "I must be about the fixed point, with minus the integrals of x y dm off the diagonal"
-    return f"{text}, see {checks.page('howto/body')}"
+# How programs print another tensor.
+_CONVENTIONS = (
+    "I must be about the fixed point, with minus the integrals of x y dm off the diagonal, see "
+    f"{checks.page('howto/body')}"
+)
 
 
-def _of_batch(name: str, where: tuple[int, ...], bad: Any) -> str:
-    """Return "I: member 3 " for messages, with the number of bad members; "I " without a batch."""
-    if not np.ndim(bad):
-        return f"{name} "
-    count = np.count_nonzero(bad)
-    others = f"(the first of {count} such) " if count > 1 else ""
-    return f"{name}: member {checks.spell(where)} {others}"
+def _refuse(name: str, bad: Any, what: str) -> None:
+    """Raise ValueError, which names the first member of a batch of which something is true."""
+    if bad.any():
+        member = f": member {checks.spell(checks.first_index(bad))}" if np.ndim(bad) else ""
+        raise ValueError(f"{name}{member} {what}")
 
 
 def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
@@ -361,31 +352,15 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
-    if (bad := ~(asymmetry <= 1e-12 * size)).any():
-        where = checks.first_index(bad)
-        text = f"{_of_batch('I', where, bad)}is not symmetric: |I - I.T| = {asymmetry[where]:.3g}"
-        if (asymmetry <= _PRINTED * size).all():
-            each = " of each, with I.swapaxes(-2, -1) for I.T" if np.ndim(bad) else ""
-            text += f", which may be rounding of printed digits: then pass (I + I.T)/2{each}"
-        elif not np.tril(matrix, -1).any():
-            text += ": for an upper half pass I + np.triu(I, 1).T"
-        raise ValueError(text)
+    how = "for printed digits pass (I + I.T) / 2, and I + np.triu(I, 1).T for an upper half"
+    _refuse("I", ~(asymmetry <= 1e-12 * size), f"is not symmetric: {how}")
     least = np.linalg.eigvalsh(matrix).min(axis=-1, initial=np.inf)
-    if (bad := ~(least > 1e-15 * size)).any():
-        where = checks.first_index(bad)
-        which = _of_batch("I", where, bad)
-        raise ValueError(
-            f"{which}is not positive definite: its least eigenvalue is {least[where]:.9g}; "
-            f"{_conventions()}"
-        )
+    _refuse("I", ~(least > 1e-15 * size), f"is not positive definite: {_CONVENTIONS}")
     if axis.shape[-1:] != (n,):
         expected = f"{n} numbers, the components of an axis, or axes (..., {n})"
         raise wrong("a", expected, f"of the shape {axis.shape}")
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
-    if (bad := ~((length > 0) & (length < np.inf)))[..., 0].any():
-        where = checks.first_index(bad[..., 0])
-        which = _of_batch("a", where, bad[..., 0])
-        raise ValueError(f"{which}is not an axis: its length is {length[where][0]:g}")
+    _refuse("a", ~((length > 0) & (length < np.inf))[..., 0], "is not an axis of finite length")
     checks.common_shape({"I": matrix.shape[:-2], "a": axis.shape[:-1]})
     # Rotate the axis to e_n by the smallest angle. If it points down, rotate its opposite in this
     # way, and then make half a turn.

@@ -284,9 +284,7 @@ def _in_store(path: Path, force: bool, work: Any, settings: Any) -> dict[str, An
             raise OSError(error.errno, f"not replaced: {error.strerror}", str(path)) from error
     was_complete, begin = is_complete(path), time.perf_counter()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", sf.PoleWarning)  # the summary counts passed poles
-            sf.ensemble(*work, store=path, **settings)
+        sf.ensemble(*work, store=path, **settings)
     except KeyboardInterrupt:
         if "zarr" in sys.modules:  # requests under way would print warnings at exit
             from ..runs.files import access

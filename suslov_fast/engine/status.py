@@ -140,34 +140,20 @@ def report_poles(
     `told_by_signs` is true where a change of sign revealed the pole.
     """
     passed = (status == Status.PASSED_POLE) & (failed_at >= since)
-    if passed.any():
-        index = first_index(passed)
-        first = index, int(failed_at[index])
-        warn_of_poles(
-            problem, steps, int(passed.sum()), first, bool((passed & told_by_signs).any())
-        )
-
-
-def warn_of_poles(
-    problem: Any, steps: Any, passed: int, first: tuple[tuple[int, ...], int], by_sign: bool
-) -> None:
-    """Warn that some trajectories of a problem passed a pole.
-
-    `first` is the index of the first one and the number of its first state beyond the pole. With
-    `by_sign`, a change of sign revealed one of them.
-    """
-    (index, step), why = first, "eps is too long"
+    if not passed.any():
+        return
+    index, why = first_index(passed), "eps is too long"
+    step = int(failed_at[index])
     if problem.body.may_escape:
         time = step * float(np.broadcast_to(problem.eps, problem.batch)[index])
         why = f"the motion escapes to infinity before t = {_at_least(time)}, or {why}"
-    if by_sign:
+    if (passed & told_by_signs).any():
         why += " (a component that cannot change its sign did)"
     if steps.goes_back:
         why += ", or a mode decays so fast that a substep backwards in time looks "
         why += "like a pole, and the states may be right"
-    size = math.prod(problem.batch)
     warn(
-        f"{passed} of {size} trajectories passed a pole "
+        f"{passed.sum()} of {passed.size} trajectories passed a pole "
         f"(first: trajectory {spell(index)} at step {step}): {why}",
         PoleWarning,
     )

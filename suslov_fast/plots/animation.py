@@ -5,20 +5,14 @@ from __future__ import annotations
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyIn3D
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, positive, rotations, short, wrong
+from ..checks import FloatArray, instance, integer, positive, wrong
 from ..keywords import public
-from ..maps import map_of
-from ..runs.iterate import iterate
 from ..runs.trajectories import Trajectories
 from ..space import attitude
-from .phase import Plane
 
-# A rigid body, because I3 lies in the interval 2.28 to 5.68 of admissible_I3().
-_EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
 _BODY_AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
 # Distances from the centre: the largest semi-axis, the tips of the axes, and their names.
 _RADIUS, _TIP, _NAME = 0.85, 1.15, 1.28
@@ -27,34 +21,17 @@ _POLE = 1e-3
 
 
 @public
-def animate_body(
-    body: BodyIn3D | Trajectories = _EXAMPLE,
-    omega0: ArrayLike | None = None,
-    /,
-    eps: float = 0.05,
-    steps: int = 440,
-    *,
-    R0: ArrayLike | None = None,
-    every: int = 2,
-    fps: int = 25,
-) -> Any:
+def animate_body(run: Trajectories, /, *, every: int = 2, fps: int = 25) -> Any:
     """Return an animation of the body in space: ellipsoid of inertia, and path of the axis a.
 
     The constrained axis a is the one about which rotation is forbidden.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovGyrostat or Trajectories, optional
-        A single body, by default Suslov3D(4, 2, -0.5, -0.3, I3=3), or the run of one orbit. If I3
-        is not set, the middle of the interval ``admissible_I3()`` is drawn; if that is empty,
-        another I3 whose inertia tensor is positive definite. Save every state of a run, unless it
-        has `attitude`.
-    omega0 : array_like(float, shape=(2,)), optional
-        Initial angular velocity; by default one near the repelling steady rotation.
-    eps, steps : float, int
-        As in :func:`iterate`; ignored for a run.
-    R0 : array_like(float, shape=(3, 3)), optional
-        Rotation matrix at the start; by default the identity.
+    run : Trajectories
+        The run of one orbit of a `Suslov3D` or a `SuslovGyrostat`, with `attitude` or with every
+        state saved. If I3 of the body is not set, the middle of the interval ``admissible_I3()`` is
+        drawn; if that is empty, another I3 whose inertia tensor is positive definite.
     every, fps : int
         Saved states from one frame to the next, and frames per second.
 
@@ -65,52 +42,32 @@ def animate_body(
 
     Raises
     ------
-    ValueError
-        If the inertia tensor is not positive definite, or a run has failed.
-    SingularStepError
-        If the orbit meets a pole of the map.
+    TypeError, ValueError
+        If the inertia tensor is not positive definite, or this is not the run of one orbit that has
+        not failed.
 
     Examples
     --------
-    >>> from suslov_fast import animate_body
-    >>> animation = animate_body()  # doctest: +SKIP
+    >>> from suslov_fast import Suslov3D, animate_body, iterate
+    >>> run = iterate(Suslov3D(4, 2, -0.5, -0.3, 3), [-1.3, 1.6], 0.05, 440, attitude=True)
+    >>> animation = animate_body(run)  # doctest: +SKIP
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
-    if isinstance(body, Trajectories):
-        run, subject, single = body, "run", "that of one orbit"
-        run.map.require("animate_body", run.body)
-        if omega0 is not None:
-            raise wrong("omega0", "left out, because the run has states", short(omega0))
-        if R0 is not None and run.attitude is not None:
-            raise wrong("R0", "left out, because the run has orientations", short(R0))
-    else:
-        run = _new_run(body, omega0, eps, steps, True if R0 is None else rotations("R0", R0, 3))
-        subject, single = "omega0, R0", "a single state and a single rotation matrix"
+    instance("run", run, Trajectories)
+    run.map.require("animate_body", run.body)
     if run.status.ndim:
-        raise wrong(subject, single, f"a batch {run.status.shape}")
+        raise wrong("run", "that of one orbit", f"a batch {run.status.shape}")
     if not run.ok:
         raise ValueError(f"this orbit has no state at step {int(run.failed_at)}: draw fewer steps")
-    drawn_body, orientations = cast(BodyIn3D, run.body), run.attitude
+    body, orientations = cast(BodyIn3D, run.body), run.attitude
     if orientations is None:
-        orientations = attitude(drawn_body, run.states, run.eps, R0)
-    figure, draw = _rotating_body(drawn_body, orientations, run.time)
+        orientations = attitude(body, run.states, run.eps)
+    figure, draw = _rotating_body(body, orientations, run.time)
 
     from matplotlib.animation import FuncAnimation
 
     return FuncAnimation(figure, draw, frames=range(0, len(orientations), every), interval=interval)
-
-
-def _new_run(body: BodyIn3D, omega0: Any, eps: float, steps: int, attitude: Any) -> Trajectories:
-    """Return the run of one orbit; `omega0` is by default near the repelling steady rotation."""
-    map_of(body).require("animate_body", body)
-    if body.shape or np.ndim(eps):
-        shapes = f"the shapes {body.shape} and {np.shape(eps)}: for a run call animate_body(run)"
-        raise wrong("body, eps", "a single body and a single step size", shapes)
-    if omega0 is None:
-        least, (x, y) = Plane(body, eps).steady_line() or (0.0, (1.0, 0.0))
-        omega0 = least + 2.0 * np.array([x, y]) + 0.3 * np.array([-y, x])
-    return iterate(body, omega0, eps, steps, attitude=attitude, on_singular="raise")
 
 
 def _rotating_body(body: BodyIn3D, orientations: FloatArray, times: FloatArray) -> tuple[Any, Any]:

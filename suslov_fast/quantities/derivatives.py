@@ -8,16 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.classes import AnyBody, BodyOrField
-from ..checks import (
-    FloatArray,
-    OneOrEach,
-    Reals,
-    common_shape,
-    first_index,
-    real_number,
-    spell,
-    wrong,
-)
+from ..checks import FloatArray, Reals, first_index, spell
 from ..engine.problem import Problem
 from ..engine.stretches import states_after
 from ..keywords import public
@@ -180,13 +171,8 @@ def jacobian(
 
 @public
 def multipliers(
-    system: BodyOrField,
-    x: ArrayLike | list[FloatArray],
-    /,
-    eps: Reals,
-    *,
-    method: Method = "auto",
-) -> OneOrEach:
+    system: BodyOrField, x: ArrayLike, /, eps: Reals, *, method: Method = "auto"
+) -> FloatArray:
     """Multipliers of fixed points (equilibria): the eigenvalues of the derivative of the map.
 
     A fixed point is stable if all moduli are below 1. Multipliers of Kahan's map are
@@ -199,17 +185,16 @@ def multipliers(
     system
         As in :func:`jacobian`.
     x : array_like(float, shape=(..., D))
-        Fixed points of the map: zeros of a field, steady states of a body. For a family also the
-        result of :func:`fixed_points`, with an array (k, D) for each member.
+        Fixed points of the map: zeros of a field, steady states of a body.
     eps, method
         As in :func:`jacobian`.
 
     Returns
     -------
-    ndarray(float or complex, shape=(..., D)), or a list of them
+    ndarray(float or complex, shape=(..., D))
         Sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Complex for a field or
         a gyrostat; floats for other bodies, where 1 belongs to the line of steady states. Infinite
-        at a pole. If x is a result of :func:`fixed_points`, an array for each of its arrays.
+        at a pole.
 
     Raises
     ------
@@ -227,49 +212,10 @@ def multipliers(
     >>> abs(multipliers(field, [0.0, 0.0], eps=0.2)).round(6)
     array([0.990148, 0.990148])
     """
-    points: Any = x
-    map_of(system, method).require("multipliers", system)
-    # The result of `fixed_points` for a family: a list, or an array of objects.
-    is_list = isinstance(points, list) and len(system.shape) == 1 and len(points) > 0
-    if is_list and all(a is None or (isinstance(a, np.ndarray) and a.ndim == 2) for a in points):
-        if len(points) != len(system):
-            raise wrong("x", f"a list of {len(system)} arrays, one for each member", len(points))
-        in_list: OneOrEach = _of_each_member(system, points, eps, method)
-        return in_list
-    if isinstance(points, np.ndarray) and points.dtype == object and points.shape == system.shape:
-        values: Any = np.empty(system.shape, object)
-        for i, of_member in enumerate(_of_each_member(system, [*points.flat], eps, method)):
-            values.flat[i] = of_member
-        in_array: OneOrEach = values
-        return in_array
-    checked = problem("multipliers", system, points, eps, method=method, name="x")
-    of_all: OneOrEach = _multipliers(checked)
-    return of_all
-
-
-def _of_each_member(family: Any, points: list[Any], eps: Reals, method: str) -> Any:
-    """Return a list with the multipliers (k, D) at the points of each member of a family."""
-    step = np.asarray(real_number("eps", eps))
-    if common_shape({"body": family.shape, "eps": step.shape}) != family.shape:
-        raise wrong("eps", f"a number, or one for each of {len(points)} members", step.shape)
-    steps = np.broadcast_to(step, family.shape)
-    values: list[Any] = []
-    for x, index in zip(points, np.ndindex(family.shape), strict=True):
-        if x is None:  # infinitely many fixed points
-            values.append(None)
-            continue
-        member, name = family[index], index if len(index) > 1 else index[0]
-        of_member = problem("multipliers", member, x, steps[index], method=method, name="x")
-        values.append(_multipliers(of_member, family.of_member(name)))
-    return values
-
-
-def _multipliers(checked: Problem, member: str = "") -> Any:
-    """Return the multipliers (..., D); `member` is text for messages."""
+    checked = problem("multipliers", system, x, eps, method=method, name="x")
     with np.errstate(all="ignore"):
         eigenvalues = checked.map.known_eigenvalues
-        slopes_at = _slopes_at_fixed_points if eigenvalues else _jacobian_at_fixed_points
-        slopes = slopes_at(checked, member)
+        slopes = (_slopes_at_fixed_points if eigenvalues else _jacobian_at_fixed_points)(checked)
         known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
         slopes = np.where(known[..., np.newaxis], slopes, 0.0)
         if eigenvalues:
@@ -282,7 +228,7 @@ def _multipliers(checked: Problem, member: str = "") -> Any:
     return np.take_along_axis(values, order, axis=-1)
 
 
-def _slopes_at_fixed_points(checked: Problem, member: str) -> FloatArray:
+def _slopes_at_fixed_points(checked: Problem) -> FloatArray:
     """Return f' (..., D, D); raise ValueError where f is not 0 to rounding."""
     x, D = checked.omega, checked.body.dimension
     (i, j, k), values = checked.body._terms
@@ -301,7 +247,7 @@ def _slopes_at_fixed_points(checked: Problem, member: str) -> FloatArray:
     moves = ~((abs(f) <= _FIXED * sizes) & (sizes < np.inf)) & ~np.isnan(x)
     if moves.any():
         moves &= ~_is_near_fixed_point(f, sizes, derivative, x)[..., np.newaxis]
-    _refuse_moving(checked, moves, member)
+    _refuse_moving(checked, moves)
     return derivative
 
 
@@ -316,24 +262,24 @@ def _is_near_fixed_point(f: Any, sizes: Any, slopes: Any, x: Any) -> Any:
     return known & is_small & (residual <= _FIXED * sizes).all(axis=-1)
 
 
-def _jacobian_at_fixed_points(checked: Problem, member: str) -> FloatArray:
+def _jacobian_at_fixed_points(checked: Problem) -> FloatArray:
     """Return the derivative (..., D, D) of any map; raise ValueError where a step moves a state."""
     x = np.broadcast_to(checked.omega, (*checked.batch, checked.body.dimension))
     size = abs(x).max(axis=-1, keepdims=True)
     moves = ~(abs(states_after(checked) - x) <= _FIXED * size) & ~np.isnan(x)
-    _refuse_moving(checked, moves, member)
+    _refuse_moving(checked, moves)
     values: FloatArray = checked.map.formulas["jacobian"].compute(checked)
     return values
 
 
-def _refuse_moving(checked: Problem, moves: Any, member: str) -> None:
+def _refuse_moving(checked: Problem, moves: Any) -> None:
     """Raise ValueError if `moves` (..., D) is True for a component of a state."""
     if moves.any():
         moves = np.broadcast_to(moves.any(axis=-1), checked.batch)
         text = f"{checked.name} is not a fixed point"
         if checked.batch:
             where = spell(first_index(moves))
-            text = f"{checked.name}: states{member} that are not fixed points, first: {where}"
+            text = f"{checked.name}: states that are not fixed points, first: {where}"
         raise ValueError(
             f"{text}: use jacobian for the derivative there; "
             "for a periodic orbit see periodic_orbit"

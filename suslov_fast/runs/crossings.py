@@ -146,6 +146,16 @@ class Crossings(Points):
         """Leave out the surface, because most functions cannot be pickled."""
         return super().__getstate__() | {"_surface": None}
 
+    @property
+    def _heading(self) -> str:
+        from .plot import titled
+
+        return titled(self)
+
+    @property
+    def _on_orbits(self) -> FloatArray:
+        return self.before
+
     def _parts_of(self, place: tuple[int, ...], i: int) -> dict[str, Any]:
         batch = self.count.shape
         return {

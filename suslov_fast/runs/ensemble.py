@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -23,15 +21,15 @@ from ..checks import Reals, require, wrong
 from ..engine.problem import Problem, check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.starts import checked_settings, checked_times
-from ..engine.status import PENDING, warn_of_poles
+from ..engine.status import PENDING
 from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
 from .columns import FORMAT, in_stores, shape_of, sizes_of
 from .files import access, metadata, stores
-from .files.datasets import as_columns, columns_of, to_xarray, with_time
-from .files.tiles import Functions, Steps, Task, Times, checked_values, count_in, finish, place_of
+from .files.datasets import to_xarray, with_time
+from .files.tiles import Steps, Task, Times, count_in, finish, place_of
 from .iterate import checked_counts
 from .motion import Motion, variable_of
 from .trajectories import Trajectories
@@ -64,9 +62,7 @@ def ensemble(
     max_step: float | None = None,
     stiff: bool | None = None,
     dims: str | Sequence[str] | None = None,
-    coords: Mapping[Any, Any] | None = None,
     chunk: int | Mapping[str, int] | None = None,
-    functions: Functions | None = None,
     client: distributed.Client | None = None,
     progress: Progress = None,
 ) -> xarray.Dataset:
@@ -93,15 +89,11 @@ def ensemble(
     time, rtol, atol, max_step, stiff : optional
         As in :func:`flow`, in place of `eps`, `steps` and the arguments of maps. All states of a
         tile are in memory at once.
-    dims, coords : optional
+    dims : optional
         As in :meth:`Trajectories.to_xarray`.
     chunk : int or mapping, optional
         Number of trajectories in a tile, or lengths along `dims`, and along "n" or "time". An
         existing store keeps its own.
-    functions : mapping of str to callable, optional
-        Functions of the saved states (..., D), which they cannot change; their real values (...)
-        are stored under these names. Their source code is part of the identity of the run; the
-        values of global variables are not. With `client` they must be picklable.
     client : distributed.Client, optional
         Its Dask workers compute the tiles and write to the store.
     progress : bool or callable, optional
@@ -112,8 +104,8 @@ def ensemble(
     Returns
     -------
     xarray.Dataset
-        The opened store, as by :func:`open_ensemble`. Failed trajectories and solutions that end
-        have a status, and cause no warning; poles that a map passed cause one :class:`PoleWarning`.
+        The opened store, as by :func:`open_ensemble`. Trajectories that failed or passed a pole,
+        and solutions that end, have a status, and cause no warning.
 
     Raises
     ------
@@ -169,31 +161,22 @@ def ensemble(
     if shape[-1:] != (system.dimension,) or np.isnan(shape).any():
         raise wrong("x0", f"have a known shape (..., {system.dimension})", shape)
     batch = checks.common_shape({"x0": shape[:-1], "the other arguments": whole.batch})
-    functions = functions or {}
-    checks.instance("functions", functions, Mapping)
     whole, store = whole._replace(omega=x0, batch=batch), stores.resolved(store)
-    data = _template(whole, task, functions, dims, coords)
+    data = _template(whole, task, dims)
     reports = reporter(progress, math.prod(batch) * task.work)
     with stores.naming_full_disks(store):
         missing, contents = stores.prepare(store, data, _sizes(data, task, chunk))
     arrays, status = contents.arrays, contents.arrays["status"]
     tiles = {tile: place_of(tile, status.shape, status.chunks) for tile in missing}
     done = math.prod(batch) - sum(count_in(where) for where in tiles.values())
-    finished = finish(tiles, whole, task, functions, arrays, client, store)
-    by_sign = False
+    finished = finish(tiles, whole, task, arrays, client, store)
     with reports as report, closing(finished), stores.naming_full_disks(store):
         goes_on = report is None or report(done * task.work)
         while goes_on and (tile := next(finished, None)) is not None:
-            done += count_in(tile[0])
-            by_sign |= tile[1]
+            done += count_in(tile)
             goes_on = report is None or report(done * task.work)
     is_finished = done == math.prod(batch)
-    data = _dataset(store, is_finished, is_known=is_finished and (client is None or not tiles))
-    if tiles and isinstance(task, Steps) and map.methods[method].notes_poles:
-        count, first = stores.passed_poles(store, contents)
-        if first is not None:
-            warn_of_poles(whole, map.methods[method], count, first, by_sign)
-    return data
+    return _dataset(store, is_finished, is_known=is_finished and (client is None or not tiles))
 
 
 @public
@@ -208,9 +191,9 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        Lazy, with the variables of :meth:`Trajectories.to_xarray` and those of `functions`; the
-        attributes are the arguments of the run. Trajectories that are not computed yet are NaN and
-        have the status -128, PENDING.
+        Lazy, with the variables of :meth:`Trajectories.to_xarray`; the attributes are the arguments
+        of the run. Trajectories that are not computed yet are NaN and have the status -128,
+        PENDING.
 
     Raises
     ------
@@ -265,7 +248,7 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
         for name, array in contents.arrays.items()
         if array.shape and name not in data.indexes
     }
-    return with_time(as_columns(data.assign(lazy)))
+    return with_time(data.assign(lazy))
 
 
 def _parts(array: metadata.Stored) -> dict[Any, int]:
@@ -282,9 +265,7 @@ def _parts(array: metadata.Stored) -> dict[Any, int]:
     return parts
 
 
-def _template(
-    whole: Problem, task: Task, functions: Functions, dims: Any, coords: Any
-) -> xarray.Dataset:
+def _template(whole: Problem, task: Task, dims: Any) -> xarray.Dataset:
     """Return the empty dataset of a run, with attributes that identify the run."""
     (map, body, x0, eps, batch, *_, turns), is_motion = whole, isinstance(task, Times)
     kind: Any = Motion if is_motion else Trajectories
@@ -303,56 +284,27 @@ def _template(
     else:
         arguments |= {"eps": np.asarray(eps)} | ({} if turns is None else {"attitude": turns})
         run |= {"map": map, "eps": eps}
-    data = to_xarray(kind._of(filled | run), dims, coords, with_terms=True)
+    data = to_xarray(kind._of(filled | run), dims)
     data = data if is_motion else data.drop_vars("time")
     flags = data.status.attrs
     flags["flag_values"] = [*flags["flag_values"], PENDING]
     flags["flag_meanings"] += " PENDING"
-    sources = _add_functions(data, functions)
     names = *data.variables, *data.dims
     if refused := [repr(str(name)) for name in names if not _is_storable(name)]:
         expected = "have names without /, and other than '', '.' and 'zarr.json'"
-        raise wrong("dims, coords and functions", expected, ", ".join(refused))
+        raise wrong("dims", expected, ", ".join(refused))
     identity = {
         name: value if isinstance(value, str) else stores.described(name, value)
         for name, value in arguments.items()
     }
     identity["x0"] = stores.described("x0", x0, few=0)
-    labels = {name: data[name].values.tolist() for name in coords or ()}
-    for name, texts in (("functions", sources), ("coords", labels)):
-        digest = hashlib.sha256(repr(sorted(texts.items())).encode()).hexdigest()
-        identity |= {name: f"{', '.join(texts)}, sha256 {digest}"} if texts else {}
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
     variable = map.variable if map else variable_of(type(body))  # the name of states in the dataset
-    tiled = sorted({*filled, *functions, variable} - {"states", "time"})
+    tiled = sorted({*filled, variable} - {"states", "time"})
     shared = sorted({*data.variables} - {*tiled})
     lists = {"tiled": tiled, "shared": shared}
     identity |= {name: json.dumps(value) for name, value in lists.items()}
     return data.assign_attrs(identity, format=FORMAT)
-
-
-def _add_functions(data: Any, functions: Functions) -> dict[str, str]:
-    """Add an empty variable for each function of states, and return their source texts."""
-    sources, columns = {}, columns_of(data)
-    for name, function in functions.items():
-        checks.instance("functions, a name", name, str)
-        if name in (*data.variables, *data.dims, *columns, "time"):
-            raise wrong("functions", "names that the dataset does not have", repr(name))
-        try:
-            sources[name] = inspect.getsource(function)
-        except (TypeError, OSError) as error:
-            received = f"{name}: {function!r}"
-            must = "functions with a source, as in a file or a notebook, which identifies the run"
-            raise wrong("functions", must, received, TypeError) from error
-        if getattr(function, "__name__", "") == "<lambda>":  # whose text is that of whole lines
-            starts = [place[2] for place in function.__code__.co_positions() if place[2]]
-            sources[name] += f"# column {min(starts, default=0)}"
-        # A trial call, so that a wrong function is an error before anything is stored.
-        checked_values(name, function, np.full((3, data.sizes["component"]), 0.5))
-        axis = "n" if "n" in data.dims else "time"
-        shape = data.sizes[axis], *data.status.shape
-        data[name] = (axis, *data.status.dims), np.broadcast_to(np.nan, shape)
-    return sources
 
 
 def _is_storable(name: Any) -> bool:

@@ -1,4 +1,4 @@
-"""Values of users' functions of states: surfaces of crossings, functions of stores."""
+"""Values of users' functions of states, the surfaces of crossings."""
 
 from __future__ import annotations
 
@@ -26,22 +26,21 @@ def returned_at(name: str, function: Any, states: FloatArray) -> Any:
 
 
 def values_at(
-    name: str, states: FloatArray, returned: Any, *, truths: bool = False, all_exist: bool = False
+    name: str, states: FloatArray, returned: Any, *, all_exist: bool = False
 ) -> FloatArray:
     """Return what a function of states (..., D) returned as real numbers (...), after checks.
 
     They are NaN at states that are NaN, because a function with integer values returns numbers
-    there; with `all_exist` the caller knows that there are none. Errors call the function `name`;
-    truth values are numbers only with `truths`.
+    there; with `all_exist` the caller knows that there are none. Errors call the function `name`.
     """
     if isinstance(returned, np.ma.MaskedArray):
         how = "return NaN where there is no value, for example by values.filled(np.nan)"
         raise wrong(name, "have real numbers as values", f"a masked array: {how}", TypeError)
     values = np.asarray(returned)
-    if values.dtype.kind == "b" and not truths:
+    if values.dtype.kind == "b":
         how = "pass the difference, not the comparison"
         raise wrong(name, "have real numbers as values", f"bool: {how}", TypeError)
-    if values.dtype.kind not in "biuf":
+    if values.dtype.kind not in "iuf":
         received = "None: return a value" if returned is None else values.dtype
         raise wrong(name, "have real numbers as values", received, TypeError)
     if values.shape != states.shape[:-1]:

@@ -21,26 +21,19 @@ class MotionCrossings(Points):
 
     Attributes
     ----------
-    trajectory : ndarray(int, shape=(K,))
-        Index of the trajectory, in the batch flattened in C order.
     time, states : ndarray(float, shape=(K,) and (K, D))
         Times and states of the crossings, with the digits of the tolerance. States lie on the
         surface to rounding, on the side to which the motion goes: a motion that starts there does
         not cross again at once.
     surface : ndarray(int, shape=(K,))
         Which of the surfaces is crossed; 0 if there is one.
-    count : ndarray(int, shape=(...))
-        Number of crossings of each trajectory.
-    status : ndarray(int8, shape=(...))
-        The :class:`Status` of each trajectory: OK, or negative if its solution ends early.
-    end : ndarray(float, shape=(...))
-        The time at which a solution ends, or up to which it was computed; NaN if there is more of
-        it than was asked for.
+    trajectory, count
+        As in :class:`Crossings`.
+    status, end, steps
+        As in :class:`Motion`.
     final : ndarray(float, shape=(..., D))
         The states at the last time, or at the crossing number `most`; NaN where a solution has
         ended.
-    steps : ndarray(int, shape=(...))
-        Number of steps that were taken.
     body, last, transient, direction, most, rtol, atol, max_step, stiff
         The arguments of :func:`crossings`; `last` is the last time.
 
@@ -87,6 +80,14 @@ class MotionCrossings(Points):
     @property
     def _variable(self) -> str:
         return variable_of(type(self.body))
+
+    @property
+    def _heading(self) -> str:
+        return f"Motion of a {type(self.body).__name__}"
+
+    @property
+    def _on_orbits(self) -> FloatArray:
+        return self.states
 
     @property
     def _conserved(self) -> str | None:

@@ -153,18 +153,16 @@ def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any
     """Draw crossings, and return the axes; see `Crossings.plot`."""
     K = len(points)
     chosen = _components(points, _varying(points) if components is None else components)
-    is_of_map = hasattr(points, "eps")
-    names = "trajectory", "n" if is_of_map else "surface", "time"
-    colours = _colours(points, color, (K,), {name: getattr(points, name) for name in names})
-    if colours.values is None and color is None and np.size(points.eps if is_of_map else 0.0) == 1:
-        colours = _levels(points, points.before if is_of_map else points.states)
+    of_crossings = {name: getattr(points, name) for name in points.coordinates}
+    colours = _colours(points, color, (K,), of_crossings)
+    if colours.values is None and color is None:
+        colours = _levels(points, points._on_orbits)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
     drawn, count = _dots(axes, _drawn(points, points.states, chosen), colours, np.arange(K))
     colours.explain(axes, drawn)
     _label(axes, points, chosen)
     shown = f"{count:,} of {K:,}" if count < K else f"{K:,}"
-    what = titled(points) if is_of_map else f"Motion of a {type(points.body).__name__}"
-    text = f"{what}\n{shown} crossings by {_orbits(points.count.size)}"
+    text = f"{points._heading}\n{shown} crossings by {_orbits(points.count.size)}"
     _entitle(axes, title, text, count < K)
     return axes
 

@@ -33,6 +33,8 @@ class Points(Result):
     called = "a result of crossings"
     kinds = "Crossings", "MotionCrossings"
     coordinates: ClassVar[tuple[str, ...]]  # attributes of crossings that label them
+    _heading: Any  # what the points are, for plots
+    _on_orbits: Any  # states of orbits near them, at which conserved quantities are evaluated
 
     def _at_crossings(self, values: Any, axes: int = 0) -> Any:
         """Return for each crossing the value (...) of its trajectory, an array of `axes` axes."""

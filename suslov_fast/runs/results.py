@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
@@ -318,9 +318,7 @@ class States(Result):
         return self
 
     @public
-    def to_xarray(
-        self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
-    ) -> xarray.Dataset:
+    def to_xarray(self, dims: str | Sequence[str] | None = None) -> xarray.Dataset:
         """Return the run as a labelled `xarray.Dataset` (extra `xarray`).
 
         Parameters
@@ -329,17 +327,13 @@ class States(Result):
             Names of the batch axes. By default that of the first named parameter of a field that
             varies along the axis alone; without one "trajectory", or "batch_0", "batch_1", ... An
             axis with the name of a parameter, or "eps", has its values as the coordinate:
-            ``data.sel(eps=0.2)``.
-        coords : mapping, optional
-            Coordinates along these axes, as for `xarray.Dataset.assign_coords`.
+            ``data.sel(eps=0.2)``. For others see `xarray.Dataset.assign_coords`.
 
         Returns
         -------
         xarray.Dataset
             Dimensions: "n" for a run of a map, "time" for a motion, those of the batch, and
-            "component"; ``to_dataframe()`` has a row for each component of each state. Coefficients
-            of a `QuadraticField` are coordinates, one for each monomial: linear_2 for x2,
-            quadratic_1_3 for x1 x3.
+            "component"; ``to_dataframe()`` has a row for each component of each state.
 
         Raises
         ------
@@ -351,13 +345,13 @@ class States(Result):
         >>> from suslov_fast import Suslov3D, iterate
         >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
         >>> orbits = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
-        >>> data = orbits.to_xarray(dims="start", coords={"start": ["fast", "slow"]})
+        >>> data = orbits.to_xarray(dims="start").assign_coords(start=["fast", "slow"])
         >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
         -0.7
         """
         from .files.datasets import to_xarray
 
-        return to_xarray(self, dims, coords)
+        return to_xarray(self, dims)
 
 
 def read_only(array: NDArray[T]) -> NDArray[T]:

@@ -224,23 +224,6 @@ def test_many_variables_cost_their_terms(rng):
         assert int(done.stdout) < 2**17  # KiB; a table of 2048 variables has 64 GiB
 
 
-def test_datasets_and_stores_hold_columns_of_terms(tmp_path):
-    pytest.importorskip("zarr")
-    indices = [[0, 1, 1], [1, 0, 2], [2, 2, 2]]
-    values = np.array([[1.0, 2, 3], [4, 0, 5], [6, 7, 8]])
-    family = of_terms(indices, values, "u v")
-    run = sf.iterate(family, [0.1, 0.2], 0.01, 3)
-    stored = sf.ensemble(family, [0.1, 0.2], 0.01, 3, store=tmp_path / "s.zarr")
-    for data in (run.to_xarray(), stored):
-        assert data.linear_2.values.tolist() == [[1, 0], [4, 0], [6, 0]]
-        assert data.linear_1.values.tolist() == [[0, 2], [0, 0], [0, 7]]
-        assert data.constant.values.tolist() == [[0, 3], [0, 5], [0, 8]]
-        assert not {"linear_3", "quadratic_1_1", "terms-values"} & {*data.variables, *data.dims}
-        assert data.linear_1.attrs["long_name"] == "coefficient of u"
-    nothing = of_terms(np.zeros((3, 0), int), [], 2)
-    assert sf.iterate(nothing, [0.1, 0.2], 0.01, 3).to_xarray().constant.values.tolist() == [0, 0]
-
-
 def test_equations_are_readable():
     J = np.array([[0.3, 0.1, 0.2], [0.1, 0.7, 0.3], [0.2, 0.3, 0.9]])
     I = np.linalg.inv(J)

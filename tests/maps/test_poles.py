@@ -299,27 +299,17 @@ def test_crossings_tell_of_poles_before_they_end(most, tmp_path):
 # ------------------------------------------------------------------------------------- what is kept
 
 
-def test_an_ensemble_tells_of_its_store(tmp_path):
-    """Once, whichever call computes the last tile; a call that only opens it says nothing."""
+def test_an_ensemble_has_the_statuses_of_its_store(tmp_path):
     starts = np.tile(BOUNDED, (3, 8, 1))
     starts[1, 5:] = starts[2, 0] = ESCAPES
     given = HENON, starts, 1 / 16, 100
-    message = (
-        "4 of 24 trajectories passed a pole (first: trajectory (1, 5) at step 52): "
-        "the motion escapes to infinity before t = 3.3, or eps is too long"
-    )
-    store = tmp_path / "run.zarr"
-    data, messages = told(sf.ensemble, *given, store=store, chunk={"batch_0": 2, "batch_1": 3})
-    assert messages == [message]
-    assert (data.failed_at.to_numpy() == told(iterate, *given)[0].failed_at).all()
-    assert told(sf.ensemble, *given, store=store, chunk={"batch_0": 2, "batch_1": 3})[1] == []
-    assert told(sf.open_ensemble, store)[1] == []
-    half, stop = tmp_path / "half.zarr", lambda done, total: False
-    _, messages = told(sf.ensemble, *given, store=half, chunk=6, progress=stop)
+    store, chunk = tmp_path / "run.zarr", {"batch_0": 2, "batch_1": 3}
+    data, messages = told(sf.ensemble, *given, store=store, chunk=chunk)
     assert messages == []
-    assert told(sf.ensemble, *given, store=half, chunk=6)[1] == [message]
-    three = sf.Suslov3D(1, 1, 1, 0)
-    assert told(sf.ensemble, three, [1.0, -9.0], 1.0, 20, store=tmp_path / "3.zarr")[1] == []
+    run = told(iterate, *given)[0]
+    assert (data.failed_at.to_numpy() == run.failed_at).all()
+    assert (data.status.to_numpy() == run.status).all()
+    assert (run.status == Status.PASSED_POLE).sum() == 4
 
 
 # ---------------------------------------------------------------- components that keep their signs

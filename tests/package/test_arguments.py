@@ -126,6 +126,7 @@ def test_body_and_state_are_positional_only(name, function):
             "x0",
             "xy",
             "start",
+            "run",
         }
         assert is_first == (parameter.kind == parameter.POSITIONAL_ONLY), parameter
     if name == "suslov_fast.iterate":

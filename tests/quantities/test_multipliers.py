@@ -84,28 +84,15 @@ def test_a_wide_spread_of_moments(rng):
 
 
 def test_multipliers_of_a_family():
-    """What `fixed_points` lists for a family has multipliers for each member, as single fields."""
+    """An array broadcasts against the family, as everywhere."""
     family = sf.QuadraticField.from_function(
         lambda x, a, b: (a - x[0] ** 2, b * x[1]), 2, a=[-1.0, 1.0, 4.0], b=[1.0, 2.0, 3.0]
     )
-    points = sf.fixed_points(family)
-    assert [len(each) for each in points] == [0, 2, 2]
-    for eps in (0.1, [0.1, -0.2, 0.3]):
-        steps = np.broadcast_to(eps, 3)
-        found = sf.multipliers(family, points, eps)
-        assert isinstance(found, list)
-        for i in range(3):
-            assert found[i].shape == points[i].shape
-            assert (found[i] == sf.multipliers(family[i], points[i], steps[i])).all()
-    several = points[2][[0, 1, 0]]  # an array broadcasts against the family, as everywhere
+    several = sf.fixed_points(family[2])[[0, 1, 0]]
     with pytest.raises(ValueError, match=r"x.*not fixed points, first: 0"):
         sf.multipliers(family, several, 0.1)
-    with pytest.raises(ValueError, match=r"x.*states of member 1 \(a=1.0, b=2.0\) that are not"):
-        sf.multipliers(family, [points[0], points[1] + [[0, 0], [0, 1]], points[2]], 0.1)
-    with pytest.raises(ValueError, match=r"x\b"):
-        sf.multipliers(family, points[:2], 0.1)
-    with pytest.raises(ValueError, match=r"eps\b"):
-        sf.multipliers(family, points, [[0.1], [0.2]])
+    found = sf.multipliers(family[1:], [[1.0, 0.0], [2.0, 0.0]], 0.1)
+    assert (found[1] == sf.multipliers(family[2], [2.0, 0.0], 0.1)).all()
 
 
 def test_states_whose_field_overflows_are_not_fixed():

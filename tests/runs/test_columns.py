@@ -34,8 +34,7 @@ def test_each_column_is_everywhere(tmp_path, kind):
     store = tmp_path / "run.zarr"
     if kind == "Trajectories":
         run = sf.iterate(FIELD, STARTS, 0.1, 60, save_every=20, on_singular="ignore")
-        with pytest.warns(sf.PoleWarning):
-            stored = sf.ensemble(FIELD, STARTS, 0.1, 60, save_every=20, store=store, chunk=1)
+        stored = sf.ensemble(FIELD, STARTS, 0.1, 60, save_every=20, store=store, chunk=1)
         assert (run.first_pole >= 0).any()
     else:
         escaping = sf.QuadraticField.from_function(lambda x: (x[0] ** 2, -x[1]), "x y")
@@ -99,54 +98,3 @@ def test_stores_of_other_formats_are_refused(tmp_path, change):
     file.write_text(json.dumps(whole))
     with pytest.raises(ValueError, match=rf"runs\.zarr .*{columns.FORMAT + change}.*7\.8\.9"):
         sf.open_ensemble(tmp_path / "runs.zarr")
-
-
-# ----------------------------------------------------------------------- users' functions of states
-def rounded(x):
-    return np.sign(x[..., 0]).astype(int)
-
-
-def is_positive(x):
-    return x[..., 0] > 0
-
-
-def masked(x):
-    return np.ma.masked_less(x[..., 0], 0.5)
-
-
-def unordered(x):
-    return x[..., 0] + 1j
-
-
-def of_one(x):
-    return x[..., 0].sum()
-
-
-@pytest.mark.parametrize("function", [rounded, is_positive])
-def test_functions_are_nan_at_states_that_do_not_exist(tmp_path, function):
-    """Integers and truth values too: from a pole on, and for starts that are NaN."""
-    field, starts = sf.QuadraticField([[[1.0]]]), [[1.0], [-0.25], [np.nan]]
-    data = sf.ensemble(
-        *(field, starts, 1.0, 2), save_every=1, store=tmp_path / "a.zarr", functions={"f": function}
-    )
-    with np.errstate(invalid="ignore"):
-        expected = np.where(np.isnan(data.x[..., 0]), np.nan, function(data.x.to_numpy()))
-    assert np.isnan(expected).sum() == 5
-    np.testing.assert_array_equal(data.f, expected)
-
-
-@pytest.mark.parametrize(
-    ("function", "error", "match"),
-    [
-        (masked, TypeError, r"functions\['f'\] .* masked array: return NaN"),
-        (unordered, TypeError, r"functions\['f'\] .*complex"),
-        (of_one, ValueError, r"functions\['f'\] .*\(3,\) *|functions\['f'\] .* for states"),
-    ],
-)
-def test_functions_without_real_values_are_refused(tmp_path, function, error, match):
-    arguments = sf.QuadraticField([[[1.0]]]), [[0.1]], 0.1, 2
-    with pytest.raises(error, match=match):
-        sf.ensemble(*arguments, store=tmp_path / "a.zarr", functions={"f": function})
-    assert not (tmp_path / "a.zarr").exists()
-    with pytest.raises(error, match="surface "):
-        sf.crossings(*arguments, function)

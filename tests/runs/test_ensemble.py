@@ -128,15 +128,13 @@ MOVING = [
 def test_a_stored_motion_equals_flow(store, rng, system, shape, ours):
     """Bit for bit, with all that a dataset of it has; solutions that end cause no warning."""
     x0, times = rng.uniform(0.0, 1.0, (*shape, system.dimension)), [0.3, 0.0, 0.1, 0.2]
-    chosen = {"first": one_component}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sf.PoleWarning)
         motion = flow(system, x0, time=times, rtol=1e-7)
     for _ in range(2):
-        data = ensemble(system, x0, time=times, rtol=1e-7, functions=chosen, store=store, **ours)
-        assert np.array_equal(data.first, motion.states[..., 0], equal_nan=True)
+        data = ensemble(system, x0, time=times, rtol=1e-7, store=store, **ours)
         expected = motion.to_xarray(dims=ours.get("dims"))
-        xarray.testing.assert_equal(data.drop_vars("first"), expected)
+        xarray.testing.assert_equal(data, expected)
         assert {*data.coords} == {*expected.coords}
     assert motion.ok == (system is not MOVING[-1][0])
     data.to_netcdf(store.with_suffix(".nc"))
@@ -179,12 +177,11 @@ def test_a_store_has_the_variables_and_coordinates_of_a_run(store, body):
 def test_parameters_are_axes_of_the_batch(store, rng):
     body = Suslov3D(4, 1, np.linspace(-0.5, 0.5, 3)[:, None], -0.3)
     eps, omega0 = np.array([0.1, 0.5])[:, None, None], rng.uniform(-2.0, 2.0, (8, 2))
-    ours = {"dims": ("eps", "I13", "start"), "coords": {"start": list("abcdefgh")}}
-    ours["chunk"] = {"I13": 2, "start": 3, "n": 2}
+    ours = {"dims": ("eps", "I13", "start"), "chunk": {"I13": 2, "start": 3, "n": 2}}
     dataset = ensemble(body, omega0, eps, 20, store=store, save_every=3, **ours)
     orbits = iterate(body, omega0, eps, 20, save_every=3)
     assert dataset.omega.dims == ("n", "eps", "I13", "start", "component")
-    one = dataset.sel(eps=0.5, I13=0.0, start="c")
+    one = dataset.sel(eps=0.5, I13=0.0, start=2)
     assert np.array_equal(one.omega, orbits.omega[:, 1, 1, 2])
     assert np.array_equal(dataset.time.sel(eps=0.5), 0.5 * orbits.n)
 
@@ -223,37 +220,6 @@ def test_every_initial_state_identifies_a_run(tmp_path):
     assert described("I1", array[:3, 0]) == array[:3, 0].tolist()
 
 
-def radius(x):
-    return np.hypot(x[..., 0], x[..., 1])
-
-
-def one_component(x):
-    return x[..., 0]
-
-
-def doubled(x):
-    x *= 2
-    return x[..., 0]
-
-
-def first_of_two(x):
-    u, _v = x
-    return u
-
-
-def test_functions_of_states(store, rng):
-    omega0 = rng.uniform(-2.0, 2.0, (20, 2))
-    chosen = {"radius": radius, "up": lambda x: x[..., 1] > 0}
-    ours = {"store": store, "chunk": {"trajectory": 7, "n": 3}, "save_every": 3}
-    for _ in range(2):
-        dataset = ensemble(BODY, omega0, 0.3, 30, functions=chosen, **ours)
-    orbits = iterate(BODY, omega0, 0.3, 30, save_every=3)
-    assert_same(dataset, orbits)
-    for name, function in chosen.items():
-        assert dataset[name].dims == ("n", "trajectory")
-        assert np.array_equal(dataset[name], function(orbits.omega))
-
-
 def oscillator(constant):
     H = lambda x: (x[0] ** 2 + x[1] ** 2) / 2 + constant  # noqa: E731
     return sf.QuadraticField.from_hamiltonian(H, 2)
@@ -267,10 +233,7 @@ def oscillator(constant):
         (ASKED, {"omega0": [[1.0, 0.5 + 1e-12]]}, "x0"),
         (ASKED, {"save_every": None}, "save_every"),
         (ASKED, {"attitude": True}, "attitude"),
-        (ASKED, {"functions": {"radius": radius}}, "functions"),
-        (ASKED | {"functions": {"r": radius}}, {"functions": {"r": one_component}}, "functions"),
         (ASKED, {"dims": "start"}, "dims"),
-        (ASKED, {"coords": {"a": 3}}, "coords"),
         (ASKED, {"steps": 19}, "steps"),
         (FIELD, {"body": lorenz([[10], [40]])}, "rho: 2 values from 10 to 40, the store has 5 "),
         (ASKED | {"body": oscillator(0)}, {"body": oscillator(9)}, "H"),
@@ -297,13 +260,7 @@ BAD = [
     ({"omega0": "starts.txt"}, TypeError, "x0"), ({"omega0": UNKNOWN}, ValueError, "x0"),
     ({"chunk": 0}, ValueError, "chunk"), ({"chunk": {"time": 3}}, ValueError, "chunk.*time"),
     ({"chunk": "many"}, TypeError, "chunk"), ({"dims": ("a", "b")}, ValueError, "dims"),
-    ({"dims": "a/b"}, ValueError, "dims"), ({"coords": {"zarr.json": 3}}, ValueError, "coords"),
-    ({"functions": {"..": radius}}, ValueError, "functions"),
-    ({"functions": {"omega": radius}}, ValueError, "functions"),
-    ({"functions": {"r": doubled}}, ValueError, "read-only"),
-    ({"functions": {"r": first_of_two}}, ValueError, "functions.*r"),
-    ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
-    ({"functions": {"r": lambda x: x[..., 0] * 1j}}, TypeError, "functions.*r"),
+    ({"dims": "a/b"}, ValueError, "dims"),
     ({"omega0": RandomStarts(10**15, 1)}, OSError, "free"), ({"store": None}, TypeError, "store"),
     ({"client": 5}, TypeError, "client"), ({"progress": 5}, TypeError, "progress"),
     (FIELD | {"attitude": True}, TypeError, "attitude"),
@@ -522,13 +479,12 @@ def test_workers_of_a_cluster(store):
 
     random = RandomStarts(50, 1.5)
     orbits = iterate(BODY, random, 0.2, 40, save_every=3)
-    settings = {"save_every": 3, "chunk": {"trajectory": 7, "n": 3}, "functions": {"r": radius}}
+    settings = {"save_every": 3, "chunk": {"trajectory": 7, "n": 3}}
     with distributed.Client(n_workers=1, processes=False, dashboard_address=":0") as client:
         for name, omega0 in (("random", random), ("states", random.states(50))):
             place = store.with_name(f"{name}.zarr")
             dataset = ensemble(BODY, omega0, 0.2, 40, store=place, client=client, **settings)
             assert_same(dataset, orbits)
-            assert np.array_equal(dataset.r, radius(orbits.omega))
         ours = {"store": store.with_name("ended.zarr"), "chunk": 2, "client": client}
         data = ensemble(BODY, random, 0.2, 40, **ours, progress=lambda done, total: done < 400)
         assert (data.status.values != PENDING).sum() >= 10
@@ -544,7 +500,7 @@ def test_workers_of_a_cluster(store):
 
 def test_attributes_are_plain(store):
     """They can be written to NetCDF, and the dataset is read by xarray alone."""
-    dataset = call(ensemble, **FIELD, store=store, functions={"radius": radius})
+    dataset = call(ensemble, **FIELD, store=store)
     assert xarray.open_zarr(store).attrs == dataset.attrs
     assert json.loads(json.dumps(dataset.attrs)) == dataset.attrs
     assert json.loads(dataset.attrs["rho"]) == FAMILY.parameters["rho"].tolist()
@@ -557,7 +513,7 @@ def test_a_lost_chunk_is_an_error_and_computed_anew(store):
     body = Suslov3D(4, 1, 0.0, -0.3)
     omega0 = np.linspace(-1.0, 1.0, 12).reshape(6, 2)
     omega0[2:4] = np.nan  # a tile of fill values
-    ours = {"save_every": 1, "chunk": {"trajectory": 2, "n": 3}, "functions": {"radius": radius}}
+    ours = {"save_every": 1, "chunk": {"trajectory": 2, "n": 3}}
     orbits = iterate(body, omega0, 0.0, 4, on_singular="ignore")
     ensemble(body, omega0, 0.0, 4, store=store, **ours)
     whole = contents(store)
@@ -657,14 +613,6 @@ def test_a_callable_ends_a_run(store):
         **{each.name: each.value for each in sf.Status},
         "PENDING": PENDING,
     }
-
-
-def test_two_functions_in_one_line_are_told_apart(store):
-    pair = [lambda x: x[..., 0], lambda x: x[..., 1]]
-    for f in (pair[0], pair[0]):
-        call(ensemble, **ASKED, store=store, functions={"f": f})
-    with pytest.raises(ValueError, match="functions"):
-        call(ensemble, **ASKED, store=store, functions={"f": pair[1]})
 
 
 def test_a_tile_finished_while_its_store_is_opened(store, monkeypatch):

@@ -263,7 +263,6 @@ class _FieldOfTerms(FieldOfFunction):
     """The parts of a field: its terms, those of H, the matrix K, names and named parameters."""
 
     axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
-    lists_terms: ClassVar[bool] = True
 
     def _take(self, parts: Mapping[str, Any]) -> None:
         """Store the terms of f, or those of H and K with or without them, names and parameters."""

@@ -43,7 +43,7 @@ _SYMBOL = re.compile(
     r"Omega)?(?(greek)|(?P<letter>[^\W\d_]))_?(?P<index>\d*n?)"
 )
 _OF_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # px, a momentum
-_AXIS = re.compile(r"batch_\d+|linear_\d+|quadratic_\d+_\d+")
+_AXIS = re.compile(r"batch_\d+")
 
 
 def labels(D: int) -> tuple[str, ...]:

@@ -14,10 +14,8 @@ import json
 import math
 import os
 import shutil
-import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
@@ -26,9 +24,8 @@ from urllib.request import url2pathname
 import numpy as np
 
 from ... import checks
-from ...checks import first_index, in_units, short, wrong
+from ...checks import in_units, short, wrong
 from ...engine.random_starts import RandomStarts
-from ...engine.status import Status
 from ..columns import MOTION, RUN
 from . import access
 from .metadata import Contents, Stored, Tile, read_contents, stored_in
@@ -36,19 +33,7 @@ from .metadata import Contents, Stored, Tile, read_contents, stored_in
 # Values that unwritten chunks show, by the name of a column; others are NaN, or Zarr's default.
 _FILLS = {column.name: column.fill for column in (*RUN, *MOTION)}
 # Attributes that only some runs have.
-_OPTIONAL = (
-    "map",
-    "save_every",
-    "attitude",
-    "names",
-    "H",
-    "K",
-    "functions",
-    "coords",
-    "atol",
-    "max_step",
-    "stiff",
-)
+_OPTIONAL = "map save_every attitude names H K atol max_step stiff".split()
 # Attributes that identify no run, or follow from others.
 _NOT_COMPARED = "version", "coordinates", "title", "tiled", "shared"
 # What to use for files with a suffix that no folder has, and what to do with a folder of others.
@@ -135,17 +120,12 @@ def _whole(folder: Path, arrays: Mapping[str, Stored], expected: Expected) -> se
 
 
 def _is_whole(path: str, nbytes: int | None) -> bool:
-    """Return whether a file has the right size; ValueError for folders in its place."""
+    """Return whether a file has the right size."""
     try:
-        size_and_mode = os.stat(path)
+        size = os.stat(path).st_size
     except (FileNotFoundError, NotADirectoryError):  # Windows raises the first below files, too
-        nearest = next(parent for parent in Path(path).parents if parent.exists())
-        if nearest.is_dir():
-            return False
-        raise wrong("store", "have a folder of chunks", f"the file {nearest}: remove it") from None
-    if stat.S_ISDIR(size_and_mode.st_mode):
-        raise wrong("store", "have a file for each chunk", f"the folder {path}: remove it")
-    return nbytes is None or size_and_mode.st_size == nbytes
+        return False
+    return nbytes is None or size == nbytes
 
 
 def _listed(store: Any, expected: Expected) -> set[str]:
@@ -200,25 +180,6 @@ def _require_same(store: Any, data: Any, theirs: dict[str, Any]) -> None:
     if differences:
         what = f"{store} holds another run: {'; '.join(differences)}"
         raise ValueError(f"store: {what}; pass a new name, or the arguments of that run")
-
-
-def passed_poles(store: Any, contents: Contents) -> tuple[int, tuple[tuple[int, ...], int] | None]:
-    """Return how many trajectories passed a pole, and the index and `failed_at` of the first."""
-    import zarr
-
-    arrays = zarr.open_group(access.reader(store), mode="r", zarr_format=3)
-    count, first, status = 0, None, contents.arrays["status"]
-    begins = [range(0, n, m) for n, m in zip(status.shape, status.chunks, strict=True)]
-    for begin in product(*begins):
-        where = tuple(slice(k, k + m) for k, m in zip(begin, status.chunks, strict=True))
-        passed = np.asarray(arrays["status"][where]) == Status.PASSED_POLE
-        if passed.any():
-            count += int(np.count_nonzero(passed))
-            index = first_index(passed)
-            step = int(np.asarray(arrays["failed_at"][where])[index])
-            here = tuple(k + m for k, m in zip(begin, index, strict=True)), step
-            first = here if first is None else min(first, here)
-    return count, first
 
 
 def _check_new(store: Any, data: Any) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import islice
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ... import checks
 from ...checks import FloatArray, require, wrong
@@ -22,7 +21,6 @@ from ...engine.starts import tolerances_of
 from ...engine.stretches import March
 from ..columns import RUN
 from ..flow import motion_of
-from ..functions import returned_at, values_at
 from ..motion import variable_of
 from . import access, stores
 from .metadata import Stored, Tile
@@ -35,7 +33,6 @@ _LARGE_TASK = 2**28
 # states cost less, one thread computes them, because others would spin while it writes.
 _WRITING_COST = 8.0
 
-Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
 Arrays = Mapping[str, Stored]  # of a store, by their names
 Piece = dict[str, Any]  # values of columns
 
@@ -80,7 +77,7 @@ class Steps:
         for states, turns in march.pieces(self.steps, every, rows):
             yield {"states": states} | ({} if turns is None else {"attitude": turns})
         last = [column.name for column in RUN if column.is_public and not column.is_saved]
-        yield {name: getattr(march, name) for name in (*last, "told_by_signs")}
+        yield {name: getattr(march, name) for name in last}
 
 
 @dataclass(frozen=True)
@@ -130,20 +127,20 @@ def finish(
     tiles: dict[Tile, Where],
     whole: Problem,
     task: Task,
-    functions: Functions,
     arrays: Arrays,
     client: Any,
     store: Any,
-) -> Generator[tuple[Where, bool], None, None]:
+) -> Generator[Where, None, None]:
     """Compute tiles of a batch, here or by a Dask client, and write them to the arrays of a store.
 
-    Yield the place of each when done, and whether a change of sign told a pole.
+    Yield the place of each when done.
     """
     target = access.reader(store, read_only=False)
     if client is None:
         for tile, where in tiles.items():
             part = _problem_of(whole, where)
-            yield where, _compute(part, task, functions, tile, where, arrays, target)
+            _compute(part, task, tile, where, arrays, target)
+            yield where
         return
     from dask import config
     from distributed import as_completed
@@ -158,7 +155,7 @@ def finish(
         most = _QUEUED * max(1, sum(client.nthreads().values()))
         for tile, where in islice(waiting, max(0, most - len(under_way))):
             part = _problem_of(whole, where)
-            arguments = part, task, functions, tile, where, arrays, target
+            arguments = part, task, tile, where, arrays, target
             with config.set(settings):
                 job = client.submit(_compute_on_worker, *arguments, pure=False)
             under_way[job] = tile, where
@@ -168,38 +165,34 @@ def finish(
         submit()
         for job in jobs:
             tile, where = under_way.pop(job)
-            worker, by_sign = job.result()
+            worker = job.result()
             if worker not in known_workers and not stores.has_tile(store, tile):
                 received = f"{worker}, whose tile is not at {store}"
                 raise wrong("client", "have workers that write to the store", received)
             known_workers.add(worker)
-            yield where, by_sign
+            yield where
             submit()
     finally:
         client.cancel([*under_way])
 
 
-def _compute_on_worker(*arguments: Any) -> tuple[str, bool]:
-    """Compute a tile; return the address of the worker, and the value of `_compute`."""
+def _compute_on_worker(*arguments: Any) -> str:
+    """Compute a tile; return the address of the worker."""
     from distributed import get_worker
 
-    by_sign = _compute(*arguments)
-    return str(get_worker().address), by_sign
+    _compute(*arguments)
+    return str(get_worker().address)
 
 
 def _compute(
     part: Problem,
     task: Task,
-    functions: Functions,
     tile: Tile,
     where: Where,
     arrays: Arrays,
     target: Any,
-) -> bool:
-    """Compute a tile in pieces that fill a chunk, and write them; `status`, last, marks it done.
-
-    Return whether a change of sign told that one of its trajectories passed a pole.
-    """
+) -> None:
+    """Compute a tile in pieces that fill a chunk, and write them; `status`, last, marks it done."""
     from .chunks import encoded
 
     if isinstance(part.omega, RandomStarts):  # drawn here, so that no process holds all states
@@ -207,7 +200,6 @@ def _compute(
         part = part._replace(omega=drawn)
     position = dict(zip(arrays["status"].dims, tile, strict=True))
     variable = part.map.variable if part.map else variable_of(type(part.body))
-    told: Any = False
 
     def write(columns: Mapping[str, Any]) -> None:
         """Write the values of columns to their chunks at `position`."""
@@ -220,19 +212,11 @@ def _compute(
     for k, piece in enumerate(task.pieces(part, arrays[variable].chunks[0])):
         position[task.axis] = k
         if (states := piece.pop("states", None)) is not None:
-            values = {name: checked_values(name, f, states) for name, f in functions.items()}
-            write({variable: states} | piece | values)
+            write({variable: states} | piece)
             continue
-        told, status = piece.pop("told_by_signs", False), piece.pop("status")
+        status = piece.pop("status")
         write(piece)
         write({"status": status})
-    return bool(np.any(told))
-
-
-def checked_values(name: str, function: Any, states: FloatArray) -> Any:
-    """Return the values of a user's function for states (..., D), real numbers (...)."""
-    name = f"functions[{name!r}]"
-    return values_at(name, states, returned_at(name, function, states), truths=True)
 
 
 def _problem_of(whole: Problem, where: Where) -> Problem:

@@ -1,13 +1,17 @@
-"""The search for crossings of a surface along orbits.
+"""The search for crossings of a surface s(x) = 0 along orbits.
 
 Orbits are computed in pieces that fit into the caches. The user's function returns a value for each
 state of a piece, and only the states on both sides of a change of sign are kept.
+
+A value of 0 counts as positive. With a = s(x_n) and b = s(x_{n+1}), an orbit crosses upwards if
+a < 0 <= b, and downwards if b < 0 <= a. The straight line from x_n to x_{n+1} meets the surface, to
+first order, at the fraction a / (a - b) of its length.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +20,6 @@ from .. import checks
 from ..bodies.fields.advice import arguments_of
 from ..checks import FloatArray, require, wrong
 from ..core.motion.refine import crossing_fractions
-from ..core.users.sign_changes import sort_by_orbit, write_crossings
 from ..engine.arguments import flat_parameter
 from ..engine.status import Status
 from ..engine.stretches import March, Report
@@ -53,6 +56,52 @@ def check_surface(surface: Any) -> None:
         raise wrong("surface", expected, f"{received}: {how}", TypeError)
 
 
+class _Found(NamedTuple):
+    """Crossings of a piece, in ascending order of n."""
+
+    trajectory: NDArray[np.int64]
+    rank: NDArray[np.int64]  # how many crossings the trajectory had before
+    n: NDArray[np.int64]
+    before: FloatArray  # (K, D), the states n and n + 1
+    after: FloatArray
+    values: tuple[FloatArray, FloatArray]  # of the surface, at these states
+    fraction: FloatArray
+    over_pole: NDArray[np.bool_]
+
+
+def _crossings_at(
+    places: NDArray[np.int64],
+    n: int,
+    values: FloatArray,
+    states: FloatArray,
+    most: int,
+    counts: NDArray[np.int64],
+) -> _Found:
+    """Return the crossings at changes of sign, and add their numbers to `counts` (B,).
+
+    Place k B + i is a change after row k of orbit i, in `values` (rows, B) and `states` (rows, B,
+    D); row 0 is state n. A value that is not finite makes no crossing, and an orbit has at most
+    `most` of them.
+    """
+    k, i = np.divmod(places, len(counts))
+    are_finite = np.isfinite(values[k, i]) & np.isfinite(values[k + 1, i])
+    k, i = k[are_finite], i[are_finite]
+    order = np.argsort(i, kind="stable")
+    of_orbit = i[order]
+    rank = np.empty_like(i)
+    rank[order] = np.arange(len(i)) - np.searchsorted(of_orbit, of_orbit)
+    rank += counts[i]
+    kept = rank < most
+    k, i, rank = k[kept], i[kept], rank[kept]
+    counts += np.bincount(i, minlength=len(counts))
+    a, b = values[k, i], values[k + 1, i]
+    # Halve both where a - b could overflow.
+    scale = np.where(np.maximum(abs(a), abs(b)) < 2.0**1023, 1.0, 0.5)
+    fraction = scale * a / (scale * a - scale * b)
+    before, after = states[k, i], states[k + 1, i]
+    return _Found(i, rank, n + k, before, after, (a, b), fraction, np.zeros(len(i), bool))
+
+
 class Search:
     """A search for crossings along a march, from its state on.
 
@@ -78,13 +127,12 @@ class Search:
         self.is_refined = march.problem.map.order > 2  # else a chord is as accurate as the states
         B, D = march.omega0.shape
         self.batch, self.is_stopped = march.problem.batch, False
-        self.pieces: list[tuple[NDArray[np.int64], FloatArray]] = []  # from `write_crossings`
+        self.pieces: list[_Found] = []
         if earlier is None:
             self.last = self.values_of(march.omega0.reshape(1, *self.batch, D))[0]
             self.counts, self.alive = np.zeros(B, np.int64), march.status.ravel()
             return
-        # Writeable copies, because Numba would compile for read-only arrays anew.
-        self.last = None if earlier._last is None else earlier._last.copy()
+        self.last = earlier._last
         self.counts = earlier.count.ravel().copy()
         self.alive = earlier.status.ravel()
         self._end()
@@ -121,9 +169,9 @@ class Search:
                 self.last, n = None, march.n
         width = max(B * D, 1)
         most = min(max(_PIECE // width, min(_STATES, _LARGE // width), 1), end - transient)
-        require(8 * (most + 1) * B * (D + 1), "divide the batch")
+        require(8 * (most + 1) * B * (D + 2), "divide the batch")
         states = np.empty((most + 1, *self.batch, D))  # of a piece, and the last one before it
-        states[0] = march.final
+        states[0], values = march.final, np.empty((most + 1, B))
         if self.last is None and transient <= n < end and not self.is_stopped:
             self.last = self.values_of(states[:1])[0]
         longest = most if self.most is None else min(_FIRST, most)
@@ -131,74 +179,63 @@ class Search:
             rows = min(longest, end - n)
             longest = min(2 * longest, most)
             march.to(n + rows, 1, states[n > 0 : rows + 1])  # from 0, it saves state 0 as well
-            values = self.values_of(states[1 : rows + 1])
-            self._keep_crossings(n, states[: rows + 1], values)
-            states[0], self.last = states[rows], values[-1].copy()
+            values[0], values[1 : rows + 1] = self.last, self.values_of(states[1 : rows + 1])
+            self._keep_crossings(n, states[: rows + 1], values[: rows + 1])
+            states[0], self.last = states[rows], values[rows].copy()
             self._end()
             n += rows
             if report_steps is not None:
                 report_steps(n - begin)
 
     def _keep_crossings(self, n: int, states: FloatArray, values: FloatArray) -> None:
-        """Keep the crossings among states (rows + 1, ..., D), of which the first is state n.
+        """Keep the crossings among states (rows, ..., D), of which the first is state n.
 
-        `values` (rows, B) are those of the states after it.
+        `values` (rows, B) are those of the surface there.
         """
-        is_positive = np.empty((len(states), values.shape[1]), bool)
-        is_positive[0], is_positive[1:] = self.last >= 0.0, values >= 0.0
+        is_positive = values >= 0.0
         changes = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
         if changes.size:
-            flat = states.reshape(*is_positive.shape, -1)
-            integers = np.zeros((changes.size, 4), np.int64)
-            numbers = np.empty((changes.size, 2 * flat.shape[-1] + 1))
-            earlier = self.counts.copy() if self.is_refined else self.counts
-            count = write_crossings(
-                changes, n, self.last, values, flat, self.limit, self.counts, integers, numbers
-            )
-            if count and self.is_refined:
-                found = self._fractions(n, values, integers[:count], numbers[:count], earlier)
-                numbers[:count, -1], integers[:count, -1] = found
-                self._note_poles(integers[:count][found[1]])
-            if count == len(changes):
-                self.pieces.append((integers, numbers))
-            elif count:  # copies, so that the memory of the rest is freed
-                self.pieces.append((integers[:count].copy(), numbers[:count].copy()))
+            flat, earlier = states.reshape(*values.shape, -1), self.counts.copy()
+            found = _crossings_at(changes, n, values, flat, self.limit, self.counts)
+            if not len(found.n):
+                return
+            if self.is_refined:
+                fraction, over_pole = self._fractions(found, earlier)
+                found = found._replace(fraction=fraction, over_pole=over_pole)
+                self._note_poles(found)
+            self.pieces.append(found)
 
     def _fractions(
-        self,
-        n: int,
-        values: FloatArray,
-        integers: NDArray[np.int64],
-        numbers: FloatArray,
-        earlier: NDArray[np.int64],
+        self, crossings: _Found, earlier: NDArray[np.int64]
     ) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return the fractions of crossings on the steps of the method, and which are over a pole.
 
-        The arrays are those of `_keep_crossings` and `write_crossings`; `earlier` (B,) is how many
-        crossings each trajectory had before.
+        `earlier` (B,) is how many crossings each trajectory had before the piece.
         """
-        march, (which, places, numbers_of_states, _) = self.march, integers.T
-        rows, k, D = places - earlier[which], numbers_of_states - n, march.omega0.shape[1]
+        march, which = self.march, crossings.trajectory
+        rows, D = crossings.rank - earlier[which], march.omega0.shape[1]
         eps = flat_parameter(march.problem.eps, self.batch)
         eps = eps[which] if len(eps) > 1 else np.repeat(eps, len(which))
         states = np.full((int(rows.max()) + 1, len(self.counts), D), np.nan)
 
         def values_at(some: NDArray[np.int64], fractions: FloatArray) -> FloatArray:
-            after = march.step_of(which[some], numbers[some, :D], fractions * eps[some])
+            before = crossings.before[some]
+            after = march.step_of(which[some], before, fractions * eps[some])
             states[rows[some], which[some]] = after
             values = self.values_of(states.reshape(len(states), *self.batch, D))
             found: FloatArray = values[rows[some], which[some]]
             return found
 
-        before = np.where(k == 0, self.last[which], values[k - 1, which])
         found: tuple[FloatArray, NDArray[np.bool_]]
-        found = crossing_fractions(values_at, numbers[:, -1], before, values[k, which])
+        found = crossing_fractions(values_at, crossings.fraction, *crossings.values)
         return found
 
-    def _note_poles(self, integers: NDArray[np.int64]) -> None:
+    def _note_poles(self, found: _Found) -> None:
         """Give trajectories whose steps have a pole within their length the status of one."""
-        march = self.march
-        for i, _, n, _ in integers.tolist() if march.steps.notes_poles else ():
+        march, over = self.march, found.over_pole
+        if not march.steps.notes_poles:
+            return
+        for i, n in zip(found.trajectory[over].tolist(), found.n[over].tolist(), strict=True):
             first = march.carry[0, i]
             if not 0.0 < abs(first) <= n + 1:
                 march.note_pole(i, n + 1)
@@ -220,7 +257,11 @@ class Search:
             before[places], after[places] = earlier.before, earlier.after
         self.pieces.reverse()
         while self.pieces:  # popped, so that their memory is freed on the way
-            sort_by_orbit(*self.pieces.pop(), starts, n, before, after, fraction, over_pole)
+            found = self.pieces.pop()
+            places = starts[found.trajectory] + found.rank
+            n[places], fraction[places] = found.n, found.fraction
+            over_pole[places] = found.over_pole
+            before[places], after[places] = found.before, found.after
         final, status, failed_at = march.final.copy(), march.status.copy(), march.failed_at.copy()
         ended = counts >= self.limit
         final.reshape(-1, D)[ended] = after[ends[ended] - 1]

@@ -317,6 +317,12 @@ def one_of(name: str, value: Any, choices: Collection[str], instead: str = "") -
     return value
 
 
+def left_out(beside: str, **given: bool) -> None:
+    """Raise TypeError if an argument is given that does not go with another one."""
+    for name in filter(given.get, given):
+        raise wrong(name, f"left out beside {beside}", error=TypeError)
+
+
 def is_false(answer: object) -> bool:
     """Return whether a function of the user returned False; one without `return` did not."""
     return isinstance(answer, bool | np.bool_) and not answer

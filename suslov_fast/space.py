@@ -83,12 +83,8 @@ def to_vector(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovGyrostat
-        A single body in three dimensions, or a batch.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
-    rotation, attitude
-        As in :func:`to_matrix`.
+    body, omega, rotation, attitude
+        As in :func:`to_matrix`; omega is (Omega1, Omega2), shape (..., 2).
 
     Returns
     -------
@@ -128,11 +124,7 @@ def momentum(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovGyrostat or SuslovND
-        A single body, or a batch.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities of the body.
-    rotation, attitude
+    body, omega, rotation, attitude
         As in :func:`to_matrix`.
 
     Returns
@@ -197,13 +189,9 @@ def attitude(
 
     Parameters
     ----------
-    body
-        As in :func:`iterate`, without fields.
-    omega : array_like(float, shape=(N + 1, ..., D))
-        All consecutive states of trajectories, as :func:`iterate` returns them, with NaN after a
-        failure.
-    eps
-        As in :func:`iterate`.
+    body, omega, eps
+        As in :func:`iterate`, without fields; omega is all consecutive states of a run,
+        (N + 1, ..., D).
     R0 : array_like(float, shape=(..., n, n)), optional
         Rotation matrix: the orientation at the first state; by default the identity.
     threads

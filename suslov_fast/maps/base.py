@@ -276,11 +276,6 @@ def register(record: Map) -> None:
     checks.one_of("variable", record.variable, ["omega", "x"])
     if record.attitude is not None:
         checks.one_of("attitude", record.attitude, ["axial", "in_rows"])
-    if record.plane is not None:
-        checks.instance("plane", record.plane, Plane)
-    for name, part in (("growth", record.growth), ("eigenvalues", record.eigenvalues)):
-        if part is not None and not callable(part):
-            raise checks.wrong(name, "a function, or None", repr(part), TypeError)
     if not {*record.serves} <= {*SERVED}:
         raise checks.wrong("serves", f"names among {SERVED}", repr(record.serves))
     taken = [name for other in MAPS.values() if other.body is record.body for name in other.methods]
@@ -293,11 +288,6 @@ def register(record: Map) -> None:
     for method, steps in record.methods.items():
         check_steps(f"methods[{method!r}]", steps)
     check_formulas(record.formulas, record.conserved)
-    if not isinstance(record.random, tuple) or not all(map(callable, record.random)):
-        raise checks.wrong("random", "a tuple of functions", repr(record.random), TypeError)
-    if record.pole is not None and not isinstance(record.pole[0], record.body):
-        expected = f"a {record.body.__name__} and a state, or None"
-        raise checks.wrong("pole", expected, repr(record.pole), TypeError)
     for k, make in enumerate(record.random):
         body = make(np.random.default_rng(0), ())
         if body.shape:

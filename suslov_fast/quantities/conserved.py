@@ -143,12 +143,8 @@ def criticality(body: AnyBody, omega: ArrayLike, /, eps: Reals) -> FloatArray:
 
     Parameters
     ----------
-    body : Suslov3D, SuslovGyrostat or SuslovND
-        A single body, or a batch, which in n dimensions has a :func:`first_integral`.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities. NaN gives NaN.
-    eps : array_like(float, shape=(...))
-        Step size in time.
+    body, omega, eps
+        As in :func:`jacobian`; the body has a :func:`first_integral`.
 
     Returns
     -------
@@ -341,12 +337,8 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: Reals) -> ClosedForm:
 
     Parameters
     ----------
-    body : Suslov3D
-        A single body, or a batch.
-    omega0 : array_like(float, shape=(..., 2))
-        State 0 of each orbit.
-    eps : array_like(float, shape=(...))
-        Step sizes; 0 is the continuous motion.
+    body, omega0, eps
+        As in :func:`jacobian`; the body is a `Suslov3D`, and eps = 0 is the continuous motion.
 
     Returns
     -------

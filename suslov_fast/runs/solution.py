@@ -99,12 +99,8 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: Reals) -> tuple[FloatArray,
 
     Parameters
     ----------
-    body : Suslov3D, SuslovGyrostat or SuslovND
-        A single body, or a batch; in n dimensions one with a :func:`first_integral`.
-    omega0 : array_like(float, shape=(..., D))
-        State 0 of each orbit.
-    eps : array_like(float, shape=(...))
-        Step size in time.
+    body, omega0, eps
+        As in :func:`exact`.
 
     Returns
     -------

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core.code import compiler as machine_code, runs as listed, runs_code as listed_code
-from suslov_fast.core.fields import in_calls, steps as steps_field
+from suslov_fast.core.code import compiler as machine_code, runs as listed
+from suslov_fast.core.fields import called_stages, steps as steps_field
 from suslov_fast.core.fields.careful import careful
 from suslov_fast.core.fields.stages import Stages
 from suslov_fast.core.lists import step as operations
@@ -164,13 +164,11 @@ def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
     notes = np.zeros(8, np.int8), np.zeros(8, np.int64), np.zeros(8)
     given = scheme, np.atleast_2d(values), np.array([0.1])
     lines = steps_field._Lines(given, x, notes, 8)
-    take = in_calls.taker_of(lines, listed_code.listed_code(8, False))
+    stage = called_stages.StageByRuns(lines)
     heads = weakref.ref(listed.programs_of(scheme.step).usual.runs.heads)
     listed.programs_of.cache_clear()
     assert heads() is not None
-    taken, bits = take(0, 0, 5)
-    assert (taken, bits) == (5, 0)
-    assert (lines.states() == sf.iterate(field, x, 0.1, 5).final).all()
+    assert stage.programs.usual.runs.heads is heads()
 
 
 def test_steps_by_elimination_pause(monkeypatch):

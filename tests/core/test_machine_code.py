@@ -13,11 +13,9 @@ from llvmlite import binding
 
 import suslov_fast as sf
 from suslov_fast.core.code import compiler as machine_code
-from suslov_fast.core.compiling import numba as core_numba
 from suslov_fast.core.fields import (
     careful,
-    generated,
-    lines,
+    driver,
     single_orbit,
     steps as steps_field,
     tangent,
@@ -229,8 +227,8 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
-    made = {text_of for text_of, *_ in machine_code._codes}  # of columns, which take no plan
-    assert made <= {text_of_orthonormalise}
+    made = {key[0] for key, _ in machine_code._codes}  # which take no plan
+    assert made <= {text_of_orthonormalise, driver.text_of_called_steps}
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
@@ -248,7 +246,7 @@ def test_old_codes_are_freed_but_not_those_in_use(rng, monkeypatch, anew):
     monkeypatch.setattr(machine_code, "MOST_CODES", 3)
     monkeypatch.setattr(stretches, "_STRETCH", 1)
     monkeypatch.setattr(derivatives, "_STRETCH", 1)
-    last = 64
+    last = 9
     assert (sf.iterate(field, x0, 0.02, 200, progress=compile_others).x == run.x).all()
     last = 1
     found = sf.lyapunov_exponents(field, x0[:2], 0.02, 9, progress=compile_others)
@@ -259,34 +257,6 @@ def test_old_codes_are_freed_but_not_those_in_use(rng, monkeypatch, anew):
     for _ in range(20):
         assert sf.compiled.step_system(system, x, x, memory) == 0
     assert (x == run.x[20, 0]).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("batch", [1, 3000])
-def test_an_interrupt_while_careful_steps_are_compiled(monkeypatch, batch):
-    """Ctrl-C ends the run, in whichever thread it arrives, and later runs are as before."""
-    field = sf.QuadraticField([[[1.0]]])
-    run = functools.partial(
-        sf.iterate, field, np.full((batch, 1), 2.0), 0.5, 2000, threads=children.TWO_THREADS
-    )
-    expected = run(on_singular="ignore")
-    assert (expected.status == sf.Status.SINGULAR).all()
-    fresh = core_numba.CFunction(careful.careful.signature, careful.careful.py_func)
-    calls, compile_with = [], core_numba.numba.cfunc
-
-    def interrupted(*signature, **options):
-        calls.append(1)
-        if len(calls) == 1:
-            raise KeyboardInterrupt
-        return compile_with(*signature, **options)
-
-    monkeypatch.setattr(core_numba, "PATIENCE", -1.0)
-    monkeypatch.setattr(core_numba.numba, "cfunc", interrupted)
-    monkeypatch.setattr(steps_field, "careful", fresh)
-    with pytest.raises(KeyboardInterrupt):
-        run(on_singular="ignore")
-    assert run(on_singular="ignore") == expected
-    assert fresh.is_compiled
 
 
 PICKLED = """
@@ -333,7 +303,7 @@ def test_what_machine_code_is_given_stays_alive():
     one = single_orbit._prepared(step, stages, given[1].tobytes(), bits, False)
     code = careful.careful.address
     for arguments, kept, *owners in (
-        (*lines._code_arguments(0, 10, saved, 4, 1, True), lines, saved, code),
+        (*lines._driver_arguments(0, 10, saved, 4, 1, True, None), lines, saved, code),
         (*tangent.arguments_of(lines.scheme, *given, 20),),
         (np.array(one[1]), one[-1]),
     ):
@@ -345,16 +315,6 @@ def test_what_machine_code_is_given_stays_alive():
         assert addresses
         for address in addresses:
             assert any(begin <= address <= end for begin, end in places)
-
-
-def test_lines_of_lanes_begin_where_lines_of_the_cache_do():
-    rows = np.arange(60.0).reshape(20, 3)
-    for first in range(10):
-        found = lines.in_lines(rows[first:], 8)
-        assert found.ctypes.data % 64 == 0
-        assert (found.swapaxes(1, 2).reshape(-1, 3)[: 20 - first] == rows[first:]).all()
-    others = [lines.zeros(1, count, 8) for count in range(1, 9)]
-    assert all(array.ctypes.data % 64 == 0 and not array.any() for array in others)
 
 
 @pytest.mark.slow
@@ -395,48 +355,21 @@ def test_a_child_of_a_parent_that_ran_fields_in_threads():
 
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("D", "W"), [(6, 1), (6, 8), pytest.param(8, 8, marks=SLOW)])
-@pytest.mark.parametrize("text_of", [generated.text_of_steps, text_of_tangent])
+@pytest.mark.parametrize("text_of", [driver.text_of_steps, text_of_tangent])
 def test_frames(text_of, D, W):
     """No code takes 256 KB of a stack: a thread may have 512 KB. Dense fields, any x86-64."""
     indices = [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
     step = steps_field.scheme_of(np.transpose(indices), D).step
+    options = False, 64, False
     if text_of is text_of_tangent:
+        options = (False,)
         step = tangent._tangent_of(step.indices.tobytes(), D)
     binding.initialize_all_targets()
     binding.initialize_all_asmprinters()
     target = binding.Target.from_triple("x86_64-unknown-linux-gnu")
     assert not step.is_long  # then no code of its own
     machine = target.create_target_machine(cpu="x86-64", features="", opt=2)
-    code = machine.emit_assembly(binding.parse_assembly(text_of(step, "f", W, False, 64)))
+    code = machine.emit_assembly(binding.parse_assembly(text_of(step, "f", W, *options)))
     # The last function calls the others, one after the other.
     *pieces, last = map(int, re.findall(r"sub[lq]?\s+\$(\d+), %rsp", code))
     assert 0 < last + max(pieces, default=0) < 2**18
-
-
-def test_an_error_of_the_generator_is_not_one_of_llvm(monkeypatch, anew):
-    def slip(*arguments):
-        raise KeyError("no such value")
-
-    monkeypatch.setattr(steps_field, "text_of_steps", slip)
-    with pytest.raises(KeyError, match="no such value"):
-        sf.iterate(sf.QuadraticField.from_function(of_a, 3, a=1), np.ones((9, 3)), 0.02, 10)
-
-
-def test_a_signal_handler_that_compiles_while_old_codes_are_freed(monkeypatch, anew):
-    """Codes and engines may come and go between any two lines."""
-    compiled = []
-
-    class Interrupted(dict):
-        def pop(self, *arguments):
-            if len(compiled) < 2:
-                compiled.append(sf.QuadraticField([[[1.0]]], [[1.0 * len(compiled)]]))
-                sf.step(compiled[-1], [0.5], 0.01)
-            return super().pop(*arguments)
-
-    for D in (1, 3):
-        sf.step(sf.QuadraticField(np.zeros((D, D, D)), np.eye(D)), np.ones(D), 0.01)
-    for name in ("_codes", "_engines"):
-        monkeypatch.setattr(machine_code, name, Interrupted(getattr(machine_code, name)))
-    monkeypatch.setattr(machine_code, "MOST_CODES", 1)
-    sf.step(sf.QuadraticField(np.ones((2, 2, 2))), np.ones(2), 0.01)
-    assert len(compiled) == 2

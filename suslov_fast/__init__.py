@@ -1,4 +1,4 @@
-"""Hirota-Kimura (Kahan) maps of the Suslov problem and of quadratic equations; motion of any.
+"""Kahan maps of the Suslov problem and of quadratic equations, and the motion of any equations.
 
 Iterate the orbits of a body from two initial angular velocities::
 

@@ -83,6 +83,9 @@ for part, (kind, names, rows) in zip(parts, kinds, strict=True):
     axes = [*part.subplots(rows, 5).flat]
     for ax in axes[len(names) :]:
         ax.set_axis_off()
+        for mark, colour, label in ((".", "steelblue", "regular"), ("x", "crimson", "chaotic")):
+            ax.plot([], [], mark, color=colour, label=f"{label} orbit")
+        ax.legend(loc="center", fontsize=12, frameon=False)
     for ax, name in zip(axes, names, strict=False):
         field, eps = ZOO[name]
         plane = PLANES.get(name, (0, 1))

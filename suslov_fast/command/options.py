@@ -15,7 +15,7 @@ from ..keywords import instead
 Command = Callable[[argparse.Namespace], int | None]
 
 _ABOUT = (
-    "Iterate the discrete Suslov problem and Kahan maps of quadratic fields; examine the results."
+    "Kahan maps of the Suslov problem and of quadratic equations, and the motion of any equations."
 )
 _EXAMPLE = "Example: suslov-fast run --figure 4 --steps 500 --save-every 100 -o run.npz"
 PARAMETERS = {

@@ -370,7 +370,7 @@ ATTRIBUTES = [
     (RUN, "dt", "eps"), (RUN, "y", "states"), (RUN, "x2", r"run\.x\[\.\.\., 1\]"),
     (RUN, "omega", r"run\.x"), (RUN, "finl", "final"), (RUN, "to_netcdf", "to_xarray"),
     (RUN, "lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"), (MOTION, "t", "time"),
-    (MOTION, "sol", "states"), (MOTION, "Omega2", r"run\.omega\[\.\.\., 1\]"),
+    (MOTION, "sol", "time=t"), (MOTION, "Omega2", r"run\.omega\[\.\.\., 1\]"),
     (MOTION, "nfev", "steps"), (POINTS, "index", "trajectory"),
     (POINTS, "t_events", "time|crossings"), (POINTS, "x1", r"run\.x\[\.\.\., 0\]"),
     (BODY, "energy", r"suslov_fast\.energy"),

@@ -17,16 +17,23 @@ def pytest_configure(config):
 
 @pytest.hookimpl(tryfirst=True)  # before some of the cases are chosen
 def pytest_collection_modifyitems(config, items):
-    """Leave out cases that differ from others in size alone, unless they are timed."""
+    """Leave out cases that differ from others in size or problem alone, unless they are timed."""
     if config.option.benchmark_disable:
         kept = {}
         for item in items:
             is_case = getattr(item, "originalname", None) == "bench_case"
-            case = item.callspec.params["case"] if is_case else None
-            kept.setdefault((case.table, case.key) if case else item.nodeid, item)
+            kept.setdefault(_kind(item.callspec.params["case"]) if is_case else item.nodeid, item)
         chosen = {*kept.values()}
         config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
         items[:] = [item for item in items if item in chosen]
+
+
+def _kind(case):
+    """Return what one small case stands for: a function of a peer, a kind of process, or a row."""
+    if case.table == "processes":
+        return case.key.rpartition("-")[2]
+    peers = [each for each in case.make.args if isinstance(each, str) and "." in each]
+    return peers[0] if peers else (case.table, case.key)
 
 
 def pytest_benchmark_update_machine_info(machine_info):

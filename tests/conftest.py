@@ -29,17 +29,21 @@ def pytest_collection():
         gc.enable()
 
 
-# Of two processes one compiles what most files call, while the other takes files that compile
-# little; else both would compile the same kernels at the same time.
-FIRST = "promises integrability planar locus implicit validation ensemble command files plots"
-FIRST = [f"test_{name}" for name in FIRST.split()]
+# Files that come first. Of two processes one compiles what most files call, while the other takes
+# files that compile little; else both would compile the same kernels at the same time. Of slow
+# tests those come first that take longest, so that both processes end at about one time.
+FIRST = (
+    "promises integrability planar locus implicit levels right_hand_sides functions motion_engine "
+    "field strangers errors terms kernels"
+)
+SLOWEST = "first_calls cases docs promises integrability numba hashes flows"
 
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` selects
 def pytest_collection_modifyitems(config, items):
     """Mark slow tests: those in tests/slow, and all but some cases of tests marked `sampled`.
 
-    Who tests maps of their own wants all cases. Files of FIRST come first.
+    Who tests maps of their own wants all cases.
     """
     from numba import config as settings  # not in the process that waits for those of `-n`
 
@@ -61,7 +65,9 @@ def pytest_collection_modifyitems(config, items):
         for i, item in enumerate(some):
             if i not in kept:
                 item.add_marker("slow")
-    items.sort(key=lambda item: [*FIRST, item.path.stem].index(item.path.stem))
+    names = (SLOWEST if config.option.markexpr == "slow" else FIRST).split()
+    places = {name: k for k, name in enumerate(names)}
+    items.sort(key=lambda item: places.get(item.path.stem.partition("_")[2], len(names)))
 
 
 def pytest_addoption(parser):

@@ -60,8 +60,8 @@ def cart(x, m, M, length):
 
 
 def kuramoto(theta, K):
-    omega = np.linspace(-1, 1, 100)
-    return omega + K / 100 * np.sin(theta[None, :] - theta[:, None]).sum(axis=1)
+    omega = np.linspace(-1, 1, 30)
+    return omega + K / 30 * np.sin(theta[None, :] - theta[:, None]).sum(axis=1)
 
 
 def cr3bp(s, mu):
@@ -170,7 +170,7 @@ PUBLIC = {
     "thermostat": (thermostat, "T heater", {"on": 18.0, "off": 22.0}, [19.0, 0.3]),
     "table": (dose, "c t", {}, [1.0, 0.5]),
     "cart": (cart, "x v theta w", {"m": 0.1, "M": 1.0, "length": 0.5}, [0.0, 1.0, 0.4, 2.0]),
-    "Kuramoto": (kuramoto, 100, {"K": 2.0}, _rng.uniform(0, 6, 100)),
+    "Kuramoto": (kuramoto, 30, {"K": 2.0}, _rng.uniform(0, 6, 30)),
     "CR3BP": (cr3bp, "x y z vx vy vz", {"mu": 0.01215}, [0.8, 0.1, 0.05, 0.1, 0.2, -0.1]),
     "calcium": (calcium, "z y", {"beta": 0.3}, [0.15, 1.6]),
     "Pleiades": (pleiades, 28, {}, _rng.normal(size=28) * 3),

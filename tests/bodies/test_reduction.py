@@ -79,6 +79,7 @@ def orbit(J, I, eps, omega, steps):
     return states
 
 
+@pytest.mark.sampled(37)
 @pytest.mark.parametrize("position", POSITIONS)
 @pytest.mark.parametrize("multiplicities", MULTIPLICITIES, ids=str)
 def test_states_of_the_reduced_body(rng, multiplicities, position):

@@ -157,9 +157,6 @@ def test_a_hamiltonian_by_terms_has_its_field():
     gradient = [slope(i) for i in range(D)]
     assert [*field(x)] == [sum(int(K[i, j]) * gradient[j] for j in range(D)) for i in range(D)]
     assert field.H(x) == H(x)
-    y = np.array([*map(float, x), 1.0])
-    tensor = field.H.tensor.astype(float)
-    assert np.einsum("ijk,i,j,k", tensor, y, y, y) == pytest.approx(float(H(x)), rel=1e-13)
 
 
 BAD = [
@@ -274,15 +271,6 @@ def test_what_sympy_and_complex_variables_need():
     assert of_function(lambda a: (a[0].conjugate(), np.vdot(a, [1, 2])), 2)([3, 4]) == (3, 11)
 
 
-def test_names_that_do_not_fit_what_f_unpacks():
-    def uvw(state):
-        u, v, w = state
-        return u, v, w
-
-    with pytest.raises(ValueError, match=r"^f\b.*u, v"):
-        of_function(uvw, "u v")
-
-
 def test_long_lists_of_states_are_those_of_arrays(rng):
     field, x = of_terms(*lattice(4), 4), rng.normal(size=(200, 4))
     expected = sf.step(field, x, 0.01)
@@ -294,16 +282,6 @@ def test_long_lists_of_states_are_those_of_arrays(rng):
         rows[150] = [0.0, 0.0, 0.0]
         with pytest.raises(ValueError, match="rows of equal length"):
             sf.step(field, rows, 0.01)
-
-
-def test_the_tensor_of_a_hamiltonian_is_its_form():
-    """H(x) is the sum of T_ijk y_i y_j y_k with y = (x, 1), for terms of each kind."""
-    field = QuadraticField.from_hamiltonian(
-        lambda x: x[0] * x[1] * x[2] + 3 * x[0] ** 2 * x[3] - x[1] ** 3 + x[0] * x[1] + 2, 4
-    )
-    y = [F(3), F(-1, 2), F(5), F(2, 3), F(1)]
-    form = sum(T * y[i] * y[j] * y[k] for (i, j, k), T in np.ndenumerate(field.H.tensor))
-    assert form == field.H(y[:4])
 
 
 def test_the_canonical_matrix_has_the_entries_1_and_minus_1():

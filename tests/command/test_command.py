@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 import urllib.request
 from pathlib import Path
@@ -19,7 +18,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.command import main as command, summary, warm_up
 from suslov_fast.command.main import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
@@ -102,15 +100,6 @@ def test_run_and_info(suffix):
     mixed = run(f"info {name} missing.npz {name} text.txt")
     assert (mixed.code, mixed.out) == (1, succeed(f"info {name} {name}"))
     assert [line.split(":")[1] for line in mixed.err.splitlines()] == [" missing.npz", " text.txt"]
-
-
-@pytest.mark.filterwarnings("default")
-def test_a_warning_is_one_line():
-    line = "run --I1 4 --I2 1 --I13 -.5 --I23 -.3 --I3 50 --eps .1 --omega0 1,2 --steps 2"
-    done = run(line)
-    assert done.code == 0
-    assert done.err.startswith("suslov-fast: warning: no body has I3 = 50")
-    assert done.err.count("\n") == 1
 
 
 def lotka():
@@ -206,46 +195,9 @@ def test_a_motion_of_a_body_keeps_its_energy():
     assert "1 ENDED" in done.out
 
 
-@pytest.mark.parametrize("suffix", ["npz", "zarr"])
-def test_summaries_show_formulas_and_all_digits(suffix):
-    """A field is its equations; a method is shown where there are others."""
-
-    def f(x, a):
-        return x[1], -a * x[0] - x[0] ** 2
-
-    Path("b.json").write_text(json.dumps(sf.QuadraticField.from_function(f, 2, a=0.125).to_dict()))
-    line = f"run --body b.json --eps 1/128 --trajectories 9 --steps 3 -o r.{suffix} --extent 0.1"
-    for text in (succeed(line), succeed(f"info r.{suffix}")):
-        assert "QuadraticField(x1' = x2, x2' = -x1^2 - 1/8*x1)" in text
-        assert "a = 0.125" in text or "a                0.125\n" in text
-        assert "eps              0.0078125\n" in text
-        assert "quadratic" not in text.replace("of a quadratic field", "")
-        assert "method           auto\n" in text
-    line = f"run --J 5,6,7 --I -.4,-.7,.123456789 --eps 1 --trajectories 9 --steps 3 -o n.{suffix}"
-    assert "method           auto\n" in succeed(line)
-    assert "0.123456789" in succeed(f"info n.{suffix}")
-
-
 def lorenz(rho):
     f = lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2])  # noqa: E731
     return sf.QuadraticField.from_function(f, "u v w", rho=rho)
-
-
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("members", [1, 38, 400])
-def test_summaries_of_families(members):
-    """Of large tables a store has no numbers; values of a parameter take one line."""
-    family = lorenz(np.linspace(20, 30, members))
-    sf.ensemble(family, np.ones(3), 1 / 128, 3, store="f.zarr")
-    sf.iterate(family, np.ones(3), 1 / 128, 3).save("f.npz")
-    Path("b.json").write_text(json.dumps(family.to_dict()))
-    line = "run --body b.json --eps 1/128 --omega0 1,1,1 --steps 3 -o c.zarr"
-    for text in (succeed("info f.zarr"), succeed("info f.npz"), succeed(line)):
-        assert f"trajectories     {members}\n" in text
-        assert "QuadraticField" in text
-        assert max(map(len, text.splitlines())) < 120
-        assert members == 1 or f"{members} values from 20 to 30" in text
-        assert "linear" not in text
 
 
 @pytest.mark.slow
@@ -297,28 +249,6 @@ def test_a_family_and_a_box_of_starts(tmp_path, monkeypatch):
             np.testing.assert_array_equal(family.final[k], one.final)
 
 
-def test_states_from_standard_input(monkeypatch):
-    np.save("s.npy", [[1.0, 0.5], [0.2, -0.7]])
-    for name in ("s.npy", os.devnull):
-        with open(name, "rb") as file:
-            monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(file))
-            done = run("run --initial - --steps 9 -o piped.npz --force")
-    assert (done.code, done.err.count("\n")) == (1, 1)
-    assert done.err.startswith("suslov-fast: standard input: not a complete file of numpy.save")
-    succeed("run --initial s.npy --steps 9 -o read.npz")
-    assert sf.Trajectories.load("piped.npz") == sf.Trajectories.load("read.npz")
-
-
-def test_a_log_shows_signs_of_life(monkeypatch):
-    seen = threading.Event()
-    monkeypatch.setattr(command, "_BEAT", 0.01)
-    monkeypatch.setattr(command, "_tell", lambda text: seen.set())
-    monkeypatch.setattr(os, "isatty", lambda _: False)
-    monkeypatch.setattr(warm_up, "call_all", lambda: seen.wait(60))
-    assert main(["warm-up"]) == 0
-    assert seen.is_set()
-
-
 def test_a_store_is_finished_or_refused():
     line = "run --trajectories 100 --steps 40 --save-every 4 -o run.zarr"
     succeed(line)
@@ -347,87 +277,50 @@ def test_force_replaces_a_run(monkeypatch):
     assert refused.err == "suslov-fast: run.zarr: not replaced: Permission denied\n"
 
 
-def test_long_names_in_a_summary_end_with_a_blank():
-    facts = summary.facts_of(sf.iterate(BODY, [1.0, 0.5], 0.2, 3), None)
-    text = summary.lines_of(facts | {"failed_after_a_pole": 42}, False)
-    assert "failed after a pole 42" in text
-
-
 # Exit status, command line, and what the message on stderr names.
 MISTAKES = """
 2 | | command
-2 | rum | run
 2 | simulate | run
 2 | run --stpes 3 | --steps
-2 | run --dt 3 | --eps
 2 | run --x0 1,2 | --omega0
-2 | run --overwrite | --force
-2 | run --i1 3 | --I1
-2 | run --workers 2 | --threads
 2 | run --rho 28 | --rho
 2 | run good.json | good.json
-2 | report --body good.json --timeout 3 | --time-limit
 2 | --json run | --json comes after the command
 2 | run --steps 1.5 | --steps
-2 | run --steps abc | --steps
 2 | run --steps 1e-99999999 | --steps
 2 | run --omega0 1,x | --omega0
-2 | run --omega0 1 2 | 2
 2 | run --I1 4.5 | --I2, --I13, --I23, --eps
 2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k
 2 | run --I1 4 --figure 1 | --I1
-2 | run --figure one | --figure
 2 | run --omega0 1,2 --seed 0 | --seed
-2 | run --omega0 1,2 --low 1 | --low
 2 | run --low 1 | --high
-2 | run --low 1 --high 2 --extent 3 | --extent
 2 | run --save-every 3 | --save-every
-2 | run -o o.csv | o.csv
 2 | run --body good.json | --eps
 2 | run --body - --initial - --eps 1 | standard input
 2 | run --body field.json --eps 1 | --time
 2 | run --time 3 --eps 1 | --eps
-2 | run --time 3 --save-every 2 | --save-every
 2 | run --rtol 1e-3 | --rtol
 2 | report --body good.json --eps 1/0 | --eps
-2 | report --body good.json --eps 1e99999999 | --eps
 2 | explore --port 65536 | --port
-2 | plot good.npz | --output
 2 | plot run.npz -o o.docx | o.docx
 1 | run --omega0 1,2,3 | --omega0
 1 | run --J 1,-2 --I 1,1 --eps 1 | --J
-1 | run --trajectories 0 | --trajectories
 1 | run --trajectories 1e12 --steps 9 | memory
-1 | run --trajectories 1e12 -o o.zarr | o.zarr
 1 | run --threads 0 | --threads
-1 | run --threads 100000 | --threads
-1 | run --steps -1 | --steps
 1 | run --method order9 | --method
 1 | run --low 1 --high 0 | --low
-1 | run --low 1,2,3 --high 4 | low and high
-1 | run --time 3 --points 0 | --points
 1 | run --time inf | time
-1 | run --time 3 --rtol 1 | --rtol
-1 | run --time 3 --atol -1 | --atol
 1 | report --body good.json --degree 0 | --degree
 1 | run --body missing.json --eps 1 | missing.json
-1 | run --body nowhere/good.json --eps 1 | nowhere/good.json
 1 | run --body cut.json --eps 1 | cut.json
-1 | run --body good.npz --eps 1 | good.npz
 1 | run --body wrong.json --eps 1 | wrong.json
 1 | run --initial cut.npy | cut.npy
-1 | run --initial part.npy | part.npy
 1 | run --initial nan.npy | nan.npy
 1 | run -o good.npz | good.npz exists
-1 | run --time 3 -o good.npz | good.npz exists
 1 | run -o missing/o.npz | missing/o.npz
-1 | run -o folder.zarr --force | folder.zarr
 1 | info wrong.json | wrong.json
 1 | info foreign.npz | foreign.npz
 1 | info folder.zarr | folder.zarr
-1 | plot missing.npz -o o.png | missing.npz
-1 | plot foreign.npz -o o.png | foreign.npz
-1 | plot folder.zarr -o o.png | folder.zarr
 1 | plot run.npz -o figure1.png | figure1.png exists
 1 | plot run.npz --components Omega1,p -o o.png | --components
 1 | figures | figure1.png exists
@@ -443,7 +336,6 @@ def bad_files(tmp_path_factory):
     np.save(folder / "nan.npy", [[1, 2], [3, 4], [5, np.nan]])
     np.savez(folder / "foreign.npz", x=np.ones(3))
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
-    (folder / "part.npy").write_bytes((folder / "good.npy").read_bytes()[:-8])
     sf.iterate(BODY, [1.0, 0.5], 0.2, 3).save(folder / "run.npz")
     body = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": 0, "I23": 1}
     texts = {"good.json": json.dumps(body), "wrong.json": json.dumps(body | {"I1": -4})}
@@ -499,62 +391,12 @@ def test_ctrl_c():
     assert os.listdir() == ["o.zarr"]
 
 
-@posix
-@pytest.mark.slow
-def test_streams():
-    reading, writing = os.pipe()
-    os.close(reading)  # nobody reads
-    with start("run --trajectories 5 --steps 5", stdout=writing) as process:
-        assert (process.communicate(timeout=60)[1], process.returncode) == ("", 141)
-    os.close(writing)
-    line = f"'{COMMAND[0]}' -m suslov_fast run --trajectories 5 --steps 5 > /dev/full"
-    for unbuffered in ("", "1"):
-        done = subprocess.run(
-            ["sh", "-c", line], capture_output=True, text=True, timeout=60,
-            env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
-        )  # fmt: skip
-        assert (done.returncode, done.stderr) == (1, "suslov-fast: No space left on device\n")
-
-
-def test_warm_up_says_where_code_is_kept(monkeypatch, tmp_path):
-    for name in ("a", "a/b"):
-        (tmp_path / name).mkdir()
-    for folders, writable, words in (
-        (("a/b", "a"), True, f"is kept in {tmp_path / 'a'}"),
-        (("a/b", "a"), False, f"is kept in {tmp_path / 'a'}, which cannot be written"),
-        ((None, "a"), True, "nothing is kept: no folder can be written"),
-    ):
-        given = iter(folders)
-        found = lambda _, given=given: (name := next(given)) and str(tmp_path / name)  # noqa: E731
-        monkeypatch.setattr(warm_up, "folder_of", found)
-        monkeypatch.setattr(warm_up.os, "access", lambda *_, may=writable: may)
-        assert words in warm_up.where_code_is_kept()
-
-
 def test_report():
     Path("b.json").write_text(json.dumps(lotka().to_dict()))
-    line = "report --body b.json --eps 1/3 --degree 1"
-    assert "degree" in succeed(line)
-    assert facts_of(line)
+    assert "degree" in succeed("report --body b.json --eps 1/3 --degree 1")
     lemma = "25*(4*x1^2 + x2^2)/(25*x1^2 + 30*x1*x2 + 9*x2^2 + 40000)"
-    for system in ("--figure 1", "--I1 4 --I2 1 --I13 -0.5 --I23 -0.3"):
-        found = facts_of(f"report {system} --eps 0.2 --degree 2 --json")
-        assert [each["formula"] for each in found["integrals"]] == [lemma]
-
-
-def test_a_report_that_is_interrupted(monkeypatch):
-    """Ctrl-C prints what was found so far."""
-    Path("b.json").write_text(json.dumps(lotka().to_dict()))
-
-    def stopped(*_, **__):
-        error = KeyboardInterrupt()
-        error.report = SimpleNamespace(to_dict=lambda: {"degrees": [2, 4]})
-        raise error
-
-    monkeypatch.setattr("suslov_fast.integrability.report", stopped)
-    done = run("report --body b.json --json")
-    assert (done.code, json.loads(done.out)) == (130, {"degrees": [2, 4]})
-    assert done.err == "suslov-fast: interrupted\n"
+    found = facts_of("report --figure 1 --eps 0.2 --degree 2")
+    assert [each["formula"] for each in found["integrals"]] == [lemma]
 
 
 @posix

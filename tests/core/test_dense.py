@@ -119,7 +119,7 @@ class Columns:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("has_list", [True, False])
+@pytest.mark.parametrize("has_list", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("D", "size"), [(D, 0.45), (70, 0.2)])  # 64 columns at once
 def test_derivatives_along_orbits(rng, D, size, has_list):
     """Columns q become -DPhi q; what stops a run is told."""

@@ -10,19 +10,15 @@ import re
 import signal
 import threading
 from fractions import Fraction as F
-from itertools import pairwise, permutations, product
-from pathlib import Path
+from itertools import permutations, product
 
 import numpy as np
 import pytest
-import sympy
 
-import suslov_fast
 from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
 
 pytest.importorskip("flint")
 
-import flint
 from papers import three_lines
 
 from suslov_fast.integrability import (
@@ -32,7 +28,6 @@ from suslov_fast.integrability import (
     cofactors,
     darboux_polynomials,
     degrees,
-    functions,
     growth as growth_of,
     hk_bases,
     invariants,
@@ -48,7 +43,7 @@ from suslov_fast.integrability import (
 from suslov_fast.integrability.functions import MODULAR
 from suslov_fast.integrability.invariants import Invariants, NormalForms
 from suslov_fast.integrability.report import Report
-from suslov_fast.integrability.search import Queue, Search, Task
+from suslov_fast.integrability.search import Search
 
 
 @functools.cache
@@ -115,6 +110,8 @@ def value(P, x):
 
 def by_sympy(f, x, **parameters):
     """The value of the text of a function."""
+    import sympy  # takes long, and not every process that collects tests needs it
+
     values = {f"x{i}": a for i, a in enumerate(x, start=1)} | parameters
     found = sympy.sympify(str(f)).subs({name: sympy.Rational(str(a)) for name, a in values.items()})
     return F(int(found.p), int(found.q))
@@ -122,6 +119,8 @@ def by_sympy(f, x, **parameters):
 
 def assert_derivative(map, x):
     """The Jacobian is that of central differences."""
+    import sympy
+
     jacobian, h = map.jacobian(x), F(1, 10**20)
     for j in range(len(x)):
         ahead, behind = (map([a + s * h * (i == j) for i, a in enumerate(x)]) for s in (1, -1))
@@ -173,7 +172,7 @@ def test_rational_maps():
     assert pickle.loads(pickle.dumps(both)) == both
 
 
-@pytest.mark.parametrize("letter", ["h", "λ"])
+@pytest.mark.parametrize("letter", [pytest.param("h", marks=pytest.mark.slow), "λ"])
 def test_a_letter_in_the_coefficients(letter):
     """What is found for it holds for its values; so do maps, inverses, formulas, and text."""
     forward = f"lambda x, {letter}: (x[1], {letter} * (x[1] + 1) / (x[0] * ({letter} - 2)))"
@@ -649,6 +648,8 @@ def test_determinants_that_are_too_long():
 
 
 def gradients_have_rank(functions, x, rank, eps):
+    import sympy
+
     symbols = sympy.symbols(f"x1:{len(x) + 1}")
     at = dict(zip(symbols, (sympy.Rational(str(a)) for a in x), strict=True))
     at[sympy.Symbol("eps")] = sympy.Rational(str(eps))
@@ -758,21 +759,6 @@ def assert_text(found):
 
 
 @pytest.mark.slow
-def test_texts_of_products_and_long_formulas():
-    x, y = polynomials.polynomial_ring(2, False).gens()
-    f = RationalFunction(((x * y, 2), (x, -1), (x + y, 1)), F(-3, 2))
-    assert str(f) == "-3*(x1*x2)^2*(x1 + x2)/(2*x1)"
-    assert by_sympy(f, (2, 3)) == f((2, 3)) == F(-135)
-    assert str(RationalFunction(((2 * x, -1),))) == "1/(2*x1)"
-    assert str(RationalFunction((), F(-2, 3))) == "-2/3"
-    assert (f**-1)._repr_latex_()[15:-1] == r"-\frac{2 x_{1}}{3 (x_{1} x_{2})^{2} (x_{1} + x_{2})}"
-    assert RationalFunction(((x, 1),), F(1, 2))._repr_latex_()[15:-1] == r"\frac{x_{1}}{2}"
-    found = report(HENON_HEILES_FIELD, EPS, 1)
-    assert "[degree 4, 16 terms]/(4*x1^2 + 4*x2^2 - 4225)" in repr(found)
-    assert len(str(found.integrals[0])) > 150
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("eps", [EPS, None])
 def test_names_of_variables(eps):
     """Formulas, relations and symmetries are those of x1, x2, x3 under other names."""
@@ -809,28 +795,6 @@ def test_names_of_variables(eps):
         basis = hk_bases(here, 3)
         texts = polynomials.decoded(repr(basis.polynomials))
         assert plain(texts) == repr(hk_bases(there, 3).polynomials)
-
-
-def test_names_in_latex():
-    ring = flint.fmpz_mpoly_ctx.get(("u", "omega_2", "q1", "speed", "a_b3"), ordering="deglex")
-    terms = [RationalFunction(((a, 2),))._repr_latex_()[15:-1] for a in ring.gens()]
-    assert terms == ["u^{2}", r"\omega_{2}^{2}", "q_{1}^{2}", r"\mathrm{speed}^{2}",
-                     r"\mathrm{a\_b}_{3}^{2}"]  # fmt: skip
-
-
-def test_names_that_sympy_takes_for_its_own():
-    names = "S", "I", "beta"
-    ring = flint.fmpz_mpoly_ctx.get(("eps", *names), ordering="deglex")
-    eps, S, I, beta = ring.gens()
-    f = RationalFunction(((eps * S * I, -1), (I**2 + beta, 2), (beta, 1)), F(-3, 2))
-    assert {*f.symbols()} == {"eps", *names}
-    assert {*f.subs("1/7").symbols()} == {*names}
-    for each in (f, f**-1, RationalFunction(((S, -1),)), RationalFunction(((2 * S * I, 1),))):
-        at = dict(zip(names, (F(2), F(-3), F(1, 5)), strict=True)) | {"eps": F(1, 7)}
-        found = sympy.sympify(str(each), locals=each.symbols())
-        value = found.subs({name: sympy.Rational(str(a)) for name, a in at.items()})
-        assert F(int(value.p), int(value.q)) == each([at[name] for name in names], at["eps"])
-    assert RationalFunction(()).symbols() == {}
 
 
 # Numbers, limits and bad input.
@@ -905,64 +869,6 @@ def test_a_report_that_is_cut_short(monkeypatch, tmp_path):
     assert calls[0][0] == 1
 
 
-def test_the_cheapest_task_goes_first():
-    """A task that is not wanted waits aside until it is, or until the end."""
-    order, wanted = [], set()
-
-    def task(name, cost, *following, needed=True):
-        def run():
-            order.append(name)
-            return following
-
-        return Task(cost, run, name[0], int(name[1]), needed)
-
-    late, unwanted = task("b1", 0.1, needed=False), task("b2", 0.1, needed=False)
-    first = [task("a2", 3.0), task("a1", 1.0, task("a3", 2.0), task("a4", 2.0)), late, unwanted]
-    queue = Queue(first, wanted.__contains__)
-    for done, _ in enumerate(queue, start=1):
-        assert queue.done == done
-        if done == 2:
-            wanted.add(1)
-            assert queue.finished() == {"a": 1}
-    assert order == ["a1", "a3", "b1", "a4", "a2"]
-    assert (len(queue), queue.has_set_aside, queue.finished()) == (1, True, {"a": 4, "b": 1})
-
-
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("given", [BODY, CYCLE, PREY, SIR])
-def test_a_larger_degree_shows_no_less(given):
-    is_map = isinstance(given, RationalMap)
-    reports = [reported(given, None if is_map else EPS, degree) for degree in (1, 2, 3)]
-    for less, more in pairwise(reports):
-        assert more.relations >= less.relations
-        for name in ("integrals", "measures", "polynomials"):
-            assert len(getattr(more, name)) >= len(getattr(less, name))
-        both = functions.independent([*more.integrals, *less.integrals], more.map.prime)
-        assert len(both) == len(more.integrals)
-
-
-@pytest.mark.slow
-def test_a_permutation_of_the_variables():
-    """Reports of the same field in other variables show as much, of the same degrees."""
-    field, n = EULER, 3
-
-    def permuted(y):
-        """The equations of y_i = x_(i + 1)."""
-        x = [*y[-1:], *y[:-1], 1]
-        indices, values = field.terms
-        terms = [*zip(*indices.tolist(), values.tolist(), strict=True)]
-        f = [sum(v * x[j] * x[k] for row, j, k, v in terms if row == i) for i in range(n)]
-        return [*f[1:], f[0]]
-
-    first, second = reported(field, F(2, 5)), report(field_of(permuted, n), F(2, 5))
-    for name in ("integrals", "polynomials"):
-        degrees = [sorted(f.degree for f in getattr(each, name)) for each in (first, second)]
-        assert degrees[0] == degrees[1]
-    for name in ("measures", "symmetries"):
-        assert len(getattr(first, name)) == len(getattr(second, name))
-    assert (first.relations, first.growth) == (second.relations, second.growth)
-
-
 # Somos-5, reduced by its symmetries.
 SOMOS = rational_map(
     lambda x: (x[1], x[2], (2 + 5 * x[1] * x[2]) / (x[0] * x[1] ** 2 * x[2] ** 2)),
@@ -997,19 +903,6 @@ def test_what_reports_print_of_several_possibilities():
 
 
 @pytest.mark.slow
-def test_products_of_polynomials_of_a_higher_degree_are_left_out():
-    rolling = field_of(
-        lambda x: (x[3] / 2, -x[2] / 2, -x[4] * x[1], x[4] * x[0], x[2] * x[1] - x[3] * x[0]), 5
-    )
-    found = report(rolling, F(1, 3), 2)
-    assert [P.degree for P in found.polynomials] == [1, 2, 2, 2, 4]
-    assert_holds(found)
-    # x5^2 - 36 comes from a normal form, but both of its factors have cofactors.
-    body = report(*ZOO["Klebsch-Tisserand"], degree=2)
-    assert [len(P.factors) for P in body.polynomials] == [1] * 7
-    assert_holds(body)
-
-
 def test_kharlamova_on_the_invariant_hyperplane():
     """W1 = -4 W2 with c = (1, 2, 0), I = (1, 2): three integrals, as identities in x and eps."""
     sympy = pytest.importorskip("sympy")
@@ -1055,40 +948,6 @@ def test_members_with_more_than_two_factors():
     members = [*reducible.reducible_members([others + 2 * lines, 3 * others - lines])]
     for expected in (lines, others):
         assert expected in members or -expected in members
-
-
-@pytest.mark.slow
-def test_products_where_the_rank_falls_by_more_than_one():
-    """Two members of a pencil have several factors: multiple roots of the lost rank."""
-    octahedral = report(ZOO["Nahm, octahedral"][0], F(1, 4), degree=4)
-    (integral,) = octahedral.integrals
-    assert sorted(str(f) for f, power in integral.factors if power < 0) == [
-        "3*x1 + 2*x2 + 4",
-        "3*x1 + 2*x2 - 4",
-        "x1 - 6*x2 + 4",
-        "x1 - 6*x2 - 4",
-    ]
-    assert sorted(power for _, power in integral.factors if power > 0) == [1, 1, 2]
-    assert_holds(octahedral)
-
-
-@pytest.mark.slow
-def test_a_line_twice_and_three_conics():
-    """L^2 Q / (C+ C-), where 0.8 had 52 terms over 25."""
-    field = field_of(
-        lambda x: (
-            x[0] ** 2 + 3 * x[0] * x[1] + 2 * x[0] - 2,
-            -3 * x[0] * x[1] - x[1] ** 2 - 2 * x[1] + 2,
-        ),
-        2,
-    )
-    found = report(field, degree=4)
-    (integral,) = found.integrals
-    shapes = sorted((int(P.total_degree()), power) for P, power in integral.subs(eps=1).factors)
-    assert shapes == [(1, 2), (2, -1), (2, -1), (2, 1)]
-    assert "x1 + x2 + 2" in {str(P) for P, _ in integral.factors}
-    x, map = (F(2, 7), F(-3, 5)), kahan(field, EPS)
-    assert integral.subs(eps=EPS)(map(x)) == integral.subs(eps=EPS)(x)
 
 
 TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)
@@ -1239,20 +1098,6 @@ def test_every_report_on_the_way_has_a_text():
     assert {f.basis for f in early} == {MODULAR}
 
 
-@pytest.mark.parametrize(
-    ("code", "error"),
-    [
-        ("import pickle, sys; pickle.dump(OSError('of its own'), sys.stdout.buffer)", OSError),
-        ("pass", RuntimeError),
-    ],
-)
-def test_errors_of_the_process_that_searches(monkeypatch, code, error):
-    """Its own error is not one of the pipe to it."""
-    monkeypatch.setattr(process, "_START", code)
-    with pytest.raises(error):
-        report(CYCLE, EPS, time_limit=1000)
-
-
 def test_a_search_that_never_ends(monkeypatch):
     """The limit holds whatever the search does, and so does Ctrl-C.
 
@@ -1269,20 +1114,6 @@ def test_a_search_that_never_ends(monkeypatch):
     timer.join()
     signal.signal(signal.SIGINT, before)
     assert not stopped.value.report.finished
-
-
-def test_the_order_of_files():
-    """The package lists its files such that each imports from those before it only."""
-    folder = Path(suslov_fast.integrability.__file__).parent
-    _, listed = suslov_fast.integrability.__doc__.split("before it:")
-    before = []
-    for name in re.findall(r"`(\w+)`", listed):
-        text = (folder / f"{name}.py").read_text(encoding="utf-8")
-        imported = re.findall(r"^from \.(\w+) import", text, re.M)
-        imported += ", ".join(re.findall(r"^from \. import (.+)$", text, re.M)).split(", ")
-        assert {*imported} <= {*before, ""}, name
-        before.append(name)
-    assert sorted(before) == sorted({path.stem for path in folder.glob("*.py")} - {"__init__"})
 
 
 def test_linear_and_trivial_fields():

@@ -2,8 +2,7 @@
 
 Errors in three dimensions are in the norm of the energy, |(sqrt(I1) Omega1, sqrt(I2) Omega2)|, and
 in units of the condition: the sum of the changes of the result by a change of half an ulp in each
-input, and half an ulp of the result. Those of a step in n dimensions and of a field are in units
-of the condition of its matrix A, of numbers of size 1. References have 60 digits.
+input, and half an ulp of the result. References have 60 digits.
 """
 
 import math
@@ -104,7 +103,7 @@ THREE = {"exact": of_exact, "flow": of_flow, "limits": of_limits, "iterate": of_
 
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("kernel", THREE)
-@pytest.mark.parametrize("cases", [15, pytest.param(200, marks=SLOW)])
+@pytest.mark.parametrize("cases", [15, pytest.param(80, marks=SLOW)])
 def test_three_dimensions(kernel, cases, seed):
     draw, errors = adversary.Adversary(np.random.default_rng([seed, cases])), []
     for _ in range(cases):
@@ -116,66 +115,7 @@ def test_three_dimensions(kernel, cases, seed):
     assert np.median(errors) < 1 / 16
 
 
-# ---------------------------------------------------------------------- n dimensions and fields
-
-
-def in_units(found, want, units):
-    """The error, and the size of the exact numbers, in these units."""
-    pairs = zip(np.ravel(found).tolist(), np.ravel(want), np.ravel(units).tolist(), strict=True)
-    errors = [abs(float((naive.mpf(a) - b) / u)) for a, b, u in pairs]
-    size = max(abs(float(b / u)) for b, u in zip(np.ravel(want), np.ravel(units), strict=True))
-    return max(errors), size
-
-
-def condition_of(A, moduli, units):
-    """Condition of A = 1 - eps f' / 2, of components in these units: the norm of its inverse times
-    that of the sums of the moduli of its terms.
-    """
-    singular, terms = (np.linalg.svd(M * units / units[:, None])[1] for M in (A, moduli))
-    return terms[0] / singular[-1] if singular[-1] > 0.0 else np.inf
-
-
-@pytest.mark.parametrize("cases", [10, pytest.param(200, marks=SLOW)])
-def test_n_dimensions(cases, seed):
-    draw, count = adversary.Adversary(np.random.default_rng([seed, cases])), 0
-    for _ in range(cases):
-        J, I, eps, omega, sets = adversary.in_n_dimensions(draw)
-        body = sf.SuslovND(J, I)
-        A = sf.matrix(body, omega, eps)
-        want = naive.step_nd(J, I, eps, naive.exactly(*omega))
-        for units in (np.ones(len(J)), 1 / np.sqrt(J)):
-            condition = condition_of(A, A, units)
-            if condition > 1e13:
-                continue
-            count += 1
-            for method in ("auto", "gauss"):
-                run = sf.iterate(body, omega, eps, 1, method=method, on_singular="ignore")
-                number, size = in_units(run.final, want, units)
-                assert number < 1e-14 * size * condition, (method, J, I, eps, omega, sets)
-    assert count > cases
-
-
-@pytest.mark.parametrize("cases", [10, pytest.param(120, marks=SLOW)])
-def test_fields(cases, seed):
-    draw, count = adversary.Adversary(np.random.default_rng([seed, cases])), 0
-    for case in range(cases):
-        tables, units, eps, x, sets = adversary.field(draw)
-        lists = [table.tolist() for table in tables]
-        f, field = partial(naive.quadratic, lists), sf.QuadraticField(*tables)
-        moduli = sf.matrix(sf.QuadraticField(*map(abs, tables)), abs(x), -abs(eps))
-        condition = condition_of(sf.matrix(field, x, eps), moduli, units)
-        if condition > 1e13:
-            continue
-        count += 1
-        want = naive.kahan_step(f, eps, x)
-        number, size = in_units(sf.step(field, x, eps), want, units)
-        assert number < 1e-14 * max(size, 1.0) * condition, (number, tables, eps, x, sets)
-        if case % 5 == 0:
-            slope = naive.derivative(partial(naive.kahan_step, f, eps), x)
-            found, ratios = sf.jacobian(field, x, eps), units[:, None] / units
-            number, size = in_units(found, np.array(slope, object), ratios)
-            assert number < 1e-14 * max(size, 1.0) * condition, (number, tables, eps, x, sets)
-    assert count > 0.7 * cases
+# --------------------------------------------------------------------------------------- fields
 
 
 def test_energies_of_fields(seed):

@@ -1,40 +1,27 @@
 """Maps and bodies of a user's own: each function is right for them, or refuses them."""
 
-import contextlib
 import dataclasses
-import inspect
-import itertools
-import json
-import math
 import os
 import pickle
 import re
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from unittest import mock
 
 import children
-import contract
 import numba
 import numpy as np
 import own
 import pytest
-import test_promises as promises
+from test_kernels import try_kernel
 
 import suslov_fast as sf
 from suslov_fast import compiled, ensemble, iterate, maps
-from suslov_fast.command.main import main
 from suslov_fast.core.compiling import cache
 from suslov_fast.core.compiling.numba import kernel
-from suslov_fast.core.fields.stages import Stages
-from suslov_fast.core.users import own_map as one_step
 from suslov_fast.engine import threads
-from suslov_fast.engine.problem import check
 from suslov_fast.maps import KAHAN, Formula, Steps, by_field
-from suslov_fast.maps.methods import field_in
 
 HENON = sf.QuadraticField.from_hamiltonian(
     lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
@@ -69,19 +56,11 @@ def test_states_of_another_discretization():
     assert np.isfinite(run.x[: run.failed_at[3], 3]).all()
 
 
-@pytest.mark.slow
-def test_cuts_threads_and_batches_change_no_bit(monkeypatch):
-    whole = midpoint()
-    for every, cuts in itertools.product((1, 7, None), ((20, 20), (0, 1, 28, 11), (33, 0, 7))):
-        run = midpoint(steps=cuts[0], save_every=every)
-        for more in cuts[1:]:
-            run = run.extend(more, on_singular="ignore")
-        assert run == midpoint(save_every=every)
-        np.testing.assert_array_equal(run.x, whole.x[run.n])
-    alone = iterate(HENON, START[1], 0.1, 40, method="midpoint")
-    np.testing.assert_array_equal(alone.x, whole.x[:, 1])
-    monkeypatch.setattr(threads, "CROSSOVER", 0)
-    assert midpoint(threads=children.TWO_THREADS) == whole
+def test_the_kernel_of_own_steps_keeps_the_contract():
+    try_kernel(own.MIDPOINT, "midpoint", HENON, START, 0.1)
+    run = midpoint(steps=33, save_every=7).extend(7, on_singular="ignore")
+    assert run == midpoint(save_every=7)
+    np.testing.assert_array_equal(run.x, midpoint().x[run.n])
 
 
 def counting(x, out, eps, work, values):
@@ -267,33 +246,6 @@ def test_an_edit_of_a_step_compiles_anew():
 
 
 @pytest.mark.slow
-def test_a_run_has_the_quantities_of_its_map_alone(tmp_path, capsys):
-    """Kahan's modified energy is none of the midpoint rule, which has no drift."""
-    run = iterate(HENON, START[:2], 0.1, 40, method="midpoint")
-    assert run.map is own.MIDPOINT
-    np.testing.assert_array_equal(run.energy(), sf.energy(HENON, run.x))
-    assert {"energy"} == {"energy", "modified_energy", "first_integral"} & {*dir(run)}
-    with pytest.raises(TypeError, match="Explicit midpoint rule has no modified_energy"):
-        run.modified_energy()
-    with pytest.raises(TypeError, match=r"^attitude\b"):
-        midpoint(attitude=True)
-    assert run.to_xarray().title == run.to_xarray().attrs["title"] == "Explicit midpoint rule"
-    axes = run.plot()
-    assert axes.get_title().startswith("Explicit midpoint rule")
-    assert len(axes.figure.axes) == 1  # no bar of levels of a quantity
-    kahan = iterate(HENON, START[:2], 0.1, 40)
-    assert kahan != run
-    assert "modified_energy" in dir(kahan)
-    assert (sf.step(HENON, START[0], 0.1) == kahan.x[1, 0]).all()  # functions are of "auto"
-    path, body = tmp_path / "run.npz", tmp_path / "body.json"
-    body.write_text(json.dumps(HENON.to_dict()))
-    given = f"run --body {body} --eps 0.1 --steps 9 --trajectories 3 --method midpoint --json"
-    assert main([*given.split(), "-o", str(path)]) == 0
-    assert json.loads(capsys.readouterr().out)["drift"] == {}
-    assert sf.Trajectories.load(path).map is own.MIDPOINT
-
-
-@pytest.mark.slow
 def test_files_name_the_map(tmp_path):
     run, path = midpoint(), tmp_path / "run.npz"
     run.save(path)
@@ -345,12 +297,12 @@ def test_a_body_that_turns_nothing(tmp_path):
     for name in (*refused, "exact", "limits"):
         given = (SPEEDS,) if name.startswith(("to_", "momentum")) else (SPEEDS, 0.3)
         given = (*given, 3) if name == "exact" else given
-        with pytest.raises(TypeError, match=r"^body\b"):
+        with pytest.raises(TypeError, match=r"^(body|system)\b"):
             getattr(sf, name)(SLEIGHS, *given)
     for f in (compiled.frame, sf.plot_phase):
-        with pytest.raises(TypeError, match=r"^body\b"):
+        with pytest.raises(TypeError, match=r"^(body|system)\b"):
             f(SLEIGHS[0], 0.3, *(2.0,) * (f is sf.plot_phase))
-    with pytest.raises(TypeError, match=r"^body\b"):
+    with pytest.raises(TypeError, match=r"^(body|system)\b"):
         sf.scattering_angle(SLEIGHS)
 
 
@@ -372,35 +324,6 @@ def of_midpoint(problem):
     f, one = f.field() if hasattr(f, "field") else f, np.eye(x.shape[-1])
     slopes = [2.0 * (one - sf.matrix(f, y, 1.0)) for y in (x, x + 0.5 * h[..., 0] * f(x))]
     return one + h * slopes[1] @ (one + 0.5 * h * slopes[0])
-
-
-def test_exponents_of_a_map_with_a_jacobian(monkeypatch):
-    """Those of Kahan's map by its formula of the Jacobian alone."""
-
-    class Alone(own.Sleigh):
-        """A sleigh of which nothing but the Jacobian is known."""
-
-    jacobian = {"jacobian": KAHAN["jacobian"]}
-    new = dataclasses.replace(own.SLEIGH, name="alone", body=Alone, formulas=jacobian, pole=None)
-    maps.register(new)
-    given = [2.0, 3.0], 1.5, 0.4
-    starts, eps = [[1.0, 0.5], [np.nan, 0.5]], [0.3, 0.2]
-    expected = sf.lyapunov_exponents(own.Sleigh(*given), starts, eps, 200, 5)
-    rates = sf.lyapunov_exponents(Alone(*given), starts, eps, 200, 5)
-    np.testing.assert_allclose(rates, expected, atol=1e-13)
-    assert np.isnan(rates[1]).all()
-    monkeypatch.setattr("suslov_fast.engine.derivatives._STRETCH", 0)  # one state at a time
-    np.testing.assert_array_equal(sf.lyapunov_exponents(Alone(*given), starts, eps, 200, 5), rates)
-    rest = [[2.0, 0.0], [np.nan, 0.0]]
-    values = sf.multipliers(Alone(*given), rest, eps)
-    np.testing.assert_allclose(values, sf.multipliers(own.Sleigh(*given), rest, eps), rtol=1e-13)
-    with pytest.raises(TypeError, match=r"^body\b"):
-        sf.energy(Alone(*given), starts)
-    with pytest.warns(sf.SingularStepWarning):
-        pole = sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), own.SLEIGH.pole[1], 1.0, 1)
-    assert np.isnan(pole).all()
-    with pytest.warns(sf.PoleWarning, match="1 of 1 .* trajectory 0 at step 1"):  # det A = -1 / 4
-        sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), [-5.0, 0.0], 1.0, 1)
 
 
 def test_functions_of_a_second_method_of_a_class():
@@ -436,7 +359,7 @@ def test_functions_of_a_second_method_of_a_class():
     np.testing.assert_array_equal(points.before, orbit[n])
     with pytest.raises(TypeError, match=r"^method\b"):
         sf.jacobian(HENON, START[0], 0.1, method="midpoint")
-    with pytest.raises(TypeError, match=r"^body\b"):
+    with pytest.raises(TypeError, match=r"^(body|system)\b"):
         compiled.system(HENON, 0.1, method="midpoint")
 
 
@@ -461,12 +384,6 @@ def test_a_subclass_comes_back_as_itself(tmp_path):
     assert "'Named'" in done.stderr
 
 
-def test_classes_without_a_name_of_their_own_are_not_saved(tmp_path):
-    same = type("QuadraticField", (sf.QuadraticField,), {})
-    with pytest.raises(TypeError, match=r"body\b"):
-        iterate(same([[[1]]]), [0.5], 0.1, 5).save(tmp_path / "run.npz")
-
-
 def changed(**changes):
     return lambda: maps.register(dataclasses.replace(own.MIDPOINT, **{"name": "new"} | changes))
 
@@ -481,7 +398,6 @@ def with_steps(**changes):
     ("register", "error", "words"),
     [
         (changed(name="Kahan"), ValueError, "name "),
-        (changed(methods={}), ValueError, "methods.*none"),
         (
             changed(),
             ValueError,
@@ -490,13 +406,8 @@ def with_steps(**changes):
         (changed(body=int), TypeError, "body "),
         (changed(variable="y"), ValueError, "variable "),
         (lambda: maps.register("midpoint"), TypeError, "record "),
-        (changed(name=""), ValueError, "name "),
-        (changed(name=5), TypeError, "name "),
         (changed(body=own.Body), ValueError, "methods: name one of midpoint auto"),
         (with_steps(kernel=own.midpoint_step), TypeError, r"methods\['new'\].kernel "),
-        (with_steps(arguments=None), TypeError, r"methods\['new'\].arguments "),
-        (with_steps(cost=2.0), TypeError, r"methods\['new'\].cost "),
-        (with_steps(lanes=0), ValueError, r"methods\['new'\].lanes "),
         (with_steps(lanes=12), ValueError, r"methods\['new'\].lanes .*multiple of 8"),
         (with_steps(formulas={"energy": KAHAN}), TypeError, r"formulas\['energy'\] "),
         (
@@ -510,58 +421,13 @@ def with_steps(**changes):
             "formulas: leave out 'multipliers', because 'jacobian'",
         ),
         (with_steps(attitude=True), ValueError, "attitude"),
-        (with_steps(serves=("animate",)), ValueError, "serves"),
-        (with_steps(plane=len), TypeError, "plane"),
-        (with_steps(growth="jacobian"), TypeError, "growth must be a function, or None"),
-        (with_steps(eigenvalues=1.0), TypeError, "eigenvalues must be a function, or None"),
-        (with_steps(formulas={"zzz": Formula(len)}), ValueError, "formulas.*one of .*energy, "),
         (with_steps(conserved="energy"), ValueError, "conserved "),
         (with_steps(conserved=("jacobian",)), ValueError, "conserved.*vector_field, energy"),
-        (with_steps(random=iter), TypeError, "random "),
-        (with_steps(pole=own.SLEIGH.pole), TypeError, "pole must be a QuadraticField"),
     ],
 )
 def test_records_are_checked(register, error, words):
     with pytest.raises(error, match=f"^{words}"):
         register()
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Top(own.Body):
-    """A free body, whose moments are one parameter."""
-
-    I: Any
-    dimension, labels = 3, ("w_1", "w_x_dot", "100 % $")
-
-    def field(self):
-        of_rows = np.broadcast_to(self.I, (*self.shape, 3))
-        q = np.zeros((*self.shape, 3, 3, 3))
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            q[..., i, j, k] = (of_rows[..., j] - of_rows[..., k]) / of_rows[..., i]
-        return sf.QuadraticField(q)
-
-
-def test_a_vector_among_the_parameters_needs_its_axes():
-    """Without them its components would be the members of a batch."""
-    random = (lambda rng, shape: Top(rng.uniform(1, 2, (*shape, 3))),)
-    new = {"name": "top", "body": Top, "formulas": {}, "pole": None, "random": random}
-    with pytest.raises(ValueError, match=r"random\[0\] made a batch \(3,\) .*Top.axes"):
-        maps.register(dataclasses.replace(own.SLEIGH, **new))
-
-
-def test_labels_may_hold_anything(tmp_path, monkeypatch):
-    monkeypatch.setattr(Top, "axes", {"I": 1})
-    random = (lambda rng, shape: Top(rng.uniform(1, 2, (*shape, 3))),)
-    new = {"name": "top", "body": Top, "formulas": KAHAN, "pole": None, "random": random}
-    maps.register(dataclasses.replace(own.SLEIGH, **new))
-    run = iterate(Top([1.0, 2.0, 3.0]), [0.1, 1.0, 0.2], 0.1, 50)
-    assert run.body.shape == ()
-    drawn = ["$w_{1}$", "w_x_dot", r"100 % \$"]
-    for i, j in ((0, 1), (1, 2)):
-        axes = run.plot(components=(i, j))
-        assert [axes.get_xlabel(), axes.get_ylabel()] == [drawn[i], drawn[j]]
-        axes.figure.savefig(tmp_path / "run.png")
-    assert iterate(SLEIGHS, SPEEDS, 0.3, 5).plot().get_xlabel() == r"$\Omega_{1}$"
 
 
 def test_a_formula_of_another_shape_is_refused():
@@ -584,7 +450,7 @@ def test_a_class_without_a_record_is_refused():
     class Other(own.Body):
         pass
 
-    with pytest.raises(TypeError, match=r"^body\b"):
+    with pytest.raises(TypeError, match=r"^(body|system)\b"):
         iterate(Other(), [0.5, 1.0], 0.1, 5)
 
 
@@ -597,27 +463,11 @@ class Faster(own.Sleigh):
 
 def test_a_class_with_other_equations_needs_a_record():
     given = 2.0, 1.5, 0.4
-    with pytest.raises(TypeError, match=r"^body\b"):
+    with pytest.raises(TypeError, match=r"^(body|system)\b"):
         iterate(Faster(*given), SPEEDS[0], 0.1, 5)
     maps.register(dataclasses.replace(own.SLEIGH, name="faster", body=Faster, pole=None))
     run = iterate(Faster(*given), SPEEDS[0], 0.1, 5)
     np.testing.assert_array_equal(run.omega, iterate(own.Sleigh(*given), SPEEDS[0], 0.2, 5).omega)
-
-
-def test_another_discretization_as_the_map_of_a_class():
-    """A class of its own gives all functions to a map, and refuses those it lacks."""
-
-    class Field(sf.QuadraticField):
-        """A field that the midpoint rule discretizes."""
-
-    steps = {"auto": own.MIDPOINT.methods["midpoint"]}
-    maps.register(dataclasses.replace(own.MIDPOINT, name="other", body=Field, methods=steps))
-    field = Field.from_dict(HENON.to_dict() | {"body": "Field"})
-    np.testing.assert_array_equal(iterate(field, START[:2], 0.1, 40).x, midpoint().x[:, :2])
-    with pytest.raises(
-        TypeError, match=r"not Field, whose map \(Explicit midpoint rule\) has no jac"
-    ):
-        sf.jacobian(field, START[0], 0.1)
 
 
 @pytest.mark.parametrize(
@@ -639,14 +489,6 @@ def test_bodies_that_contradict_themselves(changes, words):
         iterate(kind(2.0, 1.5, 0.4), [1.0] * changes.get("dimension", 2), 0.1, 5)
 
 
-def test_orientations_of_other_states_than_two_are_refused():
-    kind = type("Wrong", (own.Sleigh,), {"dimension": 3, "labels": ("a", "b", "c")})
-    new = {"name": "new", "body": kind, "attitude": "axial", "pole": None}
-    maps.register(dataclasses.replace(own.SLEIGH, **new))
-    with pytest.raises(ValueError, match=r"^attitude of the map 'new' must be 'in_rows', "):
-        iterate(kind(2.0, 1.5, 0.4), [1.0, 0.5, 0.2], 0.1, 5, attitude=True)
-
-
 def registered(**changes):
     """Run one step by changed steps."""
     with_steps(**changes)()
@@ -662,84 +504,6 @@ def test_kernels_by_hand_are_refused():
 
     with pytest.raises(TypeError, match=r"^methods\['new'\].kernel must be made by maps.steps_of"):
         with_steps(kernel=steps)()
-
-
-# Changes of the kernel of steps, and the item of `contract` that each one breaks.
-KERNEL = inspect.getsource(one_step)
-BROKEN = [
-    ("share(end - begin, part, parts)", "(0, end - begin)", 2),
-    ("begin + first, begin + last", "first, last", 2),
-    ("else final[i, d]", "else omega0[i, d]", 4),
-    ("status[i], failed_at[i] = NONFINITE, 0", "status[i], failed_at[i] = NONFINITE, -1", 7),
-    ("status[i], failed_at[i] = NONFINITE, 0", "status[i], failed_at[i] = -1, 0", 3),
-    ("status[i], failed_at[i] = code, n", "status[i], failed_at[i] = code, n - start", 7),
-    ("status[i], failed_at[i] = code, n", "status[i], failed_at[i] = -7, n", 7),
-    ("code = NONFINITE", "code = 0", 7),
-    ("x[d] = np.nan", "pass", 7),
-    ("n % every == 0 and (n > start or start == 0)", "n > start", 5),
-    ("eps[i % len(eps)]", "eps[0]", 7),
-    ("eps[i % len(eps)]", "abs(eps[i % len(eps)])", 1),
-    ("saved[row, i, d] = x[d]", "saved[row, i - begin, d] = x[d]", 2),
-    ("saved[row, i, d] = x[d]", "saved[row, i, d] = x[d] * (n > 0)", 3),
-    ("saved[row, i, d] = x[d]", "saved[n // every, i, d] = x[d]", 5),
-    ("row += 1", "row += 0", 5),
-    ("final[i, d] = x[d]", "final[(i + 1) % len(final), d] = x[d]", 6),
-    ("final[i, d] = x[d]", "final[i, d] = omega0[i, d] = x[d]", 3),
-    ("x[d] = out[d]", "x[d] = out[d] + 1e-3 * (n % 64 == 0)", 4),
-    ("x[d] = out[d]", "x[d] = out[d] + 1e-3 * (n > 2**32)", 4),
-    ("x[d] = out[d]", "x[d] = out[d] + 1e-3 * (i >= 128)", 7),
-    ("first, last = share", "carry.base[-1] = 0.5; first, last = share", 5),
-]
-
-
-def square(x, out, eps, work, indices, values):
-    """Explicit Euler's method for x' = x**2."""
-    out[0] = x[0] + eps * values[0] * x[0] ** 2
-    return 0
-
-
-square.py_func = square  # is compiled already, as far as `steps_of` sees
-
-
-@pytest.mark.parametrize(("right", "wrong", "item"), BROKEN)
-def test_a_broken_kernel_breaks_the_contract(right, wrong, item):
-    """As a Python function."""
-    assert right in KERNEL
-    names = {"__name__": one_step.__name__, "__package__": one_step.__package__}
-    exec(KERNEL.replace(right, wrong), names)
-    broken = names["steps_of"](square, mock.Mock(py_func=lambda D: 0, side_effect=lambda D: 0))
-    broken.compiled = np.errstate(all="ignore")(broken.py_func)
-    problem = check(own.MIDPOINT, sf.QuadraticField([[[1]]]), [[0.7], [0.3]], 0.1)
-    steps = own.MIDPOINT.methods["midpoint"]._replace(kernel=broken)
-    with pytest.raises(AssertionError, match=rf"^item {item} asks for "):
-        contract.try_steps(problem, steps)
-
-
-def promise(monkeypatch, record):
-    """Have the promises test a record, as its only kind "new 0"."""
-    monkeypatch.setitem(maps.MAPS, record.name, record)
-    monkeypatch.setitem(promises.RECORDS, "new 0", record)
-    monkeypatch.setitem(promises.KINDS, "new 0", record.random[0])
-    sample = record.random[0](np.random.default_rng(0), ())
-    monkeypatch.setitem(promises.SAMPLES, "new 0", sample)
-
-
-def slow_fields(rng, shape):
-    """Random fields whose steps are near the identity at eps = 1/4."""
-    field = maps.MAPS["Kahan"].random[0](rng, shape)
-    return sf.QuadraticField(1e-3 * np.asarray(field.quadratic, float))
-
-
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("random", [own.MIDPOINT.random[0], slow_fields])
-@pytest.mark.parametrize("of_kahan", [True, False])
-def test_promises_compare_a_jacobian_with_the_steps(rng, monkeypatch, of_kahan, random):
-    """That of Kahan's map is of order eps**3 beside that of the midpoint rule."""
-    jacobian = KAHAN["jacobian"] if of_kahan else Formula(of_midpoint)
-    changes = {"name": "new", "formulas": {"jacobian": jacobian}, "random": (random,)}
-    promise(monkeypatch, dataclasses.replace(own.MIDPOINT, **changes))
-    with pytest.raises(AssertionError) if of_kahan else contextlib.nullcontext():
-        promises.test_the_jacobian_is_that_of_the_steps(rng, "new 0")
 
 
 def test_parameters_with_different_numbers_of_axes(rng, tmp_path):
@@ -836,72 +600,6 @@ def test_slopes_and_solutions_for_steps_of_ones_own(rng):
             assert maps.solve(np.array(A), np.array([1e300, 1.0])) == status
 
 
-def composition(fractions, order):
-    """A record of a method by its numbers."""
-    changes = {"methods": {"new": field_in(Stages(fractions))}, "stages": Stages(fractions)}
-    changes |= {"name": "new", "order": order}
-    return dataclasses.replace(maps.MAPS["Kahan, order 4"], **changes)
-
-
-def changed_by(off, *places):
-    """The fractions of order 6 with some of them off, the middle one such that the sum is 1."""
-    fractions = np.array(maps.MAPS["Kahan, order 6"].stages.fractions)
-    for k in places:
-        fractions[[k, -1 - k]] += off
-    fractions[6] += 1.0 - math.fsum(fractions)
-    return (*fractions.tolist(),)
-
-
-# As published, 10th order with 35 stages: Sofroniou and Spaletta (2005), up to the middle one.
-TEN = [
-    0.078795722521686419263907679337684, 0.31309610341510852776481247192647,
-    0.027918383235078066109520273275299, -0.22959284159390709415121339679655,
-    0.13096206107716486317465685927961, -0.26973340565451071434460973222411,
-    0.074973343155891435666137105641410, 0.11199342399981020488957508073640,
-    0.36613344954622675119314812353150, -0.39910563013603589787862981058340,
-    0.10308739852747107731580277001372, 0.41143087395589023782070411897608,
-    -0.0048663605831352617621956593099771, -0.39203335370863990644808193642610,
-    0.051942502962449647037182904015976, 0.050665090759924496335874344156866,
-    0.049674370639729879054568800279461, 0.049317735759594537917680008339338,
-]  # fmt: skip
-
-
-@pytest.mark.compiled
-def test_a_method_of_an_order_of_its_own_is_its_numbers(rng, monkeypatch):
-    promise(monkeypatch, composition((*TEN, *TEN[-2::-1]), 10))
-    promises.test_the_order_of_steps(rng, "new 0")
-    promises.test_the_order_of_a_composition("new 0")
-
-
-@pytest.mark.parametrize(
-    ("fractions", "order"),
-    [
-        (changed_by(1e-4, 1), 6),
-        (changed_by(1e-6, 3), 6),
-        (changed_by(0.0), 4),
-        (changed_by(0.0), 8),
-        ((*changed_by(0.0)[:6], 0.3992, *changed_by(0.0)[:6]), 6),
-    ],
-)
-def test_promises_measure_the_order(rng, monkeypatch, fractions, order):
-    promise(monkeypatch, composition(fractions, order))
-    with pytest.raises(AssertionError, match=f"the record says order {order}, and a step of 'new'"):
-        promises.test_the_order_of_steps(rng, "new 0")
-    if order != 4:  # all conditions of order 4 hold
-        with pytest.raises(AssertionError):
-            promises.test_the_order_of_a_composition("new 0")
-
-
-def test_records_whose_formulas_are_all_conserved_and_families_without_members():
-    changed(
-        methods={"new": own.MIDPOINT.methods["midpoint"]}, conserved=("vector_field", "energy")
-    )()
-    family = sf.QuadraticField(np.zeros((0, 1, 1, 1)))
-    run = iterate(family, np.ones((0, 1)), 0.1, 5, method="new")  # there is nothing to try
-    assert run.x.shape == (6, 0, 1)
-    assert iterate(HENON, START[:1], 0.1, 5, method="new").ok
-
-
 def test_arguments_of_kernels_are_checked():
     wrong = {
         "a tuple of arrays, not list": lambda *given: [*by_field(*given)],
@@ -919,26 +617,3 @@ def test_arguments_of_kernels_are_checked():
     with_steps(arguments=of_first_axis)()
     with pytest.raises(ValueError, match=r"^arguments\[2\] must have 1 or 6 rows.*not 2"):
         iterate(HENON, np.zeros((2, 3, 4)), 0.1, 1, method="new")
-
-
-def test_the_first_status_above_0_is_kept_until_a_failure():
-    """Over cuts of a run, too: `carry` has its state."""
-
-    def step(x, out, eps, work):
-        out[0] = x[0] + 1
-        return 2 if x[0] in (2, 4) else -1 if x[0] == 6 else 0
-
-    step_all, x0 = one_step.steps_of(step, 0).py_func, np.array([[0.0], [10.0]])
-    carry, final, saved = np.full((2, 2), np.nan), np.empty((2, 1)), np.empty((0, 2, 1))
-    status, failed_at = np.zeros(2, np.int8), np.full(2, -1)
-    for start, stop, state, first in ((0, 4, [4, 14], [2, 3]), (4, 6, [6, 16], [2, 3])):
-        span = 0, 2, start, stop, 0, 0
-        step_all(0, 1, (np.array([0.1]),), x0, carry, span, saved, final, status, failed_at)
-        assert final.ravel().tolist() == state
-        assert [status[0], failed_at[0], status[1], failed_at[1]] == [*first, 0, -1]
-        assert carry.tolist() == [[3.0, 0.0], [2.0, 0.0]]
-    span = 0, 2, 6, 9, 0, 0
-    step_all(0, 1, (np.array([0.1]),), x0, carry, span, saved, final, status, failed_at)
-    assert [*status, *failed_at, final[1, 0]] == [-1, 0, 7, -1, 19.0]
-    assert np.isnan(final[0, 0])
-    assert carry[:, 0].tolist() == [3.0, 2.0]

@@ -1,16 +1,13 @@
 """Steps over a pole, from a state with det A < 0, are told; nothing else is."""
 
-import json
 import math
 import warnings
 
 import numpy as np
 import pytest
-from children import TWO_THREADS
 
 import suslov_fast as sf
 from suslov_fast import PoleWarning, QuadraticField, Status, SuslovND, compiled, iterate, matrix
-from suslov_fast.command.main import main
 from suslov_fast.maps.methods import FRACTIONS
 
 quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
@@ -250,48 +247,7 @@ def test_a_failure_has_a_status_of_its_own():
     assert run.failed_at.tolist() == [6, 12, 12, -1]
 
 
-@quiet
-def test_exponents_are_those_of_the_map():
-    """Also beyond the pole: from the derivatives along the states. (Roundings grow there.)"""
-    x = iterate(HENON, ESCAPES, 1 / 16, 100).x
-    found = sf.lyapunov_exponents(HENON, ESCAPES, 1 / 16, 80, transient=20)
-    Q, sums = np.eye(4), np.zeros(4)
-    for n, slope in enumerate(sf.jacobian(HENON, x[:-1], 1 / 16)):
-        Q, R = np.linalg.qr(slope @ Q)
-        sums += np.log(abs(np.diag(R))) * (n >= 20)
-    np.testing.assert_allclose(found, np.sort(sums / 80)[::-1], atol=1e-4)
-    assert np.isfinite(found).all()
-
-
 # ------------------------------------------------------------------------------------ what is alike
-@quiet
-def test_statuses_do_not_depend_on_cuts_batches_and_threads(rng):
-    """Those of members of a family that lack other terms, too."""
-    field, eps = random_fields(rng, 3, 37)
-    x = rng.normal(size=(37, 3))
-    for body in (field, SuslovND(rng.uniform(0.5, 4, (37, 3)), rng.normal(size=(37, 3)))):
-        given = body, x, eps
-        whole = iterate(*given, 40, on_singular="ignore")
-        assert {*whole.status} >= {Status.PASSED_POLE, Status.OK}
-        for threads in (1, TWO_THREADS):
-            assert iterate(*given, 40, threads=threads, on_singular="ignore") == whole
-        few = iterate(*given, 40, save_every=None, on_singular="ignore")
-        reported = iterate(*given, 40, on_singular="ignore", progress=lambda done, steps: None)
-        assert reported == whole
-        cut = iterate(*given, 0, on_singular="ignore")
-        for steps in (1, 2, 30, 7):
-            cut = cut.extend(steps, on_singular="ignore")
-        assert cut == whole
-        order = rng.permutation(37)
-        other = iterate(body[order], x[order], eps[order], 40, on_singular="ignore")
-        for name in ("status", "failed_at"):
-            assert (getattr(few, name) == getattr(whole, name)).all()
-            assert (getattr(other, name) == getattr(whole, name)[order]).all()
-            alone = [
-                getattr(iterate(body[k], x[k], eps[k], 40, on_singular="ignore"), name)
-                for k in range(37)
-            ]
-            assert (np.array(alone) == getattr(whole, name)).all()
 
 
 @quiet
@@ -340,38 +296,7 @@ def test_crossings_tell_of_poles_before_they_end(most, tmp_path):
         assert (transient.failed_at == whole.failed_at).all()
 
 
-@pytest.mark.slow
-@quiet
-def test_compiled_steps_return_a_status():
-    """In a body of three dimensions too, whose runs have another one."""
-    for field, x, method in (
-        (SQUARE, [1.0], "auto"),
-        (HENON, ESCAPES, "auto"),
-        (HENON, ESCAPES, "order4"),
-        (LONG_BODY, [1.0, 2.0, 30.0], "auto"),
-    ):
-        eps = 1.0 if field is LONG_BODY else 0.03
-        system = compiled.system(field, eps, method=method)
-        memory, x = compiled.work(system), np.array(x)
-        run = iterate(field, x, eps, 120, method=method)
-        codes = [compiled.step_system(system, x, x, memory) for _ in range(120)]
-        assert {*codes} == {Status.OK, Status.PASSED_POLE}
-        assert codes.index(Status.PASSED_POLE) + 1 == run.failed_at
-
-
 # ------------------------------------------------------------------------------------- what is kept
-@quiet
-def test_files_and_datasets(tmp_path):
-    path, starts = tmp_path / "run.npz", [BOUNDED, ESCAPES]
-    run = iterate(HENON, starts, 1 / 16, 100)
-    run.save(path)
-    loaded = sf.Trajectories.load(path)
-    assert loaded == run
-    assert loaded.extend(9) == iterate(HENON, starts, 1 / 16, 109)
-    data = run.to_xarray()
-    assert data.status.attrs["flag_values"][2] == 2
-    assert data.status.attrs["flag_meanings"].split()[2] == "PASSED_POLE"
-    assert data.failed_at.attrs["long_name"] == "first state missing or beyond a pole, or -1"
 
 
 def test_an_ensemble_tells_of_its_store(tmp_path):
@@ -395,67 +320,6 @@ def test_an_ensemble_tells_of_its_store(tmp_path):
     assert told(sf.ensemble, *given, store=half, chunk=6)[1] == [message]
     three = sf.Suslov3D(1, 1, 1, 0)
     assert told(sf.ensemble, three, [1.0, -9.0], 1.0, 20, store=tmp_path / "3.zarr")[1] == []
-
-
-@quiet
-def test_the_command(tmp_path, capsys):
-    """Such trajectories have not failed: the summary counts them, and nothing is on stderr."""
-    path = tmp_path / "henon.json"
-    path.write_text(json.dumps(HENON.to_dict()))
-    words = ["run", "--body", str(path), "--eps", "0.0625", "--steps", "100", "--omega0=0,.9,0,.7"]
-    for more in ([], ["-o", str(tmp_path / "run.npz")], ["-o", str(tmp_path / "run.zarr")]):
-        assert main([*words, *more]) == 0
-        out, err = capsys.readouterr()
-        assert f"1 PASSED_POLE: {Status.PASSED_POLE.message}" in out
-        assert err == ""
-        assert main([*words, *more, "--json", *(["--force"] if more else [])]) == 0
-        assert json.loads(capsys.readouterr().out)["status"] == {"PASSED_POLE": 1}
-    assert main(["info", str(tmp_path / "run.npz"), str(tmp_path / "run.zarr")]) == 0
-    assert capsys.readouterr().out.count("1 PASSED_POLE") == 2
-
-
-# -------------------------------------------------------------------------- judged by an integrator
-def energies_above_the_saddle(count, seed):
-    """Return states of Henon and Heiles's system with 0.18 < E < 0.35; their orbits may escape."""
-    rng, found = np.random.default_rng(seed), []
-    while len(found) < count:
-        x = rng.uniform(-1, 1, 4) * [0.5, 0.5, 0.8, 0.8]
-        if 0.18 < HENON.H(x) < 0.35:
-            found.append(x)
-    return np.array(found)
-
-
-def time_of_escape(x, end):
-    """Return the time at which the motion goes beyond 1e6, by an integrator of order 8, or inf."""
-    from scipy.integrate import solve_ivp
-
-    def is_beyond(t, x):
-        return abs(x[0]) + abs(x[1]) - 1e6
-
-    def f(t, x):
-        return x[2], x[3], -x[0] - 2 * x[0] * x[1], -x[1] - x[0] ** 2 + x[1] ** 2
-
-    is_beyond.terminal = True
-    found = solve_ivp(f, (0, end), x, "DOP853", events=is_beyond, rtol=1e-10, atol=1e-12)
-    return found.t[-1] if found.status == 1 else np.inf
-
-
-@quiet
-@pytest.mark.parametrize(("count", "end"), [(6, 10), pytest.param(60, 100, marks=pytest.mark.slow)])
-def test_motions_that_escape_are_those_that_are_told(count, end):
-    """Early ones at their times. (Motions are chaotic: later times depend on the method.)"""
-    starts = energies_above_the_saddle(count, seed=1)
-    times = np.array([time_of_escape(x, end) for x in starts])
-    for eps in (1 / 16, 1 / 64):
-        run = iterate(HENON, starts, eps, int(end / eps))
-        passed = run.status == Status.PASSED_POLE
-        assert (passed == (abs(run.x[..., :2]).max(axis=(0, 2)) > 100)).all()
-        early = times < 10 - 5 * eps
-        assert passed[early].all()
-        assert abs(run.failed_at - times / eps)[early].max() < 3
-        assert early.sum() >= count // 2
-        escaped = np.isfinite(times).sum()
-        assert abs(passed.sum() - escaped) <= (2 if count > 6 else 0)
 
 
 # ---------------------------------------------------------------- components that keep their signs
@@ -626,18 +490,3 @@ def test_summaries_count_poles_before_failures(tmp_path):
         facts = facts_in(tmp_path / name)
         assert facts["status"] == {"OK": 1, "SINGULAR": 1}
         assert facts["failed_after_a_pole"] == 1
-
-
-def test_stiff_decay_with_sources_is_not_told():
-    """Robertson's reaction; at t = 40 the first component is 0.7158270688 (Hairer and Wanner)."""
-    reaction = QuadraticField.from_function(
-        lambda y: (
-            -0.04 * y[0] + 1e4 * y[1] * y[2],
-            0.04 * y[0] - 1e4 * y[1] * y[2] - 3e7 * y[1] ** 2,
-            3e7 * y[1] ** 2,
-        ),
-        3,
-    )
-    run, messages = told(iterate, reaction, [1.0, 0.0, 0.0], 1.0, 40)
-    assert (run.status, messages) == (Status.OK, [])
-    assert abs(run.final[0] - 0.992) < 1e-3  # as the page says

@@ -1,6 +1,5 @@
 """Steps and closed form of bodies and gyrostats: one table, then what holds to the bit."""
 
-from itertools import product
 from typing import NamedTuple
 
 import naive
@@ -13,7 +12,7 @@ from test_promises import same
 import suslov_fast as sf
 from suslov_fast.core.compiling import numba as core_numba
 from suslov_fast.core.compiling.codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
-from suslov_fast.core.suslov import blocks as rows, map as map_3d, steps as steps_3d
+from suslov_fast.core.suslov import map as map_3d, steps as steps_3d
 
 
 class Problem(NamedTuple):
@@ -148,53 +147,6 @@ def test_a_step_is_the_first_of_a_run(mixture):
     same([sf.step(*mixture)], [run(*mixture, 1).final])
 
 
-def test_blocks_begin_at_cache_lines(monkeypatch):
-    """All but the first block of 32 trajectories, of which the lines of memory hold four each."""
-    monkeypatch.setattr(rows, "STREAM_FROM", 0)
-    numbers = np.empty(1000)
-    for offset, begin, batch in product(range(8), (0, 5, 32), (100, 101)):
-        out = numbers[offset : offset + 2 * batch]
-        lead, shift, shared = rows.alignment.py_func(out, begin, batch, 32)
-        assert 0 <= lead < 8
-        assert (out.ctypes.data + 8 * lead) % 64 == 0
-        if lead % 2 == 1:
-            assert (shift, shared) == (0, 0)
-        elif batch % 4 > 0:
-            assert (shift, shared) == (0, 8)
-        else:
-            assert (0 <= shift < 4, shared) == (True, 0)
-            assert out[2 * (begin + 32 - shift) :].ctypes.data % 64 == 0
-        assert rows.alignment.py_func(out, begin, batch, 1)[1:] == (0, 0)
-
-
-def test_pairs_are_written_by_whole_cache_lines(rng, monkeypatch):
-    """From every place, and of all numbers of pairs before, in and after the lines."""
-    flat, stream = np.empty(100), rows.stream_pairs
-    lead = -(flat.ctypes.data // 8) % 8  # numbers before the first line
-
-    def whole_line(flat, place, *of_rows):
-        assert (place - lead) % 8 == 0
-        stream(flat, place, *of_rows)
-
-    monkeypatch.setattr(rows, "stream_pairs", whole_line)
-    for place, lanes, count in product(range(10), (8, 32), (0, 1, 7, 8, 9, 30, 32)):
-        if count <= lanes:
-            b, flat[:], expected = rng.normal(size=(4, lanes)), 0.0, np.zeros(100)
-            rows.write_pairs(b, 1, flat, place, count, lead)
-            expected[place : place + 2 * count] = b[1:3, :count].T.ravel()
-            np.testing.assert_array_equal(flat, expected)
-    numbers = rng.normal(size=(3, 40))
-    for place, count in product(range(0, 10, 2), (8, 9, 15, 16)):  # of blocks that share 8 pairs
-        flat[:] = 0.0
-        for first, after, before in ((0, False, True), (8, True, True), (16, True, False)):
-            size, b = 16 if before else count, np.ascontiguousarray(numbers[:, first : first + 16])
-            rows.write_pairs(b, 0, flat, place + 2 * first, size, lead, after, before)
-        end = place + 2 * (16 + count)
-        np.testing.assert_array_equal(flat[place:end], numbers[:2, : 16 + count].T.ravel())
-        assert (flat[:place] == 0.0).all()
-        assert (flat[end:] == 0.0).all()
-
-
 @pytest.mark.compiled
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("size", [297, 298, 299, 300])
@@ -298,14 +250,6 @@ def test_huge_states_without_a_rotor_are_right(omega):
     end = run(sf.Suslov3D(*UNIT), omega, 1.0, 9, None)
     assert end.status >= 0
     assert naive.relative_error(end.final, exact) < 1e-13
-
-
-def test_states_at_rest_keep_their_bits(rng):
-    """For I13 = 0 the line of steady states is Omega2 = 0, on both sides of the pole |Y| = 1."""
-    I1, I2, I23 = rng.uniform(0.3, 3, (3, 64))
-    omega = np.stack([rng.normal(size=64) * 4, np.zeros(64)], axis=1)
-    body = sf.Suslov3D(I1, I2, 0.0, I23)
-    same([run(body, omega, 0.4, 9).final, sf.step(body, omega, 0.4)], [omega, omega])
 
 
 @pytest.mark.parametrize("size", [1e-200, 1e-3, 1.0, 1e170])

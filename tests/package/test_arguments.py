@@ -34,11 +34,6 @@ def field(f, dimension=2, **parameters):
     return QuadraticField.from_function(f, dimension, **parameters)
 
 
-def test_sizes_in_words():
-    sizes = {1: "1 bytes", 160_016_000_000: "160 GB", 999_700: "1 MB", 8e21: "8,000,000,000 TB"}
-    assert {size: checks.in_units(size) for size in sizes} == sizes
-
-
 def test_a_compiled_function_is_traced():
     assert field(njit(lambda x: (x[1], x[0] * x[0]))) == field(lambda x: (x[1], x[0] ** 2))
 
@@ -136,17 +131,6 @@ def test_body_and_state_are_positional_only(name, function):
     if name == "suslov_fast.iterate":
         with pytest.raises(TypeError, match="the second argument"):
             function(BODY, omega0=OMEGA, eps=0.2, steps=3)
-
-
-@pytest.mark.parametrize(("name", "function"), FUNCTIONS, ids=[name for name, _ in FUNCTIONS])
-def test_signatures_are_short(name, function):
-    """`help(iterate)` begins with a signature that a reader can take in."""
-    assert len(str(inspect.signature(function))) <= 650, name
-
-
-def test_messages_print_numbers_of_numpy_as_numbers_and_leave_equations_as_they_are():
-    assert checks.short([np.float64(2.0), np.int64(3)]) == "[2.0, 3]"
-    assert checks.short("np.sin(x)") == "'np.sin(x)'"
 
 
 def test_values_at_one_state_are_numbers():

@@ -11,7 +11,6 @@ import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import contract
 import numpy as np
 import pytest
 from children import TWO_THREADS
@@ -19,12 +18,13 @@ from numba import config
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
+from suslov_fast.bodies.fields.field_of_terms import H_INDICES, INDICES, MATRIX
 from suslov_fast.engine import stretches, threads
-from suslov_fast.engine.problem import check
 from suslov_fast.maps import MAPS
 from suslov_fast.quantities.evaluation import evaluate
 from suslov_fast.runs import solution
 
+SHARED = INDICES, H_INDICES, MATRIX  # parts that all members of a family of fields share
 LANES = 128
 SIZE, STEPS = LANES + 13, 12
 
@@ -177,7 +177,7 @@ def part(body, index, batch):
     """The members of a batch with an index."""
     parts = dict(body._parts)
     for name, value in parts.items():
-        if np.asarray(value).dtype.kind in "iufO" and name not in contract.SHARED:
+        if np.asarray(value).dtype.kind in "iufO" and name not in SHARED:
             own = np.shape(value)[np.ndim(value) - body.axes.get(name, 0) :]
             parts[name] = np.broadcast_to(value, (*batch, *own))[index]
     return body._with(parts)
@@ -326,16 +326,6 @@ def test_states_saved_seldom(rng, kind):
     for save_every in (2, 3):
         run = sf.iterate(body, 0.1 * omega, 0.1, STEPS, save_every=save_every, **options)
         same([run.states], [whole.states[::save_every]])
-
-
-@pytest.mark.sampled(5)
-@pytest.mark.parametrize("kind", KINDS)
-def test_kernels_keep_the_contract(rng, kind):
-    """Item by item, between numbers that no kernel may touch."""
-    body, omega, eps = sample(rng, kind, (), (3,), ())
-    for steps in RECORDS[kind].methods.values():
-        problem = check(RECORDS[kind], body, omega, eps)
-        contract.try_steps(problem, steps, steps.lanes + 16)
 
 
 def motion(map, body, x, time):

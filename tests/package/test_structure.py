@@ -6,7 +6,6 @@ import graphlib
 import importlib
 import inspect
 import re
-import subprocess
 from functools import cache
 from importlib.util import find_spec
 from itertools import takewhile
@@ -133,19 +132,6 @@ def test_imports_follow_the_arrows_without_cycles(place, table):
         assert all(rooms.index(other) < rooms.index(name) for other in others), name
 
 
-def test_the_record_of_a_map_is_asked_and_not_the_class_of_a_body():
-    classes = r"(Suslov3D|SuslovND|SuslovGyrostat|QuadraticField|AnyBody|BodyIn3D|BodyOrField)"
-    question = re.compile(
-        rf"(isinstance|issubclass|instance)\([^()]*\b{classes}\b|type\(body\) (is|==)"
-    )
-    for path, text in TEXTS.items():
-        room = name_of(path).split(".")[1:2]
-        if room == ["integrability"]:
-            text = re.sub(r"isinstance\(\w+, QuadraticField\)", "", text)
-        if room not in (["bodies"], ["maps"]):
-            assert not question.search(text), path
-
-
 COMPILING = [
     PACKAGE / "core/code/compiler.py",
     *(
@@ -219,26 +205,6 @@ def test_the_architecture_names_each_room_of_the_core():
     assert re.findall(r"\n\| `core/(\w+)/`", page) == [*IN_CORE]
 
 
-# What lies at the top level of the repository, beside files whose names begin with a dot.
-TOP = """
-    CHANGELOG.md CITATION.cff LICENSE README.md bench docs pyproject.toml suslov_fast tests tox.ini
-"""
-
-
-def test_nothing_else_lies_at_the_top_level():
-    root = Path(__file__).parents[2]
-    if not (root / ".git").exists():
-        pytest.skip("needs a checkout")
-    try:
-        listed = subprocess.run(
-            ["git", "ls-files", "-z"], cwd=root, capture_output=True, text=True, check=True
-        )
-    except (OSError, subprocess.CalledProcessError):
-        pytest.skip("needs git, and a checkout that git accepts")
-    names = {name.split("/")[0] for name in listed.stdout.split("\0") if name}
-    assert {name for name in names if name[0] != "."} == set(TOP.split())
-
-
 def test_names_of_datasets_are_no_parameters_of_fields():
     field = suslov_fast.QuadraticField([[[1.0]]])
     run = suslov_fast.iterate(field, [0.1], 0.1, 1)
@@ -256,15 +222,6 @@ def test_the_reference_imports_nothing_from_the_package():
     imports = [n for n in ast.walk(ast.parse(text)) if isinstance(n, (ast.Import, ast.ImportFrom))]
     modules = {getattr(node, "module", None) or node.names[0].name for node in imports}
     assert modules <= {"fractions", "functools", "itertools", "mpmath", "collections", "math"}
-
-
-@pytest.mark.compiled
-def test_headers_of_docstrings_are_underlined():
-    """Sphinx takes a header without its line for a sentence, and says nothing."""
-    headers = "Parameters|Attributes|Returns|Raises|Notes|Examples"
-    for path, text in TEXTS.items():
-        for space, header, below in re.findall(rf"\n( *)({headers})\n(.*)\n", text):
-            assert below == space + "-" * len(header), (path, header)
 
 
 WITH_EXAMPLES = [name for name, path in FILES.items() if ">>>" in TEXTS[path]]

@@ -107,16 +107,6 @@ def test_energy():
     assert orbit["change"] < 1e-12
 
 
-@pytest.mark.slow
-def test_other_bodies():
-    body = sf.SuslovND(J=[1, 2, 3], I=[0.4, -0.7, 0.5])
-    assert scene(body)["orbits"][0]["status"] == "OK"
-
-
-def test_no_field_is_the_first_page():
-    assert sf.explore()._query.startswith("I1=4.0")
-
-
 @pytest.mark.parametrize(
     ("query", "message", "fields"),
     [
@@ -139,26 +129,6 @@ def test_bad_values_are_answered_with_a_message(query, message, fields):
     assert found["error"].startswith(message)
     assert found["fields"] == fields
     assert found["field"]["names"] == ["x", "y", "z"]
-
-
-def test_bad_arguments():
-    for arguments, message in (
-        ({"x0": [1.0, 2.0]}, "x0 must"),
-        ({"eps": np.nan}, "eps must"),
-        ({"steps": 10**6}, "steps must be an integer from 1 to 5000"),
-        ({"method": "rank2"}, "method must be"),
-        ({"x0": np.ones((21, 3))}, "starts must be at most 20 states, not 21"),
-        ({"time": 3.0, "steps": 5}, "time="),
-    ):
-        x0 = arguments.pop("x0", None)
-        with pytest.raises((ValueError, TypeError), match=message.replace("(", r"\(")):
-            sf.explore(FAMILY, x0, **arguments)
-    with pytest.raises(TypeError, match="body must be"):
-        sf.explore("lorenz")
-    with pytest.raises(TypeError, match="Field has a motion"):
-        sf.explore(DRIVEN, eps=0.1)
-    with pytest.raises(ValueError, match="method must be"):
-        sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3), method="order4")
 
 
 @pytest.mark.sampled(1)
@@ -305,12 +275,6 @@ def test_named_parameters_of_a_single_field(kind):
     loaded = sf.body_from_dict(field.to_dict())
     assert loaded == field
     assert scene(loaded)["field"]["numbers"] == {}
-
-
-def test_parameters_of_a_hamiltonian():
-    well = sf.QuadraticField.from_hamiltonian(lambda x, a: x[1] ** 2 / 2 + a * x[0] ** 2, 2, a=0)
-    orbit = scene(well, "numbers=0.5", x0=[3.0, 4.0])["orbits"][0]
-    assert orbit["energy"] == 12.5
 
 
 def test_errors_of_the_function_of_the_user_are_shown_on_the_page():

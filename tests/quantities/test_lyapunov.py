@@ -10,7 +10,6 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import maps
-from suslov_fast.core.fields import lengths, tangent
 from suslov_fast.engine import derivatives
 
 # Long steps on purpose, from states with det A < 0.
@@ -76,19 +75,6 @@ def test_tangent_vectors_go_through_the_transient(rng):
     assert abs(128 * found[1]) < 0.015
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("has_loops", [False, True])
-def test_a_line_without_code_of_its_own_ends_when_no_lane_is_left(monkeypatch, has_loops):
-    """By runs, or where LLVM refuses the code. One start is NaN, and one reaches a pole."""
-    if has_loops:
-        monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE_OF_TANGENT", 0)
-    else:
-        monkeypatch.setattr("suslov_fast.core.fields.tangent.code_of", lambda *_: None)
-    square = sf.QuadraticField([[[1.0]]])
-    with pytest.warns(sf.SingularStepWarning):
-        assert np.isnan(sf.lyapunov_exponents(square, [[np.nan], [2.0]], 0.5, 40)).all()
-
-
 def test_batches_and_a_transient():
     starts, run = sf.RandomStarts(3, 5.0), (1 / 64, 40)
     starts = starts.states(3, dimension=3)
@@ -116,32 +102,6 @@ def test_batches_and_a_transient():
     with pytest.warns(sf.SingularStepWarning, match="1 of 2"):  # and later
         found = sf.lyapunov_exponents(square, [[2.0], [-1.0]], 0.5, 5)
     assert np.isnan(found).ravel().tolist() == [True, False]
-
-
-@pytest.mark.compiled
-def test_lanes_that_need_pivoting_change_no_bits(monkeypatch):
-    """Kernels without elimination end at such a lane, and the steps are taken anew."""
-    starts = 20 * np.random.default_rng(0).normal(size=(20, 3))
-    able, had_solve = tangent.able, []
-
-    def noting(arguments):
-        had_solve.append(able(arguments).solves)
-        return able(arguments)
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        run = LORENZ, starts, 0.5, 60, 5
-        monkeypatch.setattr(tangent, "able", noting)
-        found = sf.lyapunov_exponents(*run)
-        assert had_solve[:2] == [None, True]
-        had_solve.clear()
-        slopes = sf.jacobian(LORENZ, starts, 0.9)
-        assert had_solve == [None, True]
-        monkeypatch.setattr("suslov_fast.engine.derivatives._STRETCH", 2000)  # 1 step a call
-        np.testing.assert_array_equal(sf.lyapunov_exponents(*run), found)
-        monkeypatch.setattr(tangent, "able", lambda arguments: arguments._replace(solves=True))
-        np.testing.assert_array_equal(sf.lyapunov_exponents(*run), found)
-        np.testing.assert_array_equal(sf.jacobian(LORENZ, starts, 0.9), slopes)
 
 
 def poles_told(function, *arguments, **keywords):
@@ -252,15 +212,6 @@ def test_bits_do_not_depend_on_batches_and_stretches(rng, monkeypatch, body, eps
     np.testing.assert_array_equal(sf.lyapunov_exponents(body, x[7:9], eps, 20), whole[7:9])
 
 
-def test_growth_over_many_orders_of_magnitude():
-    """|det DPhi| over the whole run underflows, and the logarithms do not."""
-    field = sf.QuadraticField(np.zeros((2, 2, 2)), [[-1.0, 0.0], [0.5, -4.0]])
-    exponents = sf.lyapunov_exponents(field, [1.0, 1.0], 0.25, 5000)
-    first, second = np.log(0.875 / 1.125), np.log(0.5 / 1.5)
-    assert exponents.sum() == pytest.approx(first + second, rel=1e-12)
-    np.testing.assert_allclose(exponents, [first, second], rtol=1e-3)
-
-
 def exponents_by_qr(field, x, eps, steps):
     """Exponents by NumPy's QR of the derivative of each step."""
     Q, total = np.eye(len(x)), np.zeros(len(x))
@@ -290,41 +241,6 @@ def test_columns_are_orthonormalised_in_time(rng, linear, eps, tolerance):
     found = sf.lyapunov_exponents(field, x, eps, 40)
     for k in (0, 19):
         np.testing.assert_allclose(found[k], exponents_by_qr(field, x[k], eps, 40), atol=tolerance)
-
-
-def test_lanes_that_are_due_are_orthonormalised(rng):
-    """As by QR, with products of lengths; others are left as they are. A column of 0 is told."""
-    D, room = 3, 4
-    columns, g = rng.normal(size=(3, D, D)), np.full((lengths.LENGTHS + D, 3), 0.5)
-    columns[1, :, 2] = 0.0
-    q = np.zeros((D, room, 3))
-    q[:, :D] = columns.transpose(1, 2, 0)
-    q = q.reshape(D * room, 3)
-    lengths.orthonormalise.py_func(q, g, room, 0b110)
-    found = q.reshape(D, room, 3)[:, :D].transpose(2, 0, 1)
-    np.testing.assert_array_equal(found[0], columns[0])
-    assert (g[:, 0] == 0.5).all()
-    Q, R = np.linalg.qr(columns[2])
-    np.testing.assert_allclose(abs(found[2]), abs(Q), rtol=1e-12)
-    np.testing.assert_allclose(g[lengths.LENGTHS :, 2], 0.5 * abs(np.diag(R)), rtol=1e-13)
-    assert g[lengths.VOLUME].tolist() == [0.5, 0.0, 1.0]
-    assert (found[1, :, 2] == 0.0).all()
-
-
-def test_logarithms_are_taken_of_products_that_leave_their_range():
-    """And of all at the end. Row 1 has 1 less than a product."""
-    g = np.array([[1.0, 1.0], [0.5, -0.9995], [3.0, 1e101], [2.0, 1e-101], [5.0, 7.0]])
-    sums, of_det = np.zeros((3, 2)), np.array([0.0, 1.0, 2.0])
-    near = np.log1p(g[1])
-    lengths.take_logarithms.py_func(g, sums, of_det, 1, False)
-    tens = 101 * np.log(10.0)
-    np.testing.assert_allclose(of_det, [0.0, 1.0, 2.0 + near[1] + tens], rtol=1e-15)
-    np.testing.assert_allclose(sums, [[0.0, 0.0], [0.0, 0.0], [-tens, 0.0]], rtol=1e-15)
-    assert g[:, 1].tolist() == [1.0, 0.0, 1.0, 1.0, 7.0]
-    lengths.take_logarithms.py_func(g, sums, of_det, 1, True)
-    np.testing.assert_allclose(of_det[1], 1.0 + near[0] + np.log(3.0), rtol=1e-15)
-    np.testing.assert_allclose(sums[1:], [np.log([2, 5]), [-tens, np.log(7)]], rtol=1e-15)
-    assert g.tolist() == [[1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [1.0, 1.0], [1.0, 1.0]]
 
 
 def ring(x):
@@ -541,9 +457,9 @@ def test_motion_of_a_forced_oscillator():
     assert found.sum() == pytest.approx(divergence, rel=1e-7)
 
 
-@pytest.mark.parametrize("n", [8, pytest.param(100, marks=pytest.mark.slow)])
-def test_motion_of_a_network(n):
+def test_motion_of_a_network():
     """Of n Roessler systems; the sum of the 3 n exponents is the mean of the divergence."""
+    n = 8
 
     def network(s):
         x, y, z = s.reshape(3, n)
@@ -553,7 +469,7 @@ def test_motion_of_a_network(n):
     field = sf.Field.from_function(network, 3 * n)
     start = np.concatenate([np.cos(np.arange(2 * n)) * 4, np.full(n, 0.1)])
     start = sf.flow(field, start, time=100.0, rtol=1e-6).x[0]
-    time = 40.0 if n < 100 else 1.0
+    time = 40.0
     found = sf.lyapunov_exponents(field, start, time=time, rtol=1e-7)
     assert found.shape == (3 * n,)
     times = np.linspace(0.0, time, 8001)

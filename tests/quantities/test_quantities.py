@@ -10,7 +10,6 @@ import pytest
 from test_field import HENON, LORENZ, henon_heiles, of_hamiltonian
 
 import suslov_fast as sf
-from suslov_fast.core.fields import steps as steps_field
 
 
 def exact_matrix(f, eps, x):
@@ -172,18 +171,6 @@ def test_of_fields(rng):
         assert error(found[1][k], exact_matrix(field_of, 0.1, x[k]).tolist()) < 1e-15
     det = mpmath.det(exact_matrix(field_of_henon, 0.25, [0.1] * 4))
     assert float(abs(sf.invariant_density(HENON, [0.1] * 4, 0.25) * det - 1)) < 1e-15
-
-
-@pytest.mark.slow
-def test_the_density_and_steps_of_a_field_too_large_to_plan(rng, monkeypatch):
-    """They are found by pivoting; those of a plan are the same."""
-    x = rng.normal(size=(5, 4))
-    planned, run = sf.invariant_density(HENON, x, 0.25), sf.iterate(HENON, x, 0.25, 3)
-    monkeypatch.setattr("suslov_fast.core.lists.sizes.PRODUCTS", -1)
-    monkeypatch.setattr(steps_field, "_step_of", steps_field._step_of.__wrapped__)
-    assert not steps_field.scheme_of(HENON.terms[0], 4).step.usual
-    np.testing.assert_allclose(sf.invariant_density(HENON, x, 0.25), planned, rtol=1e-14)
-    np.testing.assert_allclose(sf.iterate(HENON, x, 0.25, 3).x, run.x, rtol=1e-12)
 
 
 def test_the_hamiltonian_of_components_in_other_units():
@@ -383,12 +370,3 @@ def test_parts_of_a_large_batch_have_the_same_bits(monkeypatch, rng):
         monkeypatch.setattr("suslov_fast.quantities.evaluation._PART", size)
         for (function, *arguments), expected in zip(calls, whole, strict=True):
             assert np.array_equal(function(*arguments), expected, equal_nan=True)
-
-
-def test_a_single_state_is_a_part_however_many_components_it_has():
-    n = 600
-    body = sf.SuslovND(np.linspace(1.0, 2.0, n), np.linspace(0.1, 0.2, n))
-    for shape in ((), (2, 1)):
-        values = sf.energy(body, np.ones((*shape, n)))
-        assert values.shape == shape
-        assert np.allclose(values, 450.0, rtol=1e-14)

@@ -1,6 +1,5 @@
 """Poles and overflow, and the warnings and errors about them."""
 
-import os
 import pickle
 
 import numpy as np
@@ -93,22 +92,6 @@ def test_memory(body):
         sf.exact(body, np.ones((10**6, 2)), 0.1, np.arange(10**6))
     with pytest.raises(MemoryError):
         sf.iterate(body, sf.RandomStarts(10**13, 1.0), 0.1, 3)
-
-
-@pytest.mark.skipif(not os.path.exists("/proc/meminfo"), reason="free memory is not known")
-@pytest.mark.parametrize(
-    ("call", "match"),
-    [
-        (lambda body, x: sf.iterate(body, x, 0.1, 1), "64 TB .* raise save_every or divide"),
-        (lambda body, x: sf.iterate(body, x, 0.1, 9, save_every=None), "32 TB .*: divide"),
-        (lambda body, x: sf.iterate(body, x, 0.1, 9, save_every=None, out=x), "32 TB .*: divide"),
-        (lambda body, x: sf.step(body, x, 0.1), "32 TB .*: divide the batch"),
-        (lambda body, x: sf.energy(body, x), "16 TB .*: divide the batch"),
-    ],
-)
-def test_memory_is_asked_for_before_states_are_read(body, call, match):
-    with pytest.raises(MemoryError, match=match):
-        call(body, np.broadcast_to(1.0, (10**12, 2)))
 
 
 def test_random_starts(body):

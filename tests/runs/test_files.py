@@ -5,9 +5,7 @@ import errno
 import json
 import os
 import stat
-import sys
 import threading
-import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -19,7 +17,6 @@ from test_trajectories import BODY, RUNS, run_of
 import suslov_fast as sf
 from suslov_fast.command.main import main as command
 from suslov_fast.runs.columns import FORMAT
-from suslov_fast.runs.files import storage
 
 
 @pytest.fixture
@@ -87,20 +84,6 @@ def test_what_interrupts_a_save_leaves_no_part_and_the_old_file(path, monkeypatc
     assert sf.Trajectories.load(path) == run
 
 
-@pytest.mark.parametrize("name", ["link", "replace"])
-def test_a_file_is_complete_when_it_gets_its_name(path, monkeypatch, name):
-    moved, given = [], getattr(os, name)
-
-    def move(new, target):
-        with zipfile.ZipFile(new) as file:
-            moved.append(file.testzip())
-        given(new, target)
-
-    monkeypatch.setattr(os, name, move)
-    run_of("one").save(path, overwrite=name == "replace")
-    assert moved == [None]
-
-
 def test_existing_files(path):
     run = run_of("one")
     path.write_bytes(b"kept")
@@ -163,61 +146,6 @@ def test_damaged_files(path):
             assert sf.Trajectories.load(path) == run_of("batch")
 
 
-def test_an_entry_that_no_run_has_is_not_read(path):
-    """One of 1 MB may need gigabytes, and has no header that NumPy reads."""
-    run_of("batch").save(path)
-    with zipfile.ZipFile(path, "a") as file:
-        file.writestr("junk.npy", b"no array")
-    assert sf.Trajectories.load(path) == run_of("batch")
-
-
-@pytest.mark.parametrize("name", ["turning", "last", "field"])
-def test_arrays_of_other_types_and_shapes(path, name):
-    """They are refused by their headers, before they are read."""
-    run_of(name).save(path)
-    found = entries(path)
-    for array in found.keys() - {"about", "body"}:
-        values = found[array]
-        others = [values.astype(np.float32), values.astype(complex)]
-        if values.ndim:  # one step size may have any axes
-            others.append(values[..., np.newaxis])
-        for other in others:
-            np.savez(path, **(found | {array: other}))
-            with pytest.raises(ValueError, match=r"run\.npz .*: .* must |broadcast"):
-                sf.Trajectories.load(path)
-    changes = [
-        ("steps", -1),
-        ("steps", "6"),
-        ("save_every", 0),
-        ("method", "gauss"),
-        ("map", "other"),
-    ]
-    about = json.loads(str(found["about"]))
-    for key, value in changes:
-        if about[key] != value:
-            np.savez(path, **(found | {"about": json.dumps(about | {key: value})}))
-            with pytest.raises(ValueError, match=r"run\.npz "):
-                sf.Trajectories.load(path)
-
-
-def test_parts_of_killed_processes_are_deleted(path):
-    """Those of processes that live are not: they hold a lock."""
-    left = path.with_name(".run.npz.0123abcd.part")
-    left.write_bytes(b"half")
-    os.utime(left, (0, 0))
-    other = path.with_name(".other.npz.0123abcd.part")
-    other.touch()
-    new, file = storage._partial(path)
-    with file:
-        assert not left.exists()
-        run_of("one").save(path)
-        assert new.exists() or sys.platform == "win32"
-    if new.exists():
-        os.utime(new, (0, 0))  # Windows, which has no locks, waits for a minute
-    run_of("one").save(path, overwrite=True)
-    assert sorted(os.listdir(path.parent)) == [other.name, path.name]
-
-
 @pytest.mark.parametrize("links", [True, False])
 def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
     """On file systems without links, too; the file is that of the one that succeeded."""
@@ -246,21 +174,6 @@ def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
             assert sf.Trajectories.load(path) == runs[told.index("")]
             assert os.listdir(path.parent) == [path.name]
             path.unlink()
-
-
-def test_a_name_that_is_taken_meanwhile_stays(path, monkeypatch):
-    """The look at the beginning does not see a file that another process makes later."""
-    savez = np.savez
-
-    def slow(file, **arrays):
-        savez(file, **arrays)
-        path.write_bytes(b"of another")
-
-    monkeypatch.setattr(np, "savez", slow)
-    with pytest.raises(FileExistsError, match=r"run\.npz"):
-        run_of("one").save(path)
-    assert path.read_bytes() == b"of another"
-    assert os.listdir(path.parent) == [path.name]
 
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes and links of POSIX")
@@ -314,16 +227,6 @@ def test_files_of_crossings(path):
     again = sf.Crossings.load(path)
     assert again == points
     assert not any(each.flags.writeable for each in (again.before, again.trajectory, again.status))
-    found = entries(path)
-    about = json.loads(str(found["about"]))
-    for change in (
-        {"count": found["count"] + 1},
-        {"about": json.dumps(about | {"method": "rank2"})},
-        {"about": json.dumps(about | {"map": "Suslov3D"})},
-    ):
-        np.savez(path, **found | change)
-        with pytest.raises(ValueError, match=r"run\.npz"):
-            sf.Crossings.load(path)
 
 
 def test_each_kind_of_file_names_what_loads_it(path):
@@ -335,52 +238,3 @@ def test_each_kind_of_file_names_what_loads_it(path):
     run_of("batch").save(path, overwrite=True)
     with pytest.raises(ValueError, match=r"run\.npz .* Trajectories\.load"):
         sf.Crossings.load(path)
-
-
-def entry(size, header):
-    """Return an entry of zeros, `size` bytes of numbers or letters, with a header."""
-    start = np.lib.format.magic(2, 0) + len(header).to_bytes(4, "little")
-    return start + header.encode("latin1") + bytes(size)
-
-
-def header(dtype, shape, spaces=0):
-    words = {"descr": dtype, "fortran_order": False, "shape": shape}
-    return repr(words) + " " * spaces + "\n"
-
-
-LARGE = {
-    "a long about": ("about", entry(2**23, header(f"<U{2**21}", ()))),
-    "a long body": ("body", entry(2**25, header(f"<U{2**23}", ()))),
-    "a long header": ("states", entry(672, header("<f8", (7, 3, 4), 2**25))),
-    "numbers that no header tells of": ("final", entry(2**25, header("<f8", (5, 2)))),
-    "numbers that are not there": ("states", entry(8, header("<f8", (10**7, 2)))),
-}
-
-
-@pytest.mark.parametrize("name", LARGE)
-def test_entries_are_refused_by_their_sizes(path, name, monkeypatch):
-    """At most a header is read of an entry that no run has."""
-    run_of("batch").save(path)
-    array, data = LARGE[name]
-    with zipfile.ZipFile(path) as file:
-        others = {each: file.read(each) for each in file.namelist() if each != f"{array}.npy"}
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
-        for each, content in {**others, f"{array}.npy": data}.items():
-            file.writestr(each, content)
-    sizes, read = [], zipfile.ZipExtFile.read
-
-    def counted(self, n=-1):
-        data = read(self, n)
-        sizes.append(len(data))
-        return data
-
-    monkeypatch.setattr(zipfile.ZipExtFile, "read", counted)
-    with pytest.raises(ValueError, match=rf"run\.npz .*(bytes|{array})"):
-        sf.Trajectories.load(path)
-    assert sum(sizes) < 2**18
-
-
-def test_files_that_were_compressed(path):
-    run_of("batch").save(path)
-    np.savez_compressed(path, **entries(path))
-    assert sf.Trajectories.load(path) == run_of("batch")

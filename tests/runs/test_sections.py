@@ -168,21 +168,6 @@ def test_bits_depend_on_no_cut(rng, monkeypatch, tmp_path, method):
     assert whole == sf.crossings(HENON_HEILES, starts, 1 / 8, 200, plane, **arguments)
 
 
-def test_a_surface_is_asked_for_rows_of_the_whole_batch(rng):
-    shapes = []
-
-    def surface(x):
-        shapes.append(x.shape)
-        assert not x.flags.writeable
-        return x[..., 0]
-
-    starts = rng.uniform(-0.25, 0.25, (2, 5, 4))
-    points = sf.crossings(HENON_HEILES, starts, 1 / 4, 100, surface, method="order8")
-    assert points.count.shape == (2, 5)
-    assert all(shape[1:] == (2, 5, 4) for shape in shapes)
-    assert len(shapes) <= 1 + 20 + 3  # the start, a piece and its rounds
-
-
 def test_a_smooth_crossing_takes_few_rounds():
     """A crossing that is found is not asked for again; the root of exp(x) + x^2 / 10 = 1.7."""
     asked, at_ends = [], (np.full(3, -0.7), np.full(3, np.e - 1.6))
@@ -197,21 +182,6 @@ def test_a_smooth_crossing_takes_few_rounds():
     assert sum(asked) <= 18
 
 
-def test_a_flat_crossing_takes_few_rounds():
-    """Interpolation between points where a cubic is flat would lead away: the bracket is halved."""
-    for root in (0.56, 0.84):
-        asked = []
-
-        def values_at(which, x, root=root, asked=asked):
-            asked.append(len(which))
-            return (x - root) ** 3 + 1e-3 * (x - root)
-
-        a, b = values_at([], np.array([0.0])), values_at([], np.array([1.0]))
-        found, _ = crossing_fractions(values_at, a / (a - b), a, b)
-        assert abs(found - root) < 1e-15
-        assert sum(asked) <= 11
-
-
 @pytest.mark.parametrize("beyond", [1.0, 1e6])
 @pytest.mark.parametrize("root", [0.3, 0.71])
 def test_a_surface_with_a_jump_is_bisected(root, beyond):
@@ -224,20 +194,6 @@ def test_a_surface_with_a_jump_is_bisected(root, beyond):
     found, over_pole = crossing_fractions(values_at, np.array([0.5]), *ends)
     assert abs(found - root) < 1e-5
     assert not over_pole
-
-
-def test_a_value_of_0_is_the_crossing():
-    """Exactly, and at once."""
-    for first, rounds in ((0.25, 1), (0.3125, 2)):
-        asked = []
-
-        def values_at(which, x, asked=asked):
-            asked.append(len(which))
-            return x - 0.25
-
-        found, _ = crossing_fractions(values_at, np.array([first]), *np.array([[-0.25], [0.75]]))
-        assert found.tolist() == [0.25]
-        assert asked == [1] * rounds
 
 
 @pytest.mark.parametrize("method", ["order4", "order6"])

@@ -117,28 +117,6 @@ def test_solved_bodies_in_n_dimensions(rng, m):
     assert np.isnan(sf.exact(body, np.full(m, np.nan), eps, 3)).all()
 
 
-@pytest.mark.parametrize("call", [sf.exact, sf.limits])
-def test_bodies_without_a_closed_form(call):
-    body = sf.SuslovND([[2.0, 2.0, 2.0], [1.3, 2.1, 3.7]], [0.4, -0.7, 0.5])
-    eps, n = (0.2,), () if call is sf.limits else (3,)
-    with pytest.raises(sf.NotIntegrableError, match=r"body 1,.* use iterate"):
-        call(body, [0.3, 0.9, -0.6], *eps, *n)
-    field = sf.QuadraticField([[[1]]])
-    with pytest.raises(TypeError, match=r"^body must"):
-        call(field, [0.3], *eps, *n)
-
-
-def test_times(body):
-    assert sf.exact(body, [1, 0.5], 0.2, []).shape == (0, 2)
-    assert sf.exact(body, np.ones((4, 3, 2)), 0.2, [1, 2]).shape == (2, 4, 3, 2)
-    assert sf.flow(body, np.ones((4, 3, 2)), time=2).omega.shape == (1, 4, 3, 2)
-    for n in ([[1, 2]], np.nan, "a", [1, 1j]):
-        with pytest.raises((TypeError, ValueError), match=r"^n must"):
-            sf.exact(body, [1, 0.5], 0.2, n)
-        with pytest.raises((TypeError, ValueError), match=r"^time must"):
-            sf.flow(body, [1, 0.5], time=n)
-
-
 @pytest.mark.parametrize("I", [[0.0, 0.0, 0.0], [0.5, -0.75, 0.25]])
 def test_tiny_states_in_n_dimensions_keep_their_value(I):
     """They are too slow to move, and their squares are out of range."""

@@ -9,10 +9,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core.suslov import orientations, steps as steps_3d
-from suslov_fast.engine.problem import check
-from suslov_fast.engine.stretches import March
-from suslov_fast.maps import MAPS
 
 BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 FOUR = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -143,17 +139,6 @@ def test_results_keep_their_step_sizes():
         assert (result.eps == 0.2).all()
 
 
-@pytest.mark.compiled
-def test_read_only_arrays_compile_nothing():
-    run = sf.iterate(BODY, STARTS, np.full(5, 0.2), 7, attitude=True)
-    compiled = [steps_3d.steps.compiled, orientations.turn_along.compiled]
-    before = [len(each.signatures) for each in compiled]
-    assert all(before)
-    sf.iterate(BODY, run.final, run.eps, 3, attitude=run.attitude[-1]).extend(2)
-    sf.attitude(BODY, run.omega, run.eps)
-    assert [len(each.signatures) for each in compiled] == before
-
-
 def test_an_extended_run_stays_as_it_is(path):
     """It can be extended again, and differently; copies cannot."""
     run = run_of("failed")
@@ -166,11 +151,6 @@ def test_an_extended_run_stays_as_it_is(path):
             other.save(path)
     with pytest.raises(ValueError, match=r"^steps must"):
         run.extend(-1)
-
-
-def test_orientations_change_no_state():
-    run = run_of("turning")
-    assert (run.states == sf.iterate(BODY, STARTS, 0.2, 7, save_every=5).states).all()
 
 
 def test_parameters_and_names_of_the_user_as_coordinates():
@@ -313,21 +293,6 @@ def test_rows_beyond_the_end_of_a_run_are_untouched(monkeypatch):
     assert (last[0] == run.final).all()
 
 
-def test_answers_of_a_callable_that_do_not_end_a_run(monkeypatch):
-    for short, value in SHORT.items():
-        monkeypatch.setattr(f"suslov_fast.engine.stretches.{short}", value)
-    for answer in (None, True, 0, "", np.zeros(1, bool)):
-        assert sf.iterate(BODY, STARTS, 0.2, 99, progress=lambda *_, a=answer: a).steps == 99
-
-
-def test_progress_of_steps_that_cost_nothing():
-    """As the estimate of a kernel of one's own may say."""
-    march, seen = March(check(MAPS["Suslov3D"], BODY, STARTS, 0.2)), []
-    march.steps = march.steps._replace(cost=lambda D, arguments: 0.0)
-    march.to(100, report=lambda done: not seen.append(done))
-    assert seen[-1] == march.n == 100
-
-
 class Bar:
     def __init__(self, iterable=None, total=None):
         raise AssertionError
@@ -338,12 +303,3 @@ def test_what_progress_is_called_with(progress):
     """Before anything is computed; `tqdm.tqdm` takes an iterable."""
     with pytest.raises(TypeError, match=r"^progress\b"):
         sf.iterate(BODY, STARTS, 0.2, 3, progress=progress)
-
-
-def test_components_that_cannot_be_drawn():
-    run = sf.iterate(
-        sf.QuadraticField.from_function(lambda x: [-v for v in x], 30), [1.0] * 30, 0.1, 1
-    )
-    for chosen in (("x7",), ("time", ["x1", "x2"])):
-        with pytest.raises(ValueError, match="components"):
-            run.plot(*chosen)

@@ -1,17 +1,18 @@
-"""Each kind of call as the first one of a process, which has compiled nothing, and of a second one.
+"""Each kind of call as the first one of a process, which has compiled nothing.
 
-What other calls compile before hides what a kind of call lacks, so each has processes and a cache
-of its own. Each runs on one thread and on two, at once; the second processes load what the first
-ones kept. All four find the same bits.
+What other calls compile before hides what a kind of call lacks, so each has a process and a cache
+of its own, every other one on one thread. It finds the bits of this process.
 """
 
-import os
-import subprocess
-import sys
+import contextlib
+import io
+from itertools import cycle
+from unittest import mock
 
 import children
-import numba
 import pytest
+
+from suslov_fast import maps
 
 pytestmark = [pytest.mark.compiled]
 
@@ -188,29 +189,13 @@ print(*text, sep="\\n")
 """
 
 
-def outputs(code, folders):
-    """Run a process for each number of threads, at once; return what each printed."""
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", code],
-            env=os.environ | {"NUMBA_CACHE_DIR": str(folder), "NUMBA_NUM_THREADS": threads},
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            cwd=children.HERE,
-        )
-        for threads, folder in folders.items()
-    ]  # fmt: skip
-    both = [process.communicate(timeout=300) for process in processes]
-    for process, (_, errors) in zip(processes, both, strict=True):
-        assert process.returncode == 0, errors[-3000:]
-    return [printed for printed, _ in both]
-
-
-@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
-@pytest.mark.parametrize("name", CALLS)
-def test_first_calls(name, tmp_path):
+@pytest.mark.filterwarnings("ignore")  # as in the other process
+@pytest.mark.parametrize(("name", "threads"), [*zip(CALLS, cycle("21"), strict=False)])
+def test_first_calls(name, threads, tmp_path):
     code = "\n".join([BEGIN, CALLS[name], END])
-    folders = {threads: tmp_path / threads for threads in ("1", "2")}
-    first, second = outputs(code, folders), outputs(code, folders)
-    assert first[0].strip()
-    assert first == [first[0]] * 2
-    assert second == first
+    settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_NUM_THREADS": threads}
+    first = children.run(code, **settings)
+    usual = io.StringIO()
+    with mock.patch.dict(maps.MAPS), contextlib.redirect_stdout(usual):
+        exec(code, {})
+    assert first == usual.getvalue() != ""

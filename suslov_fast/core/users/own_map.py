@@ -1,6 +1,7 @@
 """Steps of users: a kernel that takes them along trajectories, made from a step of one state.
 
-`tests/contract.py` says what a kernel must do; its arguments are those of `steps_3d.steps`, but for
+`tests/package/test_kernels.py` says what a kernel must do; its arguments are those of
+`steps_3d.steps`, but for
 
 arguments    arrays, the step sizes last; arrays of float64 have a row for each trajectory, or one
              for all

@@ -16,7 +16,7 @@ delta_k = (g_k + sum_j N_kj delta_j) / pivot_k.
 
 The derivative is (1 - N(x))**-1 (1 - M(x_next)) with M(x) = -h f'(x). These sums of products, and
 the tests that they keep their digits, are the same for all states. They form a list of operations
-(instruction, number, operands), each of which computes the value with this number. `generated`
+(instruction, number, operands), each of which computes the value with this number. `stage_code`
 makes machine code of a list; `evaluate` carries it out in NumPy, with the same bits. A run computes
 only once what depends on parameters alone. A step of the Lorenz system takes 81 operations with its
 tests, two of them divisions; sums of products count as products and additions there.
@@ -238,7 +238,7 @@ class Step:
     """The operations of a step of fields with terms at these indices (3, T).
 
     Values 0 to D - 1 are the state x, and the next T are h v of the terms. A large dense field has
-    no plan: then the lists are empty, and loops over its terms (`in_calls`) take all steps.
+    no plan: then the lists are empty, and loops over its terms (`fields.dense`) take all steps.
 
     fixed       operations on parameters alone
     table       the values of parameters alone that other operations need

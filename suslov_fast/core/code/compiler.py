@@ -445,11 +445,3 @@ def _caller():
     text.add("  ret i64 0")
     with _lock:
         return _compile(text.finished(), name, 2, True)
-
-
-_PROCEDURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 5)
-
-
-def call_procedure(address, array, *integers):
-    """Call code that returns nothing with the address of an array and four integers."""
-    _PROCEDURE(address)(array.ctypes.data, *integers)

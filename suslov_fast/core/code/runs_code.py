@@ -1,4 +1,4 @@
-"""Machine code that carries out any `listed.Program`, for lines of W lanes."""
+"""Machine code that carries out any `runs.Program`, for lines of W lanes."""
 
 import functools
 from typing import NamedTuple

@@ -178,24 +178,15 @@ class Code(Text):
             for i in range(count):
                 found = body(i, **found) or {}
             return found
-        name, before = self._name("fold"), self.target.block
-        index = f"%{name}_index"
-        self.jump(name)
-        self.label(name)
-        self.add(f"  {index} = phi i64 [ 0, %{before} ], [ {index}1, %{name}_end ]")
-        place, phis = len(self.target.lines), {key: f"%{name}_{key}" for key in carried}
-        found = body(index, **phis) or {}
-        # The next values have names only now.
-        self.target.lines[place:place] = [
-            f"  {phi} = phi {self.V} [ {carried[key]}, %{before} ], [ {found[key]}, %{name}_end ]"
-            for key, phi in phis.items()
-        ]
-        self.jump(f"{name}_end")
-        self.label(f"{name}_end")
-        self.add(f"  {index}1 = add i64 {index}, 1")
-        self.branch(self.compare_integers("ult", f"{index}1", count), name, f"{name}_after")
-        self.label(f"{name}_after")
-        return found
+
+        def step(index, **values):
+            found, following = body(index, **values) or {}, self.integer("add", index, 1)
+            goes_on = self.compare_integers("ult", following, count)
+            return found | {"index": following}, goes_on
+
+        kinds = {key: (self.V, value) for key, value in carried.items()}
+        last = self.cycle({"index": ("i64", "0")} | kinds, step)
+        return {key: last[key] for key in carried}
 
     def place(self, base, first, i=0):
         """Return the address of row first + i from an address on."""

@@ -112,6 +112,33 @@ def memory_of_one(m):
     return np.empty((m, m + 1, 1)), np.empty((2, m))
 
 
+@formula
+def exchange(a, k, sign):
+    """Exchange row k for that with the largest entry in column k; return the number of that row.
+
+    Row k is multiplied by `sign` there.
+    """
+    m, columns = a.shape
+    pivot = k
+    for i in range(k + 1, m):
+        if abs(a[i, k]) > abs(a[pivot, k]):
+            pivot = i
+    if pivot != k:
+        for j in range(columns):
+            a[k, j], a[pivot, j] = a[pivot, j], sign * a[k, j]
+    return pivot
+
+
+@formula
+def eliminate_below(a, k):
+    """Eliminate column k from the rows below row k; multipliers take its place."""
+    m, columns = a.shape
+    for i in range(k + 1, m):
+        a[i, k] /= a[k, k]
+        for j in range(k + 1, columns):
+            a[i, j] -= a[i, k] * a[k, j]
+
+
 @function
 def solve(system, units):
     """Solve one system (m, columns, 1) by scaling and partial pivoting; return its status.
@@ -134,23 +161,14 @@ def solve(system, units):
             undefined += 0.0 * a[i, j]
             a[i, j] /= largest
     for k in range(m):
-        pivot = k
-        for i in range(k + 1, m):
-            if abs(a[i, k]) > abs(a[pivot, k]):
-                pivot = i
-        if pivot != k:  # a change of sign keeps the determinant
-            weights[k], weights[pivot] = weights[pivot], weights[k]
-            for j in range(columns):
-                a[k, j], a[pivot, j] = a[pivot, j], -a[k, j]
+        pivot = exchange(a, k, -1.0)  # a change of sign keeps the determinant
+        weights[k], weights[pivot] = weights[pivot], weights[k]
         terms = weights[k] + abs(a[k, k])  # the scaled 1 of the identity, the pivot, and products
         for j in range(k):
             terms += abs(a[k, j] * a[j, k])
         if abs(a[k, k]) <= m * ZERO_TO_ROUNDING * terms:
             a[k, k] = np.nan
-        for i in range(k + 1, m):
-            a[i, k] /= a[k, k]
-            for j in range(k + 1, columns):
-                a[i, j] -= a[i, k] * a[k, j]
+        eliminate_below(a, k)
     for i in range(m - 1, -1, -1):
         size += 0.0 * a[i, i]
         for r in range(m, columns):

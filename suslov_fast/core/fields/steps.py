@@ -4,7 +4,7 @@ x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x).
 
 A field is a list of terms. With one more component, x_D = 1, all terms are quadratic, and f_i is
 the sum of its v x_j x_k, j <= k. The indices of the terms determine a list of operations for a step
-(`operations`). `generated` makes machine code of it; where that is impossible, NumPy carries it
+(`lists.step`). `stage_code` makes machine code of it; where that is impossible, NumPy carries it
 out. `careful` takes a step where the increment cancels the state, or elimination loses digits. A
 step of other methods consists of several stages, which are steps with fractions of eps (`stages`).
 

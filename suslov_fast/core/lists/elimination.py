@@ -84,4 +84,5 @@ class Elimination:
 def work_of_elimination(pattern, D):
     """Return the number of products in the elimination of this pattern."""
     pattern = {*pattern, *((i, i) for i in range(D))}
-    return work_of(pattern, elimination_order(pattern, D), set())[0]
+    order = elimination_order(pattern, D)
+    return work_of(order, filled(pattern, order), set())[0]

@@ -87,7 +87,7 @@ class Matrix:
 class Factors:
     """The factors of 1 - N: pivots, their inverses, multipliers and the upper triangle of N.
 
-    With a dict `right`, elimination fills it with the right sides.
+    `fill` is what `filled` returns. With a dict `right`, elimination fills it with the right sides.
 
     diagonal, original   N_kk after and before elimination
     pivot, inverse       1 - N_kk after elimination, and its inverse; missing where N_kk is 0
@@ -95,23 +95,24 @@ class Factors:
     before, after        for each row, the columns of earlier and of later pivots
     """
 
-    def __init__(self, matrix, order, right=None):
+    def __init__(self, matrix, order, fill, right=None):
         self.order, self.values = order, matrix.values
         self.diagonal, self.original, self.pivot, self.inverse = {}, {}, {}, {}
         self.lower, self.upper = {}, {}
-        self.before, self.after = filled(matrix.pattern, order)
+        self.before, self.after = fill
         below = defaultdict(list)
         for i in order:
             for k in self.before[i]:
                 below[k].append(i)
-        products = defaultdict(list)  # m_ik N_kj, which elimination adds to N_ij
+        # m_ik and N_kj for each product that elimination adds to N_ij, one after the other
+        products = {i: defaultdict(list) for i in order}
         for k in order:
             if right is not None:
                 right[k] = self.forward(k, matrix.right_side(k), right)
             # Column k from the diagonal down, then row k to the right of it.
             for i in [k, *below[k]]:
                 original = matrix.entry(i, k)[0]
-                value = self.values.total(original, products.pop((i, k), ()))
+                value = self.values.total_of(original, products[i].pop(k, ()))
                 if i == k:
                     if value is not None:
                         self.diagonal[k], self.original[k] = value, original
@@ -123,12 +124,12 @@ class Factors:
                     self.lower[i, k] = value
             for j in self.after[k]:
                 entry = matrix.entry(k, j)[0]
-                self.upper[k, j] = self.values.total(entry, products.pop((k, j), ()))
+                self.upper[k, j] = self.values.total_of(entry, products[k].pop(j, ()))
             later = [(j, self.upper[k, j]) for j in self.after[k]]
             for i in below[k]:
-                lower = self.lower[i, k]
+                lower, row = self.lower[i, k], products[i]
                 for j, upper in later:
-                    products[i, j].append((lower, upper))
+                    row[j] += (lower, upper)
 
     def forward(self, k, start, right):
         """Return right side k after elimination, from those of earlier pivots."""
@@ -234,12 +235,12 @@ def filled(pattern, order):
     return before, after
 
 
-def work_of(pattern, order, varying):
+def work_of(order, fill, varying):
     """Return the number of products in elimination, and of those that depend on the state.
 
-    `varying` has the places of entries that do.
+    `fill` is what `filled` returns, and `varying` has the places of entries that do.
     """
-    before, after = filled(pattern, order)
+    before, after = fill
     below, rows, count, of_state = defaultdict(list), defaultdict(set), 0, 0
     for i in order:
         for k in before[i]:

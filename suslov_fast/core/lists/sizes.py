@@ -18,5 +18,7 @@ PRODUCTS, PART_OF_DENSE = 36_000, 1 / 24
 # Products of elimination that a list may have: that of a lattice of 32 x 32 has a million, and
 # takes 4 s to make; its runs take 2 s.
 LONGEST = 1_500_000
-# Those of parameters alone, which NumPy carries out for each step size.
+# Those of parameters alone, which NumPy carries out for each step size. A dense linear field of 120
+# variables has 574,000: its list takes 4.4 s to make, and 4.2 s for each step size, where loops
+# take 0.4 s for 100 steps of 16 orbits.
 LONGEST_ONCE = 400_000

@@ -16,7 +16,7 @@ delta_k = (g_k + sum_j N_kj delta_j) / pivot_k.
 
 The derivative is (1 - N(x))**-1 (1 - M(x_next)) with M(x) = -h f'(x). These sums of products, and
 the tests that they keep their digits, are the same for all states. They form a list of operations
-(instruction, number, operands), each of which computes the value with this number. `generated`
+(instruction, number, operands), each of which computes the value with this number. `stage_code`
 makes machine code of a list; `evaluate` carries it out in NumPy, with the same bits. A run computes
 only once what depends on parameters alone. A step of the Lorenz system takes 81 operations with its
 tests, two of them divisions; sums of products count as products and additions there.
@@ -31,7 +31,14 @@ import numpy as np
 from . import sizes
 from .far import PARTS
 from .functions import ELEMENTARY
-from .planned_elimination import Factors, Matrix, elimination_order, places_of, work_of
+from .planned_elimination import (
+    Factors,
+    Matrix,
+    elimination_order,
+    filled,
+    places_of,
+    work_of,
+)
 
 # A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
 # components fall below LARGE_PART of theirs.
@@ -179,11 +186,14 @@ class Values:
         It is None if `start` is None and there are no pairs. Pairs of a "sum" are of one kind: the
         first factors depend on parameters alone, or none does; other products are values of fixed.
         """
+        return self.total_of(start, [*chain.from_iterable(products)])
+
+    def total_of(self, start, factors):
+        """Return `total` of the pairs whose factors these are, one after the other."""
         own, kind = [] if start is None else [start], None
-        flat = [*chain.from_iterable(products)]
-        if flat and self.fixed.isdisjoint(flat) and float not in map(type, flat):
-            return self.emit("sum", *own, *flat)
-        for a, c in products:
+        if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
+            return self.emit("sum", *own, *factors)
+        for a, c in zip(factors[::2], factors[1::2], strict=True):
             of_pair = self._is_fixed(a) + self._is_fixed(c)
             if len(own) > 1 and of_pair != kind:
                 own = [self.emit("sum", *own)]
@@ -228,7 +238,7 @@ class Step:
     """The operations of a step of fields with terms at these indices (3, T).
 
     Values 0 to D - 1 are the state x, and the next T are h v of the terms. A large dense field has
-    no plan: then the lists are empty, and loops over its terms (`in_calls`) take all steps.
+    no plan: then the lists are empty, and loops over its terms (`fields.dense`) take all steps.
 
     fixed       operations on parameters alone
     table       the values of parameters alone that other operations need
@@ -257,14 +267,15 @@ class Step:
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
         pattern, varying = places_of(indices, D)
         order, right = elimination_order(pattern, D), {}
-        work, of_state = work_of(pattern, order, varying)
+        fill = filled(pattern, order)
+        work, of_state = work_of(order, fill, varying)
         of_state += int((indices[2] < D).sum())
         dense = max(sizes.PRODUCTS, sizes.PART_OF_DENSE * D**3)
         is_long = work > sizes.LONGEST or work - of_state > sizes.LONGEST_ONCE
         if is_long or of_state > dense:
             return
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
-        self.factors = Factors(matrix, order, right)
+        self.factors = Factors(matrix, order, fill, right)
         for k in reversed(order):
             right[k] = self.factors.backward(k, right)
         halves = {k: half for k, half in sorted(right.items()) if half is not None}
@@ -353,7 +364,8 @@ class Step:
         self.fixed = [operation for operation in self.values.operations if operation[1] in fixed]
         others = [operation for operation in self.values.operations if operation[1] not in fixed]
         for _, _, operands in others:
-            table.update(dict.fromkeys(a for a in operands if a in fixed))
+            if not fixed.isdisjoint(operands):
+                table.update(dict.fromkeys(a for a in operands if a in fixed))
         table.update(dict.fromkeys(number for number in self._results() if number in fixed))
         self.table = [*table]
         self.places = {number: place for place, number in enumerate(self.table)}
@@ -401,7 +413,8 @@ class Tangent(Step):
         values = self.values
         minus = [values.emit("fmul", -1.0, half) for half in range(self.D, self.D + self.T)]
         matrix = Matrix(self.indices, self.D, values, self.after, minus)
-        self.back = Factors(matrix, self.factors.order)
+        fill = self.factors.before, self.factors.after
+        self.back = Factors(matrix, self.factors.order, fill)
         entries = {place: matrix.entry(*place)[0] for place in sorted(matrix.pattern)}
         for k in range(self.D):  # of M(x_next) - 1
             is_there = (k, k) in entries

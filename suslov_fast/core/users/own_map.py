@@ -14,6 +14,7 @@ v x_j x_k whose i, j and k are `indices` (3, T), and whose v are `values` (T,).
 import numpy as np
 
 from ..compiling.codes import NONFINITE, OK, SINGULAR
+from ..compiling.elimination import eliminate_below, exchange
 from ..compiling.numba import Kernel, for_users, function, rows_of, share
 from ..fields.quantities import term
 
@@ -163,21 +164,13 @@ def solve(A, b):
     if undefined != 0.0:
         return NONFINITE
     for k in range(D):
-        pivot = k
-        for i in range(k + 1, D):
-            if abs(A[i, k]) > abs(A[pivot, k]):
-                pivot = i
-        if abs(A[pivot, k]) <= D * ZERO_TO_ROUNDING:
+        pivot = exchange(A, k, 1.0)
+        if abs(A[k, k]) <= D * ZERO_TO_ROUNDING:
             return SINGULAR
-        if pivot != k:
-            b[k], b[pivot] = b[pivot], b[k]
-            for j in range(k, D):
-                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+        b[k], b[pivot] = b[pivot], b[k]
+        eliminate_below(A, k)
         for i in range(k + 1, D):
-            factor = A[i, k] / A[k, k]
-            b[i] -= factor * b[k]
-            for j in range(k + 1, D):
-                A[i, j] -= factor * A[k, j]
+            b[i] -= A[i, k] * b[k]
     for i in range(D - 1, -1, -1):
         for j in range(i + 1, D):
             b[i] -= A[i, j] * b[j]

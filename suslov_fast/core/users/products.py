@@ -2,27 +2,20 @@
 
 import numpy as np
 
+from ..compiling.elimination import eliminate_below, exchange
 from ..compiling.numba import function, kernel, share
 
 
 @function
 def logarithm_of_det(a):
     """Return log(abs(det a)) by elimination with pivoting, which overwrites a (D, D)."""
-    D, total = len(a), 0.0
-    for k in range(D):
-        pivot = k
-        for i in range(k + 1, D):
-            if abs(a[i, k]) > abs(a[pivot, k]):
-                pivot = i
-        if a[pivot, k] == 0.0:
+    total = 0.0
+    for k in range(len(a)):
+        exchange(a, k, 1.0)
+        if a[k, k] == 0.0:
             return -np.inf
-        for j in range(k, D):
-            a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
         total += np.log(abs(a[k, k]))
-        for i in range(k + 1, D):
-            factor = a[i, k] / a[k, k]
-            for j in range(k + 1, D):
-                a[i, j] -= factor * a[k, j]
+        eliminate_below(a, k)
     return total
 
 

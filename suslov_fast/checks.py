@@ -14,7 +14,7 @@ from fractions import Fraction
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Protocol, SupportsFloat, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,20 @@ from numpy.typing import ArrayLike, NDArray
 from .core.compiling.interrupts import uninterrupted
 
 FloatArray = NDArray[np.float64]
+
+
+class _HasArray(Protocol):
+    def __array__(self) -> NDArray[Any]: ...
+
+
+# What a step size or times may be, for type checkers: no text, which NumPy's ArrayLike admits.
+Reals = (
+    SupportsFloat
+    | _HasArray
+    | Sequence[SupportsFloat]
+    | Sequence[Sequence[SupportsFloat]]
+    | Sequence[Sequence[Sequence[SupportsFloat]]]
+)
 
 if TYPE_CHECKING:
 
@@ -303,6 +317,12 @@ def one_of(name: str, value: Any, choices: Collection[str], instead: str = "") -
     return value
 
 
+def left_out(beside: str, **given: bool) -> None:
+    """Raise TypeError if an argument is given that does not go with another one."""
+    for name in filter(given.get, given):
+        raise wrong(name, f"left out beside {beside}", error=TypeError)
+
+
 def is_false(answer: object) -> bool:
     """Return whether a function of the user returned False; one without `return` did not."""
     return isinstance(answer, bool | np.bool_) and not answer
@@ -325,6 +345,10 @@ def in_place_of(value: Any) -> str:
     """Return advice, for messages, on what to pass in place of a value of the wrong class."""
     if isinstance(value, type):
         return ": pass an object of the class"
+    if callable(value) and not hasattr(value, "instead"):
+        return ": pass Field.from_function(f, names), or QuadraticField for equations of degree 2"
+    if isinstance(value, tuple) and value and hasattr(value[0], "instead"):
+        return ": pass its first item; Suslov3D.figure returns a body and eps"
     known = ": pass a body, or a field such as QuadraticField.from_function(f, names)"
     instead: str = getattr(value, "instead", known)
     return instead

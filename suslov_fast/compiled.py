@@ -29,11 +29,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 from numba.extending import overload, typeof_impl
-from numpy.typing import ArrayLike
 
 from .bodies.base import Body
 from .bodies.rigid import Suslov3D, SuslovGyrostat
-from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
+from .checks import MOMENTS, FloatArray, Reals, instance, real_number, within, wrong
 from .core.compiling.arrays import uncounted
 from .core.compiling.llvm import select
 from .core.compiling.numba import for_users, formula, of_kind
@@ -158,7 +157,7 @@ _memory, _one_step = of_kind("memory"), of_kind("one_step")
 
 
 @public
-def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame:
+def frame(body: Suslov3D | SuslovGyrostat, /, eps: Reals) -> Frame:
     """Return the constants of one body and one step size, for loops in three dimensions.
 
     Parameters
@@ -206,7 +205,7 @@ def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame:
     return Frame(*constants, step_size, *map(float, numbers))
 
 
-def _single(body: Any, eps: ArrayLike) -> float:
+def _single(body: Any, eps: Reals) -> float:
     """Return the step size; ValueError for several bodies or step sizes."""
     number = within("eps", real_number("eps", eps), MOMENTS)
     shape = np.broadcast_shapes(body.shape, np.shape(number))
@@ -266,7 +265,7 @@ def first_integral(frame: Frame, omega1: float, omega2: float) -> float:
 
 
 @public
-def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem | FieldSystem:
+def system(body: Body, /, eps: Reals, *, method: str = "auto") -> NDSystem | FieldSystem:
     """Return the constants of one body or field and one step size, for loops in n dimensions.
 
     Parameters

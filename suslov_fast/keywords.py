@@ -24,17 +24,19 @@ _TABLE = (
     ("tol rtol reltol", "rtol tol", "flow(..., rtol=); steps of a map have no tolerance"),
     ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
     ("order integrator solver alg algorithm scheme method", "method",
-     "iterate has method=; steps of flow follow from rtol="),
-    ("n nsteps numsteps iterations maxsteps maxiter steps", "steps n",
-     "maps have steps=, and those of flow follow from rtol="),
+     "method= of iterate; flow chooses its steps by rtol=, and stiff or not by itself"),
+    ("n nsteps numsteps iterations maxsteps maxiter steps", "steps n J",
+     "steps= of iterate; flow chooses its steps by rtol="),
+    ("denseoutput interpolate interpolant", "", "flow(system, x0, time=t), at any times t"),
+    ("nfev nstep naccepted", "steps", ""),
     ("x0 y0 u0 z0 omega0 omega x state states ic", "states components omega0",
-     "states are the second argument, without a name"),
-    ("body system field f fun rhs model", "body",
-     "the system is the first argument, without a name; system(x) is its right-hand side"),
+     "the second argument, without a name, for states"),
+    ("body system field fun rhs model", "body", "the first argument, without a name"),
+    ("f", "first_integral body", "the first argument, without a name"),
     ("args p params parameters", "parameters",
-     "parameters belong to the system, as body.parameters"),
-    ("withparameters setparameters replace subs", "with_parameters",
-     "make it again, with the new parameters; arrays make a family"),
+     "parameters of the system: from_function(f, names, a=1), body.parameters"),
+    ("withparameters setparameters set replace subs", "with_parameters",
+     "a new system, with the new parameters; arrays make a family"),
     ("events event section condition value", "surface crossings", "crossings(..., surface=)"),
     ("poincare poincaremap poincaresection poincaresos tevents yevents", "crossings", ""),
     ("terminal k", "most", "crossings(..., most=)"),
@@ -61,23 +63,32 @@ _TABLE = (
     ("message error errors failedat", "status", ""),
     ("last end final", "final", "states[-1]"),
     ("resume restart continue extend", "extend", "it again, from the last states"),
-    ("df todataframe topandas tocsv tonetcdf tozarr sel isel", "to_xarray", ""),
+    ("df dataframe todataframe topandas tocsv", "",
+     "pandas.DataFrame(run.states, run.time), of one orbit; to_xarray().to_dataframe() of many"),
+    ("tonetcdf tozarr sel isel", "to_xarray", ""),
     ("savefig figure", "plot", "plot().figure.savefig(path)"),
     ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
     ("load", "load", "Trajectories.load, or Crossings.load, or Motion.load"),
     ("latex tolatex equations tosympy", "", "str(field), the equations"),
     ("lambdify", "compiled", "field(x), or compiled.system in loops of your own"),
     ("dim ndim d", "dimension", ""),
-    ("jac df dx derivative eigenvalues", "",
+    ("jac dx derivative eigenvalues stability", "",
      "jacobian(x) of a field, its right-hand side's; that of a body is QuadraticField.of(body)"),
     ("quadratic linear constant terms", "", "QuadraticField.of(body), whose terms they are"),
     ("solveivp odeint ode integrate solve", "flow", ""),
     ("trajectory simulate evolve", "iterate run", ""),
     ("orbitdiagram bifurcationdiagram bifurcation", "iterate", ""),
-    ("phaseportrait plot", "plot plot_phase", "iterate(...).plot()"),
+    ("phaseportrait", "plot plot_phase", "iterate(...).plot()"),
+    ("plot", "plot", "iterate(...).plot(), or flow(...).plot()"),
+    ("sensitivity sensitivities", "derivatives", "flow(..., derivatives=)"),
     ("lyapunov lyapunovs lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
     ("fixedpoints equilibria equilibrium", "fixed_points", ""),
     ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
+    ("theorem1 theorem", "exact", ""),
+    ("lemma1", "first_integral", ""),
+    ("xy", "to_xy", ""),
+    ("lambda torque", "reaction", ""),
+    ("invariantmeasure", "invariant_density", ""),
     ("fromsympy fromexpressions", "",
      "from_function(sympy.lambdify([symbols], expressions), names)"),
     ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
@@ -106,6 +117,8 @@ def lacking(thing: Any, name: str, called: str, here: str = "") -> AttributeErro
         own = [each for each in dir(thing) if not each.startswith("_")]
         functions = dir(suslov_fast)
         here = instead(name, own + functions)
+        if "argument" in here:  # advice on keywords
+            here = ""
         if here in functions and here not in own:
             here = f"suslov_fast.{here}"
     text = f"{called} has no attribute {name!r}"
@@ -157,6 +170,12 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         signature.bind(*args, **kwargs)
     except TypeError as error:
         shown = [p.replace(annotation=p.empty) for p in parameters if p.name not in _OWN]
+        how = ""
+        unnamed = sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
+        if len(args) > unnamed and (named := [p for p in shown if p.kind is p.KEYWORD_ONLY]):
+            how = f", pass {named[0].name}=... and what follows it here by name"
+        elif len(args) > unnamed and takes_any:
+            how = ", pass parameters by name, such as a=1"
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
-        return f"{called}: {error}: the call is {called}{takes}"
+        return f"{called}: {error}{how}: the call is {called}{takes}"
     return ""

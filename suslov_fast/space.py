@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from . import checks
 from .bodies.classes import AnyBody, BodyIn3D
 from .bodies.rigid import Suslov3D
-from .checks import FloatArray, common_shape, first_index, spell, wrong
+from .checks import FloatArray, Reals, common_shape, first_index, spell, wrong
 from .core.suslov import orientations
 from .engine.arguments import flat_arrays, flat_parameter
 from .engine.problem import Problem
@@ -83,12 +83,8 @@ def to_vector(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovGyrostat
-        A single body in three dimensions, or a batch.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
-    rotation, attitude
-        As in :func:`to_matrix`.
+    body, omega, rotation, attitude
+        As in :func:`to_matrix`; omega is (Omega1, Omega2), shape (..., 2).
 
     Returns
     -------
@@ -128,11 +124,7 @@ def momentum(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovGyrostat or SuslovND
-        A single body, or a batch.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities of the body.
-    rotation, attitude
+    body, omega, rotation, attitude
         As in :func:`to_matrix`.
 
     Returns
@@ -184,7 +176,7 @@ def attitude(
     body: AnyBody,
     omega: ArrayLike,
     /,
-    eps: ArrayLike,
+    eps: Reals,
     R0: ArrayLike | None = None,
     *,
     threads: int | None = None,
@@ -197,13 +189,9 @@ def attitude(
 
     Parameters
     ----------
-    body
-        As in :func:`iterate`, without fields.
-    omega : array_like(float, shape=(N + 1, ..., D))
-        All consecutive states of trajectories, as :func:`iterate` returns them, with NaN after a
-        failure.
-    eps
-        As in :func:`iterate`.
+    body, omega, eps
+        As in :func:`iterate`, without fields; omega is all consecutive states of a run,
+        (N + 1, ..., D).
     R0 : array_like(float, shape=(..., n, n)), optional
         Rotation matrix: the orientation at the first state; by default the identity.
     threads

@@ -11,7 +11,6 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import lacking, public
-from .fields.bounds import check_axes
 from .fields.polynomials import from_lists, to_lists
 from .members import Members
 
@@ -20,8 +19,8 @@ Kind = TypeVar("Kind", bound="Body")
 # Attributes for authors and for other modules; `dir` hides them from users.
 OF_AUTHORS = frozenset(
     "arrays axes batch_of_one called constants coordinates derived_by described instead labels "
-    "lists_terms listed_right_hand_sides may_escape of_member positive read reduction remake "
-    "right_hand_side right_hand_sides steady texts without_value".split()
+    "has_map lists_terms listed_right_hand_sides may_escape of_member positive read reduction "
+    "remake right_hand_side right_hand_sides steady texts without_value".split()
 )
 
 
@@ -104,8 +103,10 @@ class Body(Members):
             if name in self.positive and not (array > 0).all():
                 is_tensor = array.ndim > 1 and array.shape[-1] == array.shape[-2]
                 makers = [m for m in ("from_inertia", "from_mass_tensor") if m in dir(type(self))]
-                how = f": a body is made from a tensor by {' or '.join(makers)}"
-                raise wrong(name, "positive", f"{array.min()}{how * (is_tensor and bool(makers))}")
+                how = f": the order is {', '.join(each.name for each in fields(self))}"
+                if is_tensor and makers:
+                    how = f": a body is made from a tensor by {' or '.join(makers)}"
+                raise wrong(name, "positive", f"{array.min()}{how}")
             vars(self)[name] = frozen(array)
         _ = self.shape  # raises if the parameters do not broadcast
 
@@ -295,7 +296,6 @@ class Body(Members):
         """
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
-        check_axes("parameters", given)
         how = ": body_from_dict makes a body of any class"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)
         read = cls.read or cls
@@ -306,7 +306,10 @@ class Body(Members):
             text = f"these are not the parameters of {cls.__name__}: {names} ({error})"
             raise ValueError(text) from None
         texts = {name: given.pop(name) for name in cls.texts if name in given}
-        return read(**from_lists("parameters", given), **texts)
+        try:
+            return read(**from_lists("parameters", given), **texts)
+        except RecursionError:
+            raise wrong("parameters", "lists of few axes", "lists deep inside each other") from None
 
 
 def summary(name: str, values: Any) -> str:

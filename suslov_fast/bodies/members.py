@@ -1,6 +1,5 @@
 """Members of batches: bodies by index, and families by the value of a parameter."""
 
-import math
 from collections.abc import Iterator
 from typing import Any, ClassVar, TypeVar
 
@@ -38,20 +37,20 @@ class Members:
         """Return one member of a batch, or the members that slices, lists or masks select.
 
         Each entry of the index is for the next axis of the batch: an integer, a slice, a list of
-        integers, or a mask of booleans. A mask with several axes merges them into one.
+        integers, or a mask of booleans.
         """
         len(self)  # raises for a single body
         body, axis = self, 0
         for entry in index if isinstance(index, tuple) else (index,):
             try:
-                selection, axes = place_in(body.shape[axis:], entry)
+                selection = place_in(body.shape[axis:], entry)
             except (IndexError, TypeError) as error:
                 text = f"index {checks.short(index)} does not fit a batch of shape {self.shape}"
                 how = "pass an integer, a slice or a mask for each of its first axes"
                 if isinstance(entry, str):
                     how = f"its parameters are parameters[{entry!r}], its members sel(...)"
                 raise type(error)(f"{text}: {how}") from None
-            body = body._merged(axis, axes)._part(axis, selection)
+            body = body._part(axis, selection)
             axis += 1 if isinstance(selection, slice) else np.ndim(selection)
         return body
 
@@ -132,40 +131,10 @@ class Members:
         if name in columns:
             return columns[name]
         if not self.shape:
-            raise ValueError(
-                f"sel: this is a single {type(self).__name__}, and sel is for families: {_FAMILY}"
-            )
-        how = f"choose from: {', '.join(columns)}"
-        if not columns:
-            first = ", ".join("0" * len(self.shape))
-            how = f"no parameter varies along one axis; select members by index, such as [{first}]"
-        if name not in values:
-            raise ValueError(f"sel: there is no parameter {name!r}; {how}")
-        a = values[name]
-        shape = f"has the shape {a.shape}"
-        reason = f"is {a.flat[0]} for all members" if a.size == 1 else shape
-        raise ValueError(f"sel: {name} {reason}; {how}")
-
-    def _merged(self: Kind, axis: int, axes: int) -> Kind:
-        """Return the batch with `axes` of its axes, from `axis` on, merged into one."""
-        if axes == 1:
-            return self
-        parts, end = {}, axis + axes
-        for name, value in self._parts.items():
-            array = np.asarray(value)
-            inner = array.shape[array.ndim - self.axes.get(name, 0) :]
-            batch = array.shape[: array.ndim - len(inner)]
-            if len(batch) > len(self.shape) - end:  # the parameter has some of these axes
-                batch = (1,) * (len(self.shape) - len(batch)) + batch
-                array = array.reshape(batch + inner)
-                if max(batch[axis:end]) > 1:
-                    batch = batch[:axis] + self.shape[axis:end] + batch[end:]
-                    array = np.broadcast_to(array, batch + inner)
-                length = math.prod(batch[axis:end])
-                array = array.reshape((*batch[:axis], length, *batch[end:], *inner))
-            parts[name] = array
-        body: Kind = self._with(parts)
-        return body
+            what = f"this is a single {type(self).__name__}, and sel is for families: {_FAMILY}"
+            raise ValueError(f"sel: {what}")
+        known = ", ".join(columns) or "none: select members by index"
+        raise ValueError(f"sel: {name} must vary along one axis; those that do are {known}")
 
     def _part(self: Kind, axis: int, index: Any) -> Kind:
         """Return the members that an integer, a slice or indices select along one axis."""
@@ -183,22 +152,18 @@ class Members:
         return body
 
 
-def place_in(shape: tuple[int, ...], entry: Any) -> tuple[Any, int]:
-    """Return an entry of an index as an integer, a slice or indices, and its number of axes."""
+def place_in(shape: tuple[int, ...], entry: Any) -> Any:
+    """Return an entry of an index, for the first axis, as an integer, a slice or indices."""
     if not shape:
         raise IndexError
     if isinstance(entry, slice):
-        return entry, 1
+        return entry
     array = np.asarray(entry)
     if array.dtype.kind not in "biu":
         raise TypeError
-    if array.dtype == bool:
-        if array.ndim == 0 or array.shape != shape[: array.ndim]:
-            raise IndexError
-        return np.flatnonzero(array), array.ndim
-    if array.ndim > 1:
+    if array.ndim > 1 or (array.dtype == bool and array.shape != shape[:1]):
         raise IndexError
-    return np.arange(shape[0])[array], 1
+    return np.arange(shape[0])[array]
 
 
 def value_to_select(name: str, value: Any) -> float:

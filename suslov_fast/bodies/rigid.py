@@ -282,10 +282,8 @@ class SuslovGyrostat(_In3D):
 
         Returns
         -------
-        body : SuslovGyrostat
-            The body in its adapted basis.
-        rotation : ndarray(float, shape=(..., 3, 3))
-            The rotation to the adapted basis, as in :meth:`Suslov3D.from_inertia`.
+        body, rotation : SuslovGyrostat, ndarray(float, shape=(..., 3, 3))
+            As in :meth:`Suslov3D.from_inertia`.
 
         Raises
         ------

@@ -19,12 +19,11 @@ from typing import Any
 import suslov_fast as sf
 
 from .options import PARAMETERS, parsed
-from .summary import facts_in, facts_of, facts_of_motion, is_complete, lines_of, result_in
+from .summary import facts_in, facts_of, is_complete, lines_of, result_in
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
 
-# Seconds: longer than any search; from one sign of life in a log to the next.
-_NO_LIMIT, _BEAT = 1e9, 60.0
+_NO_LIMIT = 1e9  # seconds, longer than any search
 _ENDINGS = ".png", ".svg", ".pdf"
 # Options of runs of a map, and of the motion.
 _OF_STEPS = "eps", "steps", "method", "save_every", "attitude"
@@ -39,8 +38,7 @@ def main(words: Sequence[str] | None = None) -> int:
         options = parsed(sys.argv[1:] if words is None else words, commands)
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: _tell(f"warning: {message}")
-            with _heartbeat(options.command):
-                return int(options.function(options) or 0)
+            return int(options.function(options) or 0)
     except KeyboardInterrupt as error:
         _tell(f"interrupted{error}")
         return 130  # as shells do after Ctrl-C
@@ -57,23 +55,6 @@ def main(words: Sequence[str] | None = None) -> int:
                 sys.stdout.flush()
         except OSError:  # without this, Python tries again at exit and prints an error
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-@contextmanager
-def _heartbeat(command: str) -> Iterator[None]:
-    """Say every minute on stderr that a command goes on, where that is no terminal but a log."""
-    is_over, begin = threading.Event(), time.monotonic()
-
-    def beat() -> None:
-        while not is_over.wait(_BEAT):
-            _tell(f"{command} is still running after {time.monotonic() - begin:.0f} s")
-
-    if not os.isatty(2):
-        threading.Thread(target=beat, daemon=True).start()
-    try:
-        yield
-    finally:
-        is_over.set()
 
 
 def _tell(text: str) -> None:
@@ -267,7 +248,7 @@ def _motion(path: Path | None, force: bool, work: Any, settings: Any) -> dict[st
         begin = time.perf_counter()
         result = sf.flow(body, starts, **settings)
         seconds = time.perf_counter() - begin
-    return _saved(result, path, force, facts_of_motion(result) | {"seconds": seconds})
+    return _saved(result, path, force, facts_of(result) | {"seconds": seconds})
 
 
 def _check_writable(path: Path | None, force: bool) -> None:

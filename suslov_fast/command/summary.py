@@ -32,13 +32,8 @@ def facts_in(path: Path) -> dict[str, Any]:
     if path.suffix != ".npz":
         raise ValueError("not the name of a saved run, such as run.npz or run.zarr")
     result = result_in(path)
-    if isinstance(result, sf.Crossings):
-        return _facts_of_crossings(result)
-    if isinstance(result, sf.MotionCrossings):
-        return _facts_of_motion_crossings(result)
-    if isinstance(result, sf.Motion):
-        return facts_of_motion(result)
-    return facts_of(result, result.states[0] if result.n[0] == 0 else None)
+    is_run = isinstance(result, sf.Trajectories)
+    return facts_of(result, result.states[0] if is_run and result.n[0] == 0 else None)
 
 
 def is_complete(path: Path) -> bool:
@@ -67,63 +62,32 @@ def _value(attribute: Any) -> Any:
     return json.loads(attribute) if is_text_of_lists else attribute
 
 
-def facts_of(run: Any, start: Any) -> dict[str, Any]:
-    """Return the summary of a run; `start` is state 0, or None, which leaves the drift empty."""
-    return {
-        **_common_facts(run),
-        "saved_states": len(run),
-        "method": run.method,
-        "drift": {} if start is None else _largest_change(run, run._conserved, start, run.final),
-    }
-
-
-def facts_of_motion(motion: Any) -> dict[str, Any]:
-    """Return the summary of a motion."""
-    name, (first, last) = motion._conserved, motion.states[[0, -1]]
-    tolerances = {"rtol": motion.rtol} | ({} if motion.atol is None else {"atol": motion.atol})
-    return {
-        "body": _body_of(motion),
-        **_counts(motion.status),
-        "steps": int(motion.steps.sum()),
-        "time": float(motion.time[-1]),
-        "saved_states": len(motion),
-        **tolerances,
-        "drift": _largest_change(motion, name, first, last),
-    }
-
-
-def _facts_of_crossings(points: Any) -> dict[str, Any]:
-    """Return the summary of crossings along a map."""
+def facts_of(result: Any, start: Any = None) -> dict[str, Any]:
+    """Return the summary of a result; `start` is state 0 of a run of a map, if it is known."""
     from ..runs.columns import ARGUMENTS
 
-    names = ARGUMENTS["Crossings"]
-    arguments = {name: getattr(points, name) for name in names if getattr(points, name) is not None}
-    return {**_common_facts(points), "crossings": len(points), **arguments}
-
-
-def _facts_of_motion_crossings(points: Any) -> dict[str, Any]:
-    """Return the summary of crossings along motions."""
-    names = "transient", "direction", "most", "rtol", "atol"
-    arguments = {name: getattr(points, name) for name in names if getattr(points, name) is not None}
-    return {
-        "body": _body_of(points),
-        **_counts(points.status),
-        "steps": int(points.steps.sum()),
-        "time": points.last,
-        "crossings": len(points),
-        **arguments,
-    }
-
-
-def _common_facts(result: Any) -> dict[str, Any]:
-    """Return the facts that the summaries of runs and of crossings share."""
-    return {
-        "body": _body_of(result),
-        "eps": result.eps if isinstance(result.eps, float) else f"{result.eps.size} values",
-        **_counts(result.status, result.first_pole),
-        "steps": result.steps,
-        "map": result.map.name,
-    }
+    body = {"body": _body_of(result)}
+    if hasattr(result, "map"):
+        eps = result.eps if isinstance(result.eps, float) else f"{result.eps.size} values"
+        counts = _counts(result.status, result.first_pole)
+        common = {**body, "eps": eps, **counts, "steps": result.steps, "map": result.map.name}
+    else:
+        last = result.time[-1] if isinstance(result, sf.Motion) else result.last
+        counts = {**_counts(result.status), "steps": int(result.steps.sum())}
+        common = {**body, **counts, "time": float(last)}
+    if isinstance(result, (sf.Crossings, sf.MotionCrossings)):
+        names = ARGUMENTS[type(result).__name__]
+        arguments = {name: getattr(result, name) for name in names if name != "last"}
+        given = {name: value for name, value in arguments.items() if value is not None}
+        return {**common, "crossings": len(result), **given}
+    saved = {**common, "saved_states": len(result)}
+    if isinstance(result, sf.Motion):
+        saved |= {"rtol": result.rtol} | ({} if result.atol is None else {"atol": result.atol})
+        start, last = result.states[[0, -1]]
+    else:
+        saved["method"], last = result.method, result.final
+    drift = {} if start is None else _largest_change(result, result._conserved, start, last)
+    return {**saved, "drift": drift}
 
 
 def _body_of(result: Any) -> Any:

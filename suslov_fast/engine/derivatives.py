@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, common_shape
 from ..core.fields import tangent
 from ..core.fields.density import densities
-from ..core.fields.generated import WIDTH
+from ..core.fields.driver import WIDTH
 from ..core.users.products import growth_of_products
 from .arguments import ALL, by_zeros, flat_arrays, in_stages
 from .problem import Problem

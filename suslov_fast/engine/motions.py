@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.motion.choosing import Choosing
 from ..core.motion.engine import Motion as Engine, Settings
 from ..core.motion.one import motion_of_one
 from ..core.motion.rows import State
-from ..core.motion.rules import MOST_STEPS
 from .arguments import ALL
 from .status import Status
 from .threads import available
@@ -25,6 +23,16 @@ DONE = int(State.DONE)
 _STATUS = np.full(len(State), Status.TOO_MANY_STEPS, np.int8)  # also of a run that was ended
 _STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
 _STATUS[State.NO_VALUE], _STATUS[State.SLIDING] = Status.NONFINITE, Status.SLIDING
+
+
+class Asked(NamedTuple):
+    """What is asked of a motion."""
+
+    times: FloatArray  # (n,), in any order
+    sign: int  # -1 backwards in time
+    settings: Settings
+    threads: int | None = None
+    report: Callable[[int], bool] | None = None  # takes the number of states that are done
 
 
 class Found(NamedTuple):
@@ -69,20 +77,12 @@ def right_hand_sides(
             yield where, f, table[places[where]]
 
 
-def solve(
-    field: Any,
-    starts: FloatArray,
-    batch: tuple[int, ...],
-    times: FloatArray,
-    sign: int,
-    settings: Settings,
-    threads: int | None,
-    report: Callable[[int], bool] | None = None,
-) -> Found:
+def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
     """Return what is found of the motion from `starts` (B, D) at ascending moduli of times.
 
-    `report` takes the number of states that are done; if it returns False, the others stay NaN.
+    If `report` returns False, states that are not done stay NaN.
     """
+    times, sign, settings, threads, report = asked
     B = len(starts)
     if B == 1 and report is None:
         alone = _of_one(field, starts, times, sign, settings)
@@ -124,41 +124,9 @@ def call_engine(
     report: Callable[[int], bool] | None = None,
 ) -> tuple[bool, FloatArray, NDArray[np.int64], NDArray[np.int8]]:
     """Write states (n, B, D); return whether `report` ended the run, ends, steps and statuses."""
-    if f.conditions is not None:
-        return _choosing(f, table, x0, times, sign, settings, states, threads, report)
     engine = Engine(f, table, x0, times, sign, settings, states)
     engine.run(threads, report)
     return engine.is_stopped, sign * engine.t, engine.steps, status_of(engine.state)
-
-
-def _choosing(
-    f: Any,
-    table: FloatArray,
-    x0: FloatArray,
-    times: FloatArray,
-    sign: int,
-    settings: Settings,
-    states: FloatArray,
-    threads: int,
-    report: Callable[[int], bool] | None,
-) -> tuple[bool, FloatArray, NDArray[np.int64], NDArray[np.int8]]:
-    """Do the same where f has conditions, at whose changes steps end."""
-    engine = Choosing(f, table, x0, times, sign, settings, states, threads)
-    rows, flat, last = engine.rows, engine.flat, float(times[-1])
-    tries, is_stopped, length = np.zeros(len(x0), np.int64), False, 1
-    place, state = flat[:, rows.place].view(np.int64), flat[:, rows.state]
-    while len(own := np.flatnonzero(state <= State.IMPLICIT)) and not is_stopped:
-        reached, changes = place.copy(), engine.changes
-        for k, found in engine.attempts(flat[own], own, last, length):
-            flat[own[k]] = found[-1]
-            tries[own[k]] += len(found) - 1
-        tries[place > reached] = 0
-        state[(tries > MOST_STEPS) & (state <= State.IMPLICIT)] = State.TOO_MANY
-        length = min(2 * length, 32) if engine.changes == changes else max(length // 2, 1)
-        is_stopped = report is not None and not report(int(place.sum()))
-    t = flat[:, rows.t]
-    states[times[:, np.newaxis] > t] = np.nan  # some steps went beyond
-    return is_stopped, sign * t, flat[:, rows.steps].astype(np.int64), status_of(state.astype(int))
 
 
 def status_of(state: Any) -> NDArray[np.int8]:

@@ -64,6 +64,13 @@ def checked_settings(system: Any, rtol: Any, atol: Any, max_step: Any, stiff: An
     return Settings(number, atol, longest, stiff)
 
 
+def tolerances_of(settings: Settings) -> dict[str, Any]:
+    """Return the arguments of :func:`flow` that these settings are, as results keep them."""
+    found = settings._asdict()
+    longest = found.pop("longest")
+    return found | {"max_step": None if longest == math.inf else longest}
+
+
 def checked_starts(system: Any, x0: Any, n: int) -> tuple[FloatArray, tuple[int, ...]]:
     """Return the initial states (B, D) and the batch shape, if memory holds n states of each."""
     labels, how = system.labels, "compute fewer states at a time"

@@ -118,9 +118,6 @@ def check_steps(name: str, steps: Any) -> None:
     instance(f"{name}.kernel", steps.kernel, Kernel)
     if not steps.kernel.py_func.__module__.startswith(f"{core.__name__}."):
         raise wrong(f"{name}.kernel", "made by maps.steps_of", "written by hand", TypeError)
-    for part in ("arguments", "cost"):
-        if not callable(getattr(steps, part)):
-            raise wrong(f"{name}.{part}", "a function", repr(getattr(steps, part)), TypeError)
     integer(f"{name}.carried", steps.carried, 1 if steps.notes_poles else 0)
     if integer(f"{name}.lanes", steps.lanes, 1) % 8:
         raise wrong(f"{name}.lanes", "a multiple of 8", steps.lanes)

@@ -13,8 +13,8 @@ The files, in an order in which each uses only those before it:
   factors. `arguments`: their checks.
 - `maps`, `kahan`: birational maps, and the Kahan maps of fields. `zoo`: examples.
 - `growth`: degrees of iterates. `reducible`: reducible polynomials of a space. `contracted`,
-  `planar`: the entropy of maps of the plane, from the curves that they contract, and of monomial
-  maps. `surfaces`: maps on levels of integrals, which may be maps of the plane.
+  `orbits`, `planar`: the entropy of maps of the plane, from the curves that they contract, and of
+  monomial maps. `surfaces`: maps on levels of integrals, which may be maps of the plane.
 - `relations`: linear relations along orbits, and integrals by them. `locus`: parameters with more.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them, in normal form. `symmetries`: reversing ones.

@@ -10,15 +10,13 @@ Then they are proved at the general point of the curve, with a parameter s: of a
 several conjugate lines, or of a conic. The coordinates of the germ are polynomials in s, in eps if
 it is symbolic, and in r, an algebraic number: that of one of the lines, or of a point of the conic.
 Orders of a curve that is no line are exact, too, if the forms have them as multiplicities at the
-points of the orbit of one point. An orbit never comes to another point without an image if it is
-periodic modulo a small prime, and all of its points there have images.
+points of the orbit of one point.
 """
 
 from __future__ import annotations
 
-import math
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import flint
@@ -28,6 +26,7 @@ from .growth import common_series, rational_series
 from .maps import RationalMap
 from .polynomials import (
     coefficients_in,
+    cramer,
     decoded,
     degree_of,
     determinant,
@@ -42,6 +41,7 @@ from .polynomials import (
 )
 from .reducible import count_factors
 
+_PAIRS = (0, 1), (0, 2), (1, 2)  # of coordinates
 _TERMS = 8, 32, 128, 512, 2048, 8192, 32768  # of power series in t, until they suffice
 _ENOUGH = 128  # for endless passages whose orders show a rule
 _RULE = 20  # steps that show a rule, if there is one
@@ -232,7 +232,7 @@ class PlaneModulo:
     def _at_one_point(self, first: Sequence[Any], second: Sequence[Any]) -> bool:
         """Return True if two germs begin at the same point."""
         a, b = ([int(P[0]) for P in germ] for germ in (first, second))
-        return all((a[i] * b[j] - a[j] * b[i]) % self.p == 0 for i, j in ((0, 1), (0, 2), (1, 2)))
+        return all((a[i] * b[j] - a[j] * b[i]) % self.p == 0 for i, j in _PAIRS)
 
 
 def _order(P: Any, terms: int) -> int:
@@ -266,12 +266,9 @@ def _agree(passages: list[Passage]) -> bool:
 
 
 _TERMS_OF_PROOFS = 4, 8, 16, 32  # of power series in t, until they suffice
-_LONGEST = 20_000  # of coordinates, at most
+LONGEST = 20_000  # bits of coordinates, at most
 _MONOMIALS = 2_000  # of coordinates, at most
 _NUMBERS = range(1, 9)  # in place of s
-_SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
-_TRIES = 3  # points and numbers in place of eps for each of these
-_POINTS = 12  # of an orbit over the rationals
 
 
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
@@ -409,10 +406,24 @@ class _Germs:
             image = self._values(self._plane.forms, x)
             if not any(image) or k == steps:
                 return not any(image) and k == steps
-            x = without_common_factor(image)
+            x = self._simplest(without_common_factor(image))
             if _is_large(x):
                 return False
         return False
+
+    def _simplest(self, x: list[Any]) -> list[Any]:
+        """Return the multiple of a point with a coordinate in which r does not occur."""
+        n, last = int(self._modulus.degrees()[-3]), next(P for P in reversed(x) if P != 0)
+        zeros = [self._ring.constant(0)] * n
+
+        def coefficients(P: Any) -> list[Any]:
+            return [*coefficients_in(P, -3), *zeros][:n]
+
+        # The inverse of this coordinate solves a linear system, up to a factor.
+        products = [coefficients(self._reduced(last * self._r**k)) for k in range(n)]
+        *inverse, _ = cramer([*map(list, zip(*products, coefficients(self._r**0), strict=True))])
+        multiple = sum(c * self._r**k for k, c in enumerate(inverse))
+        return without_common_factor([self._reduced(P * multiple) for P in x])
 
     def begin_at_point(self, germ: Sequence[Any]) -> bool:
         """Return True if a germ begins at a point that does not depend on s."""
@@ -420,8 +431,7 @@ class _Germs:
         for number in _NUMBERS:
             y = [P.compose(*self._eps, self._r, number + 0 * self._s, self._t) for P in x]
             if any(y):
-                pairs = ((0, 1), (0, 2), (1, 2))
-                return all(self._reduced(x[i] * y[j] - x[j] * y[i]) == 0 for i, j in pairs)
+                return all(self._reduced(x[i] * y[j] - x[j] * y[i]) == 0 for i, j in _PAIRS)
         return False
 
 
@@ -457,89 +467,4 @@ def without_common_factor(x: Sequence[Any]) -> list[Any]:
 def _is_large(x: Sequence[Any]) -> bool:
     """Return True if coordinates have too many terms, or too long ones, to go on."""
     bits = max((int(abs(c)).bit_length() for P in x for c in P.coeffs()), default=0)
-    return bits > _LONGEST or sum(map(len, x)) > _MONOMIALS
-
-
-# Orbits that never end.
-
-
-def why_never(plane: Plane, number: int, passage: Passage) -> str:
-    """Return why an orbit never ends after its last point without an image; "" if unknown."""
-    for p in _SMALL_PRIMES:
-        rng = random.Random(p)
-        for _ in range(_TRIES):
-            eps = rng.randrange(1, p)
-            residues = PlaneModulo(plane, p, eps, rng.randrange(99))
-            if _is_periodic_modulo(residues, number, passage):
-                at = f" and eps = {eps}" if plane.symbolic else ""
-                return f"never, since modulo {p}{at} the orbit is periodic"
-    points = [] if passage.common_orders else [*_points_of_line(plane, number, 1 + _POINTS)]
-    if len({*points}) == len(points):
-        return ""
-    return "never, since the orbit is periodic"
-
-
-def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) -> bool:
-    """Return True if the orbit modulo a prime is periodic, and all its points have images.
-
-    A point of the curve modulo p at which the curve is smooth is that of one over p-adic numbers;
-    if images do not vanish modulo p, they are those of the true orbit.
-    """
-    if any(P == 0 for P in (*residues.forms, residues.curves[number])):
-        return False
-    germ, terms = residues.germ(residues.curves[number]), 1 + sum(passage.common_orders)
-    for expected in (0, *passage.common_orders):
-        if germ is None or (step := residues.step(germ, terms)) is None:
-            return False
-        germ = step.germ
-        terms -= step.common_order
-        if step.common_order != expected:
-            return False
-    x = [P[0] for P in germ or ()]
-    visited = set()
-    while any(x):
-        pivot = next(a for a in x if a)
-        point = tuple(int(a / pivot) for a in x)
-        if point in visited:
-            return True
-        visited.add(point)
-        x = [F(*point) for F in residues.forms]
-    return False
-
-
-def orbit_of_line(plane: Plane, number: int, length: int | None) -> tuple[tuple[int, ...], ...]:
-    """Return the first points to which a line with rational coefficients goes, without repetition.
-
-    At most `length` points, or some. Other curves, and a symbolic eps, have none.
-    """
-    return tuple(dict.fromkeys(_points_of_line(plane, number, length or 1 + _POINTS)))
-
-
-def _points_of_line(plane: Plane, number: int, most: int) -> Iterator[tuple[int, ...]]:
-    """Yield the points to which a line goes, up to one without an image."""
-    if plane.symbolic or plane.degrees[number] != 1:
-        return
-    line = [int(plane.curves[number].derivative(j).leading_coefficient() or 0) for j in range(3)]
-    rng, x = random.Random(0), None
-    while x is None:
-        on_line = _cross(line, [rng.randrange(-50, 50) for _ in range(3)])
-        x = _image(plane, on_line) if any(on_line) else None
-    for _ in range(most):
-        if x is None or max(map(abs, x)).bit_length() > _LONGEST:
-            return
-        yield x
-        x = _image(plane, x)
-
-
-def _image(plane: Plane, x: Sequence[int]) -> tuple[int, ...] | None:
-    """Return the image of a point with integer coordinates; None if it has none."""
-    y = [int(value_at(F, x)) for F in plane.forms]
-    if not (common := math.gcd(*y)):
-        return None
-    sign = 1 if next(a for a in y if a) > 0 else -1
-    return tuple(sign * a // common for a in y)
-
-
-def _cross(a: Sequence[int], b: Sequence[int]) -> list[int]:
-    """Return the line through two points, or the point on two lines."""
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    return bits > LONGEST or sum(map(len, x)) > _MONOMIALS

@@ -17,8 +17,8 @@ from typing import Any, TypeVar
 
 import flint
 
-from ..bodies.fields.advice import check_arguments
-from ..bodies.fields.names import labels, latex
+from ..bodies.fields.calls import checked_function
+from ..bodies.fields.names import latex
 from ..bodies.fields.polynomials import from_lists
 from ..checks import extra, short, wrong
 from ..keywords import public
@@ -345,11 +345,8 @@ def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fra
 
 def traced(name: str, f: Any, n: int, letter: str = "") -> list[Any]:
     """Return the polynomials F_1, ..., F_D, F_0 of a function, by a call with symbols."""
-    if not callable(f):
-        expected = "a function of x, the tuple of variables"
-        raise wrong(name, expected, type(f).__name__, TypeError)
     given: dict[str, Any] = {letter: 0} if letter else {}
-    check_arguments(name, f, labels(n), given, "rational_map" if name == "f" else "")
+    checked_function(name, f, given)
     ring = polynomial_ring(n, bool(letter))
     symbols = [*map(factored, ring.gens())]
     given = {letter: symbols.pop(0)} if letter else {}

@@ -18,10 +18,11 @@ import numpy as np
 
 from ..checks import integer, wrong
 from ..keywords import public
-from .contracted import Passage, Plane, is_proved, orbit_of_line, passages_across, why_never
+from .contracted import Passage, Plane, is_proved, passages_across
 from .functions import IDENTITY, RationalFunction
 from .growth import agreed_degrees, moduli_outside, rational_series
 from .maps import RationalMap, check_map
+from .orbits import POINTS, points_of_line, why_never
 from .polynomials import determinant, exponents_in_x
 
 _STEPS = 80  # of an orbit that are computed
@@ -223,7 +224,7 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
         how = reason if exact else f"{reason}; orders modulo two primes, at random points"
     else:
         exact, how = False, f"not confined within {_STEPS} steps"
-    orbit = orbit_of_line(plane, number, length)
+    orbit = tuple(dict.fromkeys(points_of_line(plane, number, length or POINTS)))
     return Contraction(plane.text(number), plane.count(number), length, exact, how, orbit)
 
 

@@ -22,7 +22,7 @@ from .formulas import INSTEAD, KAHAN, PARTS, SERVED, Formula, Plane, check_formu
 from .methods import with_notes
 
 # The methods of the package; `str` stands for those that `maps.register` adds.
-Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"] | str
+Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"]
 
 
 Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
@@ -202,7 +202,9 @@ class Map:
                 received += f", whose map ({self.title}) has no {name}"
             else:
                 received += INSTEAD.get(name) or body.instead
-            raise checks.wrong("body", checks.either(names or ["another one"]), received, TypeError)
+            raise checks.wrong(
+                "system", checks.either(names or ["another one"]), received, TypeError
+            )
         if name in self.formulas and (check := self.formulas[name].check):
             check(body)
         if PARTS.get(name) == "plane" and self.plane and self.plane.check:
@@ -274,11 +276,6 @@ def register(record: Map) -> None:
     checks.one_of("variable", record.variable, ["omega", "x"])
     if record.attitude is not None:
         checks.one_of("attitude", record.attitude, ["axial", "in_rows"])
-    if record.plane is not None:
-        checks.instance("plane", record.plane, Plane)
-    for name, part in (("growth", record.growth), ("eigenvalues", record.eigenvalues)):
-        if part is not None and not callable(part):
-            raise checks.wrong(name, "a function, or None", repr(part), TypeError)
     if not {*record.serves} <= {*SERVED}:
         raise checks.wrong("serves", f"names among {SERVED}", repr(record.serves))
     taken = [name for other in MAPS.values() if other.body is record.body for name in other.methods]
@@ -291,11 +288,6 @@ def register(record: Map) -> None:
     for method, steps in record.methods.items():
         check_steps(f"methods[{method!r}]", steps)
     check_formulas(record.formulas, record.conserved)
-    if not isinstance(record.random, tuple) or not all(map(callable, record.random)):
-        raise checks.wrong("random", "a tuple of functions", repr(record.random), TypeError)
-    if record.pole is not None and not isinstance(record.pole[0], record.body):
-        expected = f"a {record.body.__name__} and a state, or None"
-        raise checks.wrong("pole", expected, repr(record.pole), TypeError)
     for k, make in enumerate(record.random):
         body = make(np.random.default_rng(0), ())
         if body.shape:
@@ -320,13 +312,13 @@ def map_of(body: Any, method: str = "auto") -> Map:
     if type(method) is str and method in by_method:
         return by_method[method]
     if isinstance(body, Field):
-        raise TypeError(f"body: {NO_MAP}")
+        raise TypeError(f"system: {NO_MAP}")
     if not by_method:
         kinds = [record.body.__name__ for record in MAPS.values()]
         received = checks.kind_of(body) + checks.in_place_of(body)
         if isinstance(body, Body):
             received += ", a class without a record of its own: see maps.register"
-        raise checks.wrong("body", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
+        raise checks.wrong("system", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
     if f"order{method}" in by_method:
         checks.one_of("method", method, by_method, f": pass 'order{method}'")
     of_fields = ", ".join(repr(name) for name in methods_of(QuadraticField) if name != "auto")

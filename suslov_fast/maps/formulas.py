@@ -341,7 +341,9 @@ INSTEAD = {
         ("attitude", "momentum", "reaction", "to_matrix"), ", whose states rotate no body"
     ),
     "to_vector": ": in n dimensions use to_matrix",
-    **dict.fromkeys(("explore", "plot_phase", "animate_body"), ": use iterate(...).plot()"),
+    **dict.fromkeys(
+        ("explore", "plot_phase", "animate_body"), ": use iterate(...).plot() or flow(...).plot()"
+    ),
     "step_full": ": use step, iterate or flow",
     "scattering_angle": (
         ": no formula is known; where states have an orientation, "

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import AnyBody, BodyIn3D, BodyOrField
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray
+from ..checks import FloatArray, Reals
 from ..engine.problem import check
 from ..keywords import public
 from ..maps import map_of, problem
@@ -17,7 +17,7 @@ from .evaluation import evaluate, mask_and_warn
 
 
 @public
-def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
+def energy(system: BodyOrField, x: ArrayLike, /) -> FloatArray:
     """Hamiltonian H of a field, or energy of a body: half the sum of J_i Omega_i**2.
 
     The motion conserves it; along orbits of the map it varies by O(eps**2), because the map
@@ -25,7 +25,7 @@ def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
 
     Parameters
     ----------
-    body, omega
+    system, x
         As in :func:`jacobian`; a field must come from `from_hamiltonian` of its class.
 
     Returns
@@ -45,11 +45,11 @@ def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     >>> energy(well, [[0.5, 0.0], [0.0, 0.5]])
     array([-0.375,  0.125])
     """
-    return evaluate("energy", body, omega)
+    return evaluate("energy", system, x)
 
 
 @public
-def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
+def first_integral(body: AnyBody, omega: ArrayLike, /, eps: Reals) -> FloatArray:
     """First integral F of the map of a body, which is constant along its orbits.
 
     In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2), with
@@ -91,7 +91,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatA
 
 
 @public
-def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
+def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
     """Modified energy, which the map conserves and which tends to the energy as eps -> 0.
 
     For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the vector field f
@@ -103,7 +103,7 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
 
     Parameters
     ----------
-    body, omega, eps
+    system, x, eps
         As in :func:`jacobian`; a field must come from :meth:`QuadraticField.from_hamiltonian`.
 
     Returns
@@ -130,11 +130,11 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
     >>> bool(abs(H - H[0]).max() < 1e-12)
     True
     """
-    return evaluate("modified_energy", body, omega, eps)
+    return evaluate("modified_energy", system, x, eps)
 
 
 @public
-def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
+def criticality(body: AnyBody, omega: ArrayLike, /, eps: Reals) -> FloatArray:
     """Criticality t of a body, which decides whether an orbit of the map follows the motion.
 
     Keep ``|t| < 1``: otherwise the orbit jumps across the line of steady states, and can meet a
@@ -143,12 +143,8 @@ def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArra
 
     Parameters
     ----------
-    body : Suslov3D, SuslovGyrostat or SuslovND
-        A single body, or a batch, which in n dimensions has a :func:`first_integral`.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities. NaN gives NaN.
-    eps : array_like(float, shape=(...))
-        Step size in time.
+    body, omega, eps
+        As in :func:`jacobian`; the body has a :func:`first_integral`.
 
     Returns
     -------
@@ -171,7 +167,7 @@ def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArra
 
 
 @public
-def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
+def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: Reals) -> FloatArray:
     """Rotation number of an orbit of a gyrostat: mean number of turns per step of the map.
 
     With e = eps / (2 sqrt(I1 I2)) and the :func:`criticality` e A, it is
@@ -206,11 +202,11 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> Floa
 
 
 @public
-def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
-    """Density rho of an invariant measure: rho(omega_next) det(jacobian at omega) = rho(omega).
+def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
+    """Density rho of an invariant measure: rho(x_next) det(jacobian at x) = rho(x).
 
     For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. For a body in three
-    dimensions rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a
+    dimensions rho = 1 / (l (4 I1 I2 + eps**2 l**2)) with l = I13 Omega1 + I23 Omega2 (+ k for a
     gyrostat). In n dimensions rho is known if :meth:`SuslovND.reduced` leaves two coordinates,
     or three of which one has a coupling. For n = 4 and I = (I1, 0, 0) it is
     1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). A remainder
@@ -219,14 +215,14 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
 
     Parameters
     ----------
-    body, omega, eps
+    system, x, eps
         As in :func:`jacobian`; eps = 0 is the continuous motion.
 
     Returns
     -------
     ndarray(float, shape=(...))
         For a field dimensionless, and infinite at poles. For a body in three dimensions the unit is
-        1 / (omega * inertia**3); the sign is that of x, and the density is infinite where x = 0.
+        1 / (omega * inertia**3); the sign is that of l, and the density is infinite where l = 0.
         For n = 4 with three coordinates the unit is 1 / omega**2.
 
     Raises
@@ -243,7 +239,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
     >>> float(invariant_density(body, [1.0, 0.5], eps=0.2).round(9))
     -0.096052391
     """
-    return evaluate("invariant_density", body, omega, eps)
+    return evaluate("invariant_density", system, x, eps)
 
 
 @public
@@ -332,7 +328,7 @@ class ClosedForm(NamedTuple):
 
 
 @public
-def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedForm:
+def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: Reals) -> ClosedForm:
     """Constants h, k1 and k2 of the closed form of an orbit of a body, and its criticality t.
 
     In the coordinates of :func:`to_xy`, with theta = k1 n eps + k2, state n of the orbit is
@@ -341,12 +337,8 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
 
     Parameters
     ----------
-    body : Suslov3D
-        A single body, or a batch.
-    omega0 : array_like(float, shape=(..., 2))
-        State 0 of each orbit.
-    eps : array_like(float, shape=(...))
-        Step sizes; 0 is the continuous motion.
+    body, omega0, eps
+        As in :func:`jacobian`; the body is a `Suslov3D`, and eps = 0 is the continuous motion.
 
     Returns
     -------

@@ -11,6 +11,7 @@ from ..bodies.classes import AnyBody, BodyOrField
 from ..checks import (
     FloatArray,
     OneOrEach,
+    Reals,
     common_shape,
     first_index,
     real_number,
@@ -28,14 +29,14 @@ _FIXED = 1e-8
 
 
 @public
-def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
+def vector_field(system: BodyOrField, x: ArrayLike, /) -> FloatArray:
     """Right-hand side f(x) of the equations of motion ``x' = f(x)``.
 
     For a body, the time derivative of its angular velocity.
 
     Parameters
     ----------
-    body, omega
+    system, x
         As in :func:`jacobian`.
 
     Returns
@@ -46,7 +47,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     Raises
     ------
     TypeError, ValueError
-        If `body` is no body or field, or the shape of `omega` does not fit it.
+        If `system` is no body or field, or the shape of `x` does not fit it.
 
     Notes
     -----
@@ -60,11 +61,11 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     array([[0.5, 0. ],
            [0. , 1. ]])
     """
-    return evaluate("vector_field", body, omega)
+    return evaluate("vector_field", system, x)
 
 
 @public
-def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -> FloatArray:
+def reaction(body: AnyBody, omega: ArrayLike, /, eps: Reals | None = None) -> FloatArray:
     """Torque of the constraint of a body: the Lagrange multiplier lambda that keeps Omega3 at 0.
 
     With x = I13 Omega1 + I23 Omega2, the third equation of motion is
@@ -104,7 +105,7 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -
 
 
 @public
-def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
+def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
     """Matrix A of the linear system that a step of Kahan's map solves.
 
     A = 1 - (eps / 2) f'(x), and A (x_next - x) = eps f(x), where f is the :func:`vector_field`. The
@@ -112,7 +113,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
 
     Parameters
     ----------
-    body, omega, eps
+    system, x, eps
         As in :func:`jacobian`.
 
     Returns
@@ -123,7 +124,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
     Raises
     ------
     TypeError, ValueError
-        If `body` is no body or quadratic field; if shapes do not broadcast.
+        If `system` is no body or quadratic field; if shapes do not broadcast.
 
     Examples
     --------
@@ -133,12 +134,12 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
     array([[ 0.95,  0.1 ],
            [-0.05,  1.  ]])
     """
-    return evaluate("matrix", body, omega, eps)
+    return evaluate("matrix", system, x, eps)
 
 
 @public
 def jacobian(
-    body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike, *, method: Method = "auto"
+    system: BodyOrField, x: ArrayLike, /, eps: Reals, *, method: Method = "auto"
 ) -> FloatArray:
     """Derivative of the map: row i, column j holds the derivative of (x_next)_i by x_j.
 
@@ -147,9 +148,9 @@ def jacobian(
 
     Parameters
     ----------
-    body : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
+    system : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
         A single field or body, or a batch.
-    omega : array_like(float, shape=(..., D))
+    x : array_like(float, shape=(..., D))
         States x of a field, or angular velocities of a body. NaN gives NaN.
     eps : array_like(float, shape=(...))
         Step size in time; a negative one steps back.
@@ -174,15 +175,15 @@ def jacobian(
     array([[ 1.093638, -0.221485],
            [ 0.105205,  0.999397]])
     """
-    return evaluate("jacobian", body, omega, eps, map=map_of(body, method))
+    return evaluate("jacobian", system, x, eps, map=map_of(system, method))
 
 
 @public
 def multipliers(
-    body: BodyOrField,
+    system: BodyOrField,
     x: ArrayLike | list[FloatArray],
     /,
-    eps: ArrayLike,
+    eps: Reals,
     *,
     method: Method = "auto",
 ) -> OneOrEach:
@@ -195,7 +196,7 @@ def multipliers(
 
     Parameters
     ----------
-    body
+    system
         As in :func:`jacobian`.
     x : array_like(float, shape=(..., D))
         Fixed points of the map: zeros of a field, steady states of a body. For a family also the
@@ -227,26 +228,26 @@ def multipliers(
     array([0.990148, 0.990148])
     """
     points: Any = x
-    map_of(body, method).require("multipliers", body)
+    map_of(system, method).require("multipliers", system)
     # The result of `fixed_points` for a family: a list, or an array of objects.
-    is_list = isinstance(points, list) and len(body.shape) == 1 and len(points) > 0
+    is_list = isinstance(points, list) and len(system.shape) == 1 and len(points) > 0
     if is_list and all(a is None or (isinstance(a, np.ndarray) and a.ndim == 2) for a in points):
-        if len(points) != len(body):
-            raise wrong("x", f"a list of {len(body)} arrays, one for each member", len(points))
-        in_list: OneOrEach = _of_each_member(body, points, eps, method)
+        if len(points) != len(system):
+            raise wrong("x", f"a list of {len(system)} arrays, one for each member", len(points))
+        in_list: OneOrEach = _of_each_member(system, points, eps, method)
         return in_list
-    if isinstance(points, np.ndarray) and points.dtype == object and points.shape == body.shape:
-        values: Any = np.empty(body.shape, object)
-        for i, of_member in enumerate(_of_each_member(body, [*points.flat], eps, method)):
+    if isinstance(points, np.ndarray) and points.dtype == object and points.shape == system.shape:
+        values: Any = np.empty(system.shape, object)
+        for i, of_member in enumerate(_of_each_member(system, [*points.flat], eps, method)):
             values.flat[i] = of_member
         in_array: OneOrEach = values
         return in_array
-    checked = problem("multipliers", body, points, eps, method=method, name="x")
+    checked = problem("multipliers", system, points, eps, method=method, name="x")
     of_all: OneOrEach = _multipliers(checked)
     return of_all
 
 
-def _of_each_member(family: Any, points: list[Any], eps: ArrayLike, method: str) -> Any:
+def _of_each_member(family: Any, points: list[Any], eps: Reals, method: str) -> Any:
     """Return a list with the multipliers (k, D) at the points of each member of a family."""
     step = np.asarray(real_number("eps", eps))
     if common_shape({"body": family.shape, "eps": step.shape}) != family.shape:

@@ -11,7 +11,7 @@ from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..checks import FloatArray, integer, one_of, short, wrong
+from ..checks import FloatArray, Reals, integer, short, wrong
 from ..engine.motion_growth import exponents_of
 from ..engine.motions import threads_for
 from ..engine.problem import warn_of_times
@@ -29,7 +29,7 @@ def lyapunov_exponents(
     system: BodyOrField,
     x0: ArrayLike,
     /,
-    eps: ArrayLike | None = None,
+    eps: Reals | None = None,
     steps: int | None = None,
     transient: float = 0,
     *,
@@ -53,10 +53,8 @@ def lyapunov_exponents(
     ----------
     system, x0
         As in :func:`iterate` and :func:`flow`.
-    eps : array_like(float, shape=(...)), optional
-        Step size of the map, in time.
-    steps : int, optional
-        Number of steps averaged over, after the transient; 1 or more.
+    eps, steps : optional
+        As in :func:`iterate`; the mean is over `steps`, 1 or more, after the transient.
     transient : int or float
         Number of steps, or time, before averaging begins. It also aligns the tangent vectors;
         without it the mean has an error of order 1 / steps, or 1 / time.
@@ -64,12 +62,10 @@ def lyapunov_exponents(
         The time to average over, positive, in place of eps and steps.
     rtol : float
         With `time`, the relative tolerance of :func:`flow`, for states and tangent vectors.
-    method, threads
-        As in :func:`iterate`; a motion has no method.
-    progress : bool or callable, optional
-        True shows a bar (needs tqdm). A function is called as ``progress(done, total)`` with
-        numbers of steps, the transient included, or with thousandths of the time; if it returns
-        False, the exponents are means over what is done, or NaN if the transient was not over.
+    method, threads, progress
+        As in :func:`iterate`; a motion has no method. `progress` counts steps, the transient
+        included, or thousandths of the time; if it returns False, the exponents are means over what
+        is done, or NaN if the transient was not over.
 
     Returns
     -------
@@ -102,15 +98,11 @@ def lyapunov_exponents(
     array([  0.9,   0. , -14.6])
     """
     if time is not None:
-        for name, value in (("eps", eps), ("steps", steps)):
-            if value is not None:
-                raise wrong(name, "left out beside time", short(value), TypeError)
-        one_of("method", method, ["auto"], ": a motion, with time=, has no method")
+        given = {"eps": eps is not None, "steps": steps is not None}
+        checks.left_out("time", **given, method=method != "auto")
         return _of_motion(system, x0, time, transient, rtol, threads, progress)
     if eps is None or steps is None:
-        missing = "eps" if eps is None else "steps"
-        how = "pass eps and steps, for the map, or time=, for the motion"
-        raise TypeError(f"lyapunov_exponents needs {missing}: {how}")
+        raise TypeError("lyapunov_exponents takes eps and steps of a map, or time= of a motion")
     checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)

@@ -11,7 +11,6 @@ import math
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
-from ..checks import wrong
 from ..engine.status import PENDING
 
 # Version of files and stores.
@@ -133,20 +132,6 @@ def shape_of(column: Column, sizes: Sizes) -> tuple[int, ...]:
 def dims_of(column: Column, batch: tuple[str, ...]) -> tuple[str, ...]:
     """Return the dimensions of a column in a dataset, whose batch has these."""
     return sum((batch if axis == "batch" else (axis,) for axis in column.axes.split()), ())
-
-
-def arrays_of(table: Iterable[Column], sizes: Sizes) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Return types and shapes by name."""
-    return {column.name: (column.type, shape_of(column, sizes)) for column in table}
-
-
-def check_arrays(arrays: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
-    """Check that a file or a store has the expected arrays, by their types and shapes."""
-    for name, (kind, shape) in expected.items():
-        if name not in arrays:
-            raise ValueError(f"{name} is missing: {kind} of shape {shape}")
-        if arrays[name] != (kind, shape):
-            raise wrong(name, f"{kind} of shape {shape}", "{} of shape {}".format(*arrays[name]))
 
 
 class OtherFormat(ValueError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,10 @@ from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import Map
-from .columns import ARGUMENTS, CROSSINGS
 from .failures import ON_SINGULAR, OnSingular, report_failures
 from .points import Points
 from .results import in_short, read_only
 from .search import Search, Surface, check_surface
-
-if TYPE_CHECKING:
-    import xarray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,7 +79,7 @@ class Crossings(Points):
     array([ 4.72, 11.01, 17.3 , 23.59])
     """
 
-    called = "a result of crossings"
+    coordinates = "trajectory", "n", "time"
 
     trajectory: NDArray[np.int64]
     n: NDArray[np.int64]
@@ -150,46 +146,15 @@ class Crossings(Points):
         """Leave out the surface, because most functions cannot be pickled."""
         return super().__getstate__() | {"_surface": None}
 
-    @public
-    def of(self, index: Any) -> Crossings:
-        """Return the crossings of one trajectory, with its body and step size.
-
-        Parameters
-        ----------
-        index : int or sequence of int
-            The index of the trajectory in the batch, with a number for each axis.
-
-        Returns
-        -------
-        Crossings
-            A result whose batch has the shape (). Its `extend` needs the surface as an argument.
-
-        Raises
-        ------
-        IndexError, TypeError
-            If `index` does not select one trajectory.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField, crossings
-        >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
-        >>> starts = [[1.0, 0.0], [0.0, -1.0]]
-        >>> points = crossings(oscillator, starts, 1 / 8, 100, lambda x: x[..., 0])
-        >>> points.of(1).n
-        array([25, 75])
-        """
+    def _parts_of(self, place: tuple[int, ...], i: int) -> dict[str, Any]:
         batch = self.count.shape
-        place, body, i, (begin, end) = self._place(index)
-        parts = {name: getattr(self, name) for name in ("map", *ARGUMENTS["Crossings"], "_n")}
-        parts |= {name: getattr(self, name)[begin:end] for name in _BY_CROSSING}
-        parts |= {name: np.array(getattr(self, name)[place]) for name in _BY_TRAJECTORY}
-        parts |= {"body": body, "eps": float(np.broadcast_to(self.eps, batch)[place])}
-        parts["trajectory"] = np.zeros(end - begin, np.int64)
-        parts["_carry"] = None if self._carry is None else self._carry[:, i : i + 1]
-        parts["_last"] = None if self._last is None else self._last[i : i + 1]
-        # A surface may depend on the trajectory, so only a single one keeps it.
-        parts["_surface"] = None if batch else self._surface
-        return Crossings._of(parts)
+        return {
+            "eps": float(np.broadcast_to(self.eps, batch)[place]),
+            "_carry": None if self._carry is None else self._carry[:, i : i + 1],
+            "_last": None if self._last is None else self._last[i : i + 1],
+            # A surface may depend on the trajectory, so only a single one keeps it.
+            "_surface": None if batch else self._surface,
+        }
 
     @public
     def extend(
@@ -218,7 +183,7 @@ class Crossings(Points):
         Returns
         -------
         Crossings
-            A new object, which also has the crossings of this one.
+            Those of this object, and the new ones.
 
         Raises
         ------
@@ -250,31 +215,6 @@ class Crossings(Points):
         march = March(problem, self.method, reached)
         search = Search(march, surface, self.direction, self.most, self)
         return searched(search, total, self.transient, self.method, on_singular, reports)
-
-    @public
-    def to_xarray(self) -> xarray.Dataset:
-        """Return the crossings as a labelled `xarray.Dataset` (extra `xarray`).
-
-        Returns
-        -------
-        xarray.Dataset
-            Dimensions: "crossing" and "component". Variables: `before`, `after` and `fraction`, and
-            the points as "omega", or "x" for a field. Coordinates along "crossing": `trajectory`,
-            `n`, `time`, `eps`, and each parameter of the body that varies.
-
-        Raises
-        ------
-        ImportError
-            If xarray is not installed.
-
-        Examples
-        --------
-        >>> data = points.to_xarray()  # doctest: +SKIP
-        >>> chaotic = data.where(data.rho > 24.74, drop=True)  # doctest: +SKIP
-        """
-        from .files.datasets import crossings_to_xarray
-
-        return crossings_to_xarray(self)
 
     def __repr__(self) -> str:
         n = self.n
@@ -317,8 +257,3 @@ def searched(
     points = Crossings._of(attributes)
     report_failures(points, march, on_singular, since, name="crossings")
     return points
-
-
-# Attributes with a row for each crossing, and with one for each trajectory.
-_BY_CROSSING = [column.name for column in CROSSINGS if column.axes.startswith("crossing")]
-_BY_TRAJECTORY = [column.name for column in CROSSINGS if column.axes.startswith("batch")]

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..bodies.base import Body
-from ..checks import require, wrong
+from ..checks import Reals, require, wrong
 from ..engine.problem import Problem, check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.starts import checked_settings, checked_times
@@ -51,14 +51,14 @@ def ensemble(
     system: Any,
     x0: Any,
     /,
-    eps: ArrayLike | None = None,
+    eps: Reals | None = None,
     steps: int | None = None,
     *,
     store: Any,
     save_every: int | None = None,
     method: str = "auto",
     attitude: bool | ArrayLike = False,
-    time: ArrayLike | None = None,
+    time: Reals | None = None,
     rtol: float = 1e-9,
     atol: ArrayLike | None = None,
     max_step: float | None = None,
@@ -143,25 +143,18 @@ def ensemble(
     if client is not None and client.status in ("closing", "closed"):
         raise wrong("client", "an open client", "one that is closed")
     checks.instance("system", system, Body)
-    of_map = {
-        "eps": (eps, None),
-        "steps": (steps, None),
-        "save_every": (save_every, None),
-        "method": (method, "auto"),
-        "attitude": (attitude, False),
-    }
-    of_flow = {
-        "rtol": (rtol, 1e-9),
-        "atol": (atol, None),
-        "max_step": (max_step, None),
-        "stiff": (stiff, None),
-    }
-    _check_left_out(of_map if time is not None else of_flow, time is not None)
+    steps_given = {"eps": eps is not None, "steps": steps is not None}
+    tolerances = {"rtol": rtol != 1e-9, "atol": atol is not None, "max_step": max_step is not None}
+    if time is None:
+        checks.left_out("eps and steps", **tolerances, stiff=stiff is not None)
+    else:
+        of_map = {"save_every": save_every is not None, "method": method != "auto"}
+        checks.left_out("time", **steps_given, **of_map, attitude=attitude is not False)
     task: Task
     threads = None if client is None else 1
     if time is None:
         if eps is None or steps is None:
-            raise TypeError("ensemble must get eps and steps of a map, or time= of a motion")
+            raise TypeError("ensemble takes eps and steps of a map, or time= of a motion")
         map = map_of(system, method)
         whole = check(map, system, RandomStarts((), 1.0), eps, threads, attitude=attitude)
         warn_of_times(whole)
@@ -203,22 +196,13 @@ def ensemble(
     return data
 
 
-def _check_left_out(arguments: Mapping[str, tuple[Any, Any]], is_motion: bool) -> None:
-    """Raise an error if an argument of the other kind of run is not its default."""
-    for name, (value, default) in arguments.items():
-        if value is not default and value != default:
-            kind = "eps and steps of a map" if is_motion else "time= of a motion"
-            own = "time=" if is_motion else "eps and steps"
-            raise TypeError(f"{name} belongs to {kind}: leave it out beside {own}")
-
-
 @public
 def open_ensemble(store: Any) -> xarray.Dataset:
     """Return the dataset in a store of :func:`ensemble`, finished or not (extra `large`).
 
     Parameters
     ----------
-    store : str, path-like or Zarr store
+    store
         As in :func:`ensemble`.
 
     Returns

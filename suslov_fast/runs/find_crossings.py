@@ -8,14 +8,15 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..checks import FloatArray, instance, integer, one_of, real_number, short, warn, wrong
+from ..checks import FloatArray, Reals, instance, integer, one_of, real_number, short, warn, wrong
 from ..core.motion.engine import Settings
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
-from ..engine.starts import checked_settings, checked_starts, ends_in_words
+from ..engine.starts import checked_settings, checked_starts, ends_in_words, tolerances_of
 from ..engine.status import PoleWarning
 from ..engine.stretches import March, Progress, reporter
 from ..engine.threads import thread_count
@@ -33,7 +34,7 @@ def crossings(
     system: BodyOrField,
     x0: ArrayLike | RandomStarts,
     /,
-    eps: ArrayLike,
+    eps: Reals,
     steps: int,
     surface: Surface,
     *,
@@ -73,7 +74,7 @@ def crossings(
     system: BodyOrField,
     x0: ArrayLike | RandomStarts,
     /,
-    eps: ArrayLike | None = None,
+    eps: Reals | None = None,
     steps: int | None = None,
     surface: Surface | Sequence[Surface] | None = None,
     *,
@@ -186,18 +187,17 @@ def crossings(
     if surface is None:
         raise TypeError("surface is missing: pass surface=lambda x: x[..., 0], for component 0")
     if time is not None:
-        if eps is not None or steps is not None or method != "auto":
-            how = "pass time= for the motion, or eps and steps for a map"
-            raise TypeError(f"crossings takes time, or eps, steps and method: {how}")
+        given = {"eps": eps is not None, "steps": steps is not None}
+        checks.left_out("time", **given, method=method != "auto")
         settings = checked_settings(system, rtol, atol, max_step, stiff)
         return _along_motion(
             system, x0, surface, time, settings, direction, transient, most, threads, on_singular,
-            progress, max_step, stiff,
+            progress,
         )  # fmt: skip
     if eps is None or steps is None:
         raise TypeError("crossings takes time=T along a motion, or eps and steps along a map")
-    if (rtol, atol, max_step, stiff) != (1e-9, None, None, None):
-        raise TypeError("rtol, atol, max_step and stiff belong to the motion: pass time=T")
+    tolerances = {"rtol": rtol != 1e-9, "atol": atol is not None, "max_step": max_step is not None}
+    checks.left_out("eps and steps", **tolerances, stiff=stiff is not None)
     map = map_of(system, method)
     problem = check(map, system, x0, eps, threads, name="x0")
     steps, transient = integer("steps", steps, 0), integer("transient", transient, 0)
@@ -223,8 +223,6 @@ def _along_motion(
     threads: int | None,
     on_singular: OnSingular,
     progress: Progress,
-    max_step: float | None,
-    stiff: bool | None,
 ) -> MotionCrossings:
     """Return the crossings along motions, after checks of the arguments that maps do not have."""
     instance("system", system, Body)
@@ -254,10 +252,7 @@ def _along_motion(
             "transient": before,
             "direction": direction,
             "most": most,
-            "rtol": settings.rtol,
-            "atol": settings.atol,
-            "max_step": max_step if max_step is None else settings.longest,
-            "stiff": stiff,
+            **tolerances_of(settings),
         }
     )
     report_ends(points, x, batch, search.is_stopped, on_singular)

@@ -15,14 +15,19 @@ from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.fields.general import Field
 from ..bodies.nd import NotIntegrableError
-from ..checks import FloatArray, short, wrong
-from ..core.motion.engine import Settings
-from ..engine.motions import Found, nothing_found, solve
+from ..checks import FloatArray, Reals, short, wrong
+from ..engine.motions import Asked, Found, nothing_found, solve
 from ..engine.problem import Problem
 from ..engine.sensitivity import Columns
-from ..engine.starts import checked_settings, checked_starts, checked_times, warn_of_ends
+from ..engine.starts import (
+    checked_settings,
+    checked_starts,
+    checked_times,
+    tolerances_of,
+    warn_of_ends,
+)
 from ..engine.status import Status
-from ..engine.stretches import Progress, Report, reporter
+from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
@@ -36,7 +41,7 @@ def flow(
     x0: ArrayLike,
     /,
     *,
-    time: ArrayLike,
+    time: Reals,
     rtol: float = 1e-9,
     atol: ArrayLike | None = None,
     max_step: float | None = None,
@@ -74,15 +79,11 @@ def flow(
     derivatives : str or sequence of str
         "x0", and names of parameters of the field: what ``motion.derivative(name)`` is wanted by.
         Derivatives solve the variational equations beside the states, with the same tolerance:
-        those by x0 relative to the size of x0, those by a parameter relative to its size. Where f
-        jumps, what follows from the moment of the jump is not in them. The motion of a body whose
-        closed form is known is computed to the tolerance, too.
-    threads : int, optional
-        As in :func:`iterate`; a solution has the same bits on any number of threads, in any batch.
-    progress : bool or callable, optional
-        True shows a bar (needs tqdm). A function is called as ``progress(done, total)`` with
-        numbers of states, now and then; if it returns False, the states that are not computed yet
-        are NaN.
+        those by x0 relative to the size of x0, those by a parameter relative to its size. The
+        motion of a body whose closed form is known is computed to the tolerance, too.
+    threads, progress
+        As in :func:`iterate`; `progress` counts states, and those that are not computed yet when
+        it returns False are NaN. A solution has the same bits on any threads, in any batch.
 
     Returns
     -------
@@ -104,7 +105,7 @@ def flow(
     --------
     Predators and prey (Lotka-Volterra) for three rates, at two times:
 
-    >>> from suslov_fast import QuadraticField, Suslov3D, exact, flow
+    >>> from suslov_fast import QuadraticField, Suslov3D, flow
     >>> family = QuadraticField.from_function(
     ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
     ... )
@@ -112,31 +113,25 @@ def flow(
     >>> motion.x.shape, motion.ok
     ((2, 3, 2), True)
 
-    How large is the error of the map of a body at time 5, and does half the step size give a
-    quarter of it?
+    The motion of a body, which is exact:
 
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> motion = flow(body, [1.0, 0.5], time=5.0)
-    >>> motion.omega.round(6)
+    >>> flow(body, [1.0, 0.5], time=5.0).omega.round(6)
     array([[ 0.873751, -1.093725]])
-    >>> for eps, n in (0.2, 25), (0.1, 50):
-    ...     print(abs(exact(body, [1.0, 0.5], eps, n) - motion.omega).max().round(6))
-    0.000632
-    0.000158
     """
     checks.instance("system", system, Body)
     times, sign = checked_times(time)
     settings = checked_settings(system, rtol, atol, max_step, stiff)
-    asked, field = checked_derivatives(system, derivatives)
-    directions = sum(system.dimension if name == "x0" else 1 for name in asked)
+    names, field = checked_derivatives(system, derivatives)
+    directions = sum(system.dimension if name == "x0" else 1 for name in names)
     x, batch = checked_starts(system, x0, len(times) * (1 + directions))
     of_columns = None
     with reporter(progress, len(times) * math.prod(batch)) as report:
-        others = times, sign, settings, thread_count(threads), report
-        if asked:
-            found, of_columns = _with_derivatives(field, x, batch, asked, *others)
+        asked = Asked(times, sign, settings, thread_count(threads), report)
+        if names:
+            found, of_columns = _with_derivatives(field, x, batch, names, asked)
         else:
-            found = motion_of(system, x, batch, *others)
+            found = motion_of(system, x, batch, asked)
     warn_of_ends(found, x, batch)
     return Motion._of(
         {
@@ -146,11 +141,8 @@ def flow(
             "status": found.status.reshape(batch),
             "end": found.t.reshape(batch),
             "steps": found.steps.reshape(batch),
-            "rtol": settings.rtol,
-            "atol": settings.atol,
-            "max_step": max_step if max_step is None else settings.longest,
-            "stiff": stiff,
-            "derivatives": asked,
+            **tolerances_of(settings),
+            "derivatives": names,
             "_derivatives": of_columns,
         }
     )
@@ -183,55 +175,37 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
 
 
 def _with_derivatives(
-    field: Any,
-    x: FloatArray,
-    batch: tuple[int, ...],
-    asked: tuple[str, ...],
-    times: FloatArray,
-    sign: int,
-    settings: Settings,
-    threads: int | None,
-    report: Report | None,
+    field: Any, x: FloatArray, batch: tuple[int, ...], names: tuple[str, ...], asked: Asked
 ) -> tuple[Found, FloatArray]:
     """Return the motion, and its derivatives (n, ..., D, C), those by x0 first."""
-    parameters = tuple(name for name in asked if name != "x0")
-    columns = Columns(field, x, batch, "x0" in asked, parameters, settings)
-    others = times, sign, columns.settings, threads, report
-    found = _to_tolerance(columns.field, columns.starts, batch, *others)
+    parameters = tuple(name for name in names if name != "x0")
+    columns = Columns(field, x, batch, "x0" in names, parameters, asked.settings)
+    asked = asked._replace(settings=columns.settings)
+    found = to_tolerance(columns.field, columns.starts, batch, asked)
     states, derivatives = columns.parted(found.states)
-    shape = len(times), *batch, *derivatives.shape[2:]
+    shape = len(asked.times), *batch, *derivatives.shape[2:]
     return found._replace(states=states), derivatives.reshape(shape)
 
 
 # ------------------------------------------------------------------------------------------ motions
-def motion_of(
-    system: Any,
-    x: FloatArray,
-    batch: tuple[int, ...],
-    times: FloatArray,
-    sign: int,
-    settings: Settings,
-    threads: int | None,
-    report: Report | None,
-) -> Found:
+def motion_of(system: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
     """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
     if isinstance(system, FieldOfFunction):
-        return _to_tolerance(system, x, batch, times, sign, settings, threads, report)
+        return to_tolerance(system, x, batch, asked)
     is_exact = _are_exact(system)
     if is_exact is True:
-        found = _exact(system, x, batch, times, threads)
-        if report is not None:
-            report(found.states[..., 0].size)
+        found = _exact(system, x, batch, asked)
+        if asked.report is not None:
+            asked.report(found.states[..., 0].size)
         return found
-    arguments: Any = times, sign, settings, threads, report
     if is_exact is False:
-        return _to_tolerance(system.field(), x, batch, *arguments)
+        return to_tolerance(system.field(), x, batch, asked)
     is_exact = np.broadcast_to(is_exact, batch).ravel()
-    found = nothing_found(x, len(times))
+    found = nothing_found(x, len(asked.times))
     for exact in (True, False):
         where = np.flatnonzero(is_exact == exact)
         members, count = _members(system, batch, where), (len(where),)
-        part = motion_of(members, x[where], count, *arguments)
+        part = motion_of(members, x[where], count, asked)
         found.states[:, where], found.t[where] = part.states, part.t
         found.steps[where], found.status[where] = part.steps, part.status
     return found
@@ -260,42 +234,31 @@ def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any
     return body._with(parts)
 
 
-def _exact(
-    body: Any, x: FloatArray, batch: tuple[int, ...], times: FloatArray, threads: int | None
-) -> Found:
+def _exact(body: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
     """Return the exact motion of a body; NaN where the closed form is out of range."""
     omega = x.reshape(*batch, x.shape[1])
-    problem = Problem(map_of(body), body, omega, 0.0, batch, threads, "x0")
-    found = nothing_found(x, len(times))
-    states = states_at(problem, times, is_number=False).reshape(found.states.shape)
+    problem = Problem(map_of(body), body, omega, 0.0, batch, asked.threads, "x0")
+    found = nothing_found(x, len(asked.times))
+    states = states_at(problem, asked.times, is_number=False).reshape(found.states.shape)
     status = np.where(np.isnan(states).any(axis=(0, 2)), Status.NONFINITE, Status.OK)
     status[np.isnan(x[:, 0])] = Status.NONFINITE
     return found._replace(states=states, status=status.astype(np.int8), t=np.full(len(x), np.nan))
 
 
-def _to_tolerance(
-    field: Any,
-    x: FloatArray,
-    batch: tuple[int, ...],
-    times: FloatArray,
-    sign: int,
-    settings: Settings,
-    threads: int | None,
-    report: Report | None,
-) -> Found:
+def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
     """Return the motion of a field at times in any order."""
-    moduli = abs(times)
+    moduli = abs(asked.times)
     if len(moduli) and moduli[0] > 0.0 and not np.count_nonzero(moduli[1:] <= moduli[:-1]):
-        return solve(field, x, batch, moduli, sign, settings, threads, report)
+        return solve(field, x, batch, asked._replace(times=moduli))
     later = moduli > 0.0
     ascending, places = np.unique(moduli[later], return_inverse=True)
     if not len(ascending):
-        found = nothing_found(x, len(times))
+        found = nothing_found(x, len(moduli))
         found.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
         found.t[:] = np.nan
     else:
-        found = solve(field, x, batch, ascending, sign, settings, threads, report)
-    states = np.empty((len(times), *x.shape))
+        found = solve(field, x, batch, asked._replace(times=ascending))
+    states = np.empty((len(moduli), *x.shape))
     states[later] = found.states[places]
     states[~later] = x
     return found._replace(states=states)

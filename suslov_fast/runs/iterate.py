@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyOrField
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, wrong
+from ..checks import FloatArray, Reals, integer, wrong
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.stretches import March, Progress
@@ -22,10 +22,10 @@ from .trajectories import Trajectories, run_to_end
 
 @public
 def step(
-    body: BodyOrField,
-    omega: ArrayLike,
+    system: BodyOrField,
+    x: ArrayLike,
     /,
-    eps: ArrayLike,
+    eps: Reals,
     *,
     method: Method = "auto",
     threads: int | None = None,
@@ -38,9 +38,9 @@ def step(
 
     Parameters
     ----------
-    body
+    system
         As in :func:`iterate`.
-    omega : array_like(float, shape=(..., D))
+    x : array_like(float, shape=(..., D))
         States x of a field, or angular velocities of a body.
     eps, method, threads
         As in :func:`iterate`; a step of a body in three dimensions always runs on one thread.
@@ -70,8 +70,8 @@ def step(
     >>> step(field, later, eps=-0.2).round(6)
     array([1. , 0.5])
     """
-    map = map_of(body, method)
-    problem = check(map, body, omega, eps, threads, made=1)
+    map = map_of(system, method)
+    problem = check(map, system, x, eps, threads, made=1)
     if "step" in map.formulas:
         return mask_and_warn(problem, map.formulas["step"].compute(problem))
     march = March(problem, method)
@@ -83,10 +83,10 @@ def step(
 
 @public
 def iterate(
-    body: BodyOrField,
-    omega0: ArrayLike | RandomStarts,
+    system: BodyOrField,
+    x0: ArrayLike | RandomStarts,
     /,
-    eps: ArrayLike,
+    eps: Reals,
     steps: int,
     *,
     save_every: int | None = 1,
@@ -105,9 +105,9 @@ def iterate(
 
     Parameters
     ----------
-    body : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
+    system : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
         A single field or body, or a batch.
-    omega0 : array_like(float, shape=(..., D)) or RandomStarts
+    x0 : array_like(float, shape=(..., D)) or RandomStarts
         Initial states: states x of a field; angular velocities (Omega1, Omega2) of a body in three
         dimensions, its n - 1 components Omega_in in n. A state that contains NaN fails at step 0.
     eps : array_like(float, shape=(...))
@@ -166,10 +166,10 @@ def iterate(
     >>> run.x.shape, run.ok, run.final.mean(axis=0).round(2)
     ((5, 1000, 2), True, array([0.99, 1.02]))
     """
-    map = map_of(body, method)
+    map = map_of(system, method)
     steps, save_every = checked_counts(steps, save_every)
     made = 1 if save_every is None or out is not None else steps // save_every + 2
-    problem = check(map, body, omega0, eps, threads, name="omega0", attitude=attitude, made=made)
+    problem = check(map, system, x0, eps, threads, name="omega0", attitude=attitude, made=made)
     if type(problem.eps) is not float:  # copied, because the run keeps it
         problem = problem._replace(eps=np.array(problem.eps))
         warn_of_times(problem)
@@ -190,7 +190,7 @@ def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]
 
 @public
 def step_full(
-    body: Suslov3D, omega: ArrayLike, /, eps: ArrayLike, I3: ArrayLike | None = None
+    body: Suslov3D, omega: ArrayLike, /, eps: Reals, I3: ArrayLike | None = None
 ) -> FloatArray:
     """Return the next state of the scheme in three components.
 

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray
-from ..keywords import public
 from .motion import variable_of
 from .points import Points
-
-if TYPE_CHECKING:
-    import xarray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,6 +63,8 @@ class MotionCrossings(Points):
     True
     """
 
+    coordinates = "trajectory", "surface", "time"
+
     trajectory: NDArray[np.int64]
     surface: NDArray[np.int64]
     time: FloatArray
@@ -101,71 +98,9 @@ class MotionCrossings(Points):
         values: FloatArray = energy(self.body, states)
         return values
 
-    @public
-    def of(self, index: Any) -> MotionCrossings:
-        """Return the crossings of one trajectory, with its body.
-
-        Parameters
-        ----------
-        index : int or sequence of int
-            The index of the trajectory in the batch, with a number for each axis.
-
-        Returns
-        -------
-        MotionCrossings
-            A result whose batch has the shape ().
-
-        Raises
-        ------
-        IndexError, TypeError
-            If `index` does not select one trajectory.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField, crossings
-        >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
-        >>> starts = [[1.0, 0.0], [0.0, -1.0]]
-        >>> points = crossings(oscillator, starts, surface=lambda x: x[..., 0], time=10.0)
-        >>> points.of(1).time.round(6)
-        array([3.141593, 9.424778])
-        """
-        place, body, _, (begin, end) = self._place(index)
-        parts = dict(vars(self)) | {"body": body}
-        parts |= {name: getattr(self, name)[begin:end] for name in _BY_CROSSING}
-        parts |= {name: np.array(getattr(self, name)[place]) for name in _BY_TRAJECTORY}
-        return MotionCrossings._of(parts | {"trajectory": np.zeros(end - begin, np.int64)})
-
-    @public
-    def to_xarray(self) -> xarray.Dataset:
-        """Return the crossings as a labelled `xarray.Dataset` (extra `xarray`).
-
-        Returns
-        -------
-        xarray.Dataset
-            Dimensions: "crossing" and "component". The points as "omega", or "x" for a field.
-            Coordinates along "crossing": `trajectory`, `time`, `surface`, and each parameter of the
-            body that varies.
-
-        Raises
-        ------
-        ImportError
-            If xarray is not installed.
-
-        Examples
-        --------
-        >>> points.to_xarray().where(data.rho > 24.74, drop=True)  # doctest: +SKIP
-        """
-        from .files.datasets import motion_crossings_to_xarray
-
-        return motion_crossings_to_xarray(self)
-
     def __repr__(self) -> str:
         time = self.time
         times = f"{time.min():g} to {time.max():g}" if time.size else "none"
         ended = f"{np.count_nonzero(self.status < 0)} of {self.status.size}"
         states = f"{self._variable}: {self.states.shape}"
         return f"MotionCrossings({states}, time: {times}, rtol: {self.rtol:g}, ended: {ended})"
-
-
-_BY_CROSSING = "surface", "time", "states"
-_BY_TRAJECTORY = "count", "status", "end", "final", "steps"

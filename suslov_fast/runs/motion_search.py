@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.motion.choosing import stepping_of
 from ..core.motion.engine import Settings
 from ..core.motion.refine import crossing_fractions
 from ..core.motion.rows import State
@@ -86,7 +85,7 @@ class MotionSearch:
             own = np.arange(B) if where is ALL else where
             states = np.empty((1, len(own), self.D))
             arguments = f, table, x[own], [last], sign, settings, states, count
-            self.groups.append(Group(own, stepping_of(*arguments)))
+            self.groups.append(Group(own, Stepping(*arguments)))
         self.counts, self.steps, self.tries = np.zeros((3, B), np.int64)
         self.status = np.full(B, Status.OK, np.int8)
         self.t, self.final, self.is_stopped = np.zeros(B), x.copy(), False
@@ -138,6 +137,7 @@ class MotionSearch:
 
     def _end(self, group: Group, own: Indices) -> None:
         """Note what has become of trajectories of a group, and end those that are done."""
+        group.engine.go_on(own)
         rows, flat, where = group.engine.rows, group.engine.flat[own], group.where[own]
         self.t[where], self.steps[where] = flat[:, rows.t], flat[:, rows.steps]
         state = flat[:, rows.state]

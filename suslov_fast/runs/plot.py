@@ -20,7 +20,7 @@ try:
     from matplotlib import colormaps
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
-    from matplotlib.colors import ListedColormap, Normalize, is_color_like
+    from matplotlib.colors import ListedColormap, Normalize, is_color_like, to_hex
     from matplotlib.lines import Line2D
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 except ImportError:
@@ -44,6 +44,8 @@ _MOST_JOINED = 100_000
 _FEWEST_OF_ORBIT, _PIECES, _SHORTEST = 2000, 10, 500
 # Most values of a parameter in a legend; for more there is a colour bar.
 _IN_LEGEND = 6
+# Most components in the key of a figure over time.
+_IN_KEY = 12
 # Levels of a conserved quantity that differ by less are rounding errors, or one energy.
 _LEAST_SPREAD = 0.02
 
@@ -91,6 +93,8 @@ class _Colours(NamedTuple):
 
 def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: Any, ax: Any) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
+    if several := _several_over_time(run, components):
+        return _plot_over_time(run, several, lines, color, title, ax)
     chosen = _components(run, components)
     if lines not in (None, True, False):
         raise wrong("lines", "True, False or None", repr(lines))
@@ -110,8 +114,38 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: A
     colours.explain(axes, drawn)
     _label(axes, run, chosen)
     what, reach, total = run._heading
+    left_out = count < B * len(run)
     shown = f", {count:,} of their states" if count < B * total else ""
-    _entitle(axes, title, f"{what}\n{_orbits(B)} {reach}{shown}")
+    _entitle(axes, title, f"{what}\n{_orbits(B)} {reach}{shown}", left_out)
+    return axes
+
+
+def _several_over_time(run: Any, components: Any) -> list[str]:
+    """Return the labels for "time" alone, all, and for ("time", (labels)); nothing for others."""
+    labels = [*run.body.labels]
+    match components:
+        case "time" | ["time"]:
+            return labels
+        case ["time", [*chosen]] if {*chosen} <= {*labels}:
+            return chosen
+    return []
+
+
+def _plot_over_time(
+    run: Any, labels: list[str], lines: bool | None, color: Any, title: Any, ax: Any
+) -> Any:
+    """Draw several components over time, each in its own colour."""
+    if color is not None:
+        raise wrong("color", "None for several components, which have a colour each", short(color))
+    axes = axes_for(ax, (5.4, 4.0))
+    shades = [to_hex(shade) for shade in COLOURS(np.linspace(0.0, 1.0, len(labels)))]
+    for label, shade in zip(labels, shades, strict=True):
+        plot_run(run, ("time", label), lines, shade, title, axes)
+    axes.set_ylabel("")
+    keys = [Line2D([], [], color=shade, linewidth=1.5) for shade in shades]
+    names = [_symbol(str(label)) for label in labels]
+    if len(names) <= _IN_KEY:
+        axes.legend(keys, names, fontsize="small")
     return axes
 
 
@@ -130,7 +164,8 @@ def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any
     _label(axes, points, chosen)
     shown = f"{count:,} of {K:,}" if count < K else f"{K:,}"
     what = titled(points) if is_of_map else f"Motion of a {type(points.body).__name__}"
-    _entitle(axes, title, f"{what}\n{shown} crossings by {_orbits(points.count.size)}")
+    text = f"{what}\n{shown} crossings by {_orbits(points.count.size)}"
+    _entitle(axes, title, text, count < K)
     return axes
 
 
@@ -144,7 +179,7 @@ def _in_place_of(run: Any, components: Any) -> str:
     quantities = ("energy", "modified_energy", "first_integral", "criticality")
     if isinstance(components, (tuple, list)):
         if any(isinstance(each, (tuple, list)) for each in components):
-            return ": draw one after the other, on the axes that the first plot returns"
+            return ': "time" alone draws all components, ("time", ("x", "y")) some of them'
         for name in filter(run.body.parameters.__contains__, components):
             values = f"body.parameters[{name!r}]"
             drawn = f"run.{values}, run.{run._variable}[-1, :, 0]"
@@ -347,11 +382,11 @@ def _label(axes: Any, run: Any, chosen: list[int]) -> None:
     axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
 
 
-def _entitle(axes: Any, title: Any, text: str) -> None:
-    """Write a title: this text, unless the user gives another one, or None for no title."""
-    if title is True:
+def _entitle(axes: Any, title: Any, text: str, left_out: bool) -> None:
+    """Write the user's title, or this text for True, and for None if states are left out."""
+    if title is True or (title is None and left_out):
         title = text
-    if title is not None:
+    if title not in (None, False):
         instance("title", title, str)
         axes.set_title(title, fontsize="small", wrap=True)
 

@@ -260,7 +260,7 @@ class States(Result):
         components: Sequence[int | str] = (0, 1),
         lines: bool | None = None,
         color: Any = None,
-        title: str | bool | None = True,
+        title: str | bool | None = None,
         ax: Any = None,
     ) -> Any:
         """Draw the states over two components, over time, or in space (extra `plots`).
@@ -273,7 +273,8 @@ class States(Result):
         ----------
         *names : int or str
             The components to draw, as in ``run.plot("time", "x1")``; one tuple, or `components`, is
-            the same.
+            the same. ``run.plot("time")`` draws all components over time, and
+            ``run.plot("time", ("x1", "x3"))`` these.
         components : sequence of int or str
             Two or three indices or labels, such as ``("x1", "x3")``, or "time". Three are drawn in
             space.
@@ -283,9 +284,9 @@ class States(Result):
         color : str or array_like(float, shape=(...)), optional
             A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
             default the parameter of a family, else the level of the conserved quantity.
-        title : str, optional
-            By default the map, the number of orbits and how many states are drawn; None leaves it
-            out.
+        title : str or bool, optional
+            True: the map, the number of orbits and how many states are drawn. By default none,
+            unless states are left out.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on, 3-D axes for three components; by default those of a new figure.
 
@@ -305,7 +306,7 @@ class States(Result):
         >>> field = QuadraticField.from_function(predators, "prey predator")
         >>> run = iterate(field, [[1.0, 0.5], [1.0, 0.3]], eps=1 / 64, steps=1000)
         >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
-        >>> run.plot("time", "prey", color="black", title=None)  # doctest: +SKIP
+        >>> run.plot("time").figure.savefig("over_time.png")  # doctest: +SKIP
         """
         from . import plot  # which imports Matplotlib
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..bodies.fields.advice import arguments_of
+from ..bodies.fields.calls import arguments_of
 from ..checks import FloatArray, require, wrong
 from ..core.motion.refine import crossing_fractions
 from ..engine.arguments import flat_parameter

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.motion.engine import Settings
-from ..engine.motions import Found
+from ..engine.motions import Asked, Found
 from ..engine.sensitivity import Columns
-from ..quantities.derivatives import jacobian
-from .flow import _to_tolerance
+from ..maps import Method
+from ..quantities.derivatives import jacobian, vector_field
+from .flow import to_tolerance
 from .iterate import iterate
 
 _ROUNDS, _HALVINGS = 60, 10
@@ -68,15 +69,14 @@ class OfMotion:
 
     def __init__(self, field: Any, start: FloatArray, rtol: float) -> None:
         self.field, self.settings = field, Settings(rtol, None, np.inf, None)
-        (_, f, table), *_ = field.listed_right_hand_sides
-        self.f, self.table = f, table[0][:, np.newaxis]
-        self.rate = f.value(start, table[0])
+        (_, f, _), *_ = field.listed_right_hand_sides
+        self.rate = vector_field(field, start)
         depends = {i for i, _ in f.pattern}
         has_rate = [i not in depends and self.rate[i] != 0.0 for i in range(f.D)]
         self.drifts, self.is_forced = np.array(has_rate), bool(f.clocks)
 
     def _solved(self, field: Any, x: FloatArray, times: FloatArray, settings: Settings) -> Found:
-        return _to_tolerance(field, x, (len(x),), times, 1, settings, None, None)
+        return to_tolerance(field, x, (len(x),), Asked(times, 1, settings))
 
     def arcs(self, nodes: FloatArray, T: float) -> Arcs:
         M = len(nodes)
@@ -84,7 +84,7 @@ class OfMotion:
         times = np.array([T / M])
         found = self._solved(columns.field, columns.starts, times, columns.settings)
         (ends,), (slopes,) = columns.parted(found.states)
-        rates: FloatArray = self.f.value(ends.T, self.table).T * (T / M)
+        rates: FloatArray = vector_field(self.field, ends) * (T / M)
         return Arcs(nodes, T, ends, slopes, rates)
 
     def states(self, x: FloatArray, times: Any) -> FloatArray:
@@ -103,7 +103,7 @@ class OfMap:
 
     is_forced = False
 
-    def __init__(self, field: Any, rate: FloatArray, steps: int, method: str) -> None:
+    def __init__(self, field: Any, rate: FloatArray, steps: int, method: Method) -> None:
         self.field, self.steps, self.method, self.rate = field, steps, method, rate
         self.drifts = np.zeros(len(rate), bool)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.classes import AnyBody
-from ..checks import FloatArray, real_number, require, warn, wrong
+from ..checks import FloatArray, Reals, real_number, require, warn, wrong
 from ..core.suslov import closed_form
 from ..engine.arguments import by_constants, flat_arrays
 from ..engine.problem import Problem
@@ -33,7 +33,7 @@ _REASONS = (
 
 @public
 def exact(
-    body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
+    body: AnyBody, omega0: ArrayLike, /, eps: Reals, n: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Return any state of an orbit of the map by its closed form, at the same cost for every n.
 
@@ -92,19 +92,15 @@ def exact(
 
 
 @public
-def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def limits(body: AnyBody, omega0: ArrayLike, /, eps: Reals) -> tuple[FloatArray, FloatArray]:
     """Return the limits of an orbit of the map as n goes to minus and to plus infinity.
 
     Orbits go from one steady rotation to the opposite one.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovGyrostat or SuslovND
-        A single body, or a batch; in n dimensions one with a :func:`first_integral`.
-    omega0 : array_like(float, shape=(..., D))
-        State 0 of each orbit.
-    eps : array_like(float, shape=(...))
-        Step size in time.
+    body, omega0, eps
+        As in :func:`exact`.
 
     Returns
     -------

@@ -10,8 +10,9 @@ import pytest
 
 from suslov_fast.core.compiling.codes import CHANGED
 from suslov_fast.core.fields import generated_tangent, long_tangent, tangent
-from suslov_fast.core.fields.dense import dense_steps, spans_of
-from suslov_fast.core.fields.steps import scheme_of
+from suslov_fast.core.fields.called_stages import StageByLoops
+from suslov_fast.core.fields.stages import Scheme, Stages
+from suslov_fast.core.fields.steps import _Lines, scheme_of
 from suslov_fast.core.lists.planned_elimination import LEAST_PIVOT
 
 D = 11
@@ -51,18 +52,23 @@ def pivots_of(A, order):
 
 @pytest.mark.parametrize("for_each", [False, True])
 @pytest.mark.parametrize("W", [1, 8])
+@pytest.mark.compiled
 @pytest.mark.slow_to_compile
-def test_steps_solve_the_implicit_equations(rng, W, for_each):
+def test_stages_solve_the_implicit_equations(rng, W, for_each):
     """Where pivots are large enough; other lanes wait, and those with det A < 0 are told."""
     indices = terms(rng)
-    field, signs = spans_of(scheme_of(indices, D).step), 0
-    half = 0.6 * rng.normal(size=(W if for_each else 1, indices.shape[1]))
-    bits, seen, given = 1 << np.arange(W), set(), half[:, field.terms].copy()
-    shapes = (D, D + 1), (D + 1, D), (D + 1,)
-    memory = tuple(np.full((W, *shape), np.nan) for shape in shapes)
+    step, signs = scheme_of(indices, D).step, 0
+    values = rng.normal(size=(W if for_each else 1, indices.shape[1]))
+    notes = np.zeros(W, np.int8), np.zeros(W, np.int64), np.zeros(W)
+    bits, seen = 1 << np.arange(W), set()
     for n in range(240 // W):
+        scheme = Scheme(step, Stages((1.0,) if n % 2 else (0.5, 0.5)))
         x = rng.normal(size=(D, W))
         x[3, 6:7] = np.nan
+        lines = _Lines(
+            (scheme, 1.2 * values / scheme.stages.fractions[0], np.ones(1)), x.T, notes, W
+        )
+        half = scheme.stages.fractions[0] * lines.halves[0].T
         before, wanted, refused, negative = x.copy(), x.copy(), np.isnan(x[3]), np.zeros(W, bool)
         for l in np.flatnonzero(~refused):
             A, b = equations(indices, half[l % len(half)], x[:, l])
@@ -72,19 +78,17 @@ def test_steps_solve_the_implicit_equations(rng, W, for_each):
             if not refused[l]:
                 wanted[:, l], negative[l] = np.linalg.solve(A, b), np.linalg.det(A) < 0
             seen.add((refused[l], negative[l]))
-        taken = np.array([1, 0])
-        dense_steps.serial(field, given, (0, 0, n % 2), x, memory, taken)
+        stage = StageByLoops(lines)
+        stage.tables_of(0)
+        code = ctypes.CFUNCTYPE(*[ctypes.c_int64] * 4)(stage.code)
+        found = code(x.ctypes.data, int(stage.plan[0, 0]), stage.own.ctypes.data)
         np.testing.assert_allclose(x, wanted, rtol=1e-9, atol=1e-9)
         changed = (wanted[5] * before[5] < 0) & (n % 2 == 1)  # of whole steps, not of stages
         told = [bits[each].sum() for each in (refused, negative, changed)]
-        assert taken.tolist() == [1, told[0] + (told[1] << 8) + (told[2] << 8 + CHANGED)]
+        assert found == told[0] + (told[1] << 8) + (told[2] << 8 + CHANGED)
         signs |= told[2]
     assert signs != 0 or W == 1
     assert len(seen) == 3  # all kinds
-    # Lanes that have ended, or passed a pole, stop nothing.
-    taken = np.array([3, 0])
-    dense_steps.serial(field, given, (255, 255, 1), x, memory, taken)
-    assert taken.tolist() == [3, 0]
 
 
 class Columns:

@@ -15,7 +15,7 @@ import suslov_fast as sf
 from suslov_fast.core.code import compiler as machine_code
 from suslov_fast.core.fields import (
     careful,
-    generated,
+    driver,
     single_orbit,
     steps as steps_field,
     tangent,
@@ -227,8 +227,8 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
-    made = {text_of for text_of, *_ in machine_code._codes}  # of columns, which take no plan
-    assert made <= {text_of_orthonormalise}
+    made = {key[0] for key, _ in machine_code._codes}  # which take no plan
+    assert made <= {text_of_orthonormalise, driver.text_of_called_steps}
 
 
 @pytest.mark.slow
@@ -304,7 +304,7 @@ def test_what_machine_code_is_given_stays_alive():
     one = single_orbit._prepared(step, stages, given[1].tobytes(), bits, False)
     code = careful.careful.address
     for arguments, kept, *owners in (
-        (*lines._code_arguments(0, 10, saved, 4, 1, True), lines, saved, code),
+        (*lines._driver_arguments(0, 10, saved, 4, 1, True, None), lines, saved, code),
         (*tangent.arguments_of(lines.scheme, *given, 20),),
         (np.array(one[1]), one[-1]),
     ):
@@ -356,19 +356,21 @@ def test_a_child_of_a_parent_that_ran_fields_in_threads():
 
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("D", "W"), [(6, 1), (6, 8), pytest.param(8, 8, marks=SLOW)])
-@pytest.mark.parametrize("text_of", [generated.text_of_steps, text_of_tangent])
+@pytest.mark.parametrize("text_of", [driver.text_of_steps, text_of_tangent])
 def test_frames(text_of, D, W):
     """No code takes 256 KB of a stack: a thread may have 512 KB. Dense fields, any x86-64."""
     indices = [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
     step = steps_field.scheme_of(np.transpose(indices), D).step
+    options = False, 64, False
     if text_of is text_of_tangent:
+        options = (False,)
         step = tangent._tangent_of(step.indices.tobytes(), D)
     binding.initialize_all_targets()
     binding.initialize_all_asmprinters()
     target = binding.Target.from_triple("x86_64-unknown-linux-gnu")
     assert not step.is_long  # then no code of its own
     machine = target.create_target_machine(cpu="x86-64", features="", opt=2)
-    code = machine.emit_assembly(binding.parse_assembly(text_of(step, "f", W, False, 64)))
+    code = machine.emit_assembly(binding.parse_assembly(text_of(step, "f", W, *options)))
     # The last function calls the others, one after the other.
     *pieces, last = map(int, re.findall(r"sub[lq]?\s+\$(\d+), %rsp", code))
     assert 0 < last + max(pieces, default=0) < 2**18

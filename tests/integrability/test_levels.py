@@ -98,6 +98,8 @@ CASES = [  # a map, its integrals, the entropy
         kahan(nambu(np.diag([1, 2, 3]), np.diag([2, 1, 0])), F(1, 4)), None, 0, marks=slow
     ),
     pytest.param(*(kahan(*ZOO["Kharlamova"]), None, SILVER), marks=slow),
+    # Four conjugate lines go to points over a number field with the letter.
+    pytest.param(*(kahan(*ZOO["Euler top"]), None, 0), marks=slow),
     *(
         pytest.param(kahan(QuadraticField.of(SuslovND(*each)), F(1, 4)), None, 0, marks=slow)
         for each in EQUAL

@@ -23,6 +23,7 @@ from suslov_fast.integrability import (
     degrees,
     growth,
     kahan,
+    orbits,
     planar,
     planar_entropy,
     rational_map,
@@ -32,6 +33,7 @@ from suslov_fast.integrability import (
 )
 from suslov_fast.integrability.contracted import Passage, Plane
 from suslov_fast.integrability.growth import agreed_degrees
+from suslov_fast.integrability.orbits import has_no_zero
 
 field_of = QuadraticField.from_function
 THIRD = F(1, 3)
@@ -185,16 +187,40 @@ def test_an_integral_proves_entropy_0(monkeypatch):
     assert planar.proved_by_integral(wrong, [integral]).polynomial is None
 
 
-def test_a_periodic_orbit_is_never_confined(monkeypatch):
-    """Over the rationals, where no small prime decides it."""
-    monkeypatch.setattr(contracted, "_SMALL_PRIMES", ())
+def test_orbits_that_no_small_prime_decides(monkeypatch):
+    """They are periodic, or on a line with a Moebius transformation: here a translation."""
+    translation = planar_entropy(kahan(three_lines(-1, F(3, 2)), THIRD))
+    assert (translation.proved, translation.based_on.count("Moebius")) == (True, 1)
+    assert translation.lengths.count(None) == 2
+    monkeypatch.setattr(orbits, "_SMALL_PRIMES", ())
     lyness = rational_map(
         lambda x: (x[1], (x[0] + x[1] + 1) / x[0]), 2, lambda x: ((x[0] + 1) / (x[1] - 1), x[0])
     )
     found = planar_entropy(lyness)
     assert (found.proved, check_entropy(lyness)) == (True, found.entropy)
-    undecided = planar_entropy(kahan(QUARTIC, THIRD))
-    assert (undecided.proved, undecided.lengths.count(None)) == (False, 2)
+    for eps in (THIRD, None):
+        on_lines = planar_entropy(kahan(QUARTIC, eps))
+        assert (on_lines.proved, on_lines.based_on.count("Moebius")) == (True, 2)
+    undecided = planar_entropy(kahan(*ZOO["generic planar field"]))
+    assert (undecided.proved, undecided.lengths) == (False, (None,) * 3)
+
+
+@pytest.mark.parametrize(("q", "s"), [(3, 1), (2, -1), (1, 1), (3, -7), (4, -4), (-6, -9), (5, 6)])
+def test_zeros_of_recurrences(q, s):
+    """Real, double and complex roots, with a zero after k steps and without one."""
+    for k in (1, 4, 17, 40):
+        first, second = F(0), F(1)
+        for _ in range(k):
+            first, second = (second - q * first) / s, first
+        scale = math.lcm(first.denominator, second.denominator)
+        first, second = int(first * scale), int(second * scale)
+        assert not has_no_zero(first, second, q, s)
+        for a, b in ((first, 7 * second), (1, 0), (5, -3)):
+            terms = [a, b]
+            for _ in range(99):
+                terms.append(q * terms[-1] + s * terms[-2])
+            assert has_no_zero(a, b, q, s) == (0 not in terms)
+    assert has_no_zero(3, 2, 0, -1) is False  # of finite order, so it is not decided
 
 
 @pytest.mark.slow
@@ -211,7 +237,7 @@ def test_a_wrong_passage_is_no_proof():
         tangent = right._replace(curve_orders=(*before, tuple(2 * k for k in last)))
         for wrong in (longer, tangent, right._replace(steps=None)):
             assert not contracted.is_proved(plane, number, wrong)
-        assert contracted.why_never(plane, number, longer) == ""
+        assert orbits.why_never(plane, number, longer) == ""
 
 
 @pytest.mark.slow

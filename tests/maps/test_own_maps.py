@@ -292,12 +292,12 @@ def test_a_body_that_turns_nothing(tmp_path):
     for name in (*refused, "exact", "limits"):
         given = (SPEEDS,) if name.startswith(("to_", "momentum")) else (SPEEDS, 0.3)
         given = (*given, 3) if name == "exact" else given
-        with pytest.raises(TypeError, match=r"^body\b"):
+        with pytest.raises(TypeError, match=r"^(body|system)\b"):
             getattr(sf, name)(SLEIGHS, *given)
     for f in (compiled.frame, sf.plot_phase):
-        with pytest.raises(TypeError, match=r"^body\b"):
+        with pytest.raises(TypeError, match=r"^(body|system)\b"):
             f(SLEIGHS[0], 0.3, *(2.0,) * (f is sf.plot_phase))
-    with pytest.raises(TypeError, match=r"^body\b"):
+    with pytest.raises(TypeError, match=r"^(body|system)\b"):
         sf.scattering_angle(SLEIGHS)
 
 
@@ -354,7 +354,7 @@ def test_functions_of_a_second_method_of_a_class():
     np.testing.assert_array_equal(points.before, orbit[n])
     with pytest.raises(TypeError, match=r"^method\b"):
         sf.jacobian(HENON, START[0], 0.1, method="midpoint")
-    with pytest.raises(TypeError, match=r"^body\b"):
+    with pytest.raises(TypeError, match=r"^(body|system)\b"):
         compiled.system(HENON, 0.1, method="midpoint")
 
 
@@ -403,7 +403,6 @@ def with_steps(**changes):
         (lambda: maps.register("midpoint"), TypeError, "record "),
         (changed(body=own.Body), ValueError, "methods: name one of midpoint auto"),
         (with_steps(kernel=own.midpoint_step), TypeError, r"methods\['new'\].kernel "),
-        (with_steps(arguments=None), TypeError, r"methods\['new'\].arguments "),
         (with_steps(lanes=12), ValueError, r"methods\['new'\].lanes .*multiple of 8"),
         (with_steps(formulas={"energy": KAHAN}), TypeError, r"formulas\['energy'\] "),
         (
@@ -417,11 +416,8 @@ def with_steps(**changes):
             "formulas: leave out 'multipliers', because 'jacobian'",
         ),
         (with_steps(attitude=True), ValueError, "attitude"),
-        (with_steps(growth="jacobian"), TypeError, "growth must be a function, or None"),
         (with_steps(conserved="energy"), ValueError, "conserved "),
         (with_steps(conserved=("jacobian",)), ValueError, "conserved.*vector_field, energy"),
-        (with_steps(random=iter), TypeError, "random "),
-        (with_steps(pole=own.SLEIGH.pole), TypeError, "pole must be a QuadraticField"),
     ],
 )
 def test_records_are_checked(register, error, words):
@@ -449,7 +445,7 @@ def test_a_class_without_a_record_is_refused():
     class Other(own.Body):
         pass
 
-    with pytest.raises(TypeError, match=r"^body\b"):
+    with pytest.raises(TypeError, match=r"^(body|system)\b"):
         iterate(Other(), [0.5, 1.0], 0.1, 5)
 
 
@@ -462,7 +458,7 @@ class Faster(own.Sleigh):
 
 def test_a_class_with_other_equations_needs_a_record():
     given = 2.0, 1.5, 0.4
-    with pytest.raises(TypeError, match=r"^body\b"):
+    with pytest.raises(TypeError, match=r"^(body|system)\b"):
         iterate(Faster(*given), SPEEDS[0], 0.1, 5)
     maps.register(dataclasses.replace(own.SLEIGH, name="faster", body=Faster, pole=None))
     run = iterate(Faster(*given), SPEEDS[0], 0.1, 5)

@@ -50,6 +50,10 @@ assert_type(QuadraticField([[[1.0]]]).quadratic, NDArray[Any])
 body = body_from_dict({})
 assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | QuadraticField | Field)
 run.no_such_name
+iterate(run.body, [1.0], "0.1", 5)
+iterate(run.body, [1.0], [0.1, 0.2], 5)
+iterate(run.body, [1.0], np.linspace(0.1, 0.2, 3), 5, method="rk4")
+flow(any_field, [1.0, 0.0], time="5")
 """
 
 
@@ -64,5 +68,7 @@ def test_types_are_seen(tmp_path):
     environment = {**os.environ, "MYPYPATH": str(root)}
     told = subprocess.run(words, capture_output=True, text=True, env=environment, cwd=root)
     errors = [line for line in told.stdout.splitlines() if "error" in line and "seen.py" in line]
-    assert len(errors) == 1, told.stdout + told.stderr
-    assert 'has no attribute "no_such_name"' in errors[0]
+    named = 'has no attribute "no_such_name"', "Argument 3", '"method"', '"time"'
+    assert len(errors) == len(named), told.stdout + told.stderr
+    for name, error in zip(named, errors, strict=True):
+        assert name in error

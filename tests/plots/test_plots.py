@@ -119,7 +119,7 @@ def test_what_is_drawn_of_a_run(body, states, arguments, lines, joined, monkeypa
     omega0 = np.random.default_rng(0).uniform(0.5, 2, (states, body.dimension))
     run = sf.iterate(body, omega0, **({"eps": 0.2} | arguments))
     components = (0, body.dimension - 1)
-    axes = run.plot(components=components, lines=lines)
+    axes = run.plot(components=components, lines=lines, title=True)
     found, plane = axes.collections, run.states[..., components]
     assert isinstance(found[0], LineCollection) == joined
     if joined:
@@ -201,7 +201,7 @@ def test_families_have_the_colours_of_their_parameter():
 
 def test_crossings_are_drawn():
     points = sf.crossings(FAMILY, [1, 1, 20], 1 / 64, 3000, lambda x: x[..., 2] - 24)
-    axes = points.plot("x1", 2)
+    axes = points.plot("x1", 2, title=True)
     (dots,), bar = axes.collections, axes.figure.axes[1]
     np.testing.assert_array_equal(dots.get_offsets(), points.states[:, ::2])
     np.testing.assert_array_equal(dots.get_array(), FAMILY.parameters["rho"][points.trajectory])
@@ -263,7 +263,7 @@ def test_animation_of_a_run():
         sf.animate_body(pole)
     for other in (sf.QuadraticField([[[1.0]]]), sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])):
         run = sf.iterate(other, np.full(other.dimension, 0.1), 0.1, 6)
-        with pytest.raises(TypeError, match=rf"^body.*not {type(other).__name__}"):
+        with pytest.raises(TypeError, match=rf"^(body|system).*not {type(other).__name__}"):
             sf.animate_body(run)
 
 
@@ -314,6 +314,21 @@ def test_time_is_a_component():
     np.testing.assert_array_equal(np.asarray(of_time)[:, 0], points.time)
 
 
+def test_several_components_over_time_have_a_colour_each():
+    field, starts = saddle(3)
+    run = sf.iterate(field, starts, 1 / 16, 50)
+    for chosen, labels in (("time",), run.body.labels), (("time", ["y", "px"]), ["y", "px"]):
+        axes = run.plot(*chosen)
+        assert len(axes.get_legend().get_texts()) == len(labels)
+        joined = [each for each in axes.collections if isinstance(each, LineCollection)]
+        assert len({tuple(each.get_color()[0]) for each in joined}) == len(labels)
+        for label, each in zip(labels, joined, strict=True):
+            drawn = np.array([path.vertices for path in each.get_paths()])
+            np.testing.assert_array_equal(drawn[:, :, 1], run.x[..., field.labels.index(label)].T)
+    with pytest.raises(ValueError, match=r"^color\b"):
+        run.plot("time", color="red")
+
+
 def test_three_components_are_drawn_in_space():
     field, starts = saddle(2)
     axes = sf.iterate(field, starts, 1 / 16, 50).plot(0, 1, "px", title="in space")
@@ -325,7 +340,7 @@ def test_three_components_are_drawn_in_space():
         with pytest.raises(TypeError, match="ax must be"):
             run.plot(components=components, ax=ax)
     assert run.plot(("x", "py", "y")).get_ylabel() == "$p_{y}$"
-    for wrong in ("x",), (("x",),), ("time", ("x", "y")):
+    for wrong in ("x",), (("x",),), ("time", ("x", "z")):
         with pytest.raises((TypeError, ValueError), match=r'x, y.*such as \("time", "x"\), not'):
             run.plot(*wrong)
 
@@ -333,10 +348,13 @@ def test_three_components_are_drawn_in_space():
 def test_colours_of_matplotlib_and_titles():
     field, starts = saddle(4)
     run = sf.iterate(field, starts, 1 / 16, 50)
-    axes = run.plot(color="crimson", title=None, lines=True)
+    axes = run.plot(color="crimson", lines=True)
     assert axes.get_title() == ""
     np.testing.assert_array_equal(axes.collections[0].get_color(), [[*colors.to_rgba("crimson")]])
-    assert run.plot(color=(0.1, 0.2, 0.3)).get_title() != ""
+    assert run.plot(color=(0.1, 0.2, 0.3), title=True).get_title() != ""
+    long = sf.iterate(field, starts, 1 / 16, 30_000)
+    assert "of their states" in long.plot(lines=True).get_title()  # some are left out
+    assert long.plot(lines=True, title=False).get_title() == ""
     with pytest.raises(ValueError, match=r"color\b"):
         run.plot(color="crimsn")
 

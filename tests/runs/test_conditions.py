@@ -14,6 +14,7 @@ def field(f, names, **parameters):
 
 
 FRICTION = field(lambda s, mu: (s[1], -s[0] - mu * np.sign(s[1])), "x v", mu=0.15)
+BENT = field(lambda s, a: (s[1], -s[0] - a * abs(s[0])), "x v", a=0.5)
 SPRING = field(lambda s: (s[1], -9.81 - np.where(s[0] < 0, 1000 * s[0], 0.0)), "h v")
 
 
@@ -83,12 +84,10 @@ def test_saturation():
     w, v = np.sqrt(3.0), -t1
     inner = np.arctan2(1 / 3 * w, -v)  # x = r sin(phase - w s)
     quarter = t1 + inner / w
-    motion = sf.flow(chosen, [2.0, 0.0], time=[quarter, 2 * quarter, 4 * quarter])
-    speed = np.hypot(v, w / 3)
-    exact = [[0.0, -speed], [-2.0, 0.0], [2.0, 0.0]]
-    np.testing.assert_allclose(motion.x, exact, atol=1e-8)
-    motion = sf.flow(saturated, [2.0, 0.0], time=[quarter, 2 * quarter, 4 * quarter])
-    np.testing.assert_allclose(motion.x, exact, atol=1e-6)  # kinks are left to the estimate
+    exact = [[0.0, -np.hypot(v, w / 3)], [-2.0, 0.0], [2.0, 0.0]]
+    for f in (saturated, chosen):
+        motion = sf.flow(f, [2.0, 0.0], time=[quarter, 2 * quarter, 4 * quarter])
+        np.testing.assert_allclose(motion.x, exact, atol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -134,7 +133,7 @@ def batch():
     return np.stack([rng.uniform(0.3, 2.0, 21), rng.normal(size=21)], axis=-1)
 
 
-@pytest.mark.parametrize("system", [SPRING, FRICTION])
+@pytest.mark.parametrize("system", [SPRING, FRICTION, BENT])
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_bits_do_not_depend_on_the_batch_or_threads(system, monkeypatch):
     x0, times = batch(), [0.5, 2.0, 4.0]
@@ -150,9 +149,10 @@ def test_bits_do_not_depend_on_the_batch_or_threads(system, monkeypatch):
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_numpy_has_the_bits_of_machine_code(monkeypatch):
     x0, times = batch()[:5], [0.5, 2.0]
-    by_code = sf.flow(FRICTION, x0, time=times)
+    fields = FRICTION, BENT, field(lambda s: (1e3 * (abs(s[1]) - s[0]), np.cos(s[0])), "x v")
+    by_code = [sf.flow(f, x0, time=times, rtol=1e-5) for f in fields]
     monkeypatch.setattr(engine, "code_of_half", lambda *_: None)
-    assert sf.flow(FRICTION, x0, time=times) == by_code
+    assert [sf.flow(f, x0, time=times, rtol=1e-5) for f in fields] == by_code
 
 
 def test_a_family_of_levels():
@@ -181,10 +181,96 @@ def test_crossings_of_equations_that_choose():
     np.testing.assert_allclose(abs(points.states[:, 1]), 9.81 * fall, rtol=1e-7)
 
 
-def test_equations_without_jumps_are_not_stopped():
-    for f in (
-        lambda s: (abs(s[0]) - s[1], s[0]),
-        lambda s: (np.maximum(s[0], 0.1) - s[1], np.minimum(s[0], 2 * s[1])),
-    ):
-        (group,) = field(f, "x y").right_hand_sides
-        assert group.f.conditions is None
+def test_kinks_keep_the_digits_of_the_tolerance():
+    # Half a period with the square of the rate 1.5, half a one with 0.5.
+    period = np.pi / np.sqrt(1.5) + np.pi / np.sqrt(0.5)
+    for rtol in (1e-6, 1e-9, 1e-12):
+        motion = sf.flow(BENT, [2.0, 0.0], time=10 * period, rtol=rtol)
+        np.testing.assert_allclose(motion.x[0], [2.0, 0.0], atol=20 * rtol)
+    assert motion.steps < 400
+    # A relaxation whose fast variable stays near the kink.
+    fast = field(lambda s: (-1e6 * (s[0] - np.cos(s[1])), 1 + 0.1 * abs(s[0] - np.cos(s[1]))), 2)
+    motion = sf.flow(fast, [1.0, 0.0], time=100 * np.pi)
+    np.testing.assert_allclose(motion.x[0, 1] - 100 * np.pi, 2e-5, rtol=0.1)
+    assert motion.steps < 1000
+
+
+def test_a_kink_that_is_only_touched_costs_nothing():
+    touching = field(lambda s: (s[1], -s[0], np.maximum(s[0], 1.0)), "x v y")
+    smooth = field(lambda s: (s[1], -s[0], 1.0 + 0 * s[0]), "x v y")
+    motions = [sf.flow(f, [1.0, 0.0, 0.0], time=50.0) for f in (touching, smooth)]
+    np.testing.assert_allclose(motions[0].x, motions[1].x, atol=1e-9)
+    assert motions[0].steps <= motions[1].steps + 5
+
+
+def test_kinks_and_jumps_together():
+    # A ball on a spring with drag v |v| in a liquid below 0, in closed form on the way down.
+    def falling(s):
+        return s[1], -1.0 - np.where(s[0] < 0, s[1] * abs(s[1]), 0.0)
+
+    motion = sf.flow(field(falling, "h v"), [0.5, 0.0], time=[1.0, 3.0, 2000.0])
+    # It enters at v = -1, the terminal speed.
+    np.testing.assert_allclose(motion.x[:, 0], [0.0, -2.0, -1999.0], atol=1e-9)
+
+
+# ------------------------------------------------------------------------------- derivatives
+def test_derivatives_across_jumps_of_an_acceleration():
+    # x'' = -a above 0 and b below: parabolas that last 2 v / a and 2 v / b.
+    f = field(lambda s, a, b: (s[1], np.where(s[0] > 0, -a, b)), "x v", a=[1.0, 1.2], b=2.0)
+    v, a, b = 0.8, np.array([1.0, 1.2]), 2.0
+    motion = sf.flow(f, [0.0, v], time=5.0, derivatives=("a", "x0", "b"))
+    period = 2 * v * (1 / a + 1 / b)
+    turns = np.floor(5.0 / period)
+    t, of_period = (
+        5.0 - turns * period,
+        turns * np.array([2 / a + 2 / b, -2 * v / a**2, -2 * v / b**2 + 0 * a]),
+    )
+    assert (t < 2 * v / a).all()
+    np.testing.assert_allclose(motion.x[0].T, [v * t - a * t * t / 2, v - a * t], atol=1e-9)
+    exact = -np.array([v - a * t, -a])[:, np.newaxis] * of_period
+    exact += [[t, -t * t / 2, 0 * a], [1 + 0 * a, -t, 0 * a]]
+    found = motion.derivative("x0")[0, ..., 1], motion.derivative("a")[0], motion.derivative("b")[0]
+    np.testing.assert_allclose(np.array(found).transpose(2, 0, 1), exact, atol=1e-8)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+def test_derivatives_by_the_time_of_a_dose(stiff):
+    def dosed(s, k, begin, dose):
+        return np.where((s[1] > begin) & (s[1] < begin + 2), dose, 0.0) - k * s[0], 1.0
+
+    f = field(dosed, "c t", k=0.3, begin=1.5, dose=5.0)
+    by = "begin", "dose", "x0"
+    motion = sf.flow(f, [0.0, 0.0], time=6.0, derivatives=by, stiff=stiff)
+    c = 5.0 / 0.3 * (np.exp(-0.3 * 2.5) - np.exp(-0.3 * 4.5))
+    assert motion.x[0, 0] == pytest.approx(c, rel=1e-8)
+    found = [*(motion.derivative(name)[0, 0] for name in by[:2]), *motion.derivative("x0")[0, 0]]
+    np.testing.assert_allclose(found, [0.3 * c, c / 5, np.exp(-1.8), -0.3 * c], rtol=1e-7)
+
+
+def test_derivatives_where_f_rounds_and_bends():
+    def stairs(s, k):
+        return k * np.floor(s[1]) - abs(s[0] - k), 1.0 + 0.1 * s[0]
+
+    f, h, options = field(stairs, "x y", k=0.5), 1e-5, {"time": 4.0, "rtol": 1e-12}
+    motion = sf.flow(f, [0.0, 0.5], derivatives=("k", "x0"), **options)
+    ends = [sf.flow(f.with_parameters(k=k), [0.0, 0.5], **options).x[0] for k in (0.5 + h, 0.5 - h)]
+    by_k = (ends[0] - ends[1]) / (2 * h)
+    np.testing.assert_allclose(motion.derivative("k")[0], by_k, rtol=1e-6)
+    ends = [sf.flow(f, [0.0, 0.5 + dy], **options).x[0] for dy in (h, -h)]
+    by_y = (ends[0] - ends[1]) / (2 * h)
+    np.testing.assert_allclose(motion.derivative("x0")[0, :, 1], by_y, rtol=1e-6)
+
+
+def test_a_relay_that_drives_an_oscillator():
+    # v' = -x - v/5 + sign(v)/2: in half a turn, which lasts pi/w, the amplitude A becomes
+    # (A + 1/2) q + 1/2.
+    relay = field(lambda s: (s[1], -s[0] - 0.2 * s[1] + 0.5 * np.sign(s[1])), "x v")
+    w = np.sqrt(0.99)
+    q = np.exp(-0.1 * np.pi / w)
+    A = 0.5 * (1 + q) / (1 - q)
+    orbit = sf.periodic_orbit(relay, [-1.1 * A, 0.1], period=6.0)
+    assert orbit.period == pytest.approx(2 * np.pi / w, rel=1e-9)
+    np.testing.assert_allclose(orbit.multipliers, [1.0, q * q], rtol=1e-8)
+    phases = {"time": 5 * orbit.period, "transient": 20 * orbit.period}
+    exponents = sf.lyapunov_exponents(relay, orbit.state, **phases)
+    np.testing.assert_allclose(exponents, [0.0, -0.1], atol=1e-5)

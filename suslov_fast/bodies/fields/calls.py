@@ -1,54 +1,117 @@
-"""Calls of functions of users with symbolic numbers, and errors in their words."""
+"""Calls of functions of users with symbolic numbers, and what is wrong with such functions."""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ...checks import page, short, wrong
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES
-from .advice import explained, name_of, raise_explained
-from .symbolic import Symbol, Tracer, Untraceable, applied, interpolated
-from .tracing import check_same, checked_function, components
+from .names import TIME
+from .symbolic import Symbol, Symbols, Tracer, Untraceable, applied, interpolated
+
+_PAGE = page("howto/motion")
+_OF_SYMPY = "sympy.lambdify([names], list(expressions)) makes one of expressions"
+
+
+def arguments_of(f: Any) -> list[str]:
+    """Return the names of the required arguments of a function; none if it does not tell them."""
+    try:
+        parameters = inspect.signature(f).parameters.values()
+    except (TypeError, ValueError):
+        return []
+    stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
+    return [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
+
+
+def checked_function(argument: str, f: Any, parameters: Mapping[str, Any]) -> Any:
+    """Return the Python function of a user; TypeError unless it takes the state and parameters.
+
+    `argument` is that of the public function, "f" or "H".
+    """
+    if not callable(f):
+        raise wrong(argument, "a function of x", f"{short(f)}: {_OF_SYMPY}", TypeError)
+    f = getattr(f, "py_func", f)  # if Numba compiled f
+    try:
+        signature = inspect.signature(f)
+    except (TypeError, ValueError):  # it does not tell its arguments
+        return f
+    first = next(iter(signature.parameters.values()), None)
+    by_position = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
+    fits = first is not None and first.kind in by_position and not TIME & {*signature.parameters}
+    try:
+        signature.bind(None, **parameters)
+    except TypeError:
+        fits = False
+    if not fits:
+        expected = "a function of the state, one array, and of its parameters by name"
+        how = f"pass lambda x: ..., and for time see {_PAGE}"
+        raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)
+    return f
+
+
+def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
+    """Return the value of f; raise TypeError or ValueError where it does not take symbols.
+
+    An error of another class, which has nothing to do with symbols, is raised as it is.
+    """
+    try:
+        return f(state.copy(), **parameters)
+    except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
+        text = " ".join(str(error).split())
+        if not isinstance(error, (Untraceable, ArithmeticError)):
+            symbols = ", ".join(str(state[i]) for i in range(min(len(state), 8)))
+            text += f": it is called with {len(state)} symbols, {symbols}: write formulas by "
+            text += f"+ - * / ** and functions of NumPy, see {_PAGE}"
+        kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
+        raise kind(f"{argument}: {text}") from error
+
+
+def components(result: Any, D: int) -> Any:
+    """Return the result of f, if it has D components."""
+    if hasattr(result, "free_symbols"):
+        raise TypeError(f"must return formulas of x, not expressions of SymPy: {_OF_SYMPY}")
+    is_sequence = isinstance(result, (tuple, list, np.ndarray))
+    shape = np.shape(result) if isinstance(result, np.ndarray) else ()
+    if not is_sequence or len(result) != D or shape == (D, 1):
+        received = f"an array of shape {shape}: pass lambda x: f(x).ravel()" if shape else result
+        raise ValueError(f"must return {D} components, not {received}")
+    return result
+
+
+def check_same(argument: str, first: Any, second: Any) -> None:
+    """Raise ValueError if the results of two calls of f differ."""
+    if first != second:
+        how = "f must compute from x and its parameters alone, without random numbers or memory"
+        raise ValueError(f"{argument}: two calls of f differ: {how}")
 
 
 def operands_of_function(
-    argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], maker: str
+    argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any]
 ) -> tuple[Tracer, list[Any]]:
     """Return the tracer with which f was called, and the operands that are f, or [H]."""
-    f = checked_function(argument, f, names, parameters, maker)
+    f = checked_function(argument, f, parameters)
     tracer = Tracer(names, [*parameters])
-    first, second = (_called(argument, f, tracer) for _ in range(2))
+    first, second = (_operands(argument, f, tracer) for _ in range(2))
     check_same(argument, [*map(repr, first)], [*map(repr, second)])  # equal operations are one
     return tracer, first
 
 
-def _called(argument: str, f: Any, tracer: Tracer) -> list[Any]:
-    f_name, D = name_of(f, argument), len(tracer.state)
-    names = tracer.names[:D]
+def _operands(argument: str, f: Any, tracer: Tracer) -> list[Any]:
+    result = called(argument, f, tracer.state, tracer.parameters)
     try:
-        result = f(tracer.state.copy(), **tracer.parameters)
-    except Exception as error:  # raised by f
-        raise_explained(argument, error, explained(error, f_name, names, False))
-    try:
-        parts = [result] if argument == "H" else components(result, D)
+        parts = [result] if argument == "H" else components(result, len(tracer.state))
+        return [tracer.number(alone(part)) for part in parts]
     except (TypeError, ValueError) as error:
         raise type(error)(f"{argument}: {error}") from None
-    labels = [f_name] if argument == "H" else [f"{name}'" for name in names]
-    return [
-        _operand(tracer, part, label, argument) for part, label in zip(parts, labels, strict=True)
-    ]
 
 
-def _operand(tracer: Tracer, value: Any, name: str, argument: str) -> Any:
-    if isinstance(value, np.ndarray) and value.size == 1:
-        value = value.item()
-    try:
-        return tracer.number(value)
-    except Untraceable as error:
-        text = f"{name} must be an expression of x: {error}"
-        raise TypeError(f"{argument}: {text}") from None
+def alone(value: Any) -> Any:
+    """Return the entry of an array of one, and anything else as it is."""
+    return value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
 
 
 def called_by_name(name: str, arguments: Sequence[Any]) -> Any:

@@ -47,7 +47,7 @@ class Exact:
 
     def asked(self, operand: Any) -> Exception:
         """Return the error of a question whether a value is true."""
-        return NoPolynomial("if", self.polynomial(operand))
+        return NoPolynomial(f"asks whether {self.text(operand)} is true")
 
     def applied(self, name: str, operands: Sequence[Any], *_: Any) -> Any:
         """Return the value of a function of operands."""
@@ -56,7 +56,7 @@ class Exact:
         if name == "power":
             base, power = operands
             if isinstance(power, (Polynomial, Column)):
-                raise NoPolynomial("exponent", self.polynomial(power))
+                raise NoPolynomial("has an expression of x in an exponent")
             return Symbol(self, self.polynomial(base) ** power)
         if name == "divide" and isinstance(operands[1], Column):
             inverse = operands[1].symbol(is_inverse=True)
@@ -64,7 +64,7 @@ class Exact:
         polynomials = [*map(self.polynomial, operands)]
         rule = _RULES.get(name)
         if rule is None:
-            raise NoPolynomial(name, next(a for a in operands if isinstance(a, Polynomial)))
+            raise NoPolynomial(f"calls {name} of an expression of x")
         return Symbol(self, rule(*polynomials))
 
     def polynomial(self, operand: Any) -> Polynomial:

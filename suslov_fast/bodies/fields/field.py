@@ -7,7 +7,7 @@ fractions, those of a family floats.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -173,98 +173,15 @@ class QuadraticField(_FieldOfTerms):
         return cls._of(parts_of(terms, names))
 
     @classmethod
-    @public
-    def from_function(
-        cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
-    ) -> QuadraticField:
-        """Return the field ``x' = f(x, **parameters)``, or a family of fields.
-
-        Parameters
-        ----------
-        f : callable
-            Takes the state x, an array of D variables, and returns D polynomials of degree 2 or
-            less. It is called with symbols, so coefficients are exact: 0.1 is the double nearest
-            to 1/10.
-        dimension : int, str or sequence of str
-            The number of variables, D, or their names, such as ``"u v w"``.
-        **parameters : float or array_like(float, shape=(...))
-            Named parameters of f. Numbers remain exact; arrays broadcast, and make a batch of
-            fields. Names of variables, eps, t and those of datasets are refused.
-
-        Returns
-        -------
-        QuadraticField
-            A single field, or a batch of the shape of the parameters.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If f does not take the state as one tuple, lacks a parameter, or a component is not such
-            a polynomial. The message says how to change f.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField
-        >>> def lotka_volterra(x, a):
-        ...     return x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])
-        >>> QuadraticField.from_function(lotka_volterra, "u v", a=0.5)
-        QuadraticField(u' = -u*v + u, v' = 1/2*u*v - 1/2*v)
-        >>> family = QuadraticField.from_function(lotka_volterra, "u v", a=[0.5, 1, 2])
-        >>> family.shape, family.sel(a=2)
-        ((3,), QuadraticField(u' = -u*v + u, v' = 2*u*v - 2*v))
-        """
-        names = variables("dimension", dimension)
-        values = named_parameters(parameters, names)
+    def _by_function(cls, f: Any, names: tuple[str, ...], values: dict[str, Any]) -> QuadraticField:
         terms, _ = terms_of_function("f", f, names, values)
         field = cls._of({**parts_of(terms, names), **values})
         return field._made_by(cls.from_function, f, names)
 
     @classmethod
-    @public
-    def from_hamiltonian(
-        cls,
-        H: Callable[..., Any],
-        /,
-        dimension: int | str | Sequence[str],
-        K: Any = None,
-        **parameters: Any,
+    def _by_hamiltonian(
+        cls, H: Any, names: tuple[str, ...], values: dict[str, Any], K: Any
     ) -> QuadraticField:
-        """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
-
-        Its map conserves :func:`modified_energy` exactly, so the energy does not drift.
-
-        Parameters
-        ----------
-        H : callable
-            Takes the state x, an array of D variables, and returns a polynomial of degree 3 or
-            less.
-        dimension : int, str or sequence of str
-            As in :meth:`from_function`.
-        K : array_like(shape=(D, D)), optional
-            A constant antisymmetric matrix, of any rank. By default D is even, and K is the
-            canonical matrix of x = (q1, ..., qm, p1, ..., pm): first all coordinates, then all
-            momenta.
-        **parameters : float or array_like(float, shape=(...))
-            As in :meth:`from_function`.
-
-        Returns
-        -------
-        QuadraticField
-            It has the attributes `H` and `K`.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As :meth:`from_function`; also if K is not antisymmetric, or D odd without K.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField
-        >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
-        QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
-        """
-        names = variables("dimension", dimension)
-        values = named_parameters(parameters, names)
         matrix = structure_matrix(K, len(names), names)
         energy, terms = terms_of_function("H", H, names, values, matrix)
         field = cls._of_hamiltonian(energy, matrix, {**parts_of(terms, names), **values})

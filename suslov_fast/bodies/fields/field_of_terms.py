@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,8 @@ from ...core.lists.dense import DenseRightHandSide, dense_parameters
 from ...core.lists.quadratic import parameters_of, right_hand_side_of
 from ...keywords import public
 from ..base import Body, Parameters, frozen, summary
-from .names import labels
+from .names import labels, variables
+from .polynomials import named_parameters
 from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
 
 # Names of the parts of a field other than its named parameters. They hold spaces, because a named
@@ -55,6 +56,117 @@ class FieldOfFunction(Body):
     _slopes_at: ClassVar[Any]  # f'(x) (..., D, D) at checked states
     _formulas: ClassVar[Any]  # the texts of f, component by component
 
+    has_map: ClassVar[bool] = True  # whether datasets of runs have the names eps and n
+    _by_function: ClassVar[Any]  # makes the field of f, names and checked parameters
+    _by_hamiltonian: ClassVar[Any]  # makes that of H, names, checked parameters and K
+
+    @classmethod
+    @public
+    def from_function(
+        cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
+    ) -> Self:
+        """Return the field ``x' = f(x, **parameters)``, or a family of fields.
+
+        Parameters
+        ----------
+        f : callable
+            Takes the state x, an array of D variables, and returns their D derivatives: formulas
+            that the class has, of a `QuadraticField` polynomials of degree 2 or less. It is called
+            with symbols, twice or more, so the coefficients of a `QuadraticField` are exact: 0.1 is
+            the double nearest to 1/10.
+        dimension : int, str or sequence of str
+            The number of variables, D, or their names, such as ``"u v w"``.
+        **parameters : float or array_like(float, shape=(...))
+            Named parameters of f. Numbers remain exact; arrays broadcast, and make a batch of
+            fields. Names of variables, eps, t and those of datasets are refused.
+
+        Returns
+        -------
+        QuadraticField or Field
+            A single field, or a batch of the shape of the parameters.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If f does not take the state as one argument, lacks a parameter, returns another number
+            of derivatives or formulas that the class does not have, asks for the value of a symbol
+            as Python's ``if`` does, or returns something else when it is called again.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field, QuadraticField
+        >>> def lotka_volterra(x, a):
+        ...     return x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])
+        >>> QuadraticField.from_function(lotka_volterra, "u v", a=0.5)
+        QuadraticField(u' = -u*v + u, v' = 1/2*u*v - 1/2*v)
+        >>> family = QuadraticField.from_function(lotka_volterra, "u v", a=[0.5, 1, 2])
+        >>> family.shape, family.sel(a=2)
+        ((3,), QuadraticField(u' = -u*v + u, v' = 2*u*v - 2*v))
+        >>> import numpy as np
+        >>> def thermostat(x, least):
+        ...     return (np.where(x[0] < least, 1.0, 0.0) - 0.1 * x[0],)
+        >>> Field.from_function(thermostat, "T", least=[18.0, 20.0])([19.0])
+        array([[-1.9],
+               [-0.9]])
+        """
+        names = variables("dimension", dimension, has_map=cls.has_map)
+        values = named_parameters(parameters, names, has_map=cls.has_map)
+        field: Self = cls._by_function(f, names, values)
+        return field
+
+    @classmethod
+    @public
+    def from_hamiltonian(
+        cls,
+        H: Callable[..., Any],
+        /,
+        dimension: int | str | Sequence[str],
+        K: Any = None,
+        **parameters: Any,
+    ) -> Self:
+        """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
+
+        The map of a `QuadraticField` conserves :func:`modified_energy` exactly, so that the energy
+        does not drift.
+
+        Parameters
+        ----------
+        H : callable
+            Takes the state x, an array of D variables, and returns a number: of a `QuadraticField`
+            a polynomial of degree 3 or less, of a `Field` a formula of its class.
+        dimension : int, str or sequence of str
+            As in :meth:`from_function`.
+        K : array_like(shape=(D, D)), optional
+            A constant antisymmetric matrix, of any rank. By default D is even, and K is the
+            canonical matrix of x = (q1, ..., qm, p1, ..., pm): first all coordinates, then all
+            momenta.
+        **parameters : float or array_like(float, shape=(...))
+            As in :meth:`from_function`.
+
+        Returns
+        -------
+        QuadraticField or Field
+            It has the attributes `H` and `K`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`from_function`; also if K is not antisymmetric, or D odd without K.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import Field, QuadraticField
+        >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+        QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
+        >>> Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+        Field(q' = p, p' = -sin(q), H = p**2/2 - cos(q))
+        """
+        names = variables("dimension", dimension, has_map=cls.has_map)
+        values = named_parameters(parameters, names, has_map=cls.has_map)
+        field: Self = cls._by_hamiltonian(H, names, values, K)
+        return field
+
     @property
     def arrays(self) -> dict[str, FloatArray]:
         return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
@@ -64,10 +176,14 @@ class FieldOfFunction(Body):
         """The named parameters of the function: numbers as they were given, and arrays."""
         return Parameters({name: self._parts[name] for name in self.coordinates})
 
-    def __call__(self, x: Any, *others: Any, **named: Any) -> Any:
+    def __call__(self, x: Any = None, *others: Any, **named: Any) -> Any:
         """Return f(x): fractions if all numbers of a quadratic field are exact, else floats."""
         if others or named:
             how = "for solve_ivp pass lambda t, x: field(x)"
+            if named:
+                how = (
+                    f"other parameters are those of field.with_parameters({next(iter(named))}=...)"
+                )
             raise TypeError(f"a field takes the state alone, field(x): {how}")
         return self._value_at(x)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -72,13 +72,6 @@ class Equations:
         return RightHandSide(values, results, len(self.parameters))
 
     @cached_property
-    def for_motion(self) -> RightHandSide:
-        """The right-hand side whose choices are fixed within a step, if it has any."""
-        values, results = in_order(self.values, self.results)
-        fixed = with_fixed_choices(values, results, len(self.parameters))
-        return self.right_hand_side if fixed is None else fixed
-
-    @cached_property
     def texts(self) -> tuple[dict[str, str], list[str]]:
         """Definitions, and the texts of f, or that of H, from which f follows."""
         results = self.results if self.H is None else [self.H]
@@ -114,9 +107,12 @@ def _restored(names: Any, parameters: Any, operations: Any, texts: Any, *others:
 class Field(FieldOfFunction):
     """A field with any right-hand side, ``x' = f(x)``, whose motion :func:`flow` computes.
 
-    f is called once with symbolic numbers, and kept as a list of operations, from which its exact
-    derivative follows. Equations of degree 2, of which Kahan's map is made, are a
-    :class:`QuadraticField`.
+    f is kept as a list of operations, from which its exact derivative follows. It is a formula of
+    + - * / ** and of NumPy's exp, log, sqrt, cbrt, sin, cos, tan, sinh, cosh, tanh, their inverses,
+    arctan2, hypot, expm1, log1p, exp2, log2, log10, abs, sign, minimum, maximum, clip, heaviside,
+    floor, where, comparisons joined by & | ~, interp with a table of numbers, and SciPy's expit and
+    erf. Sums, products and shifts of arrays are made of these. Equations of degree 2, of which
+    Kahan's map is made, are a :class:`QuadraticField`.
 
     Attributes
     ----------
@@ -142,6 +138,7 @@ class Field(FieldOfFunction):
     texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
     called: ClassVar[str] = "a field without a map"
     may_escape = True
+    has_map: ClassVar[bool] = False
 
     H: Energy | None
     _equations: Equations
@@ -182,26 +179,7 @@ class Field(FieldOfFunction):
 
     @public
     def field(self) -> Any:
-        """Refuse, because the equations need not be quadratic.
-
-        Returns
-        -------
-        QuadraticField
-            Never.
-
-        Raises
-        ------
-        TypeError
-            Always; make quadratic equations by :meth:`QuadraticField.from_function`.
-
-        Examples
-        --------
-        >>> from suslov_fast import Field
-        >>> Field.from_function(lambda x: (x[0] ** 3,), 1).field()  # doctest: +ELLIPSIS
-        Traceback (most recent call last):
-        TypeError: body: a Field has a motion, flow(field, x0, time=...), and no map: ...
-        """
-        raise TypeError(f"body: {NO_MAP}")
+        raise TypeError(f"system: {NO_MAP}")
 
     @property
     def K(self) -> Any:
@@ -227,16 +205,11 @@ class Field(FieldOfFunction):
 
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
-        return self._of_members(self._equations.for_motion, self._inputs)
-
-    @cached_property
-    def listed_right_hand_sides(self) -> list[OfMembers]:
-        """The same without fixed choices, for variational equations."""
-        return self._of_members(self._equations.right_hand_side, self._inputs)
+        return self.derived_by(())
 
     def derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
-        """The same as `listed_right_hand_sides`, with the derivatives of f by parameters."""
-        return self._of_members(_with_derivatives(self._equations, names), self._inputs)
+        """The right-hand sides of the motion, with the derivatives of f by parameters."""
+        return self._of_members(_for_motion(self._equations, names), self._inputs)
 
     def _of_members(self, f: RightHandSide, parameters: FloatArray) -> list[OfMembers]:
         choices = np.zeros((f.P - len(parameters), *self.shape))  # of no state yet
@@ -270,107 +243,17 @@ class Field(FieldOfFunction):
         return np.asarray(found + 0.0 * x.sum(axis=-1))[()]
 
     @classmethod
-    @public
-    def from_function(
-        cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
-    ) -> Field:
-        """Return the field ``x' = f(x, **parameters)``, or a family of fields.
-
-        Parameters
-        ----------
-        f : callable
-            Takes the state x, an array of D variables, and returns their D derivatives: formulas of
-            + - * / ** and of NumPy's exp, log, sqrt, cbrt, sin, cos, tan, sinh, cosh, tanh, their
-            inverses, arctan2, hypot, expm1, log1p, exp2, log2, log10, abs, sign, minimum, maximum,
-            clip, heaviside, floor, where, comparisons joined by & | ~, interp with a table of
-            numbers, and SciPy's expit and erf. Sums, products and shifts of arrays are made of
-            these. f is called twice, with symbolic numbers.
-        dimension : int, str or sequence of str
-            The number of variables, D, or their names, such as ``"u v w"``.
-        **parameters : float or array_like(float, shape=(...))
-            Named parameters of f; arrays broadcast, and make a batch of fields.
-
-        Returns
-        -------
-        Field
-            A single field, or a batch of the shape of the parameters.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If f does not take the state as one argument, lacks a parameter, returns another number
-            of derivatives, asks for the value of a symbol as Python's ``if`` does, calls a function
-            that has no rule, or returns something else when it is called again.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from suslov_fast import Field
-        >>> def thermostat(x, least):
-        ...     return (np.where(x[0] < least, 1.0, 0.0) - 0.1 * x[0],)
-        >>> field = Field.from_function(thermostat, "T", least=[18.0, 20.0])
-        >>> field.shape, field([19.0])
-        ((2,), array([[-1.9],
-               [-0.9]]))
-        >>> field[0].with_parameters(least=22.0)
-        Field(T' = where(T < least, 1, 0) - 0.1*T)
-        """
-        names = variables("dimension", dimension, has_map=False)
-        values = named_parameters(parameters, names, has_map=False)
-        tracer, rows = operands_of_function("f", f, names, values, f"{cls.__name__}.from_function")
+    def _by_function(cls, f: Any, names: tuple[str, ...], values: dict[str, Any]) -> Field:
+        tracer, rows = operands_of_function("f", f, names, values)
         equations = Equations(names, [*values], tracer.values, rows)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 
     @classmethod
-    @public
-    def from_hamiltonian(
-        cls,
-        H: Callable[..., Any],
-        /,
-        dimension: int | str | Sequence[str],
-        K: Any = None,
-        **parameters: Any,
+    def _by_hamiltonian(
+        cls, H: Any, names: tuple[str, ...], values: dict[str, Any], K: Any
     ) -> Field:
-        """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
-
-        Parameters
-        ----------
-        H : callable
-            Takes the state x, an array of D variables, and returns a number, by the formulas of
-            :meth:`from_function`.
-        dimension : int, str or sequence of str
-            As in :meth:`from_function`.
-        K : array_like(shape=(D, D)), optional
-            As in :meth:`QuadraticField.from_hamiltonian`: x = (q1, ..., qm, p1, ..., pm) without K.
-        **parameters : float or array_like(float, shape=(...))
-            As in :meth:`from_function`.
-
-        Returns
-        -------
-        Field
-            It has the attributes `H` and `K`.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As :meth:`from_function`; also if K is not antisymmetric, or D odd without K.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from suslov_fast import Field, energy
-        >>> pendulum = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
-        >>> pendulum
-        Field(q' = p, p' = -sin(q), H = p**2/2 - cos(q))
-        >>> float(energy(pendulum, [0.0, 1.0]))
-        -0.5
-        """
-        names = variables("dimension", dimension, has_map=False)
-        values = named_parameters(parameters, names, has_map=False)
         matrix = structure_matrix(K, len(names), names)
-        tracer, [energy] = operands_of_function(
-            "H", H, names, values, f"{cls.__name__}.from_hamiltonian"
-        )
+        tracer, [energy] = operands_of_function("H", H, names, values)
         equations = _of_hamiltonian(tracer, names, [*values], energy, matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 
@@ -462,11 +345,12 @@ class Field(FieldOfFunction):
 
 
 @lru_cache(64)
-def _with_derivatives(equations: Equations, names: tuple[str, ...]) -> RightHandSide:
-    """Return f with its derivatives by parameters."""
+def _for_motion(equations: Equations, names: tuple[str, ...]) -> RightHandSide:
+    """Return f with choices that are fixed within a step, and its derivatives by parameters."""
     values, results = in_order(equations.values, equations.results)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
-    return RightHandSide(values, results, len(equations.parameters), by)
+    fixed: RightHandSide = with_fixed_choices(values, results, len(equations.parameters), by)
+    return fixed
 
 
 class Energy:

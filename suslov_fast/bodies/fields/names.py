@@ -14,7 +14,7 @@ from .bounds import LONGEST_NAME, MOST_VARIABLES
 TIME = {"t", "time"}
 # Names that parameters of fields cannot have, and what they stand for.
 _TAKEN = {
-    **dict.fromkeys(TIME, "time, which fields do not have"),
+    **dict.fromkeys(TIME, f"time, which is a variable: see {page('howto/motion')}"),
     "dimension": "an argument of from_function and from_hamiltonian",
     "method": "an argument of sel",
     "x": "the name of the states",
@@ -84,11 +84,7 @@ def variables(
     else:
         raise wrong(argument, 'names, such as "u v w"', short(given), TypeError)
     if not all(isinstance(name, str) for name in names):
-        kind = "an integer, or names of variables" if D is None else "names of variables"
-        symbols = " ".join(str(name) for name in names)
-        is_symbolic = all(hasattr(name, "free_symbols") for name in names)
-        example = repr(symbols if is_symbolic else "u v w")
-        raise wrong(argument, f"{kind}, such as {example}", short(given), TypeError)
+        raise wrong(argument, 'names of variables, such as "u v w"', short(given), TypeError)
     names = [str(name) for name in names if name]
     if not names:
         raise wrong(argument, "the name of at least one variable", short(given))
@@ -96,40 +92,27 @@ def variables(
         raise wrong(
             argument, f"one name for each of {D} variables", f"{len(names)}: {short(given)}"
         )
-    earlier: set[str] = set()
     for i, name in enumerate(names):
-        if reason := _refused(name, i, earlier, has_map):
+        reason = _refused(name)
+        if name in names[:i]:
+            reason = "appears twice: give each variable its own name"
+        if has_map and name == "eps":
+            reason = "has the name of the step size: call it eps_, for example"
+        if _NUMBERED.fullmatch(name) and name != f"x{i + 1}":
+            reason = f"is variable {i + 1}, but {name} is the name of variable {name[1:]}"
+        if reason:
             raise ValueError(f"{argument}: the variable {short(name)} {reason}")
-        earlier.add(name)
     return tuple(names)
 
 
-def _refused(name: str, i: int, earlier: Collection[str], has_map: bool) -> str:
-    """Return why variable i cannot have this name; "" if it can."""
+def _refused(name: str) -> str:
+    """Return why nothing can have this name; "" if it can."""
     if len(name) > LONGEST_NAME:
         return f"is longer than {LONGEST_NAME} characters"
-    if iskeyword(name):
-        return f"has a name that is a keyword of Python: call it {name}_, for example"
-    if not name.isidentifier():
-        how = "use letters, digits and _, and begin with a letter"
-        if (plain := re.sub(r"\W+", "_", name).strip("_")).isidentifier() and not iskeyword(plain):
-            how = f"call it {plain}, for example"
-        how = f"for a number of variables pass the integer {name}" if name.isdecimal() else how
-        return f"is not a valid name in Python: {how}"
-    if (plain := _normal(name)) != name:
-        return f"is {plain!r} to Python, which normalizes names: call it {plain}"
-    if name in earlier:
-        return "appears twice: give each variable its own name"
-    if has_map and name == "eps":
-        return "has the name of the step size: call it eps_, for example"
-    if _NUMBERED.fullmatch(name) and name != f"x{i + 1}":
-        return f"is variable {i + 1}, but {name} is the name of variable {name[1:]}"
+    plain = unicodedata.normalize("NFKC", name)  # as Python reads it in source text
+    if plain != name or not name.isidentifier() or iskeyword(name):
+        return "is no name in Python: use letters, digits and _, and begin with a letter"
     return ""
-
-
-def _normal(name: str) -> str:
-    """Return a name as Python reads it in source text, where it may become another variable."""
-    return unicodedata.normalize("NFKC", name)
 
 
 def check_order(names: Sequence[str]) -> None:
@@ -146,42 +129,22 @@ def check_order(names: Sequence[str]) -> None:
         )
 
 
-def clash(name: str, names: Collection[str], maker: str = "", has_map: bool = True) -> str:
+def clash(name: str, names: Collection[str], *, has_map: bool = True) -> str:
     """Return what the name of a parameter already stands for; "" if it is free.
 
-    `names` are those of the variables, `maker` is the function that makes the field, and `has_map`
-    is as in `variables`.
+    `names` are those of the variables, and `has_map` is as in `variables`.
     """
-    if name == "K" and maker.endswith("from_hamiltonian"):
-        return "the matrix of from_hamiltonian"
     if name in names:
         return "the variable of that name"
     if _AXIS.fullmatch(name):
         return "a name in datasets"
-    has_map = has_map and not maker.startswith("Field.")
     return _TAKEN.get(name, "") or (_OF_MAPS.get(name, "") if has_map else "")
-
-
-def free(name: str, names: Collection[str], maker: str = "") -> str:
-    """Return a free name for a parameter: this one, or this one with underscores after it."""
-    while iskeyword(name) or clash(name, names, maker):
-        name += "_"
-    return name
 
 
 def check_parameter(name: str, names: Collection[str], *, has_map: bool = True) -> None:
     """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
-    if not name.isidentifier() or iskeyword(name):
-        how = "rename it, to rho for example"
-        raise ValueError(f"parameters: {short(name)} is not a valid name in Python: {how}")
-    if len(name) > LONGEST_NAME:
-        raise ValueError(f"parameters: {short(name)} is longer than {LONGEST_NAME} characters")
-    if (plain := _normal(name)) != name:
-        how = f"is {plain!r} to Python, which normalizes names: call it {plain}"
-        raise ValueError(f"parameters: {name!r} {how}")
-    if name in TIME:
-        how = f"fields have no time; to make it a variable see {page('howto/motion')}"
-        raise ValueError(f"parameters: {name!r}: {how}")
+    if reason := _refused(name):
+        raise ValueError(f"parameters: {short(name)} {reason}")
     if what := clash(name, names, has_map=has_map):
-        how = f"rename it, to {free(name, names)} for example"
+        how = f"rename it, to {name}_ for example"
         raise ValueError(f"parameters: {name!r} clashes with {what}: {how}")

@@ -28,7 +28,7 @@ from ...checks import (
 from .bounds import LARGEST_EXPONENT, LONGEST_NUMBER
 from .columns import Column
 from .names import check_parameter, labels
-from .texts import COMPARISONS
+from .symbolic import Untraceable
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -40,12 +40,7 @@ def exact(name: str, value: Any) -> Fraction:
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
         if hasattr(value, "free_symbols"):
-            how = "the values of a parameter with more integrals"
-            received += f": pass a number; suslov_fast.integrability.locus finds {how}"
-        if isinstance(value, dict) and value:
-            key = next(iter(value))
-            how = f"pass each number by its own name, such as {key}={value[key]!r}"
-            received += ": pass the number alone, eps=0.1" if name == "eps" else f": {how}"
+            received += ": sympy.lambdify([names], list(expressions)) makes a function"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     try:
         if not is_ratio and value and float(value) in (0.0, math.inf, -math.inf):
@@ -138,38 +133,11 @@ def from_text(text: str) -> Fraction:
         raise ValueError(text) from error
 
 
-class NoPolynomial(TypeError):
+class NoPolynomial(Untraceable):
     """An operation on a polynomial whose result is not a polynomial."""
 
-    def __init__(self, operation: str, of: Polynomial) -> None:
-        super().__init__(f"{operation} of {of!r}")
-        self._operation, self._of = operation, of
-
-    def in_words(self, names: Sequence[str]) -> str:
-        """Return what f does with the polynomial."""
-        f, of = self._operation, self._of.text(names)
-        of = of if len(of) <= 60 else f"{of[:57]}..."
-        if f in ("quotient", "exponent"):
-            return f"divides by {of}" if f == "quotient" else f"has {of} in an exponent"
-        if f in COMPARISONS:
-            return f"compares {of}"
-        return f"asks whether {of} is true" if f == "if" else f"calls {f}({of})"
-
-
-class NoPower(ValueError):
-    """A power of a polynomial that is not a polynomial."""
-
-    def __init__(self, power: Any, of: Polynomial) -> None:
-        super().__init__(f"the power {power} of {of!r}")
-        self._power, self._of = power, of
-
-    def in_words(self, names: Sequence[str]) -> str:
-        """Return which power f asks for."""
-        return f"raises {_in_brackets(self._of.text(names))} to the power {short(self._power)}"
-
-
-def _in_brackets(text: str) -> str:
-    return text if text.isidentifier() else f"({text})"
+    def __init__(self, what: str) -> None:
+        super().__init__(f"{what}: QuadraticField takes polynomials, and Field any formula")
 
 
 class Polynomial:
@@ -224,13 +192,13 @@ class Polynomial:
             raise ZeroDivisionError("division by zero")
         if self.terms.keys() == {()}:
             return Polynomial([((), 1 / self.terms[()])])
-        raise NoPolynomial("quotient", self)
+        raise NoPolynomial("divides by an expression of x")
 
     def __pow__(self, power: Any) -> Polynomial:
         if isinstance(power, int) and power < 0:
             return self.inverse() ** -power
         if power not in range(100):
-            raise NoPower(power, self)
+            raise ValueError(f"raises an expression of x to the power {short(power)}")
         return math.prod([self] * int(power), start=Polynomial([((), Fraction(1))]))
 
     def __repr__(self) -> str:

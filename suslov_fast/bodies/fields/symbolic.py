@@ -425,7 +425,8 @@ class Symbol:
 
     def _converted(self, *_: Any) -> Any:
         why = "is a symbol without a value, so float, int and math cannot convert it"
-        how = "write np.sin for math.sin, np.floor for int, np.zeros(n, object) for np.zeros(n)"
+        how = "write np.sin for math.sin, np.floor for int, np.zeros(n, object) for np.zeros(n), "
+        how += "np.interp for splines"
         raise Untraceable(f"{self} {why}: {how}")
 
     __float__ = __int__ = __index__ = __complex__ = _converted

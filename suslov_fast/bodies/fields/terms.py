@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
-from itertools import permutations
 from numbers import Rational
 from typing import Any, NamedTuple
 
@@ -224,18 +223,6 @@ class Hamiltonian:
     def terms(self) -> Terms:
         """The terms v x_i x_j x_k as kernels take them."""
         return self.exact.floats
-
-    @cached_property
-    def tensor(self) -> Any:
-        """The symmetric tensor (..., D + 1, D + 1, D + 1), with the factor 1 as last variable."""
-        i, j, k = self.exact.indices
-        # The number of places with the same factors.
-        counts = np.array([6, 3, 1], object)[(i == j) * 1 + (j == k)]
-        orders = [[*each] for each in permutations(range(3))]
-        places = np.hstack([self.exact.indices[order] for order in orders])
-        values = np.tile(self.exact.values / counts, len(orders))
-        shape = (*values.shape[:-1], *(len(self._names) + 1,) * 3)
-        return table_of("H.tensor", shape, places, values)
 
     def __call__(self, x: Any) -> Any:
         return values_at(self.exact, x, self._names, 3)

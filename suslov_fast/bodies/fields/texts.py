@@ -28,13 +28,12 @@ _INSTRUCTIONS = {
     "and": "logical_and", "or": "logical_or", "xor": "logical_xor", "max": "maximum",
     "min": "minimum", **{record.instruction: record.name for record in RECORDS.values()},
 }  # fmt: skip
-COMPARISONS = "less greater less_equal greater_equal equal not_equal".split()
 # How tightly signs bind, as in Python.
 _CALL, _UNARY = 10, 8
 _LEVELS = {
     "power": 9, "multiply": 7, "divide": 7, "floor_divide": 7, "remainder": 7, "add": 6,
     "subtract": 6, "logical_and": 4, "logical_xor": 3, "logical_or": 2,
-    **dict.fromkeys(COMPARISONS, 1),
+    **dict.fromkeys("less greater less_equal greater_equal equal not_equal".split(), 1),
 }  # fmt: skip
 
 

@@ -14,15 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...checks import OTHERS, short, within
-from .advice import (
-    check_arguments,
-    check_callable,
-    explained,
-    name_of,
-    prefixed,
-    raise_explained,
-)
+from ...checks import OTHERS, within
+from .calls import alone, called, check_same, checked_function, components
 from .columns import ColumnSymbol, Refused, exact_values, rounded
 from .exact import Exact
 from .polynomials import Polynomial
@@ -53,30 +46,8 @@ class _Call(NamedTuple):
     def shape(self) -> tuple[int, ...]:
         return np.broadcast_shapes(*map(np.shape, self.parameters.values()))
 
-    @property
-    def as_field(self) -> str:
-        """The function that makes a `Field` of f, for messages."""
-        return f"Field.{'from_function' if self.argument == 'f' else 'from_hamiltonian'}"
-
     def __call__(self, tracer: Exact) -> Any:
-        return self.f(tracer.state.copy(), **tracer.parameters)
-
-
-def checked_function(
-    argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], maker: str
-) -> Any:
-    """Return the Python function of a user, which takes the state and the parameters."""
-    check_callable(argument, f)
-    f = getattr(f, "py_func", f)  # if Numba compiled f
-    check_arguments(argument, f, names, parameters, maker)
-    return f
-
-
-def check_same(argument: str, first: Any, second: Any) -> None:
-    """Raise ValueError if the results of two calls of f differ."""
-    if first != second:
-        how = "f must compute from x and its parameters alone, without random numbers or memory"
-        raise ValueError(f"{argument}: two calls of f differ: {how}")
+        return called(self.argument, self.f, tracer.state, tracer.parameters)
 
 
 def terms_of_function(
@@ -87,15 +58,14 @@ def terms_of_function(
     Values are fractions, unless one call of f was enough for a family: then those of the field are
     floats, rounded once. Otherwise they are None for a Hamiltonian, and follow from H and K.
     """
-    maker = f"QuadraticField.{'from_function' if K is None else 'from_hamiltonian'}"
-    f = checked_function(argument, f, names, parameters, maker)
+    f = checked_function(argument, f, parameters)
     call = _Call(argument, f, names, 2 if K is None else 3, parameters)
     shape = call.shape
     columns = [np.broadcast_to(np.asarray(a).astype(object), shape) for a in parameters.values()]
 
     def member(index: tuple[int, ...]) -> _Places:
         values = (column[index] for column in columns)
-        return _member(call, dict(zip(parameters, values, strict=True)), bool(shape))
+        return _member(call, dict(zip(parameters, values, strict=True)))
 
     indices = [*np.ndindex(shape)]
     if len(indices) >= _FEWEST:
@@ -183,68 +153,30 @@ def _monomials(polynomial: Polynomial, D: int, degree: int) -> dict[tuple[int, .
     return terms_of
 
 
-def components(result: Any, D: int) -> Any:
-    """Return the result of f, if it has D components."""
-    if hasattr(result, "free_symbols"):
-        how = "make a function of them, sympy.lambdify([names], list(expressions)), and pass that"
-        raise TypeError(f"must return polynomials of x, not expressions of SymPy: {how}")
-    is_sequence = isinstance(result, (tuple, list, np.ndarray))
-    if isinstance(result, np.ndarray) and result.shape == (D, 1):
-        how = "flatten it: pass lambda x: f(x).ravel()"
-        raise ValueError(f"must return {D} components, not an array of shape ({D}, 1): {how}")
-    if not is_sequence or len(result) != D:
-        received = f"{short(result)}: return a tuple of {D}"
-        if is_sequence:
-            received = f"{len(result)}: {short(result)}"
-        raise ValueError(f"must return {D} components, not {received}")
-    return result
-
-
-def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Places:
+def _member(call: _Call, parameters: Mapping[str, Any]) -> _Places:
     """Return the exact terms of one member of a family, or of a single field or Hamiltonian."""
-    f_name = name_of(call.f, call.argument)
-    try:
-        result = call(Exact(call.names, parameters))
-    except Exception as error:  # raised by f
-        cause = explained(error, f_name, call.names, is_family)
-        if hasattr(error, "in_words"):
-            cause += f": QuadraticField takes polynomials of degree {call.degree}, for any formula "
-            cause += f"use {call.as_field}"
-        raise_explained(call.argument, error, cause)
+    result = call(Exact(call.names, parameters))
     try:
         if call.degree == 3:
-            terms = _terms_of(result, f_name, call)
+            terms = _terms_of(result, call)
         else:
-            parts = enumerate(components(result, call.D))
-            rows = [_terms_of(part, f"{call.names[i]}'", call, (i,)) for i, part in parts]
+            rows = (_terms_of(part, call, i) for i, part in enumerate(components(result, call.D)))
             terms = {place: c for row in rows for place, c in row.items()}
         within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
     except (TypeError, ValueError) as error:
-        raise type(error)(prefixed(call.argument, str(error))) from None
+        raise type(error)(f"{call.argument}: {error}") from None
     return terms
 
 
 def _polynomial(value: Any) -> Polynomial:
-    if isinstance(value, np.ndarray) and value.size == 1:
-        value = value.item()
+    value = alone(value)
     return Polynomial.of(value.operand if isinstance(value, Symbol) else value)
 
 
-def _terms_of(value: Any, name: str, call: _Call, row: tuple[int, ...] = ()) -> _Places:
+def _terms_of(value: Any, call: _Call, *row: int) -> _Places:
     """Return the terms of a polynomial by their three indices: `row`, and those of factors."""
-    try:
-        terms = _polynomial(value).terms
-    except TypeError:
-        how = ""
-        if hasattr(value, "free_symbols"):
-            how = ": pass sympy.lambdify([names], list(expressions)), a function of x"
-        if isinstance(value, (complex, np.complexfloating)):
-            how = ": split complex variables into real and imaginary parts"
-        if isinstance(value, (tuple, list)) and not row:
-            how = ": H is one expression; QuadraticField.from_function takes right-hand sides"
-        raise TypeError(f"{name} must be a polynomial, not {short(value)}{how}") from None
-    if max(map(len, terms), default=0) > call.degree:
-        degree = max(map(len, terms))
-        raise ValueError(f"{name} has degree {degree}, above {call.degree}: use {call.as_field}")
+    terms = _polynomial(value).terms
+    if (degree := max(map(len, terms), default=0)) > call.degree:
+        raise ValueError(f"a formula has degree {degree}, above {call.degree}: use Field")
     one = (call.D,) * call.degree
     return {(*row, *indices, *one[len(indices) :]): c for indices, c in terms.items()}

@@ -307,16 +307,16 @@ _numbers = itertools.count()  # which make names unique, also after Ctrl-C
 _lock = threading.RLock()  # reentrant, because a signal may arrive while code is compiled
 
 
-def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
-    """Return the `Address` of the machine code of `text_of(step, name, W, for_each, align)`.
+def code_of(text_of, step, W=1, *options, lasts=False):
+    """Return the `Address` of the machine code of `text_of(step, name, W, *options)`.
 
     It is None with NUMBA_DISABLE_JIT, and where LLVM refuses the text. Code that `lasts` stays
     until the process ends.
     """
     kind = type(step), getattr(step, "keeps_signs", None)
-    key = text_of, step.indices.tobytes(), step.D, kind, W, for_each, align
+    key = text_of, step.indices.tobytes(), step.D, kind, W, *options
     level = 0 if step.is_long else 2
-    return compiled(key, lambda name: text_of(step, name, W, for_each, align), level, lasts)
+    return compiled(key, lambda name: text_of(step, name, W, *options), level, lasts)
 
 
 def compiled(key, text_of, level=2, lasts=False):

@@ -12,12 +12,10 @@ from .runs import CALLED, JOINING, KINDS, REGULAR, operand_kinds, programs_of
 from .text import Code
 
 
-class ListArguments(NamedTuple):
-    """The integers of an array that the code of `text_of_listed_steps` takes."""
+class StagePlan(NamedTuple):
+    """The integers of an array that the code of `text_of_stage_by_runs` takes."""
 
-    rows: int  # address of the rows (-, W), of which the first D have the state
-    tables: int  # address of the address of the numbers (n,) or (n, W) for each stage
-    rare_tables: int  # the same of the rare program
+    rows: int  # address of memory for the rows of both programs
     heads: int  # addresses of the usual `Runs`, and their number
     places: int
     runs: int
@@ -28,97 +26,64 @@ class ListArguments(NamedTuple):
     rare_results: int  # of `after_rare`, `good`, `accurate`, `negative` and `changed`
     changed: int  # place of `changed` among the results, that of `negative` if there is none
     D: int
-    ended: int  # bits of lanes, which are those of `generated.CodeArguments.marks`
-    passed: int
-    steps: int  # stages to take
-    stages: int  # of a whole step
-    stage: int  # the next one
-    n: int  # stages taken
-    is_rare: int  # 1 if the last step was; a step after it begins with the rare runs
-    bits: int  # of lanes, after a step
+    is_rare: int  # 1 if the last stage was rare; the next one then begins with the rare runs
 
 
-SLOT = ListArguments(*range(len(ListArguments._fields)))
+SLOT = StagePlan(*range(len(StagePlan._fields)))
 
 
-def text_of_listed_steps(_, name, W, for_each, *_others):
-    """Return the text of i64 name(arguments), see `ListArguments`: steps of one line of W lanes.
+def text_of_stage_by_runs(_, name, W, for_each):
+    """Return the text of i64 name(x, tables, plan): a stage of a line x (D, W), in place.
 
-    A step is one stage. It ends after a step that is not accurate in some lane, or from det A < 0,
-    and returns bits of these lanes: bad + 256 negative, as of `step_carefully`. Lanes in `bad` did
-    not take the step. It ends with -1 before a step that needs rare runs which are not there.
+    `tables` is the address of the addresses of the numbers of both programs, (n,) or (n, W), and
+    `plan` that of a `StagePlan`. The code returns bits of lanes: bad + 256 told. Lanes in `bad` did
+    not take the stage, because it is not accurate. Of others those in `told` took it from
+    det A < 0, or from CHANGED on a component changed its sign. It returns -1, and does nothing,
+    where it needs the rare runs while they are not there.
     """
     text, all_lanes = Code(W), (1 << W) - 1
     integer = text.integer
     add_runs(text, f"{name}_runs", for_each)
-    text.begin(name, "arguments")
-    a = ListArguments(*(text.load("i64", text.plus("%arguments", 8 * k)) for k in SLOT))
+    text.begin(name, "x", "tables", "plan")
+    a = StagePlan(*(text.load("i64", text.at("%plan", k)) for k in SLOT))
 
-    def get(slot):
-        return text.load("i64", text.plus("%arguments", 8 * slot))
-
-    def put(value, slot):
-        text.store("i64", value, text.plus("%arguments", 8 * slot))
-
-    def run(tables, heads, places, count):
-        table = text.load("i64", text.at(tables, get(SLOT.stage)))
+    def run(program, heads, places, count):
+        text.copy("%x", a.rows, a.D)
+        table = text.load("i64", text.at("%tables", program))
         numbers = ", ".join(f"i64 {value}" for value in (a.rows, table, heads, places, count))
         text.add(f"  call void @{name}_runs({numbers})")
 
+    def result(results, k):
+        return text.row(a.rows, 0, text.load("i64", text.at(results, k)))
+
     def truth(results, k):
-        row = text.load("i64", text.at(results, integer("add", a.D, k)))
-        return truth_of(text, text.row(a.rows, 0, row))
+        return truth_of(text, result(results, integer("add", a.D, k)))
 
-    def replace(results, choose):
-        """Replace components by choose(result, component)."""
+    def put_is_rare(value):
+        text.store("i64", value, text.at("%plan", SLOT.is_rare))
 
-        def component(k):
-            row = text.load("i64", text.at(results, k))
-            value = text.row(a.rows, 0, row)
-            text.put(choose(value, k), a.rows, 0, k)
+    with text.when(text.compare_integers("eq", a.is_rare, 0), likely=True):
+        run(0, a.heads, a.places, a.runs)
+        with text.when(text.all_true(truth(a.results, 0)), likely=True):
+            text.fold(a.D, {}, lambda k: text.put(result(a.results, k), "%x", 0, k))
+            text.leave("i64 0")
+        put_is_rare(1)
+    with text.when(text.compare_integers("eq", a.rare_heads, 0)):
+        text.leave("i64 -1")
+    run(1, a.rare_heads, a.rare_places, a.rare_runs)
+    is_usual, accurate = text.all_true(truth(a.rare_results, 0)), truth(a.rare_results, 1)
+    put_is_rare(text.new(f"select i1 {is_usual}, i64 0, i64 1"))
+    good, told = text.bits(accurate), text.bits(truth(a.rare_results, 2))
+    changed = text.bits(truth(a.rare_results, a.changed))
+    told = integer("and", integer("or", told, integer("shl", changed, CHANGED)),
+                   integer("mul", good, 1 | 1 << CHANGED))  # fmt: skip
 
-        text.fold(a.D, {}, component)
+    def replace(k):
+        value = text.select(accurate, result(a.rare_results, k), text.row("%x", 0, k))
+        text.put(value, "%x", 0, k)
 
-    def take_usual():
-        run(a.tables, a.heads, a.places, a.runs)
-        is_usual = text.all_true(truth(a.results, 0))
-        with text.when(is_usual, likely=True):
-            replace(a.results, lambda value, k: value)
-        put(text.new(f"select i1 {is_usual}, i64 0, i64 1"), SLOT.is_rare)
-
-    def take_rare():
-        run(a.rare_tables, a.rare_heads, a.rare_places, a.rare_runs)
-        is_usual, accurate = text.all_true(truth(a.rare_results, 0)), truth(a.rare_results, 1)
-        put(text.new(f"select i1 {is_usual}, i64 0, i64 1"), SLOT.is_rare)
-        good, negative = text.bits(accurate), text.bits(truth(a.rare_results, 2))
-        bad = integer("and", integer("xor", good, all_lanes), integer("xor", a.ended, all_lanes))
-        told = integer("and", good, integer("xor", a.passed, all_lanes))
-        changed = text.bits(truth(a.rare_results, a.changed))
-        negative = integer("or", negative, integer("shl", changed, CHANGED))
-        told = integer("mul", told, 1 | 1 << CHANGED)
-        told = integer("shl", integer("and", negative, told), 8)
-        put(integer("or", bad, told), SLOT.bits)
-        replace(a.rare_results, lambda x, k: text.select(accurate, x, text.row(a.rows, 0, k)))
-
-    put(0, SLOT.n)
-    with text.repeat() as goes_on:
-        put(0, SLOT.bits)
-        with text.when(text.compare_integers("eq", get(SLOT.is_rare), 0)):
-            take_usual()
-        with text.when(text.compare_integers("ne", get(SLOT.is_rare), 0)):
-            has_rare = text.compare_integers("ne", a.rare_heads, 0)
-            put(text.new(f"select i1 {has_rare}, i64 0, i64 -1"), SLOT.bits)
-            with text.when(has_rare):
-                take_rare()
-        bits = get(SLOT.bits)
-        taken = text.new(f"zext i1 {text.compare_integers('sge', bits, 0)} to i64")
-        n, following = (integer("add", get(slot), taken) for slot in (SLOT.n, SLOT.stage))
-        is_last = text.compare_integers("eq", following, a.stages)
-        put(text.new(f"select i1 {is_last}, i64 0, i64 {following}"), SLOT.stage)
-        put(n, SLOT.n)
-        is_clear = text.compare_integers("eq", bits, 0)
-        has_more = text.compare_integers("ult", n, a.steps)
-        goes_on.append(text.new(f"and i1 {is_clear}, {has_more}"))
+    text.fold(a.D, {}, replace)
+    bits = integer("or", integer("xor", good, all_lanes), integer("shl", told, 8))
     text.add(f"  ret i64 {bits}")
     return text.finished()
 
@@ -268,34 +233,30 @@ def _sum(text, number, operand, begin, end):
     return text.cycle({"at": ("i64", at), "total": (text.V, total)}, add)["total"]
 
 
-def text_of_listed_step(step, name, *_):
-    """Return the text of `generated.text_of_step` for a long list; its table is `numbers_of`."""
+def text_of_long_stage(step, name, *_):
+    """Return the text of i64 name(x, table, plan): a stage of one state, for a long list.
+
+    It is that of `text_of_stage_by_runs` with the list in it, and needs no plan; its table is
+    `numbers_of`.
+    """
     programs, text = programs_of(step), Code(1)
-    text.begin(name, "x", "table")
+    text.begin(name, "x", "table", "plan")
     rows = text.memory(max(programs.usual.rows, programs.rare.rows))
     own, tables = text.memory(len(SLOT)), text.memory(2)
     text.store("i64", "%table", tables)
     text.store("i64", text.plus("%table", 8 * programs.usual.numbers.count), text.plus(tables, 8))
-    numbers = {
-        "rows": rows, "tables": tables, "rare_tables": text.plus(tables, 8), "changed": 2,
-        "D": step.D, "steps": 1, "stages": 1,
-    }  # fmt: skip
+    numbers = {"rows": rows, "changed": 2, "D": step.D, "is_rare": 0}
     for prefix, program in (("", programs.usual), ("rare_", programs.rare)):
         for key, array in zip(("heads", "places"), program.runs, strict=True):
             numbers[prefix + key] = text.integers(f"{name}_{prefix}{key}", array)
         numbers[f"{prefix}runs"] = len(program.runs.heads)
         numbers[f"{prefix}results"] = text.integers(f"{name}_{prefix}results", program.results)
     for slot, key in enumerate(SLOT._fields):
-        text.store("i64", numbers.get(key, 0), text.plus(own, 8 * slot))
-    text.copy("%x", rows, step.D)
-    bits = text.new(f"call i64 @{name}_steps(i64 {own})")
-    good = text.compare_integers("eq", text.integer("and", bits, 1), 0)
-    with text.when(good):
-        text.copy(rows, "%x", step.D)
-    negative = text.integer("and", text.integer("lshr", bits, 7), 2)
-    text.add(f"  ret i64 {text.new(f'select i1 {good}, i64 {negative}, i64 1')}")
-    steps = text_of_listed_steps(None, f"{name}_steps", 1, False)
-    return "\n".join([*text.constants, *text.lines, "}", steps])
+        text.store("i64", numbers[key], text.plus(own, 8 * slot))
+    bits = text.new(f"call i64 @{name}_stage(i64 %x, i64 {tables}, i64 {own})")
+    text.add(f"  ret i64 {bits}")
+    stage = text_of_stage_by_runs(None, f"{name}_stage", 1, False)
+    return "\n".join([*text.constants, *text.lines, "}", stage])
 
 
 def numbers_of(step, table):
@@ -307,6 +268,6 @@ def numbers_of(step, table):
 ANY = Step(np.empty((3, 0), np.int64), 1)  # the code does not depend on it
 
 
-def listed_code(W, for_each):
-    """Return the address of the code of `text_of_listed_steps`, None where LLVM refuses it."""
-    return code_of(text_of_listed_steps, ANY, W, for_each)
+def stage_by_runs(W, for_each):
+    """Return the address of the code of `text_of_stage_by_runs`, None where LLVM refuses it."""
+    return code_of(text_of_stage_by_runs, ANY, W, for_each)

@@ -81,6 +81,13 @@ class Code(Text):
         """Add a loop that copies rows."""
         self.fold(count, {}, lambda k: self.put(self.row(source, 0, k), target, 0, k))
 
+    def call(self, result, address, *integers):
+        """Call the function at an address with integers; return its result, of this type."""
+        kind = f"{result} ({', '.join(['i64'] * len(integers))})"
+        function = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
+        call = f"call {result} {function}({', '.join(f'i64 {a}' for a in integers)})"
+        return self.add(f"  {call}") if result == "void" else self.new(call)
+
     @contextmanager
     def when(self, truth, likely=None):
         """Add a block that is carried out if a truth value is true."""
@@ -226,6 +233,16 @@ class Code(Text):
             name: self.constant(a) if isinstance(a, float) else values[a]
             for name, a in rule.results.items()
         }
+
+    def shuffled(self, a, b, order):
+        """Return the lanes of two vectors, one after the other, in this order."""
+        order = ", ".join(f"i32 {n}" for n in order)
+        return self.new(f"shufflevector {self.V} {a}, {self.V} {b}, <{self.W} x i32> <{order}>")
+
+    def truth(self, is_true):
+        """Return W equal truth values, without the type M."""
+        text = "true" if is_true else "false"
+        return text if self.W == 1 else f"<{', '.join([f'i1 {text}'] * self.W)}>"
 
     def any(self, truth):
         """Return whether the truth value of some lane is true."""

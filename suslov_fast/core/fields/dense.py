@@ -9,11 +9,12 @@ import functools
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 
-from ..compiling.arrays import uncounted
+from ..compiling.arrays import array_at
 from ..compiling.codes import CHANGED
 from ..compiling.elimination import simd_max, simd_min
-from ..compiling.numba import function, kernel
+from ..compiling.numba import c_function, function
 from ..lists.planned_elimination import LEAST_PIVOT
 from ..lists.step import of_one_sign
 from .careful import crosses_0
@@ -104,48 +105,63 @@ def solve_rows(a, most):
     return least > LEAST_PIVOT * largest, negative
 
 
-@function
-def advance_lane(x, l, after, of_one_sign, is_good, negative, marks):
-    """Set lane l of x (D, W) to its next state, if that is accurate; return bits.
+class DenseStage(NamedTuple):
+    """The integers of the array that `take_dense_stage` takes."""
 
-    The bits are those of `listed_code.text_of_listed_steps`.
+    D: int
+    W: int
+    spans: int  # address of `Spans.spans`, and their number
+    count: int
+    T: int
+    for_each: int  # 1 if lanes have coefficients of their own
+    of_one_sign: int  # address of `Spans.of_one_sign`
+    tells_signs: int  # 1 if the stage is a whole step
+    memory: int
+
+
+PLACE = DenseStage(*range(len(DenseStage._fields)))
+
+
+def memory_of_stage(D, W):
+    """Return how many numbers of memory `take_dense_stage` needs."""
+    return W * (2 * D * (D + 1) + D + 1)
+
+
+@c_function(types.int64(*[types.int64] * 3))
+def take_dense_stage(address, table, plan):
+    """Take a stage of a line x (D, W), in place, as `runs_code.text_of_stage_by_runs`.
+
+    The table has eps / 2 times the values of terms (1 or W, T); `plan` is that of a `DenseStage`.
     """
-    (ended, passed, tells_signs), bit = marks, np.int64(1) << l
-    changes, size, bits = False, 0.0, np.int64(0)
-    for i in range(len(x)):
-        size += 0.0 * after[i]
-        changes |= of_one_sign[i] and crosses_0(x[i, l], after[i])
-    if is_good and size == 0.0:
-        for i in range(len(x)):
-            x[i, l] = after[i]
-        if passed & bit == 0:
-            bits |= (bit << 8) if negative else 0
-            bits |= (bit << (8 + CHANGED)) if changes and tells_signs else 0
-    elif ended & bit == 0:
-        bits |= bit
-    return bits
-
-
-@kernel
-def dense_steps(part, parts, field, coefficients, marks, x, memory, taken):
-    """Take up to taken[0] steps of a line x (D, W).
-
-    `coefficients` (1 or W, T) are eps / 2 times values of terms. Write how many steps it took, and
-    bits of lanes, as `listed_code.text_of_listed_steps` returns them: the last step was not
-    accurate in some lanes, or from det A < 0, or changed a sign.
-    """
-    field, coefficients, memory = uncounted(field), uncounted(coefficients), uncounted(memory)
-    (D, W), (a, columns, states) = x.shape, memory
-    for n in range(taken[0]):
-        bits = np.int64(0)
-        for l in range(W):
-            states[l, D] = 1.0
+    p = array_at(plan, (len(PLACE),), np.int64)
+    D, W = p[PLACE.D], p[PLACE.W]
+    spans = array_at(p[PLACE.spans], (p[PLACE.count], 5), np.int64)
+    of_one_sign = array_at(p[PLACE.of_one_sign], (D,), np.bool_)
+    lanes, size = W if p[PLACE.for_each] else 1, 8 * W * D * (D + 1)
+    coefficients = array_at(table, (lanes, p[PLACE.T]), np.float64)
+    x, a = (
+        array_at(address, (D, W), np.float64),
+        array_at(p[PLACE.memory], (W, D, D + 1), np.float64),
+    )
+    columns = array_at(p[PLACE.memory] + size, (W, D + 1, D), np.float64)
+    states = array_at(p[PLACE.memory] + 2 * size, (W, D + 1), np.float64)
+    for l in range(W):
+        states[l, D] = 1.0
+        for i in range(D):
+            states[l, i] = x[i, l]
+    fill(spans, coefficients, states, columns, a)
+    bits = np.int64(0)
+    for l in range(W):
+        is_good, negative = solve_rows(a[l], np.inf)
+        bit, changes, undefined = np.int64(1) << l, False, 0.0
+        for i in range(D):
+            undefined += 0.0 * a[l, i, D]
+            changes |= of_one_sign[i] and crosses_0(x[i, l], a[l, i, D])
+        if is_good and undefined == 0.0:
             for i in range(D):
-                states[l, i] = x[i, l]
-        fill(field.spans, coefficients, states, columns, a)
-        for l in range(W):
-            is_good, negative = solve_rows(a[l], np.inf)
-            bits |= advance_lane(x, l, a[l, :, D], field.of_one_sign, is_good, negative, marks)
-        if bits != 0 or n + 1 == taken[0]:
-            taken[0], taken[1] = n + 1, bits
-            break
+                x[i, l] = a[l, i, D]
+            bits |= (bit << 8) if negative else 0
+            bits |= (bit << (8 + CHANGED)) if changes and p[PLACE.tells_signs] else 0
+        else:
+            bits |= bit
+    return bits

@@ -7,7 +7,7 @@ from ..code.compiler import numbers_in_register
 from ..code.text import Code
 from ..compiling.codes import CHANGED as OF_CHANGED
 from ..lists.step import length_of
-from .generated import Stage, loader
+from .stage_code import Stage, loader
 
 # Rows of a line: the state; the numbers below; the products of the lengths of D columns; columns.
 # VOLUME is abs(det) of the columns, and (1 + NEAR_1) FAR_FROM_1 is the product of abs(det DPhi).
@@ -52,7 +52,7 @@ def columns_at_once(D, W, operations):
     return min(fitting, key=lambda n: -(-D // n) * n, default=1)
 
 
-def text_of_tangent(tangent, name, W, for_each, _):
+def text_of_tangent(tangent, name, W, for_each):
     """Return the text of i64 name(line, table, kept, plan, ignored, steps): steps of a line.
 
     Columns q become -DPhi q; `kept` and `plan` are for `long_tangent`. The code returns the number

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ..compiling.codes import NONFINITE
-from .generated import WIDTH
+from .driver import WIDTH
 from .single_orbit import common_table
 from .stages import distinct
 

@@ -9,7 +9,7 @@ from array import array
 import numpy as np
 
 from ..code.compiler import address_of, code_of
-from .generated import SLOT, CodeArguments, text_of_compositions, text_of_steps
+from .driver import NOT_READY, SLOT, DriverArguments, text_of_steps
 from .stages import distinct
 
 PLANS = 32  # of fields, whose tables are kept
@@ -28,7 +28,7 @@ def common_table(step, stages, eps, values):
 
 
 def plan_of(stages, table, halves=None):
-    """Return the plan (stages, 2) of `CodeArguments`, with the halves h v if there is no table."""
+    """Return the plan (stages, 2) of `DriverArguments`; without a table, of the halves h v."""
     plan = np.empty((len(stages.fractions), 2))
     plan[:, 1] = stages.fractions
     if table is None:
@@ -49,18 +49,17 @@ def _prepared(step, stages, eps, values, saves):
     """Return code and arguments for one orbit, and what has to stay alive; None if it has none."""
     if not step.usual or step.is_long:
         return None
-    text_of = text_of_compositions if compares_signs(step) else text_of_steps
-    address = code_of(text_of, step, 1, False, 8 if saves else 0)
+    address = code_of(text_of_steps, step, 1, False, 8 if saves else 0, compares_signs(step))
     if address is None:
         return None
     table = common_table(step, stages, eps, values)[1]
     plan = plan_of(stages, table)
-    numbers = dict.fromkeys(CodeArguments._fields, 0) | {
+    numbers = dict.fromkeys(DriverArguments._fields, 0) | {
         "lines": 1, "block": 1, "plan": plan.ctypes.data, "stages": len(plan), "trajectories": 1,
         "budget": 1,
     }  # fmt: skip
     marks = 0  # after the arguments
-    return address, array("q", [*CodeArguments(**numbers), marks]), (table, plan)
+    return address, array("q", [*DriverArguments(**numbers), marks]), (table, plan)
 
 
 def take_one(arguments, state, status, final, steps, saved):
@@ -78,7 +77,8 @@ def take_one(arguments, state, status, final, steps, saved):
     if compares_signs(step):
         bases = x[:]
         numbers[SLOT.bases], _ = bases.buffer_info()
-    numbers[SLOT.marks], numbers[SLOT.steps] = at + 8 * len(SLOT), (stop - start) * count
+    numbers[SLOT.ended] = numbers[SLOT.passed] = at + 8 * len(SLOT)
+    numbers[SLOT.steps] = (stop - start) * count
     numbers[SLOT.first_until] = numbers[SLOT.until] = -1
     if every:
         if start == 0:
@@ -89,7 +89,7 @@ def take_one(arguments, state, status, final, steps, saved):
         if row < len(saved):
             numbers[SLOT.first_row] = numbers[SLOT.row] = address_of(saved[row])
             numbers[SLOT.row_bytes] = saved.strides[0]
-    if not address.call(at):  # a step needs `careful`
+    if address.call(at) == NOT_READY:  # a step needs `careful`
         return False
     final[0] = x
     return True

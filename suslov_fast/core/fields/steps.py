@@ -22,14 +22,23 @@ import numpy as np
 from numba import config
 
 from ..code.compiler import call, call_together, code_of
-from ..code.runs_code import listed_code
+from ..code.runs_code import ANY
 from ..compiling.codes import CHANGED
 from ..compiling.numba import STREAM_FROM, Kernel, as_python, loop_over_parts
 from ..compiling.threads import in_parts
 from ..lists.step import SIGNIFICANT, Step, evaluate, of_one_sign
+from .called_stages import called_stage_of
 from .careful import ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
-from .generated import OF_HALVES, SLOT, WIDTH, CodeArguments, text_of_compositions, text_of_steps
-from .in_calls import in_calls, taker_of, taker_without_plan
+from .driver import (
+    NOT_READY,
+    OF_HALVES,
+    SLOT,
+    STOPPED,
+    WIDTH,
+    DriverArguments,
+    text_of_called_steps,
+    text_of_steps,
+)
 from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
 from .single_orbit import PLANS, compares_signs, plan_of, take_one
 from .stages import WHOLE, Scheme, distinct
@@ -124,42 +133,46 @@ class _Lines:
         return. Return False if a step needs `careful`, but it is not compiled, or a run is short:
         then the steps must be taken again. End early if there is something in `abandoned`.
         """
-        step, stages = self.scheme.step, len(self.scheme.stages.fractions)
-        address, until = None, every - start % every if every else 0
+        stages = len(self.scheme.stages.fractions)
+        until, steps = every - start % every if every else 0, (stop - start) * stages
         rows = saved, until * stages - 1, every * stages - 1
-        if not step.usual or step.is_long:
-            take = self._taker()
-            if take is not None:
-                steps = (stop - start) * stages
-                in_calls(self, take, self._line_arrays(), start, steps, *rows, abandoned)
-                return True
-        else:
-            text_of = text_of_steps if self.bases is None else text_of_compositions
-            align = alignment(saved, self.W, is_large)
-            address = code_of(text_of, step, self.W, self.for_each, align)
+        address, stage = self._code(alignment(saved, self.W, is_large))
         if address is None:
-            self._take_in_numpy(start, (stop - start) * stages, *rows, step_carefully)
+            self._take_in_numpy(start, steps, *rows, step_carefully)
             return True
         if again and not careful.is_compiled:
-            of_one, steps = as_python(step_carefully.py_func), (stop - start) * stages
+            of_one = as_python(step_carefully.py_func)
             careful.in_python(self._take_in_numpy, start, steps, *rows, of_one)
             return True
-        is_ready = careful.is_compiled and (again or self.count * (stop - start) > SHORT_RUN)
-        steps = (stop - start) * stages
-        arguments, _kept_alive = self._code_arguments(start, steps, *rows, is_ready)
+        is_short = self.count * (stop - start) <= SHORT_RUN and stage is None
+        is_ready = careful.is_compiled and (again or not is_short)
+        arguments, _kept_alive = self._driver_arguments(start, steps, *rows, is_ready, stage)
         budget = max(CAREFUL_TIME // (self.W * (self.D**3 + 200)), 1)
-        while arguments[SLOT.line] < self.count and not abandoned:
-            arguments[SLOT.budget] = budget
-            if not (yield address, arguments):
-                return False
+        # Tables of a called stage are those of one line, because those of all may fill the memory.
+        at_once = 1 if stage is not None and self.for_each else self.count
+        for first in range(0, self.count, at_once):
+            own = arguments.copy()
+            own[SLOT.line], own[SLOT.lines] = first, min(first + at_once, self.count)
+            if stage is not None:
+                stage.tables_of(first)
+            while own[SLOT.line] < own[SLOT.lines] and not abandoned:
+                own[SLOT.budget] = budget
+                result = yield address, own
+                if result == NOT_READY:
+                    return False
+                if result == STOPPED:
+                    stage.prepare()
         return True
 
-    def _taker(self):
-        """Return the function for `in_calls`: of a long list, or of a field without a plan."""
-        if not self.scheme.step.usual:
-            return None if config.DISABLE_JIT else taker_without_plan(self)
-        address = listed_code(self.W, self.for_each)
-        return None if address is None else taker_of(self, address)
+    def _code(self, align):
+        """Return the address of the driver, and the stage that it calls; None if it inlines one."""
+        step, tells_signs = self.scheme.step, self.bases is not None
+        if step.usual and not step.is_long:
+            return code_of(text_of_steps, step, self.W, self.for_each, align, tells_signs), None
+        stage = None if config.DISABLE_JIT else called_stage_of(self)
+        if stage is None:
+            return None, None
+        return code_of(text_of_called_steps, ANY, self.W, bool(align), tells_signs), stage
 
     def _line_arrays(self):
         """Return the arrays for `careful`."""
@@ -169,43 +182,50 @@ class _Lines:
             np.empty(self.D * (self.D + 4) + step.T),
         )  # fmt: skip
 
-    def _code_arguments(self, start, steps, saved, until, between, is_ready):
-        """Return the arguments of machine code, and what has to stay alive while it runs."""
+    def _driver_arguments(self, start, steps, saved, until, between, is_ready, stage):
+        """Return the arguments of the driver, and what has to stay alive while it runs."""
         arrays, own = None, None
         if is_ready:
             arrays = self._line_arrays()
             own = arguments_of(arrays, start)
-        # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
-        # a short block waits for the one before it.
-        blocks = -(-8 * self.x.size // 2**15)
-        block = -(-self.count // min(blocks, -(-self.count // 4)))
-        first_row, bases = saved.ctypes.data, self.bases
-        table = None if self.for_each == OF_HALVES else self.table
-        plan = plan_of(self.scheme.stages, table, self.halves)
-        arguments = CodeArguments(
-            x=self.x.ctypes.data,
-            lines=self.count,
-            block=block,
-            steps=steps,
-            plan=plan.ctypes.data,
-            stages=len(plan),
-            bases=0 if bases is None else bases.ctypes.data,
-            first_row=first_row,
-            row_bytes=saved.strides[0],
-            first_until=until,
-            between=between,
-            trajectories=self.B,
-            marks=self.marks.ctypes.data,
-            careful=careful.address if is_ready else 0,
-            careful_arguments=own.ctypes.data if is_ready else 0,
-            budget=0,
-            line=0,
-            n=0,
-            stage=0,
-            until=until,
-            row=first_row,
-        )
-        return np.array(arguments, np.int64), (arrays, own, plan)
+        numbers = dict.fromkeys(DriverArguments._fields, 0)
+        if stage is None:
+            # Lines of a block stay in the first cache. Blocks have equal lengths, because each step
+            # of a short block waits for the one before it.
+            blocks = -(-8 * self.x.size // 2**15)
+            block = -(-self.count // min(blocks, -(-self.count // 4)))
+            table = None if self.for_each == OF_HALVES else self.table
+            plan = plan_of(self.scheme.stages, table, self.halves)
+        else:
+            block, plan = 1, stage.plan
+            numbers |= {
+                "D": self.D,
+                "signs": stage.signs.ctypes.data,
+                "sign_count": len(stage.signs),
+                "stage_code": int(stage.code),
+                "stage_plan": stage.own.ctypes.data,
+            }
+        numbers |= {
+            "x": self.x.ctypes.data,
+            "lines": self.count,
+            "block": block,
+            "steps": steps,
+            "plan": plan.ctypes.data,
+            "stages": len(plan),
+            "bases": 0 if self.bases is None else self.bases.ctypes.data,
+            "first_row": saved.ctypes.data,
+            "row_bytes": saved.strides[0],
+            "first_until": until,
+            "between": between,
+            "trajectories": self.B,
+            "ended": self.marks[ENDED].ctypes.data,
+            "passed": self.marks[PASSED].ctypes.data,
+            "careful": careful.address if is_ready else 0,
+            "careful_arguments": own.ctypes.data if is_ready else 0,
+            "until": until,
+            "row": saved.ctypes.data,
+        }
+        return np.array(DriverArguments(**numbers), np.int64), (arrays, own, plan)
 
     def _carry_out(self, stage):
         """Carry out the operations of a stage where that is accurate.
@@ -353,6 +373,8 @@ def _take_steps(lines, states, steps, saved, is_large, abandoned):
     if not (yield from lines.take(*arguments)):
         step, stages = lines.scheme
         work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
+        if not step.usual:  # Python has no other step of a dense field
+            work = np.inf
         careful.compile(_IN_PYTHON * work)  # only now, because few runs need it
         lines.start_from(states)
         yield from lines.take(*arguments, again=True)

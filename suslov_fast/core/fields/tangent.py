@@ -34,7 +34,7 @@ from ..lists.step import Tangent, length_of
 from . import long_tangent
 from .careful import changes_sign
 from .careful_tangent import copy_lanes, solve_lanes
-from .generated import WIDTH
+from .driver import WIDTH
 from .generated_tangent import (
     CHANGED,
     DERIVATIVE,

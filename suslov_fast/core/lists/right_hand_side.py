@@ -26,12 +26,13 @@ class Expressions(Values):
     """Values of which equal ones are computed once, and those of constants at once.
 
     `written` has the function and operands of values that a user wrote, and that operations take
-    apart: a power is products. `of` has the instruction and operands of each value.
+    apart: a power is products. `of` has the instruction and operands of each value, `fixed_truths`
+    the numbers of truth values that depend on parameters alone.
     """
 
     def __init__(self, count, fixed=()):
         super().__init__(count, fixed)
-        self._known, self.of, self.written = {}, {}, {}
+        self._known, self.of, self.written, self.fixed_truths = {}, {}, {}, set()
 
     def emit(self, instruction, *operands):
         """Return the number of a value, or the constant that it is."""
@@ -52,6 +53,9 @@ class Expressions(Values):
         if simple is not None:
             return simple
         number = super().emit(instruction, *operands)
+        if all(self._is_fixed(a) or a in self.fixed_truths for a in operands):
+            is_truth = instruction in OF_TRUTH_VALUES
+            (self.fixed_truths if is_truth else self.fixed).add(number)
         self.of[number] = instruction, operands
         return number
 
@@ -146,20 +150,30 @@ class RightHandSide:
     clocks       components of constant rate, not 0, that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators numbers of values of `f` that divide, and depend on clocks and parameters alone
+    surfaces     `List` of the surfaces on which steps end
+    slopes       places (k, j) and `List` of derivatives of the surfaces on which f jumps, by
+                 components j, and by the parameters `by`, which have j = D, ...
+    conditions, watch   see `conditions`; None where f has none
     key          what tells this right-hand side from others
     """
 
-    def __init__(self, values, results, P=0, by=(), surfaces=(), kept=()):
+    def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
         """Take `Expressions` whose operations are those of f, and the operands that are f.
 
         `by` are numbers of parameters to differentiate by, `surfaces` other operands whose values
-        are wanted, and `kept` parameters that the table begins with.
+        are wanted, of the first `jumps` their derivatives, too, and `kept` parameters that the
+        table begins with.
         """
         self.D, self.P = len(results), P
         self._results = [*results]
         of_f = [*values.operations]
         slopes = gradients(values, of_f, results, self.D, by)
         self.by = [row.pop(p, 0.0) for p in by for row in slopes]
+        of_surfaces = gradients(values, of_f, surfaces[:jumps], self.D, by)
+        place = {p: self.D + k for k, p in enumerate(by)} | {j: j for j in range(self.D)}
+        of_surfaces = {
+            (k, place[j]): a for k, row in enumerate(of_surfaces) for j, a in row.items()
+        }
         self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.pattern]
         fixed = values.fixed
@@ -168,23 +182,27 @@ class RightHandSide:
         self.derivative = List(needed_for(varying, entries), entries)
         self.surfaces = List(needed_for(varying, surfaces), [*surfaces])
         self.of_parameters = List(needed_for(varying, self.by), self.by)
-        lists = self.f, self.derivative, self.surfaces, self.of_parameters
+        results = [*of_surfaces.values()]
+        self.slopes = [*of_surfaces], List(needed_for(varying, results), results)
+        lists = self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes[1]
         used = [a for each in lists for a in _operands(each)]
-        self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed]
+        self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed or a in kept]
         self.places = {number: place for place, number in enumerate(self.table)}
-        of_parameters = [operation for operation in values.operations if operation[1] in fixed]
+        both = fixed | values.fixed_truths
+        of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
         self._fixed = fixed
         self._find_properties()
 
-    is_dense, conditions = False, None
+    is_dense, conditions, watch = False, None, None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 
     @functools.cached_property
     def key(self):
         """What tells the lists of this right-hand side from those of others."""
-        return repr((self.D, self.table, self.f, self.fixed, self.derivative, self.pattern))
+        lists = self.f, self.fixed, self.derivative, self.pattern, self.watch
+        return repr((self.D, self.table, *lists))
 
     def _find_properties(self):
         """Find clocks, components that keep their sign, and denominators of clocks."""
@@ -223,12 +241,18 @@ class RightHandSide:
         """Return the values of the table (n, ...) for parameters (P, ...)."""
         parameters = np.asarray(parameters, np.float64)
         values = dict(enumerate(parameters, self.D))
-        with np.errstate(all="ignore"):
-            evaluate(self.fixed, values)
         table = np.empty((len(self.table), *parameters.shape[1:]))
+        with np.errstate(all="ignore"):
+            if len(self.fixed) > _FEW and math.prod(parameters.shape[1:]) < _MANY:
+                return self._groups_of_table.carried_out(parameters, parameters.shape[1:])
+            evaluate(self.fixed, values)
         for place, number in enumerate(self.table):
             table[place] = values[number]
         return table
+
+    def table_with(self, parameters, table):
+        """Return the table (n, ...) for other parameters; `table` is the one that there was."""
+        return self.table_of(parameters)
 
     def value(self, x, table):
         """Return f (D, ...) at states (D, ...)."""
@@ -236,12 +260,11 @@ class RightHandSide:
 
     def value_and_denominators(self, x, table):
         """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
-        both = List(self.f.operations, [*self.f.results, *self.denominators])
-        return self._carried_out(both, None, x, table)
+        return self._carried_out(self._with_denominators, "_groups_of_both", x, table)
 
-    def surface_values(self, x, table):
-        """Return the values of the surfaces (surfaces, ...) at states (D, ...)."""
-        return self._carried_out(self.surfaces, "_groups_of_surfaces", x, table)
+    def surface_slopes(self, x, table):
+        """Return the derivatives of surfaces (slopes, ...) at states (D, ...)."""
+        return self._carried_out(self.slopes[1], "_groups_of_slopes", x, table)
 
     def derivative_entries(self, x, table):
         """Return the entries of f' (entries, ...) at states (D, ...)."""
@@ -260,8 +283,21 @@ class RightHandSide:
         return Groups(self.f, [*range(self.D), *self.table])
 
     @functools.cached_property
-    def _groups_of_surfaces(self):
-        return Groups(self.surfaces, [*range(self.D), *self.table])
+    def _with_denominators(self):
+        return List(self.f.operations, [*self.f.results, *self.denominators])
+
+    @functools.cached_property
+    def _groups_of_both(self):
+        return Groups(self._with_denominators, [*range(self.D), *self.table])
+
+    @functools.cached_property
+    def _groups_of_table(self):
+        given = range(self.D, self.D + self.P)
+        return Groups(List(self.fixed, self.table), given)
+
+    @functools.cached_property
+    def _groups_of_slopes(self):
+        return Groups(self.slopes[1], [*range(self.D), *self.table])
 
     @functools.cached_property
     def _groups_of_derivative(self):
@@ -270,7 +306,7 @@ class RightHandSide:
     def _carried_out(self, list_, groups, x, table):
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
         with np.errstate(all="ignore"):
-            if groups and len(list_.operations) > _FEW and math.prod(shape) < _MANY:
+            if len(list_.operations) > _FEW and math.prod(shape) < _MANY:
                 return getattr(self, groups).carried_out([*x, *table], shape)
             values = dict(enumerate(x)) | dict(zip(self.table, table, strict=True))
             evaluate(list_.operations, values)

@@ -25,13 +25,14 @@ class Variational:
     base     `List` of f, its denominators, trace f' or nothing, scale df/dp and the entries of f'
     """
 
-    is_dense, conditions = False, None
+    is_dense = False
 
     def __init__(self, f, columns, has_trace=False):
         self.of, self.columns, self.has_trace = f, columns, has_trace
         self.D = f.D * (1 + columns) + 2 * has_trace
         self.clocks, self.of_one_sign = f.clocks, f.of_one_sign
         self.denominators, self.entries = f.denominators, f.entries
+        self.conditions, self.watch = f.conditions, f.watch
         self.q = len(f.by) // f.D
         lists = f.f, f.derivative, f.of_parameters
         operations = {each[1]: each for list_ in lists for each in list_.operations}
@@ -63,6 +64,10 @@ class Variational:
         rows = [np.broadcast_to(a, table.shape[1:]) for a in scales]
         return np.concatenate([table, np.reshape(rows, (len(rows), *table.shape[1:]))])
 
+    def table_with(self, parameters, table):
+        """Return the table (n, ...) for other parameters, with the scales of `table`."""
+        return self.table_of(self.of.table_of(parameters), table[len(self.of.table) :])
+
     def value_and_denominators(self, x, table):
         """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
         f, shape = self.of, np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
@@ -86,6 +91,42 @@ class Variational:
             if self.has_trace:
                 found[self.D - 1] = x[self.D - 2] * known[f.D + len(f.denominators)]
         return found
+
+    def after_jump(self, x, before, after, table, surface):
+        """Return the states (D, K) where f jumps on the surfaces with numbers (K,), -1 for none.
+
+        A solution that starts dx away reaches the surface s = 0 a time ds / (grad s . f) earlier,
+        with ds = grad s . v dx, and goes on with the other f since then: columns v become
+
+        v + (f_after - f_before) (grad s . v) / (grad s . f_before),
+
+        where derivatives by parameters have ds/dp, too. The logarithm of the determinant of this
+        matrix is that of (grad s . f_after) / (grad s . f_before). `before` and `after` are the
+        values of f, and `table` is the one of the choices before.
+        """
+        f, x = self.of, x.copy()
+        D, q, u = f.D, self.q, x[self.D - 2]
+        places, _ = f.slopes
+        slopes = f.surface_slopes(x[:D], table[: len(f.table)])
+        gradient = np.zeros((D + q, x.shape[1]))
+        for (k, j), slope in zip(places, slopes, strict=True):
+            gradient[j] += np.where(surface == k, slope, 0.0)
+        columns, jump = (
+            x[D : D * (1 + self.columns)].reshape(self.columns, D, -1),
+            after[:D] - before[:D],
+        )
+        changes = (gradient[:D] * columns).sum(axis=1)
+        if q:
+            changes[self.columns - q :] += gradient[D:] * table[len(f.table) :]
+        with np.errstate(all="ignore"):
+            ends = [(gradient[:D] * rates[:D]).sum(axis=0) for rates in (before, after)]
+            times = changes / ends[0]
+            columns += np.where(jump == 0.0, 0.0, jump * times[:, np.newaxis])
+            if self.has_trace:
+                x[-1] += np.where(
+                    (jump == 0.0).all(axis=0), 0.0, u * np.log(abs(ends[1] / ends[0]))
+                )
+        return x
 
     def value(self, x, table):
         """Return f (D, ...) at states (D, ...)."""

@@ -9,6 +9,7 @@ import numpy as np
 from ..code.compiler import call, compiled
 from ..compiling.threads import in_parts
 from ..fields.lines import in_lines, zeros
+from .choosing import Choices
 from .half import Half
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, FILLING, State
@@ -55,6 +56,7 @@ def numbers_of(f, settings, sign, first, last):
         first,
         float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
         MOST_STEPS,
+        1.0,
     )
 
 
@@ -88,6 +90,8 @@ class Motion:
         self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
         self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
         self.places, self.is_stopped = np.zeros(len(x0), np.int64), False
+        self.rows = half_of(f, False, self.has_atol).rows
+        self.choices = None if f.conditions is None else Choices(self)
 
     def run(self, threads=1, report=None):
         """Take all steps of all trajectories.
@@ -108,7 +112,7 @@ class Motion:
 
     def _take(self, block, abandoned):
         """Take all steps of a block of trajectories."""
-        rows, B = half_of(self.f, False, self.has_atol).rows, block.stop - block.start
+        rows, B = self.rows, block.stop - block.start
         flat = np.zeros((B, rows.size))
         flat[:, : self.f.D] = self.x0[block]
         flat[:, rows.state] = BEGINS
@@ -117,7 +121,7 @@ class Motion:
         while which.size and not abandoned:
             lines = self._lines(flat, which, W)
             half = half_of(self.f, is_implicit, self.has_atol)
-            table = self._table(half, block, which, W)
+            table = self._table(half, flat, which, np.arange(block.start, block.stop), W)
             self._steps(half, lines, table, self.places[block], which, abandoned)
             back = lines.transpose(0, 2, 1).reshape(-1, rows.size)[: len(which)]
             if is_implicit:
@@ -127,6 +131,8 @@ class Motion:
                 flat = np.ascontiguousarray(back)
             else:
                 flat[which] = back
+            if self.choices is not None:
+                self.choices.renew(flat, np.arange(block.start, block.stop))
             state = flat[:, rows.state]
             is_implicit = not is_implicit
             which = np.flatnonzero(state == float(is_implicit))
@@ -138,19 +144,21 @@ class Motion:
 
     def _lines(self, flat, which, W):
         """Return trajectories as lines; lanes that fill up the last line are done."""
-        row = half_of(self.f, False, self.has_atol).rows.state
-        lines = in_lines(flat[which], W)
+        row, lines = self.rows.state, in_lines(flat[which], W)
         filling = len(lines) * W - len(which)
         if filling:
             is_new = lines[-1, row, -1] == BEGINS
             lines[-1, row, W - filling :] = FILLING if is_new else State.DONE
         return lines
 
-    def _table(self, half, block, which, W):
-        """Return the numbers that functions read: for all lanes, or as lines."""
+    def _table(self, half, flat, k, trajectories, W):
+        """Return the numbers that functions read: for all lanes, or as lines, for rows k."""
         if self.table.ndim == 1:
             return half.table_of(self.table)
-        return in_lines(half.table_of(self.table[block][which].T).T, W)
+        own = trajectories[k]
+        if self.choices is not None:
+            self.choices.look(flat[k], own)
+        return in_lines(half.table_of(self.table[own].T).T, W)
 
     def _steps(self, half, lines, table, places, which, abandoned):
         """Take steps of one half in all lines, until no lane is in it.

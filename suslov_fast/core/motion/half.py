@@ -17,6 +17,7 @@ from .functions import (
     DenseSolution,
     FirstBlock,
     Tangents,
+    carried_out,
     of_list,
 )
 from .rows import rows_of, work_of
@@ -28,18 +29,20 @@ PLANNED = 40_000
 class Half:
     """The explicit or the implicit half of the motion of a right-hand side.
 
-    functions    by name: `f` with the denominators of clocks; in the implicit half also `j`, the
-                 entries of f'; `factor`, from these and s; `solve`; and `power`, f' times a vector
-                 after the entries and s
+    functions    by name: `f` with the denominators of clocks; `watch`, see `watch_of`, if steps
+                 end on surfaces; in the implicit half also `j`, the entries of f'; `factor`, from
+                 these and s; `solve`; and `power`, f' times a vector after the entries and s
     rows, work   `Rows` of a line and `Work`
     """
 
     def __init__(self, f, is_implicit, has_atol):
         self.f, self.is_implicit, self.has_atol = f, is_implicit, has_atol
         D, extended = f.D, len(f.denominators)
-        self.rows = rows_of(D, extended)
         # What the derivative has a block of for x, and the same for each column beside it.
         self.block = f.of if isinstance(f, Variational) else f
+        self.watched = self.block.D if f.conditions else 0
+        self.kinks = f.conditions.kinks if f.conditions else 0
+        self.rows = rows_of(D, extended, self.watched)
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
         elif self.block is not f:
@@ -48,12 +51,16 @@ class Half:
             self.functions = {
                 "f": of_list(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
             }
+        if self.watched:
+            places = {2 * self.block.D + k: k for k in range(len(self.block.table))}
+            self.functions["watch"] = of_list(f.watch, 2 * self.block.D, places)
         columns, entries, factors = len(EXPLICIT), 0, 0
         if is_implicit:
             columns, entries = len(IMPLICIT), f.entries + 1 + D
             factors = self._add_implicit()
         scratch = max(function.scratch for function in self.functions.values())
-        self.work = work_of(D, extended, columns, entries, factors, scratch)
+        sizes = self.watched, self.kinks, scratch
+        self.work = work_of(D, extended, columns, entries, factors, *sizes)
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""
@@ -89,6 +96,10 @@ class Half:
     def solve_in_numpy(self, factors, right):
         """Return (1 - s J)**-1 times vectors (D, lanes)."""
         return self.functions["solve"].in_numpy([*factors, *right])
+
+    def watch_in_numpy(self, line, table):
+        """Return what `watch` finds (3 + kinks, lanes) between two states (2, watched, lanes)."""
+        return carried_out(self.f.watch, [*line[0], *line[1], *table])
 
     def product_in_numpy(self, entries, vector):
         """Return f' times vectors (D, lanes)."""

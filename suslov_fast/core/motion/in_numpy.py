@@ -5,7 +5,6 @@ They are taken where there is no machine code. All lanes of all lines are column
 
 import numpy as np
 
-from ..lists.step import evaluate
 from . import rules
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors, weights_of_few
 from .rows import BEGINS, State
@@ -24,11 +23,12 @@ class StepsInNumPy:
         count = len(half.f.table)
         if table.ndim > 1:
             lanes = self.lanes.shape[1]
-            self.table = np.moveaxis(table[:, :count], 1, 0).reshape(count, lanes)
+            self.table = np.moveaxis(table[:, :count], 1, 0).reshape(count, lanes).copy()
         else:
             self.table = table[:count, np.newaxis]
         self.columns = IMPLICIT if half.is_implicit else EXPLICIT
         self.p = 1 if half.is_implicit else 2
+        self.mode = float(State.IMPLICIT if half.is_implicit else State.EXPLICIT)
         self.own = weights(self.columns, self.p)
         self.of_error = weights_of_errors(self.columns, self.p)
 
@@ -38,8 +38,7 @@ class StepsInNumPy:
             if (self.row("state") < 0.0).any():
                 self._begin()
             while not abandoned:
-                mode = State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
-                length = self._apply(rules.LENGTH, mode=float(mode))
+                length = self._apply(rules.LENGTH, mode=self.mode)
                 if not (length["taken"] > 0.0).any():
                     break
                 self._step(**length)
@@ -65,20 +64,13 @@ class StepsInNumPy:
 
     def _apply(self, rule, **inputs):
         """Carry out a rule; inputs that are not given are rows of the line and numbers."""
-        values = {}
-        for k, name in enumerate(rule.inputs):
-            if name in inputs:
-                values[k] = inputs[name]
-            elif name in Numbers._fields:
-                values[k] = self.motion.numbers[getattr(NUMBER, name)]
+        for name in {*rule.inputs} - {*inputs}:
+            if name in Numbers._fields:
+                inputs[name] = self.motion.numbers[getattr(NUMBER, name)]
             else:
-                values[k] = self.row(name)
-        evaluate(rule.operations, values)
-        shape = self.lanes.shape[1:]
-        return {
-            name: np.broadcast_to(a if isinstance(a, float) else values[a], shape).copy()
-            for name, a in rule.results.items()
-        }
+                inputs[name] = self.row(name)
+        found, shape = rules.carried_out(rule, **inputs), self.lanes.shape[1:]
+        return {name: np.broadcast_to(a, shape).copy() for name, a in found.items()}
 
     def _keep(self, found):
         for name, value in found.items():
@@ -180,6 +172,12 @@ class StepsInNumPy:
             rule = rules.CHOOSE_EXPLICIT
         before = self.row("t").copy()
         found = self._apply(rule, taken=taken, kept=kept, **sums)
+        if self.half.watched:
+            states = x, new, f, f_new
+            others = {"before": before, "total": sums["total"]}
+            own, kinks = self._cut(states, taken, signed, **others, **found)
+            at_surface = own.pop("at_surface")
+            found |= own
         accepted = found.pop("accepted")
         self._keep(found)
         passed = Passed(before, taken, x, f, new, f_new, inverse, ends, accepted)
@@ -189,6 +187,37 @@ class StepsInNumPy:
         self._rows("f", self.extended)[:] = np.where(is_taken, f_new, f)
         modulus = abs(new)
         largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
+        if self.half.kinks:
+            first = self.f.conditions.P + self.f.conditions.jumps
+            for k, now in enumerate(kinks, first):
+                self.table[k] = np.where(is_taken & (at_surface > 0.0), now, self.table[k])
+
+    def _cut(self, states, taken, signed, **found):
+        """Return what changes in lanes whose step crosses a surface, or is on the way to one.
+
+        The choices of kinks at the end of the step follow.
+        """
+        x, new, f, f_new = (each[: self.half.watched] for each in states)
+        far, is_far = self._rows("far", self.half.watched), self.row("outer") == np.inf
+        parts, before = dict.fromkeys(("crossed", "place", "end"), 0.0), x
+        for k in range(1, rules.PARTS + 1):
+            u, point = k / rules.PARTS, new
+            if k < rules.PARTS and self.half.is_implicit:
+                point = rules.carried_out(rules.POINT_IMPLICIT, x=x, new=new, u=u)["point"]
+            elif k < rules.PARTS:
+                inputs = {"x": x, "new": new, "f": f, "f_new": f_new, "signed": signed, "u": u}
+                point = rules.carried_out(rules.POINT, **inputs)["point"]
+            part, crosses, *_ = self.half.watch_in_numpy((before, point), self.table)
+            own = {"part": part, "crosses": crosses, "u": u, "taken": taken}
+            parts = self._apply(rules.LOOK, **own, **parts)
+            far[:] = np.where(is_far & (parts.pop("is_first") > 0.0), point, far)
+            before = point
+        part, *_ = self.half.watch_in_numpy((new, far), self.table)
+        whole_part, crosses, jumps, *kinks = self.half.watch_in_numpy((x, new), self.table)
+        inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
+        found = self._apply(rules.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
+        far[:] = np.where(found.pop("beyond") > 0.0, new, far)
+        return found, kinks
 
     def _derive(self, x):
         """Find the entries of f'; return its rate by a step of the power iteration."""

@@ -18,6 +18,8 @@ class State(IntEnum):
     TOO_MANY = 4  # steps from one time to the next
     NO_VALUE = 5  # f has none at the start
     SLIDING = 6  # a condition of f changes back and forth
+    CHANGED = 7  # a condition of f has changed in an explicit step
+    CHANGED_IMPLICIT = 8
 
 
 # Before the first step; FILLING is for lanes that no trajectory needs.
@@ -31,6 +33,7 @@ class Rows(NamedTuple):
     f: int  # f(x), and its denominators of clocks (D + denominators)
     largest: int  # moduli of components so far (D)
     mode: int  # a vector of the power iteration on f' (D)
+    far: int  # the state after a step of length `outer` (watched)
     t: int  # modulus of the time
     wanted: int  # length of the next step
     longer: int  # the largest factor between this length and the one after it
@@ -42,16 +45,21 @@ class Rows(NamedTuple):
     trial: int  # implicit steps that are left of the first ones
     steps: int  # that were taken
     tries: int  # steps, also refused ones, since the last time that was asked for
+    inner: int  # length of a step that crosses no surface, while one is looked for
+    outer: int  # and of one that does, infinity if none is looked for
+    weight: int  # of the last guess where it is crossed, see `rules.CUT`
+    rounds: int  # how many lengths have been tried
+    whole: int  # length of the next step after that to the surface
     place: int  # number of the next time, an integer
     trajectory: int  # number of the trajectory, an integer
     size: int  # number of all rows
 
 
-def rows_of(D, denominators):
-    """Return the rows of a line."""
-    first = [0, D, 2 * D + denominators, 3 * D + denominators]
-    scalars = 4 * D + denominators
-    return Rows(*first, *range(scalars, scalars + len(Rows._fields) - 4))
+def rows_of(D, denominators, watched):
+    """Return the rows of a line; surfaces are functions of the first `watched` components."""
+    first = [0, D, 2 * D + denominators, 3 * D + denominators, 4 * D + denominators]
+    scalars = first[-1] + watched
+    return Rows(*first, *range(scalars, scalars + len(Rows._fields) - 5))
 
 
 class Work(NamedTuple):
@@ -73,15 +81,18 @@ class Work(NamedTuple):
     signed: int  # the same with the sign of time
     accepted: int  # 1 where the step is taken, else 0
     t: int  # time before the step
+    at_surface: int  # 1 where the step ends on a surface, else 0
+    line: int  # two states, between which surfaces are crossed or not (2 watched)
+    seen: int  # what `watch` finds there (3 + kinks)
     scratch: int  # rows that functions need
     size: int
 
 
-def work_of(D, denominators, columns, entries, factors, scratch):
+def work_of(D, denominators, columns, entries, factors, watched, kinks, scratch):
     """Return the rows of `Work`."""
     extended = D + denominators
     sizes = [D, extended, D, extended, columns * D, extended, D, extended, D,
-             entries, factors, D, *[1] * 4, scratch]  # fmt: skip
+             entries, factors, D, *[1] * 5, 2 * watched, 3 + kinks, scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

@@ -19,6 +19,15 @@ The explicit half is stable where h |mu| < 6 for eigenvalues mu of f' on the lef
 quotient of f between the next state and the end of the last column shows the largest |mu| for
 nothing. After `patience` steps with h |mu| above `limit` a lane becomes implicit; it leaves this
 half if h |mu| stays below twice the limit for EASY steps, with |mu| by the power iteration on f'.
+
+Steps end on surfaces where f jumps or has a kink. Where one is crossed between the ends of PARTS of
+a step, the step is taken again and again from the same state, with lengths between `inner`, at
+whose end none is crossed, and `outer`. Points inside a step are rough, so the first length is that
+of the part. The next ones are where a straight line between states at both sides crosses the
+surface. If it is always the same side that comes nearer, the other one counts half, a quarter, ...
+(the rule of Illinois); after ROUNDS it is the middle. Once both lengths differ by less than PLACE
+of the time, the step of length `outer` is taken.
+
 Each rule below is a list of operations on the numbers of one lane.
 """
 
@@ -27,7 +36,7 @@ from math import inf, sqrt
 from typing import NamedTuple
 
 from ..lists.numbers import Number, larger, smaller
-from ..lists.step import Values
+from ..lists.step import Values, evaluate
 from .rows import State
 
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
@@ -37,6 +46,12 @@ REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
 SHORTEST, LEAST = 2.0**-44, 2.0**-1000  # of a step: part of the time, and length
 SMALLEST_SCALE = 2.0**-60
+PARTS = 4
+# Of a surface: part of the time, of all the time, and of the time for a kink, where the error of f
+# is as small as that of the place.
+PLACE, PLACE_AT_0, OF_KINK = 2.0**-51, 2.0**-90, 2.0**-32
+LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
+ROUNDS = 14.0
 TINY = 2.0**-1000  # in place of an allowed error of 0
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
 MOST_STEPS = 250_000  # between two times that are asked for
@@ -74,6 +89,13 @@ def _rule(function):
     found = function(*(Number(values.emit, k) for k in range(len(inputs))))
     results = {name: a.number if isinstance(a, Number) else a for name, a in found.items()}
     return Rule(inputs, values.operations, results)
+
+
+def carried_out(rule, **inputs):
+    """Return the results of a rule by name, for numbers or arrays."""
+    values = {k: inputs[name] for k, name in enumerate(rule.inputs)}
+    evaluate(rule.operations, values)
+    return {name: a if isinstance(a, float) else values[a] for name, a in rule.results.items()}
 
 
 # ------------------------------------------------------------------------- sums over the components
@@ -181,19 +203,30 @@ def BEGIN(size, rate, total, part, last, longest, first_next, first_state):
         "steps": 0.0,
         "tries": 0.0,
         "t": 0.0,
+        "inner": 0.0,
+        "outer": inf,
+        "weight": 0.0,
+        "rounds": 0.0,
+        "whole": 0.0,
     }
 
 
+def _is_inside(t, wanted, outer, last):
+    """Whether a step ends before the last time; near a surface it may end just before."""
+    return wanted < (outer < inf).select(1.0, REACH) * (last - t)
+
+
 @_rule
-def LENGTH(t, wanted, state, mode, last, sign):
+def LENGTH(t, wanted, state, outer, mode, last, sign):
     """Of this step, 0 in lanes that do not take it."""
-    rest = last - t
-    taken = (wanted < REACH * rest).select(wanted, rest)
+    taken = _is_inside(t, wanted, outer, last).select(wanted, last - t)
     taken = state.equals(mode).select(taken, 0.0)
     return {"taken": taken, "signed": sign * taken}
 
 
-def _after(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest, most):
+def _after(
+    t, taken, wanted, longer, state, steps, tries, outer, ratio, total, kept, last, longest, most
+):  # fmt: skip
     """Return what both halves have in common: numbers, truth values and the next length.
 
     `stops` is where a lane has no steps left, unless the other half takes the next one.
@@ -205,11 +238,12 @@ def _after(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, la
     factor = sees.select(factor, OF_NAN)
     factor = accepted.select(factor, smaller(factor, REFUSED))
     is_active = taken > 0.0
-    reaches = (wanted < REACH * (last - t)).select(0.0, 1.0) > 0.0
+    reaches = _is_inside(t, wanted, outer, last).select(0.0, 1.0) > 0.0
     length = smaller(factor * taken, longest)
     after = accepted.select(reaches.select(last, t + taken), t)
     tried = tries + is_active.select(1.0, 0.0)
-    is_short = (length < larger(SHORTEST * after, LEAST)) & is_active
+    shortest = (outer < inf).select(0.0, larger(SHORTEST * after, LEAST))
+    is_short = (length < shortest) & is_active
     # A state keeps its number unless one of these happens.
     state = is_short.select(float(State.ENDED), state)
     state = (is_active & (after >= last)).select(float(State.DONE), state)
@@ -225,11 +259,24 @@ def _after(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, la
 
 @_rule
 def CHOOSE_EXPLICIT(
-    t, taken, wanted, longer, state, stiff, easy, patience, trial, steps, tries, ratio, total,
-    kept, rates, states, last, longest, limit, switches, most,
+    t, taken, wanted, longer, state, stiff, easy, patience, trial, steps, tries, outer, ratio,
+    total, kept, rates, states, last, longest, limit, switches, most,
 ):  # fmt: skip
     accepted, is_active, length, state, stops, found = _after(
-        t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest, most
+        t,
+        taken,
+        wanted,
+        longer,
+        state,
+        steps,
+        tries,
+        outer,
+        ratio,
+        total,
+        kept,
+        last,
+        longest,
+        most,
     )
     is_stiff = (taken * taken * rates > limit * limit * states) & (states > 0.0)
     easy_now = is_stiff.select(0.0, easy + 1.0)
@@ -249,11 +296,24 @@ def CHOOSE_EXPLICIT(
 
 @_rule
 def CHOOSE_IMPLICIT(
-    t, taken, wanted, longer, state, stiff, easy, patience, trial, steps, tries, ratio, total,
-    kept, rate, last, longest, limit, switches, most,
+    t, taken, wanted, longer, state, stiff, easy, patience, trial, steps, tries, outer, ratio,
+    total, kept, rate, last, longest, limit, switches, most,
 ):  # fmt: skip
     accepted, is_active, length, state, stops, found = _after(
-        t, taken, wanted, longer, state, steps, tries, ratio, total, kept, last, longest, most
+        t,
+        taken,
+        wanted,
+        longer,
+        state,
+        steps,
+        tries,
+        outer,
+        ratio,
+        total,
+        kept,
+        last,
+        longest,
+        most,
     )
     left = larger(trial - 1.0, 0.0)
     is_trial = left > 0.0
@@ -273,6 +333,87 @@ def CHOOSE_IMPLICIT(
         "easy": turns.select(0.0, easy),
         "patience": turns.select(after_trial, patience),
         "trial": accepted.select(left, trial),
+    }
+
+
+# ------------------------------------------------------------------- surfaces on which steps end
+@_rule
+def POINT(x, new, f, f_new, signed, u):
+    """A component at a part u of an explicit step: the cubic with values and rates at the ends."""
+    change = new - x
+    bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
+    return {"point": x + u * change + bend * (u * (u - 1.0))}
+
+
+@_rule
+def POINT_IMPLICIT(x, new, u):
+    """The same in an implicit step, whose rates tell of fast modes: on a straight line."""
+    return {"point": x + u * (new - x)}
+
+
+@_rule
+def LOOK(crossed, place, end, part, crosses, u, taken, inner):
+    """Where in a step a surface is crossed first, from what `watch` finds in the part before u."""
+    is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
+    return {
+        "crossed": is_first.select(1.0, crossed),
+        "place": is_first.select(u - (1.0 - part) / PARTS, place),
+        "end": is_first.select(u, end),
+        "is_first": is_first.select(1.0, 0.0),
+    }
+
+
+@_rule
+def CUT(
+    before, t, taken, accepted, state, wanted, steps, tries, total, crossed, place, end, crosses,
+    jumps, whole_part, part, inner, outer, weight, rounds, whole, stops, mode, most, last,
+):  # fmt: skip
+    """A step that crosses a surface: is it taken, and how long is the next one?
+
+    A straight line to the end of this step crosses the surface at `whole_part`, one from there to
+    the state at `outer` at `part`.
+    """
+    is_near = outer < inf
+    is_kink = (crosses > 0.0) & (jumps <= 0.0)
+    sought = is_kink.select(OF_KINK, PLACE) * (before + taken) + PLACE_AT_0 * last
+    seen = is_near.select(crosses, crossed) > 0.0
+    seen = seen & (stops > 0.0) & (taken > 0.0) & (total < inf)
+    is_last = is_near & (taken >= outer) & (outer - inner <= sought)
+    cut = seen & (is_last.select(0.0, 1.0) > 0.0)
+    holds = is_near & (seen.select(0.0, accepted) > 0.0) & (taken < larger(outer, 0.25 * whole))
+    misses = holds & (taken >= outer)  # the surface lies farther
+    searches = cut | holds
+    moved = searches.select(0.0, accepted) > 0.0
+    forgets = (searches.select(0.0, 1.0) > 0.0) & (taken > 0.0)
+    outer_now = cut.select(is_near.select(1.0, end) * taken, misses.select(4.0 * taken, outer))
+    inner_now = holds.select(taken, inner)
+    width = outer_now - inner_now
+    of_step = (crossed > 0.0).select(place, whole_part)
+    own = cut.select((of_step * taken - inner_now) / width, part)
+    own = smaller(larger(own, LEAST_PART), MOST_PART)
+    heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
+    of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
+    a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
+    guess = inner_now + width * (rounds > ROUNDS).select(0.5, a / (a + b))
+    guess = smaller(larger(guess, inner_now + 0.25 * sought), outer_now - 0.25 * sought)
+    is_rough = misses | ((end < 1.0) & (is_near.select(0.0, 1.0) > 0.0))
+    guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
+    running = (tries > most).select(float(State.TOO_MANY), mode)
+    stopped = (state >= State.DONE).select(running, state)
+    after = (moved & seen & (jumps > 0.0)).select(mode + float(State.CHANGED), state)
+    return {
+        "accepted": moved.select(1.0, 0.0),
+        "t": searches.select(before, t),
+        "steps": searches.select(steps - accepted, steps),
+        "state": searches.select(stopped, after),
+        "wanted": searches.select(guess, (moved & is_near).select(whole, wanted)),
+        "inner": forgets.select(0.0, inner_now),
+        "outer": forgets.select(inf, outer_now),
+        "weight": cut.select(of_inner, holds.select(-of_outer, forgets.select(0.0, weight))),
+        "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
+        "whole": is_near.select(whole, wanted),
+        "beyond": (cut & is_near).select(1.0, 0.0),
+        "at_surface": (moved & seen).select(1.0, 0.0),
     }
 
 

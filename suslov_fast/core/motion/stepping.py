@@ -6,6 +6,7 @@ from ..compiling.threads import in_parts
 from .engine import BLOCK, WIDTH, Motion, half_of
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, State
+from .rules import POINT, POINT_IMPLICIT, carried_out
 from .text import NUMBER
 
 
@@ -19,7 +20,6 @@ class Stepping(Motion):
         super().__init__(f, table, x0, times, sign, settings, states)
         self.numbers[NUMBER.most], self.threads, self.report = 0.0, threads, None
         self.last, self.W = float(self.times[-1]), 1 if len(x0) == 1 else WIDTH
-        self.rows = half_of(f, False, self.has_atol).rows
         self.flat = np.zeros((len(x0), self.rows.size))
         self.flat[:, : f.D] = x0
         self.flat[:, self.rows.trajectory].view(np.int64)[:] = np.arange(len(x0))
@@ -30,14 +30,16 @@ class Stepping(Motion):
         half = half_of(self.f, False, self.has_atol)
         flat[:, self.rows.state] = BEGINS
         lines = np.ascontiguousarray(flat.T)[np.newaxis]
-        StepsInNumPy(half, self, lines, self._table(half, slice(None), which, len(which))).begin()
+        table = self._table(half, flat, np.arange(len(which)), which, len(which))
+        StepsInNumPy(half, self, lines, table).begin()
         flat[:] = lines[0].T
 
     def attempts(self, flat, which, last, count):
         """Let trajectories `which` with these rows try some steps each, not beyond a time.
 
         Return pairs: numbers of trajectories in `flat`, and their rows (1 + attempts, K, rows), of
-        which the first are those of `flat`. A trajectory that turns to the other half waits.
+        which the first are those of `flat`. A trajectory waits that turns to the other half, or
+        whose choices change (`go_on`).
         """
         self.numbers[NUMBER.last] = last
         state, parts, abandoned = flat[:, self.rows.state], [], []
@@ -50,7 +52,7 @@ class Stepping(Motion):
             k, mode = parts[number]
             half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
             lines = self._lines(flat, k, self.W)
-            step = self._taker(half, lines, self._table(half, slice(None), which[k], self.W))
+            step = self._taker(half, lines, self._table(half, flat, k, which, self.W))
             of_lines, states, copies = (
                 lines.transpose(0, 2, 1),
                 lines[:, self.rows.state],
@@ -73,9 +75,16 @@ class Stepping(Motion):
             in_parts(len(parts), take, abandoned)
         return found
 
+    def go_on(self, which):
+        """Make the choices of trajectories `which` anew where they have changed."""
+        if self.choices is not None:
+            flat = self.flat[which]
+            self.choices.renew(flat, which)
+            self.flat[which] = flat
+
     def attempt(self, flat, which, last=np.inf):
         """Let trajectories try one step each, not beyond the time `last`; change their rows."""
-        for k, copies in Stepping.attempts(self, flat, which, last, 1):
+        for k, copies in self.attempts(flat, which, last, 1):
             flat[k] = copies[-1]
 
     def inside(self, before, after, parts):
@@ -90,26 +99,23 @@ class Stepping(Motion):
         )
         u = (np.arange(1, parts + 1) / parts)[:, np.newaxis]
         h = (after[:, rows.t] - before[:, rows.t])[:, np.newaxis, np.newaxis]
-        h = self.numbers[NUMBER.sign] * h
+        h, is_implicit = self.numbers[NUMBER.sign] * h, before[:, rows.state] == State.IMPLICIT
         with np.errstate(over="ignore", invalid="ignore"):
-            change = new - x
-            bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (h * f) + u * (h * f_new)
-            bend *= u * (u - 1.0)
-            bend[before[:, rows.state] == State.IMPLICIT] = 0.0
-            states = x + u * change + bend
+            states = carried_out(POINT, x=x, new=new, f=f, f_new=f_new, signed=h, u=u)["point"]
+            straight = carried_out(POINT_IMPLICIT, x=x, new=new, u=u)["point"]
+        states[is_implicit] = straight[is_implicit]
         states[:, -1] = new[:, 0]
         return states
 
-    def after(self, flat, which, lengths, saves=False):
+    def after(self, flat, which, lengths):
         """Return the rows of trajectories `which` a time later: after a step of this length.
 
-        Where such a step is refused, there are shorter ones; without any they are NaN. States at
-        times that are asked for are saved with `saves` alone.
+        Where such a step is refused, there are shorter ones; without any they are NaN.
         """
         rows, flat = self.rows, flat.copy()
         following = flat[:, rows.next].copy()
-        if not saves:
-            flat[:, rows.next] = np.inf
+        flat[:, rows.next] = flat[:, rows.outer] = np.inf
+        self.numbers[NUMBER.stops] = 0.0
         goal = flat[:, rows.t] + lengths
         flat[:, rows.wanted], k = lengths, np.flatnonzero(lengths > 0.0)
         while k.size:
@@ -125,6 +131,5 @@ class Stepping(Motion):
             rest = goal[k] - now[:, rows.t]
             flat[k, rows.wanted] = np.minimum(now[:, rows.wanted], rest)
             k = k[~(arrives | fails | (rest <= 0.0))]
-        if not saves:
-            flat[:, rows.next] = following
+        flat[:, rows.next], self.numbers[NUMBER.stops] = following, 1.0
         return flat

@@ -57,6 +57,7 @@ class Numbers(NamedTuple):
     first_next: float  # the first time
     first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
     most: float  # steps, also refused ones, from one time to the next
+    stops: float  # 1 if steps end on surfaces, else 0
 
 
 LANES = 4  # of columns of one trajectory
@@ -424,10 +425,19 @@ class _Steps:
         found["state"] = text.select(is_new, found["state"], done)
         self.keep_rows(found)
 
+    def mode(self):
+        """Return the `State` of lanes that this half takes."""
+        mode = State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
+        return self.text.constant(float(mode))
+
+    def outer(self):
+        """Return the row `outer`, infinity where no surface ends steps."""
+        text = self.text
+        return text.row(self.line, self.rows.outer) if self.half.watched else text.constant(np.inf)
+
     def choose_length(self):
-        text, mode = self.text, State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
-        mode = text.constant(float(mode))
-        self.keep_work(text.apply(rules.LENGTH, **self.inputs(rules.LENGTH, mode=mode)))
+        inputs = self.inputs(rules.LENGTH, mode=self.mode(), outer=self.outer())
+        self.keep_work(self.text.apply(rules.LENGTH, **inputs))
 
     def step(self):
         """Take a step in the lanes that do so."""
@@ -470,12 +480,77 @@ class _Steps:
         )
         rule = rules.CHOOSE_IMPLICIT if self.half.is_implicit else rules.CHOOSE_EXPLICIT
         inputs = sums | {"kept": kept, "taken": self.work_row("taken"), "rate": rate}
+        inputs["outer"] = self.outer()
         found = text.apply(rule, **self.inputs(rule, **inputs))
         before = text.row(self.line, rows.t)
+        if self.half.watched:
+            found |= self.cut(before=before, total=sums["total"], **found)
         self.keep_work({"accepted": found.pop("accepted"), "t": before})
         self.keep_rows(found)
         self.save_inside()
         self.move()
+
+    def cut(self, **found):
+        """Return what changes in lanes whose step crosses a surface, or is on the way to one."""
+        text, rows, work, base = self.text, self.rows, self.work, self.of.work
+        watched, taken = self.half.watched, self.work_row("taken")
+        line, seen = text.place(base, work.line), text.place(base, work.seen)
+        point, new = text.place(line, watched), text.place(base, work.new)
+        x, far = text.place(self.line, rows.x), text.place(self.line, rows.far)
+
+        def look(*names):
+            self.call("watch", line, self.table, seen)
+            return {name: text.row(seen, k) for k, name in enumerate(names)}
+
+        def keep_far(truth):
+            def keep(i):
+                value = text.select(truth, text.row(point, 0, i), text.row(far, 0, i))
+                text.put_chosen(value, far, 0, i)
+
+            text.fold(watched, {}, keep)
+
+        text.copy(x, line, watched)
+        parts = dict.fromkeys(("crossed", "place", "end"), text.constant(0.0))
+        is_far = text.compare("olt", self.outer(), text.constant(np.inf))
+        is_far = text.new(f"xor {text.M} {is_far}, {self.all_lanes()}")
+        for k in range(1, rules.PARTS + 1):
+            u = text.constant(k / rules.PARTS)
+            if k < rules.PARTS:
+                self.put_point(u, point)
+            else:
+                text.copy(new, point, watched)
+            inputs = look("part", "crosses") | parts | {"u": u, "taken": taken}
+            parts = text.apply(rules.LOOK, **self.inputs(rules.LOOK, **inputs))
+            is_first = text.compare("ogt", parts.pop("is_first"), text.constant(0.0))
+            keep_far(text.new(f"and {text.M} {is_first}, {is_far}"))
+            text.copy(point, line, watched)
+        inputs = found | parts | {"mode": self.mode(), "taken": taken}
+        text.copy(far, point, watched)
+        inputs |= look("part")
+        text.copy(x, line, watched)
+        text.copy(new, point, watched)
+        inputs |= look("whole_part", "crosses", "jumps")
+        found = text.apply(rules.CUT, **self.inputs(rules.CUT, **inputs))
+        keep_far(text.compare("ogt", found.pop("beyond"), text.constant(0.0)))
+        self.keep_work({"at_surface": found.pop("at_surface")})
+        return found
+
+    def put_point(self, u, to):
+        """Write the state at a part u of the step."""
+        text, rows, work, base = self.text, self.rows, self.work, self.of.work
+        rule = rules.POINT_IMPLICIT if self.half.is_implicit else rules.POINT
+        signed = self.work_row("signed")
+
+        def put(i):
+            inputs = {
+                "x": text.row(self.line, rows.x, i), "new": text.row(base, work.new, i),
+                "f": text.row(self.line, rows.f, i), "f_new": text.row(base, work.f_new, i),
+                "signed": signed, "u": u,
+            }  # fmt: skip
+            inputs = {name: inputs[name] for name in rule.inputs}
+            text.put(text.apply(rule, **inputs)["point"], to, 0, i)
+
+        text.fold(self.half.watched, {}, put)
 
     def sum_of_ends(self, factors, i):
         """Return the sum of factors times y_c - x of component i, in the order of columns."""
@@ -541,6 +616,13 @@ class _Steps:
 
         text.fold(self.D, {}, component)
         text.fold(self.extended, {}, lambda i: chosen(i, text.row(base, work.f_new, i), rows.f))
+        if self.half.kinks:  # choices at the end of the step, as `watch` has found them
+            ends = text.compare("ogt", self.work_row("at_surface"), text.constant(0.0))
+            ends = text.new(f"and {text.M} {ends}, {accepted}")
+            first = self.f.conditions.P + self.f.conditions.jumps
+            for k in range(self.half.kinks):
+                now, old = text.row(base, work.seen + 3, k), text.row(self.table, first, k)
+                text.put_chosen(text.select(ends, now, old), self.table, first, k)
 
     # ------------------------------------------------------------------------------- implicit lanes
     def derive(self):

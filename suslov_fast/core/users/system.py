@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..code.compiler import code_of
-from ..code.runs_code import numbers_of, text_of_listed_step
+from ..code.runs_code import numbers_of, text_of_long_stage
 from ..compiling.codes import OK, PASSED_POLE
 from ..compiling.llvm import call_code, with_address
 from ..compiling.numba import function
 from ..fields.careful import changes_sign, solve_lane
-from ..fields.generated import text_of_step
+from ..fields.stage_code import text_of_stage
 from ..fields.steps import scheme_of
 
 
@@ -18,7 +18,7 @@ from ..fields.steps import scheme_of
 class FieldSystem(NamedTuple):
     """A field and a step size. Unpickling it finds the address in that process."""
 
-    address: int  # of the code of `generated.text_of_step`, 0 if there is none
+    address: int  # of the code of `stage_code.text_of_stage`, 0 if there is none
     half: Any  # (stages, T), half of the step size times the values of the terms
     table: Any  # (stages, n), see `Step.table`
     indices: Any  # (3, T)
@@ -30,10 +30,10 @@ class FieldSystem(NamedTuple):
 
 def system_of(indices, half, D):
     """Return the system of a field, from eps / 2 times its values for each stage (stages, T)."""
-    step, text_of = scheme_of(indices, D).step, text_of_step
+    step, text_of = scheme_of(indices, D).step, text_of_stage
     table = np.ascontiguousarray(step.table_of(half.T).T)
     if step.is_long:
-        text_of, table = text_of_listed_step, numbers_of(step, table.T).T.copy()
+        text_of, table = text_of_long_stage, numbers_of(step, table.T).T.copy()
     # The code lasts, because users may store the system anywhere.
     address = code_of(text_of, step, lasts=True) if step.usual else None
     return FieldSystem(int(address or 0), half, table, step.indices, D)
@@ -54,11 +54,12 @@ def field_step_of_one(system, state, out, memory):
     for i in range(len(x)):
         x[i] = state[i]
     for stage in range(len(system.half)):
-        code = np.int64(1)  # of `text_of_step`: 1 if the step is not accurate, 2 if det A < 0
+        bits, zero = np.int64(1), np.int64(0)  # 1 if the stage is not accurate, 256 if det A < 0
         if system.address != 0:
-            code = call_code(system.address, (x.ctypes.data, system.table[stage].ctypes.data))
-        negative = code == 2
-        if code == 1:
+            table = system.table[stage].ctypes.data
+            bits = call_code(system.address, (x.ctypes.data, table, zero))
+        negative = bits & 256 != 0
+        if bits & 1:
             status, negative = solve_lane(system.indices, system.half[stage], x, matrix, units)
         passed |= negative
         if status != OK:

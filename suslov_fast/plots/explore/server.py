@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ...bodies.classes import BodyOrField
 from ...bodies.fields.general import Field
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
-from ...checks import states, wrong
+from ...checks import left_out, states, wrong
 from ...keywords import public
 from ...maps import map_of
 from .fields import FieldScene
@@ -207,9 +207,8 @@ def explore(
     if field is None:
         field = Suslov3D(4, 2, -0.5, -0.3)
     if isinstance(field, Field) or time is not None:
-        if eps is not None or steps is not None or method != "auto":
-            map_of(field)  # a `Field` has none, which its error says
-            raise TypeError("explore must get time= of a motion, or eps and steps of a map")
+        given = {"eps": eps is not None, "steps": steps is not None}
+        left_out("time", **given, method=method != "auto")
         scene = FieldScene(field, x0, time=20.0 if time is None else time, rtol=rtol)
         return Page(scene.query, scene)
     if not isinstance(field, (Suslov3D, SuslovGyrostat)):

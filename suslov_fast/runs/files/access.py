@@ -7,7 +7,6 @@ import os
 from collections.abc import Coroutine, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
-from uuid import uuid4
 
 from ...checks import wrong
 
@@ -66,7 +65,6 @@ def check_writable(target: Any) -> None:
 async def put(target: Any, values: Mapping[str, Sequence[Any]]) -> None:
     """Write values, each in parts that are bytes or arrays of bytes, several keys at a time."""
     from zarr.buffer import default_buffer_prototype
-    from zarr.storage import LocalStore
 
     if values:
         check_writable(target)
@@ -74,10 +72,7 @@ async def put(target: Any, values: Mapping[str, Sequence[Any]]) -> None:
 
     async def put_one(key: str, parts: Sequence[Any]) -> None:
         async with turn:
-            if type(target) is LocalStore:
-                await asyncio.to_thread(_write, target.root / key, parts)
-            else:
-                await target.set(key, buffer.from_bytes(b"".join(parts)))
+            await target.set(key, buffer.from_bytes(b"".join(parts)))
 
     await asyncio.gather(*(put_one(key, parts) for key, parts in values.items()))
 
@@ -97,20 +92,6 @@ async def put_new(target: Any, key: str, value: bytes) -> bytes:
         except OSError:
             await put(target, {key: [value]})
     return await get(target, key) or b""
-
-
-def _write(path: Path, parts: Sequence[Any]) -> None:
-    """Write the parts of a file, which appears when it is complete; `LocalStore` needs a copy."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(f".{uuid4().hex}.partial")
-    try:
-        with open(partial, "wb") as file:
-            for part in parts:
-                file.write(part)
-        os.replace(partial, path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
 
 
 async def put_where_different(target: Any, values: Mapping[str, bytes]) -> None:

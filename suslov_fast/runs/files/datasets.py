@@ -7,7 +7,7 @@ import numpy as np
 
 from ...checks import extra, instance, short, wrong
 from ...engine.status import Status
-from ..columns import ARGUMENTS, CROSSINGS, MOTION, RUN, dims_of, in_stores
+from ..columns import ARGUMENTS, MOTION, OF_KIND, RUN, dims_of, in_stores
 
 # The terms of a field in a store, and their axes: the names are no identifiers, as those of
 # parameters are.
@@ -205,43 +205,27 @@ def varying(body: Any) -> dict[str, Any]:
 
 
 def crossings_to_xarray(points: Any) -> Any:
-    """Return crossings as a dataset; see `Crossings.to_xarray`."""
+    """Return crossings as a dataset; see `Points.to_xarray`."""
     from ... import __version__
 
-    dataset, map, body = extra("xarray", "xarray").Dataset, points.map, points.body
-    variables: dict[str, Any] = {
-        column.name: (
-            dims_of(column, ()),
-            getattr(points, column.name),
-            {"long_name": column.meaning} if column.meaning else {},
-        )
-        for column in CROSSINGS
-        if column.axes.startswith("crossing")
-    }
-    there = {"long_name": f"{map.meaning} there"}
-    variables[map.variable] = ("crossing", "component"), points.states, there
-    del variables["n"]  # a coordinate
+    body, of_steps = points.body, {}
+    variables: dict[str, Any] = {}
+    for column in OF_KIND[type(points).__name__]:
+        if column.axes.startswith("crossing") and column.name not in points.coordinates:
+            name = points._variable if column.name == "states" else column.name
+            meaning = {"long_name": column.meaning} if column.meaning else {}
+            variables[name] = dims_of(column, ()), getattr(points, column.name), meaning
     coords: dict[str, Any] = {"component": np.array(body.labels, object)}
-    coords |= {name: ("crossing", getattr(points, name)) for name in ("trajectory", "n", "time")}
-    coords["eps"] = "crossing", points._at_crossings(np.asarray(points.eps))
-    for name, values in varying(body).items():
-        axes = body.axes.get(name, 0)
-        coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
-    attributes = {"title": map.title, "map": map.name, "version": __version__}
-    return dataset(variables, coords, attributes | _arguments_of(points))
-
-
-def motion_crossings_to_xarray(points: Any) -> Any:
-    """Return crossings of a motion as a dataset; see `MotionCrossings.to_xarray`."""
-    from ... import __version__
-
-    body, names = points.body, ("trajectory", "surface", "time")
-    coords: dict[str, Any] = {"component": np.array(body.labels, object)}
-    coords |= {name: ("crossing", getattr(points, name)) for name in names}
-    for name, values in varying(body).items():
-        axes = body.axes.get(name, 0)
-        coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
-    variables = {points._variable: (("crossing", "component"), points.states)}
+    coords |= {name: ("crossing", getattr(points, name)) for name in points.coordinates}
     attributes = {"title": f"Crossings by motions of a {type(body).__name__}"}
+    if type(points).__name__ == "Crossings":
+        map = points.map
+        there = {"long_name": f"{map.meaning} there"}
+        variables[map.variable] = ("crossing", "component"), points.states, there
+        of_steps = {"eps": np.asarray(points.eps)}
+        attributes = {"title": map.title, "map": map.name}
+    for name, values in (of_steps | varying(body)).items():
+        axes = body.axes.get(name, 0)
+        coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
     attributes |= {"version": __version__, **_arguments_of(points)}
     return extra("xarray", "xarray").Dataset(variables, coords, attributes)

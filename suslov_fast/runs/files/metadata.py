@@ -8,12 +8,8 @@ from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
-from ... import checks
-from ...bodies.classes import class_named
 from ...checks import wrong
-from ...maps import named
-from ..columns import FORMAT, OtherFormat, arrays_of, check_arrays, in_stores, sizes_of
-from ..motion import variable_of
+from ..columns import FORMAT, OtherFormat
 from . import access
 
 # Codecs of our stores; metadata with others are refused, because codecs can run commands.
@@ -99,7 +95,10 @@ def read_contents(store: Any) -> Contents | None:
         raise _foreign(store, _OTHERS)
     try:
         metadata = (document.get("consolidated_metadata") or {"metadata": {}})["metadata"]
-        contents = Contents(attributes, {k: stored_in(k, array) for k, array in metadata.items()})
+        contents = Contents(attributes, {})
+        ours = {*contents.shared, *contents.tiled}  # others may add arrays of their own
+        arrays = {name: stored_in(name, each) for name, each in metadata.items() if name in ours}
+        contents = Contents(attributes, arrays)
         if metadata:
             _check_arrays(contents)
         return contents
@@ -141,48 +140,11 @@ def stored_in(name: str, metadata: dict[str, Any]) -> Stored:
     return Stored(shape, str(metadata["data_type"]), tuple(grid), dims)
 
 
-def _kind_of(contents: Contents) -> tuple[str, str, int, str]:
-    """Return of which kind a run is, the axis of its states, their number, and their name."""
-    attributes = contents.attributes
-    if "map" not in attributes:
-        variable = variable_of(class_named(attributes["body"]))
-        return "Motion", "time", contents.arrays["time"].shape[0], variable
-    map, every = named(attributes["map"]), attributes.get("save_every")
-    checks.one_of("method", attributes["method"], map.methods)
-    rows = 1 if every is None else attributes["steps"] // every + 1
-    return "Trajectories", "n", rows, map.variable
-
-
 def _check_arrays(contents: Contents) -> None:
-    """Check that a store has all arrays of its run, with their types, shapes and chunks."""
-    attributes, arrays, *_ = contents
-    if (total := sum(math.prod(array.counts) for array in arrays.values())) > MOST_CHUNKS:
+    """Check that a store has all arrays of its run, and chunks that can be looked for."""
+    if (total := sum(math.prod(array.counts) for array in contents.arrays.values())) > MOST_CHUNKS:
         raise wrong("store", f"at most {MOST_CHUNKS} chunks", total)
-    kind, axis, rows, states = _kind_of(contents)
-    status, (D,) = arrays["status"], arrays["component"].shape
-    if D > _MOST_COMPONENTS:
-        raise wrong("component", f"at most {_MOST_COMPONENTS} names", D)
-    columns = in_stores(kind, turns="attitude" in attributes)
-    of_run = arrays_of(columns, sizes_of(status.shape, D, **{axis: rows}))
-    functions = dict.fromkeys(contents.tiled, ("float64", (rows, *status.shape)))
-    expected = functions | {states: of_run.pop("states")} | of_run
-    expected |= {"component": ("string", (D,))}
-    if kind == "Trajectories":
-        expected["n"] = "int64", (rows,)
-    check_arrays({name: (array.dtype, array.shape) for name, array in arrays.items()}, expected)
-    ours = {*contents.shared, *contents.tiled}
-    if absent := ours - {*arrays}:
+    if absent := {*contents.shared, *contents.tiled} - {*contents.arrays}:
         raise ValueError(f"the array {min(absent)} is missing")
-    if others := {*arrays} - ours:
-        how = "keep derived variables in a store of their own"
-        raise ValueError(f"{min(others)} is none of its arrays: {how}")
-    sizes = dict(zip(status.dims, status.shape, strict=True))
-    chunks = dict(zip(status.dims, status.chunks, strict=True))
-    for name, array in arrays.items():
-        if name in contents.tiled and not {*status.dims} <= {*array.dims}:
-            raise wrong(name, f"have the axes {', '.join(status.dims)}", ", ".join(array.dims))
-        for dim, length, chunk in zip(array.dims, array.shape, array.chunks, strict=True):
-            if length != sizes.setdefault(dim, length):
-                raise wrong(name, f"have the length {sizes[dim]} along {dim}", length)
-            if name in contents.tiled and chunk != chunks.setdefault(dim, chunk):
-                raise wrong(name, f"have chunks of {chunks[dim]} along {dim}", chunk)
+    if (D := math.prod(contents.arrays["component"].shape)) > _MOST_COMPONENTS:
+        raise wrong("component", f"at most {_MOST_COMPONENTS} names", D)

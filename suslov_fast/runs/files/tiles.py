@@ -15,8 +15,10 @@ from ... import checks
 from ...checks import FloatArray, require, wrong
 from ...core.motion.engine import Settings
 from ...engine.arguments import flat_arrays
+from ...engine.motions import Asked
 from ...engine.problem import Problem, Where, along, part_of
 from ...engine.random_starts import RandomStarts
+from ...engine.starts import tolerances_of
 from ...engine.stretches import March
 from ..columns import RUN
 from ..flow import motion_of
@@ -106,16 +108,14 @@ class Times:
     @property
     def arguments(self) -> dict[str, Any]:
         """The arguments of :func:`flow`, as a motion has them."""
-        longest = self.settings.longest
-        found = {name: getattr(self.settings, name) for name in ("rtol", "atol", "stiff")}
-        return found | {"max_step": None if longest == math.inf else longest, "derivatives": ()}
+        return tolerances_of(self.settings) | {"derivatives": ()}
 
     def pieces(self, part: Problem, rows: int) -> Iterator[Piece]:
         """Yield the states, `rows` at a time, and at last the other columns."""
         (body, x, batch), n = (part.body, part.omega, part.batch), len(self.times)
         require(8 * (n + 2) * math.prod(batch) * body.dimension, "pass a smaller chunk")
-        arguments = flat_arrays(x, batch), batch, self.times, self.sign, self.settings
-        found = motion_of(body, *arguments, part.threads, None)
+        asked = Asked(self.times, self.sign, self.settings, part.threads)
+        found = motion_of(body, flat_arrays(x, batch), batch, asked)
         states = found.states.reshape(n, *batch, body.dimension)
         for k in range(0, n, rows):
             yield {"states": states[k : k + rows]}

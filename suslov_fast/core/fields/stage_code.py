@@ -1,0 +1,115 @@
+"""Machine code of one stage of a field: straight-line code made from a list of operations.
+
+A list (`lists.step.Step`) becomes straight-line code for a line of W lanes. Its values stay in
+registers, and are those of `lists.step.evaluate`, to the bit. `Stage` is what a stage does to a
+line, for steps (`driver`), for users' loops and for derivatives.
+"""
+
+from typing import NamedTuple
+
+from ..code.text import Code
+from ..compiling.codes import CHANGED
+
+
+class Rare(NamedTuple):
+    """What the rare operations of a stage find."""
+
+    after: list  # the next state, where it is accurate
+    accurate: str
+    good: str  # the bits of lanes where it is
+    told: str  # of lanes with det A < 0; from CHANGED on, in which a component changed its sign
+    values: dict
+
+
+class Stage:
+    """A stage of a line: its operations, and what it tells.
+
+    `load` returns a value that is not computed: of the state, or of the table.
+    """
+
+    def __init__(self, text, step, load):
+        self.text, self.step, self.load, self.values = text, step, load, {}
+
+    def take(self, x, others=()):
+        """Carry out the usual operations on the state x; return the next state."""
+        self.values = dict(enumerate(x)) | dict(others)
+        self.text.carry_out(self.step.usual, self.values, self.load)
+        return self._results(self.values, self.step.after)
+
+    def _results(self, values, numbers):
+        return [values[k] if k in values else self.load(k) for k in numbers]
+
+    def is_good(self):
+        """Return whether the usual operations suffice in all lanes."""
+        return self.text.all_true(self.values[self.step.good])
+
+    def take_rare(self):
+        """Carry out the rare operations, too; return `Rare`."""
+        text, step, values = self.text, self.step, dict(self.values)
+        text.carry_out(step.rare, values, self.load)
+        accurate, told = values[step.accurate], text.bits(values[step.negative])
+        if step.changed is not None:
+            changed = text.integer("shl", text.bits(values[step.changed]), CHANGED)
+            told = text.integer("or", told, changed)
+        after = self._results(values, step.after_rare)
+        return Rare(after, accurate, text.bits(accurate), told, values)
+
+
+def loader(text, step, for_each, state, table, fixed=()):
+    """Return the function that loads a value: of the state, or of the table.
+
+    `state` and `table` are the addresses of their rows for one line. Values in the dict `fixed` are
+    there already.
+    """
+
+    def load(number):
+        if number in fixed:
+            return fixed[number]
+        if number < step.D:
+            return text.row(state, number)
+        place = step.places[number]
+        return text.row(table, place) if for_each else text.shared(text.plus(table, 8 * place))
+
+    return load
+
+
+def add_table(text, step, halves, fraction):
+    """Return the numbers of `Step.table`, by their numbers as values.
+
+    `halves` is the address of h v for one line, `fraction` the one of a stage.
+    """
+    fraction, fixed = fraction if text.W == 1 else text.splat(fraction, text.W), {}
+
+    def half_of(number):
+        return text.operate("fmul", text.row(halves, number - step.D), fraction)
+
+    text.carry_out(step.fixed, fixed, half_of)
+    for number in step.table:
+        if number not in fixed:
+            fixed[number] = half_of(number)
+    return fixed
+
+
+def text_of_stage(step, name, *_):
+    """Return the text of i64 name(x, table, plan): a stage of one state x (D,), in place.
+
+    It returns the bits of `runs_code.text_of_stage_by_runs`, and needs no plan.
+    """
+    text = Code(1)
+    text.begin(name, "x", "table", "plan")
+    stage = Stage(text, step, loader(text, step, False, "%x", "%table"))
+    usual = stage.take([text.row("%x", i) for i in range(step.D)])
+
+    def rare():
+        after, accurate, _, told, _ = stage.take_rare()
+        with text.when(text.new(f"xor i1 {accurate}, true")):
+            text.leave("i64 1")
+        return [*after, text.integer("shl", told, 8)]
+
+    kinds = [text.V] * step.D + ["i64"]
+    *final, bits = text.otherwise(stage.is_good(), [*usual, 0], rare, kinds)
+    for k, number in enumerate(step.after):
+        if number != k:
+            text.put(final[k], "%x", k)
+    text.add(f"  ret i64 {bits}")
+    return text.finished()

@@ -422,7 +422,7 @@ def test_motion_of_families_that_end():
         (ValueError, "time", {"time": -1.0}),
         (ValueError, "transient", {"time": 1.0, "transient": -1.0}),
         (ValueError, "rtol", {"time": 1.0, "rtol": 1.0}),
-        (ValueError, "method", {"time": 1.0, "method": "order4"}),
+        (TypeError, "method", {"time": 1.0, "method": "order4"}),
     ],
 )
 def test_bad_arguments_of_motions(error, name, options):

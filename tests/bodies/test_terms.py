@@ -224,17 +224,6 @@ def test_many_variables_cost_their_terms(rng):
         assert int(done.stdout) < 2**17  # KiB; a table of 2048 variables has 64 GiB
 
 
-def test_equations_are_readable():
-    J = np.array([[0.3, 0.1, 0.2], [0.1, 0.7, 0.3], [0.2, 0.3, 0.9]])
-    I = np.linalg.inv(J)
-    text = repr(of_function(lambda w: J @ np.cross(I @ np.array(w), np.array(w)), "p q r"))
-    assert max(map(len, text.replace("*", " ").replace("^", " ").split())) < 20
-    field = of_function(lambda w: ((0.3 - w[0]) / 3, F(7, 1000) * w[1] + F(1, 1001)), "u v")
-    assert repr(field) == "QuadraticField(u' = -1/3*u + 0.1, v' = 7/1000*v + 0.000999001)"
-    with pytest.raises(ValueError, match=r"not [\d.e+]{1,30}: use other units"):
-        of_function(lambda x: (F(28948022309123456789012345, 3) ** 4 * x[0],), 1)
-
-
 def test_what_sympy_and_complex_variables_need():
     sympy = pytest.importorskip("sympy")
     names = sympy.symbols("x y z")

@@ -231,6 +231,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     assert made <= {text_of_orthonormalise, driver.text_of_called_steps}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_old_codes_are_freed_but_not_those_in_use(rng, monkeypatch, anew):
     """A run, exponents and the system of a user keep theirs while `progress` compiles others."""

@@ -193,21 +193,6 @@ def test_one_trajectory_has_the_bits_of_a_batch(case):
             assert found[1:] == (t[k], steps[k], state[k])
 
 
-@needs_code
-def test_more_times_change_no_step():
-    f, x0 = right_hand_side(henon_heiles, 4), CASES["henon_heiles"][1]
-    times = np.sort(np.random.default_rng(2).uniform(0.0, 20.0, 101))
-    times[-1] = 20.0
-    exact, *_ = motion(f, x0, times, 1e-13)
-    for rtol in (1e-3, 1e-6, 1e-9):
-        states, _, steps, _ = motion(f, x0, times, rtol)
-        last, _, of_last, _ = motion(f, x0, [20.0], rtol)
-        np.testing.assert_array_equal(states[-1], last[0])
-        np.testing.assert_array_equal(steps, of_last)
-        error = abs(states - exact).max(axis=(1, 2))
-        assert error.max() < 3.0 * max(error[-1], rtol)
-
-
 @pytest.mark.parametrize("D", [1, 2, 5, 12])
 def test_elimination(D):
     rng = np.random.default_rng(D)
@@ -285,20 +270,6 @@ def test_stiff_problems(function, x0, last, right, steps):
         states, _, taken, _ = motion(f, np.array([x0]), [last], rtol)
         np.testing.assert_allclose(states[0, 0, : len(right)], right, rtol=10.0 * rtol + 1e-8)
         assert taken[0] <= most
-
-
-@pytest.mark.parametrize(
-    ("function", "x0", "end"),
-    [((lambda s: (s[0] * s[0],)), [1.0], 1.0), (pole_of_a_clock, [1.0, 0.0], 1.5)],
-)
-@needs_code
-def test_solutions_that_end(function, x0, end):
-    f = right_hand_side(function, len(x0))
-    states, t, _, state = motion(f, np.array([x0]), [0.5, 3.0])
-    assert state[0] == State.ENDED
-    assert t[0] == pytest.approx(end, abs=1e-5)
-    assert np.isfinite(states[0]).all()
-    assert np.isnan(states[1]).all()
 
 
 @needs_code

@@ -126,11 +126,9 @@ def cached(folder, name="*"):
 @pytest.mark.slow
 def test_settings_of_numba(folder):
     """Interpreted, and with checks of bounds, the results are the same, and nothing is cached."""
-    assert call(folder, *RESULTS) == 0
-    before = cached(folder)
     for variable in ("NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK"):
         assert call(folder, *RESULTS, **{variable: "1"}) == 0
-        assert cached(folder) == before
+        assert cached(folder) == []
         done = children.attempt(CALL, folder, "beyond", NUMBA_CACHE_DIR="", **{variable: "1"})
         assert done.returncode == 1
         assert "IndexError" in done.stderr
@@ -140,9 +138,6 @@ def test_settings_of_numba(folder):
 def test_later_processes_compile_edited_and_damaged_functions_only(folder):
     assert call(folder, *RESULTS) == 0
     assert call(folder, *RESULTS) == 5
-    for path in cached(folder, "ratio")[-2:]:  # as if processes had written at once
-        path.unlink()
-    assert call(folder, "ratio") == 1
     damages = {"double": b"garbage", "ratio": b"", "outer": b"\x80"}
     for name, content in damages.items():
         files = cached(folder, name)

@@ -332,18 +332,6 @@ def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
         assert len(some) == len(met.of(i))
 
 
-def test_members_without_terms_stand_still():
-    """In a family with a step size for each member; so does a single field that is 0."""
-    q = np.zeros((3, 2, 2, 2))
-    q[1] = 1.0
-    x = np.array([0.1, 0.2])
-    for field, eps in ((sf.QuadraticField(q), [0.1, 0.2, 0.3]), (sf.QuadraticField(q[0]), 0.1)):
-        run = sf.iterate(field, np.tile(x, (3, 1)), eps, 5)
-        assert run.ok
-        assert (run.final[[0, 2]] == x).all()
-        assert (sf.lyapunov_exponents(field, np.tile(x, (3, 1)), eps, 5)[[0, 2]] == 0.0).all()
-
-
 @pytest.mark.compiled
 def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
     """Wherever it does, it goes on with the same bits: in blocks, stages and saved states."""

@@ -167,11 +167,6 @@ def test_steps_that_break_the_contract_do_not_run(step, options, error, words):
         iterate(counter(step, **options), [0.0], 0.1, 3)
 
 
-def test_a_step_that_writes_nothing_fails():
-    run = iterate(counter(lambda x, out, eps, work, values: 0), [0.0], 0.1, 3, on_singular="ignore")
-    assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
-
-
 def test_kernels_are_made_of_functions():
     with pytest.raises(TypeError, match=r"^step must"):
         maps.steps_of(5)

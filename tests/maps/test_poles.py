@@ -8,7 +8,6 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import PoleWarning, QuadraticField, Status, SuslovND, compiled, iterate, matrix
-from suslov_fast.maps.methods import FRACTIONS
 
 quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 LONG = "eps is too long"
@@ -89,26 +88,6 @@ def test_rows_that_are_exchanged_change_no_sign(c):
     exponents, texts = told(sf.lyapunov_exponents, field, [1.0, 0.5], 2.0, 3)
     assert len(texts) == (c > 0)
     assert exponents.sum() == pytest.approx(np.log(abs(np.linalg.det(back))), abs=1e-14)
-
-
-@pytest.mark.sampled(1)
-@quiet
-@pytest.mark.parametrize("order", FRACTIONS)
-def test_a_part_of_a_step_counts_for_the_step(rng, order):
-    field, eps = random_fields(rng, 3, 40)
-    x = rng.normal(size=(40, 3))
-    run, steps = iterate(field, x, 0.3 * eps, 8, method=f"order{order}", on_singular="ignore"), []
-    for _ in range(8):
-        parts = np.zeros(40, bool)
-        for fraction in FRACTIONS[order]:
-            given = field, x, 0.3 * eps * fraction
-            parts |= np.linalg.det(np.nan_to_num(matrix(*given))) < 0
-            x = iterate(*given, 1, on_singular="ignore").final
-        steps.append(parts)
-    good = run.status >= 0
-    first = beyond(np.array(steps)[:, good], changed(field, run.x)[:, good])
-    assert (run.failed_at[good] == first).all()
-    assert len({*run.status[good]}) == 2
 
 
 @quiet

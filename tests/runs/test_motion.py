@@ -23,33 +23,6 @@ def of(f, dimension, **parameters):
 SQUARES = of(lambda z: (z[0] ** 2 - z[1] ** 2, 2 * z[0] * z[1]), 2)  # z' = z**2
 
 
-def robertson(x):
-    slow, back, fast = 0.04 * x[0], 1e4 * x[1] * x[2], 3e7 * x[1] ** 2
-    return back - slow, slow - back - fast, fast
-
-
-def hires(y, k=280):
-    pair = k * y[5] * y[7]
-    return (
-        -1.71 * y[0] + 0.43 * y[1] + 8.32 * y[2] + 0.0007,
-        1.71 * y[0] - 8.75 * y[1],
-        -10.03 * y[2] + 0.43 * y[3] + 0.035 * y[4],
-        8.32 * y[1] + 1.71 * y[2] - 1.12 * y[3],
-        -1.745 * y[4] + 0.43 * y[5] + 0.43 * y[6],
-        -pair + 0.69 * y[3] + 1.71 * y[4] - 0.43 * y[5] + 0.69 * y[6],
-        pair - 1.81 * y[6],
-        -pair + 1.81 * y[6],
-    )
-
-
-HIRES = [1, 0, 0, 0, 0, 0, 0, 0.0057]
-# At t = 321.8122, from the test set for initial value problems.
-HIRES_END = [
-    0.7371312573325668e-3, 0.1442485726316185e-3, 0.5888729740967575e-4, 0.1175651343283149e-2,
-    0.2386356198831331e-2, 0.6238968252742796e-2, 0.2849998395185769e-2, 0.2850001604814231e-2,
-]  # fmt: skip
-
-
 PENDULUM = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
 # Populations with a saturating response, whose f has quotients.
 FOOD_CHAIN = Field.from_function(
@@ -149,19 +122,6 @@ def test_bodies_without_a_closed_form_go_member_by_member():
 
 
 # ------------------------------------------------------------------------------------------- stiff
-def test_hires():
-    for rtol, bound in ((1e-4, 1e-3), (1e-6, 1e-5), (1e-8, 1e-7)):
-        found = at(of(hires, 8), HIRES, 321.8122, rtol=rtol)
-        assert abs(found / HIRES_END - 1).max() < bound
-
-
-def test_robertson():
-    motion = flow(of(robertson, 3), [1, 0, 0], time=[0.0, 40.0, 4e5], rtol=1e-6)
-    wanted = [0.7158270687193941, 9.185534764557338e-06, 0.2841637457458131]
-    assert abs(motion.x[1] / wanted - 1).max() < 1e-4
-    assert abs(motion.x[2, [0, 2]] - [4.93829e-3, 0.9950617]).max() < 1e-5  # Radau at 1e-12
-    assert abs(motion.x.sum(axis=1) - 1).max() < 1e-12
-    assert motion.steps < 200
 
 
 def test_small_components_have_digits_with_atol():

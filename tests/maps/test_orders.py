@@ -207,9 +207,6 @@ def test_multipliers(method):
         if fraction * eps / 2 == 1.0:
             assert np.isinf(sf.multipliers(growing, [0.0], eps, method=method)).all()
     assert np.isnan(sf.multipliers(LORENZ, [np.nan] * 3, 0.1, method=method)).all()
-    family = sf.QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[1, 4])
-    each = sf.multipliers(family, sf.fixed_points(family), 0.1, method=method)
-    assert [len(of_member) for of_member in each] == [2, 2]
     with pytest.raises(ValueError, match="fixed point"):
         sf.multipliers(LORENZ, [1.0, 2, 3], 0.1, method=method)
 

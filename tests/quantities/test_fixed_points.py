@@ -81,15 +81,6 @@ def test_families_with_several_axes():
     for i, j in product(range(3), range(3)):
         assert found[i, j].round(9).tolist() == [[a[i, 0], 0], [b[j], 10]]
     assert fixed_points(family[:, :0]).shape == (3, 0)
-    eps = [0.1, 0.2, 0.3]
-    rates = sf.multipliers(family, found, eps)
-    assert (rates.shape, rates.dtype) == ((3, 3), object)
-    for i, j in product(range(3), range(3)):
-        expected = sf.multipliers(family[i, j], found[i, j], eps[j])
-        np.testing.assert_array_equal(rates[i, j], expected)
-    found[1, 2] = found[1, 2] + 1
-    with pytest.raises(ValueError, match=r"member \(1, 2\) \(a=3.0, b=-5.0\)"):
-        sf.multipliers(family, found, eps)
 
 
 def test_cases_that_are_refused():
@@ -109,7 +100,7 @@ def test_cases_that_are_refused():
 
 
 def test_members_with_infinitely_many_fixed_points_are_none():
-    """One warning names them; the others keep their points and their multipliers."""
+    """One warning names them; the others keep their points."""
     rows = lambda x, a, b: (a * x[0], x[1] - b)  # noqa: E731
     family = QuadraticField.from_function(rows, 2, a=[1.0, 0.0, 2.0, 0.0], b=[1.0, 2.0, 3.0, 4.0])
     message = r"fixed points of member 1 \(a=0.0, b=2.0\), of member 3 .*None.*root"
@@ -118,9 +109,6 @@ def test_members_with_infinitely_many_fixed_points_are_none():
     assert len(told) == 1
     assert [found[1], found[3]] == [None, None]
     assert [found[0].tolist(), found[2].tolist()] == [[[0, 1]], [[0, 3]]]
-    rates = sf.multipliers(family, found, 0.1)
-    assert [rates[1], rates[3]] == [None, None]
-    np.testing.assert_array_equal(rates[2], sf.multipliers(family[2], [[0, 3]], 0.1))
     grid = QuadraticField.from_function(rows, 2, a=[[1.0], [0.0]], b=[1.0, 2.0])
     with pytest.warns(UserWarning, match=r"member \(1, 0\) \(a=0.0, b=1.0\)"):
         found = fixed_points(grid)

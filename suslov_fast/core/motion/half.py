@@ -37,6 +37,8 @@ class Half:
                  these and s; `solve`; and `power`, f' times a vector after the entries and s
     numbers      how many numbers the table of a trajectory has
     largest, allowed   rules for the size of all components, and for the error that one may have
+    parts        the first components and the numbers of those that have a size together: what
+                 columns are large by must not loosen the tolerance of x
     rows, work   `Rows` of a trajectory, and `Work`
     """
 
@@ -51,6 +53,9 @@ class Half:
             self.largest, self.allowed = rules.LARGEST, rules.ALLOWED
         # What the derivative has a block of for x, and the same for each column beside it.
         self.block = f.of if isinstance(f, Variational) else f
+        self.parts = [(0, self.block.D)]
+        if self.block is not f:
+            self.parts.append((self.block.D, D - self.block.D))
         self.watched = self.block.D if f.conditions else 0
         self.kinks = f.conditions.kinks if f.conditions else 0
         self.couplings = 0 if self.block is f else f.columns * f.coupling

@@ -135,7 +135,7 @@ class StepsInNumPy:
         ends = self._ends(x, f, signed, len(self.columns))
         new, error = x + self._sum(self.own, ends), self._sum(self.of_error, ends)
         largest, kept = self._rows("largest", D), 1.0
-        sizes = dict.fromkeys(self.half.largest.results, 0.0)
+        sizes, sizes_of = dict.fromkeys(self.half.largest.results, 0.0), {}
         for i in range(D):
             if self.f.of_one_sign:
                 found = self._apply(
@@ -150,15 +150,18 @@ class StepsInNumPy:
                 new[i], kept = found["new"], found["kept"]
             own = {"x": x[i], "new": new[i], "largest": largest[i]}
             sizes = self._apply_to(self.half.largest, i, **own, **sizes)
+            sizes_of[i] = sizes
         f_new = self._value(new)
         for k in range(D, self.extended):
             kept = self._apply(rules.SAME_SIGN, x=f[k], new=f_new[k], kept=kept)["kept"]
         names = ["ratio", "total"] + ([] if is_implicit else ["rates", "states"])
         sums, inverse = dict.fromkeys(names, 0.0), np.empty_like(x)
         noise = self._sum([abs(w) for w in self.own], [abs(end) for end in ends])
+        last_of = [first + count - 1 for first, count in self.half.parts for _ in range(count)]
         for i in range(D):
             own = {"x": x[i], "new": new[i], "error": error[i], "largest": largest[i]}
             own |= {"noise": noise[i], "f_new": f_new[i]}
+            sizes = sizes_of[last_of[i]]
             inverse[i] = self._apply_to(self.half.allowed, i, **own, **sizes)["inverse"]
             own["inverse"] = inverse[i]
             found = self._apply(rules.RATIO, **own, **sums)

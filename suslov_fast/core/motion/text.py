@@ -5,6 +5,7 @@ operations (`RightHandSide`, `Elimination`, `rules`) are straight-line code; thi
 control around them. Rows stand in memory, and loops over components are written out for few.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -580,16 +581,19 @@ class _Steps:
             text.put(self.sum_of_ends(of_error, i), base, work.error, i)
             return self.apply(self.half.largest, i, new=new, **sizes) | {"kept": kept}
 
-        sizes = text.fold(D, sizes | {"kept": one}, next_state)
-        kept = sizes.pop("kept")
+        carried, sizes_of = sizes | {"kept": one}, []
+        for first, count in self.half.parts:
+            carried = self.fold(first, count, carried, next_state)
+            sizes_of.append({name: carried[name] for name in sizes})
+        kept = carried["kept"]
         self.call("f", text.place(base, work.new), self.table, text.place(base, work.f_new))
         for k in range(D, self.extended):  # denominators of clocks
             of_old, of_new = text.row(self.line, rows.f, k), text.row(base, work.f_new, k)
             kept = text.apply(rules.SAME_SIGN, x=of_old, new=of_new, kept=kept)["kept"]
         sums = ["ratio", "total"] + ([] if self.half.is_implicit else ["rates", "states"])
-        sums = text.fold(
-            D, dict.fromkeys(sums, zero), lambda i, **sums: self.add_error(i, own, sizes, sums)
-        )
+        sums = dict.fromkeys(sums, zero)
+        for part, sizes in zip(self.half.parts, sizes_of, strict=True):
+            sums = self.fold(*part, sums, partial(self.add_error, own, sizes))
         sums |= {"kept": kept, "taken": self.work_row("taken"), "rate": rate, **self.near()}
         before = text.row(self.line, rows.t)
         found = text.apply(rules.AFTER, **self.inputs(rules.AFTER, **sums))
@@ -700,7 +704,17 @@ class _Steps:
             total = product if total is None else text.operate("fadd", total, product)
         return total
 
-    def add_error(self, i, own, sizes, sums):
+    def fold(self, first, count, carried, body):
+        """Add a loop over components from the first one on, as `Text.fold`."""
+        text = self.text
+
+        def of_component(i, **values):
+            i = first + i if isinstance(i, int) else text.integer("add", i, first)
+            return body(i, **values)
+
+        return text.fold(count, carried, of_component if first else body)
+
+    def add_error(self, own, sizes, i, **sums):
         """Return sums with the error of a component; `error` becomes the inverse of the allowed."""
         allowed, inputs = self.half.allowed, dict(sizes)
         if "noise" in allowed.inputs:

@@ -262,8 +262,8 @@ def test_what_does_not_exist_is_nan():
 def test_bodies_and_step_sizes_are_checked():
     for call, error, words in (
         (lambda: frame(sf.SuslovND([1, 2], [1, 1]), 0.1), TypeError, r"system\(body, eps\)"),
-        (lambda: frame(4, 0.1), TypeError, "^body must"),
-        (lambda: system(4, 0.1), TypeError, "^system must"),
+        (lambda: frame(4, 0.1), TypeError, "^system must"),
+        (lambda: system(4, 0.1), TypeError, "^body must"),
         (lambda: frame(BODY, np.inf), ValueError, "^eps must"),
         (lambda: frame(BODY, 5e-324), ValueError, "^eps.*use other units"),
         (lambda: frame(BODY, "0.1"), TypeError, "^eps must"),

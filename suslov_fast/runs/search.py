@@ -72,6 +72,7 @@ class _Found(NamedTuple):
 def _crossings_at(
     places: NDArray[np.int64],
     n: int,
+    last: FloatArray,
     values: FloatArray,
     states: FloatArray,
     most: int,
@@ -79,27 +80,35 @@ def _crossings_at(
 ) -> _Found:
     """Return the crossings at changes of sign, and add their numbers to `counts` (B,).
 
-    Place k B + i is a change after row k of orbit i, in `values` (rows, B) and `states` (rows, B,
-    D); row 0 is state n. A value that is not finite makes no crossing, and an orbit has at most
-    `most` of them.
+    Place k B + i is a change after row k of orbit i, in `states` (rows + 1, B, D); row 0 is state
+    n, with the values `last` (B,) of the surface, and `values` (rows, B) are those at the rows
+    after it. A value that is not finite makes no crossing, and an orbit has at most `most` of them.
     """
-    k, i = np.divmod(places, len(counts))
-    are_finite = np.isfinite(values[k, i]) & np.isfinite(values[k + 1, i])
-    k, i = k[are_finite], i[are_finite]
+    B = len(counts)
+    k, i = np.divmod(places, B)
+    earlier = np.where(k == 0, last[i], values.ravel().take(places - B))
+    later = values.ravel().take(places)
+    are_finite = np.isfinite(earlier) & np.isfinite(later)
+    if not are_finite.all():
+        places, k, i = places[are_finite], k[are_finite], i[are_finite]
+        earlier, later = earlier[are_finite], later[are_finite]
     order = np.argsort(i, kind="stable")
     of_orbit = i[order]
     rank = np.empty_like(i)
     rank[order] = np.arange(len(i)) - np.searchsorted(of_orbit, of_orbit)
     rank += counts[i]
     kept = rank < most
-    k, i, rank = k[kept], i[kept], rank[kept]
-    counts += np.bincount(i, minlength=len(counts))
-    a, b = values[k, i], values[k + 1, i]
-    # Halve both where a - b could overflow.
-    scale = np.where(np.maximum(abs(a), abs(b)) < 2.0**1023, 1.0, 0.5)
-    fraction = scale * a / (scale * a - scale * b)
-    before, after = states[k, i], states[k + 1, i]
-    return _Found(i, rank, n + k, before, after, (a, b), fraction, np.zeros(len(i), bool))
+    if not kept.all():
+        places, k, i, rank = places[kept], k[kept], i[kept], rank[kept]
+        earlier, later = earlier[kept], later[kept]
+    counts += np.bincount(i, minlength=B)
+    # Halve both where the difference could overflow.
+    scale = np.where(np.maximum(abs(earlier), abs(later)) < 2.0**1023, 1.0, 0.5)
+    fraction = scale * earlier / (scale * earlier - scale * later)
+    rows = states.reshape(-1, states.shape[-1])
+    before, after = rows.take(places, axis=0), rows.take(places + B, axis=0)
+    over_pole = np.zeros(len(i), bool)
+    return _Found(i, rank, n + k, before, after, (earlier, later), fraction, over_pole)
 
 
 class Search:
@@ -169,9 +178,9 @@ class Search:
                 self.last, n = None, march.n
         width = max(B * D, 1)
         most = min(max(_PIECE // width, min(_STATES, _LARGE // width), 1), end - transient)
-        require(8 * (most + 1) * B * (D + 2), "divide the batch")
+        require(8 * (most + 1) * B * (D + 1), "divide the batch")
         states = np.empty((most + 1, *self.batch, D))  # of a piece, and the last one before it
-        states[0], values = march.final, np.empty((most + 1, B))
+        states[0] = march.final
         if self.last is None and transient <= n < end and not self.is_stopped:
             self.last = self.values_of(states[:1])[0]
         longest = most if self.most is None else min(_FIRST, most)
@@ -179,24 +188,26 @@ class Search:
             rows = min(longest, end - n)
             longest = min(2 * longest, most)
             march.to(n + rows, 1, states[n > 0 : rows + 1])  # from 0, it saves state 0 as well
-            values[0], values[1 : rows + 1] = self.last, self.values_of(states[1 : rows + 1])
-            self._keep_crossings(n, states[: rows + 1], values[: rows + 1])
-            states[0], self.last = states[rows], values[rows].copy()
+            values = self.values_of(states[1 : rows + 1])
+            self._keep_crossings(n, states[: rows + 1], values)
+            states[0], self.last = states[rows], values[-1].copy()
             self._end()
             n += rows
             if report_steps is not None:
                 report_steps(n - begin)
 
     def _keep_crossings(self, n: int, states: FloatArray, values: FloatArray) -> None:
-        """Keep the crossings among states (rows, ..., D), of which the first is state n.
+        """Keep the crossings among states (rows + 1, ..., D), of which the first is state n.
 
-        `values` (rows, B) are those of the surface there.
+        `values` (rows, B) are those of the surface at the states after it.
         """
-        is_positive = values >= 0.0
+        is_positive = np.empty((len(states), values.shape[1]), bool)
+        is_positive[0], is_positive[1:] = self.last >= 0.0, values >= 0.0
         changes = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
         if changes.size:
-            flat, earlier = states.reshape(*values.shape, -1), self.counts.copy()
-            found = _crossings_at(changes, n, values, flat, self.limit, self.counts)
+            flat, earlier = states.reshape(*is_positive.shape, -1), self.counts.copy()
+            given = changes, n, self.last, values, flat
+            found = _crossings_at(*given, self.limit, self.counts)
             if not len(found.n):
                 return
             if self.is_refined:

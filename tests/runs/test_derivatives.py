@@ -296,3 +296,12 @@ def test_what_was_not_asked_for():
         motion.derivative("x0")
     with pytest.raises(ValueError, match="derivatives"):
         flow(PREDATORS, [1.0, 2.0], time=1.0).derivative("a")
+
+
+def test_states_keep_their_tolerance_beside_large_derivatives():
+    """Derivatives of a jump are 1e9 times as large as the states, and do not loosen theirs."""
+    field = Field.from_function(lambda x: (x[1], 1e3 * (1 - x[0] ** 2) * x[1] - x[0]), 2)
+    x0, T = [-1.74548624, 8.52819734e-4], 1614.4011258
+    wanted = flow(field, x0, time=T, rtol=1e-12).x[0]
+    found = flow(field, x0, time=T, rtol=1e-8, derivatives="x0")
+    assert found.x[0] == pytest.approx(wanted, rel=1e-6)

@@ -185,8 +185,10 @@ class _Steps:
                 double, ends = inner.operate("fadd", s, s), 2 * m + 2 == N
                 if m == 0:
                     states[N] = x, added(inner, x, s, f)
-                factors = double, s if ends else double
-                *states[N], of_a = self.pair_of_states(inner, *states[N], table, factors)
+                a, b = states[N]
+                a = added(inner, a, double, self.value(inner, b, table))
+                of_a = self.value(inner, a, table)
+                states[N] = a, added(inner, b, s if ends else double, of_a)
                 if ends:
                     to = work.ends + EXPLICIT.index(N) * D
                     for i, each in enumerate(zip(*states[N], x, strict=True)):
@@ -348,23 +350,23 @@ class _Steps:
 
         `rows` are those of a, of b, and of f at the new a, if it is wanted.
         """
-        a, b = ([inner.row(base, row, i) for i in range(self.D)] for row in rows[:2])
-        found = self.pair_of_states(inner, a, b, table, factors)
-        for row, values in zip(rows, found, strict=False):
+        first_a, first_b, *first_f = rows
+        b = [inner.row(base, first_b, i) for i in range(self.D)]
+        of_b = self.value(inner, b, table)
+        a = added(inner, [inner.row(base, first_a, i) for i in range(self.D)], factors[0], of_b)
+        for i in range(self.D):  # before f there: registers are few
+            inner.put(a[i], base, first_a, i)
+        of_a = self.value(inner, a, table)
+        others = zip((first_b, *first_f), (added(inner, b, factors[1], of_a), of_a), strict=False)
+        for row, values in others:
             for i, value in enumerate(values):
                 inner.put(value, base, row, i)
-        return found[-1]
+        return of_a
 
-    def pair_of_states(self, inner, a, b, table, factors):
-        """Return a, b and f at a after two sub-steps."""
-
-        def value(x):
-            f = self.half.functions["f"]
-            return f.values(inner, lambda k: x[k], table, self.for_each and self.text.W > 1)
-
-        a = added(inner, a, factors[0], value(b)[: self.D])
-        of_a = value(a)[: self.D]
-        return a, added(inner, b, factors[1], of_a), of_a
+    def value(self, inner, x, table):
+        """Return f at a state, with f within the code."""
+        function, for_each = self.half.functions["f"], self.for_each and self.text.W > 1
+        return function.values(inner, lambda k: x[k], table, for_each)[: self.D]
 
     def implicit_columns(self):
         text, work = self.text, self.work

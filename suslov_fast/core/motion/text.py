@@ -166,7 +166,7 @@ class _Steps:
         if self.is_inlined and W < self.text.W and not f.calls:
             inner = Code(W, self.text)
             inner.size = self.text.size
-        if f.length + 3 * self.D <= SHORT and not f.calls:
+        if f.length + 3 * self.D <= SHORT and not f.calls_by_lane:
             self.columns_side_by_side(inner)
         else:
             self.columns_in_turn(inner)

@@ -38,8 +38,8 @@ def chain(x):
 CALLS = {
     "body": f"{BODY}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=None)\n"
     "run(body, (9000, 2), .2, 200)\nbodies = sf.Suslov3D(np.linspace(3, 4, 300), 1, -0.5, -0.3)\n"
-    "run(bodies, (300, 2), .2, 20)\nrun(bodies, (20, 300, 2), .2, 300, save_every=50)",
-    "gyrostat": f"{GYROSTAT}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=100)",
+    "run(bodies, (300, 2), .2, 20)\nrun(bodies, (20, 300, 2), .2, 300, save_every=50)\n"
+    f"{GYROSTAT}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=100)",
     "four dimensions": f"{SOLID}\nrun(body, 4, .2, 10)\nrun(body, (1024, 4), .2, 200)",
     "other methods": f"{SOLID}\nfor method in 'rank2', 'gauss':\n"
     "    run(body, 4, .2, 10, method=method)\n    run(body, (512, 4), .2, 200, method=method)",
@@ -192,7 +192,7 @@ Path(sys.argv[2]).write_text(" ".join(names))
 @pytest.mark.filterwarnings("ignore")  # as in the other process
 @pytest.mark.parametrize(("name", "threads"), [*zip(CALLS, cycle("21"), strict=False)])
 def test_first_calls(name, threads, tmp_path):
-    """Those of bodies and of families of them compile the same few functions, each once."""
+    """Those of bodies, families and gyrostats compile the same few functions, each once."""
     code, names = "\n".join([BEGIN, CALLS[name], END]), tmp_path / "names"
     settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_NUM_THREADS": threads}
     first = children.run(RECORDED, code, names, **settings)

@@ -157,7 +157,8 @@ class March:
         size, D = self.omega0.shape
         if arguments is None:
             arguments = arguments_for(problem, self.steps, size)
-        self.arguments, self.groups = arguments, [(ALL, arguments)]
+        self.arguments = arguments
+        self.groups: list[Any] = [(ALL, arguments)]
         if self.steps.divide is not None and problem.body.shape:
             self.groups = [*self.steps.divide(arguments)]
         self.turned: FloatArray | None = None

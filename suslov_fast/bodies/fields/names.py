@@ -14,6 +14,7 @@ from .bounds import LONGEST_NAME, MOST_VARIABLES
 TIME = {"t", "time"}
 # Names that parameters of fields cannot have, and what they stand for.
 _TAKEN = {
+    **dict.fromkeys(TIME, "time, which is a variable"),
     "dimension": "an argument of from_function and from_hamiltonian",
     "method": "an argument of sel",
     "x": "the name of the states",

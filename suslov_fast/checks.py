@@ -224,6 +224,10 @@ def refuse(name: str, value: Any) -> None:
     """Raise an error for labelled arrays, units, booleans and masked arrays, alone or in a list."""
     if type(value) in _NUMBERS or value is None:
         return
+    if getattr(getattr(value, "dtype", None), "kind", "") in ("m", "M"):
+        first = f" - {name}[0]" * (value.dtype.kind == "M")
+        how = f"dates: pass ({name}{first}) / np.timedelta64(1, 's') as an array"
+        raise wrong(name, "numbers without a unit", how, TypeError)
     if type(value) is np.ndarray:
         value = value.ravel().tolist() if value.dtype.kind == "O" else []
     if isinstance(value, (list, tuple)):
@@ -246,10 +250,6 @@ def refuse(name: str, value: Any) -> None:
 
 def refuse_unit(name: str, value: Any) -> None:
     """Raise an error for a quantity with a unit."""
-    if getattr(getattr(value, "dtype", None), "kind", "") in ("m", "M"):
-        first = f" - {name}[0]" * (value.dtype.kind == "M")
-        how = f"dates: pass ({name}{first}) / np.timedelta64(1, 's') as an array"
-        raise wrong(name, "numbers without a unit", how, TypeError)
     if hasattr(value, "unit") or hasattr(value, "units"):
         kind, number = type(value).__name__, "magnitude" if hasattr(value, "magnitude") else "value"
         unit = getattr(value, "unit", getattr(value, "units", None))

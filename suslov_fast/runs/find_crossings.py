@@ -180,7 +180,7 @@ def crossings(
     >>> section.n[:3]
     array([502, 548, 599])
     """
-    direction = integer("direction", direction, -1, "1, -1 or 0", 1)
+    direction = integer("direction", direction, -1, "1 (upwards), -1 (downwards) or 0 (both)", 1)
     if most is not None:
         most = integer("most", most, 1, "None or an integer of at least 1")
     one_of("on_singular", on_singular, ON_SINGULAR)

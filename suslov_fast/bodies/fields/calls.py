@@ -100,6 +100,7 @@ def components(result: Any, D: int) -> Any:
     shape = np.shape(result) if isinstance(result, np.ndarray) else ()
     if not is_sequence or len(result) != D or shape == (D, 1):
         received = f"an array of shape {shape}: pass lambda x: f(x).ravel()" if shape else result
+        received = f"{result}: return [{result}]" if D == 1 and not is_sequence else received
         raise ValueError(f"must return {D} components, not {received}")
     return result
 

@@ -41,7 +41,8 @@ def checked_function(
         signature = inspect.signature(f)
     except (TypeError, ValueError):  # it does not tell its arguments
         return f
-    state, *own = [*signature.parameters.values()] or [None]
+    given: list[Any] = [*signature.parameters.values()] or [None]
+    state, own = given[0], given[1:]
     by_position = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
     known = [each.name for each in own]
     missing = [name for name in arguments_of(f)[1:] if name not in parameters]

@@ -298,33 +298,3 @@ def test_files_and_datasets(tmp_path):
     data = points.to_xarray()
     assert data.x.dims == ("crossing", "component")
     np.testing.assert_array_equal(data.time, points.time)
-
-
-@pytest.mark.parametrize(
-    ("name", "kind", "arguments"),
-    [
-        ("surface", TypeError, {"surface": lambda x: x[..., 0] > 0}),
-        ("surface", ValueError, {"surface": lambda x: x[0]}),
-        ("surface", TypeError, {"surface": lambda x: 1j * x[..., 0]}),
-        ("surface", TypeError, {"surface": "q"}),
-        ("surface", TypeError, {"surface": (first, 3)}),
-        ("surface", ValueError, {"surface": ()}),
-        ("surface", TypeError, {"surface": None}),
-        ("time", TypeError, {"steps": 4}),
-        ("time", TypeError, {"eps": 0.1, "steps": 4}),
-        ("time", TypeError, {"method": "order4"}),
-        ("time", ValueError, {"time": [1.0, 2.0]}),
-        ("time", ValueError, {"time": np.nan}),
-        ("transient", ValueError, {"transient": -1.0}),
-        ("rtol", ValueError, {"rtol": 0.0}),
-        ("rtol", TypeError, {"rtol": 1e-6, "time": None, "eps": 0.1, "steps": 4}),
-        ("eps", TypeError, {"time": None}),
-        ("direction", ValueError, {"direction": 2}),
-        ("most", ValueError, {"most": 0}),
-        ("on_singular", ValueError, {"on_singular": "stop"}),
-    ],
-)
-def test_bad_input(name, kind, arguments):
-    arguments = {"surface": first, "time": 1.0} | arguments
-    with pytest.raises(kind, match=name):
-        sf.crossings(OSCILLATOR, [1.0, 0.0], **arguments)

@@ -360,26 +360,3 @@ def test_a_clock_has_no_orbit_of_a_map():
     forced = QuadraticField.from_function(lambda s: (s[1], -s[0] - s[1] + s[2], 1), "q p t")
     with pytest.raises(ValueError, match="system"):
         periodic_orbit(forced, [0.1, 0.1, 0.0], np.pi, steps=40)
-
-
-@pytest.mark.parametrize(
-    ("error", "name", "start", "period", "options"),
-    [
-        (ValueError, "periodic_orbit", [[1.0, 2.0]], 6.5, {}),
-        (ValueError, "periodic_orbit", [[1.0, 2.0]], 6.5, {"steps": 60}),
-        (ValueError, "period", [1.0, 2.0], [6.5, 6.6], {}),
-        (ValueError, "start", [1.0, np.nan], 6.5, {}),
-        (ValueError, "start", [1.0, np.nan], 6.5, {"steps": 60}),
-        (ValueError, "period", [1.0, 2.0], -6.5, {}),
-        (ValueError, "period", [1.0, 2.0], -6.5, {"steps": 60}),
-        (ValueError, "period", [1.0, 2.0], None, {"steps": 60}),
-        (ValueError, "steps", [1.0, 2.0], 6.5, {"steps": 0}),
-        (ValueError, "rtol", [1.0, 2.0], 6.5, {"rtol": 0.5}),
-        (ValueError, "method", [1.0, 2.0], 6.5, {"steps": 60, "method": "order9"}),
-        (TypeError, "method", [1.0, 2.0], 6.5, {"method": "order8"}),
-        (ValueError, "start", [1.0, 2.0, 3.0], 6.5, {}),
-    ],
-)
-def test_bad_input(error, name, start, period, options):
-    with pytest.raises(error, match=name):
-        periodic_orbit(VOLTERRA, start, period, **options)

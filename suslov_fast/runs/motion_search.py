@@ -32,7 +32,7 @@ from .search import Surface
 PARTS = 8  # of a step, between which signs of surfaces are compared
 _NUDGES = 28  # how often the end of a bracket moves on, to lie beyond the surface
 # Steps of the first stretch between two looks; each has twice as many, up to a limit.
-_STEPS, _MOST, _NUMBERS = 4, 64, 2**20
+_STEPS, _MOST, _NUMBERS = 4, 64, 2**18
 
 Indices = NDArray[np.int64]
 

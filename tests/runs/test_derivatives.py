@@ -169,13 +169,12 @@ def test_numpy_has_the_bits_of_machine_code(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["pendulum", "robertson"])
-def test_the_series(name):
-    f, x, time, step, parameters = (CASES | STIFF)[name]
+def test_the_series():
+    f, x, time, step, parameters = CASES["pendulum"]
     state, by_starts, others = solution_and_derivatives(f, x, time, 0.7 * step, **parameters)
     found = {"x": state, "x0": by_starts, **others}
     for key, value in found.items():
-        np.testing.assert_allclose(value, WANTED[name][key], rtol=1e-14, atol=0)
+        np.testing.assert_allclose(value, WANTED["pendulum"][key], rtol=1e-14, atol=0)
 
 
 PREDATORS = Field.from_function(predators, "u v", a=[1.0, 1.5], b=0.8)

@@ -130,6 +130,29 @@ def test_two_crossings_in_a_step():
     np.testing.assert_allclose(points.time, exact, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "surface",
+    [
+        lambda x: np.minimum(x[..., 0], 0.0),
+        lambda x: np.sign(x[..., 0]),
+        lambda x: np.where(x[..., 0] < 0.0, -1e3, 0.0),
+        lambda x: np.floor(x[..., 0]),
+        lambda x: x[..., 0] ** 3,
+    ],
+)
+def test_surfaces_that_are_flat_or_jump(surface):
+    points = of_oscillator([1.0, 0.0], surface, time=10.0, direction=0)
+    np.testing.assert_allclose(points.time, np.pi * np.array([0.5, 1.5, 2.5]), atol=3e-9)
+
+
+def test_a_surface_that_is_zero_has_no_crossings():
+    surfaces = (lambda x: 0.0 * x[..., 0], first, first)
+    points = of_oscillator([1.0, 0.0], surfaces, time=4.0, direction=0)
+    assert points.surface.tolist() == [1, 2]
+    assert points.time[0] == points.time[1]
+    assert of_oscillator([1.0, 0.0], surfaces, time=4.0, direction=0, most=1).surface == [1]
+
+
 def test_a_motion_that_only_touches_the_surface_does_not_cross_it():
     points = of_oscillator([0.0, 1.0], lambda x: x[..., 0] - 1.0 - 1e-7, time=100.0, direction=0)
     assert len(points) == 0

@@ -7,6 +7,7 @@ import mpmath
 import numba
 import numpy as np
 import pytest
+from systems import HENON_HEILES, LORENZ
 
 import suslov_fast as sf
 from suslov_fast import SingularStepWarning, Status, compiled
@@ -48,14 +49,6 @@ if numba.config.DISABLE_JIT:  # the others repeat the same sub-steps
     METHODS = METHODS[:1]
 
 
-def lorenz(x):
-    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
-
-
-def henon_heiles(x):
-    return (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
-
-
 def chain(x):
     return [x[i] * (x[(i + 1) % 5] - x[i - 1]) for i in range(5)]
 
@@ -70,8 +63,6 @@ def epidemic(x):
     return again - new, new - healed, healed - again
 
 
-LORENZ = sf.QuadraticField.from_function(lorenz, 3)
-HENON_HEILES = sf.QuadraticField.from_hamiltonian(henon_heiles, 4)
 SQUARE = sf.QuadraticField([[[1]]])  # x' = x**2, whose step is x / (1 - eps x)
 # A field, a state and a time in which the motion changes much.
 FLOWS = {

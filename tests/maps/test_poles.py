@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+from systems import HENON_HEILES as HENON
 
 import suslov_fast as sf
 from suslov_fast import PoleWarning, QuadraticField, Status, SuslovND, compiled, iterate, matrix
@@ -13,14 +14,7 @@ quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 LONG = "eps is too long"
 SIGN = " (a component that cannot change its sign did)"
 SQUARE = QuadraticField([[[1]]])  # x' = x**2: 1 / x decreases by eps in a step
-# The motion from this state ends at t = 3.27.
-HENON = QuadraticField.from_hamiltonian(
-    lambda x: (
-        (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
-    ),
-    4,
-)
-ESCAPES = [0.0, 0.9, 0.0, 0.7]
+ESCAPES = [0.0, 0.9, 0.0, 0.7]  # a state whose motion ends at t = 3.27
 BOUNDED = [0.0, 0.1, 0.4, 0.0]
 LONG_BODY = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 LINEAR = QuadraticField([[[0]]], [[3]])

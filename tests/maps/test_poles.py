@@ -271,22 +271,6 @@ def test_crossings_tell_of_poles_before_they_end(most, tmp_path):
         assert (transient.failed_at == whole.failed_at).all()
 
 
-# ------------------------------------------------------------------------------------- what is kept
-
-
-def test_an_ensemble_has_the_statuses_of_its_store(tmp_path):
-    starts = np.tile(BOUNDED, (3, 8, 1))
-    starts[1, 5:] = starts[2, 0] = ESCAPES
-    given = HENON, starts, 1 / 16, 100
-    store, chunk = tmp_path / "run.zarr", {"batch_0": 2, "batch_1": 3}
-    data, messages = told(sf.ensemble, *given, store=store, chunk=chunk)
-    assert messages == []
-    run = told(iterate, *given)[0]
-    assert (data.failed_at.to_numpy() == run.failed_at).all()
-    assert (data.status.to_numpy() == run.status).all()
-    assert (run.status == Status.PASSED_POLE).sum() == 4
-
-
 # ---------------------------------------------------------------- components that keep their signs
 # Two populations. By DOP853 those that start from (0.05, 0.05) stay between 5e-4 and 48.
 PREY = QuadraticField.from_function(

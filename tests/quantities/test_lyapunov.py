@@ -412,23 +412,6 @@ def test_motion_of_families_that_end():
     assert np.isfinite(stopped).any()
 
 
-@pytest.mark.parametrize(
-    ("error", "name", "options"),
-    [
-        (TypeError, "eps", {"time": 1.0, "eps": 0.1}),
-        (TypeError, "steps", {"time": 1.0, "steps": 3}),
-        (TypeError, "eps", {}),
-        (ValueError, "time", {"time": -1.0}),
-        (ValueError, "transient", {"time": 1.0, "transient": -1.0}),
-        (ValueError, "rtol", {"time": 1.0, "rtol": 1.0}),
-        (TypeError, "method", {"time": 1.0, "method": "order4"}),
-    ],
-)
-def test_bad_arguments_of_motions(error, name, options):
-    with pytest.raises(error, match=name):
-        sf.lyapunov_exponents(sf.QuadraticField([[[1.0]]]), [0.1], **options)
-
-
 def test_motion_of_a_forced_oscillator():
     """Stuart and Landau's, in step with its force: eigenvalues at rest in the turning frame."""
     mu, own, force, amplitude = 1.0, 1.2, 1.0, 2.0

@@ -23,8 +23,9 @@ from .status import Status
 _MOST = 40  # m of the shortest segment
 _UNITS = 2**_MOST  # of a phase, the lengths of this segment
 _ROOM = 8.0  # of the first segment: its length times the size of f'
-# The diagonal of R in a segment: the least part of its largest entry, and the largest entry.
-_LEAST, _LARGEST = 2.0**-26, 2.0**300
+# The diagonal of R in a segment: the least part of its largest entry, and of 1, because errors are
+# `rtol` times the largest columns so far; and the largest entry.
+_LEAST, _LARGEST = 2.0**-10, 2.0**300
 _OF_PROGRESS = 1000  # parts of the time
 
 
@@ -118,7 +119,7 @@ class _Run:
         With `is_last` there is no shorter one.
         """
         D, n, K = self.f.D, self.n, len(which)
-        sizes = np.exp2(np.round(np.log2(abs(self.x[which]).max(axis=1) + 2.0**-1000)))
+        sizes = np.exp2(np.round(np.log2(abs(self.x[which]).max(axis=1) + 2.0**-500)))
         start = np.zeros((K, self.tangent.D))
         start[:, :D] = self.x[which]
         columns = start[:, D:-2].reshape(K, n, D)
@@ -136,7 +137,7 @@ class _Run:
         Q, R = np.linalg.qr(V)
         diagonal = abs(np.diagonal(R, axis1=1, axis2=2))
         largest = diagonal.max(axis=1)
-        part = diagonal[:, :-1].min(axis=1, initial=np.inf) / largest
+        part = diagonal[:, :-1].min(axis=1, initial=np.inf) / np.maximum(largest, 1.0)
         self.status[which[ended]] = status[ended]
         self.t[which[ended]] += t[ended]
         is_good = ~ended & (is_last | (part > _LEAST) & (largest < _LARGEST))

@@ -19,7 +19,6 @@ import flint
 
 from ..bodies.fields.calls import checked_function
 from ..bodies.fields.names import latex
-from ..bodies.fields.polynomials import from_lists
 from ..checks import extra, short, wrong
 from ..keywords import public
 from . import arithmetic
@@ -67,7 +66,7 @@ class WithLetter:
         ----------
         *value, **named : int, Fraction, float or str
             The value, by the name of the letter, as in ``subs(eps=1)``, or without one; a float is
-            taken exactly, a string may be "1/3" or "0.1".
+            the decimal that was written, a string may be "1/3".
 
         Returns
         -------
@@ -325,7 +324,7 @@ def as_function(value: Any) -> RationalFunction:
     """Return a number as a constant function, and a function unchanged."""
     if isinstance(value, RationalFunction):
         return value
-    return RationalFunction((), arithmetic.rational("number", value))
+    return RationalFunction((), arithmetic.constant("number", value))
 
 
 def check_letter(letter: Any, names: Sequence[str]) -> None:
@@ -340,7 +339,7 @@ def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fra
         how = f"pass a number for it, {letter}=Fraction(1, 3) for example"
         got = ", ".join([*map(short, value), *named])
         raise TypeError(f"{letter} is symbolic here: {how}" + f", not {got}" * bool(got))
-    return arithmetic.rational(letter, from_lists(letter, *value, *named.values()))
+    return arithmetic.constant(letter, *value, *named.values())
 
 
 def traced(name: str, f: Any, n: int, letter: str = "") -> list[Any]:

@@ -17,11 +17,12 @@ import numpy as np
 
 from ..bodies.base import Body
 from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.field_of_terms import H_VALUES, MATRIX, VALUES
 from ..bodies.fields.names import labels
 from ..bodies.fields.terms import Terms
 from ..checks import in_place_of, kind_of, wrong
 from ..keywords import public
-from .arithmetic import matrix, moduli, step_size
+from .arithmetic import as_decimal, constant, matrix, moduli
 from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap
 from .polynomials import coprime, cramer, degree_of
@@ -214,16 +215,19 @@ def _integers(terms: Terms) -> tuple[list[tuple[tuple[int, ...], int]], int]:
 
 
 @public
-def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
+def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     """Return the Kahan map of a field, ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``.
 
     Parameters
     ----------
-    field : QuadraticField
+    field : QuadraticField or body
         The field to discretize, a single one.
     eps : int, Fraction, float or str, optional
-        Step size, of any sign. A float is taken exactly; a string may be "1/3" or "0.1". Without
-        it, eps is symbolic in all that is found for the map.
+        Step size, of any sign; a string may be "1/3". Without it, eps is symbolic in all that is
+        found for the map.
+    decimals : bool, optional
+        If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10.
+        If False, they are binary numbers.
 
     Returns
     -------
@@ -234,7 +238,7 @@ def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
     Raises
     ------
     TypeError, ValueError
-        If `field` is not a `QuadraticField`, or is a batch.
+        If `field` is neither a `QuadraticField` nor a body, or is a batch.
 
     Examples
     --------
@@ -246,9 +250,23 @@ def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
     >>> kahan(map.field)([2])
     (2/(-2*eps + 1),)
     """
-    if not isinstance(field, QuadraticField):
-        how = ": use QuadraticField.of(body)" if isinstance(field, Body) else in_place_of(field)
-        raise wrong("field", "a QuadraticField", f"{kind_of(field)}{how}", TypeError)
+    if not isinstance(field, Body):
+        received = f"{kind_of(field)}{in_place_of(field)}"
+        raise wrong("field", "a QuadraticField or a body", received, TypeError)
     if field.shape:
         raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
-    return KahanMap(field, None if eps is None else step_size(eps))
+    exact = QuadraticField.of(field)
+    if decimals:
+        exact = _in_decimals(field)
+    return KahanMap(exact, None if eps is None else constant("eps", eps, decimals))
+
+
+def _in_decimals(body: Any) -> QuadraticField:
+    """Return the field of a single body or field with its floats as decimals."""
+    decimals, parts = np.vectorize(as_decimal, "O"), dict(body._parts)
+    is_field = isinstance(body, QuadraticField)
+    for name in {H_VALUES, VALUES, *body.parameters} & {*parts} if is_field else parts:
+        parts[name] = decimals(parts[name])[()]
+    if is_field and H_VALUES in parts:
+        parts[MATRIX] = np.vstack([parts[MATRIX][:2], decimals(parts[MATRIX][2])])
+    return body._with(parts) if is_field else QuadraticField.of(body._of(parts))

@@ -384,7 +384,7 @@ def rational_map(
     f : callable
         It maps a tuple x of D numbers to D quotients of polynomials, by ``+``, ``-``, ``*``, ``/``
         and integer powers. It is called with symbols; its integers and fractions remain exact, and
-        floats are binary numbers.
+        floats are what was written: 0.1 is 1/10.
     dimension : int
         The number D of variables.
     inverse : callable, optional

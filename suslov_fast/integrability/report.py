@@ -13,11 +13,8 @@ from contextlib import closing
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
-
 from ..bodies.base import Body
 from ..bodies.fields.field import QuadraticField
-from ..bodies.fields.field_of_terms import H_VALUES, MATRIX, VALUES
 from ..checks import integer, is_false, kind_of, real_number, wrong
 from ..keywords import public
 from .arguments import check_unknowns, progress_function
@@ -34,8 +31,6 @@ from .symmetries import Reversor
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 _ROUNDING = 1e-12  # of an entropy
-_LONG = 2**20  # denominators of floats such as 0.1
-_ODD = 1000  # factors of denominators of fractions of floats
 Functions = tuple[RationalFunction, ...]
 
 
@@ -345,40 +340,7 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
         how = "QuadraticField.from_function(f, names), with numbers as parameters; for symbols "
         how += "see integrability.locus, which finds the values of one with more integrals"
         raise wrong("field", "a field, a body or a map", f"{kind_of(field)}: pass {how}", TypeError)
-    exact = QuadraticField.of(field)
-    if decimals and not exact.shape:
-        exact = _in_decimals(field)
-        eps = _as_decimal(eps) if isinstance(eps, float) else eps
-    notes = []
+    map, notes = kahan(field, eps, decimals=decimals), []
     if hasattr(field, "reduced") and (count := field.reduced()[0].dimension) < field.dimension:
         notes.append(f"J has equal entries: SuslovND.reduced leaves {count} coordinates.")
-    return kahan(exact, eps), notes
-
-
-def _as_decimal(a: Any) -> Fraction:
-    """Return the decimal as which a float was written, or its binary value, as that of 1/3.
-
-    It has 15 digits at most, or 12 if the float is only near to it, as a sum or product of floats.
-    """
-    binary = Fraction(a)
-    q = binary.denominator
-    odd = q // (q & -q)  # without its power of two: 1 for a float
-    if 1 < odd < _ODD:  # a third of a float, for example, as in a Hamiltonian
-        return _as_decimal(binary * odd) / odd
-    if odd > 1 or q < _LONG:
-        return binary
-    near, exact = (Fraction(f"{float(binary):.{digits}g}") for digits in (12, 15))
-    if abs(near - binary) <= abs(binary) / 2**50:
-        return near
-    return exact if float(exact) == binary else binary
-
-
-def _in_decimals(body: Any) -> QuadraticField:
-    """Return the field of a single body or field with its floats as decimals."""
-    decimals, parts = np.vectorize(_as_decimal, "O"), dict(body._parts)
-    is_field = isinstance(body, QuadraticField)
-    for name in {H_VALUES, VALUES, *body.parameters} & {*parts} if is_field else parts:
-        parts[name] = decimals(parts[name])[()]
-    if is_field and H_VALUES in parts:
-        parts[MATRIX] = np.vstack([parts[MATRIX][:2], decimals(parts[MATRIX][2])])
-    return body._with(parts) if is_field else QuadraticField.of(body._of(parts))
+    return map, notes

@@ -24,6 +24,8 @@ _DIVISORS = 2, 3, 5, 7, 11, 13
 _SMALL = 1e-4  # a residual that a larger tolerance may make one of a solution
 _MOST_ARCS = 32
 _ROUGH = 1e-6  # tolerance of the search for a near return
+_OF_FORCE = 1e-6  # part of the rates by which those a period later may differ
+_FRACTIONS = np.arange(1, 32) / 32  # of the period, at which states are looked at
 
 
 class PeriodicOrbit(NamedTuple):
@@ -100,10 +102,10 @@ def periodic_orbit(
     ------
     RuntimeError
         If there is no periodic orbit near `start` and `period`; the message says what was found
-        instead: an equilibrium, a motion that ends, or for which `rtol` there is one.
+        instead: an equilibrium, a motion that ends, or for which `rtol` or `period` there is one.
     TypeError, ValueError
         If an argument is out of range, the system has no steps, or the equations depend on time and
-        there is no period.
+        `period` is left out, or is none of the force.
 
     Warns
     -----
@@ -135,7 +137,10 @@ def periodic_orbit(
     T = _checked_period(field, motion, x, period)
     with np.errstate(all="ignore"):
         search = shooting.found(motion, x, T, rtol, _MOST_ARCS)
-        _raise_unless_found(search, T, f"rtol = {rtol:g}", lambda: _larger(field, x, T, rtol))
+        if found := _not_an_orbit(search, T):
+            raise RuntimeError(
+                f"periodic_orbit found {found}{_advice(field, x, period, T, search)}"
+            )
     return _result(search, T)
 
 
@@ -152,20 +157,38 @@ def _checked_start(system: Any, start: Any) -> FloatArray:
 def _checked_period(field: Any, motion: OfMotion, x: FloatArray, period: Any) -> float:
     """Return the period that is given, or the time of a near return."""
     if period is not None:
-        return checks.positive("period", period)
+        T = checks.positive("period", period)
+        if motion.is_forced and not _is_of_force(field, motion, x, T):
+            expected = "a time after which the force is the same, to six digits or more"
+            raise wrong("period", expected, period)
+        return T
     if motion.is_forced:
         name = field.names[int(motion.drifts.argmax())]
         expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
     with np.errstate(all="ignore"):
-        T = shooting.near_return(OfMotion(field, x, max(motion.settings.rtol, _ROUGH)), x)
-    if T is not None:
-        return T
-    where = f"the motion from start = {short(x.tolist())}"
+        near, last = _near_return(field, x, motion.settings.rtol)
+    if near is not None:
+        return near
+    start = short(x.tolist())
     if not motion.rate[~motion.drifts].any():
-        raise RuntimeError(f"periodic_orbit: start is the equilibrium {short(x.tolist())}")
-    how = "pass period=, or another start"
-    raise RuntimeError(f"periodic_orbit: {where} does not return near it: {how}")
+        raise RuntimeError(f"periodic_orbit: start is the equilibrium {start}")
+    found = f"the motion from start = {start} does not return near it until t = {last:g}"
+    raise RuntimeError(f"periodic_orbit: {found}: pass period=, or a start nearer to an orbit")
+
+
+def _near_return(field: Any, x: FloatArray, rtol: float) -> tuple[float | None, float]:
+    return shooting.near_return(OfMotion(field, x, max(rtol, _ROUGH)), x)
+
+
+def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> bool:
+    """Whether f is the same a period later, at states of the motion."""
+    with np.errstate(all="ignore"):
+        states = motion.states(x, period * _FRACTIONS)
+    later = states + np.where(motion.drifts, period * motion.rate, 0.0)
+    rates = vector_field(field, states)
+    differ = abs(vector_field(field, later) - rates).max(axis=0)
+    return not (differ > _OF_FORCE * abs(rates).max(axis=0)).any()  # where there is a number
 
 
 def _of_map(
@@ -189,7 +212,9 @@ def _of_map(
     of_map = OfMap(system, vector_field(system, x), steps, method)
     with np.errstate(all="ignore"):
         search = shooting.found(of_map, x, float(times), rtol, 1)
-        _raise_unless_found(search, float(times), f"rtol = {rtol:g}", lambda: None)
+    if found := _not_an_orbit(search, float(times)):
+        far = f"start or period = {times:g} is too far from an orbit"
+        raise RuntimeError(f"periodic_orbit found {found}: {far}")
     return search
 
 
@@ -206,36 +231,46 @@ def _check_return(field: Any) -> None:
         raise wrong("system", "a field whose orbits can return", received)
 
 
-def _raise_unless_found(search: Shooting, given: float, tolerance: str, larger: Any) -> None:
-    """Raise an error that says what was found, if that is no periodic orbit."""
+def _at_rest(search: Shooting, given: float) -> str | None:
+    """Return what was found, if it does not move."""
     x, own = search.nodes[0], ~search.drifts
-    size, T = abs(x[own]).max(initial=0.0), search.T
+    size, T, state = abs(x[own]).max(initial=0.0), search.T, short(x.tolist())
     rate = abs(search.arcs.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period
-    state, far = short(x.tolist()), f"start or period = {given:g} is too far from an orbit"
-    if not search.flow.is_forced:
-        if rate * max(given / T, 1.0) <= _AT_REST * size:
-            raise RuntimeError(f"periodic_orbit found the equilibrium {state}: {far}")
-        if rate <= _AT_REST * size:
-            found = f"periods that tend to 0 at the state {state}"
-            raise RuntimeError(f"periodic_orbit found {found}: {far}")
-    if search.is_found:
-        return
+    if search.flow.is_forced or not rate <= _AT_REST * size:
+        return None
+    if rate * max(given / T, 1.0) <= _AT_REST * size:
+        return f"the equilibrium {state}"
+    return f"periods that tend to 0 at the state {state}"
+
+
+def _not_an_orbit(search: Shooting, given: float) -> str | None:
+    """Return what was found, if that is no periodic orbit."""
+    if (found := _at_rest(search, given)) or search.is_found:
+        return found
     if not np.isfinite(search.residual):
-        found = "no orbit, because the motion from start ends within the period"
-        raise RuntimeError(f"periodic_orbit found {found}: {far}")
-    found = f"no orbit: the residual is {search.residual:.1e}, not {search.allowed:.1e}"
-    if search.residual < _SMALL and (enough := larger()) is not None:
-        raise RuntimeError(
-            f"periodic_orbit found {found}, because {tolerance} is too tight for this orbit: "
-            f"pass rtol={enough:g}"
-        )
-    raise RuntimeError(f"periodic_orbit found {found}; {far}")
+        return "no orbit, because the motion from start ends within the period"
+    return f"no orbit: the residual is {search.residual:.1e}, not {search.allowed:.1e}"
+
+
+def _advice(field: Any, x: FloatArray, period: Any, T: float, search: Shooting) -> str:
+    """Return why there is no orbit, and arguments with which there is one, because it was found."""
+    rtol = search.rtol
+    is_near = search.residual < _SMALL and not _at_rest(search, T)
+    if is_near and (enough := _larger(field, x, T, rtol)) is not None:
+        return f", because rtol = {rtol:g} is too tight for this orbit: pass rtol={enough:g}"
+    if period is None:
+        return ": start is too far from an orbit"
+    far = f": start or period = {T:g} is too far from an orbit"
+    if search.flow.is_forced or (near := _near_return(field, x, rtol)[0]) is None:
+        return far
+    other = shooting.found(OfMotion(field, x, rtol), x, near, rtol, _MOST_ARCS)
+    return far if _not_an_orbit(other, near) else f"{far}: pass period={near:.6g}"
 
 
 def _larger(field: Any, x: FloatArray, T: float, rtol: float) -> float | None:
     """Return a larger tolerance with which there is an orbit."""
     while (rtol := float(f"{10 * rtol:.0e}")) < _SMALL:
-        if shooting.found(OfMotion(field, x, rtol), x, T, rtol, _MOST_ARCS).is_found:
+        if not _not_an_orbit(shooting.found(OfMotion(field, x, rtol), x, T, rtol, _MOST_ARCS), T):
             return rtol
     return None
 
@@ -269,6 +304,3 @@ def _warn_of_divisors(search: Shooting) -> None:
     if turns > 1:
         text = f"period: {T:g} is {turns} times the shorter period {T / turns:g}"
         warn(f"{text}; pass period={T / turns:g} for one turn")
-
-
-_FRACTIONS = np.arange(1, 32) / 32

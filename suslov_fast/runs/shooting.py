@@ -289,26 +289,29 @@ def _sizes(flow: Flow, start: FloatArray, T: float) -> FloatArray:
 
 # ------------------------------------------------------------------------------------ near returns
 # Steps of the first look, and those of all looks; the longest time, in units of |x / f(x)|.
-_STEPS, _MOST, _LAST = 64, 2**16, 2.0**30
+_STEPS, _MOST, _LAST = 64, 2**14, 2.0**30
 _INSIDE = np.arange(33) / 32  # parts of a step, where a return is looked for
 _FAR, _NEAR = 1.0, 0.1  # of the extent of an orbit: what is not looked at, and what is near
 _NEAREST = 4  # returns from the first near one on, of which the nearest is taken
 
 
-def near_return(flow: OfMotion, start: FloatArray) -> float | None:
+def near_return(flow: OfMotion, start: FloatArray) -> tuple[float | None, float]:
     """Return the time after which the motion of the start returns near to it, or None.
+
+    The other number is the time until which it was looked for.
 
     A return passes the plane through the start that is normal to f, in the direction of f.
     """
     own = ~flow.drifts
     rate, size = flow.rate[own], abs(start[own]).max()
     if not rate.any():
-        return None
+        return None, 0.0
     longest = _LAST * float(size or 1.0) / float(abs(rate).max())
     extent, left = np.zeros(own.sum()), _NEAREST
     best: tuple[float, float | None] = _NEAR, None
+    last = 0.0
     for times, states in flow.steps(start, longest):
-        ways = states[:, own] - start[own]
+        ways, last = states[:, own] - start[own], float(times[-1])
         extent = np.maximum(extent, abs(ways).max(axis=0))
         scale = np.where(extent > 0.0, extent, 1.0)
         heights = ways @ (rate / scale**2)
@@ -326,5 +329,5 @@ def near_return(flow: OfMotion, start: FloatArray) -> float | None:
                 best = float(distances[nearest]), float(times[k] + inside[nearest])
             left -= best[1] is not None
             if left == 0 or best[0] < _NEAR / 10:
-                return best[1]
-    return best[1]
+                return best[1], last
+    return best[1], last

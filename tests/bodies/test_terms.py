@@ -159,34 +159,6 @@ def test_a_hamiltonian_by_terms_has_its_field():
     assert field.H(x) == H(x)
 
 
-BAD = [
-    (lambda: of_terms([[0], [0], [3]], [1], 2), ValueError, r"indices.*\[0, 0, 3\] in term 0"),
-    (lambda: of_terms([[2], [0], [0]], [1], 2), ValueError, "indices.*i from 0 to 1"),
-    (lambda: of_terms([[0, 0], [0, -1], [0, 0]], [1, 1], 2), ValueError, "indices.* in term 1"),
-    (lambda: of_terms([[0, 0, 0], [0, 0, 1]], [1, 1], 2), ValueError, "transpose"),
-    (lambda: of_terms([[0], [0]], [1], 2), ValueError, r"indices must have the shape \(3, T\)"),
-    (lambda: of_terms([[0.0], [0], [0]], [1], 2), TypeError, "indices must hold integers"),
-    (lambda: of_terms([[0], [0], [0]], [1, 2], 2), ValueError, "values.*one for each term"),
-    (lambda: of_terms([[0], [0], [0]], 1.0, 2), ValueError, "values"),
-    (lambda: of_terms([[0], [0], [0]], ["a"], 2), TypeError, "values"),
-    (lambda: of_terms([[0], [0], [0]], [np.nan], 2), ValueError, "values"),
-    (lambda: of_terms([[0], [0], [0]], [1e70], 2), ValueError, "values.*other units"),
-    (lambda: of_terms([[0], [0], [0]], [[1e70]], 2), ValueError, "values.*other units"),
-    (lambda: of_terms([[], [], []], [], 0), ValueError, "dimension"),
-    (lambda: of_terms([[], [], []], [], "u u"), ValueError, "dimension"),
-    (lambda: of_terms([[], [], []], [], 2, linear=np.eye(3)), ValueError, "linear"),
-    (lambda: of_terms([[], [], []], [], 2, constant=[1]), ValueError, "constant"),
-    (lambda: of_terms([[0], [0], [0]], [[1]] * 3, 2, constant=[[1, 2]] * 2),
-     ValueError, "values.*constant"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("call", "error", "match"), BAD)
-def test_bad_terms(call, error, match):
-    with pytest.raises(error, match=match):
-        call()
-
-
 def test_tables_that_do_not_fit_are_refused_with_their_size():
     field = of_terms(*lattice(1024), 1024)
     with pytest.raises(MemoryError, match="quadratic would need 8,589,934,592 bytes"):

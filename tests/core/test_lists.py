@@ -8,7 +8,6 @@ import pytest
 import suslov_fast as sf
 from suslov_fast.core.code import compiler as machine_code, runs as listed
 from suslov_fast.core.fields import called_stages, steps as steps_field
-from suslov_fast.core.fields.careful import careful
 from suslov_fast.core.fields.stages import Stages
 from suslov_fast.core.lists import step as operations
 
@@ -169,40 +168,3 @@ def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
     listed.programs_of.cache_clear()
     assert heads() is not None
     assert stage.programs.usual.runs.heads is heads()
-
-
-def test_steps_by_elimination_pause(monkeypatch):
-    """So that Python hears Ctrl-C: the code returns when it has made as many calls as it may."""
-    calls, usual = [], steps_field.call
-
-    def count(*arguments):
-        calls.append(usual(*arguments))
-        return calls[-1]
-
-    field, x0 = sf.QuadraticField([[[1.0]]]), np.full((3000, 1), 2.0)
-    careful.compile()
-    expected = sf.iterate(field, x0, 0.5, 20, on_singular="ignore")
-    monkeypatch.setattr(steps_field, "call", count)
-    monkeypatch.setattr(steps_field, "CAREFUL_TIME", 1)
-    assert sf.iterate(field, x0, 0.5, 20, on_singular="ignore", threads=1) == expected
-    assert len(calls) > 1
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
-def test_a_system_takes_the_steps_of_a_long_list(monkeypatch):
-    """Of states whose steps are good, rare or missing, those of runs, which solve the equations."""
-    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE", 0)
-    D = 9
-    field = sf.QuadraticField.from_function(
-        lambda x: [x[k] * (x[k - 1] - x[(k + 1) % D]) + x[k] ** 2 / 8 - 1 for k in range(D)], D
-    )
-    x0 = np.linspace(0.5, 1.5, D) * np.array([[1.0], [1e-9], [1.0], [-9.0], [np.nan]])
-    x0[1, 4], x0[2], x0[2, 3] = 2.0, 1.0, 15.0
-    system = sf.compiled.system(field, 0.3)
-    work = sf.compiled.work(system)
-    run = sf.iterate(field, x0, 0.3, 1, on_singular="ignore")
-    assert {*run.status} == {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
-    x = x0.copy()
-    assert [sf.compiled.step_system(system, each, each, work) for each in x] == [*run.status]
-    np.testing.assert_array_equal(x, run.final)

@@ -235,12 +235,3 @@ def test_first_calls_take_no_longer_than_imports(tmp_path):
         assert not compiled, call
         assert float(ratio) < 2, call
     assert not any(name.endswith(".nbc") for _, _, names in os.walk(tmp_path) for name in names)
-
-
-@pytest.mark.slow
-def test_what_the_first_batch_of_bodies_compiles(tmp_path):
-    """No function twice, for another kind of argument, and few altogether."""
-    call = "sf.iterate(body, np.ones((10_000, 2)), 0.2, 1000, save_every=None)"
-    _, *compiled = children.run(FIRST, call, NUMBA_CACHE_DIR=str(tmp_path)).split()
-    assert "steps" in compiled
-    assert len(compiled) == len(set(compiled)) <= 30

@@ -809,7 +809,8 @@ def test_decimals():
     assert found.map.eps == F(1, 5)
     binary = report(body, 0.2, 1, decimals=False).map
     assert binary.eps == F(0.2) != F(1, 5)
-    assert binary == kahan(of(body), 0.2)
+    assert binary == kahan(of(body), 0.2, decimals=False)
+    assert found.map == kahan(body, 0.2) == kahan(body, F(1, 5))
     cubic = from_hamiltonian(lambda x, a: a * x[0] ** 3 / 3 + x[1] ** 2 / 2 + 0.7 * x[0], 2, a=0.1)
     found = report(cubic, 0.1, 1)
     assert str(found.map.field.H) == "1/30*x1^3 + 1/2*x2^2 + 7/10*x1"

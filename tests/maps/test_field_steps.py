@@ -12,6 +12,8 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
+from suslov_fast.core.fields import steps as steps_field
+from suslov_fast.core.fields.careful import careful
 from suslov_fast.core.lists import step as plans
 
 # Long steps on purpose, from states with det A < 0.
@@ -335,15 +337,24 @@ def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
 @pytest.mark.compiled
 def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
     """Wherever it does, it goes on with the same bits: in blocks, stages and saved states."""
-    field = of_function(henon_heiles, 4)
+    field, calls, call = of_function(henon_heiles, 4), [], steps_field.call
+
+    def counted(*given):
+        calls.append(given)
+        return call(*given)
+
+    careful.compile()
+    monkeypatch.setattr(steps_field, "call", counted)
     x0 = rng.normal(size=(700, 4)) * rng.choice([0.1, 1.0, 30.0], size=(700, 1))
     for method in ("auto", "order4"):
         args = field, x0, rng.choice([0.1, 0.5, 2.0], size=700), 30
-        options = {"save_every": 3, "method": method, "on_singular": "ignore"}
-        whole = sf.iterate(*args, **options)
+        options = {"save_every": 3, "method": method, "on_singular": "ignore", "threads": 1}
+        whole, usual = sf.iterate(*args, **options), len(calls)
         with monkeypatch.context() as patch:
-            patch.setattr("suslov_fast.core.fields.steps.CAREFUL_TIME", 1)
+            patch.setattr(steps_field, "CAREFUL_TIME", 1)
             assert sf.iterate(*args, **options) == whole
+        assert len(calls) > 2 * usual
+        calls.clear()
     assert (whole.status != 0).any()
 
 

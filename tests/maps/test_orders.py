@@ -131,23 +131,6 @@ def test_fractions(method):
 
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize(("name", "method"), EACH)
-def test_order(name, method):
-    """Forward, and backward in time from the end, by regression."""
-    field, start, time = FLOWS[name]
-    counts, errors = [24, 28, 34, 40, 48], []
-    for steps in counts:
-        run = sf.iterate(field, start, time / steps, steps, save_every=None, method=method)
-        errors.append(abs(run.final - motion(name)).max())
-    slope = -np.polyfit(np.log(counts), np.log(np.array(errors, float)), 1)[0]
-    assert abs(slope - int(method[-1])) < 0.2
-    end = motion(name).astype(float)
-    steps = 48 if name != "Lorenz" else 1200  # backward in time errors grow
-    back = sf.iterate(field, end, -time / steps, steps, save_every=None, method=method).final
-    assert abs(back - start).max() < (1e-4 if method == "order4" else 1e-6)
-
-
-@pytest.mark.sampled(3)
-@pytest.mark.parametrize(("name", "method"), EACH)
 def test_steps_are_composed(name, method, rng):
     """To rounding, with step sizes of each orbit, negative ones too."""
     field, start, time = FLOWS[name]

@@ -98,7 +98,37 @@ def run(**given):
 
 
 def crossings(surface):
-    return lambda: sf.crossings(BODY, OMEGA, 0.2, 3, surface)
+    """With so many steps that no call returns that takes one before it refuses."""
+    return lambda: sf.crossings(BODY, OMEGA, 0.2, 10**15, surface)
+
+
+def surface_with(**attributes):
+    def surface(x):
+        return x[..., 0]
+
+    vars(surface).update(attributes)
+    return surface
+
+
+def motion(system=SMOOTH, x0=(1.0, 0.5), **given):
+    return lambda: sf.flow(system, [*x0], **{"time": 1.0} | given)
+
+
+def section(**given):
+    """Crossings along a motion."""
+    arguments = {"surface": lambda x: x[..., 0], "time": 1.0} | given
+    return lambda: sf.crossings(SMOOTH, [1.0, 0.0], **arguments)
+
+
+def orbit(start=(1.0, 2.0), period=6.5, **given):
+    return lambda: sf.periodic_orbit(FIELD, [*start], period, **given)
+
+
+def terms(indices=((0,), (0,), (0,)), values=(1.0,), dimension=2, **given):
+    return lambda: QuadraticField.from_terms(indices, values, dimension, **given)
+
+
+NONE = [[], [], []], []
 
 
 class Tensor:
@@ -126,10 +156,12 @@ TABLE = [
     (ValueError, "attitude", field(lambda x, attitude: (1, 2), attitude=1), run(attitude=1),
      run(attitude=np.stack([np.eye(3)] * 5)),
      lambda: sf.to_matrix(BODY, [1, 2], attitude=np.ones(3))),
+    (ValueError, "atol", motion(atol=-1.0), motion(atol=[1.0, 2.0, 3.0])),
     (ValueError, "b", field(lambda x, a, b: (a * x[0], b), a=[1, 2], b=[1, 2, 3])),
     (TypeError, "(?:body|system)", lambda: len(BODY), lambda: BODY[0], lambda: QuadraticField.of(3),
      run(body=(BODY, ID)), lambda: sf.iterate(abs, [1.0, 0.5], 0.1, 1), run(body=Suslov3D),
-     run(body=3), run(body=lambda x: x), lambda: sf.step_full(ROTOR, [1, 2, 0], 0.1),
+     run(body=3), run(body=lambda x: x), motion(lambda t, y: -y),
+     lambda: sf.step_full(ROTOR, [1, 2, 0], 0.1),
      lambda: sf.energy(FIELD, [1, 2]), lambda: sf.modified_energy(FIELD, [1, 2], 0.1),
      lambda: sf.first_integral(HENON, [1, 2], 0.1), lambda: sf.closed_form(ROTOR, [1, 2], 0.1),
      lambda: sf.scattering_angle(ROTOR), lambda: sf.to_vector(ND, [1, 2, 3]), run(body="lorenz"),
@@ -146,17 +178,23 @@ TABLE = [
      lambda: RUN.plot(components=(0, 2)),
      lambda: RUN.plot("run.png"), lambda: RUN.plot("time", "energy"),
      lambda: POINTS.plot("rho", "u")),
+    (ValueError, "constant", terms(constant=[1])),
     (sf.NotIntegrableError, "criticality", lambda: sf.criticality(ND, [1, 2, 3], 0.1)),
+    (TypeError, "derivatives", motion(derivatives=3), motion(derivatives=(1.0,))),
+    (ValueError, "derivatives", motion(derivatives="c"), motion(derivatives=("x0", "x0")),
+     motion(FAMILY[0], [1.0], derivatives="rho"), motion(BODY, derivatives="I1")),
     (TypeError, "dimension", lambda: field([1, 2], [*symbols("u v")])(), field(2, lambda x: x),
      field(lambda x: (1,), 1.5), field(tuple, ["u", 1])),
     (ValueError, "dimension", changed(dimension=0), field(lambda x: (x[1], 1), r"\theta w"),
      field(lambda x: (x[1], 1), ["my angle", "w"]), field(tuple, "u lambda"), field(tuple, "u u"),
      field(tuple, ["a b"]), field(tuple, "u eps"), field(tuple, ""), field(tuple, "x2 x1"),
      hamiltonian(lambda x: x[0], 3), hamiltonian(lambda x: x[0], "x px y py"),
-     hamiltonian(lambda x: x[0], "q1 p1 q2 p2"), field(lambda x: (x[1], -x[0]), "2")),
+     hamiltonian(lambda x: x[0], "q1 p1 q2 p2"), field(lambda x: (x[1], -x[0]), "2"),
+     terms(*NONE, 0), terms(*NONE, "u u")),
     (TypeError, "dims", lambda: RUN.to_xarray(3)),
     (ValueError, "dims", lambda: RUN.to_xarray("a")),
-    (TypeError, "eps", run(eps=[0.2, True]), run(eps=Decimal("0.01")),
+    (ValueError, "direction", section(direction=2)),
+    (TypeError, "eps", section(time=None), run(eps=[0.2, True]), run(eps=Decimal("0.01")),
      run(eps=np.timedelta64(1, "s")), lambda: COFACTOR.subs({"x": 1})),
     (ValueError, "eps", field(lambda x, eps: (1, 2), eps=1),
      lambda: sf.attitude(BODY, np.ones((4, 5, 2)), [1, 2]),
@@ -209,7 +247,10 @@ TABLE = [
     (IndexError, "index", lambda: BATCH[2], lambda: BATCH[1, 3], lambda: BATCH[0, 0, 0],
      lambda: BATCH[[True]]),
     (TypeError, "index", lambda: BATCH["a"], lambda: BATCH[None]),
-    (ValueError, "indices", changed(dimension=1)),
+    (TypeError, "indices", terms([[0.0], [0], [0]])),
+    (ValueError, "indices", changed(dimension=1), terms([[0], [0], [3]]), terms([[2], [0], [0]]),
+     terms([[0, 0], [0, -1], [0, 0]], [1, 1]), terms([[0, 0, 0], [0, 0, 1]], [1, 1]),
+     terms([[0], [0]])),
     (sf.NotIntegrableError, "invariant_density",
      lambda: sf.invariant_density(SuslovND([1, 2, 3], [1, 1, 0]), [1, 2, 3], 0.1)),
     (ValueError, "J", lambda: SuslovND([1, 0], [1, 2]), lambda: SuslovND([1, 1e61], [1, 2]),
@@ -223,8 +264,8 @@ TABLE = [
      hamiltonian(lambda x: x[0], 2, np.eye(2))),
     (ValueError, "k", rotor(k=[1, 1e-70]), changed(HENON, k=1)),
     (ValueError, "levels", lambda: sf.plot_phase(BODY, 0.2, 4, levels=0)),
-    (ValueError, "linear", lambda: QuadraticField([[[1]]], [[Fraction(1, 10**61)]]),
-     lambda: QuadraticField([[[1]]], [1, 2]),
+    (ValueError, "linear", terms(linear=np.eye(3)), lambda: QuadraticField([[[1]]], [1, 2]),
+     lambda: QuadraticField([[[1]]], [[Fraction(1, 10**61)]]),
      lambda: QuadraticField(np.ones((2, 1, 1, 1)), np.ones((3, 1, 1))),
      lambda: QuadraticField(np.zeros((2, 2, 2)), np.eye(3))),
     (KeyError, "lorenz", lambda: sf.integrability.zoo()["lorenz"]),
@@ -232,9 +273,12 @@ TABLE = [
      lambda: sf.RandomStarts(3, low=(0, 2), high=1),
      lambda: sf.RandomStarts(3, low=-1.7e308, high=1.7e308)),
     (ValueError, "mass", lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3})),
-    (ValueError, "method", lambda: BATCH.sel(I2=2, method="pad"),
+    (ValueError, "max_step", motion(max_step=0.0)),
+    (TypeError, "method", orbit(method="order8")),
+    (ValueError, "method", orbit(steps=60, method="order9"), lambda: BATCH.sel(I2=2, method="pad"),
      hamiltonian(lambda x, method: 1, method=1), run(method="rk4"), run(method=["auto"])),
     (TypeError, "monomials", lambda: sf.integrability.hk_bases(sf.integrability.kahan(FIELD), "2")),
+    (ValueError, "most", section(most=0)),
     (ValueError, "n", field(lambda x, **n: (1, 2), n=1),
      lambda: sf.exact(BODY, [1, 0], 0.1, np.inf),
      lambda: sf.exact(BODY, [1.0, 0.5], 0.2, [[1, 2]])),
@@ -254,7 +298,7 @@ TABLE = [
      run(omega0=[np.ma.masked_less([1.0, -1.0], 0)] * 2), run(omega0=[1.0, 0.5, 0.2]),
      run(body=BATCH, omega0=np.ones((4, 2))), run(omega0=1.0), run(omega0=[[1.0], [2.0]]),
      run(omega0=np.zeros((2, 0))), lambda: sf.explore(BODY, [1, 2, 3])),
-    (ValueError, "on_singular", run(on_singular="stop")),
+    (ValueError, "on_singular", run(on_singular="stop"), section(on_singular="stop")),
     (TypeError, "out", run(out=[[0, 0]]), run(out=np.zeros((4, 2, 2), "f4")), run(out=[])),
     (ValueError, "out", run(out=np.zeros((3, 2, 2))),
      run(out=np.frombuffer(bytes(128)).reshape(4, 2, 2)), run(out=np.zeros((4, 2, 4))[..., ::2])),
@@ -267,7 +311,10 @@ TABLE = [
      changed(HENON, parameters={"x": 1.0}), field(lambda x, a, t: (1, 2), a=1, t=1)),
     (TypeError, "path", lambda: RUN.save(None)),
     (ValueError, "path", lambda: RUN.save("run")),
-    (TypeError, "progress", run(progress=0)),
+    (ValueError, "period", orbit(period=[6.5, 6.6]), orbit(period=-6.5),
+     orbit(period=-6.5, steps=60), orbit(period=None, steps=60)),
+    (ValueError, "periodic_orbit", orbit([[1.0, 2.0]]), orbit([[1.0, 2.0]], steps=60)),
+    (TypeError, "progress", run(progress=0), motion(progress=3)),
     (ValueError, "q", changed(q=1)),
     (TypeError, "quadratic", lambda: QuadraticField(lambda x: x),
      lambda: QuadraticField([[["1"]]]), lambda: QuadraticField(["y", "-x"])),
@@ -286,32 +333,54 @@ TABLE = [
     (TypeError, "rho", lambda: FAMILY["rho"]),
     (ValueError, "rho", lambda: FAMILY.sel(rho=21)),
     (ValueError, "rotation", lambda: sf.to_matrix(BODY, [1, 2], rotation=np.eye(2))),
+    (TypeError, "rtol", motion(rtol=None), section(rtol=1e-6, time=None, eps=0.1, steps=4)),
+    (ValueError, "rtol", motion(rtol=0), motion(rtol=0.1), motion(rtol=[1e-6, 1e-7]),
+     motion(rtol=NAN), orbit(rtol=0.5), section(rtol=0.0)),
     (TypeError, "run", lambda: RUN["x1"], lambda: RUN["time"], lambda: POINTS["x1"]),
     (FileNotFoundError, "run.npz", lambda: sf.Trajectories.load("nowhere/run.npz")),
     (TypeError, "save_every", run(save_every=1.5)),
     (ValueError, "save_every", run(save_every=0)),
     (ValueError, "sel", lambda: BODY.sel(I1=4), lambda: FIELD.sel(rho=2)),
     (ValueError, "size", lambda: sf.RandomStarts(-1, 1.0)),
+    (ValueError, "start", orbit([1.0, NAN]), orbit([1.0, NAN], steps=60), orbit([1.0, 2.0, 3.0])),
     (ValueError, "status", lambda: sf.Status(-128)),
     (TypeError, "steps", run(steps=10.0), run(steps=True), run(steps="100"), run(steps=None)),
-    (ValueError, "steps", run(steps=-1), run(steps=2**64),
+    (ValueError, "steps", orbit(steps=0), run(steps=-1), run(steps=2**64),
      lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0), run(steps=10**20),
      lambda: sf.explore(BODY, [1, 2], 0.1, 6000)),
+    (TypeError, "stiff", motion(stiff="auto")),
     (TypeError, "store", lambda: sf.open_ensemble(3),
      lambda: sf.ensemble(FIELD, [1, 0], 0.1, 3, store=3)),
     (ValueError, "store", lambda: sf.ensemble(FIELD, [1, 0], 0.1, 3, store="a.h5"),
      lambda: sf.ensemble(FIELD, [1, 0], 0.1, 3, store="a.csv")),
     (AttributeError, "surface", crossings(lambda x: x.z)),
-    (IndexError, "surface", crossings(lambda x: x["z"]), crossings(lambda x: x[2] - 27)),
+    (IndexError, "surface", crossings(lambda x: x["z"]), crossings(lambda x: x[2] - 27),
+     crossings(lambda x: x[..., 7])),
     (TypeError, "surface", crossings(lambda x: None), crossings(27.0),
-     crossings(lambda x: math.sin(x[..., 0])), crossings(lambda t, x: x)),
-    (ValueError, "surface", crossings(lambda x: x[0] - 27)),
-    (ValueError, "time", lambda: sf.flow(BODY, [1.0, 0.5], time=[[1, 2]])),
+     crossings(lambda x: math.sin(x[..., 0])), crossings(lambda t, x: x),
+     crossings(lambda x: x[..., 0] > 1), crossings(lambda x: x[..., 0] + 1j),
+     crossings(lambda x: np.ma.masked_where(x[..., 0] > 1e9, x[..., 0])),
+     crossings(surface_with(terminal=True)), section(surface=lambda x: x[..., 0] > 0),
+     section(surface=None), section(surface=(lambda x: x[..., 0], 3))),
+    (ValueError, "surface", crossings(lambda x: x[0] - 27), crossings(lambda x: 1.0),
+     crossings(lambda x: [a for a, b, c in [x]]), section(surface=()),
+     section(surface=lambda x: x[0])),
+    (ValueError, "threads", motion(threads=0)),
+    (TypeError, "time", lambda: sf.flow(FIELD, (0, 15), [10.0, 1.0]),
+     lambda: sf.flow(FIELD, [1.0, 2.0]), section(steps=4), section(eps=0.1, steps=4),
+     section(method="order4")),
+    (ValueError, "time", motion(time=[[1.0]]), motion(time=INF), motion(time=[NAN]),
+     motion(time=[-1.0, 1.0]), section(time=[1.0, 2.0]), section(time=NAN)),
+    (ValueError, "transient", section(transient=-1.0)),
     (ValueError, "u", field(lambda x, u: (1, 2), "u v", u=1)),
-    (ValueError, "values", changed(values=["a", 1]), changed(values=["1/0", 1])),
+    (TypeError, "values", terms(values=["a"])),
+    (ValueError, "values", changed(values=["a", 1]), changed(values=["1/0", 1]),
+     terms(values=[1, 2]), terms(values=1.0), terms(values=[NAN]), terms(values=[1e70]),
+     terms(values=[[1e70]]), terms(values=[[1]] * 3, constant=[[1, 2]] * 2)),
     (TypeError, "x", lambda: FAMILY[0](0.0, [1.0]), lambda: FIELD([True, 1]),
      lambda: sf.iterate(FIELD, {"x": 1.0, "y": 2.0}, 0.1, 1)),
     (ValueError, "x", lambda: FIELD([1, 2, 3]), lambda: HENON.H([1, 2, 3])),
+    (ValueError, "x0", motion(x0=[1.0, 2.0, 3.0]), motion(FAMILY[:2], np.ones((3, 1)))),
     (ValueError, "x1", field(lambda x, **x1: (1, 2), x1=1)),
 ]  # fmt: skip
 

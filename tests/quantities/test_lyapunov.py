@@ -457,6 +457,33 @@ def test_motion_of_a_forced_oscillator():
     assert found.sum() == pytest.approx(divergence, rel=1e-7)
 
 
+def test_motion_of_an_oscillator_forced_in_one_component():
+    """Published as (0, -1.05392, -5.11048), where the 0 belongs to time."""
+    turn = 2 * np.pi
+
+    def forced(s):
+        x, y, t = s
+        rest = 1 - x * x - y * y
+        return rest * x + turn * y - 3 * np.sin(turn * t), rest * y - turn * x, 1.0
+
+    field = sf.Field.from_function(forced, "x y t")
+    found = sf.lyapunov_exponents(field, [0.0, 1.0, 0.0], time=200.0, transient=20.0)
+    np.testing.assert_allclose(found, [-1.05392, -5.11048], atol=1e-5)
+
+
+@pytest.mark.parametrize("rate", [2.0, 1000.0])
+@pytest.mark.parametrize("time", [100.0, 2000.0])
+def test_motion_to_an_equilibrium(rate, time):
+    """Tangent vectors become shorter than the tolerance, and states than the least number."""
+
+    def falling(x):
+        return -x[0], np.sin(x[0]) - rate * x[1]
+
+    field = sf.Field.from_function(falling, 2)
+    found = sf.lyapunov_exponents(field, [1.0, 0.5], time=time, transient=10.0, rtol=1e-6)
+    np.testing.assert_allclose(found, [-1.0, -rate], atol=1e-5)
+
+
 def test_motion_of_a_network():
     """Of n Roessler systems; the sum of the 3 n exponents is the mean of the divergence."""
     n = 8

@@ -274,22 +274,6 @@ def test_files(tmp_path):
         assert Motion.load(tmp_path / f"{len(by)}.npz") == motion
 
 
-@pytest.mark.parametrize(
-    ("error", "system", "derivatives"),
-    [
-        (ValueError, PREDATORS, "c"),
-        (ValueError, PREDATORS, ("x0", "x0")),
-        (TypeError, PREDATORS, 3),
-        (TypeError, PREDATORS, (1.0,)),
-        (ValueError, QuadraticField.from_function(predators, 2, a=[1, 2], b=1)[0], "a"),
-        (ValueError, sf.Suslov3D(4, 1, -0.5, -0.3), "I1"),
-    ],
-)
-def test_bad_names(error, system, derivatives):
-    with pytest.raises(error, match="derivatives"):
-        flow(system, [1.0, 2.0], time=1.0, derivatives=derivatives)
-
-
 def test_what_was_not_asked_for():
     motion = flow(PREDATORS, [1.0, 2.0], time=1.0, derivatives="a")
     with pytest.raises(ValueError, match="by"):

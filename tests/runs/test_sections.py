@@ -192,7 +192,7 @@ def test_a_surface_with_a_jump_is_bisected(root, beyond):
 
     ends = np.array([-1.0]), np.array([beyond])
     found, over_pole = crossing_fractions(values_at, np.array([0.5]), *ends)
-    assert abs(found - root) < 1e-5
+    assert abs(found - root) < 1e-14
     assert not over_pole
 
 

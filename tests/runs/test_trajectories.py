@@ -217,7 +217,7 @@ def test_tables_have_a_row_for_each_state_and_component():
 
 
 @pytest.mark.parametrize("more", [0, 1])
-def test_times_in_place_of_a_step_size_are_noticed(more):
+def test_times_in_place_of_a_step_size_are_noticed(more, tmp_path):
     """As `odeint` takes them; step sizes of a family are not."""
     times = np.linspace(0, 10, 100 + more)
     how = rf"^eps: {100 + more} step sizes from 0 to 10, .* pass eps=0.1.*, steps={99 + more}$"
@@ -230,6 +230,8 @@ def test_times_in_place_of_a_step_size_are_noticed(more):
         sf.lyapunov_exponents(BODY, STARTS[0], times, 100)
     with pytest.warns(UserWarning, match=how):
         sf.iterate(BODY, STARTS[0], times, 1000)  # whatever the number of steps
+    with pytest.warns(UserWarning, match=how):
+        sf.ensemble(BODY, STARTS[0], times, 100, store=tmp_path / "run.zarr")
     for eps in (times + 0.1, times**2, times[::-1], times[1:], np.linspace(0, 0.5, 6)):
         sf.iterate(BODY, STARTS[0], eps, 100 if eps.size != 6 else 5)
 

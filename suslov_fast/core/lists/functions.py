@@ -436,14 +436,17 @@ _COS = tuple(map(float.fromhex, (
 
 
 def _less_quarters(x):
-    """Return n + _SHIFT and r in two parts, for x >= 0."""
+    """Return n + _SHIFT and r in two parts, for x >= 0.
+
+    Where the first part is tiny, the second one need not be smaller.
+    """
     n = _nearest(x * _PER_QUARTER)
     r = (x - n * _QUARTER[0]) - n * _QUARTER[1]  # exact
     r, first = _difference(r, n * _QUARTER[2])
     r, second = _difference(r, n * _QUARTER[3])
-    high, low = _sum(r, (first + second) - n * _QUARTER[4])
-    n, high, low = (x.then(name, usual) for name, usual in zip(PARTS, (n, high, low), strict=True))
-    return n + _SHIFT, high, low
+    parts = n, r, (first + second) - n * _QUARTER[4]
+    n, r, low = (x.then(name, usual) for name, usual in zip(PARTS, parts, strict=True))
+    return n + _SHIFT, r, low
 
 
 def _sine_and_cosine(x, of_tangent=False):
@@ -453,9 +456,9 @@ def _sine_and_cosine(x, of_tangent=False):
     cosine, rest = _difference(1.0, 0.5 * z)
     if of_tangent:  # the errors of both, and of their quotient, make 1 ulp without that of r**2
         rest = rest - 0.5 * _square(r)[1]
-    cube = r * z
-    sine = r, cube * _SIN[0] + (cube * (z * _polynomial(_SIN[1:], z)) + low * cosine)
-    return n, sine, (cosine, rest + ((z * z) * _polynomial(_COS, z) - r * low))
+    cube = r * z  # what does not wait for a polynomial is added first
+    sine = r, (cube * _SIN[0] + low * cosine) + (cube * z) * _polynomial(_SIN[1:], z)
+    return n, sine, (cosine, (rest - r * low) + (z * z) * _polynomial(_COS, z))
 
 
 def _is_odd(n):

@@ -14,7 +14,7 @@ import numpy as np
 from ..code.runs import program_of
 from ..code.runs_code import add_runs
 from ..lists.right_hand_side import renumbered
-from ..lists.step import OF_LISTS, evaluate
+from ..lists.step import OF_LIBRARY, OF_LISTS, evaluate
 from .text import INLINED
 
 BLOCK = 64  # operations of a block of straight-line code
@@ -38,7 +38,9 @@ class OfList:
     def __init__(self, list_, inputs, places):
         self.list_, self.inputs, self.places = list_, inputs, places
         self.length = len(list_.operations)
-        self.calls = any(instruction in OF_LISTS for instruction, *_ in list_.operations)
+        instructions = {instruction for instruction, *_ in list_.operations}
+        self.calls = not instructions.isdisjoint(OF_LISTS)
+        self.calls_by_lane = not instructions.isdisjoint(OF_LIBRARY)
 
     def numbers(self, table):
         return table[:0]

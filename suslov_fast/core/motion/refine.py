@@ -9,7 +9,7 @@ Chandrupatla, Adv. Eng. Software 28 (1997)).
 
 import numpy as np
 
-_ROUNDS = 20
+_ROUNDS = 80  # of halves at worst
 _WIDTH = 2.0**-50  # of a bracket, relative to the step, at which a crossing is found
 # Interpolation has found a crossing where the product of its last two changes is below _PRODUCT,
 # because the next change is smaller than that: if the last is a small part of the one before it, so
@@ -29,8 +29,7 @@ def crossing_fractions(values_at, first, at_start, at_end):
     """
     is_beyond = (at_start >= 0.0) != (at_end >= 0.0)
     largest, over_pole = np.maximum(abs(at_start), abs(at_end)), np.zeros(len(first), bool)
-    k = np.flatnonzero((at_start != 0.0) & (at_end != 0.0) & is_beyond)
-    fractions = np.where(abs(at_end) <= abs(at_start), 1.0, 0.0)
+    k, fractions = np.flatnonzero(is_beyond), np.zeros(len(first))
     # a is the newest point, b the other end of the bracket, c the point before: rows x and s(x).
     x, (start, end) = first[k], (at_start[k], at_end[k])
     a = c = np.array([np.ones(len(k)), end])
@@ -50,7 +49,7 @@ def crossing_fractions(values_at, first, at_start, at_end):
             best = np.where(abs(a[1]) <= abs(b[1]), a[0], b[0])
             fractions[k] = np.where(is_there, x, best)
             over_pole[k] = np.minimum(abs(a[1]), abs(b[1])) > largest[k]
-            left = ~is_there & (abs(a[0] - b[0]) > _WIDTH) & (values != 0.0)
+            left = ~is_there & (abs(a[0] - b[0]) > _WIDTH)
             if not left.all():
                 k, x, end = k[left], x[left], end[left]
                 a, b, c = a[:, left], b[:, left], c[:, left]

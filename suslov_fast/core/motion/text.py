@@ -26,6 +26,9 @@ from .columns import (
 from .rows import State
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
+# Operations of f, and three for each component, up to which all sub-steps are written out: that
+# spares branches, but more of them would leave the cache for code.
+SHORT = 25
 
 
 class Arguments(NamedTuple):
@@ -154,11 +157,48 @@ class _Steps:
         return add(f"{self.name}_{name}", values)
 
     def explicit_columns(self):
-        """Add Gragg's midpoint rule with smoothing, pair by pair of sub-steps.
+        """Add Gragg's midpoint rule with smoothing.
 
         y_N of the last column and f there stay in the rows `a` and `f_last`. Where f is within the
         code and calls no function, lanes of one register take turns, because registers are few.
         """
+        inner, W, f = self.text, numbers_in_register(), self.half.functions["f"]
+        if self.is_inlined and W < self.text.W and not f.calls:
+            inner = Code(W, self.text)
+            inner.size = self.text.size
+        if f.length + 3 * self.D <= SHORT and not f.calls_by_lane:
+            self.columns_side_by_side(inner)
+        else:
+            self.columns_in_turn(inner)
+
+    def columns_side_by_side(self, inner):
+        """Add all columns, whatever `count` is, as straight-line code for a register of lanes."""
+        text, work, D = self.text, self.work, self.D
+        with text.times(text.W // inner.W) as part:
+            offset = text.integer("mul", part, 8 * inner.W)
+            x, f, lanes = (text.integer("add", each, offset) for each in ("%x", "%f", "%work"))
+            table = text.integer("add", "%table", offset) if self.for_each else "%table"
+            x, f = ([inner.row(each, 0, i) for i in range(D)] for each in (x, f))
+            h, states = inner.row(lanes, work.signed), {}
+            for m, N in ((m, N) for m in range(max(EXPLICIT) // 2) for N in EXPLICIT if 2 * m < N):
+                s = inner.operate("fmul", h, inner.constant(1.0 / N))
+                double, ends = inner.operate("fadd", s, s), 2 * m + 2 == N
+                if m == 0:
+                    states[N] = x, added(inner, x, s, f)
+                a, b = states[N]
+                a = added(inner, a, double, self.value(inner, b, table))
+                of_a = self.value(inner, a, table)
+                states[N] = a, added(inner, b, s if ends else double, of_a)
+                if ends:
+                    to = work.ends + EXPLICIT.index(N) * D
+                    for i, each in enumerate(zip(*states[N], x, strict=True)):
+                        inner.put(end_of_column(inner, *each), lanes, to, i)
+            for i, (a, f) in enumerate(zip(states[N][0], of_a, strict=True)):
+                inner.put(a, lanes, work.a, i)
+                inner.put(f, lanes, work.f_last, i)
+
+    def columns_in_turn(self, inner):
+        """Add the first `count` columns, pair by pair of sub-steps."""
         text, work, D = self.text, self.work, self.D
         rounds = in_turn(CHAINS if self.is_inlined else ONE_CHAIN)
         pairs = [pair for each in rounds for pair in each]
@@ -167,10 +207,6 @@ class _Steps:
         rows = self.table("rows", [pair.chain * (work.chains - work.a) for pair in pairs])
         begins = self.table("begins", [int(pair.begins) for pair in pairs])
         ends = self.table("ends", [int(pair.ends) for pair in pairs])
-        inner, W, f = text, numbers_in_register(), self.half.functions["f"]
-        if self.is_inlined and W < text.W and not f.calls:
-            inner = Code(W, text)
-            inner.size = text.size
         with text.times(len(pairs)) as k:
             column, begin, end, row = (
                 text.load("i64", text.at(each, k)) for each in (columns, begins, ends, rows)
@@ -209,8 +245,7 @@ class _Steps:
 
         def end(i):
             a, b = inner.row(chain, work.a, i), inner.row(chain, work.b, i)
-            mean = inner.operate("fmul", inner.operate("fadd", a, b), inner.constant(0.5))
-            inner.put(inner.operate("fsub", mean, inner.row(x, 0, i)), to, 0, i)
+            inner.put(end_of_column(inner, a, b, inner.row(x, 0, i)), to, 0, i)
 
         self.text.fold(self.D, {}, end)
         for i, value in enumerate(of_a):
@@ -272,12 +307,8 @@ class _Steps:
             of_pair = text.integer("add", ends, text.integer("mul", m, D))
 
             def end(i):
-                total = inner.operate(
-                    "fadd", inner.row(rows, first_a, i), inner.row(rows, first_b, i)
-                )
-                change = inner.operate(
-                    "fsub", inner.operate("fmul", total, inner.constant(0.5)), shared("%x", i)
-                )
+                a, b = inner.row(rows, first_a, i), inner.row(rows, first_b, i)
+                change = end_of_column(inner, a, b, shared("%x", i))
                 inner.put(change, rows, 0, text.integer("add", of_pair, i))
 
             text.fold(D, {}, end)
@@ -319,25 +350,23 @@ class _Steps:
 
         `rows` are those of a, of b, and of f at the new a, if it is wanted.
         """
-        function, D = self.half.functions["f"], self.D
+        first_a, first_b, *first_f = rows
+        b = [inner.row(base, first_b, i) for i in range(self.D)]
+        of_b = self.value(inner, b, table)
+        a = added(inner, [inner.row(base, first_a, i) for i in range(self.D)], factors[0], of_b)
+        for i in range(self.D):  # before f there: registers are few
+            inner.put(a[i], base, first_a, i)
+        of_a = self.value(inner, a, table)
+        others = zip((first_b, *first_f), (added(inner, b, factors[1], of_a), of_a), strict=False)
+        for row, values in others:
+            for i, value in enumerate(values):
+                inner.put(value, base, row, i)
+        return of_a
 
-        def value(x):
-            return function.values(inner, lambda k: x[k], table, self.for_each and self.text.W > 1)
-
-        def added(a, factor, change):
-            return inner.operate("fadd", a, inner.operate("fmul", factor, change))
-
-        b = [inner.row(base, rows[1], i) for i in range(D)]
-        of_b = value(b)
-        a = [added(inner.row(base, rows[0], i), factors[0], of_b[i]) for i in range(D)]
-        for i in range(D):
-            inner.put(a[i], base, rows[0], i)
-        of_a = value(a)
-        for i in range(D):
-            inner.put(added(b[i], factors[1], of_a[i]), base, rows[1], i)
-        for i in range(D if len(rows) > 2 else 0):
-            inner.put(of_a[i], base, rows[2], i)
-        return of_a[:D]
+    def value(self, inner, x, table):
+        """Return f at a state, with f within the code."""
+        function, for_each = self.half.functions["f"], self.for_each and self.text.W > 1
+        return function.values(inner, lambda k: x[k], table, for_each)[: self.D]
 
     def implicit_columns(self):
         text, work = self.text, self.work
@@ -981,3 +1010,16 @@ class _Steps:
                 with text.when(text.compare_integers("ult", following, of.times_count)):
                     text.store("double", text.load("double", text.at(of.times, following)), next_at)
                 text.store("double", bits_of(0.0), text.plus(line, text.size * rows.tries))
+
+
+def added(text, x, factor, change):
+    """Return x + factor * change for all components."""
+    products = [text.operate("fmul", factor, each) for each in change]
+    return [text.operate("fadd", *each) for each in zip(x, products, strict=True)]
+
+
+def end_of_column(text, a, b, x):
+    """Return the end of a column, less x, of a component."""
+    return text.operate(
+        "fsub", text.operate("fmul", text.operate("fadd", a, b), text.constant(0.5)), x
+    )

@@ -21,10 +21,10 @@ import functools
 import numpy as np
 from numba import config
 
-from ..code.compiler import call, call_together, code_of
+from ..code.compiler import call, code_of
 from ..code.runs_code import ANY
 from ..compiling.codes import CHANGED
-from ..compiling.numba import STREAM_FROM, Kernel, as_python, loop_over_parts
+from ..compiling.numba import STREAM_FROM, Kernel, as_python
 from ..compiling.threads import in_parts
 from ..lists.step import SIGNIFICANT, Step, evaluate, of_one_sign
 from .called_stages import called_stage_of
@@ -139,9 +139,8 @@ class _Lines:
     def take(self, start, stop, saved, every, is_large, abandoned, again=False):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Yield calls of machine code, pairs of an address and an array, for the integers that they
-        return. Return False if a step needs `careful`, but it is not compiled, or a run is short:
-        then the steps must be taken again. End early if there is something in `abandoned`.
+        Return False if a step needs `careful`, but it is not compiled, or a run is short: then the
+        steps must be taken again. End early if there is something in `abandoned`.
         """
         stages = len(self.scheme.stages.fractions)
         until, steps = every - start % every if every else 0, (stop - start) * stages
@@ -167,7 +166,7 @@ class _Lines:
                 stage.tables_of(first)
             while own[SLOT.line] < own[SLOT.lines] and not abandoned:
                 own[SLOT.budget] = budget
-                result = yield address, own
+                result = call(address, own)
                 if result == NOT_READY:
                     return False
                 if result == STOPPED:
@@ -300,7 +299,7 @@ class FieldSteps(Kernel):
 
     def __call__(self, part, parts, *arguments, abandoned=()):
         with np.errstate(all="ignore"):  # each thread has its own
-            _carry_out([_iterate_part(part, parts, *arguments, abandoned)], call_each)
+            _iterate_part(part, parts, *arguments, abandoned)
 
     def serial(self, *arguments):
         self(0, 1, *arguments)
@@ -315,39 +314,12 @@ class FieldSteps(Kernel):
             final[:] = last
 
     def parallel(self, threads, *arguments):
-        step, loop = arguments[0][0].step, None
-        if step.usual and not step.is_long:  # lines of others are calls of Python
-            loop = loop_over_parts(self.seconds)
-        if loop is not None:
-            parts = [_iterate_part(part, threads, *arguments, ()) for part in range(threads)]
-            with np.errstate(all="ignore"):
-                _carry_out(parts, functools.partial(call_together, loop))
-            return
         abandoned = []
 
         def work(part):
             self(part, threads, *arguments, abandoned=abandoned)
 
-        self.in_python(in_parts, threads, work, abandoned)
-
-
-def call_each(calls):
-    """Make calls, pairs of an address and an array, one after the other; return their integers."""
-    return [call(*each) for each in calls]
-
-
-def _carry_out(parts, make_calls):
-    """Carry out generators that yield calls, those of all parts at once."""
-    results = [None] * len(parts)
-    while parts:
-        left, calls = [], []
-        for part, result in zip(parts, results, strict=True):
-            try:
-                calls.append(part.send(result))
-            except StopIteration:
-                continue
-            left.append(part)
-        parts, results = left, make_calls(calls) if calls else []
+        in_parts(threads, work, abandoned)
 
 
 def _iterate_part(
@@ -355,7 +327,7 @@ def _iterate_part(
 ):
     """Iterate the trajectories of a part; the arguments are those of `steps_3d.steps`.
 
-    It is a generator, as `_Lines.take`. End early if there is something in `abandoned`.
+    End early if there is something in `abandoned`.
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
@@ -372,7 +344,7 @@ def _iterate_part(
         if steps[0] == 0:
             note_undefined(states, notes)
         lines = _Lines(own, states, notes, W)
-        yield from _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
+        _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
         final[chunk] = lines.states()
 
 
@@ -385,14 +357,14 @@ def _take_steps(lines, states, steps, saved, is_large, abandoned):
     if stop == start:
         return
     arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
-    if not (yield from lines.take(*arguments)):
+    if not lines.take(*arguments):
         step, stages = lines.scheme
         work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
         if not step.usual:  # Python has no other step of a dense field
             work = np.inf
         careful.compile(_IN_PYTHON * work)  # only now, because few runs need it
         lines.start_from(states)
-        yield from lines.take(*arguments, again=True)
+        lines.take(*arguments, again=True)
 
 
 field_steps = FieldSteps()

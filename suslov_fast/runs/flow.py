@@ -152,6 +152,8 @@ def flow(
 
 def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...], Any]:
     """Return the names of derivatives, and the field whose equations have them."""
+    if type(derivatives) is tuple and not derivatives:  # as in most calls
+        return (), None
     names = (derivatives,) if isinstance(derivatives, str) else derivatives
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
         known = f"names, such as {('x0', *system.parameters)}"
@@ -250,9 +252,12 @@ def _exact(body: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Fo
 
 def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
     """Return the motion of a field at times in any order."""
-    moduli = abs(asked.times)
-    if len(moduli) and moduli[-1] > 0.0 and not np.count_nonzero(moduli[1:] <= moduli[:-1]):
-        found = solve(field, x, batch, asked._replace(times=moduli))
+    if asked.sign < 0:
+        asked = asked._replace(times=abs(asked.times))
+    moduli = asked.times
+    ascends = len(moduli) == 1 or not np.count_nonzero(moduli[1:] <= moduli[:-1])
+    if len(moduli) and moduli[-1] > 0.0 and ascends:
+        found = solve(field, x, batch, asked)
         if moduli[0] == 0.0:
             found.states[0] = x
         return found

@@ -16,7 +16,7 @@ from suslov_fast.core.code import compiler as machine_code
 from suslov_fast.core.fields import (
     careful,
     driver,
-    single_orbit,
+    few_orbits,
     steps as steps_field,
     tangent,
 )
@@ -301,7 +301,7 @@ def test_what_machine_code_is_given_stays_alive():
     notes, saved = [np.zeros(20, kind) for kind in (np.int8, np.int64, float)], np.ones((5, 20, 3))
     lines = steps_field._Lines((steps_field.Scheme(step, stages), *given), x, notes, 8)
     bits = values.tobytes()
-    one = single_orbit._prepared(step, stages, given[1].tobytes(), bits, False)
+    one = few_orbits._prepared(step, stages, given[1].tobytes(), bits, 3, False)
     code = careful.careful.address
     for arguments, kept, *owners in (
         (*lines._driver_arguments(0, 10, saved, 4, 1, True, None), lines, saved, code),

@@ -255,6 +255,10 @@ def c_function(signature):
 class Kernel(Patient):
     """A compiled kernel, whose arguments are numbers, arrays and tuples of them."""
 
+    # few(arguments, states, (start, stop, every, row), saved=None) returns the states (B, D) after
+    # a short run of a few trajectories, or None where the kernel has to take it.
+    few = None
+
     def __init__(self, py_function):
         self.py_func = py_function
         self.compiled = _cached(numba.njit(**_OPTIONS), py_function)

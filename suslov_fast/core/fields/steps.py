@@ -34,13 +34,23 @@ from .driver import (
     OF_HALVES,
     SLOT,
     STOPPED,
-    WIDTH,
     DriverArguments,
     text_of_called_steps,
     text_of_steps,
 )
-from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
-from .single_orbit import PLANS, compares_signs, plan_of, take_one
+from .few_orbits import lanes_of, take_few
+from .lines import (
+    PLANS,
+    alignment,
+    compares_signs,
+    halves_of,
+    in_lines,
+    note_undefined,
+    packed,
+    plan_of,
+    tables_of,
+    zeros,
+)
 from .stages import WHOLE, Scheme, distinct
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
@@ -282,6 +292,8 @@ class _Lines:
 class FieldSteps(Kernel):
     """The kernel of steps of fields, which calls the machine code of the field."""
 
+    few = staticmethod(take_few)
+
     def __init__(self):
         self.py_func = _iterate_part
 
@@ -292,8 +304,14 @@ class FieldSteps(Kernel):
     def serial(self, *arguments):
         self(0, 1, *arguments)
 
-    def briefly(self, seconds, *arguments):
-        self(0, 1, *arguments)
+    def briefly(self, seconds, arguments, omega0, carry, span, saved, final, status, failed_at):
+        (begin, end, *steps), last = span, None
+        if begin == 0 and end == len(omega0) and not np.count_nonzero(status):
+            last = take_few(arguments, final if steps[0] else omega0, steps, saved)
+        if last is None:
+            self(0, 1, arguments, omega0, carry, span, saved, final, status, failed_at)
+        else:
+            final[:] = last
 
     def parallel(self, threads, *arguments):
         abandoned = []
@@ -313,7 +331,7 @@ def _iterate_part(
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
-    W = min(1 << (end - begin - 1).bit_length(), 4) if end - begin <= WIDTH else WIDTH
+    W = lanes_of(end - begin)
     count = -(-(end - begin) // W)
     first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
     last = min(last, end)
@@ -325,9 +343,6 @@ def _iterate_part(
         notes = status[chunk], failed_at[chunk], carry[0, chunk]
         if steps[0] == 0:
             note_undefined(states, notes)
-        one = own, states, notes[0], final[chunk], steps, saved[:, chunk]
-        if W == 1 and take_one(*one):
-            continue
         lines = _Lines(own, states, notes, W)
         _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
         final[chunk] = lines.states()

@@ -67,18 +67,6 @@ def wrong(name: str, expected: str, received: object = None, error: Any = ValueE
     return error(f"{name} must {must}{instead}")
 
 
-# Titles of the pages that errors point to, which have no address yet.
-_TITLES = {
-    "howto/body": "Start from your inertia tensor",
-    "howto/motion": "Any equations, to a tolerance",
-}
-
-
-def page(name: str) -> str:
-    """Return in words a page of the documentation, such as "howto/motion"."""
-    return f'the page "{_TITLES[name]}" of the documentation'
-
-
 def extra(module: str, name: str) -> Any:
     """Import and return a module that the extra `name` of the package installs."""
     try:
@@ -142,8 +130,17 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     With `later`, the numbers of a large array are not checked here: the caller checks them, by
     `real_array`, if its results are not finite.
     """
-    if isinstance(value, dict):
-        raise wrong(name, "an array", f"a dict: pass [*{name}.values()], in order", TypeError)
+    if isinstance(value, dict) and {*labels} <= {*value}:
+        columns = (_floats(name, value[label]) for label in labels)
+        value = np.stack(np.broadcast_arrays(*columns), axis=-1)
+    elif hasattr(value, "iloc") and {*labels} <= {*value.keys()}:  # of pandas
+        value = value[[*labels]].to_numpy()
+    elif isinstance(value, dict):
+        raise wrong(name, f"an array, or a dict of {', '.join(labels)}", short(value), TypeError)
+    elif name in ("x0", "omega0") and getattr(value, "called", "") == "a run":
+        more = ", or continue it by run.extend(steps)" if hasattr(value, "extend") else ""
+        last = f"{kind_of(value)}: pass run.states[-1]{more}"
+        raise wrong(name, "states at one time", last, TypeError)
     axes = [*value.dims] if hasattr(value, "dims") else []
     if axes and axes[-1] == "component" and "n" not in axes[1:]:
         coords = getattr(value, "coords", {})  # datasets of this package name the components
@@ -227,6 +224,10 @@ def refuse(name: str, value: Any) -> None:
     """Raise an error for labelled arrays, units, booleans and masked arrays, alone or in a list."""
     if type(value) in _NUMBERS or value is None:
         return
+    if getattr(getattr(value, "dtype", None), "kind", "") in ("m", "M"):
+        first = f" - {name}[0]" * (value.dtype.kind == "M")
+        how = f"dates: pass ({name}{first}) / np.timedelta64(1, 's') as an array"
+        raise wrong(name, "numbers without a unit", how, TypeError)
     if type(value) is np.ndarray:
         value = value.ravel().tolist() if value.dtype.kind == "O" else []
     if isinstance(value, (list, tuple)):
@@ -337,16 +338,16 @@ def instance(name: str, value: Any, expected: Any) -> None:
         if expected is Mapping:
             called, instead = "a dictionary", ": a text is read by json.loads"
         elif all(hasattr(kind, "instead") for kind in classes):
-            instead = in_place_of(value)
+            instead = in_place_of(value, "Field")
         raise wrong(name, called, kind_of(value) + instead, TypeError)
 
 
-def in_place_of(value: Any) -> str:
+def in_place_of(value: Any, maker: str = "QuadraticField") -> str:
     """Return advice, for messages, on what to pass in place of a value of the wrong class."""
     if isinstance(value, type):
         return ": pass an object of the class"
     if callable(value) and not hasattr(value, "instead"):
-        return ": pass Field.from_function(f, names), or QuadraticField for equations of degree 2"
+        return f": pass {maker}.from_function(f, names)"
     if isinstance(value, tuple) and value and hasattr(value[0], "instead"):
         return ": pass its first item; Suslov3D.figure returns a body and eps"
     known = ": pass a body, or a field such as QuadraticField.from_function(f, names)"

@@ -16,20 +16,21 @@ R = TypeVar("R")
 # Words of other packages, in lower case without underscores; what they are called here, of which a
 # function or an object may have one; and what to do where it has none.
 _TABLE = (
-    ("dt h epsilon stepsize deltat firststep dtmax eps", "eps max_step",
-     "a map has steps of length eps=; those of flow follow from rtol="),
-    ("t time times teval saveat ts tend tmax tf tfinal duration period", "time period steps",
+    ("dt h epsilon stepsize deltat firststep eps", "eps",
+     "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
+    ("dtmax hmax maxstep", "max_step", "a map has steps of length eps="),
+    ("t time times teval ts tend tmax tf tfinal duration period", "time period steps",
      "iterate runs to eps * steps, flow to time="),
-    ("tspan t0", "time", "iterate runs to eps * steps, flow to time="),
+    ("tspan t0", "", "time= of flow, counted from x0; iterate runs to eps * steps"),
     ("tol rtol reltol", "rtol tol", "flow(..., rtol=); steps of a map have no tolerance"),
     ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
     ("order integrator solver alg algorithm scheme method", "method",
      "method= of iterate; flow chooses its steps by rtol=, and stiff or not by itself"),
     ("n nsteps numsteps iterations maxsteps maxiter steps", "steps n J",
-     "steps= of iterate; flow chooses its steps by rtol="),
+     "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
     ("denseoutput interpolate interpolant sol", "", "flow(system, x0, time=t), at any times t"),
     ("nfev nstep naccepted", "steps", ""),
-    ("x0 y0 u0 z0 omega0 omega x state states ic", "states components omega0",
+    ("x0 y0 u0 z0 omega0 omega x state states ic", "states state components omega0",
      "the second argument, without a name, for states"),
     ("body system field fun rhs model", "body", "the first argument, without a name"),
     ("f", "first_integral body", "the first argument, without a name"),
@@ -37,11 +38,15 @@ _TABLE = (
      "parameters of the system: from_function(f, names, a=1), body.parameters"),
     ("withparameters setparameters set replace subs", "with_parameters",
      "a new system, with the new parameters; arrays make a family"),
-    ("events event section condition value", "surface crossings", "crossings(..., surface=)"),
+    ("events event section condition value", "crossings",
+     "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0)"),
+    ("jumps jump doses dose impulses resets", "",
+     "flow from one to the next: x = flow(system, x, time=dt).x[-1] + jump"),
     ("poincare poincaremap poincaresection poincaresos tevents yevents", "crossings", ""),
-    ("terminal k", "most", "crossings(..., most=)"),
+    ("terminal", "most", "crossings(..., most=)"),
     ("burnin ntransient transienttime ttr discard", "transient", ""),
-    ("every stride thin sample saveat", "save_every", ""),
+    ("every stride thin sample saveat", "save_every",
+     "time=np.arange(0, T, dt), at which states are wanted"),
     ("njobs nworkers workers numthreads setnumthreads setthreads cores", "threads client",
      "threads= of each function"),
     ("timeout maxtime budget timelimit", "time_limit progress", ""),
@@ -66,7 +71,7 @@ _TABLE = (
     ("df dataframe todataframe topandas tocsv", "",
      "pandas.DataFrame(run.states, run.time), of one orbit; to_xarray().to_dataframe() of many"),
     ("tonetcdf tozarr sel isel", "to_xarray", ""),
-    ("savefig figure", "plot", "plot().figure.savefig(path)"),
+    ("savefig figure", "figures plot", "plot().figure.savefig(path)"),
     ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
     ("load", "load", "Trajectories.load, or Crossings.load, or Motion.load"),
     ("latex tolatex equations tosympy", "", "str(field), the equations"),
@@ -76,11 +81,13 @@ _TABLE = (
      "jacobian(x) of a field, its right-hand side's; that of a body is QuadraticField.of(body)"),
     ("quadratic linear constant terms", "", "QuadraticField.of(body), whose terms they are"),
     ("solveivp odeint ode integrate solve", "flow", ""),
-    ("trajectory simulate evolve", "iterate run", ""),
+    ("trajectory simulate evolve", "run",
+     "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
     ("orbitdiagram bifurcationdiagram bifurcation", "iterate", ""),
     ("phaseportrait", "plot plot_phase", "iterate(...).plot()"),
     ("plot", "plot", "iterate(...).plot(), or flow(...).plot()"),
-    ("sensitivity sensitivities", "derivatives", "flow(..., derivatives=)"),
+    ("sensitivity sensitivities", "",
+     "flow(..., derivatives=('x0', 'a')), and derivative('a') of its result"),
     ("lyapunov lyapunovs lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
     ("fixedpoints equilibria equilibrium", "fixed_points", ""),
     ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
@@ -91,10 +98,13 @@ _TABLE = (
     ("invariantmeasure", "invariant_density", ""),
     ("fromsympy fromexpressions", "",
      "from_function(sympy.lambdify([symbols], expressions), names)"),
+    ("fromstring fromtext fromequations fromsecondorder", "",
+     "from_function(lambda x: (x[1], -x[0]), 'q p')"),
     ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
     ("suslov", "Suslov3D", ""),
     ("figures picture pictures", "figures", "Suslov3D.figure(k)"),
-    ("animate animation", "animate_body", ""),
+    ("animate animation", "",
+     "suslov_fast.animate_body(run) for a body, FuncAnimation of Matplotlib for equations"),
     ("report integrals firstintegrals zoo examples kahan", "", "suslov_fast.integrability"),
     ("warmup compile", "warm_up", "the command suslov-fast warm-up"),
 )  # fmt: skip
@@ -105,6 +115,8 @@ _WORDS = {word: (names.split(), how) for words, names, how in _TABLE for word in
 def instead(word: str, known: Collection[str]) -> str:
     """Return what to use for a word: a known name, or a sentence, or nothing."""
     names, how = _WORDS.get(word.lower().replace("_", ""), ((), ""))
+    if "eps" in names and {"eps", "time"} <= {*known}:
+        return "eps= and steps= for the map, counted in steps, or time=T for the motion, in time"
     found = [each for each in known if each.lower() == word.lower()]
     found += [name for name in names if name in known]
     near = get_close_matches(word, known, 1, 0.75)
@@ -173,9 +185,13 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         how = ""
         unnamed = sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
         if len(args) > unnamed and (named := [p for p in shown if p.kind is p.KEYWORD_ONLY]):
-            how = f", pass {named[0].name}=... and what follows it here by name"
+            how = f", pass {', '.join(f'{p.name}=' for p in named[:3])} ... by name"
+            if isinstance(args[-1], str):
+                how = ", save the result by its method save(path)"
         elif len(args) > unnamed and takes_any:
             how = ", pass parameters by name, such as a=1"
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
+        if called == "flow" and args and inspect.isroutine(args[0]):
+            how += ", and for the function pass Field.from_function(f, names)"
         return f"{called}: {error}{how}: the call is {called}{takes}"
     return ""

@@ -257,7 +257,7 @@ def _check_that_states_follow(first: Problem, states: FloatArray) -> None:
         text = (
             f"omega: a step of the map with this eps does not take state {row}{where} to the next"
         )
-        raise ValueError(f"{text}: save every state")
+        raise ValueError(f"{text}: call iterate with attitude=True, or save all its states")
 
 
 @public

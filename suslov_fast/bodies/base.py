@@ -35,8 +35,15 @@ class Parameters(dict[str, Any]):
         return dict, (dict(self),)
 
 
+class _Answering(type):
+    """The class of classes whose missing attributes are answered, as those of their objects."""
+
+    def __getattr__(cls, name: str) -> Any:
+        raise lacking(cls, name, f"type object {cls.__name__!r}")
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Body(Members):
+class Body(Members, metaclass=_Answering):
     """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters.
 
     A class of your own is a frozen dataclass that defines its parameters, `dimension` and `labels`,

@@ -330,7 +330,7 @@ def _in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
 # How programs print another tensor.
 _CONVENTIONS = (
     "I must be about the fixed point, with minus the integrals of x y dm off the diagonal, see "
-    f"{checks.page('howto/body')}"
+    'the page "Start from your inertia tensor" of the documentation'
 )
 
 

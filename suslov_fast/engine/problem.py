@@ -80,8 +80,8 @@ def check(
     if components is None and len(labels) != body.dimension:
         expected = f"have {body.dimension} entries, the dimension of {type(body).__name__}"
         raise wrong("labels", expected, checks.short(labels))
-    if map.variable == "x" and name in ("omega", "omega0"):
-        name = "x"
+    if map.variable == "x":
+        name = {"omega": "x", "omega0": "x0"}.get(name, name)
     if isinstance(omega, RandomStarts):
         states = omega.states(math.prod(omega.shape), 0, len(labels))
         omega = states.reshape(*omega.shape, len(labels))

@@ -22,12 +22,15 @@ _LEAST, _MOST = 1e-13, 1e-2  # of rtol
 # What solutions do that stop.
 _CAUSES = {
     Status.ENDED: "end: they escape to infinity, or reach a pole",
-    Status.SLIDING: "slide along a condition",
+    Status.SLIDING: (
+        "slide along a condition y = 0 of f, to which f leads back from both sides (smooth it by "
+        "np.tanh(y/width) for np.sign(y), or use two thresholds)"
+    ),
     Status.TOO_MANY_STEPS: (
         f"take more than {MOST_STEPS:,} steps from one time to the next (pass more times, or a "
         "larger rtol)"
     ),
-    Status.NONFINITE: "have no value",
+    Status.NONFINITE: "have no value: f is NaN or infinite, as 0/0 and log of a negative number",
 }
 
 

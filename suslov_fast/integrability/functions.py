@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import flint
 
 from ..bodies.fields.calls import checked_function
-from ..bodies.fields.names import latex
+from ..bodies.fields.names import labels, latex
 from ..checks import extra, short, wrong
 from ..keywords import public
 from . import arithmetic
@@ -345,7 +345,7 @@ def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fra
 def traced(name: str, f: Any, n: int, letter: str = "") -> list[Any]:
     """Return the polynomials F_1, ..., F_D, F_0 of a function, by a call with symbols."""
     given: dict[str, Any] = {letter: 0} if letter else {}
-    checked_function(name, f, given)
+    checked_function(name, f, labels(n), given)
     ring = polynomial_ring(n, bool(letter))
     symbols = [*map(factored, ring.gens())]
     given = {letter: symbols.pop(0)} if letter else {}

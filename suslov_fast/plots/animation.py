@@ -8,7 +8,7 @@ import numpy as np
 
 from ..bodies.classes import BodyIn3D
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, instance, integer, positive, wrong
+from ..checks import FloatArray, integer, kind_of, positive, wrong
 from ..keywords import public
 from ..runs.trajectories import Trajectories
 from ..space import attitude
@@ -54,7 +54,8 @@ def animate_body(run: Trajectories, /, *, every: int = 2, fps: int = 25) -> Any:
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
-    instance("run", run, Trajectories)
+    if not isinstance(run, Trajectories):
+        raise wrong("run", "iterate(body, omega0, eps, steps)", kind_of(run), TypeError)
     run.map.require("animate_body", run.body)
     if run.status.ndim:
         raise wrong("run", "that of one orbit", f"a batch {run.status.shape}")

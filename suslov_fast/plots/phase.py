@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.classes import BodyIn3D
-from ..checks import FloatArray, integer, positive, short, wrong
+from ..checks import FloatArray, integer, kind_of, positive, short, wrong
 from ..keywords import public
 from ..maps import map_of
 from ..quantities.derivatives import vector_field
@@ -149,6 +149,8 @@ def plot_phase(
     from ..runs.plot import COLOURS, axes_for, spelled
 
     extent = positive("extent", extent)
+    if hasattr(body, "plot"):
+        raise wrong("body", "a body", f"{kind_of(body)}: call its plot()", TypeError)
     map_of(body).require("plot_phase", body)
     I1, I2, I13, I23, k = body.constants
     if body.shape or not (I13 or I23 or k):

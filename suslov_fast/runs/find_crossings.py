@@ -121,7 +121,7 @@ def crossings(
     rtol, atol, max_step, stiff
         As in :func:`flow`.
     direction : {1, -1, 0}
-        Upwards, downwards, or both. SciPy's events have the default 0.
+        Upwards (the default), downwards, or both. SciPy's events have the default 0.
     transient : int or float
         Number of steps, or the time, at first in which crossings are ignored.
     most : int, optional
@@ -180,7 +180,7 @@ def crossings(
     >>> section.n[:3]
     array([502, 548, 599])
     """
-    direction = integer("direction", direction, -1, "1, -1 or 0", 1)
+    direction = integer("direction", direction, -1, "1 (upwards), -1 (downwards) or 0 (both)", 1)
     if most is not None:
         most = integer("most", most, 1, "None or an integer of at least 1")
     one_of("on_singular", on_singular, ON_SINGULAR)
@@ -262,7 +262,8 @@ def _along_motion(
 def _number(name: str, value: Any) -> float:
     number = real_number(name, value)
     if not isinstance(number, float):
-        raise wrong(name, "a number", f"an array of shape {number.shape}")
+        received = f"an array of shape {number.shape}: pass its last number"
+        raise wrong(name, "a number", received)
     return number
 
 

@@ -63,7 +63,9 @@ def flow(
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field, or angular velocities.
     time : array_like(float, shape=() or (n,))
-        Times in any order, all 0 or later, or all 0 or earlier. A number is one time, n = 1.
+        Times counted from x0, in any order, all 0 or later, or all 0 or earlier. A number is one
+        time, n = 1. Where equations depend on time, x0 holds the initial one, of a variable t with
+        the rate 1: ``Field.from_function(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
         times the largest absolute value that the component has had on the trajectory, or 2**-20 of
@@ -152,7 +154,8 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     """Return the names of derivatives, and the field whose equations have them."""
     names = (derivatives,) if isinstance(derivatives, str) else derivatives
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
-        raise wrong("derivatives", "a tuple of names", short(derivatives), TypeError)
+        known = f"names, such as {('x0', *system.parameters)}"
+        raise wrong("derivatives", known, short(derivatives), TypeError)
     field: Any = system if isinstance(system, FieldOfFunction) else None
     named: tuple[str, ...] = ()
     if names and field is None:

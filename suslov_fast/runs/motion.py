@@ -75,6 +75,9 @@ class Motion(States):
     derivatives: tuple[str, ...] = ()
     _derivatives: FloatArray | None = None  # (n, ..., D, C) those by x0 first
 
+    def __call__(self, *_: Any) -> Any:
+        raise TypeError("a motion cannot be called: pass the times t to flow(system, x0, time=t)")
+
     @public
     def derivative(self, by: str) -> FloatArray:
         """Return the derivatives of the states by the starts, or by a parameter.

@@ -144,7 +144,7 @@ class Result:
 
     def __dir__(self) -> list[str]:
         other = "x" if self._variable == "omega" else "omega"
-        hidden = {other, *(QUANTITIES - {*self._functions})}
+        hidden = {other, "called", "instead", "kinds", *(QUANTITIES - {*self._functions})}
         return [name for name in super().__dir__() if name not in hidden]
 
     def __len__(self) -> int:

@@ -66,10 +66,10 @@ def symbols(names):
     return sympy.symbols(names)
 
 
-def of_sympy():
+def of_sympy(arguments=None):
     import sympy
 
-    return sympy.lambdify(symbols("u v"), [1, 2])
+    return sympy.lambdify(arguments or symbols("u v"), [1, 2])
 
 
 def interpolated(x):
@@ -463,6 +463,103 @@ def test_unknown_attributes(thing, name, answer):
     with pytest.raises(AttributeError, match=rf"'{name}'.*{answer}") as caught:
         getattr(thing, name)
     assert answer or ("use " not in str(caught.value) and caught.value.name == name)
+
+
+def decay(x, k):
+    return (-k * x[0],)
+
+
+WAVE = sf.Field.from_function(lambda s: (-s[0] / 2 + 0 * s[1], 1.0), "x t")
+HALF = sf.Field.from_function(lambda x: (-x[0] / 2,), "x")
+PAIR = QuadraticField.from_function(lambda x: (x[1], -x[0] / 2), "u v")
+# First tries of users, what the error names, and the second try that it leads to, whose last
+# number is known.
+SECOND_TRIES = [
+    (lambda: sf.Field.from_function(lambda t, x: -x / 2, "x"), r'rate 1: .*"x t"\)',
+     lambda: sf.flow(WAVE, [3.0, 0.0], time=2.0).x[..., 0], 3 * math.exp(-1)),
+    (lambda: sf.Field.from_function(lambda x, t: -x / 2, "x", t=0.0), r'rate 1: .*"x t"\)',
+     lambda: sf.flow(WAVE, [3.0, 5.0], time=2.0).x, 7.0),
+    (lambda: sf.Field.from_function(decay, "x"), r"\bk=1\.0",
+     lambda: sf.Field.from_function(decay, "x", k=1.0)([3.0]), -3.0),
+    (lambda: sf.Field.from_function(decay, "x", kk=2.0), r"'kk', use k=",
+     lambda: sf.Field.from_function(decay, "x", k=2.0)([3.0]), -6.0),
+    (lambda: sf.Field.from_function(decay, "x", k=2.0, noise=1.0), r"'noise', only k\b",
+     lambda: sf.Field.from_function(decay, "x", k=2.0)([3.0]), -6.0),
+    (lambda: sf.Field.from_function(lambda q, p: (p, -q), "q p"), r"lambda x: f\(\*x\)",
+     lambda: sf.Field.from_function(lambda x: (lambda q, p: (p, -q))(*x), "q p")([1.0, 2.0]), -1.0),
+    (field(lambda x, k: (k["a"] * x[0],), "x", k={"a": 2.0}), r"\*\*k, .*take a\b",
+     lambda: field(lambda x, a: (a * x[0],), "x", a=2.0)()([3.0]), 6.0),
+    (field(lambda x, k: (k[0] * x[0],), "x", k=[1.0, 2.0]), "p0=",
+     lambda: field(lambda x, p0, p1: (p0 * p1 * x[0],), "x", p0=1.0, p1=2.0)()([3.0]), 6.0),
+    (lambda: sf.Field.from_function(lambda x: np.fmod(x, 0.3), 1), r"sign\(x\).*% np\.abs",
+     lambda: sf.Field.from_function(lambda x: np.sign(x) * (np.abs(x) % np.abs(0.3)), 1)([-0.5]),
+     math.fmod(-0.5, 0.3)),
+    (lambda: sf.Field.from_function(lambda x: x * np.digitize(x, [0.4]), 1), r"np\.where",
+     lambda: sf.Field.from_function(lambda x: x * np.where(x < 0.4, 0, 1), 1)([0.5]), 0.5),
+    (lambda: sf.Field.from_function(lambda x: np.linalg.solve(ID[:2, :2], x), 2), r"inv\(M\) @",
+     lambda: sf.Field.from_function(lambda x: np.linalg.inv(ID[:2, :2]) @ x, 2)([1.0, 2.0]), 2.0),
+    (lambda: sf.flow(lambda x: -x / 2, (0, 2), [3.0]), r"time=.*Field\.from_function",
+     lambda: sf.flow(HALF, [3.0], time=2.0).x, 3 * math.exp(-1)),
+    (lambda: sf.iterate(lambda x: -x, [3.0], 0.1, 1), r"pass QuadraticField\.from_function",
+     lambda: sf.iterate(field(lambda x: -x, 1)(), [3.0], 0.5, 1).x, 3 * 0.75 / 1.25),
+    (lambda: sf.flow(HALF, [3.0], t0=0, tf=2), r"'t0': use time= .*'tf': use time",
+     lambda: sf.flow(HALF, [3.0], time=2.0).x, 3 * math.exp(-1)),
+    (lambda: sf.flow(HALF, [3.0], time=2, dt=0.5), r"time=np\.arange",
+     lambda: sf.flow(HALF, [3.0], time=np.arange(0, 2.5, 0.5)).x, 3 * math.exp(-1)),
+    (lambda: sf.flow(HALF, [3.0], time=2, jumps=[(1, 1.0)]), r"x = flow\(.*\)\.x\[-1\] \+",
+     lambda: sf.flow(HALF, sf.flow(HALF, [3.0], time=1).x[-1] + 1, time=1).x,
+     3 * math.exp(-1) + math.exp(-0.5)),
+    (lambda: sf.flow(PAIR, [1, 0], time=9, events=len), r"surface=.*direction=0\)",
+     lambda: sf.crossings(PAIR, [1, 0], time=9, surface=lambda x: x[..., 0], direction=0).time,
+     1.5 * math.pi * 2**0.5),
+    (lambda: sf.crossings(PAIR, [1, 0], time=[0, 9], surface=lambda x: x[..., 0]), "last number",
+     lambda: sf.crossings(PAIR, [1, 0], time=9, surface=lambda x: x[..., 0]).time,
+     1.5 * math.pi * 2**0.5),
+    (lambda: sf.lyapunov_exponents(HALF, [3.0], dt=0.1, n=9), r"steps.*time=T.*in time",
+     lambda: sf.lyapunov_exponents(HALF, [3.0], time=9.0), -0.5),
+    (lambda: sf.iterate(FIELD, RUN, 0.1, 1), r"states\[-1\], .*run\.extend\(steps\)",
+     lambda: sf.iterate(FIELD, RUN.states[-1], 0.1, 1).x[-1] - RUN.extend(1).x[-1], 0.0),
+    (lambda: sf.flow(BODY, MOTION, time=1.0), r"states\[-1\]",
+     lambda: sf.flow(BODY, MOTION.states[-1], time=1.0).omega
+     - sf.flow(BODY, [1.0, 0.5], time=2.0).omega, 0.0),
+    (lambda: MOTION(0.5), r"flow\(system, x0, time=t\)",
+     lambda: sf.flow(HALF, [3.0], time=2.0).x, 3 * math.exp(-1)),
+    (lambda: sf.flow(HALF, [3.0], time=np.array([1, 2], "m8[s]")), r"\(time\) / np\.timedelta64",
+     lambda: sf.flow(HALF, [3.0], time=np.array([1, 2], "m8[s]") / np.timedelta64(1, "s")).x,
+     3 * math.exp(-1)),
+    (lambda: sf.flow(HALF, [3.0], time=2, derivatives=True), r"names, such as \('x0',\)",
+     lambda: sf.flow(HALF, [3.0], time=2, derivatives=("x0",)).derivative("x0"), math.exp(-1)),
+    (lambda: sf.flow(HALF, [3.0], time=2).sensitivity, r"derivatives=\(.*derivative\(",
+     lambda: sf.flow(HALF, [3.0], time=2, derivatives="x0").derivative("x0"), math.exp(-1)),
+    (lambda: sf.Field.from_sympy([], "x"), r"from_function\(sympy\.lambdify",
+     lambda: sf.Field.from_function(of_sympy([symbols("u v")]), "u v")([1.0, 1.0]), 2.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("first", "said", "second", "value"), SECOND_TRIES)
+def test_what_an_error_says_works(first, said, second, value):
+    with pytest.raises((TypeError, ValueError, AttributeError), match=said):
+        first()
+    assert np.ravel(second())[-1] == pytest.approx(value, abs=1e-7)
+
+
+def test_a_name_that_is_not_there_is_answered_in_an_import_too():
+    with pytest.raises(ImportError, match="use flow"):
+        from suslov_fast import solve_ivp  # noqa: F401
+    from suslov_fast import checks  # noqa: F401  (a module, which is no public name)
+
+    assert not hasattr(sf, "solve_ivp")
+
+
+def test_states_by_name():
+    """Names of all components leave no doubt about their order."""
+    states, named = [[1.0, 2.0], [3.0, 4.0]], {"v": [2.0, 4.0], "t": [0.0, 0.0], "u": [1.0, 3.0]}
+    expected = PAIR(states)
+    assert (PAIR(named) == expected).all()
+    assert (PAIR(DataFrame(named)) == expected).all()
+    assert (PAIR(Series({"v": 2.0, "u": 1.0})) == expected[0]).all()
+    with pytest.raises(TypeError, match="u, v"):
+        PAIR({"u": 1.0, "w": 2.0})
 
 
 # Classes that users make by a call; all others are results, errors, or made by functions.

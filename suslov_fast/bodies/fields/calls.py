@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
-from ...checks import page, short, wrong
+from ...checks import either, short, wrong
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES
-from .names import TIME
-from .symbolic import Symbol, Symbols, Tracer, Untraceable, applied, interpolated
+from .names import TIME, of_time
+from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
 
-_PAGE = page("howto/motion")
 _OF_SYMPY = "sympy.lambdify([names], list(expressions)) makes one of expressions"
 
 
@@ -27,7 +27,9 @@ def arguments_of(f: Any) -> list[str]:
     return [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
 
 
-def checked_function(argument: str, f: Any, parameters: Mapping[str, Any]) -> Any:
+def checked_function(
+    argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any]
+) -> Any:
     """Return the Python function of a user; TypeError unless it takes the state and parameters.
 
     `argument` is that of the public function, "f" or "H".
@@ -39,18 +41,35 @@ def checked_function(argument: str, f: Any, parameters: Mapping[str, Any]) -> An
         signature = inspect.signature(f)
     except (TypeError, ValueError):  # it does not tell its arguments
         return f
-    first = next(iter(signature.parameters.values()), None)
+    given: list[Any] = [*signature.parameters.values()] or [None]
+    state, own = given[0], given[1:]
     by_position = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
-    fits = first is not None and first.kind in by_position and not TIME & {*signature.parameters}
+    known = [each.name for each in own]
+    missing = [name for name in arguments_of(f)[1:] if name not in parameters]
+    unknown = [name for name in parameters if name not in known]
     try:
         signature.bind(None, **parameters)
+        how = "" if state.kind in by_position else "pass lambda x: ..."
     except TypeError:
-        fits = False
-    if not fits:
+        how = "pass lambda x: ..."
+        if unknown:
+            how = f"it has no parameter {unknown[0]!r}, {_parameters_are(unknown[0], known)}"
+        elif missing:
+            values = ", ".join(f"{name}=1.0" for name in missing)
+            how = f"pass values of its parameters, as {values}"
+            if len(missing) + 1 == len(names) and not parameters:
+                how += ", or lambda x: f(*x) if these are the variables"
+    how = of_time(names) if TIME & {*signature.parameters} else how
+    if how:
         expected = "a function of the state, one array, and of its parameters by name"
-        how = f"pass lambda x: ..., and for time see {_PAGE}"
         raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)
     return f
+
+
+def _parameters_are(word: str, known: Sequence[str]) -> str:
+    """Return, for messages, the parameter that a wrong one may stand for, or all."""
+    near = get_close_matches(word, known, 1, 0.6)
+    return f"use {near[0]}=" if near else f"only {either(known)}" if known else "and takes none"
 
 
 def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
@@ -64,8 +83,12 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
         text = " ".join(str(error).split())
         if not isinstance(error, (Untraceable, ArithmeticError)):
             symbols = ", ".join(str(state[i]) for i in range(min(len(state), 8)))
-            text += f": it is called with {len(state)} symbols, {symbols}: write formulas by "
-            text += f"+ - * / ** and functions of NumPy, see {_PAGE}"
+            how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
+            if "subscriptable" in text:
+                how = "a parameter is one number, as p0=..., p1=...: an array makes a family"
+            elif "Cannot cast ufunc" in text:
+                how = "np.linalg and np.fft take numbers: write out the formulas"
+            text += f": it is called with {len(state)} symbols, {symbols}: {how}"
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
         raise kind(f"{argument}: {text}") from error
 
@@ -78,6 +101,7 @@ def components(result: Any, D: int) -> Any:
     shape = np.shape(result) if isinstance(result, np.ndarray) else ()
     if not is_sequence or len(result) != D or shape == (D, 1):
         received = f"an array of shape {shape}: pass lambda x: f(x).ravel()" if shape else result
+        received = f"{result}: return [{result}]" if D == 1 and not is_sequence else received
         raise ValueError(f"must return {D} components, not {received}")
     return result
 
@@ -93,7 +117,7 @@ def operands_of_function(
     argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any]
 ) -> tuple[Tracer, list[Any]]:
     """Return the tracer with which f was called, and the operands that are f, or [H]."""
-    f = checked_function(argument, f, parameters)
+    f = checked_function(argument, f, names, parameters)
     tracer = Tracer(names, [*parameters])
     first, second = (_operands(argument, f, tracer) for _ in range(2))
     check_same(argument, [*map(repr, first)], [*map(repr, second)])  # equal operations are one

@@ -71,14 +71,16 @@ class FieldOfFunction(Body):
         ----------
         f : callable
             Takes the state x, an array of D variables, and returns their D derivatives: formulas
-            that the class has, of a `QuadraticField` polynomials of degree 2 or less. It is called
+            that the class has, of a `QuadraticField` polynomials of degree 2 or less. Time is a
+            variable with the rate 1: ``lambda s: (..., 1.0)`` and names ``"x v t"``. It is called
             with symbols, twice or more, so the coefficients of a `QuadraticField` are exact: 0.1 is
             the double nearest to 1/10.
         dimension : int, str or sequence of str
             The number of variables, D, or their names, such as ``"u v w"``.
         **parameters : float or array_like(float, shape=(...))
             Named parameters of f. Numbers remain exact; arrays broadcast, and make a batch of
-            fields. Names of variables, eps, t and those of datasets are refused.
+            fields. Names of variables, t, those of datasets, and eps of a `QuadraticField`, are
+            refused.
 
         Returns
         -------
@@ -255,6 +257,8 @@ class FieldOfFunction(Body):
             if length > LONGEST:
                 break
         equations += [] if self.H is None else [f"H = {self.H}"]
+        if not self.has_map:  # else formulas hold the values
+            equations += [f"{name} = {value}" for name, value in self.parameters.items()]
         return f"{kind}({textwrap.shorten(', '.join(equations), LONGEST, placeholder=' ...')})"
 
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import integer, page, short, wrong
+from ...checks import integer, short, wrong
 from .bounds import LONGEST_NAME, MOST_VARIABLES
 
 TIME = {"t", "time"}
 # Names that parameters of fields cannot have, and what they stand for.
 _TAKEN = {
-    **dict.fromkeys(TIME, f"time, which is a variable: see {page('howto/motion')}"),
+    **dict.fromkeys(TIME, "time, which is a variable"),
     "dimension": "an argument of from_function and from_hamiltonian",
     "method": "an argument of sel",
     "x": "the name of the states",
@@ -44,6 +44,12 @@ _SYMBOL = re.compile(
 )
 _OF_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # px, a momentum
 _AXIS = re.compile(r"batch_\d+")
+
+
+def of_time(names: Sequence[str]) -> str:
+    """Return, for messages, how time enters a field with these variables."""
+    given = f'"{" ".join(names)} t"' if len(names) <= 8 else len(names) + 1
+    return f"time is a variable with the rate 1: from_function(lambda s: (..., 1.0), {given})"
 
 
 def labels(D: int) -> tuple[str, ...]:
@@ -141,8 +147,10 @@ def clash(name: str, names: Collection[str], *, has_map: bool = True) -> str:
     return _TAKEN.get(name, "") or (_OF_MAPS.get(name, "") if has_map else "")
 
 
-def check_parameter(name: str, names: Collection[str], *, has_map: bool = True) -> None:
+def check_parameter(name: str, names: Sequence[str], *, has_map: bool = True) -> None:
     """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
+    if name in TIME:
+        raise ValueError(f"parameters must be constants, not {name!r}: {of_time(names)}")
     if reason := _refused(name):
         raise ValueError(f"parameters: {short(name)} {reason}")
     if what := clash(name, names, has_map=has_map):

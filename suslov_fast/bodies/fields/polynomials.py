@@ -39,6 +39,8 @@ def exact(name: str, value: Any) -> Fraction:
         raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
+        if isinstance(value, dict):
+            received += f": pass **{name}, and let f take {', '.join(value)}"
         if hasattr(value, "free_symbols"):
             received += ": sympy.lambdify([names], list(expressions)) makes a function"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
@@ -77,9 +79,8 @@ def named_parameters(
     `has_map` is as in `names.variables`.
     """
     checked: dict[str, Any] = {}
-    taken = {*variables}
     for name, value in parameters.items():
-        check_parameter(name, taken, has_map=has_map)
+        check_parameter(name, variables, has_map=has_map)
         if name == "names" and np.asarray(value).dtype.kind == "U":
             how = 'pass the names of variables in place of the dimension, as "u v w"'
             raise TypeError(f"names={short(value)} is taken as a parameter of the field: {how}")

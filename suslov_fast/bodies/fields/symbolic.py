@@ -29,14 +29,24 @@ HOW = {
     "rint": "np.floor(x + 0.5)",
     "round": "np.floor(x + 0.5)",
     "around": "np.floor(x + 0.5)",
-    "fmod": "np.remainder",
+    "fmod": "np.sign(x)*(np.abs(x) % np.abs(y)) for np.fmod(x, y)",
+    "trunc": "np.sign(x)*np.floor(np.abs(x))",
     "piecewise": "np.where",
     "isfinite": "np.abs(x) < np.inf",
     "isnan": "x != x",
     "nan_to_num": "np.where(x == x, x, 0)",
     "unwrap": "np.arctan2 of the sine and the cosine",
     "sort": "np.minimum and np.maximum",
+    **dict.fromkeys(("median", "argmax", "argmin", "argsort"), "np.minimum, np.maximum, np.where"),
+    "count_nonzero": "(x > 0).sum()",
+    **dict.fromkeys(("searchsorted", "digitize"), "np.where(x < knot, a, b)"),
+    "gradient": "(np.roll(x, -1) - np.roll(x, 1))/2, or np.diff(x)",
+    **dict.fromkeys(("fft", "ifft", "rfft", "irfft"), "a product with a matrix of numbers"),
+    **dict.fromkeys(("solve", "det", "inv"), "np.linalg.inv(M) @ b with numbers in M, or formulas"),
 }
+
+
+TABLES = "np.interp for a table, of a fine one for a spline, np.where for steps"
 
 
 class Untraceable(TypeError):
@@ -426,7 +436,7 @@ class Symbol:
     def _converted(self, *_: Any) -> Any:
         why = "is a symbol without a value, so float, int and math cannot convert it"
         how = "write np.sin for math.sin, np.floor for int, np.zeros(n, object) for np.zeros(n), "
-        how += "np.interp for splines"
+        how += f"x for np.asarray(x, float), {TABLES}"
         raise Untraceable(f"{self} {why}: {how}")
 
     __float__ = __int__ = __index__ = __complex__ = _converted

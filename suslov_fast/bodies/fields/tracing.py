@@ -58,7 +58,7 @@ def terms_of_function(
     Values are fractions, unless one call of f was enough for a family: then those of the field are
     floats, rounded once. Otherwise they are None for a Hamiltonian, and follow from H and K.
     """
-    f = checked_function(argument, f, parameters)
+    f = checked_function(argument, f, names, parameters)
     call = _Call(argument, f, names, 2 if K is None else 3, parameters)
     shape = call.shape
     columns = [np.broadcast_to(np.asarray(a).astype(object), shape) for a in parameters.values()]

@@ -263,7 +263,7 @@ def in_a_cascade(x):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("f", "D", "size", "tolerance"),
-    [(ring, 70, 8.0, 1e-12), (everything, 48, 0.5, 1e-12), (in_a_cascade, 50, 0.1, 1e-10)],
+    [(ring, 44, 8.0, 1e-12), (everything, 48, 0.5, 1e-12), (in_a_cascade, 50, 0.1, 1e-10)],
 )
 def test_many_variables(rng, monkeypatch, f, D, size, tolerance):
     """Runs, or dense loops: as NumPy's QR of each derivative; bits over batches and cuts."""

@@ -526,6 +526,16 @@ SECOND_TRIES = [
      lambda: sf.flow(HALF, [3.0], time=2, derivatives="x0").derivative("x0"), math.exp(-1)),
     (lambda: sf.Field.from_sympy([], "x"), r"from_function\(sympy\.lambdify",
      lambda: sf.Field.from_function(of_sympy([symbols("u v")]), "u v")([1.0, 1.0]), 2.0),
+    (lambda: SuslovND([1.0, 2, 3, 4], [0.1, 0.2, 0.3]), r"J_i = I_ii \+ I_nn.*from_mass_tensor",
+     lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2, 3, 4]))[0].J, 7.0),
+    (lambda: sf.step(BODY, [1.0, 0.5], 0.1, backward=True), "use -eps",
+     lambda: sf.step(BODY, sf.step(BODY, [1.0, 0.5], 0.1), -0.1), 0.5),
+    (lambda: sf.flow(HALF, [3.0], time=9, stop=len), "most=1",
+     lambda: sf.crossings(PAIR, [1, 0], time=99, surface=lambda x: x[..., 0], most=1).time,
+     1.5 * math.pi * 2**0.5),
+    (lambda: BATCH.sel(4.0), "a=1", lambda: BATCH.sel(I1=4.0).I1, 4.0),
+    (lambda: SuslovND.from_matrix(ID), "from_mass_tensor",
+     lambda: SuslovND.from_mass_tensor(ID)[0].J, 2.0),
 ]  # fmt: skip
 
 

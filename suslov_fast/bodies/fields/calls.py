@@ -14,7 +14,7 @@ from ...core.lists.records import FUNCTIONS, OTHER_NAMES
 from .names import TIME, of_time
 from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
 
-_OF_SYMPY = "sympy.lambdify([names], list(expressions)) makes one of expressions"
+_OF_SYMPY = "of expressions sympy.lambdify([names], expressions) makes one"
 
 
 def arguments_of(f: Any) -> list[str]:

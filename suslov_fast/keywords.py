@@ -192,8 +192,6 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         named = [p for p in shown if p.kind is p.KEYWORD_ONLY]
         if len(args) > unnamed and named and not takes_any:
             how = f", pass {', '.join(f'{p.name}=' for p in named[:3])} ... by name"
-            if isinstance(args[-1], str):
-                how = ", save the result by its method save(path)"
         elif len(args) > unnamed and takes_any:
             how = ", pass parameters by name, such as a=1"
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)

@@ -42,7 +42,7 @@ class _Parser(argparse.ArgumentParser):
         unknown = re.search(r"arguments: --?([^\s=]+)|invalid choice: '([^']*)'", message)
         word = (unknown[1] or unknown[2] or "") if unknown else ""
         near = names.get(instead(word.replace("-", "_"), names))
-        in_python = f"; call suslov_fast.{word} in Python" if word in sf.__all__ else ""
+        in_python = f"; call suslov_fast.{word} in Python" if word in dir(sf) else ""
         super().error(f"{message}; did you mean {near}?" if near else message + in_python)
 
 

@@ -27,12 +27,10 @@ def arguments_of(f: Any) -> list[str]:
     return [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
 
 
-def checked_function(
-    argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any]
-) -> Any:
+def checked_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> Any:
     """Return the Python function of a user; TypeError unless it takes the state and parameters.
 
-    `argument` is that of the public function, "f" or "H".
+    `names` are those of the variables, and `argument` is that of the public function, "f" or "H".
     """
     if not callable(f):
         raise wrong(argument, "a function of x", f"{short(f)}: {_OF_SYMPY}", TypeError)
@@ -53,7 +51,8 @@ def checked_function(
     except TypeError:
         how = "pass lambda x: ..."
         if unknown:
-            how = f"it has no parameter {unknown[0]!r}, {_parameters_are(unknown[0], known)}"
+            near = get_close_matches(unknown[0], known, 1, 0.6) or known or ["none"]
+            how = f"it has no parameter {unknown[0]!r}, but {either(near)}"
         elif missing:
             values = ", ".join(f"{name}=1.0" for name in missing)
             how = f"pass values of its parameters, as {values}"
@@ -64,12 +63,6 @@ def checked_function(
         expected = "a function of the state, one array, and of its parameters by name"
         raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)
     return f
-
-
-def _parameters_are(word: str, known: Sequence[str]) -> str:
-    """Return, for messages, the parameter that a wrong one may stand for, or all."""
-    near = get_close_matches(word, known, 1, 0.6)
-    return f"use {near[0]}=" if near else f"only {either(known)}" if known else "and takes none"
 
 
 def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:

@@ -44,7 +44,7 @@ _TABLE = (
     ("jumps jump doses dose impulses resets", "",
      "flow from one to the next: x = flow(system, x, time=dt).x[-1] + jump"),
     ("poincare poincaremap poincaresection poincaresos tevents yevents", "crossings", ""),
-    ("terminal stop", "most", "crossings(system, x0, time=T, surface=..., most=1)"),
+    ("terminal stop", "", "crossings(system, x0, time=T, surface=..., most=1)"),
     ("burnin ntransient transienttime ttr discard", "transient", ""),
     ("every stride thin sample saveat", "save_every",
      "time=np.arange(0, T, dt), at which states are wanted"),

@@ -57,8 +57,10 @@ def checked_function(argument: str, f: Any, names: Any, parameters: Mapping[str,
             values = ", ".join(f"{name}=1.0" for name in missing)
             how = f"pass values of its parameters, as {values}"
             if len(missing) + 1 == len(names) and not parameters:
-                how += ", or lambda x: f(*x) if these are the variables"
-    how = of_time(names) if TIME & {*signature.parameters} else how
+                how += f", or lambda x: {argument}(*x) if these are the variables"
+    if TIME & {*signature.parameters}:
+        now, x = ("s[-1], s[:-1]", "0, x") if state.name in TIME else ("s[:-1], s[-1]", "x, 0")
+        how = f"{of_time(names, f'*f({now})')}, or pass lambda x: f({x})"
     if how:
         expected = "a function of the state, one array, and of its parameters by name"
         raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)
@@ -80,7 +82,7 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
             if "subscriptable" in text:
                 how = "a parameter is one number, as p0=..., p1=...: an array makes a family"
             elif "Cannot cast ufunc" in text:
-                how = "np.linalg and np.fft take numbers: write out the formulas"
+                how = "write np.linalg.inv(M) @ b with numbers in M, or formulas"
             text += f": it is called with {len(state)} symbols, {symbols}: {how}"
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
         raise kind(f"{argument}: {text}") from error
@@ -91,10 +93,11 @@ def components(result: Any, D: int) -> Any:
     if hasattr(result, "free_symbols"):
         raise TypeError(f"must return formulas of x, not expressions of SymPy: {_OF_SYMPY}")
     is_sequence = isinstance(result, (tuple, list, np.ndarray))
+    if D == 1 and not is_sequence:
+        return [result]
     shape = np.shape(result) if isinstance(result, np.ndarray) else ()
     if not is_sequence or len(result) != D or shape == (D, 1):
         received = f"an array of shape {shape}: pass lambda x: f(x).ravel()" if shape else result
-        received = f"{result}: return [{result}]" if D == 1 and not is_sequence else received
         raise ValueError(f"must return {D} components, not {received}")
     return result
 

@@ -90,18 +90,25 @@ def alike(
         yield where, terms[0], terms[1], eps[where] if len(eps) > 1 else eps
 
 
-def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
-    """Return the arguments of the kernel of fields: the operations of a step, values and eps."""
-    return with_scheme(body, WHOLE, *by_field(body, eps, batch))
-
-
 def in_stages(stages: Stages) -> Callable[..., Any]:
-    """Return `by_scheme` for steps made of these stages."""
+    """Return the function of arguments of the kernel of fields, for steps made of these stages.
+
+    These are the operations of a step, values and eps; a single field keeps those of its last eps.
+    """
 
     def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
-        return with_scheme(body, stages, *by_field(body, eps, batch))
+        if body.shape or type(eps) is not float or eps == 0.0:  # 0.0 equals -0.0
+            return with_scheme(body, stages, *by_field(body, eps, batch))
+        of, arguments = vars(body).get("_last", (None, None))
+        if of != (stages, eps):
+            arguments = with_scheme(body, stages, *by_field(body, eps, batch))
+            vars(body)["_last"] = (stages, eps), arguments
+        return arguments
 
     return by_scheme
+
+
+by_scheme = in_stages(WHOLE)
 
 
 def with_scheme(

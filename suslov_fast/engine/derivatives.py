@@ -1,10 +1,12 @@
 """Derivatives of Kahan's map at states, and the growth of tangent vectors along orbits.
 
-These are the calls of `core.fields.tangent`, and `growth_by_jacobian` for other maps.
+These are the calls of `core.fields.tangent`, and `growth_by_jacobian` for other maps, and where
+there is no machine code.
 """
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import chain, islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -138,6 +140,11 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
     whole, done = _no_sums(*start.shape), steps
     ends = transient, transient + steps
     parts = _parts(problem, start)
+    first = [*islice(parts, 1)]
+    if first and not first[0].arguments[0].orthonormalise:  # there is no machine code
+        found = growth_by_jacobian(problem, steps, transient, report)
+        return found._replace(status=_of_poles(problem, found.status))
+    parts = chain(first, parts)
     for together in [[*parts]] if report is not None else ([part] for part in parts):
         done = _grow(together, ends, problem.threads, report)
         for part in together:
@@ -145,9 +152,14 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
                 array[part.where] = of_part
     sums, of_det, status, failed_at, by_signs = whole
     sums[(status < 0) | (done == 0)] = np.nan
-    if not any(steps.notes_poles for steps in problem.map.methods.values()):
-        status[status > 0] = 0  # maps in three dimensions have no such status
-    return Growth(sums, of_det, status, failed_at, by_signs, done)
+    return Growth(sums, of_det, _of_poles(problem, status), failed_at, by_signs, done)
+
+
+def _of_poles(problem: Problem, status: NDArray[np.int8]) -> NDArray[np.int8]:
+    """Return statuses without positive ones of maps in three dimensions, which tell of no pole."""
+    if any(steps.notes_poles for steps in problem.map.methods.values()):
+        return status
+    return np.minimum(status, 0)
 
 
 def _no_sums(B: int, D: int) -> Any:

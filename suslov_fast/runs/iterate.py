@@ -12,7 +12,7 @@ from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, Reals, integer, wrong
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
-from ..engine.stretches import March, Progress
+from ..engine.stretches import March, Progress, few_after
 from ..keywords import public
 from ..maps import Method, map_of
 from ..quantities.evaluation import mask_and_warn
@@ -74,6 +74,8 @@ def step(
     problem = check(map, system, x, eps, threads, made=1)
     if "step" in map.formulas:
         return mask_and_warn(problem, map.formulas["step"].compute(problem))
+    if (after := few_after(problem, method)) is not None:
+        return after
     march = March(problem, method)
     march.to(1)
     march.status[march.status > 0] = 0  # `step` reports no passed poles

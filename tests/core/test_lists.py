@@ -75,17 +75,6 @@ def reference(step, x, halves, fractions, steps):
     return np.array(states)
 
 
-def carried_out(calls):
-    """Make the calls of machine code that a generator asks for; return its result."""
-    found = None
-    while True:
-        try:
-            address, array = calls.send(found)
-        except StopIteration as end:
-            return end.value
-        found = machine_code.call(address, array)
-
-
 def same_bits(found, expected):
     """Return whether numbers are equal, with their signs, or both are NaN."""
     same = (found == expected) & (np.signbit(found) == np.signbit(expected))
@@ -113,7 +102,7 @@ def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
             shift = -(memory.ctypes.data // 8) % 8 + (0, 1, 2)[(seed + count) % 3]
             rows = steps // every if every else 0
             saved = memory[shift : shift + rows * B * D].reshape(rows, B, D)
-            assert carried_out(lines.take(0, steps, saved, every, True, ()))
+            assert lines.take(0, steps, saved, every, True, ())
             halves = 0.5 * eps[:, None] * values
             states = reference(step, x, halves, stages, steps)
             assert same_bits(lines.states(), states[-1])
@@ -147,7 +136,7 @@ def test_the_loop_over_regular_runs_does_what_numpy_does(rng, monkeypatch, W, co
     given = steps_field.Scheme(step, Stages(fractions)), np.tile(values, (count, 1)), eps
     lines = steps_field._Lines(given, x, notes, W)
     saved = np.empty((steps, B, D))
-    assert carried_out(lines.take(0, steps, saved, 1, True, ()))
+    assert lines.take(0, steps, saved, 1, True, ())
     states = reference(step, x, 0.5 * eps[:, None] * values, fractions, steps)
     assert same_bits(saved, states[1:])
     assert same_bits(lines.states(), states[-1])

@@ -16,11 +16,11 @@ from suslov_fast.core.code import compiler as machine_code
 from suslov_fast.core.fields import (
     careful,
     driver,
-    single_orbit,
+    few_orbits,
     steps as steps_field,
     tangent,
 )
-from suslov_fast.core.fields.generated_tangent import text_of_orthonormalise, text_of_tangent
+from suslov_fast.core.fields.generated_tangent import text_of_tangent
 from suslov_fast.core.fields.stages import Stages
 from suslov_fast.engine import derivatives, stretches
 
@@ -228,7 +228,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
     made = {key[0] for key, _ in machine_code._codes}  # which take no plan
-    assert made <= {text_of_orthonormalise, driver.text_of_called_steps}
+    assert made <= {"orthonormalise", driver.text_of_called_steps}
 
 
 @pytest.mark.slow
@@ -301,7 +301,7 @@ def test_what_machine_code_is_given_stays_alive():
     notes, saved = [np.zeros(20, kind) for kind in (np.int8, np.int64, float)], np.ones((5, 20, 3))
     lines = steps_field._Lines((steps_field.Scheme(step, stages), *given), x, notes, 8)
     bits = values.tobytes()
-    one = single_orbit._prepared(step, stages, given[1].tobytes(), bits, False)
+    one = few_orbits._prepared(step, stages, given[1].tobytes(), bits, 3, False)
     code = careful.careful.address
     for arguments, kept, *owners in (
         (*lines._driver_arguments(0, 10, saved, 4, 1, True, None), lines, saved, code),

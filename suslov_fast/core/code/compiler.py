@@ -6,7 +6,6 @@ LLVM write the types of pointers differently.
 """
 
 import ctypes
-import functools
 import itertools
 import threading
 import warnings
@@ -415,33 +414,3 @@ def address_of(array):
 def call(address, array):
     """Call the code at an address with the address of an array; return its integer."""
     return address.call(array.ctypes.data)
-
-
-_LOOP = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4)
-
-
-def call_together(loop, calls):
-    """Make calls, pairs of an address and an array, each in a thread; return their integers.
-
-    `loop` is the address of `numba.loop_over_parts`.
-    """
-    table = np.array([(address, array.ctypes.data, 0) for address, array in calls], np.int64)
-    _LOOP(loop)(_caller(), 0, table.ctypes.data, len(table))
-    return table[:, 2].tolist()
-
-
-@functools.cache
-def _caller():
-    """Return the address of code(0, table, part, parts), which makes the call in a row of a table.
-
-    It writes the integer that the call returns to the third column.
-    """
-    text, name = Text(1), f"code_{next(_numbers)}"
-    text.add(f"define i64 @{name}(i64 %code, i64 %table, i64 %part, i64 %parts) {{")
-    row = text.integer("add", "%table", text.integer("mul", "%part", 24))
-    code = text.new(f"inttoptr i64 {text.load('i64', row)} to {pointer('i64 (i64)')}")
-    result = text.new(f"call i64 {code}(i64 {text.load('i64', text.plus(row, 8))})")
-    text.store("i64", result, text.plus(row, 16))
-    text.add("  ret i64 0")
-    with _lock:
-        return _compile(text.finished(), name, 2, True)

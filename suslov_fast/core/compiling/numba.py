@@ -186,21 +186,17 @@ class Patient:
 class Function:
     """A function that compiled code calls.
 
-    It has no Python wrapper, which would make first calls a fifth longer. A call from Python
-    compiles a second version, which has a wrapper and checks indices.
+    It has no Python wrapper, which would make first calls a fifth longer: a call from Python runs
+    as Python.
     """
 
     def __init__(self, options, py_func):
         self.py_func = py_func
         self.compiled = _cached(numba.njit(**options), py_func)
 
-    @functools.cached_property
-    def _for_calls(self):
-        """The version for calls from Python."""
-        return numba.njit(boundscheck=True, **_OPTIONS)(self.py_func)
-
     def __call__(self, *arguments):
-        return self._for_calls(*arguments)
+        with np.errstate(all="ignore"):
+            return as_python(self.py_func)(*arguments)
 
 
 @typeof_impl.register(Function)
@@ -259,6 +255,10 @@ def c_function(signature):
 # ---------------------------------------------------------------------------------------- kernels
 class Kernel(Patient):
     """A compiled kernel, whose arguments are numbers, arrays and tuples of them."""
+
+    # few(arguments, states, (start, stop, every, row), saved=None) returns the states (B, D) after
+    # a short run of a few trajectories, or None where the kernel has to take it.
+    few = None
 
     def __init__(self, py_function):
         self.py_func = py_function
@@ -358,18 +358,6 @@ def _address(dispatcher, kinds):
     """Compile a function for arguments of these types; return its address."""
     dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
     return types.CompileResultWAP(dispatcher.get_compile_result(types.void(*kinds))).address
-
-
-def loop_over_parts(seconds):
-    """Return the address of the loop over parts, which takes four integers; None without it.
-
-    It is compiled if calls that could have used it took PATIENCE, and loaded where it is kept.
-    """
-    if _loop not in _found and (seconds > PATIENCE or is_kept(_loop, _WORDS)):
-        _found[_loop] = None
-        with _compiling(), suppress(Exception):  # of any class, as in `_addresses`
-            _found[_loop] = _address(_loop, _WORDS)
-    return _found.get(_loop)
 
 
 # ---------------------------------------------------------------------------- universal functions

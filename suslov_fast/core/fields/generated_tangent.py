@@ -179,15 +179,16 @@ def _columns(text, tangent, values):
     return text.cycle(carried, multiply)["length"]
 
 
-def text_of_orthonormalise(step, name, W, *_):
-    """Return the text of i64 name(columns, carried, due, ...): `lengths.orthonormalise` for a line.
+def text_of_orthonormalise(D, name, W):
+    """Return the text of i64 name(columns, carried, due, ...): modified Gram-Schmidt for a line.
 
-    The code takes the addresses of the columns and of VOLUME, and bits of lanes; it returns 0. It
-    depends on D alone.
+    The code takes the addresses of the columns and of VOLUME, and bits of lanes that are due; it
+    returns 0. The products of lengths are multiplied by the lengths. VOLUME becomes 1; or 0 if a
+    column is 0, because then it does not show how the other columns grow.
     """
-    # With `lengths.orthonormalise` instead, exponents take 1.05 to 1.65 times as long. Its loops
-    # over lanes are no SIMD, because the compiler does not know that rows do not overlap.
-    text, D, zero, one = Code(W), step.D, *map(Code(W).constant, (0.0, 1.0))
+    # With a function of Numba instead, exponents take 1.05 to 1.65 times as long. Its loops over
+    # lanes are no SIMD, because the compiler does not know that rows do not overlap.
+    text, zero, one = Code(W), *map(Code(W).constant, (0.0, 1.0))
     integer, V, room = text.integer, text.V, room_of(D, W)
     text.begin(name, "columns", "carried", "due", "kept", "plan")  # two for `long_tangent`
     due = text.new(f"trunc i64 %due to i{W}")

@@ -1,13 +1,15 @@
 """Rows of trajectories as lines of lanes, and the tables of numbers that their steps take."""
 
+import functools
 import math
 
 import numpy as np
 
 from ..compiling.codes import NONFINITE
 from .driver import WIDTH
-from .single_orbit import common_table
 from .stages import distinct
+
+PLANS = 32  # of fields, whose tables are kept
 
 
 def aligned(*shape, make=np.empty):
@@ -43,6 +45,34 @@ def in_lines(rows, W):
 def halves_of(values, eps, W):
     """Return eps / 2 times the values (lines, T, W)."""
     return in_lines(0.5 * eps[:, np.newaxis] * values, W)
+
+
+@functools.lru_cache(PLANS)  # because it takes long beside a few steps
+def common_table(step, stages, eps, values):
+    """Return the halves and the table (fractions, 1, n, 1) of one field, from bytes of numbers."""
+    values, fractions = np.frombuffer(values), distinct(stages.fractions)[0]
+    halves = 0.5 * np.frombuffer(eps) * values
+    table = step.table_of(np.outer(halves, fractions))
+    return halves[np.newaxis, :, np.newaxis], np.ascontiguousarray(table.T)[
+        :, np.newaxis, :, np.newaxis
+    ]
+
+
+def plan_of(stages, table, halves=None):
+    """Return the plan (stages, 2) of `DriverArguments`; without a table, of the halves h v."""
+    plan = np.empty((len(stages.fractions), 2))
+    plan[:, 1] = stages.fractions
+    if table is None:
+        plan.view(np.int64)[:, 0] = halves.ctypes.data
+    else:
+        places = distinct(stages.fractions)[1]
+        plan.view(np.int64)[:, 0] = table.ctypes.data + table.strides[0] * places
+    return plan
+
+
+def compares_signs(step):
+    """Return whether signs are compared over whole steps of several stages."""
+    return bool(step.of_one_sign and not step.keeps_signs)
 
 
 def tables_of(scheme, values, eps, W):

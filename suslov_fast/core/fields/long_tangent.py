@@ -359,7 +359,7 @@ def orthonormalise_columns(columns, products, basis, part):
 
     Return the square of the largest part of a column's length that it lost. `basis` (D, D) receives
     the columns as rows; `part` (2, BLOCK) is memory. Blocks of columns stay in the caches, which
-    those of `lengths.orthonormalise`, for few variables, do anyway.
+    those of `generated_tangent`, for few variables, do anyway.
     """
     D, loss, before = len(basis), 1.0, part[0]
     for begin in range(0, D, BLOCK):
@@ -396,7 +396,7 @@ def orthonormalise_columns(columns, products, basis, part):
 
 @c_function(types.int64(*[types.int64] * 5))
 def orthonormalise(columns, carried, due, kept, plan):
-    """Orthonormalise the columns of a trajectory, as `lengths.orthonormalise`, and set the pace."""
+    """Orthonormalise the columns of a trajectory, as `generated_tangent`, and set the pace."""
     p = _integers(plan, (2,))
     D, width = p[0], p[1]
     basis, part = _numbers(kept, (D, D)), _numbers(kept + 8 * D * D, (2, BLOCK))

@@ -21,10 +21,10 @@ import functools
 import numpy as np
 from numba import config
 
-from ..code.compiler import call, call_together, code_of
+from ..code.compiler import call, code_of
 from ..code.runs_code import ANY
 from ..compiling.codes import CHANGED
-from ..compiling.numba import STREAM_FROM, Kernel, as_python, loop_over_parts
+from ..compiling.numba import STREAM_FROM, Kernel, as_python
 from ..compiling.threads import in_parts
 from ..lists.step import SIGNIFICANT, Step, evaluate, of_one_sign
 from .called_stages import called_stage_of
@@ -34,13 +34,23 @@ from .driver import (
     OF_HALVES,
     SLOT,
     STOPPED,
-    WIDTH,
     DriverArguments,
     text_of_called_steps,
     text_of_steps,
 )
-from .lines import alignment, halves_of, in_lines, note_undefined, packed, tables_of, zeros
-from .single_orbit import PLANS, compares_signs, plan_of, take_one
+from .few_orbits import lanes_of, take_few
+from .lines import (
+    PLANS,
+    alignment,
+    compares_signs,
+    halves_of,
+    in_lines,
+    note_undefined,
+    packed,
+    plan_of,
+    tables_of,
+    zeros,
+)
 from .stages import WHOLE, Scheme, distinct
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
@@ -129,9 +139,8 @@ class _Lines:
     def take(self, start, stop, saved, every, is_large, abandoned, again=False):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Yield calls of machine code, pairs of an address and an array, for the integers that they
-        return. Return False if a step needs `careful`, but it is not compiled, or a run is short:
-        then the steps must be taken again. End early if there is something in `abandoned`.
+        Return False if a step needs `careful`, but it is not compiled, or a run is short: then the
+        steps must be taken again. End early if there is something in `abandoned`.
         """
         stages = len(self.scheme.stages.fractions)
         until, steps = every - start % every if every else 0, (stop - start) * stages
@@ -157,7 +166,7 @@ class _Lines:
                 stage.tables_of(first)
             while own[SLOT.line] < own[SLOT.lines] and not abandoned:
                 own[SLOT.budget] = budget
-                result = yield address, own
+                result = call(address, own)
                 if result == NOT_READY:
                     return False
                 if result == STOPPED:
@@ -283,53 +292,34 @@ class _Lines:
 class FieldSteps(Kernel):
     """The kernel of steps of fields, which calls the machine code of the field."""
 
+    few = staticmethod(take_few)
+
     def __init__(self):
         self.py_func = _iterate_part
 
     def __call__(self, part, parts, *arguments, abandoned=()):
         with np.errstate(all="ignore"):  # each thread has its own
-            _carry_out([_iterate_part(part, parts, *arguments, abandoned)], call_each)
+            _iterate_part(part, parts, *arguments, abandoned)
 
     def serial(self, *arguments):
         self(0, 1, *arguments)
 
-    def briefly(self, seconds, *arguments):
-        self(0, 1, *arguments)
+    def briefly(self, seconds, arguments, omega0, carry, span, saved, final, status, failed_at):
+        (begin, end, *steps), last = span, None
+        if begin == 0 and end == len(omega0) and not np.count_nonzero(status):
+            last = take_few(arguments, final if steps[0] else omega0, steps, saved)
+        if last is None:
+            self(0, 1, arguments, omega0, carry, span, saved, final, status, failed_at)
+        else:
+            final[:] = last
 
     def parallel(self, threads, *arguments):
-        step, loop = arguments[0][0].step, None
-        if step.usual and not step.is_long:  # lines of others are calls of Python
-            loop = loop_over_parts(self.seconds)
-        if loop is not None:
-            parts = [_iterate_part(part, threads, *arguments, ()) for part in range(threads)]
-            with np.errstate(all="ignore"):
-                _carry_out(parts, functools.partial(call_together, loop))
-            return
         abandoned = []
 
         def work(part):
             self(part, threads, *arguments, abandoned=abandoned)
 
-        self.in_python(in_parts, threads, work, abandoned)
-
-
-def call_each(calls):
-    """Make calls, pairs of an address and an array, one after the other; return their integers."""
-    return [call(*each) for each in calls]
-
-
-def _carry_out(parts, make_calls):
-    """Carry out generators that yield calls, those of all parts at once."""
-    results = [None] * len(parts)
-    while parts:
-        left, calls = [], []
-        for part, result in zip(parts, results, strict=True):
-            try:
-                calls.append(part.send(result))
-            except StopIteration:
-                continue
-            left.append(part)
-        parts, results = left, make_calls(calls) if calls else []
+        in_parts(threads, work, abandoned)
 
 
 def _iterate_part(
@@ -337,11 +327,11 @@ def _iterate_part(
 ):
     """Iterate the trajectories of a part; the arguments are those of `steps_3d.steps`.
 
-    It is a generator, as `_Lines.take`. End early if there is something in `abandoned`.
+    End early if there is something in `abandoned`.
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
-    W = min(1 << (end - begin - 1).bit_length(), 4) if end - begin <= WIDTH else WIDTH
+    W = lanes_of(end - begin)
     count = -(-(end - begin) // W)
     first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
     last = min(last, end)
@@ -353,11 +343,8 @@ def _iterate_part(
         notes = status[chunk], failed_at[chunk], carry[0, chunk]
         if steps[0] == 0:
             note_undefined(states, notes)
-        one = own, states, notes[0], final[chunk], steps, saved[:, chunk]
-        if W == 1 and take_one(*one):
-            continue
         lines = _Lines(own, states, notes, W)
-        yield from _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
+        _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
         final[chunk] = lines.states()
 
 
@@ -370,14 +357,14 @@ def _take_steps(lines, states, steps, saved, is_large, abandoned):
     if stop == start:
         return
     arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
-    if not (yield from lines.take(*arguments)):
+    if not lines.take(*arguments):
         step, stages = lines.scheme
         work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
         if not step.usual:  # Python has no other step of a dense field
             work = np.inf
         careful.compile(_IN_PYTHON * work)  # only now, because few runs need it
         lines.start_from(states)
-        yield from lines.take(*arguments, again=True)
+        lines.take(*arguments, again=True)
 
 
 field_steps = FieldSteps()

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import config
 
-from ..code.compiler import code_of
+from ..code.compiler import code_of, compiled
 from ..code.runs_code import ANY
 from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
@@ -39,8 +39,12 @@ from .generated_tangent import (
     CHANGED,
     DERIVATIVE,
     DUE,
+    LARGEST_LENGTH,
+    LEAST_LENGTH,
     LENGTHS,
     NEAR_1,
+    NEAR_1_LARGEST,
+    NEAR_1_LEAST,
     NEGATIVE,
     OUTSIDE,
     SOON,
@@ -49,21 +53,19 @@ from .generated_tangent import (
     text_of_orthonormalise,
     text_of_tangent,
 )
-from .lengths import orthonormalise, take_logarithms
-from .stages import distinct
-from .steps import Scheme, scheme_of, tables_of
+from .lines import tables_of
+from .stages import Scheme, distinct
 
 # Steps, after which columns that lose digits soon are orthonormalised, too: those of several lanes
 # at once, which takes no longer than those of one.
 INTERVAL = 8
-_NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` needs D alone
 
 
 class Arguments(NamedTuple):
     """The arguments of `growth` and `jacobians` for trajectories in lines of W lanes."""
 
     step: int  # address of the code of `text_of_tangent` or `long_tangent`, or 0
-    orthonormalise: int  # address of the code of `text_of_orthonormalise`, likewise
+    orthonormalise: int  # that of `text_of_orthonormalise` or `long_tangent`; `growth` needs it
     plan: int  # address of a `long_tangent.Plan`, 0 for the other code
     W: int
     room: int  # see `room_of`
@@ -139,7 +141,7 @@ def arguments_of(scheme, values, eps, count, in_lines=False):
     room, is_each, address = room_of(tangent.D, W), halves.shape[2] > 1, None
     if tangent.usual:
         address = code_of(text_of_tangent, tangent, W, is_each)
-    codes = address, code_of(text_of_orthonormalise, scheme_of(_NO_TERMS, step.D).step, W)
+    codes = address, orthonormaliser(step.D, W)
     fixed = W, room, 0, step.indices, table, halves, *of_stages
     arguments = Arguments(*(int(code or 0) for code in codes), 0, *fixed)
     arguments.unable[0] = arguments.step == 0
@@ -152,6 +154,11 @@ def able(arguments):
     Few fields have such lanes, and `solve` takes a third of the time of compiling.
     """
     return arguments._replace(solves=True) if arguments.unable[0] else arguments
+
+
+def orthonormaliser(D, W):
+    """Return the `Address` of the code of `text_of_orthonormalise`; None without machine code."""
+    return compiled(("orthonormalise", D, W), lambda name: text_of_orthonormalise(D, name, W))
 
 
 def operations_of(scheme):
@@ -258,6 +265,23 @@ def copy(target, source):
     for i in range(len(source)):
         for l in range(source.shape[1]):
             target[i, l] = source[i, l]
+
+
+@function
+def take_logarithms(g, sums, of_det, begin, of_all):
+    """Add the logarithms of products that leave their range, or of all, and begin new products."""
+    for_size()
+    for row in range(NEAR_1, len(g)):
+        near = row == NEAR_1
+        low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST_LENGTH, LARGEST_LENGTH)
+        for l in range(lesser(g.shape[1], len(of_det) - begin)):
+            if of_all or g[row, l] <= low or g[row, l] >= high:
+                logarithm = np.log1p(g[row, l]) if near else np.log(g[row, l])
+                g[row, l] = 0.0 if near else 1.0
+                if row < LENGTHS:
+                    of_det[begin + l] += logarithm
+                else:
+                    sums[begin + l, row - LENGTHS] += logarithm
 
 
 @inlined
@@ -371,12 +395,9 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                 due |= soon
             due &= ~ignored
             if due:
-                if arguments.orthonormalise != 0:
-                    addresses = line[first:].ctypes.data, line[D:].ctypes.data
-                    memory_of_code = memory.kept.ctypes.data, arguments.plan
-                    call_code(arguments.orthonormalise, (*addresses, due, *memory_of_code))
-                else:
-                    orthonormalise(line[first:], line[D : 2 * D + LENGTHS], arguments.room, due)
+                addresses = line[first:].ctypes.data, line[D:].ctypes.data
+                memory_of_code = memory.kept.ctypes.data, arguments.plan
+                call_code(arguments.orthonormalise, (*addresses, due, *memory_of_code))
             if is_last or due | outside:
                 rows = line[D : 2 * D + LENGTHS]
                 take_logarithms(rows, sums, of_det, place * W, is_last)

@@ -174,8 +174,8 @@ class RightHandSide:
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators numbers of values of `f` that divide, and depend on clocks and parameters alone
     surfaces     `List` of the surfaces on which steps end
-    slopes       places (k, j) and `List` of derivatives of the surfaces on which f jumps, by
-                 components j, and by the parameters `by`, which have j = D, ...
+    slopes       `List` of derivatives of the surfaces on which f jumps, by components j, and by the
+                 parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
     conditions, watch   see `conditions`; None where f has none
     key          what tells this right-hand side from others
     """
@@ -209,8 +209,9 @@ class RightHandSide:
         self.surfaces = List(needed_for(varying, surfaces), [*surfaces])
         self.of_parameters = List(needed_for(varying, self.by), self.by)
         results = [*of_surfaces.values()]
-        self.slopes = [*of_surfaces], List(needed_for(varying, results), results)
-        lists = [self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes[1]]
+        self.slope_places = [*of_surfaces]
+        self.slopes = List(needed_for(varying, results), results)
+        lists = [self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes]
         if twice and len(entries) <= _TWICE:
             directions, *second = second
             both = [List(needed_for(varying, results), results) for results in second]
@@ -222,8 +223,9 @@ class RightHandSide:
         both = fixed | values.fixed_truths
         of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
-        self._fixed = fixed
+        self._fixed, self._groups = fixed, {}
         self._find_properties()
+        self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, conditions, watch = False, None, None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
@@ -297,19 +299,19 @@ class RightHandSide:
 
     def value(self, x, table):
         """Return f (D, ...) at states (D, ...)."""
-        return self._carried_out(self.f, "_groups_of_f", x, table)
+        return self._carried_out("f", x, table)
 
     def value_and_denominators(self, x, table):
         """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
-        return self._carried_out(self._with_denominators, "_groups_of_both", x, table)
+        return self._carried_out("_with_denominators", x, table)
 
     def surface_slopes(self, x, table):
         """Return the derivatives of surfaces (slopes, ...) at states (D, ...)."""
-        return self._carried_out(self.slopes[1], "_groups_of_slopes", x, table)
+        return self._carried_out("slopes", x, table)
 
     def derivative_entries(self, x, table):
         """Return the entries of f' (entries, ...) at states (D, ...)."""
-        return self._carried_out(self.derivative, "_groups_of_derivative", x, table)
+        return self._carried_out("derivative", x, table)
 
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states (D, ...)."""
@@ -320,35 +322,19 @@ class RightHandSide:
         return matrix
 
     @functools.cached_property
-    def _groups_of_f(self):
-        return Groups(self.f, [*range(self.D), *self.table])
-
-    @functools.cached_property
-    def _with_denominators(self):
-        return List(self.f.operations, [*self.f.results, *self.denominators])
-
-    @functools.cached_property
-    def _groups_of_both(self):
-        return Groups(self._with_denominators, [*range(self.D), *self.table])
-
-    @functools.cached_property
     def _groups_of_table(self):
         given = range(self.D, self.D + self.P)
         return Groups(List(self.fixed, self.table), given)
 
-    @functools.cached_property
-    def _groups_of_slopes(self):
-        return Groups(self.slopes[1], [*range(self.D), *self.table])
-
-    @functools.cached_property
-    def _groups_of_derivative(self):
-        return Groups(self.derivative, [*range(self.D), *self.table])
-
-    def _carried_out(self, list_, groups, x, table):
+    def _carried_out(self, name, x, table):
+        """Return the results of the list with this name, for states and a table."""
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
+        list_ = getattr(self, name)
         with np.errstate(all="ignore"):
             if len(list_.operations) > _FEW and math.prod(shape) < _MANY:
-                return getattr(self, groups).carried_out([*x, *table], shape)
+                if name not in self._groups:
+                    self._groups[name] = Groups(list_, [*range(self.D), *self.table])
+                return self._groups[name].carried_out([*x, *table], shape)
             values = dict(enumerate(x)) | dict(zip(self.table, table, strict=True))
             evaluate(list_.operations, values)
         results = np.empty((len(list_.results), *shape))

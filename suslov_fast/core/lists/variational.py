@@ -122,10 +122,9 @@ class Variational:
         """
         f, x = self.of, x.copy()
         D, q, u = f.D, self.q, x[self.D - 2]
-        places, _ = f.slopes
         slopes = f.surface_slopes(x[:D], table[: len(f.table)])
         gradient = np.zeros((D + q, x.shape[1]))
-        for (k, j), slope in zip(places, slopes, strict=True):
+        for (k, j), slope in zip(f.slope_places, slopes, strict=True):
             gradient[j] += np.where(surface == k, slope, 0.0)
         columns, jump = (
             x[D : D * (1 + self.columns)].reshape(self.columns, D, -1),

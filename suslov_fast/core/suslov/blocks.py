@@ -61,11 +61,6 @@ def write_pairs(b, row, flat, place, count, lead, after=False, before=False):
         flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
 
 
-# Calls from Python run the Python functions: a wrong `lead` or `place` is an error, not a crash.
-store_rows._for_calls = store_rows.py_func
-write_pairs._for_calls = write_pairs.py_func
-
-
 @function
 def write_states(x, begin, end, target):
     """Write the states in the first rows of x to target[begin:end], of an array (B, D)."""

@@ -94,7 +94,6 @@ _TABLE = (
     ("fixedpoints equilibria equilibrium steadyline steadystate", "fixed_points", ""),
     ("frominertia frommatrix", "from_inertia from_mass_tensor", ""),
     ("out", "out", "ensemble(system, x0, time=t, store='run.zarr')"),
-    ("exact", "exact", "suslov_fast.integrability.kahan(system, eps), exact on fractions"),
     ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
     ("theorem1 theorem", "exact", ""),
     ("lemma1", "first_integral", ""),
@@ -106,7 +105,6 @@ _TABLE = (
     ("fromstring fromtext fromequations fromsecondorder", "",
      "from_function(lambda x: (x[1], -x[0]), 'q p')"),
     ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
-    ("suslov", "Suslov3D", ""),
     ("figures picture pictures", "figures", "Suslov3D.figure(k)"),
     ("animate animation", "",
      "suslov_fast.animate_body(run) for a body, FuncAnimation of Matplotlib for equations"),
@@ -189,11 +187,9 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         shown = [p.replace(annotation=p.empty) for p in parameters if p.name not in _OWN]
         how = ""
         unnamed = sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
-        named = [p for p in shown if p.kind is p.KEYWORD_ONLY]
-        if len(args) > unnamed and named and not takes_any:
-            how = f", pass {', '.join(f'{p.name}=' for p in named[:3])} ... by name"
-        elif len(args) > unnamed and takes_any:
-            how = ", pass parameters by name, such as a=1"
+        named = ", ".join([f"{p.name}=" for p in shown if p.kind is p.KEYWORD_ONLY][:3])
+        if len(args) > unnamed and (named or takes_any):
+            how = f", pass {'parameters, as a=1,' if takes_any else named} by name"
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
         if called == "flow" and args and inspect.isroutine(args[0]):
             how += ", and for the function pass Field.from_function(f, names)"

@@ -61,6 +61,7 @@ def checked_function(argument: str, f: Any, names: Any, parameters: Mapping[str,
     if TIME & {*signature.parameters}:
         now, x = ("s[-1], s[:-1]", "0, x") if state.name in TIME else ("s[:-1], s[-1]", "x, 0")
         how = f"{of_time(names, f'*f({now})')}, or pass lambda x: f({x})"
+        how = how if len(given) == 2 else of_time(names)
     if how:
         expected = "a function of the state, one array, and of its parameters by name"
         raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)

@@ -256,8 +256,11 @@ def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked
         asked = asked._replace(times=abs(asked.times))
     moduli = asked.times
     ascends = len(moduli) == 1 or not np.count_nonzero(moduli[1:] <= moduli[:-1])
-    if len(moduli) and moduli[0] > 0.0 and ascends:
-        return solve(field, x, batch, asked)
+    if len(moduli) and moduli[-1] > 0.0 and ascends:
+        found = solve(field, x, batch, asked)
+        if moduli[0] == 0.0:
+            found.states[0] = x
+        return found
     later = moduli > 0.0
     ascending, places = np.unique(moduli[later], return_inverse=True)
     if not len(ascending):

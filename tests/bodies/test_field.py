@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from systems import lorenz
 
 import suslov_fast as sf
 from suslov_fast import QuadraticField, energy, fixed_points, iterate, vector_field
@@ -17,10 +18,6 @@ from suslov_fast.bodies.fields.names import variables
 from suslov_fast.bodies.fields.polynomials import named_parameters
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
-
-
-def lorenz(x, rho=28):
-    return 10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
 
 
 def henon_heiles(x, a=1):

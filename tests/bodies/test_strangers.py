@@ -1,10 +1,8 @@
 """Files of strangers: each is answered at once by an error, and no code in it runs."""
 
-import contextlib
 import io
 import json
 import time
-import warnings
 import zipfile
 from fractions import Fraction
 
@@ -105,9 +103,8 @@ DICTIONARIES = {
     "class of Python": ({"body": "object"}, "body"),
 }
 # Texts of equations.
-TEXTS = {
+LONG = {
     "powers": "((((9**400)**400)**400)**400)*x",
-    "power of a float": "1e-300**400*x",
     "quotient of powers": "((1/9)**-400)**400",
     "computed exponent": "(9**400)**(200 + 200)",
     "product of powers": "*".join(["9**400"] * 2_000),
@@ -118,25 +115,17 @@ TEXTS = {
     "tower": "2**" * 150 + "2",
     "long": "x + " * 300_000 + "x",
     "long sum": "+".join(["x"] * 100_000),
-    "call": "__import__('os').system('exit')",
-    "function without a name": "(lambda: 1)()",
-    "assignment": "(y:=1)",
-    "list": "[x for x in y]",
-    "text": "'a'*10**9",
-    "formatted": "f'{x}'",
-    "words beside numbers": "1if 1else x",
     "hexadecimal": "0x" + "f" * 500_000,
     "digits": "9" * 500_000,
-    "shift": "1<<10**10",
-    "remainder": "x%3",
-    "matrix": "x@y",
-    "comparison": "x<y",
-    "keyword": "sin(x=x)",
-    "two lines": "x\n+y",
-    "comment": "x # y",
-    "nothing": "",
-    "number": 3,
 }
+SHORT = [
+    "__import__('os').system('exit')", "open(x)", "exit()", "(lambda: 1)()", "lambda: x", "(y:=1)",
+    "[x for x in y]", "x.real", "x[0]", "y", "'a'", "'a'*10**9", "f'{x}'", "1j*x", "1if 1else x",
+    "x if x > 0 else 1", "x and x", "0 < x < 1", "x<y", "x & 1", "1<<10**10", "x@y", "1/0*x",
+    "sin(x, x)", "sin(x=x)", "sin((1, 2))", "where(x > 0, 1)", "interp(x, x, x)",
+    "interp(x, (0, 1), (1, 2, 3), 1, 2)", "(x, x)", "x = 1", "x\n+y", "x # y", "x\x00", "",
+    None, 3, ["x"],
+]  # fmt: skip
 
 
 def seconds(function, *arguments):
@@ -182,22 +171,10 @@ def test_dictionaries_and_files_are_answered_at_once(name, saved, tmp_path, caps
     assert "run.npz" in str(seconds(sf.Trajectories.load, tmp_path / "run.npz"))
 
 
-@pytest.mark.parametrize("name", TEXTS)
-def test_equations_are_read_or_refused_within_a_second(name):
-    begin = time.process_time()
-    text = {"body": "Field", "names": ["x"], "equations": [TEXTS[name]]}
-    with warnings.catch_warnings(), contextlib.suppress(ValueError):
-        warnings.simplefilter("error")
-        sf.body_from_dict(text)
-    assert time.process_time() - begin < 1.0
-
-
-@pytest.mark.parametrize(
-    "name", ["call", "function without a name", "list", "text", "formatted", "shift"]
-)
-def test_no_code_runs_from_equations(name):
-    with pytest.raises(ValueError, match="equations"):
-        sf.body_from_dict({"body": "Field", "names": ["x"], "equations": [TEXTS[name]]})
+@pytest.mark.parametrize("text", [*LONG.values(), *SHORT], ids=[*LONG, *map(repr, SHORT)])
+def test_equations_are_refused_at_once(text):
+    given = {"body": "Field", "names": ["x"], "equations": [text]}
+    assert "equations" in str(seconds(sf.body_from_dict, given))
 
 
 def test_deep_json_is_an_error_of_the_command(tmp_path, capsys):

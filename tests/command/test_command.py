@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from systems import lorenz
 
 import suslov_fast as sf
 from suslov_fast.command.main import main
@@ -195,16 +196,10 @@ def test_a_motion_of_a_body_keeps_its_energy():
     assert "1 ENDED" in done.out
 
 
-def lorenz(rho):
-    f = lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2])  # noqa: E731
-    return sf.QuadraticField.from_function(f, "u v w", rho=rho)
-
-
 @pytest.mark.slow
 def test_info_and_plot_of_crossings():
-    points = sf.crossings(
-        lorenz(28), [[1, 1, 20], [2, 1, 20]], 1 / 64, 3000, lambda x: x[..., 2] - 27
-    )
+    field, x = sf.QuadraticField.from_function(lorenz, "u v w"), [[1, 1, 20], [2, 1, 20]]
+    points = sf.crossings(field, x, 1 / 64, 3000, lambda x: x[..., 2] - 27)
     points.save("p.npz")
     facts = facts_of("info p.npz")
     expected = {"crossings": len(points), "trajectories": 2, "direction": 1, "transient": 0}

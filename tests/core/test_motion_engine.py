@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from suslov_fast.core.lists.dense import DenseRightHandSide, dense_parameters
-from suslov_fast.core.lists.elimination import Elimination
 from suslov_fast.core.lists.numbers import Number
 from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
-from suslov_fast.core.lists.step import evaluate
 from suslov_fast.core.lists.variational import variational
 from suslov_fast.core.motion import columns, engine, functions, half, one, stepping
 from suslov_fast.core.motion.rows import State
@@ -191,23 +189,6 @@ def test_one_trajectory_has_the_bits_of_a_batch(case):
                 np.array(found[0]).reshape(states[:, k].shape), states[:, k]
             )
             assert found[1:] == (t[k], steps[k], state[k])
-
-
-@pytest.mark.parametrize("D", [1, 2, 5, 12])
-def test_elimination(D):
-    rng = np.random.default_rng(D)
-    pattern = sorted({(int(i), int(j)) for i, j in rng.integers(0, D, (3 * D, 2))})
-    planned = Elimination(pattern, D)
-    entries, s, g = rng.normal(size=len(pattern)), 0.3, rng.normal(size=D)
-    values = dict(enumerate([*entries, s]))
-    evaluate(planned.factors.operations, values)
-    values = dict(enumerate([*(values[a] for a in planned.factors.results), *g]))
-    evaluate(planned.solution.operations, values)
-    A = np.eye(D)
-    for place, entry in zip(pattern, entries, strict=True):
-        A[place] -= s * entry
-    found = [values[a] for a in planned.solution.results]
-    np.testing.assert_allclose(A @ found, g, atol=1e-12)
 
 
 @needs_code

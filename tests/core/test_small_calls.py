@@ -6,20 +6,22 @@ import sys
 import children
 import numpy as np
 import pytest
+from numba import config
+from systems import LORENZ
 
 import suslov_fast as sf
 from suslov_fast.core.compiling import numba as core_numba
 
-pytestmark = pytest.mark.compiled
+pytestmark = [
+    pytest.mark.compiled,
+    pytest.mark.skipif(config.BOUNDSCHECK == 1, reason="all calls are compiled, to check indices"),
+]
 RNG = np.random.default_rng(3)
 X2, X3, X4 = (RNG.uniform(-1, 1, (5, D)) for D in (2, 3, 4))
 BODY, ROTOR = sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
 LONG = sf.Suslov3D(4, 1, -3.5, -2.3)
 FAMILY = sf.Suslov3D(np.linspace(3, 4, 5), 1, -0.5, -0.3)
 SOLID = sf.SuslovND([1.3, 2.1, 3.7, 4.2], [0.4, -0.7, 0.5, 0.2])
-LORENZ = sf.QuadraticField.from_function(
-    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
-)
 # Its long steps lose digits, and pass poles.
 SQUARES = sf.QuadraticField.from_function(lambda x: (x[0] ** 2 - x[1], x[1] ** 2 + x[0]), 2)
 CUBIC = sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 3 + x[1] ** 2, 2)

@@ -518,6 +518,7 @@ def test_parameters_with_different_numbers_of_axes(rng, tmp_path):
             assert "A" not in data or data.A.dims[-2:] == ("component", "A_1")
 
 
+@pytest.mark.compiled
 def test_the_error_of_a_step_that_numba_refuses_says_why():
     @maps.function
     def step(x, out, eps, work, scale, b, A):
@@ -559,7 +560,7 @@ def test_the_maps_of_the_page_keep_the_promises(tmp_path):
     mixed = "import own\nmaps.register(own.MIXED)\n"
     (tmp_path / "my_maps.py").write_text(MODULE + DIVERGING + mixed, encoding="utf-8")
     tests = Path(__file__).parents[1] / "package" / "test_promises.py"
-    words = "mixed or midpoint or strong and (seldom or order or loop)"
+    words = "midpoint or (mixed or strong) and (seldom or order or loop)"
     given = ["-q", "-x", "-p", "no:cacheprovider", tests, "--maps", "my_maps", "-k", words]
     places = os.pathsep.join(map(str, [tmp_path, tests.parent, *sys.path]))
     done = subprocess.run(
@@ -567,7 +568,7 @@ def test_the_maps_of_the_page_keep_the_promises(tmp_path):
         env=os.environ | {"PYTHONPATH": places}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
-    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 60
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 50
 
 
 def test_slopes_and_solutions_for_steps_of_ones_own(rng):

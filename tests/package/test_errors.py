@@ -120,6 +120,11 @@ def section(**given):
     return lambda: sf.crossings(SMOOTH, [1.0, 0.0], **arguments)
 
 
+def exponents(**given):
+    """Of a motion."""
+    return lambda: sf.lyapunov_exponents(SMOOTH, [1.0, 0.5], **given)
+
+
 def orbit(start=(1.0, 2.0), period=6.5, **given):
     return lambda: sf.periodic_orbit(FIELD, [*start], period, **given)
 
@@ -194,8 +199,9 @@ TABLE = [
     (TypeError, "dims", lambda: RUN.to_xarray(3)),
     (ValueError, "dims", lambda: RUN.to_xarray("a")),
     (ValueError, "direction", section(direction=2)),
-    (TypeError, "eps", section(time=None), run(eps=[0.2, True]), run(eps=Decimal("0.01")),
-     run(eps=np.timedelta64(1, "s")), lambda: COFACTOR.subs({"x": 1})),
+    (TypeError, "eps", exponents(), exponents(time=1.0, eps=0.1), section(time=None),
+     run(eps=[0.2, True]), run(eps=Decimal("0.01")), run(eps=np.timedelta64(1, "s")),
+     lambda: COFACTOR.subs({"x": 1})),
     (ValueError, "eps", field(lambda x, eps: (1, 2), eps=1),
      lambda: sf.attitude(BODY, np.ones((4, 5, 2)), [1, 2]),
      lambda: sf.plot_phase(BODY, [[1, 0.5]])),
@@ -274,7 +280,7 @@ TABLE = [
      lambda: sf.RandomStarts(3, low=-1.7e308, high=1.7e308)),
     (ValueError, "mass", lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3})),
     (ValueError, "max_step", motion(max_step=0.0)),
-    (TypeError, "method", orbit(method="order8")),
+    (TypeError, "method", orbit(method="order8"), exponents(time=1.0, method="order4")),
     (ValueError, "method", orbit(steps=60, method="order9"), lambda: BATCH.sel(I2=2, method="pad"),
      hamiltonian(lambda x, method: 1, method=1), run(method="rk4"), run(method=["auto"])),
     (TypeError, "monomials", lambda: sf.integrability.hk_bases(sf.integrability.kahan(FIELD), "2")),
@@ -335,7 +341,7 @@ TABLE = [
     (ValueError, "rotation", lambda: sf.to_matrix(BODY, [1, 2], rotation=np.eye(2))),
     (TypeError, "rtol", motion(rtol=None), section(rtol=1e-6, time=None, eps=0.1, steps=4)),
     (ValueError, "rtol", motion(rtol=0), motion(rtol=0.1), motion(rtol=[1e-6, 1e-7]),
-     motion(rtol=NAN), orbit(rtol=0.5), section(rtol=0.0)),
+     motion(rtol=NAN), orbit(rtol=0.5), section(rtol=0.0), exponents(time=1.0, rtol=1.0)),
     (TypeError, "run", lambda: RUN["x1"], lambda: RUN["time"], lambda: POINTS["x1"]),
     (FileNotFoundError, "run.npz", lambda: sf.Trajectories.load("nowhere/run.npz")),
     (TypeError, "save_every", run(save_every=1.5)),
@@ -344,7 +350,8 @@ TABLE = [
     (ValueError, "size", lambda: sf.RandomStarts(-1, 1.0)),
     (ValueError, "start", orbit([1.0, NAN]), orbit([1.0, NAN], steps=60), orbit([1.0, 2.0, 3.0])),
     (ValueError, "status", lambda: sf.Status(-128)),
-    (TypeError, "steps", run(steps=10.0), run(steps=True), run(steps="100"), run(steps=None)),
+    (TypeError, "steps", exponents(time=1.0, steps=3), run(steps=10.0), run(steps=True),
+     run(steps="100"), run(steps=None)),
     (ValueError, "steps", orbit(steps=0), run(steps=-1), run(steps=2**64),
      lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0), run(steps=10**20),
      lambda: sf.explore(BODY, [1, 2], 0.1, 6000)),
@@ -370,8 +377,8 @@ TABLE = [
      lambda: sf.flow(FIELD, [1.0, 2.0]), section(steps=4), section(eps=0.1, steps=4),
      section(method="order4")),
     (ValueError, "time", motion(time=[[1.0]]), motion(time=INF), motion(time=[NAN]),
-     motion(time=[-1.0, 1.0]), section(time=[1.0, 2.0]), section(time=NAN)),
-    (ValueError, "transient", section(transient=-1.0)),
+     motion(time=[-1.0, 1.0]), section(time=[1.0, 2.0]), section(time=NAN), exponents(time=-1.0)),
+    (ValueError, "transient", section(transient=-1.0), exponents(time=1.0, transient=-1.0)),
     (ValueError, "u", field(lambda x, u: (1, 2), "u v", u=1)),
     (TypeError, "values", terms(values=["a"])),
     (ValueError, "values", changed(values=["a", 1]), changed(values=["1/0", 1]),

@@ -8,6 +8,7 @@ import pytest
 from matplotlib import colors
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from systems import LORENZ, lorenz
 
 import suslov_fast as sf
 from suslov_fast.bodies.rigid import FIGURES
@@ -22,9 +23,6 @@ BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 GYROSTAT = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)
 # x'' = x**2 - 1
 WELL = sf.QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] ** 3 / 3 + x[0], 2)
-LORENZ = sf.QuadraticField.from_function(
-    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
-)
 
 
 def test_the_parameters_of_the_paper():
@@ -166,11 +164,7 @@ def test_colours_are_levels_where_there_are_some():
     sf.iterate(BODY, np.empty((0, 2)), 0.2, 5).plot()
 
 
-FAMILY = sf.QuadraticField.from_function(
-    lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
-    3,
-    rho=np.linspace(20, 28, 9),
-)
+FAMILY = sf.QuadraticField.from_function(lorenz, 3, rho=np.linspace(20, 28, 9))
 
 
 def test_families_have_the_colours_of_their_parameter():

@@ -4,12 +4,10 @@ import mpmath
 import naive
 import numpy as np
 import pytest
+from systems import LORENZ
 
 import suslov_fast as sf
 
-LORENZ = sf.QuadraticField.from_function(
-    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
-)
 FOCUS = [72**0.5, 72**0.5, 27.0]
 
 

@@ -7,17 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from children import TWO_THREADS
+from systems import LORENZ
 
 import suslov_fast as sf
 from suslov_fast.engine import threads
 from suslov_fast.maps import MAPS
 from suslov_fast.runs import search as module
 
-LORENZ = sf.QuadraticField.from_function(
-    lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
-    3,
-    rho=28,
-)
 # x'' = -x: states on ellipses around 0.
 OSCILLATOR = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
 # x' = x^2, from x0 > 0 to a pole, and beyond it from minus infinity to 0.

@@ -157,25 +157,13 @@ def test_stiff_derivatives_take_about_the_steps_of_states(f, start, time, parame
         np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=1e-6 * abs(wanted).max())
 
 
-def test_numpy_has_the_bits_of_machine_code(monkeypatch):
-    f, start, time, _, parameters = STIFF["robertson"]
-    field = Field.from_function(f, 3, **parameters)
-    options = {"time": time, "rtol": 1e-4, "derivatives": ("k3", "x0", "k1"), "stiff": True}
-    by_code = flow(field, start, **options)
-    monkeypatch.setattr("suslov_fast.core.motion.engine.code_of_half", lambda *_: None)
-    by_numpy = flow(field, start, **options)
-    for name in options["derivatives"]:
-        np.testing.assert_array_equal(by_code.derivative(name), by_numpy.derivative(name))
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["pendulum", "robertson"])
-def test_the_series(name):
-    f, x, time, step, parameters = (CASES | STIFF)[name]
+def test_the_series():
+    f, x, time, step, parameters = CASES["pendulum"]
     state, by_starts, others = solution_and_derivatives(f, x, time, 0.7 * step, **parameters)
     found = {"x": state, "x0": by_starts, **others}
     for key, value in found.items():
-        np.testing.assert_allclose(value, WANTED[name][key], rtol=1e-14, atol=0)
+        np.testing.assert_allclose(value, WANTED["pendulum"][key], rtol=1e-14, atol=0)
 
 
 PREDATORS = Field.from_function(predators, "u v", a=[1.0, 1.5], b=0.8)

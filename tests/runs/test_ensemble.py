@@ -17,6 +17,7 @@ from types import SimpleNamespace
 import dask.array
 import numpy as np
 import pytest
+import systems
 import xarray
 import zarr
 from scipy.spatial.transform import Rotation
@@ -35,11 +36,7 @@ PENDING = -128
 
 
 def lorenz(rho):
-    return sf.QuadraticField.from_function(
-        lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
-        3,
-        rho=rho,
-    )
+    return sf.QuadraticField.from_function(systems.lorenz, 3, rho=rho)
 
 
 def call(function, body, omega0, **options):

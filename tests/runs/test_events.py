@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from systems import HENON_HEILES
 
 import suslov_fast as sf
 from suslov_fast.command.summary import facts_in
@@ -93,18 +94,12 @@ def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
 
 
 def test_sections_of_henon_heiles():
-    field = sf.QuadraticField.from_hamiltonian(
-        lambda x: (
-            (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
-        ),
-        "x y px py",
-    )
     x0 = [[0.0, y, np.sqrt(1 / 6 - y**2 + 2 * y**3 / 3), 0.0] for y in np.linspace(-0.2, 0.3, 6)]
-    points = sf.crossings(field, x0, surface=first, time=50.0)
-    exact = sf.crossings(field, x0, surface=first, time=50.0, rtol=1e-13)
+    points = sf.crossings(HENON_HEILES, x0, surface=first, time=50.0)
+    exact = sf.crossings(HENON_HEILES, x0, surface=first, time=50.0, rtol=1e-13)
     assert points.count.min() >= 7
     np.testing.assert_allclose(points.states, exact.states, atol=1e-8)
-    np.testing.assert_allclose(sf.energy(field, points.states), 1 / 12, atol=1e-9)
+    np.testing.assert_allclose(sf.energy(HENON_HEILES, points.states), 1 / 12, atol=1e-9)
 
 
 def test_a_thousand_bouncing_balls():

@@ -92,11 +92,17 @@ def test_memory(body):
         sf.exact(body, np.ones((10**6, 2)), 0.1, np.arange(10**6))
     with pytest.raises(MemoryError):
         sf.iterate(body, sf.RandomStarts(10**13, 1.0), 0.1, 3)
-    field, one = sf.QuadraticField.of(body), np.ones((10**6, 2))
-    family = sf.Field.from_function(lambda x, a: (a * x[1], x[0]), 2, a=np.arange(1e6))
-    for system, starts in ((field, one), (field, sf.RandomStarts(10**6, 1.0)), (family, one[0])):
-        with pytest.raises(MemoryError, match=r" 48 TB"):  # of 3e6 times and of two more
-            sf.flow(system, starts, time=np.arange(3e6))
+    with pytest.raises(MemoryError, match=r"\b640 TB\b"):
+        sf.RandomStarts(10**13, 1.0).states(10**13)
+    field, many = sf.QuadraticField.of(body), np.ones((10**6, 2))
+    family = sf.Field.from_function(lambda x, a: (a * x[1], x[0]), 2, a=many[:, :1])
+    for system, starts, needed in (  # three arrays of states
+        (field, sf.RandomStarts(10**13, 1.0), "480 TB"),
+        (field, np.broadcast_to(1.0, (10**13, 2)), "480 TB"),
+        (family, many, "48 TB"),
+    ):
+        with pytest.raises(MemoryError, match=rf"\b{needed}\b"):
+            sf.flow(system, starts, time=1.0)
 
 
 def test_random_starts(body):

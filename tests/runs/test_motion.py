@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from children import TWO_THREADS
 from scipy.integrate import solve_ivp
-from test_orders import FLOWS, HENON_HEILES, LORENZ, SQUARE, motion
+from systems import HENON_HEILES, LORENZ
+from test_orders import FLOWS, SQUARE, motion
 
 import suslov_fast as sf
 from suslov_fast import Field, Motion, PoleWarning, QuadraticField, Status, flow

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from systems import LORENZ, lorenz
 
 import suslov_fast as sf
 from suslov_fast import Field, QuadraticField, flow, periodic_orbit
@@ -12,11 +13,6 @@ from suslov_fast.runs import shooting
 pytestmark = pytest.mark.compiled
 
 
-def lorenz(x):
-    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
-
-
-LORENZ = QuadraticField.from_function(lorenz, 3)
 VOLTERRA = QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
 VAN_DER_POL = Field.from_function(lambda x: (x[1], (1 - x[0] ** 2) * x[1] - x[0]), 2)
 KEPLER = Field.from_function(

@@ -8,18 +8,13 @@ from children import TWO_THREADS
 from numba import config
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from systems import HENON_HEILES
 
 import suslov_fast as sf
 from suslov_fast.core.motion.refine import crossing_fractions
 from suslov_fast.maps import MAPS, map_of
 from suslov_fast.runs import search as module
 
-HENON_HEILES = sf.QuadraticField.from_hamiltonian(
-    lambda x: (
-        (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
-    ),
-    "x y px py",
-)
 START = [0.0, 0.1, 0.4, 0.05]
 METHODS = [
     method

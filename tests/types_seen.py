@@ -1,0 +1,60 @@
+"""What type checkers see of the names that users write, in strict mode: `tox -e types` reads it."""
+
+from typing import Any, assert_type
+
+import numpy as np
+from numpy.typing import NDArray
+
+from suslov_fast import (
+    Crossings,
+    Field,
+    Motion,
+    QuadraticField,
+    SingularStepError,
+    Suslov3D,
+    SuslovGyrostat,
+    SuslovND,
+    Trajectories,
+    body_from_dict,
+    crossings,
+    flow,
+    iterate,
+)
+
+Floats = NDArray[np.float64]
+run = iterate(QuadraticField([[[1.0]]]), [1.0], 0.1, 5)
+assert_type(run, Trajectories)
+assert_type(run.x, Floats)
+assert_type(run.omega, Floats)
+assert_type(run.states, Floats)
+assert_type(run[0], Floats)
+assert_type(run.valid, NDArray[np.bool_])
+try:
+    points = crossings(run.body, [1.0], 0.1, 5, lambda x: x[..., 0])
+    assert_type(points, Crossings)
+    assert_type(points.states, Floats)
+    assert_type(points.before, Floats)
+    assert_type(points.time, Floats)
+    assert_type(points.n, NDArray[np.int64])
+except SingularStepError as error:
+    assert_type(error.trajectories, Trajectories)
+    assert_type(error.trajectories.x, Floats)
+    assert_type(error.crossings, Crossings)
+assert_type(run.first_pole, NDArray[np.int64])
+assert_type(run.failed_at, NDArray[np.int64])
+assert_type(run.final, Floats)
+assert_type(run.time, Floats)
+assert_type(run.ok, bool)
+assert_type(flow(QuadraticField([[[1.0]]]), [1.0], time=0.5), Motion)
+any_field = Field.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
+assert_type(any_field.dimension, int)
+assert_type(SuslovND([1.0, 2.0], [0.1, 0.2]).dimension, int)
+assert_type(Suslov3D(4.0, 1.0, 0.1, 0.1).field(), QuadraticField)
+assert_type(QuadraticField([[[1.0]]]).quadratic, NDArray[Any])
+body = body_from_dict({})
+assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | QuadraticField | Field)
+print(run.no_such_name)  # type: ignore[attr-defined]
+iterate(run.body, [1.0], "0.1", 5)  # type: ignore[arg-type]
+iterate(run.body, [1.0], [0.1, 0.2], 5)
+iterate(run.body, [1.0], np.linspace(0.1, 0.2, 3), 5, method="rk4")  # type: ignore[arg-type]
+flow(any_field, [1.0, 0.0], time="5")  # type: ignore[arg-type]

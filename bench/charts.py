@@ -36,7 +36,7 @@ def panel(axis, pairs, written):
     for row, value in pairs:
         if row.whose not in KINDS:
             axis.axvline(value, color="#2c2c2c", linestyle="--", linewidth=1)
-            place = {"ha": "right", "va": "center", "fontsize": 9}
+            place = {"ha": "right", "va": "center", "fontsize": 8}
             axis.text(value, len(dots) - 0.4, plain(row) + " ", **place)
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_yticks(range(len(dots)), [""] * len(dots))

@@ -25,6 +25,7 @@ field = QuadraticField.from_function(lorenz, "x y z")
 flow(field, [1, 1, 20], time=np.linspace(10, 50, 4000)).plot("x", "y", "z", ax=space)
 space.view_init(elev=18, azim=-60)
 space.set_box_aspect(None, zoom=0.85)
+space.set_yticks([-20, 0, 20])
 
 chain = QuadraticField.from_function(lorenz_96, 20)
 start = 8 + np.random.default_rng(1).normal(size=20)

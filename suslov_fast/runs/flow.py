@@ -251,8 +251,11 @@ def _exact(body: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Fo
 def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
     """Return the motion of a field at times in any order."""
     moduli = abs(asked.times)
-    if len(moduli) and moduli[0] > 0.0 and not np.count_nonzero(moduli[1:] <= moduli[:-1]):
-        return solve(field, x, batch, asked._replace(times=moduli))
+    if len(moduli) and moduli[-1] > 0.0 and not np.count_nonzero(moduli[1:] <= moduli[:-1]):
+        found = solve(field, x, batch, asked._replace(times=moduli))
+        if moduli[0] == 0.0:
+            found.states[0] = x
+        return found
     later = moduli > 0.0
     ascending, places = np.unique(moduli[later], return_inverse=True)
     if not len(ascending):

@@ -6,12 +6,16 @@ import sys
 import children
 import numpy as np
 import pytest
+from numba import config
 from systems import LORENZ
 
 import suslov_fast as sf
 from suslov_fast.core.compiling import numba as core_numba
 
-pytestmark = pytest.mark.compiled
+pytestmark = [
+    pytest.mark.compiled,
+    pytest.mark.skipif(config.BOUNDSCHECK == 1, reason="all calls are compiled, to check indices"),
+]
 RNG = np.random.default_rng(3)
 X2, X3, X4 = (RNG.uniform(-1, 1, (5, D)) for D in (2, 3, 4))
 BODY, ROTOR = sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)

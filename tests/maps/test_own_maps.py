@@ -518,6 +518,7 @@ def test_parameters_with_different_numbers_of_axes(rng, tmp_path):
             assert "A" not in data or data.A.dims[-2:] == ("component", "A_1")
 
 
+@pytest.mark.compiled
 def test_the_error_of_a_step_that_numba_refuses_says_why():
     @maps.function
     def step(x, out, eps, work, scale, b, A):

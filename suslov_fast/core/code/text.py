@@ -77,6 +77,14 @@ class Code(Text):
         place = self.new(f"alloca double, i64 {count}")
         return self.new(f"ptrtoint {pointer('double')} {place} to i64")
 
+    def prefetch(self, address):
+        """Let the cache load what stands at an address, if it exists: it is written soon."""
+        kind = pointer("i8")
+        name = f"@llvm.prefetch.p0{'' if kind == 'ptr' else 'i8'}"
+        self.target.declared.add(f"declare void {name}({kind}, i32, i32, i32)")
+        place = self.new(f"inttoptr i64 {address} to {kind}")
+        self.add(f"  call void {name}({kind} {place}, i32 1, i32 3, i32 1)")
+
     def copy(self, source, target, count):
         """Add a loop that copies rows."""
         self.fold(count, {}, lambda k: self.put(self.row(source, 0, k), target, 0, k))

@@ -166,13 +166,17 @@ class _Steps:
         if self.is_inlined and W < self.text.W and not f.calls:
             inner = Code(W, self.text)
             inner.size = self.text.size
-        if f.length + 3 * self.D <= SHORT and not f.calls_by_lane:
-            self.columns_side_by_side(inner)
-        else:
+        if f.length + 3 * self.D > SHORT or f.calls_by_lane:
             self.columns_in_turn(inner)
+            return
+        are_all = self.text.compare_integers("eq", "%count", len(EXPLICIT))
+        with self.text.when(are_all):
+            self.columns_side_by_side(inner)
+            self.text.leave("void")
+        self.columns_in_turn(inner)
 
     def columns_side_by_side(self, inner):
-        """Add all columns, whatever `count` is, as straight-line code for a register of lanes."""
+        """Add all columns as straight-line code for a register of lanes."""
         text, work, D = self.text, self.work, self.D
         with text.times(text.W // inner.W) as part:
             offset = text.integer("mul", part, 8 * inner.W)
@@ -1003,6 +1007,7 @@ class _Steps:
                     text.store("double", number, text.at(to, i))
 
                 text.fold(self.D, {}, copy)
+                text.prefetch(text.integer("add", to, text.integer("mul", of.state_bytes, 2)))
                 following = text.integer("add", place, 1)
                 text.store("i64", following, place_at)
                 next_at = text.plus(line, text.size * rows.next)

@@ -19,6 +19,7 @@ from .random_starts import RandomStarts
 from .status import PoleWarning, Status
 
 _LEAST, _MOST = 1e-13, 1e-2  # of rtol
+_FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
 # What solutions do that stop.
 _CAUSES = {
     Status.ENDED: "end: they escape to infinity, or reach a pole",
@@ -41,7 +42,8 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
         return np.array([time]), -1 if time < 0.0 else 1
     if time.ndim > 1:
         raise wrong("time", "a number or a 1-D array", f"an array of shape {time.shape}")
-    low, high = (time.min(), time.max()) if time.size else (0.0, 0.0)
+    numbers = time.tolist() if time.size <= _FEW else (time.min(), time.max())
+    low, high = min(numbers, default=0.0), max(numbers, default=0.0)
     if low < 0.0 < high:
         how = "call flow twice, forward and backward"
         raise wrong("time", "all 0 or later, or all 0 or earlier", f"{low:g} and {high:g}: {how}")
@@ -69,9 +71,9 @@ def checked_settings(system: Any, rtol: Any, atol: Any, max_step: Any, stiff: An
 
 def tolerances_of(settings: Settings) -> dict[str, Any]:
     """Return the arguments of :func:`flow` that these settings are, as results keep them."""
-    found = settings._asdict()
-    longest = found.pop("longest")
-    return found | {"max_step": None if longest == math.inf else longest}
+    rtol, atol, longest, stiff = settings
+    max_step = None if longest == math.inf else longest
+    return {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
 
 
 def checked_starts(system: Any, x0: Any, n: int) -> tuple[FloatArray, tuple[int, ...]]:

@@ -5,7 +5,6 @@ first: whenever it is called all trajectories have taken the same steps, so the 
 """
 
 import inspect
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import chain
@@ -38,7 +37,7 @@ _SHORT, _LONG = 0.02, 0.1
 _IN_PYTHON, _FEW = 1e-5, 6
 # Work of a stretch with orientations: the number of states times n**2.
 _TURNING = 2**24
-# Work of a short run, which one call of the kernel takes at once.
+# Work of a run that one call of the kernel takes.
 _SHORT_RUN = 1e5
 
 # The least number of steps from one report of progress to the next, for the 3D map; a fourth of it
@@ -224,6 +223,8 @@ class March:
         `every` is 0, the last state alone. They are written to `out` if it is given. `report` takes
         the number of steps that this call has taken; if it returns False, the run ends there.
         """
+        if report is None and out is None and (saved := self._at_once(stop, every)) is not None:
+            return saved, None
         (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
         rows, begin = _rows(self.n, stop, every), self.n
         n, turns = 0 if turned is None else D + 1, None
@@ -249,6 +250,28 @@ class March:
             out[0] = self.final
         turns = None if turned is None else turned.reshape(1, *batch, n, n)
         return self.final[np.newaxis] if out is None else out, turns
+
+    def _at_once(self, stop: int, every: int) -> FloatArray | None:
+        """Continue to state `stop` by one call of the kernel, and return the saved states.
+
+        Return None unless the run is short: then what `to` looks after takes longer than its steps.
+        """
+        (size, D), n = self.omega0.shape, self.n
+        cost = max(self.steps.cost(D, self.arguments), 0.1)
+        if size * (stop - n) * cost > _SHORT_RUN or self.turned is not None or len(self.groups) > 1:
+            return None
+        saved = np.empty((_rows(n, stop, every), size, D))
+        taken = size if size <= _FEW else -(-size // self.steps.lanes) * self.steps.lanes
+        call_kernel(
+            self.steps.kernel, 0, 1, self.arguments, self.omega0, self.carry,
+            (0, size, n, stop, every, 0), saved, self.final.reshape(size, D),
+            self.status.reshape(size), self.failed_at.reshape(size),
+            seconds=_IN_PYTHON * (1.0 + cost) * taken * (stop - n + 2),
+        )  # fmt: skip
+        self.n = stop
+        if not every:
+            return self.final[np.newaxis]
+        return saved.reshape(len(saved), *self.problem.batch, D)
 
     def step_of(
         self, trajectories: NDArray[np.int64], states: FloatArray, eps: FloatArray
@@ -305,12 +328,6 @@ class March:
         final, status = self.final.reshape(size, D), self.status.reshape(size)
         failed_at = self.failed_at.reshape(size)
         arrays: Any = self.omega0, self.carry, saved, final, status, failed_at
-        cost = self.steps.cost(D, self.arguments) if len(self.groups) == 1 else math.inf
-        if size * (stop - self.n) * cost < _SHORT_RUN:  # so a short run takes a third of the time
-            span = 0, size, self.n, stop, every, 0
-            self._call(self.arguments, arrays, span, cost)
-            self.n = stop
-            return
         axes = 0, 1, 1, 0, 0, 0  # the axis of trajectories in each array
         for where, arguments in self.groups:
             if where is ALL:
@@ -330,12 +347,8 @@ class March:
         cost is that of the slowest steps, and usual ones may take a thousandth of it. A batch of
         one block is serial: a block of lanes takes as long however many of them are in use.
         """
-        (size, D), n, lanes, threads = (
-            arrays[0].shape,
-            self.n,
-            self.steps.lanes,
-            self.problem.threads,
-        )
+        kernel, lanes, (omega0, carry, *others) = self.steps.kernel, self.steps.lanes, arrays
+        (size, D), n, threads = omega0.shape, self.n, self.problem.threads
         step = self.steps.cost(D, arguments)
         cost = step + (_SAVING / every if every else 0.0)
         width, length = -(-size // lanes) * lanes or lanes, stop - n or 1
@@ -351,8 +364,13 @@ class March:
             while True:  # once even if stop = n
                 until = min(start + length, stop)
                 row = _rows(n, start, every) if start else 0
+                span = begin, end, start, until, every, row
+                work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
                 called_at = perf_counter()
-                self._call(arguments, arrays, (begin, end, start, until, every, row), step)
+                taken = size if size <= _FEW else width
+                seconds = _IN_PYTHON * (1.0 + step) * taken * (until - start + 2)
+                data = arguments, omega0, carry, span, *others
+                call_kernel(kernel, work, threads, *data, seconds=seconds)
                 if until == stop:
                     break
                 seconds, start = perf_counter() - called_at, until
@@ -360,20 +378,6 @@ class March:
                     length *= 2
                 elif seconds > _LONG:
                     length = max(length // 2, 1)
-
-    def _call(self, arguments: Arguments, arrays: Sequence[Any], span: Any, cost: float) -> None:
-        """Call the kernel for a span of trajectories and steps, each of which has this cost."""
-        lanes, (omega0, carry, *others), (begin, end, start, until, *_) = (
-            self.steps.lanes,
-            arrays,
-            span,
-        )
-        size, steps = end - begin, until - start
-        work = int(size * steps * cost) if size > lanes else 0
-        taken = size if size <= _FEW else -(-size // lanes) * lanes
-        seconds = _IN_PYTHON * (1.0 + cost) * taken * (steps + 2)
-        data = arguments, omega0, carry, span, *others
-        call_kernel(self.steps.kernel, work, self.problem.threads, *data, seconds=seconds)
 
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None

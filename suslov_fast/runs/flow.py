@@ -152,10 +152,12 @@ def flow(
 
 def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...], Any]:
     """Return the names of derivatives, and the field whose equations have them."""
+    if type(derivatives) is tuple and not derivatives:  # as in most calls
+        return (), None
     names = (derivatives,) if isinstance(derivatives, str) else derivatives
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
-        known = f"names, such as {('x0', *system.parameters)}"
-        raise wrong("derivatives", known, short(derivatives), TypeError)
+        such = "x0", *system.coordinates
+        raise wrong("derivatives", f"names, such as {such}", short(derivatives), TypeError)
     field: Any = system if isinstance(system, FieldOfFunction) else None
     named: tuple[str, ...] = ()
     if names and field is None:
@@ -167,11 +169,9 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
             field = make(f, *others, **field.parameters)
         named = field.coordinates if isinstance(field, Field) else ()
         if unknown := [name for name in names if name not in ("x0", *named)]:
-            how = f"{', '.join(map(repr, ('x0', *named)))}"
-            if not named and system.parameters:
-                how += ", because this system keeps no function of its parameters: make it by "
-                how += "Field.from_function"
-            raise wrong("derivatives", f"names of {how}", short(unknown[0]))
+            known = ", ".join(map(repr, ("x0", *named)))
+            how = "" if named else ": those by parameters are of Field.from_function"
+            raise wrong("derivatives", f"names of {known}", f"{unknown[0]!r}{how}")
     if len({*names}) < len(names):
         raise wrong("derivatives", "different names", short(names))
     return tuple(names), field
@@ -250,9 +250,12 @@ def _exact(body: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Fo
 
 def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
     """Return the motion of a field at times in any order."""
-    moduli = abs(asked.times)
-    if len(moduli) and moduli[-1] > 0.0 and not np.count_nonzero(moduli[1:] <= moduli[:-1]):
-        found = solve(field, x, batch, asked._replace(times=moduli))
+    if asked.sign < 0:
+        asked = asked._replace(times=abs(asked.times))
+    moduli = asked.times
+    ascends = len(moduli) == 1 or not np.count_nonzero(moduli[1:] <= moduli[:-1])
+    if len(moduli) and moduli[-1] > 0.0 and ascends:
+        found = solve(field, x, batch, asked)
         if moduli[0] == 0.0:
             found.states[0] = x
         return found

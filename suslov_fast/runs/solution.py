@@ -5,6 +5,8 @@ An integrable body in n dimensions is reduced to one in three first, see `bodies
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -82,7 +84,7 @@ def exact(
     array([[-0.791446,  1.319077],
            [ 0.791446, -1.319077]])
     """
-    if np.ndim(n) == 0 and n in (np.inf, -np.inf):
+    if isinstance(n, float) and math.isinf(n):
         raise wrong("n", "finite", f"{n!r}: limits returns the limits of an orbit")
     numbers = np.asarray(real_number("n", n))
     if numbers.ndim > 1:
@@ -154,7 +156,8 @@ def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArra
         for flags, (reason, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():
                 warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {reason}", category)
-    states = np.asarray(from_plane(states.reshape(*times.shape, *batch, 2)))
-    if plane is not problem:  # exactly, because the reduction rounds
-        states[times == 0.0] = problem.omega
+    states = states.reshape(*times.shape, *batch, 2)
+    if plane is not problem:
+        states = np.asarray(from_plane(states))
+        states[times == 0.0] = problem.omega  # exactly, because the reduction rounds
     return states

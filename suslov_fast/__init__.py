@@ -41,10 +41,6 @@ def _imported(name: str) -> ModuleType:
         return import_module(name, __name__)
 
 
-def _is_module(name: str) -> bool:
-    return find_spec(f"{__name__}.{name}") is not None
-
-
 def __getattr__(name: str) -> object:
     """Import the module of a public name when the name is first used."""
     if name in _MODULES:
@@ -54,7 +50,7 @@ def __getattr__(name: str) -> object:
         error = answers.lacking(sys.modules[__name__], name, f"module {__name__!r}")
         # Of an AttributeError, `from suslov_fast import name` would tell nothing.
         is_from = sys._getframe(1).f_code.co_name == "_handle_fromlist"
-        raise ImportError(str(error)) if is_from and not _is_module(name) else error
+        raise ImportError(str(error)) if is_from and not find_spec(f"{__name__}.{name}") else error
     value: object = getattr(_imported(_MODULE_OF[name]), name)
     globals()[name] = value
     return value

@@ -147,6 +147,8 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
         if "component" not in coords or coords["component"].values.tolist() == [*labels]:
             value = getattr(value, "data", value)  # a Dataset has no data
     array = _floats(name, value)
+    if len(labels) == 1 and array.shape == ():
+        array = array[np.newaxis]
     if array.shape[-1:] != (len(labels),):
         received = f"{array.shape}{_advice_on_shape(array.shape, labels)}"
         last = f", with {', '.join(labels)} on the last axis" if len(labels) <= 8 else ""

@@ -20,8 +20,9 @@ _TABLE = (
      "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
     ("dtmax hmax maxstep", "max_step", "a map has steps of length eps="),
     ("t time times teval ts tend tmax tf tfinal duration period", "time period steps",
-     "iterate runs to eps * steps, flow to time="),
+     "flow(system, x0, time=t), or the steps n of a map"),
     ("tspan t0", "", "time= of flow, counted from x0; iterate runs to eps * steps"),
+    ("backward reverse", "", "-eps, which undoes a step"),
     ("tol rtol reltol", "rtol tol", "flow(..., rtol=); steps of a map have no tolerance"),
     ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
     ("order integrator solver alg algorithm scheme method", "method",
@@ -43,7 +44,7 @@ _TABLE = (
     ("jumps jump doses dose impulses resets", "",
      "flow from one to the next: x = flow(system, x, time=dt).x[-1] + jump"),
     ("poincare poincaremap poincaresection poincaresos tevents yevents", "crossings", ""),
-    ("terminal", "most", "crossings(..., most=)"),
+    ("terminal stop", "", "crossings(system, x0, time=T, surface=..., most=1)"),
     ("burnin ntransient transienttime ttr discard", "transient", ""),
     ("every stride thin sample saveat", "save_every",
      "time=np.arange(0, T, dt), at which states are wanted"),
@@ -59,7 +60,7 @@ _TABLE = (
     ("figsize xlim ylim xlabel ylabel grid legend", "ax", ""),
     *((f"i{k}{k}", f"I{k}", "") for k in (1, 2, 3)),
     *((f"i3{k}", f"I{k}3", "") for k in (1, 2)),
-    ("i inertia tensor i12 i21", "from_inertia from_mass_tensor",
+    ("i inertia inertiamatrix tensor i12 i21", "parameters",
      "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
     ("u values data trajectories solution points shape tonumpy select", "states",
      "iterate, whose result has states"),
@@ -67,7 +68,8 @@ _TABLE = (
     ("success retcode", "ok", ""),
     ("message error errors failedat", "status", ""),
     ("last end final", "final", "states[-1]"),
-    ("resume restart continue extend", "extend", "it again, from the last states"),
+    ("resume restart continue extend", "extend",
+     "the same call again, which goes on with a store, or states[-1] as x0"),
     ("df dataframe todataframe topandas tocsv", "",
      "pandas.DataFrame(run.states, run.time), of one orbit; to_xarray().to_dataframe() of many"),
     ("tonetcdf tozarr sel isel", "to_xarray", ""),
@@ -89,7 +91,9 @@ _TABLE = (
     ("sensitivity sensitivities", "",
      "flow(..., derivatives=('x0', 'a')), and derivative('a') of its result"),
     ("lyapunov lyapunovs lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
-    ("fixedpoints equilibria equilibrium", "fixed_points", ""),
+    ("fixedpoints equilibria equilibrium steadyline steadystate", "fixed_points", ""),
+    ("frominertia frommatrix", "from_inertia from_mass_tensor", ""),
+    ("out", "out", "ensemble(system, x0, time=t, store='run.zarr')"),
     ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
     ("theorem1 theorem", "exact", ""),
     ("lemma1", "first_integral", ""),
@@ -101,7 +105,6 @@ _TABLE = (
     ("fromstring fromtext fromequations fromsecondorder", "",
      "from_function(lambda x: (x[1], -x[0]), 'q p')"),
     ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
-    ("suslov", "Suslov3D", ""),
     ("figures picture pictures", "figures", "Suslov3D.figure(k)"),
     ("animate animation", "",
      "suslov_fast.animate_body(run) for a body, FuncAnimation of Matplotlib for equations"),
@@ -175,7 +178,7 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
     takes_any = any(each.kind is each.VAR_KEYWORD for each in parameters)
     if unknown := [] if takes_any else [name for name in kwargs if name not in by_name]:
         names = sorted(by_name - _OWN)
-        known = f"one of {', '.join(names)}" if names else "none by name"
+        known = f"one of {', '.join(names)}" if names else "arguments without names"
         each = [f"{name!r}: use {instead(name, names) or known}" for name in unknown]
         return f"{called} has no argument {', and no '.join(each)}"
     try:
@@ -184,12 +187,9 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         shown = [p.replace(annotation=p.empty) for p in parameters if p.name not in _OWN]
         how = ""
         unnamed = sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
-        if len(args) > unnamed and (named := [p for p in shown if p.kind is p.KEYWORD_ONLY]):
-            how = f", pass {', '.join(f'{p.name}=' for p in named[:3])} ... by name"
-            if isinstance(args[-1], str):
-                how = ", save the result by its method save(path)"
-        elif len(args) > unnamed and takes_any:
-            how = ", pass parameters by name, such as a=1"
+        named = ", ".join([f"{p.name}=" for p in shown if p.kind is p.KEYWORD_ONLY][:3])
+        if len(args) > unnamed and (named or takes_any):
+            how = f", pass {'parameters, as a=1,' if takes_any else named} by name"
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
         if called == "flow" and args and inspect.isroutine(args[0]):
             how += ", and for the function pass Field.from_function(f, names)"

@@ -39,7 +39,7 @@ _INSTEAD = {
     "exact": "iterate",
     "flow": "flow, which computes it to a tolerance",
     "limits": "iterate",
-    "first_integral": "modified_energy",
+    "first_integral": "modified_energy, which varies by O(eps**4)",
     "criticality": "iterate, and compare with half the step size",
     "invariant_density": "the determinant of jacobian",
 }
@@ -87,7 +87,8 @@ class SuslovND(Body):
         super().__post_init__()
         J, I = np.shape(self.J), np.shape(self.I)
         if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
-            how = ": pass n - 1 numbers for each, such as 1.3, 2.1, 3.7 and 0.4, -0.7, 0.5"
+            how = ": n - 1 numbers J_i = I_ii + I_nn and n - 1 couplings I_in of a mass tensor, as "
+            how += "1.3, 2.1, 3.7 and 0.4, -0.7, 0.5; from_mass_tensor(I) takes the tensor"
             raise wrong("J and I", "have the shape (..., n - 1), both", f"{J} and {I}{how}")
 
     @cached_property
@@ -266,7 +267,7 @@ class NotIntegrableError(SuslovError, ValueError):
     ...     first_integral(body, [1.0, 0.5, 0.2], eps=0.1)
     ... except NotIntegrableError as error:
     ...     print(str(error).rpartition(": ")[2])
-    use modified_energy
+    use modified_energy, which varies by O(eps**4)
     """
 
     known: Any = False  # for which members of a batch a formula is known

@@ -42,7 +42,8 @@ class _Parser(argparse.ArgumentParser):
         unknown = re.search(r"arguments: --?([^\s=]+)|invalid choice: '([^']*)'", message)
         word = (unknown[1] or unknown[2] or "") if unknown else ""
         near = names.get(instead(word.replace("-", "_"), names))
-        super().error(f"{message}; did you mean {near}?" if near else message)
+        in_python = f"; call suslov_fast.{word} in Python" if word in dir(sf) else ""
+        super().error(f"{message}; did you mean {near}?" if near else message + in_python)
 
 
 def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namespace:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.classes import BodyIn3D
-from ..checks import FloatArray, integer, kind_of, positive, short, wrong
+from ..checks import FloatArray, integer, kind_of, positive, wrong
 from ..keywords import public
 from ..maps import map_of
 from ..quantities.derivatives import vector_field
@@ -158,9 +158,6 @@ def plot_phase(
     if eps is None:
         unit = Plane(body, 1.0)
         eps = float(f"{0.2 / (unit.e * unit.radius([extent, extent]) * abs(unit.g)):.0e}")
-    if np.ndim(eps):
-        how = "plot_phase chooses its orbits; iterate(...).plot() draws yours"
-        raise wrong("eps", "a positive number", f"{short(eps)}: {how}")
     eps = positive("eps", eps)
     plane, levels = Plane(body, eps), integer("levels", levels, 1)
     largest = plane.radius([extent, extent])

@@ -106,11 +106,11 @@ def _points_of(field: Any, passed: Any, index: tuple[int, ...] = ()) -> Any:
     if points is None:
         if passed.shape:
             return None
-        raise ValueError(f"field: infinitely many fixed points: {_what_to_do(passed)}")
+        raise ValueError(f"fixed_points: infinitely many fixed points: {_what_to_do(passed)}")
     array = np.array(sorted(points), np.float64).reshape(-1, field.dimension)
     if np.isinf(array).any():
         where = f"fixed points{passed.of_member(i)} are beyond the range of float64"
-        raise ValueError(f"field: {where}: use other units")
+        raise ValueError(f"fixed_points: {where}: use other units")
     return array
 
 

@@ -156,8 +156,8 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
         return (), None
     names = (derivatives,) if isinstance(derivatives, str) else derivatives
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
-        known = f"names, such as {('x0', *system.parameters)}"
-        raise wrong("derivatives", known, short(derivatives), TypeError)
+        such = "x0", *system.coordinates
+        raise wrong("derivatives", f"names, such as {such}", short(derivatives), TypeError)
     field: Any = system if isinstance(system, FieldOfFunction) else None
     named: tuple[str, ...] = ()
     if names and field is None:
@@ -169,11 +169,9 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
             field = make(f, *others, **field.parameters)
         named = field.coordinates if isinstance(field, Field) else ()
         if unknown := [name for name in names if name not in ("x0", *named)]:
-            how = f"{', '.join(map(repr, ('x0', *named)))}"
-            if not named and system.parameters:
-                how += ", because this system keeps no function of its parameters: make it by "
-                how += "Field.from_function"
-            raise wrong("derivatives", f"names of {how}", short(unknown[0]))
+            known = ", ".join(map(repr, ("x0", *named)))
+            how = "" if named else ": those by parameters are of Field.from_function"
+            raise wrong("derivatives", f"names of {known}", f"{unknown[0]!r}{how}")
     if len({*names}) < len(names):
         raise wrong("derivatives", "different names", short(names))
     return tuple(names), field

@@ -152,10 +152,10 @@ class Result:
 
     def __getitem__(self, index: Any) -> FloatArray:
         if isinstance(index, str):
-            labels = self.body.labels
-            part = f"{self._variable}[..., {labels.index(index) if index in labels else 'k'}]"
-            is_attribute = index in dir(self) and index not in labels
-            raise TypeError(f"run[{index!r}]: use run.{index if is_attribute else part}")
+            if index not in self.body.labels:
+                known = f"run.{index}" if index in dir(self) else ", ".join(self.body.labels)
+                raise KeyError(f"run[{index!r}] is no component: use {known}")
+            index = ..., self.body.labels.index(index)
         states: FloatArray = self.states[index]
         return states
 

@@ -156,4 +156,4 @@ def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
     heads = weakref.ref(listed.programs_of(scheme.step).usual.runs.heads)
     listed.programs_of.cache_clear()
     assert heads() is not None
-    assert stage.programs.usual.runs.heads is heads()
+    assert stage.programs[0].runs.heads is heads()

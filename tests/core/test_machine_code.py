@@ -17,6 +17,7 @@ from suslov_fast.core.fields import (
     careful,
     driver,
     few_orbits,
+    long_tangent,
     steps as steps_field,
     tangent,
 )
@@ -352,6 +353,24 @@ assert (run(2) == expected).all()
 def test_a_child_of_a_parent_that_ran_fields_in_threads():
     """It has none of their threads, and neither hangs nor computes other bits."""
     children.run(FORK, timeout=120)
+
+
+def test_texts_declare_all_that_they_call(rng, monkeypatch, anew):
+    """Later LLVM knows its own functions without; that of the oldest Numba refuses the text."""
+    texts, compile_text = [long_tangent.text_of_runs(None, "f")], machine_code._compile
+
+    def note(text, *others):
+        texts.append(text)
+        return compile_text(text, *others)
+
+    monkeypatch.setattr(machine_code, "_compile", note)
+    results(rng)
+    pendulum = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0]) - np.tanh(x[1])), 2)
+    sf.flow(pendulum, [1.0, 0.5], time=1.0, derivatives="x0")
+    assert len(texts) > 5
+    for text in texts:
+        known = re.findall(r"^(?:declare|define) [^@]*@([\w.]+)", text, re.MULTILINE)
+        assert {*re.findall(r"call [^@]*@([\w.]+)", text)} <= {*known}
 
 
 @pytest.mark.sampled(1)

@@ -318,7 +318,7 @@ def test_nothing_is_compiled_after_warm_up():
     assert used - made == set()
 
 
-def test_parts_run_serially_where_a_private_name_has_another_signature(monkeypatch):
+def test_threads_of_python_take_parts_where_a_private_name_has_another_signature(monkeypatch):
     @core_numba.kernel
     def count(part, parts, out):
         out[part] += parts

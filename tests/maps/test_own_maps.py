@@ -560,7 +560,8 @@ def test_the_maps_of_the_page_keep_the_promises(tmp_path):
     mixed = "import own\nmaps.register(own.MIXED)\n"
     (tmp_path / "my_maps.py").write_text(MODULE + DIVERGING + mixed, encoding="utf-8")
     tests = Path(__file__).parents[1] / "package" / "test_promises.py"
-    words = "midpoint or (mixed or strong) and (seldom or order or loop)"
+    words = "midpoint or mixed and (loop or parts or threads)"
+    words += " or strong and (seldom or order or loop)"
     given = ["-q", "-x", "-p", "no:cacheprovider", tests, "--maps", "my_maps", "-k", words]
     places = os.pathsep.join(map(str, [tmp_path, tests.parent, *sys.path]))
     done = subprocess.run(
@@ -568,7 +569,7 @@ def test_the_maps_of_the_page_keep_the_promises(tmp_path):
         env=os.environ | {"PYTHONPATH": places}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
-    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 50
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 30
 
 
 def test_slopes_and_solutions_for_steps_of_ones_own(rng):

@@ -342,7 +342,7 @@ TABLE = [
     (TypeError, "rtol", motion(rtol=None), section(rtol=1e-6, time=None, eps=0.1, steps=4)),
     (ValueError, "rtol", motion(rtol=0), motion(rtol=0.1), motion(rtol=[1e-6, 1e-7]),
      motion(rtol=NAN), orbit(rtol=0.5), section(rtol=0.0), exponents(time=1.0, rtol=1.0)),
-    (TypeError, "run", lambda: RUN["x1"], lambda: RUN["time"], lambda: POINTS["x1"]),
+    (KeyError, "run", lambda: RUN["time"], lambda: POINTS["x3"]),
     (FileNotFoundError, "run.npz", lambda: sf.Trajectories.load("nowhere/run.npz")),
     (TypeError, "save_every", run(save_every=1.5)),
     (ValueError, "save_every", run(save_every=0)),
@@ -465,6 +465,10 @@ def test_unknown_attributes(thing, name, answer):
     assert answer or ("use " not in str(caught.value) and caught.value.name == name)
 
 
+def forced(t, x):
+    return [t + 0 * x[0]]
+
+
 def decay(x, k):
     return (-k * x[0],)
 
@@ -475,15 +479,19 @@ PAIR = QuadraticField.from_function(lambda x: (x[1], -x[0] / 2), "u v")
 # First tries of users, what the error names, and the second try that it leads to, whose last
 # number is known.
 SECOND_TRIES = [
-    (lambda: sf.Field.from_function(lambda t, x: -x / 2, "x"), r'rate 1: .*"x t"\)',
-     lambda: sf.flow(WAVE, [3.0, 0.0], time=2.0).x[..., 0], 3 * math.exp(-1)),
-    (lambda: sf.Field.from_function(lambda x, t: -x / 2, "x", t=0.0), r'rate 1: .*"x t"\)',
+    (lambda: sf.Field.from_function(forced, "x"),
+     r'lambda s: \(\*f\(s\[-1\], s\[:-1\]\), 1\.0\), "x t"\)',
+     lambda: sf.flow(sf.Field.from_function(lambda s: (*forced(s[-1], s[:-1]), 1.0), "x t"),
+                     [0.0, 1.0], time=2.0).x[..., 0], 4.0),
+    (lambda: sf.Field.from_function(lambda x, t: forced(t, x), "x"), r"pass lambda x: f\(x, 0\)",
+     lambda: sf.Field.from_function(lambda x: forced(0, x), "x")([3.0]), 0.0),
+    (lambda: sf.Field.from_function(lambda x, t: -x, "x", t=0.0), r'rate 1.*"x t"\).* x0',
      lambda: sf.flow(WAVE, [3.0, 5.0], time=2.0).x, 7.0),
     (lambda: sf.Field.from_function(decay, "x"), r"\bk=1\.0",
      lambda: sf.Field.from_function(decay, "x", k=1.0)([3.0]), -3.0),
-    (lambda: sf.Field.from_function(decay, "x", kk=2.0), r"'kk', use k=",
+    (lambda: sf.Field.from_function(decay, "x", kk=2.0), r"'kk', but k\b",
      lambda: sf.Field.from_function(decay, "x", k=2.0)([3.0]), -6.0),
-    (lambda: sf.Field.from_function(decay, "x", k=2.0, noise=1.0), r"'noise', only k\b",
+    (lambda: sf.Field.from_function(decay, "x", k=2.0, noise=1.0), r"'noise', but k\b",
      lambda: sf.Field.from_function(decay, "x", k=2.0)([3.0]), -6.0),
     (lambda: sf.Field.from_function(lambda q, p: (p, -q), "q p"), r"lambda x: f\(\*x\)",
      lambda: sf.Field.from_function(lambda x: (lambda q, p: (p, -q))(*x), "q p")([1.0, 2.0]), -1.0),
@@ -533,6 +541,16 @@ SECOND_TRIES = [
      lambda: sf.flow(HALF, [3.0], time=2, derivatives="x0").derivative("x0"), math.exp(-1)),
     (lambda: sf.Field.from_sympy([], "x"), r"from_function\(sympy\.lambdify",
      lambda: sf.Field.from_function(of_sympy([symbols("u v")]), "u v")([1.0, 1.0]), 2.0),
+    (lambda: SuslovND([1.0, 2, 3, 4], [0.1, 0.2, 0.3]), r"J_i = I_ii \+ I_nn.*from_mass_tensor",
+     lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2, 3, 4]))[0].J, 7.0),
+    (lambda: sf.step(BODY, [1.0, 0.5], 0.1, backward=True), "use -eps",
+     lambda: sf.step(BODY, sf.step(BODY, [1.0, 0.5], 0.1), -0.1), 0.5),
+    (lambda: sf.flow(HALF, [3.0], time=9, stop=len), "most=1",
+     lambda: sf.crossings(PAIR, [1, 0], time=99, surface=lambda x: x[..., 0], most=1).time,
+     1.5 * math.pi * 2**0.5),
+    (lambda: BATCH.sel(4.0), "a=1", lambda: BATCH.sel(I1=4.0).I1, 4.0),
+    (lambda: SuslovND.from_matrix(ID), "from_mass_tensor",
+     lambda: SuslovND.from_mass_tensor(ID)[0].J, 2.0),
 ]  # fmt: skip
 
 
@@ -551,6 +569,12 @@ def test_a_name_that_is_not_there_is_answered_in_an_import_too():
     assert not hasattr(sf, "solve_ivp")
 
 
+def test_one_variable_needs_no_brackets():
+    decay = sf.Field.from_function(lambda x: -x[0] / 2, "x")
+    assert decay == HALF
+    assert (sf.flow(decay, 3.0, time=2.0).x == sf.flow(HALF, [3.0], time=2.0).x).all()
+
+
 def test_states_by_name():
     """Names of all components leave no doubt about their order."""
     states, named = [[1.0, 2.0], [3.0, 4.0]], {"v": [2.0, 4.0], "t": [0.0, 0.0], "u": [1.0, 3.0]}
@@ -558,6 +582,7 @@ def test_states_by_name():
     assert (PAIR(named) == expected).all()
     assert (PAIR(DataFrame(named)) == expected).all()
     assert (PAIR(Series({"v": 2.0, "u": 1.0})) == expected[0]).all()
+    assert (RUN["x2"] == RUN.states[..., 1]).all()
     with pytest.raises(TypeError, match="u, v"):
         PAIR({"u": 1.0, "w": 2.0})
 

@@ -14,7 +14,7 @@ from ...core.lists.records import FUNCTIONS, OTHER_NAMES
 from .names import TIME, of_time
 from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
 
-_OF_SYMPY = "sympy.lambdify([names], list(expressions)) makes one of expressions"
+_OF_SYMPY = "of expressions sympy.lambdify([names], expressions) makes one"
 
 
 def arguments_of(f: Any) -> list[str]:
@@ -27,12 +27,10 @@ def arguments_of(f: Any) -> list[str]:
     return [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
 
 
-def checked_function(
-    argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any]
-) -> Any:
+def checked_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> Any:
     """Return the Python function of a user; TypeError unless it takes the state and parameters.
 
-    `argument` is that of the public function, "f" or "H".
+    `names` are those of the variables, and `argument` is that of the public function, "f" or "H".
     """
     if not callable(f):
         raise wrong(argument, "a function of x", f"{short(f)}: {_OF_SYMPY}", TypeError)
@@ -53,23 +51,21 @@ def checked_function(
     except TypeError:
         how = "pass lambda x: ..."
         if unknown:
-            how = f"it has no parameter {unknown[0]!r}, {_parameters_are(unknown[0], known)}"
+            near = get_close_matches(unknown[0], known, 1, 0.6) or known or ["none"]
+            how = f"it has no parameter {unknown[0]!r}, but {either(near)}"
         elif missing:
             values = ", ".join(f"{name}=1.0" for name in missing)
             how = f"pass values of its parameters, as {values}"
             if len(missing) + 1 == len(names) and not parameters:
-                how += ", or lambda x: f(*x) if these are the variables"
-    how = of_time(names) if TIME & {*signature.parameters} else how
+                how += f", or lambda x: {argument}(*x) if these are the variables"
+    if TIME & {*signature.parameters}:
+        now, x = ("s[-1], s[:-1]", "0, x") if state.name in TIME else ("s[:-1], s[-1]", "x, 0")
+        how = f"{of_time(names, f'*f({now})')}, or pass lambda x: f({x})"
+        how = how if len(given) == 2 else of_time(names)
     if how:
         expected = "a function of the state, one array, and of its parameters by name"
         raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)
     return f
-
-
-def _parameters_are(word: str, known: Sequence[str]) -> str:
-    """Return, for messages, the parameter that a wrong one may stand for, or all."""
-    near = get_close_matches(word, known, 1, 0.6)
-    return f"use {near[0]}=" if near else f"only {either(known)}" if known else "and takes none"
 
 
 def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
@@ -87,7 +83,7 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
             if "subscriptable" in text:
                 how = "a parameter is one number, as p0=..., p1=...: an array makes a family"
             elif "Cannot cast ufunc" in text:
-                how = "np.linalg and np.fft take numbers: write out the formulas"
+                how = "write np.linalg.inv(M) @ b with numbers in M, or formulas"
             text += f": it is called with {len(state)} symbols, {symbols}: {how}"
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
         raise kind(f"{argument}: {text}") from error
@@ -98,10 +94,11 @@ def components(result: Any, D: int) -> Any:
     if hasattr(result, "free_symbols"):
         raise TypeError(f"must return formulas of x, not expressions of SymPy: {_OF_SYMPY}")
     is_sequence = isinstance(result, (tuple, list, np.ndarray))
+    if D == 1 and not is_sequence:
+        return [result]
     shape = np.shape(result) if isinstance(result, np.ndarray) else ()
     if not is_sequence or len(result) != D or shape == (D, 1):
         received = f"an array of shape {shape}: pass lambda x: f(x).ravel()" if shape else result
-        received = f"{result}: return [{result}]" if D == 1 and not is_sequence else received
         raise ValueError(f"must return {D} components, not {received}")
     return result
 

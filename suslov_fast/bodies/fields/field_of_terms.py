@@ -79,8 +79,7 @@ class FieldOfFunction(Body):
             The number of variables, D, or their names, such as ``"u v w"``.
         **parameters : float or array_like(float, shape=(...))
             Named parameters of f. Numbers remain exact; arrays broadcast, and make a batch of
-            fields. Names of variables, t, those of datasets, and eps of a `QuadraticField`, are
-            refused.
+            fields. Names of variables, t, those of datasets, and eps with a map, are refused.
 
         Returns
         -------

@@ -46,10 +46,11 @@ _OF_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # px, a momentum
 _AXIS = re.compile(r"batch_\d+")
 
 
-def of_time(names: Sequence[str]) -> str:
+def of_time(names: Sequence[str], f: str = "...") -> str:
     """Return, for messages, how time enters a field with these variables."""
     given = f'"{" ".join(names)} t"' if len(names) <= 8 else len(names) + 1
-    return f"time is a variable with the rate 1: from_function(lambda s: (..., 1.0), {given})"
+    field = f"from_function(lambda s: ({f}, 1.0), {given})"
+    return f"time is a variable with the rate 1, as in {field}, with its start at the end of x0"
 
 
 def labels(D: int) -> tuple[str, ...]:

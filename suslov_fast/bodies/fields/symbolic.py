@@ -30,7 +30,6 @@ HOW = {
     "round": "np.floor(x + 0.5)",
     "around": "np.floor(x + 0.5)",
     "fmod": "np.sign(x)*(np.abs(x) % np.abs(y)) for np.fmod(x, y)",
-    "trunc": "np.sign(x)*np.floor(np.abs(x))",
     "piecewise": "np.where",
     "isfinite": "np.abs(x) < np.inf",
     "isnan": "x != x",

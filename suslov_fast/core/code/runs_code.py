@@ -95,16 +95,16 @@ def truth_of(text, value):
     return text.new(f"icmp slt {integers} {value}, {'zeroinitializer' if text.W > 1 else 0}")
 
 
-def add_runs(text, name, for_each, called=(), only=None):
+def add_runs(text, name, for_each, called=(), only_sums=False):
     """Add the function void name(rows, table, heads, places, count), which carries out runs.
 
     Of the functions in CALLED it has these alone, because each takes longer to compile than all
-    others; and of all instructions only those that begin with one of `only`, if it is given.
+    others; with `only_sums` it has sums and copies alone.
     """
     integer = text.integer
     own_kinds = [k for k, kind in enumerate(KINDS) if kind[0] in called or kind[0] not in CALLED]
-    if only is not None:
-        own_kinds = [k for k in own_kinds if KINDS[k][0].startswith(only)]
+    if only_sums:
+        own_kinds = [k for k in own_kinds if KINDS[k][0].rstrip("0123") in ("sum", "copy")]
     regular = [k for k in REGULAR if k in own_kinds]
     text.add(f"define internal void @{name}(i64 %rows, i64 %table, i64 %heads, i64 %places, "
              "i64 %count) #0 {")  # fmt: skip

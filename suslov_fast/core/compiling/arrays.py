@@ -4,8 +4,6 @@ Threads that count references to the same array wait for each other. Counting al
 code that Numba writes for an array, and so of the time of a first call.
 """
 
-import operator
-
 import numpy as np
 from llvmlite import ir
 from numba import types
@@ -24,11 +22,6 @@ class Uncounted(types.Array):
     def __init__(self, kind):
         name = f"Uncounted {kind}"
         super().__init__(kind.dtype, kind.ndim, kind.layout, not kind.mutable, name, kind.aligned)
-
-    @property
-    def counted(self):
-        """The type of Numba with the same data."""
-        return super().copy()
 
     def copy(self, dtype=None, ndim=None, layout=None, readonly=None):
         """The type of a part of these arrays."""
@@ -210,60 +203,3 @@ def pack(typing, arguments):
         return context.make_tuple(builder, result, addresses)
 
     return result(arguments), emit
-
-
-# ----------------------------------------------------------------------------------------- indices
-def _item(context, builder, kind, array, index_kind, index):
-    """Return a pointer to an item of an array; None if the index is one of a part."""
-    is_tuple = isinstance(index_kind, types.BaseTuple)
-    kinds = [*index_kind.types] if is_tuple else [index_kind]
-    if len(kinds) != kind.ndim or not all(isinstance(each, types.Integer) for each in kinds):
-        return None
-    indices = cgutils.unpack_tuple(builder, index, len(kinds)) if is_tuple else [index]
-    pairs = zip(indices, kinds, strict=True)
-    indices = [context.cast(builder, *pair, types.intp) for pair in pairs]
-    model = context.data_model_manager[kind]
-    lengths = cgutils.unpack_tuple(builder, model.get(builder, array, "shape"), kind.ndim)
-    for k, i in enumerate(indices):
-        from_end = builder.icmp_signed("<", i, i.type(0))
-        indices[k] = builder.select(from_end, builder.add(i, lengths[k]), i)
-    for k in range(kind.ndim if context.enable_boundscheck else 0):
-        cgutils.do_boundscheck(context, builder, indices[k], lengths[k], k)
-    data = model.get(builder, array, "data")
-    if kind.layout == "C":
-        offset = indices[0]
-        for i, length in zip(indices[1:], lengths[1:], strict=True):
-            offset = builder.add(builder.mul(offset, length), i)
-        item = context.get_data_type(kind.dtype)
-        return builder.gep(data, [offset], inbounds=True, source_etype=item)
-    strides = cgutils.unpack_tuple(builder, model.get(builder, array, "strides"), kind.ndim)
-    for i, stride in zip(indices, strides, strict=True):
-        data = cgutils.pointer_add(builder, data, builder.mul(i, stride))
-    return data
-
-
-def _by_numba(context, builder, function, signature, arguments):
-    """Emit what Numba does with counted arrays, whose data are the same."""
-    kinds = [k.counted if isinstance(k, Uncounted) else k for k in signature.args]
-    return context.get_function(function, signature.replace(args=tuple(kinds)))(builder, arguments)
-
-
-@lower_builtin(operator.getitem, Uncounted, types.Integer)
-@lower_builtin(operator.getitem, Uncounted, types.BaseTuple)
-def _getitem(context, builder, signature, arguments):
-    kind, index_kind = signature.args
-    place = _item(context, builder, kind, arguments[0], index_kind, arguments[1])
-    if place is None:
-        return _by_numba(context, builder, operator.getitem, signature, arguments)
-    return context.unpack_value(builder, kind.dtype, place)
-
-
-@lower_builtin(operator.setitem, Uncounted, types.Any, types.Any)
-def _setitem(context, builder, signature, arguments):
-    (kind, index_kind, value_kind), (array, index, value) = signature.args, arguments
-    place = _item(context, builder, kind, array, index_kind, index)
-    if place is None:
-        return _by_numba(context, builder, operator.setitem, signature, arguments)
-    value = context.cast(builder, value, value_kind, kind.dtype)
-    context.pack_value(builder, kind.dtype, value, place)
-    return context.get_dummy_value()

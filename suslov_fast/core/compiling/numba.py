@@ -12,9 +12,8 @@ universal   a NumPy universal function, made from a function of one state
 Each is compiled in its first call, and can be called from Python; `.py_func` is the Python function
 that was compiled. Small calls of kernels and universal functions of the package run as Python, with
 the same bits, until these have taken PATIENCE. With NUMBA_DISABLE_JIT=1 all are Python functions;
-NUMBA_BOUNDSCHECK=1 checks indices, and parts run one after the other. A function that takes a
-constant integer is compiled for each value, because constants have types of their own. A loop over
-lanes becomes SIMD if
+NUMBA_BOUNDSCHECK=1 checks indices. A function that takes a constant integer is compiled for each
+value, because constants have types of their own. A loop over lanes becomes SIMD if
 
 - its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes, so that
   LLVM knows that they do not overlap; an index that does not begin at 0 must be unsigned;
@@ -288,19 +287,17 @@ class Kernel(Patient):
 
     def parallel(self, threads, *arguments):
         """Call the kernel for one part of the work in each thread."""
-        if is_foreign(self.py_func):  # it may raise, which a parallel loop of Numba ignores
-            in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [])
-            return
         addresses = None
-        # Kernels that check indices, or are interpreted, may raise, which a parallel loop ignores.
-        if not (config.BOUNDSCHECK or config.DISABLE_JIT):
+        # Kernels of others, and those that check indices or are interpreted, may raise, which a
+        # parallel loop of Numba ignores.
+        may_raise = config.BOUNDSCHECK or config.DISABLE_JIT or is_foreign(self.py_func)
+        if not may_raise:
             kind = self.compiled, _kind(arguments)
             if kind not in _found:
                 _found[kind] = _addresses(self.compiled, numba.typeof(arguments))
             addresses = _found[kind]
         if addresses is None:
-            for part in range(threads):
-                self.compiled(part, threads, *arguments)
+            in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [])
         else:
             _start(*addresses, threads, arguments)
 
@@ -341,8 +338,8 @@ def _addresses(compiled, kind):
     """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
 
     This needs private names of Numba: `get_compile_result`, `CompileResultWAP`, and those of
-    `llvm`. If one is missing or has another meaning, return None: then parts run serially, and an
-    error of compiling the kernel, which is not of a private name, comes again.
+    `llvm`. If one is missing or has another meaning, return None: then threads of Python take the
+    parts, and an error of compiling the kernel, which is not of a private name, comes again.
     """
     with _compiling(), suppress(Exception):  # of any class, as in `_compiling`
         addresses = _address(_loop, _WORDS), _address(compiled, (*_WORDS[:2], *kind))

@@ -7,7 +7,7 @@ what the code lacked where it stopped.
 import numpy as np
 
 from ..code.runs import programs_of
-from ..code.runs_code import StagePlan, stage_by_runs
+from ..code.runs_code import SLOT, StagePlan, stage_by_runs
 from .dense import DenseStage, memory_of_stage, spans_of, take_dense_stage
 from .lines import zeros
 from .stages import distinct
@@ -32,47 +32,38 @@ class StageByRuns(CalledStage):
 
     def __init__(self, lines):
         super().__init__(lines)
-        self.code, step = stage_by_runs(lines.W, lines.for_each), lines.scheme.step
-        # Kept here, because `programs_of` may forget them.
-        self.programs, self.rare, self.line = programs_of(step), None, 0
-        program = self.programs.usual
-        heads, places = program.runs
-        numbers = dict.fromkeys(StagePlan._fields, 0) | {
-            "heads": heads.ctypes.data, "places": places.ctypes.data, "runs": len(heads),
-            "results": program.results.ctypes.data, "D": step.D,
-            "changed": 2 if step.changed is None else 3,
-        }  # fmt: skip
-        self.numbers = StagePlan(**numbers)
-        self.own = np.array(self.numbers, np.int64)
-        self.give_rows(program.rows)
+        step = lines.scheme.step
+        self.code, self.line = stage_by_runs(lines.W, lines.for_each), 0
+        self.own = np.zeros(len(StagePlan._fields), np.int64)
+        self.own[SLOT.D], self.own[SLOT.changed] = step.D, 2 if step.changed is None else 3
+        self.all = programs_of(step)  # kept here, because `programs_of` may forget them
+        self.programs = [self.all.usual]
+        self.point()
 
-    def give_rows(self, count):
-        self.rows = zeros(count, self.lines.W)
-        self.own[StagePlan._fields.index("rows")] = self.rows.ctypes.data
+    def point(self):
+        """Write the addresses of the programs that there are, and of rows for each."""
+        self.rows = zeros(max(program.rows for program in self.programs), self.lines.W)
+        self.own[SLOT.rows] = self.rows.ctypes.data
+        for first, program in zip((SLOT.heads, SLOT.rare_heads), self.programs, strict=False):
+            heads, places = program.runs
+            addresses = heads.ctypes.data, places.ctypes.data, len(heads)
+            self.own[first : first + 4] = *addresses, program.results.ctypes.data  # as `StagePlan`
 
     def prepare(self):
         """Make the second program."""
-        self.rare = self.programs.rare
-        heads, places = self.rare.runs
-        self.numbers = self.numbers._replace(
-            rare_heads=heads.ctypes.data,
-            rare_places=places.ctypes.data,
-            rare_runs=len(heads),
-            rare_results=self.rare.results.ctypes.data,
-            is_rare=1,
-        )
-        self.own[:] = self.numbers
-        self.give_rows(max(self.programs.usual.rows, self.rare.rows))
+        self.programs.append(self.all.rare)
+        self.own[SLOT.is_rare] = 1
+        self.point()
         self.tables_of(self.line)
 
     def tables_of(self, line):
         """Make the tables of a line."""
-        self.line, ready = line, [self.programs.usual, *([self.rare] if self.rare else [])]
+        self.line, programs = line, self.programs
         tables = [of_fraction[line] for of_fraction in self.lines.table]
-        self.tables = [[each.numbers.of(table) for each in ready] for table in tables]
+        self.tables = [[each.numbers.of(table) for each in programs] for table in tables]
         self.pairs = np.zeros((len(tables), 2), np.int64)
         for pair, of_fraction in zip(self.pairs, self.tables, strict=True):
-            pair[: len(ready)] = [table.ctypes.data for table in of_fraction]
+            pair[: len(programs)] = [table.ctypes.data for table in of_fraction]
         self.place(self.pairs.ctypes.data + self.pairs.strides[0] * np.arange(len(tables)))
 
 

@@ -124,7 +124,7 @@ def text_of_runs(_, name, *_others):
     text, columns = Code(1), Code(LANES)
     inner, integer = Code(LANES, text), text.integer
     add_runs(text, f"{name}_runs", False)
-    add_runs(columns, f"{name}_columns", False, only=("sum", "copy"))
+    add_runs(columns, f"{name}_columns", False, only_sums=True)
     text.begin(name, "line", "table", "kept", "plan", "ignored", "steps")
     a = Plan(*(text.load("i64", text.at("%plan", k)) for k in SLOT))
     last = text.memory(1)

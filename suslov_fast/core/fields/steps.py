@@ -278,15 +278,15 @@ class _Lines:
                 saved[row] = self.states()
                 row, until = row + 1, until + between + 1
 
-    def changed(self, of=slice(None)):
+    def changed(self):
         """Return the bits of lanes in which a component changed its sign over a whole step.
 
-        Lanes that have ended or passed a pole are left out. `of` is a slice of lines.
+        Lanes that have ended or passed a pole are left out.
         """
         signs = sorted(self.scheme.step.of_one_sign)
-        base, x = self.bases[of][:, signs], self.x[of][:, signs]
+        base, x = self.bases[:, signs], self.x[:, signs]
         rises, falls = (base < 0.0) & (x > SIGNIFICANT), (base > 0.0) & (x < -SIGNIFICANT)
-        return packed((rises | falls).any(axis=1)) & ~self.marks[PASSED][of]
+        return packed((rises | falls).any(axis=1)) & ~self.marks[PASSED]
 
 
 class FieldSteps(Kernel):

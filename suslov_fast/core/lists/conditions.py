@@ -140,11 +140,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False):
         if number in kinks:
             b = fixed.emit("fmul", -1.0, a) if name == "fabs" else b
             new[number] = fixed.emit("select", truth, a, b)
-    for number, (name, operands, *tables) in values.written.items():
-        others = [a if isinstance(a, float) else new.get(a) for a in operands]
-        place = new.get(number)
-        if isinstance(place, int) and None not in others:
-            fixed.written.setdefault(place, (name, (*others,), *tables))
+    fixed.take_written(values, new)
     own = [a if isinstance(a, float) else new[a] for a in results]
     f = RightHandSide(
         fixed,

@@ -35,20 +35,20 @@ class Function(NamedTuple):
     sign: str = ""
 
 
+def _instruction(name):
+    def rule(values, *operands):
+        return values.emit(name, *operands)
+
+    return rule
+
+
 def _of_1(name, instruction, derivative, is_0_at_0=False):
     """Return the record of a function of one number that a list names."""
-
-    def rule(values, a):
-        return values.emit(instruction, a)
-
-    return Function(name, 1, rule, instruction, derivative, is_0_at_0)
+    return Function(name, 1, _instruction(instruction), instruction, derivative, is_0_at_0)
 
 
-def _of_2(name, instruction, derivative, is_0_at_0=False):
-    def rule(values, a, b):
-        return values.emit(instruction, a, b)
-
-    return Function(name, 2, rule, instruction, derivative, is_0_at_0)
+def _of_2(name, instruction, derivative):
+    return Function(name, 2, _instruction(instruction), instruction, derivative)
 
 
 def _inverse(emit, a):
@@ -169,13 +169,6 @@ RECORDS = {record.instruction: record for record in [*_OF_LISTS, _POWER]}
 
 
 # ------------------------------------------------------------------ functions made of others
-def _instruction(name):
-    def rule(values, *operands):
-        return values.emit(name, *operands)
-
-    return rule
-
-
 def _swapped(name):
     def rule(values, a, b):
         return values.emit(name, b, a)

@@ -50,6 +50,14 @@ class Expressions(Values):
         self.count += 1
         return self.count - 1
 
+    def take_written(self, others, new):
+        """Note what a user wrote of other values, which have `new` numbers here."""
+        for number, (name, operands, *tables) in others.written.items():
+            of = [a if isinstance(a, float) else new.get(a) for a in operands]
+            place = new.get(number)
+            if isinstance(place, int) and None not in of:
+                self.written.setdefault(place, (name, (*of,), *tables))
+
     def _new(self, instruction, operands):
         is_constant = all(type(a) is float for a in operands)
         if is_constant and instruction in OF_NUMBERS:
@@ -115,11 +123,7 @@ def in_order(values, results):
     for operation in _depth_first(values, results):
         operands = [a if isinstance(a, float) else new[a] for a in operation[2]]
         new[operation[1]] = ordered.emit(operation[0], *operands)
-    for number, (name, operands, *tables) in values.written.items():
-        others = [a if isinstance(a, float) else new.get(a) for a in operands]
-        place = new.get(number)
-        if isinstance(place, int) and None not in others:
-            ordered.written.setdefault(place, (name, (*others,), *tables))
+    ordered.take_written(values, new)
     return ordered, [a if isinstance(a, float) else new[a] for a in results]
 
 

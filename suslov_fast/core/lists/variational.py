@@ -53,10 +53,15 @@ class Variational:
         entries = dict(zip(f.pattern, f.derivative.results, strict=True))
         diagonal = [entries[i, i] for i in range(f.D) if (i, i) in entries]
         trace = functools.reduce(lambda a, b: emit("fadd", a, b), diagonal or [0.0])
-        by = [
-            emit("fmul", scales[k // f.D], a) if a or type(a) is int else 0.0
-            for k, a in enumerate(f.by)
-        ]
+
+        def scaled(operands, count):
+            """Return operands times scales, each of which is for so many of them."""
+            return [
+                emit("fmul", scales[k // count], a) if a or type(a) is int else 0.0
+                for k, a in enumerate(operands)
+            ]
+
+        by = scaled(f.by, f.D)
         results = [*f.f.results, *f.denominators, *[trace] * has_trace, *by]
         self.before = len(results)
         self.base = List([*operations.values()], [*results, *f.derivative.results])
@@ -65,11 +70,7 @@ class Variational:
         if f.second is not None:
             self.coupling, mixed = len(f.second.pattern), f.second.mixed
             operations = {each[1]: each for each in [*f.derivative.operations, *mixed.operations]}
-            scaled = [
-                emit("fmul", scales[k // self.coupling], a) if a or type(a) is int else 0.0
-                for k, a in enumerate(mixed.results)
-            ]
-            results = [*f.derivative.results, *scaled]
+            results = [*f.derivative.results, *scaled(mixed.results, self.coupling)]
             self.derivative = List([*operations.values()], results)
         else:
             self.derivative = f.derivative

@@ -261,25 +261,24 @@ def force(I, w, i, largest, p, square):
 
 
 @formula
-def twice_energy(J, w, unit):
-    """The sum of J_i (w_i / unit)**2."""
+def twice_energy(J, w):
+    """The sum of J_i w_i**2."""
     total = 0.0
     for j in range(len(w)):
-        number = w[j] / unit
-        total += J[j] * number * number
+        total += J[j] * w[j] * w[j]
     return total
 
 
 @universal(LAYOUT_ND + "()")
 def energy_nd(J, I, eps, w, out):
-    out[0] = 0.5 * twice_energy(J, w, 1.0)
+    out[0] = 0.5 * twice_energy(J, w)
 
 
 @universal(LAYOUT_ND + "()")
 def modified_energy_nd(J, I, eps, w, out):
     """E**2 / (E + eps**2 f.Jf / 8)."""
     largest, p, square = sums_of_others(I, w)
-    of_slope, of_state = 0.0, twice_energy(J, w, 1.0)
+    of_slope, of_state = 0.0, twice_energy(J, w)
     for i in range(len(w)):
         Jf = force(I, w, i, largest, p, square)
         of_slope += Jf * (Jf / J[i])

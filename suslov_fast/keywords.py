@@ -18,7 +18,6 @@ R = TypeVar("R")
 _TABLE = (
     ("dt h epsilon stepsize deltat firststep eps", "eps",
      "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
-    ("dtmax hmax maxstep", "max_step", "a map has steps of length eps="),
     ("t time times teval ts tend tmax tf tfinal duration period", "time period steps",
      "flow(system, x0, time=t), or the steps n of a map"),
     ("tspan t0", "", "time= of flow, counted from x0; iterate runs to eps * steps"),
@@ -93,7 +92,6 @@ _TABLE = (
     ("lyapunov lyapunovs lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
     ("fixedpoints equilibria equilibrium steadyline steadystate", "fixed_points", ""),
     ("frominertia frommatrix", "from_inertia from_mass_tensor", ""),
-    ("out", "out", "ensemble(system, x0, time=t, store='run.zarr')"),
     ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
     ("theorem1 theorem", "exact", ""),
     ("lemma1", "first_integral", ""),

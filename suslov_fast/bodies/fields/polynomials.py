@@ -41,6 +41,8 @@ def exact(name: str, value: Any) -> Fraction:
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
         if isinstance(value, dict):
             received += f": pass **{name}, and let f take {', '.join(value)}"
+        if hasattr(value, "free_symbols"):
+            received += ": sympy.lambdify([names], expressions) makes a function"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     try:
         if not is_ratio and value and float(value) in (0.0, math.inf, -math.inf):

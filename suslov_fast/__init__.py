@@ -15,7 +15,6 @@ import os
 import sys
 from contextlib import suppress
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
@@ -47,10 +46,7 @@ def __getattr__(name: str) -> object:
         return _imported(f".{name}")
     if name not in _MODULE_OF:
         answers = import_module(".keywords", __name__)
-        error = answers.lacking(sys.modules[__name__], name, f"module {__name__!r}")
-        # Of an AttributeError, `from suslov_fast import name` would tell nothing.
-        is_from = sys._getframe(1).f_code.co_name == "_handle_fromlist"
-        raise ImportError(str(error)) if is_from and not find_spec(f"{__name__}.{name}") else error
+        raise answers.lacking(sys.modules[__name__], name, f"module {__name__!r}")
     value: object = getattr(_imported(_MODULE_OF[name]), name)
     globals()[name] = value
     return value

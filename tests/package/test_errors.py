@@ -561,14 +561,6 @@ def test_what_an_error_says_works(first, said, second, value):
     assert np.ravel(second())[-1] == pytest.approx(value, abs=1e-7)
 
 
-def test_a_name_that_is_not_there_is_answered_in_an_import_too():
-    with pytest.raises(ImportError, match="use flow"):
-        from suslov_fast import solve_ivp  # noqa: F401
-    from suslov_fast import checks  # noqa: F401  (a module, which is no public name)
-
-    assert not hasattr(sf, "solve_ivp")
-
-
 def test_one_variable_needs_no_brackets():
     decay = sf.Field.from_function(lambda x: -x[0] / 2, "x")
     assert decay == HALF

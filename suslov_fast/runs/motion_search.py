@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
+from ..core.motion.choosing import AT_ONCE
 from ..core.motion.engine import Settings
 from ..core.motion.refine import crossing_fractions
 from ..core.motion.rows import State
@@ -31,7 +32,7 @@ from .search import Surface
 PARTS = 8  # of a step, between which signs of surfaces are compared
 _NUDGES = 28  # how often the end of a bracket moves on, to lie beyond the surface
 # Steps of the first stretch between two looks; each has twice as many, up to a limit.
-_STEPS, _MOST, _NUMBERS = 4, 64, 2**20
+_STEPS, _MOST, _NUMBERS = 4, 64, 2**18
 
 Indices = NDArray[np.int64]
 
@@ -93,6 +94,9 @@ class MotionSearch:
         for group in self.groups:
             self._end(group, np.arange(len(group.where)))
         self.values = self._values_of(x[np.newaxis])[:, 0]
+        # Where f has choices, of each surface and trajectory: the time of its last crossing.
+        self.has_choices = any(group.engine.choices is not None for group in self.groups)
+        self.latest = np.full(self.values.shape if self.has_choices else (0, 0), -np.inf)
         self.pieces: list[tuple[Indices, Indices, FloatArray, FloatArray]] = []
 
     def _values_of(self, states: FloatArray) -> FloatArray:
@@ -177,7 +181,7 @@ class MotionSearch:
             own[:, part + 1, m] = values[:, number[m], part, lane[m]]
             changes = _changes(own)
         wanted = changes
-        if self.direction:
+        if self.direction and not self.has_choices:
             wanted = changes & ((own[:, 1:] >= 0.0) == (self.direction > 0))
         surface, part, m = np.nonzero(wanted)
         if m.size:
@@ -244,7 +248,11 @@ class MotionSearch:
                 break
             fractions[k] = np.minimum(fractions[k] + step, 1.0) if left > 1 else 1.0
             step *= 4.0
-        keep = np.flatnonzero(~over_pole & (times > self.transient))
+        is_wanted = ~over_pole & (times > self.transient)
+        if self.has_choices:
+            is_wanted &= ~self._at_once(lane, surface, times)
+            is_wanted &= (self.direction == 0) | ((b >= 0.0) == (self.direction > 0))
+        keep = np.flatnonzero(is_wanted)
         keep = keep[np.lexsort((times[keep], lane[keep]))]
         number = np.arange(len(keep)) - np.searchsorted(lane[keep], lane[keep])
         number += self.counts[lane[keep]]
@@ -257,6 +265,21 @@ class MotionSearch:
         taken = np.concatenate([each.after[:, each.group.engine.rows.steps] for each in steps])
         self.steps[lane[ends]] = taken[m[ends]]
         self.active[lane[ends]] = False
+
+    def _at_once(self, lane: Indices, surface: Indices, times: FloatArray) -> NDArray[np.bool_]:
+        """Whether crossings follow one of the same surface at once, as where a solution slides.
+
+        Where f drives it back on both sides of a surface, rounding decides on which it lies.
+        """
+        order = np.lexsort((times, surface, lane))
+        k, s, t = lane[order], surface[order], times[order]
+        before = self.latest[s, k]
+        is_next = (k[1:] == k[:-1]) & (s[1:] == s[:-1])
+        before[1:] = np.where(is_next, t[:-1], before[1:])
+        np.maximum.at(self.latest, (s, k), t)
+        found = np.empty(len(t), np.bool_)
+        found[order] = t - before <= AT_ONCE * t
+        return found
 
     def found(self) -> dict[str, Any]:
         """Return the attributes of all crossings, in order, and of trajectories."""

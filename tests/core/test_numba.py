@@ -201,7 +201,8 @@ def test_the_digest_of_a_function_sees_what_it_names():
             assert digest(text) != digest(text.replace(old, new)), (text, old, new)
 
 
-def test_the_folder_of_the_files_of_a_function(body):
+def test_the_folder_of_the_files_of_a_function(body, monkeypatch):
+    monkeypatch.setattr(core_numba, "PATIENCE", -1.0)  # compile, whatever ran before
     sf.iterate(body, [1.0, 0.5], 0.2, 1)
     assert list(Path(cache.folder_of(steps_3d.steps.compiled)).glob("*steps.steps_*.nbi"))
     assert cache.folder_of(len) is None

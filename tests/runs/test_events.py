@@ -148,6 +148,29 @@ def test_a_surface_that_is_zero_has_no_crossings():
     assert of_oscillator([1.0, 0.0], surfaces, time=4.0, direction=0, most=1).surface == [1]
 
 
+@pytest.mark.parametrize("direction", [1, -1, 0])
+@pytest.mark.parametrize("most", [None, 3, 6])
+def test_turning_points_until_friction_holds(direction, most):
+    """Where the solution slides, rounding decides on the sign of v: that is one crossing."""
+    field = sf.Field.from_function(lambda s: (s[1], -s[0] - 0.15 * np.sign(s[1])), "x v")
+    wanted = {1: [1, 3], -1: [0, 2], 0: [0, 1, 2, 3]}[direction][:most]
+    points = sf.crossings(
+        field, [1.0, 0.0], surface=lambda s: s[..., 1], time=12.0, direction=direction, most=most,
+        on_singular="ignore",
+    )  # fmt: skip
+    np.testing.assert_allclose(points.time, np.pi * np.array(wanted), atol=1e-8)
+    assert points.status == (0 if most == len(wanted) else sf.Status.SLIDING)
+
+
+def test_surfaces_crossed_where_f_jumps():
+    field = sf.Field.from_function(lambda s: (np.where(s[1] < 1.0, 1.0, 2.0), 1.0), "x t")
+    surfaces = (lambda s: s[..., 1] - 1, lambda s: s[..., 0] - 1, lambda s: 1 - s[..., 0])
+    points = sf.crossings(field, [0.0, 0.0], surface=surfaces, time=3.0, direction=0)
+    assert sorted(points.surface) == [0, 1, 2]
+    np.testing.assert_allclose(points.time, 1.0, rtol=1e-14)
+    np.testing.assert_allclose(points.final, [5.0, 3.0], rtol=1e-12)
+
+
 def test_a_motion_that_only_touches_the_surface_does_not_cross_it():
     points = of_oscillator([0.0, 1.0], lambda x: x[..., 0] - 1.0 - 1e-7, time=100.0, direction=0)
     assert len(points) == 0

@@ -11,7 +11,7 @@ from .rows import State
 from .text import NUMBER
 
 # A solution slides that changes its choices so often within so small a part of the time.
-_BACK_AND_FORTH, _AT_ONCE = 12, 2.0**-36
+_BACK_AND_FORTH, AT_ONCE = 12, 2.0**-36
 _AHEAD = 2.0**-38  # part of the time, within which a surface lies before which a solution ends
 
 
@@ -47,7 +47,7 @@ class Choices:
         (k,) = np.nonzero(state >= State.CHANGED)
         if k.size:
             own, t = which[k], flat[k, rows.t]
-            is_at_once = t - self.at[own] <= _AT_ONCE * np.maximum(t, flat[k, rows.wanted])
+            is_at_once = t - self.at[own] <= AT_ONCE * np.maximum(t, flat[k, rows.wanted])
             self.often[own] = np.where(is_at_once, self.often[own] + 1, 0)
             self.at[own] = t
             self._choose(flat, k, own, np.zeros(len(k)))

@@ -91,11 +91,11 @@ class Stepping(Motion):
         )
         u = (np.arange(1, parts + 1) / parts)[:, np.newaxis]
         h = (after[:, rows.t] - before[:, rows.t])[:, np.newaxis, np.newaxis]
-        h, is_implicit = self.numbers[NUMBER.sign] * h, before[:, rows.state] == State.IMPLICIT
+        h, k = self.numbers[NUMBER.sign] * h, before[:, rows.state] == State.IMPLICIT
         with np.errstate(over="ignore", invalid="ignore"):
             states = carried_out(POINT, x=x, new=new, f=f, f_new=f_new, signed=h, u=u)["point"]
-            straight = carried_out(POINT_IMPLICIT, x=x, new=new, u=u)["point"]
-        states[is_implicit] = straight[is_implicit]
+            if k.any():
+                states[k] = carried_out(POINT_IMPLICIT, x=x[k], new=new[k], u=u)["point"]
         states[:, -1] = new[:, 0]
         return states
 

@@ -41,6 +41,7 @@ _ARCS = 1, 4, 16  # that are tried
 _GROWTH, _GROWTH_OF_ARC = 1e3, 30.0
 # The residual that is a solution, in units of rtol and of how much derivatives grow.
 _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
+_ROUNDING = 2.0**-49  # of T, which shows where states change fast
 _STEP = 1e-6  # of log T, for the difference quotient of a map
 
 
@@ -65,6 +66,8 @@ class Flow(Protocol):
     def arcs(self, nodes: FloatArray, T: float) -> Arcs: ...
 
     def states(self, x: FloatArray, times: Any) -> FloatArray: ...
+
+    def visited(self, x: FloatArray, T: float) -> list[FloatArray]: ...
 
 
 class OfMotion:
@@ -92,6 +95,10 @@ class OfMotion:
     def states(self, x: FloatArray, times: Any) -> FloatArray:
         """Return the states (n, D) at times, all 0 or later."""
         return self._solved(self.field, x[np.newaxis], times, self.settings).states[:, 0]
+
+    def visited(self, x: FloatArray, T: float) -> list[FloatArray]:
+        """Return states (n, D) at the ends of all steps, which are short where x changes fast."""
+        return [states for _, states in self.steps(x, T)]
 
     def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield times and states (n, D) at the ends of steps; the first are the last of before."""
@@ -140,6 +147,10 @@ class OfMap:
         found: FloatArray = self._run(x, times / self.steps, save_every=None).final
         return found
 
+    def visited(self, x: FloatArray, T: float) -> list[FloatArray]:
+        """Return the states (n, D) after all steps."""
+        return [self._run(x, T / self.steps).states]
+
 
 class Shooting:
     """A search that begins with arcs from nodes (M, D)."""
@@ -158,8 +169,8 @@ class Shooting:
         gaps = arcs.ends - np.roll(arcs.nodes, -1, axis=0)
         gaps[:, self.drifts] = 0.0
         self.gaps = gaps
-        sizes = abs(arcs.nodes[:, ~self.drifts]).max(initial=0.0)
-        residual = abs(gaps).max() / sizes if sizes else np.inf
+        self.size = abs(arcs.nodes[:, ~self.drifts]).max(initial=0.0)
+        residual = abs(gaps).max() / self.size if self.size else np.inf
         self.residual = float(residual) if np.isfinite(residual) else np.inf
         distance = np.linalg.norm(gaps / self.sizes)  # what a short enough step reduces
         self.distance = float(distance) if np.isfinite(distance) else np.inf
@@ -176,7 +187,9 @@ class Shooting:
     def allowed(self) -> float:
         """The residual that a solution has."""
         most = max(_MOST_RESIDUAL, _NOISE * self.rtol)
-        return min(_NOISE * self.rtol * self.growth, most)
+        rates = self.arcs.rates[:, ~self.drifts] * len(self.nodes)
+        of_T = float(abs(rates).max() / self.size)
+        return max(min(_NOISE * self.rtol * self.growth, most), _ROUNDING * of_T)
 
     @property
     def is_found(self) -> bool:
@@ -278,7 +291,7 @@ def found(flow: Flow, start: FloatArray, T: float, rtol: float, most: int) -> Sh
 
 def _sizes(flow: Flow, start: FloatArray, T: float) -> FloatArray:
     """Return by how much components vary, for the units in which steps are short."""
-    states = np.vstack([start, flow.states(start, T * np.arange(1, 33) / 32)])
+    states = np.vstack([start, *flow.visited(start, T)])
     states = states[np.isfinite(states).all(axis=1)]
     sizes = np.ptp(states, axis=0)
     if not sizes[~flow.drifts].any():

@@ -95,7 +95,7 @@ def test_cases_that_are_refused():
         (QuadraticField.from_function(lambda x: (x[0] * x[1], x[0] * (x[1] - 1)), 2), "infinitely"),
     ]  # fmt: skip
     for field, message in cases:
-        with pytest.raises(ValueError, match=f"field.*{message}"):
+        with pytest.raises(ValueError, match=message):
             fixed_points(field)
 
 

@@ -183,15 +183,16 @@ def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
 @pytest.mark.slow
 def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     """Loops eliminate the whole matrix: within rounding of a plan."""
-    field, x0 = sf.QuadraticField.from_function(of_a, 3, a=1), rng.normal(size=(9, 3))
-    hamiltonian = sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 3 / 3 + x[0] * x[1] ** 2, 2)
-
-    lattice = sf.QuadraticField.from_function(volterra, 5)
+    x0 = rng.normal(size=(9, 3))
     populations = abs(rng.normal(size=(9, 5))) * np.geomspace(0.1, 30.0, 9)[:, None]
     populations[4] = np.nan
     ignore = {"on_singular": "ignore"}
 
     def found():
+        field = sf.QuadraticField.from_function(of_a, 3, a=1)  # anew: fields keep prepared calls
+        lattice = sf.QuadraticField.from_function(volterra, 5)
+        H = lambda x: x[0] ** 3 / 3 + x[0] * x[1] ** 2  # noqa: E731
+        hamiltonian = sf.QuadraticField.from_hamiltonian(H, 2)
         run = sf.iterate(lattice, populations, 0.2, 60, **ignore)
         assert {*run.status} == {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
         for k in (0, 4, 8):
@@ -225,6 +226,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     )
     for module, name in caches:
         monkeypatch.setattr(module, name, functools.cache(getattr(module, name).__wrapped__))
+    field = sf.QuadraticField.from_function(of_a, 3, a=1)
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)

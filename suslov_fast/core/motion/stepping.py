@@ -54,7 +54,7 @@ class Stepping(Motion):
             for _ in range(count):
                 if not (states == mode).any() or abandoned:
                     break
-                while not step(abandoned) and not abandoned:
+                while not step() and not abandoned:
                     pass
                 states[states == State.TOO_MANY] = mode  # it has made its one attempt
                 copies.append(rows.copy())

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Collection
+from dataclasses import FrozenInstanceError
 from difflib import get_close_matches
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
@@ -14,7 +16,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 # Words of other packages, in lower case without underscores; what they are called here, of which a
-# function or an object may have one; and what to do where it has none.
+# function or an object may have one, such as `states` for states[0]; and what to do where it has
+# none.
 _TABLE = (
     ("dt h epsilon stepsize deltat firststep eps", "eps",
      "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
@@ -30,7 +33,9 @@ _TABLE = (
      "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
     ("denseoutput interpolate interpolant sol", "", "flow(system, x0, time=t), at any times t"),
     ("nfev nstep naccepted", "steps", ""),
-    ("x0 y0 u0 z0 omega0 omega x state states ic", "states state components omega0",
+    ("x0 y0 u0 z0 omega0 ic", "states[0] state omega0",
+     "the second argument, without a name, for states"),
+    ("omega x state states", "states state components omega0",
      "the second argument, without a name, for states"),
     ("body system field fun rhs model", "body", "the first argument, without a name"),
     ("f", "first_integral body", "the first argument, without a name"),
@@ -53,6 +58,9 @@ _TABLE = (
     ("verbose callback", "progress", ""),
     ("seed rng randomstate", "seed RandomStarts", "RandomStarts(size, seed=...) as states"),
     ("filename file", "path store", ""),
+    ("out output", "out", "ensemble(..., store=), which writes to disk"),
+    ("exact rational fractions", "exact",
+     "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
     ("overwrite mode", "force", "another name, or delete the folder of the store"),
     ("c color colour colors", "color", "plots have color="),
     ("y z axis", "components states", ""),
@@ -66,7 +74,7 @@ _TABLE = (
     ("index idx orbit orbits member which", "trajectory", ""),
     ("success retcode", "ok", ""),
     ("message error errors failedat", "status", ""),
-    ("last end final", "final", "states[-1]"),
+    ("last end final finalstate laststate", "final states[-1]", ""),
     ("resume restart continue extend", "extend",
      "the same call again, which goes on with a store, or states[-1] as x0"),
     ("df dataframe todataframe topandas tocsv", "",
@@ -75,7 +83,7 @@ _TABLE = (
     ("savefig figure", "figures plot", "plot().figure.savefig(path)"),
     ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
     ("load", "load", "Trajectories.load, or Crossings.load, or Motion.load"),
-    ("latex tolatex equations tosympy", "", "str(field), the equations"),
+    ("latex tolatex equations tosympy sympify", "", "str(...), the formula"),
     ("lambdify", "compiled", "field(x), or compiled.system in loops of your own"),
     ("dim ndim d", "dimension", ""),
     ("jac dx derivative eigenvalues stability", "",
@@ -119,7 +127,7 @@ def instead(word: str, known: Collection[str]) -> str:
     if "eps" in names and {"eps", "time"} <= {*known}:
         return "eps= and steps= for the map, counted in steps, or time=T for the motion, in time"
     found = [each for each in known if each.lower() == word.lower()]
-    found += [name for name in names if name in known]
+    found += [name for name in names if name.partition("[")[0] in known]
     near = get_close_matches(word, known, 1, 0.75)
     return (found or [how] * bool(how) or near or [""])[0]
 
@@ -161,12 +169,22 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def public_class(kind: type[R]) -> type[R]:
-    """Let the constructor of a dataclass, or of a named tuple, answer as a public function."""
+    """Let the constructor of a dataclass, or of a named tuple, answer as a public function.
+
+    A frozen dataclass answers an assignment with what makes another object.
+    """
     if issubclass(kind, tuple):
         kind.__new__ = staticmethod(public(kind.__new__))  # type: ignore[method-assign]
-    else:
-        kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
+        return kind
+    kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
+    if "__setattr__" in vars(kind):
+        kind.__setattr__ = _unchanged  # type: ignore[method-assign]
     return kind
+
+
+def _unchanged(self: Any, name: str, value: Any) -> None:
+    how = f"make it again with {name}={value!r}"
+    raise FrozenInstanceError(f"{type(self).__name__} cannot be changed: {how}")
 
 
 def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) -> str:
@@ -176,8 +194,12 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
     takes_any = any(each.kind is each.VAR_KEYWORD for each in parameters)
     if unknown := [] if takes_any else [name for name in kwargs if name not in by_name]:
         names = sorted(by_name - _OWN)
-        known = f"one of {', '.join(names)}" if names else "arguments without names"
-        each = [f"{name!r}: use {instead(name, names) or known}" for name in unknown]
+        known = f"use one of {', '.join(names)}" if names else "it takes none by name"
+        answers: dict[str, list[str]] = {}
+        for name in unknown:
+            here = instead(name, names)
+            answers.setdefault(f"use {here}" if here else known, []).append(repr(name))
+        each = [f"{', '.join(words)}: {answer}" for answer, words in answers.items()]
         return f"{called} has no argument {', and no '.join(each)}"
     try:
         signature.bind(*args, **kwargs)
@@ -185,11 +207,17 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         shown = [p.replace(annotation=p.empty) for p in parameters if p.name not in _OWN]
         how = ""
         unnamed = sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
-        named = ", ".join([f"{p.name}=" for p in shown if p.kind is p.KEYWORD_ONLY][:3])
-        if len(args) > unnamed and (named or takes_any):
+        after_star = [p for p in shown if p.kind is p.KEYWORD_ONLY]
+        missing = [p for p in after_star if p.default is p.empty and p.name not in kwargs]
+        named = ", ".join(f"{p.name}=" for p in missing or after_star[:3])
+        if missing or (len(args) > unnamed and (named or takes_any)):
             how = f", pass {'parameters, as a=1,' if takes_any else named} by name"
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
         if called == "flow" and args and inspect.isroutine(args[0]):
             how += ", and for the function pass Field.from_function(f, names)"
+        kind = type(args[0]) if args else None
+        if kind and kind.__name__ == called:  # of a constructor
+            makers = [f"{called}.{each}" for each in dir(kind) if re.match("from_(?!dict)", each)]
+            how += f", or use {' or '.join(makers)}" * bool(makers)
         return f"{called}: {error}{how}: the call is {called}{takes}"
     return ""

@@ -19,12 +19,13 @@ R = TypeVar("R")
 # function or an object may have one, such as `states` for states[0]; and what to do where it has
 # none.
 _TABLE = (
-    ("dt h epsilon stepsize deltat firststep eps", "eps",
+    ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
+    ("dt h stepsize deltat firststep", "eps",
      "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
-    ("t time times teval ts tend tmax tf tfinal duration period", "time period steps",
+    ("t time teval tend tmax tf tfinal duration period", "time period steps",
      "flow(system, x0, time=t), or the steps n of a map"),
     ("tspan t0", "", "time= of flow, counted from x0; iterate runs to eps * steps"),
-    ("backward reverse", "", "-eps, which undoes a step"),
+    ("backward reverse inverse", "", "-eps, which undoes a step"),
     ("tol rtol reltol", "rtol tol", "flow(..., rtol=); steps of a map have no tolerance"),
     ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
     ("order integrator solver alg algorithm scheme method", "method",
@@ -37,15 +38,15 @@ _TABLE = (
      "the second argument, without a name, for states"),
     ("omega x state states", "states state components omega0",
      "the second argument, without a name, for states"),
-    ("body system field fun rhs model", "body", "the first argument, without a name"),
+    ("body system field fun rhs model", "body vector_field", "the first argument, without a name"),
     ("f", "first_integral body", "the first argument, without a name"),
-    ("args p params parameters", "parameters",
+    ("arg p param parameter", "parameters",
      "parameters of the system: from_function(f, names, a=1), body.parameters"),
     ("withparameters setparameters set replace subs", "with_parameters",
      "a new system, with the new parameters; arrays make a family"),
-    ("events event section condition value", "crossings",
+    ("event section condition value", "crossings",
      "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0)"),
-    ("jumps jump doses dose impulses resets", "",
+    ("jump dose impulse reset", "",
      "flow from one to the next: x = flow(system, x, time=dt).x[-1] + jump"),
     ("poincare poincaremap poincaresection poincaresos tevents yevents", "crossings", ""),
     ("terminal stop", "", "crossings(system, x0, time=T, surface=..., most=1)"),
@@ -69,11 +70,11 @@ _TABLE = (
     *((f"i3{k}", f"I{k}3", "") for k in (1, 2)),
     ("i inertia inertiamatrix tensor i12 i21", "parameters",
      "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
-    ("u values data trajectories solution points shape tonumpy select", "states",
+    ("u values data trajectories solution points shape tonumpy select max min mean", "states",
      "iterate, whose result has states"),
-    ("index idx orbit orbits member which", "trajectory", ""),
+    ("index idx orbit member which", "trajectory", ""),
     ("success retcode", "ok", ""),
-    ("message error errors failedat", "status", ""),
+    ("message error failedat", "status", ""),
     ("last end final finalstate laststate", "final states[-1]", ""),
     ("resume restart continue extend", "extend",
      "the same call again, which goes on with a store, or states[-1] as x0"),
@@ -87,7 +88,7 @@ _TABLE = (
     ("lambdify", "compiled", "field(x), or compiled.system in loops of your own"),
     ("dim ndim d", "dimension", ""),
     ("jac dx derivative eigenvalues stability", "",
-     "jacobian(x) of a field, its right-hand side's; that of a body is QuadraticField.of(body)"),
+     "field.jacobian(x), of its right-hand side; for a body QuadraticField.of(body).jacobian(x)"),
     ("quadratic linear constant terms", "", "QuadraticField.of(body), whose terms they are"),
     ("solveivp odeint ode integrate solve", "flow", ""),
     ("trajectory simulate evolve", "run",
@@ -97,8 +98,8 @@ _TABLE = (
     ("plot", "plot", "iterate(...).plot(), or flow(...).plot()"),
     ("sensitivity sensitivities", "",
      "flow(..., derivatives=('x0', 'a')), and derivative('a') of its result"),
-    ("lyapunov lyapunovs lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
-    ("fixedpoints equilibria equilibrium steadyline steadystate", "fixed_points", ""),
+    ("lyapunov lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
+    ("fixedpoint equilibria equilibrium steadyline steadystate", "fixed_points", ""),
     ("frominertia frommatrix", "from_inertia from_mass_tensor", ""),
     ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
     ("theorem1 theorem", "exact", ""),
@@ -111,7 +112,7 @@ _TABLE = (
     ("fromstring fromtext fromequations fromsecondorder", "",
      "from_function(lambda x: (x[1], -x[0]), 'q p')"),
     ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
-    ("figures picture pictures", "figures", "Suslov3D.figure(k)"),
+    ("figures picture", "figures", "Suslov3D.figure(k)"),
     ("animate animation", "",
      "suslov_fast.animate_body(run) for a body, FuncAnimation of Matplotlib for equations"),
     ("report integrals firstintegrals zoo examples kahan", "", "suslov_fast.integrability"),
@@ -123,7 +124,9 @@ _WORDS = {word: (names.split(), how) for words, names, how in _TABLE for word in
 
 def instead(word: str, known: Collection[str]) -> str:
     """Return what to use for a word: a known name, or a sentence, or nothing."""
-    names, how = _WORDS.get(word.lower().replace("_", ""), ((), ""))
+    plain = word.lower().replace("_", "")
+    plain = plain if plain in _WORDS else plain.removesuffix("s")
+    names, how = _WORDS.get(plain, ((), ""))
     if "eps" in names and {"eps", "time"} <= {*known}:
         return "eps= and steps= for the map, counted in steps, or time=T for the motion, in time"
     found = [each for each in known if each.lower() == word.lower()]
@@ -215,6 +218,9 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
         if called == "flow" and args and inspect.isroutine(args[0]):
             how += ", and for the function pass Field.from_function(f, names)"
+        if args and getattr(args[0], "called", "") == "a run":
+            first = "[0]" * ("0'" in str(error))  # of x0 or omega0
+            how += f", for a run pass run.body, run.states{first}"
         kind = type(args[0]) if args else None
         if kind and kind.__name__ == called:  # of a constructor
             makers = [f"{called}.{each}" for each in dir(kind) if re.match("from_(?!dict)", each)]

@@ -72,7 +72,7 @@ _TABLE = (
      "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
     ("u values data trajectories solution points shape tonumpy select max min mean", "states",
      "iterate, whose result has states"),
-    ("index idx orbit member which", "trajectory", ""),
+    ("index idx orbit member which", "trajectory", "states[:, i], of trajectory i"),
     ("success retcode", "ok", ""),
     ("message error failedat", "status", ""),
     ("last end final finalstate laststate", "final states[-1]", ""),
@@ -89,7 +89,9 @@ _TABLE = (
     ("dim ndim d", "dimension", ""),
     ("jac dx derivative eigenvalues stability", "",
      "field.jacobian(x), of its right-hand side; for a body QuadraticField.of(body).jacobian(x)"),
-    ("quadratic linear constant terms", "", "QuadraticField.of(body), whose terms they are"),
+    ("quadratic linear constant term coefficient", "quadratic",
+     "QuadraticField.of(body), whose terms they are"),
+    ("variable", "names labels", ""),
     ("solveivp odeint ode integrate solve", "flow", ""),
     ("trajectory simulate evolve", "run",
      "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
@@ -149,6 +151,16 @@ def lacking(thing: Any, name: str, called: str, here: str = "") -> AttributeErro
     if here:
         return AttributeError(f"{text}: use {here}")
     return AttributeError(text, name=name, obj=thing)
+
+
+def answering(kind: type[R]) -> type[R]:
+    """Let the objects of a class answer an attribute that they lack."""
+
+    def answer(self: Any, name: str) -> Any:
+        raise lacking(self, name, f"{type(self).__name__!r} object")
+
+    kind.__getattr__ = answer  # type: ignore[attr-defined]
+    return kind
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:

@@ -13,14 +13,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import flint
 
 from ..bodies.fields.calls import checked_function
 from ..bodies.fields.names import labels, latex
 from ..checks import extra, short, wrong
-from ..keywords import lacking, public
+from ..keywords import answering, public
 from . import arithmetic
 from .arithmetic import EPS
 from .polynomials import (
@@ -47,6 +47,7 @@ _NAME = r"[^\W\d]\w*"
 L = TypeVar("L", bound="WithLetter")
 
 
+@answering
 class WithLetter:
     """What may have a symbol in its coefficients: eps, or another letter."""
 
@@ -57,11 +58,6 @@ class WithLetter:
     def is_symbolic(self) -> bool:
         """True if eps, or another letter, is symbolic."""
         return bool(self.letter)
-
-    if not TYPE_CHECKING:  # type checkers know the attributes
-
-        def __getattr__(self, name: str) -> Any:
-            raise lacking(self, name, f"{type(self).__name__!r} object")
 
     @public
     def subs(self: L, *value: Any, **named: Any) -> L:

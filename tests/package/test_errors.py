@@ -450,7 +450,8 @@ def test_unknown_keywords(function, arguments, word, name):
 
 ATTRIBUTES = [
     (RUN, "dt", "eps"), (RUN, "y", "states"), (RUN, "x0", r"states\[0\]"),
-    (COFACTOR, "sympify", "str"), (RUN, "x2", r"run\.x\[\.\.\., 1\]"),
+    (COFACTOR, "sympify", "str"), (sf.PeriodicOrbit(0, 1, 2, 3), "x0", "state"),
+    (RUN, "x2", r"run\.x\[\.\.\., 1\]"),
     (RUN, "omega", r"run\.x"), (RUN, "finl", "final"), (RUN, "to_netcdf", "to_xarray"),
     (RUN, "lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"), (MOTION, "t", "time"),
     (MOTION, "sol", "time=t"), (MOTION, "Omega2", r"run\.omega\[\.\.\., 1\]"),
@@ -512,6 +513,11 @@ SECOND_TRIES = [
      lambda: sf.Field.from_function(decay, "x", k=2.0)([3.0]), -6.0),
     (lambda: sf.Field.from_function(lambda q, p: (p, -q), "q p"), r"lambda x: f\(\*x\)",
      lambda: sf.Field.from_function(lambda x: (lambda q, p: (p, -q))(*x), "q p")([1.0, 2.0]), -1.0),
+    (field(lambda q, p, k: (p, -k * q), "q p", k=2.0), r"lambda x, \*\*p: f\(\*x, \*\*p\)",
+     lambda: field(lambda x, **p: (lambda q, p, k: (p, -k * q))(*x, **p), "q p", k=2.0)()([1.0, 0]),
+     -2.0),
+    (lambda: PAIR(u=1.0, v=2.0), "a dict", lambda: PAIR({"u": 1.0, "v": 2.0}), -0.5),
+    (field(lambda x: -x.q, "q"), r"x\[0\]", lambda: field(lambda x: -x[0], "q")()([2.0]), -2.0),
     (field(lambda x, k: (k["a"] * x[0],), "x", k={"a": 2.0}), r"\*\*k, .*take a\b",
      lambda: field(lambda x, a: (a * x[0],), "x", a=2.0)()([3.0]), 6.0),
     (field(lambda x, k: (k[0] * x[0],), "x", k=[1.0, 2.0]), "p0=",

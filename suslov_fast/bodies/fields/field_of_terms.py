@@ -183,7 +183,7 @@ class FieldOfFunction(Body):
             how = "for solve_ivp pass lambda t, x: field(x)"
             if named:
                 how = f"for another parameter make a field with {next(iter(named))}=..."
-            raise TypeError(f"a field takes the state alone, field(x): {how}")
+            raise TypeError(f"a field takes the state alone, field(x), one array or a dict: {how}")
         return self._value_at(x)
 
     @cached_property

@@ -354,6 +354,8 @@ def in_place_of(value: Any, maker: str = "QuadraticField") -> str:
         return f": pass {maker}.from_function(f, names)"
     if isinstance(value, tuple) and value and hasattr(value[0], "instead"):
         return ": pass its first item; Suslov3D.figure returns a body and eps"
+    if isinstance(value, list) and value and hasattr(value[0], "instead"):
+        return ": pass one, with arrays as parameters"
     known = ": pass a body, or a field such as QuadraticField.from_function(f, names)"
     instead: str = getattr(value, "instead", known)
     return instead

@@ -579,6 +579,8 @@ SECOND_TRIES = [
     (hamiltonian(lambda q, p: (p @ p + q @ q) / 4, 4), r"lambda x: H\(x\[0:2\], x\[2:4\]\)",
      lambda: hamiltonian(lambda x: (lambda q, p: (p @ p + q @ q) / 4)(x[0:2], x[2:4]), 4)()
      ([0.0, 4.0, 0, 0]), -2.0),
+    (run(body=[BODY, BODY]), "arrays as parameters", run(body=BATCH[0], omega0=[1.0, 0.5], steps=0),
+     0.5),
     (lambda: Suslov3D(ID), r"Suslov3D\.from_inertia",
      lambda: Suslov3D.from_inertia(ID, [0, 0, 1])[0].I1, 1.0),
     (lambda: sf.rotation_number(PAIR, [1.0, 0.0], 0.1),

@@ -328,9 +328,7 @@ def _in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
 
 
 # How programs print another tensor.
-_CONVENTIONS = (
-    "it must be about the fixed point, with minus the integrals of x y dm off the diagonal"
-)
+_CONVENTIONS = "it is about the fixed point, with minus the integrals of x y dm off the diagonal"
 
 
 def _refuse(name: str, bad: Any, what: str) -> None:

@@ -301,7 +301,9 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
     try:
         if isinstance(value, (bool, np.bool_)):
             raise TypeError
-        number = operator.index(value)
+        # 1e3 is an integer to whoever writes it, here as in commands
+        is_whole = isinstance(value, float) and value.is_integer()
+        number = int(value) if is_whole else operator.index(value)
     except TypeError as error:
         received = "None" if value is None else f"the {type(value).__name__} {short(value)}"
         raise wrong(name, expected, received, TypeError) from error

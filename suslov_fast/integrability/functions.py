@@ -13,14 +13,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import flint
 
 from ..bodies.fields.calls import checked_function
 from ..bodies.fields.names import labels, latex
 from ..checks import extra, short, wrong
-from ..keywords import public
+from ..keywords import lacking, public
 from . import arithmetic
 from .arithmetic import EPS
 from .polynomials import (
@@ -57,6 +57,11 @@ class WithLetter:
     def is_symbolic(self) -> bool:
         """True if eps, or another letter, is symbolic."""
         return bool(self.letter)
+
+    if not TYPE_CHECKING:  # type checkers know the attributes
+
+        def __getattr__(self, name: str) -> Any:
+            raise lacking(self, name, f"{type(self).__name__!r} object")
 
     @public
     def subs(self: L, *value: Any, **named: Any) -> L:

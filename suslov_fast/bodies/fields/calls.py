@@ -56,8 +56,11 @@ def checked_function(argument: str, f: Any, names: Any, parameters: Mapping[str,
         elif missing:
             values = ", ".join(f"{name}=1.0" for name in missing)
             how = f"pass values of its parameters, as {values}"
-            if len(missing) + 1 == len(names) and not parameters:
-                how += f", or lambda x: {argument}(*x) if these are the variables"
+            each, more = divmod(len(names), len(missing) + 1)
+            if not more and not parameters:
+                parts = ", ".join(f"x[{k}:{k + each}]" for k in range(0, len(names), each))
+                split = "*x" if each == 1 else parts
+                how += f", or lambda x: {argument}({split}) if these are the variables"
     if TIME & {*signature.parameters}:
         now, x = ("s[-1], s[:-1]", "0, x") if state.name in TIME else ("s[:-1], s[-1]", "x, 0")
         how = f"{of_time(names, f'*f({now})')}, or pass lambda x: f({x})"

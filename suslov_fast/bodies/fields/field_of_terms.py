@@ -182,9 +182,7 @@ class FieldOfFunction(Body):
         if others or named:
             how = "for solve_ivp pass lambda t, x: field(x)"
             if named:
-                how = (
-                    f"other parameters are those of field.with_parameters({next(iter(named))}=...)"
-                )
+                how = f"for another parameter make a field with {next(iter(named))}=..."
             raise TypeError(f"a field takes the state alone, field(x): {how}")
         return self._value_at(x)
 

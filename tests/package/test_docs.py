@@ -173,6 +173,11 @@ def test_pictures_are_committed_and_drawn_by_a_script():
 
 # Shorter runs of the scripts that measure, or whose orbits are long.
 SHORTER = {
+    "kinetics": [
+        ("np.linspace(0, 900, 3000)", "np.linspace(0, 900, 30)"),
+        ("np.linspace(0.6, 1.5, 100)", "np.linspace(0.6, 1.5, 4)"),
+        ("range(100)", "range(4)"),
+    ],
     "orders": [
         ("BATCH, UNTIL, LANES = 1024, 100.0, 16", "BATCH, UNTIL, LANES = 16, 5.0, 16"),
         ("eps, 1_000_000, save_every=100", "eps, 1000, save_every=100"),

@@ -882,44 +882,6 @@ def test_what_reports_print_of_several_possibilities():
 
 
 @pytest.mark.slow
-def test_kharlamova_on_the_invariant_hyperplane():
-    """W1 = -4 W2 with c = (1, 2, 0), I = (1, 2): three integrals, as identities in x and eps."""
-    sympy = pytest.importorskip("sympy")
-    w, g1, g2, g3, eps = x = sympy.symbols("w g1 g2 g3 eps")
-    after = sympy.symbols("w_ g1_ g2_ g3_")
-
-    def mean(a, b):  # of products of components before and after
-        return (x[a] * after[b] + after[a] * x[b]) / 2
-
-    right = (
-        (g3 + after[3]) / 4,
-        -mean(0, 3),
-        -4 * mean(0, 3),
-        mean(0, 1) + 4 * mean(0, 2),
-    )
-    equations = [b - a - eps * f for a, b, f in zip(x, after, right, strict=False)]
-    (solution,) = sympy.linsolve(equations, after)
-    integrals = [
-        4 * g1 - g2,
-        -(eps**2) * g3**2 + 16 * w**2 + 16 * g1,
-        (g1**2 + 8 * g1 * g2 + 16 * g2**2 + 17 * g3**2) / (17 * eps**2 * w**2 + 4),
-    ]
-    image = dict(zip(x, solution, strict=False))
-    for integral in integrals:
-        assert sympy.cancel(integral.subs(image, simultaneous=True) - integral) == 0
-    rows = sympy.Matrix([[f.diff(a) for a in x[:4]] for f in integrals])
-    assert rows.subs({w: 1, g1: 2, g2: 3, g3: 5, eps: 1}).rank() == 3
-    # The hyperplane is invariant: 4 W2 + W1 is an integral of the map of five variables.
-    plane = kahan(ZOO["Kharlamova"][0], EPS)
-    start = (F(-4, 3), F(1, 3), F(2, 7), F(3, 5), F(1, 9))
-    assert plane(start)[0] + 4 * plane(start)[1] == 0
-    pairs = zip(x, (*start[1:], EPS), strict=True)
-    numbers = {a: sympy.Rational(str(c)) for a, c in pairs}
-    expected = [sympy.Rational(str(c)) for c in plane(start)[1:]]
-    assert [f.subs(numbers) for f in solution] == expected
-
-
-@pytest.mark.slow
 def test_members_with_more_than_two_factors():
     """They are multiple roots of the lost rank: here of the pencil of Nahm's octahedral system."""
     eps, x, y = polynomials.polynomial_ring(2, True).gens()

@@ -1,7 +1,5 @@
 """Periodic orbits of motions and maps, against published values, exact ones, and SciPy."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -316,7 +314,11 @@ JUMP = [-1.6325062, -849.1501]
 @pytest.mark.parametrize(
     ("start", "period", "rtol"),
     [
-        *product((JUMP, [2.0, 0.0]), (None, 1614.4011258), (1e-8, 1e-10, 1e-12)),
+        (JUMP, None, 1e-8),
+        (JUMP, 1614.4011258, 1e-12),
+        ([2.0, 0.0], None, 1e-12),
+        ([2.0, 0.0], 1614.4011258, 1e-8),
+        pytest.param(JUMP, None, 1e-10, marks=pytest.mark.slow),
         # After 1614.4 the motion has not come to the jump.
         pytest.param(JUMP, 1614.4, 1e-8, marks=pytest.mark.slow),
     ],

@@ -224,29 +224,6 @@ def test_values_of_a_letter(given, error):
 # Degrees and their growth.
 
 
-@pytest.mark.sampled(3)
-@pytest.mark.parametrize(
-    ("field", "n", "law", "kind", "entropy"),
-    [
-        (of(BODY), 30, lambda k: 2 * k, "linear", 0),
-        (SOLVED, 12, lambda k: 2 * k, "linear", 0),
-        (of(SuslovND(J, I)), 5, lambda k: 5**k, "exponential", math.log(5)),
-        (EULER, 12, lambda k: 2 * k**2 + 1, "quadratic", 0),
-        (random_field(1), 8, lambda k: 1, "bounded", 0),
-        (field_of(lambda x: (x[0], x[0] * x[1]), 2), 9, lambda k: k + 1, "linear", 0),
-        # Every point has the same image.
-        (QuadraticField([[[0]]], [[-8]], [1]), 6, lambda k: 0, "bounded", 0),
-        # Elliptic curves and Abelian surfaces.
-        (CUBIC, 16, None, "quadratic", 0),
-        (CLEBSCH.field, 9, None, "quadratic", 0),
-    ],
-)
-def test_growth_of_degrees(field, n, law, kind, entropy):
-    found = degrees(kahan(field, EPS), n)
-    assert not law or found == [law(k) for k in range(1, n + 1)]
-    assert growth_of(found)[:2] == (kind, pytest.approx(entropy, abs=1e-14))
-
-
 HENON_HEILES = [3, 7, 17, 39, 93, 215, 495, 1137, 2615, 6007, 13797]  # eps = 1/2
 
 
@@ -708,6 +685,9 @@ def test_formulas_in_eps(name):
     mine = [str(f) for f in found.integrals]
     for f in integrals:
         assert gradients_have_rank([*mine, f], x, len(mine), eps)
+    if name in ("Suslov", "gyrostat"):  # of a pencil the member of the papers
+        values = [(f(z, eps), by_sympy(integrals[0], z, eps=eps)) for z in (x, [F(-3), F(5, 7)])]
+        assert values[0][0] * values[1][1] == values[1][0] * values[0][1]
     assert len(mine) == found.relations
     J = kahan(field, eps).determinant(x)
     assert by_sympy(density, y, eps=eps) * J == by_sympy(density, x, eps=eps)
@@ -913,22 +893,7 @@ def test_a_polynomial_has_one_sign_in_a_report(field):
 
 
 @pytest.mark.slow
-def test_formulas_of_papers():
-    """Of a pencil the member of the papers, for a symbolic eps and for a number."""
-    for body in (BODY, ROTOR, Suslov3D(3, 2, F(1, 2), 1)):
-        a, (I13, I23) = F(body.I1) * F(body.I2), (F(body.I13), F(body.I23))
-        k = F(getattr(body, "k", 0))
-
-        def lemma(x, eps, I=(F(body.I1), F(body.I2)), a=a, J=(I13, I23), k=k):
-            line = J[0] * x[0] + J[1] * x[1] + k
-            return (I[0] * x[0] ** 2 + I[1] * x[1] ** 2) / (4 * a + eps**2 * line**2)
-
-        (found,) = report(body).integrals
-        (number,) = report(body, EPS).integrals
-        points = [(F(1, 3), F(2)), (F(-3), F(5, 7))]
-        ratios = {found(x, eps) / lemma(x, eps) for x in points for eps in (EPS, F(2, 3))}
-        assert len(ratios) == 1
-        assert str(found.subs(EPS)) == str(number)
+def test_formulas_of_lyness():
     lyness = rational_map(lambda x: (x[1], x[2], (2 + x[1] + x[2]) / x[0]), 3)
     assert {*map(str, report(lyness, degree=4).integrals)} == {
         "(x1 + 1)*(x2 + 1)*(x3 + 1)*(x1 + x2 + x3 + 2)/(x1*x2*x3)",

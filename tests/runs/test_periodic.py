@@ -143,14 +143,6 @@ def test_doublings(c, turns):
     assert abs(orbit.multipliers[1]) < 1
 
 
-@pytest.mark.parametrize(("mu", "period"), [(1.0, 6.6632868593231), (1000.0, 1614.401)])
-def test_van_der_pol(mu, period):
-    """Also where it is stiff; the period is Urabe's for mu = 1."""
-    field = Field.from_function(lambda x: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2)
-    orbit = periodic_orbit(field, flow(field, [2.0, 0.0], time=4 * max(mu, 5.0)).x[0])
-    assert orbit.period == pytest.approx(period, rel=1e-6 if mu > 1 else 1e-11)
-
-
 def kuramoto_sivashinsky(b, nu):
     """Odd solutions by 12 sine modes, of period 2 pi."""
     n = len(b)
@@ -337,7 +329,7 @@ def test_an_orbit_far_from_the_origin():
         assert orbit.period == pytest.approx(6.6632868593231, rel=1e-6)
 
 
-@pytest.mark.parametrize("k", [2, 3, 4, 11])
+@pytest.mark.parametrize("k", [2, 11])
 def test_a_multiple_of_a_period_is_named(k):
     about = periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8).period
     with pytest.warns(UserWarning, match=rf"is {k} times the shorter period 6\.6"):

@@ -130,9 +130,18 @@ def settle(browser, **context):
     browser.wait(script, **context)
 
 
-def put(browser, field, value, **context):
-    """Write a number into a field, or move its slider."""
-    place, event = f"document.getElementById({field!r})", "new Event('input', {bubbles: true})"
+def show(browser, url, *modules):
+    """Open an address anew, and make the names of modules of the page global."""
+    browser.open("about:blank")
+    browser.open(url)
+    settle(browser)
+    for name in modules:
+        browser.value(f"import('/{name}.js').then((found) => void Object.assign(window, found))")
+
+
+def put(browser, field, value, event="input", **context):
+    """Write a number into a field, move its slider, or choose."""
+    place, event = f"document.getElementById({field!r})", f"new Event({event!r}, {{bubbles: true}})"
     browser.value(f"{place}.value = {str(value)!r}; {place}.dispatchEvent({event})", **context)
     settle(browser, **context)
 

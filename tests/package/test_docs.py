@@ -48,35 +48,35 @@ PRINTED = re.compile(r"^\s*(?:print\(.*)?\)  # (.*)$|^# (.*)$", re.MULTILINE)
 
 # What takes less time and prints the same, by page or script.
 SHORTER = {
-    "README": [("steps=1_000_000", "steps=50_000")],
-    "compiled": [("parallel=True", "parallel=False")],  # `test_compiled` has parallel loops
-    "equations": [("20_000, transient=5_000", "200, transient=50")],
-    "figure": [("range(0, 400, 8)", "range(0, 400, 80)")],
-    "kinetics": [
+    "README.md": [("steps=1_000_000", "steps=50_000")],
+    "compiled.md": [("parallel=True", "parallel=False")],  # `test_compiled` has parallel loops
+    "equations.md": [("20_000, transient=5_000", "200, transient=50")],
+    "figure.md": [("range(0, 400, 8)", "range(0, 400, 80)")],
+    "kinetics.py": [
         ("np.linspace(0, 900, 3000)", "np.linspace(0, 900, 30)"),
         ("np.linspace(0.6, 1.5, 100)", "np.linspace(0.6, 1.5, 4)"),
         ("range(100)", "range(4)"),
     ],
-    "orders": [
+    "orders.py": [
         ("BATCH, UNTIL, LANES = 1024, 100.0, 16", "BATCH, UNTIL, LANES = 16, 1.0, 16"),
         ("eps, 1_000_000, save_every=100", "eps, 1000, save_every=100"),
         ("range(1, 7)", "range(1, 5)"),
         ('by_steps("order8", 6400)', 'by_steps("order8", 500)'),
     ],
-    "sizes": [
+    "sizes.py": [
         ("np.arange(3, 12)", "np.arange(3, 5)"),
         ("[8, 16, 32, 48, 64, 96]", "[8]"),
         ("[16, 64, 256, 576, 1024, 2025]", "[16]"),
         ("200_000 //", "2000 //"),
     ],
-    "zoo": [("if eps is not None", "if name in ('Suslov body', 'Lorenz')"), ("50_000", "500")],
+    "zoo.py": [("if eps is not None", "if name in ('Suslov body', 'Lorenz')"), ("50_000", "500")],
 }
 
 
 def all_blocks(path):
     """Kinds and texts of the blocks of a page, in their shorter form."""
     text = path.read_text("utf-8")
-    for old, new in SHORTER.get(path.stem, ()):
+    for old, new in SHORTER.get(path.name, ()):
         assert old in text, (path, old)
         text = text.replace(old, new)
     return BLOCK.findall(text)
@@ -213,7 +213,7 @@ def test_picture(name):
     """A script draws pictures of the sizes that are committed."""
     matplotlib.use("Agg")
     script = script_of("draw")
-    figures = script.figures_of(script.run(name, SHORTER.get(name, ())))
+    figures = script.figures_of(script.run(name, SHORTER.get(f"{name}.py", ())))
     for each in figures:
         each.canvas.draw()
     assert sizes_of(figures) == sizes_of_pictures(name) != []

@@ -11,7 +11,7 @@ from urllib.parse import urlencode, urlsplit
 
 import numpy as np
 import pytest
-from browser import check_silence, exported, pixels, put, rows, serve, settle, text
+from browser import check_silence, exported, pixels, put, rows, serve, settle, show, text
 
 import suslov_fast as sf
 from suslov_fast.bodies.rigid import FIGURES
@@ -262,30 +262,24 @@ def test_page_without_a_notebook_extra(monkeypatch):
             assert b"suslov_fast" in reply.read()
 
 
+MODULES = "state", "space", "plane"
+
+
 @pytest.fixture
 def page(browser, server):
     """The initial page; afterwards, check that it logged no error and contacted no other server."""
     browser.look(1280, 800)
     browser.events.clear()
-    show(browser, server.url)
+    show(browser, server.url, *MODULES)
     yield browser
     check_silence(browser, server.url)
-
-
-def show(browser, url):
-    """Open an address anew."""
-    browser.open("about:blank")
-    browser.open(url)
-    settle(browser)
-    for module in ("state", "space", "plane"):
-        browser.value(f"import('/{module}.js').then((found) => void Object.assign(window, found))")
 
 
 @pytest.mark.slow
 def test_every_case_is_drawn_without_an_error(page, server):
     for name, parameters in CASES.items():
         shown = "F energy flow joined portrait"
-        show(page, f"{server.url}?{query(parameters, show=shown)}")
+        show(page, f"{server.url}?{query(parameters, show=shown)}", *MODULES)
         assert text(page, "status") == REGIMES.get(name, ("below", "OK"))[1]
 
 
@@ -294,7 +288,7 @@ def test_everything_is_in_sight_in_a_notebook(page, server):
     (height,) = re.findall(r"height: (\d+)px", (PAGE / "widget.js").read_text("utf-8"))
     page.look(1060, int(height))
     for name in ("weak rotor", "t > 1: jumps"):
-        show(page, f"{server.url}?{query(CASES[name], show='F')}")
+        show(page, f"{server.url}?{query(CASES[name], show='F')}", *MODULES)
         for panel in ("plane", "show", "space-panel", "numbers-panel"):
             bottom = page.value(f"byId('{panel}').getBoundingClientRect().bottom")
             assert bottom <= int(height), panel
@@ -326,13 +320,13 @@ def test_the_address_keeps_the_view(page):
     assert page.value("state.scene.portrait.orbits.length") == 20
     page.wait("location.search.includes('I1=2.5') && location.search.includes('portrait')")
     before = pixels(page)
-    show(page, page.value("location.href"))
+    show(page, page.value("location.href"), *MODULES)
     assert pixels(page) == before
 
 
 def test_exports(page, server, tmp_path):
     view = query(POLE, Omega2=-8.5, show="portrait F energy")
-    show(page, f"{server.url}?{view}")
+    show(page, f"{server.url}?{view}", *MODULES)
     table, picture = exported(page, tmp_path)
     np.testing.assert_array_equal(table[:, 2:], rows(page.value("state.scene.omega"))[: len(table)])
     np.testing.assert_array_equal(table[:, 1], table[:, 0] * POLE.eps)

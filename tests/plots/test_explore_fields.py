@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 
 import numpy as np
 import pytest
-from browser import check_silence, exported, pixels, rows, settle, text
+from browser import check_silence, exported, pixels, put, rows, settle, show, text
 
 import suslov_fast as sf
 
@@ -122,42 +122,30 @@ def page(browser):
     with contextlib.closing(sf.explore(FAMILY, [1, 1, 20], steps=300)) as shown:
         browser.look(1280, 800)
         browser.events.clear()
-        browser.open("about:blank")
-        browser.open(shown.url)
-        settle(browser)
-        load = "import('/{0}.js').then((found) => void Object.assign(window, found))"
-        for module in ("state", "field_plane", "field_controls"):
-            browser.value(load.format(module))
+        show(browser, shown.url, "state", "field_plane", "field_controls")
         yield browser
         check_silence(browser, shown._server.url)
 
 
-def change(browser, field, value, event="input"):
-    place = f"document.getElementById({field!r})"
-    then = f"{place}.dispatchEvent(new Event({event!r}, {{bubbles: true}}))"
-    browser.value(f"{place}.value = {str(value)!r}; {then}")
-    settle(browser)
-
-
 def test_controls(page):
     before = pixels(page)
-    change(page, "rho-slider", 9)
+    put(page, "rho-slider", 9)
     assert page.value("[state.scene.values.rho, byId('rho-slider').nextSibling.value]") == [
         28,
         "28",
     ]
-    change(page, "y", "z", "change")
+    put(page, "y", "z", "change")
     assert page.value("state.scene.parameters.y") == "z"
     assert pixels(page) != before
-    change(page, "method", "order4", "change")
-    change(page, "eps", "0.02")
-    change(page, "start-y", "2.5")
+    put(page, "method", "order4", "change")
+    put(page, "eps", "0.02")
+    put(page, "start-y", "2.5")
     found = page.value("state.scene.parameters")
     assert (found["method"], found["eps"], found["starts"]) == ("order4", 0.02, [[1, 2.5, 20]])
-    change(page, "eps", "")
+    put(page, "eps", "")
     assert text(page, "message").startswith("eps must")
     assert text(page, "regime-name") == "No orbit"
-    change(page, "eps", "0.01")
+    put(page, "eps", "0.01")
     assert page.value("byId('message').hidden") is True
     page.wait("location.search.includes('order4') && location.search.includes('y=z')")
     before = pixels(page)
@@ -200,9 +188,7 @@ def test_poles_are_said_and_nothing_is_cut_on_a_phone(browser):
         eps, steps = (0.05, 100) if field is TANGENT else (1.0, 3)
         with contextlib.closing(sf.explore(field, eps=eps, steps=steps)) as shown:
             browser.look(390, 844)
-            browser.open("about:blank")
-            browser.open(shown.url)
-            settle(browser)
+            show(browser, shown.url)
             assert text(browser, "regime-name") == name
             assert text(browser, "failure") == failure
             assert browser.value("document.documentElement.scrollWidth") <= 390

@@ -267,10 +267,9 @@ MODULES = "state", "space", "plane"
 
 @pytest.fixture
 def page(browser, server):
-    """The initial page; afterwards, check that it logged no error and contacted no other server."""
+    """A browser; afterwards, check that pages logged no error and contacted no other server."""
     browser.look(1280, 800)
     browser.events.clear()
-    show(browser, server.url, *MODULES)
     yield browser
     check_silence(browser, server.url)
 
@@ -296,7 +295,8 @@ def test_everything_is_in_sight_in_a_notebook(page, server):
         assert page.value("byId('plane').clientHeight") > int(height) / 2
 
 
-def test_the_start_follows_the_mouse(page):
+def test_the_start_follows_the_mouse(page, server):
+    show(page, server.url, *MODULES)
     moves = ("Pressed", [1.0, 0.5]), ("Moved", [-1.5, 2.0]), ("Released", [-1.5, 2.0])
     for kind, omega in moves:
         x, y = page.value(
@@ -309,7 +309,8 @@ def test_the_start_follows_the_mouse(page):
     assert page.value("state.scene.omega[0]") == pytest.approx(omega, abs=0.02)
 
 
-def test_the_address_keeps_the_view(page):
+def test_the_address_keeps_the_view(page, server):
+    show(page, server.url, *MODULES)
     put(page, "I1", "0")
     assert text(page, "message").startswith("I1 must")
     put(page, "I1-slider", "2.5")
@@ -333,7 +334,8 @@ def test_exports(page, server, tmp_path):
     assert "repelling steady states" in picture
 
 
-def test_the_body_turns_about_one_axis_between_two_states(page):
+def test_the_body_turns_about_one_axis_between_two_states(page, server):
+    show(page, server.url, *MODULES)
     ends = page.value("[orientation(20, 0), orientation(20, 1 - 1e-12), state.scene.attitude[21]]")
     np.testing.assert_allclose(ends[1], ends[2], atol=1e-10)
     half = np.reshape(page.value("orientation(20, 0.5)"), (3, 3))

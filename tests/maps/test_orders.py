@@ -1,6 +1,5 @@
 """Methods of order 4, 6 and 8 of fields: compositions of steps of Kahan's map."""
 
-from functools import cache
 from itertools import cycle
 
 import mpmath
@@ -75,24 +74,6 @@ FLOWS = {
 EACH = [*zip(FLOWS, cycle(METHODS), strict=False)]  # flow with a method
 
 
-@cache
-def motion(name):
-    """The state of the flow by its power series in time, in long doubles."""
-    field, x, time = FLOWS[name]
-    q, l, c = (
-        np.asarray(each, float).astype(np.longdouble)
-        for each in (field.quadratic, field.linear, field.constant)
-    )
-    x, h = np.asarray(x, np.longdouble), np.longdouble(1) / 40
-    for _ in range(40 * time):
-        a = [x]
-        for n in range(24):
-            f = sum(np.einsum("ijk,j,k", q, a[k], a[n - k]) for k in range(n + 1))
-            a.append((f + l @ a[n] + (c if n == 0 else 0)) / (n + 1))
-        x = sum(each * h**k for k, each in enumerate(a))
-    return x
-
-
 def composed(field, x, eps, method, steps=1):
     """States after each of the steps, each by several of Kahan's map."""
     states = [np.asarray(x, float)]
@@ -135,23 +116,6 @@ def test_steps_are_composed(name, method, rng):
         assert (alone.x == run.x[:, k]).all()
     assert (run.x[:, 9] == x[9]).all()  # eps = 0
     assert (sf.step(field, x, eps, method=method) == run.x[1]).all()
-
-
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize(("name", "method"), EACH)
-def test_jacobian(name, method, rng):
-    """The product of those of sub-steps; NaN gives NaN."""
-    field, start, time = FLOWS[name]
-    D, eps = field.dimension, time / 20
-    x = np.array(start) + rng.normal(size=(5, D)) / 4
-    slopes = sf.jacobian(field, x, eps, method=method)
-    product = np.eye(D)
-    now = x
-    for fraction in STAGES[method]:
-        product = sf.jacobian(field, now, fraction * eps) @ product
-        now = sf.step(field, now, fraction * eps)
-    assert abs(slopes - product).max() < 1e-11 * abs(product).max()
-    assert np.isnan(sf.jacobian(field, np.full(D, np.nan), eps, method=method)).all()
 
 
 @pytest.mark.parametrize("method", METHODS)

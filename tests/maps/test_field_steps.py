@@ -217,6 +217,7 @@ SYSTEMS = {
     "three exchanges": [[0.0, 0, 0, 4], [0.5, 0, 0, 1], [0, 3, 0, 1], [1, 1, 2, 0]],
     "growth": GROWING,
     "units of unknowns": RANDOM * UNITS / UNITS[:, None],
+    "rows of different size": RANDOM * np.array([[1.0], [1e8], [1e-8], [1e3]]),
     "one way only": [[1.0, 1e9, 0.0], [0.0, 1.0, 1e9], [0.0, 0.0, 1.0]],
     "a row that is exchanged keeps its size": [[0.0, 1.0], [1.0, FAR]],
     "rank 2 by some rounding errors": [[1.0, 1.0], [1.0, 1.0 + 2.0**-44]],

@@ -1,5 +1,6 @@
 """Methods of order 4, 6 and 8 of fields: compositions of steps of Kahan's map."""
 
+from functools import cache
 from itertools import cycle
 
 import mpmath
@@ -72,6 +73,24 @@ FLOWS = {
     "epidemic": (sf.QuadraticField.from_function(epidemic, 3), (0.9, 0.1, 0.1), 8),
 }
 EACH = [*zip(FLOWS, cycle(METHODS), strict=False)]  # flow with a method
+
+
+@cache
+def motion(name):
+    """The state of the flow by its power series in time, in long doubles."""
+    field, x, time = FLOWS[name]
+    q, l, c = (
+        np.asarray(each, float).astype(np.longdouble)
+        for each in (field.quadratic, field.linear, field.constant)
+    )
+    x, h = np.asarray(x, np.longdouble), np.longdouble(1) / 40
+    for _ in range(40 * time):
+        a = [x]
+        for n in range(24):
+            f = sum(np.einsum("ijk,j,k", q, a[k], a[n - k]) for k in range(n + 1))
+            a.append((f + l @ a[n] + (c if n == 0 else 0)) / (n + 1))
+        x = sum(each * h**k for k, each in enumerate(a))
+    return x
 
 
 def composed(field, x, eps, method, steps=1):

@@ -143,15 +143,6 @@ def test_loops_of_users_have_the_bits_of_runs(rng):
                 np.testing.assert_array_equal(after(constants, omega, steps)[:, :2], expected)
 
 
-def test_states_at_rest_stay_at_rest():
-    constants = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)
-    for Y in (5.0, -5.0, 1.5, -1.5, 0.3, -0.7):
-        u, v = 0.0, Y
-        for _ in range(50):
-            u, v = advance(constants, u, v)
-        assert (u, v) == (0.0, Y)
-
-
 @njit(parallel=True)
 def members_after(systems, x, steps):
     for k in prange(len(systems)):

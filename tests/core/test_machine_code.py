@@ -149,7 +149,6 @@ def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
     assert met >= {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
     """Of steps that are good, near a pole, beyond one, and of NaN; and of rare and dense lanes."""

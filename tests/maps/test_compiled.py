@@ -29,11 +29,11 @@ def lorenz(x):
 FIELD = sf.QuadraticField.from_function(lorenz, 3)
 
 
-@njit(parallel=True)
+@njit
 def after(frame, omega, steps):
     """States after some steps, and their integrals."""
     out = np.empty((len(omega), 3))
-    for i in prange(len(omega)):
+    for i in range(len(omega)):
         u, v = enter(frame, omega[i, 0], omega[i, 1])
         for _ in range(steps):
             u, v = advance(frame, u, v)

@@ -173,6 +173,7 @@ def test_exponents_of_a_linear_field(method):
 
 
 @pytest.mark.compiled
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_exponents(method):
     """Their sum is that of determinants, and others in the batch change none."""

@@ -301,6 +301,17 @@ def test_determinants_of_many_variables(monkeypatch, most):
     np.testing.assert_allclose(exponents, np.log(0.6), rtol=1e-12)
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("is_dense", [True, False])
+def test_products_that_leave_the_range_of_numbers(monkeypatch, is_dense):
+    """Each of 40 columns shrinks to a tenth in each of 40 steps, and none grows apart."""
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE_OF_TANGENT", 0)
+    D, products = 40, np.full((40, 40, 40), 1e-30 if is_dense else 0.0)
+    field = sf.QuadraticField(products, -18 / 11 * np.eye(D))
+    exponents = sf.lyapunov_exponents(field, np.zeros(D), 1.0, 40)
+    np.testing.assert_allclose(exponents, np.log(0.1), rtol=1e-12)
+
+
 def test_exponents_by_products_of_jacobians(monkeypatch):
     """Of three variables: of two, the first column and the determinant give both exponents."""
     monkeypatch.setitem(vars(maps.MAPS["Kahan"]), "growth", derivatives.growth_by_jacobian)

@@ -377,6 +377,7 @@ def test_motion_of_linear_fields(rates):
         np.testing.assert_allclose(found, sorted(rates, reverse=True), rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_motion_of_lorenz(rng):
     lorenz = systems.LORENZ
     x = rng.normal(size=(64, 3)) * 5 + [0, 0, 20]
@@ -398,6 +399,7 @@ def test_motion_of_families_that_end():
     assert np.isfinite(stopped).any()
 
 
+@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_motion_of_an_oscillator_forced_in_one_component():
     """Published as (0, -1.05392, -5.11048), where the 0 belongs to time."""
     turn = 2 * np.pi

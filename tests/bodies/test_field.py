@@ -110,24 +110,6 @@ def test_the_structure_of_a_hamiltonian_field():
     assert (one([2]), one.H([3])) == ((0,), 9)
 
 
-@pytest.mark.parametrize(
-    ("family", "f", "make"),
-    [
-        (FAMILY, lorenz, of_function),
-        (of_hamiltonian(henon_heiles, 4, a=VALUES), henon_heiles, of_hamiltonian),
-    ],
-)
-def test_a_family_has_the_coefficients_of_single_fields(family, f, make):
-    (name, values), D = family.parameters.popitem(), family.dimension
-    for value, member in zip(values, family, strict=True):
-        single = make(f, D, **{name: value})
-        assert member.parameters == {name: value}
-        assert family.sel(**{name: value}) == member
-        assert (coefficients(member) == coefficients(single)).all()
-    assert family[2:5].parameters[name].tolist() == values[2:5].tolist()
-    assert family.sel(method="nearest", **{name: 2.4}) == family[3]
-
-
 def test_a_family_with_two_axes():
     for i, j in product(range(11), range(2)):
         a, b = VALUES[i], [0.5, 1.0][j]

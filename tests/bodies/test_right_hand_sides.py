@@ -65,6 +65,10 @@ BITS = {
         1.0 * (a < b) + 2.0 * (a >= b) * (b > 0.3),
         1.0 * ((a > 0) & ~(b <= 0) | (a == b)) - (a != b),
     ),
+    "their names": lambda a, b: (
+        1.0 * np.bitwise_or(a > b, np.invert(b > 0)),
+        1.0 * np.logical_and(a > 0, np.bitwise_not(b > 0)),
+    ),
     "where": lambda a, b: (np.where(a > b, a, 1 / b), np.where((a > 0) ^ (b > 0), a * b, 2.0)),
     "clip": lambda a, b: (np.clip(a, -0.5, 0.5), np.minimum(a, np.maximum(b, 0.1))),
     "interp": lambda a, b: (

@@ -402,24 +402,6 @@ def test_failures_are_marked_at_any_step(rng, kind, options):
     assert np.isnan(run.states[~exist]).all()
 
 
-# Functions that return the values of a formula as they are.
-OF_FORMULAS = {name for map in MAPS.values() for name in map.formulas} - {
-    "step", "step_full", "closed_form", "from_xy", "to_matrix", "to_vector", "momentum",
-}  # fmt: skip
-
-
-@pytest.mark.sampled(4)
-@pytest.mark.parametrize("kind", KINDS)
-def test_values_of_formulas_have_the_shape_of_the_batch(rng, kind):
-    map, (body, omega, eps) = RECORDS[kind], sample(rng, kind, (2, 1), (3,), (4, 1, 1))
-    omega, at = np.clip(omega, -1, 1), (1, 0, 2)
-    for name in OF_FORMULAS & {*map.functions(SAMPLES[kind])}:
-        values = evaluate(name, body, omega, eps, map=map)
-        assert values.shape[:3] == (4, 2, 3), name
-        alone = evaluate(name, body[0, 0], omega[2], eps[1, 0, 0], map=map)
-        np.testing.assert_allclose(values[at], alone, rtol=1e-12, err_msg=name)
-
-
 @pytest.mark.sampled(8)
 @pytest.mark.parametrize("kind", [k for k in KINDS if "jacobian" in RECORDS[k].formulas])
 def test_the_jacobian_is_that_of_the_steps(rng, kind):

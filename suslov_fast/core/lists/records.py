@@ -21,7 +21,6 @@ class Function(NamedTuple):
     derivative  takes `emit`, the operands, and the number of the value; returns the operands that
                 are the partial derivatives, one for each operand
     is_0_at_0   whether it is 0 at 0, and smooth there
-    is_truth    whether its values are true or false
     sign        its sign in equations
     """
 
@@ -31,7 +30,6 @@ class Function(NamedTuple):
     instruction: str = ""
     derivative: Callable | None = None
     is_0_at_0: bool = False
-    is_truth: bool = False
     sign: str = ""
 
 
@@ -334,22 +332,21 @@ _MADE = [
     Function("ceil", 1, _ceil),
     Function("trunc", 1, _trunc),
     Function("where", 3, _instruction("select")),
-    Function("less", 2, _instruction("olt"), is_truth=True, sign="<"),
-    Function("greater", 2, _instruction("ogt"), is_truth=True, sign=">"),
-    Function("less_equal", 2, _swapped("oge"), is_truth=True, sign="<="),
-    Function("greater_equal", 2, _instruction("oge"), is_truth=True, sign=">="),
-    Function("equal", 2, _instruction("oeq"), is_truth=True, sign="=="),
+    Function("less", 2, _instruction("olt"), sign="<"),
+    Function("greater", 2, _instruction("ogt"), sign=">"),
+    Function("less_equal", 2, _swapped("oge"), sign="<="),
+    Function("greater_equal", 2, _instruction("oge"), sign=">="),
+    Function("equal", 2, _instruction("oeq"), sign="=="),
     Function(
         "not_equal",
         2,
         lambda values, a, b: not_(values, values.emit("oeq", a, b)),
-        is_truth=True,
         sign="!=",
     ),
-    Function("logical_and", 2, _instruction("and"), is_truth=True, sign="&"),
-    Function("logical_or", 2, _instruction("or"), is_truth=True, sign="|"),
-    Function("logical_xor", 2, _instruction("xor"), is_truth=True, sign="^"),
-    Function("logical_not", 1, not_, is_truth=True, sign="~"),
+    Function("logical_and", 2, _instruction("and"), sign="&"),
+    Function("logical_or", 2, _instruction("or"), sign="|"),
+    Function("logical_xor", 2, _instruction("xor"), sign="^"),
+    Function("logical_not", 1, not_, sign="~"),
 ]
 FUNCTIONS = {record.name: record for record in [*_OF_LISTS, *_MADE]}
 # Other names of NumPy for the same functions.

@@ -57,7 +57,7 @@ class Stepping(Motion):
             states, copies, taken = rows[:, self.rows.state], np.empty((count + 1, *rows.shape)), 0
             copies[0] = rows
             while taken < count and np.count_nonzero(states == mode) and not abandoned:
-                while not step(abandoned) and not abandoned:
+                while not step() and not abandoned:
                     pass
                 states[states == TOO_MANY] = mode  # it has made its one attempt
                 taken += 1

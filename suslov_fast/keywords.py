@@ -154,7 +154,7 @@ def lacking(thing: Any, name: str, called: str, here: str = "") -> AttributeErro
     return AttributeError(text, name=name, obj=thing)
 
 
-def answering(kind: type[R]) -> type[R]:
+def with_answers(kind: type[R]) -> type[R]:
     """Let the objects of a class answer an attribute that they lack."""
 
     def answer(self: Any, name: str) -> Any:
@@ -199,7 +199,7 @@ def public_class(kind: type[R]) -> type[R]:
 
 
 def _unchanged(self: Any, name: str, value: Any) -> None:
-    how = f"make it again with {name}={value!r}"
+    how = f"make it again with {name}=..."
     raise FrozenInstanceError(f"{type(self).__name__} cannot be changed: {how}")
 
 
@@ -211,11 +211,8 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
     if unknown := [] if takes_any else [name for name in kwargs if name not in by_name]:
         names = sorted(by_name - _OWN)
         known = f"use one of {', '.join(names)}" if names else "it takes none by name"
-        answers: dict[str, list[str]] = {}
-        for name in unknown:
-            here = instead(name, names)
-            answers.setdefault(f"use {here}" if here else known, []).append(repr(name))
-        each = [f"{', '.join(words)}: {answer}" for answer, words in answers.items()]
+        here = {name: instead(name, names) for name in unknown}
+        each = [f"{name!r}: {f'use {here[name]}' if here[name] else known}" for name in unknown]
         return f"{called} has no argument {', and no '.join(each)}"
     try:
         signature.bind(*args, **kwargs)

@@ -114,7 +114,6 @@ def test_a_stored_run_equals_iterate(store, rng, body, shape, eps, ours, setting
 
 
 MOVING = [
-    (BODY, (11,), {"chunk": 3}),
     (BODY_4D, (), {}),
     (sf.SuslovGyrostat(4, 1, -0.5, -0.3, [0.0, 0.7]), (5, 2), {"chunk": {"time": 2}}),
     (FAMILY, (5, 3), {"chunk": {"rho": 2, "batch_1": 2, "time": 3}}),

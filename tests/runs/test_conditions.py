@@ -54,6 +54,7 @@ def test_a_ball_on_a_spring_keeps_its_energy():
     assert motion.steps < 200
 
 
+@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_a_table_of_doses_with_100_knots():
     knots, heights = np.arange(101) / 10, np.random.default_rng(0).uniform(0.0, 1.0, 101)
     dosed = field(lambda s: (np.interp(s[1], knots, heights) - s[0], 1.0), "c t")
@@ -150,6 +151,7 @@ def test_crossings_of_equations_that_choose():
     np.testing.assert_allclose(abs(points.states[:, 1]), 9.81 * fall, rtol=1e-7)
 
 
+@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_kinks_keep_the_digits_of_the_tolerance():
     # Half a period with the square of the rate 1.5, half a one with 0.5.
     period = np.pi / np.sqrt(1.5) + np.pi / np.sqrt(0.5)

@@ -366,8 +366,8 @@ def test_mistakes(bad_files, monkeypatch, mistake):
 @pytest.mark.slow
 def test_ctrl_c():
     """A run of hours ends at once; a store keeps its tiles, and the same command goes on."""
-    # Numba may lose a signal while it compiles; what follows finds most kernels compiled.
-    assert run("run --trajectories 1000 --steps 2").code == 0
+    # Numba may lose a signal while it compiles: what follows finds the kernels compiled.
+    assert run("run --trajectories 1000 --steps 1e4").code == 0
     line = "run --trajectories 1000 --steps 1e10 -o"
     for name, words in (("o.npz", "o.npz was not written"), ("o.zarr", "goes on")):
         for seconds in (1.0, 4.0, 16.0, 64.0):  # until it computes

@@ -28,13 +28,17 @@ def threads(case):
 @pytest.mark.filterwarnings("ignore")  # warnings of the peers
 def bench_case(benchmark, case, threads):
     """Time a case, or run it once on a small problem."""
-    full = not benchmark.disabled
     try:
-        work = case.make(lambda large, small: large if full else min(large, small))
-        if full and not case.is_slow:
-            work.call()  # compiles, wakes threads, touches memory
+        run_case(benchmark, case, threads)
     except ImportError as error:
         pytest.skip(str(error))
+
+
+def run_case(benchmark, case, threads):
+    full = not benchmark.disabled
+    work = case.make(lambda large, small: large if full else min(large, small))
+    if full and not case.is_slow:
+        work.call()  # compiles, wakes threads, touches memory
     error = None
     if work.check and (full or (case.x or 0) <= 1000):
         error = relative_error(*work.check())

@@ -367,20 +367,20 @@ def test_mistakes(bad_files, monkeypatch, mistake):
 def test_ctrl_c():
     """A run of hours ends at once; a store keeps its tiles, and the same command goes on."""
     # Numba may lose a signal while it compiles: what follows finds the kernels compiled.
-    assert run("run --trajectories 1000 --steps 2").code == 0
+    assert run("run --trajectories 1000 --steps 1e4").code == 0
     line = "run --trajectories 1000 --steps 1e10 -o"
     for name, words in (("o.npz", "o.npz was not written"), ("o.zarr", "goes on")):
-        for seconds in (1.0, 4.0, 16.0, 64.0):  # until it computes, and is not being imported
+        for seconds in (1.0, 4.0, 16.0, 64.0):  # until it computes
             with start(f"{line} {name}") as process:
                 while not (name == "o.npz" or Path("o.zarr/zarr.json").exists()):
                     assert process.poll() is None
                     time.sleep(0.05)
                 time.sleep(seconds)
                 process.send_signal(signal.SIGINT)
-                try:
+                errors = ""
+                with contextlib.suppress(subprocess.TimeoutExpired):  # lost while it compiles
                     errors = process.communicate(timeout=10)[1]
-                finally:
-                    process.kill()  # one that does not end
+                process.kill()
             if words in errors:
                 break
         assert process.returncode == 130

@@ -43,11 +43,6 @@ def test_arrays_of_other_packages_are_welcome():
     assert field(lambda x, a: (a * x[0], 1), a=Tensor(2.0)) == field(lambda x: (2 * x[0], 1))
 
 
-def test_parameters_are_a_dictionary_that_cannot_be_set():
-    assert pickle.loads(pickle.dumps(FAMILY.parameters)).keys() == {"rho"}
-    assert type(FAMILY.parameters | {"a": 1}) is dict
-
-
 def test_a_bad_call_changes_nothing():
     out = np.full((4, 2, 2), 7.0)
     for bad in ({"eps": NAN}, {"omega0": [1, INF]}, {"steps": True}):

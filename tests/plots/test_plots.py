@@ -8,6 +8,7 @@ import pytest
 from matplotlib import colors
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 from systems import LORENZ, lorenz
 
 import suslov_fast as sf
@@ -261,10 +262,15 @@ def test_animation():
     animation._draw_was_started = True  # prevents a warning about an unsaved animation
     for number in frames:
         animation._func(number)
-    front = np.array(animation._fig.axes[0].get_lines()[-1].get_data_3d())
+    figure, axes = animation._fig, animation._fig.axes[0]
+    front = np.array(axes.get_lines()[-1].get_data_3d())
     assert front.shape == (3, 7)
     length = np.linalg.norm(front, axis=0)
     np.testing.assert_allclose(length[np.isfinite(length)], 1.15, rtol=1e-12)
+    figure.draw_without_rendering()
+    assert np.ptp(axes.get_box_aspect()) == 0.0
+    ends = [proj_transform(*text.get_position_3d(), axes.get_proj())[:2] for text in axes.texts]
+    assert figure.bbox.count_contains(axes.transData.transform(ends)) == 3  # nothing is cut
     with pytest.warns(UserWarning, match="I3 = "), pytest.raises(ValueError, match="I3"):
         sf.animate_body(sf.iterate(sf.Suslov3D(4, 1, -0.5, -0.3, I3=0.01), [1, 1], 0.1, 2))
     # No rigid body has the parameters of the first picture, but there is an ellipsoid.

@@ -118,11 +118,11 @@ def test_times_do_not_change_where_choices_change():
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_numpy_has_the_bits_of_machine_code(monkeypatch):
-    x0, times = np.array([[0.3, -1.0], [1.9, 0.4]]), [0.5, 2.0]
-    fields = FRICTION, BENT, field(lambda s: (1e3 * (abs(s[1]) - s[0]), np.cos(s[0])), "x v")
-    by_code = [sf.flow(f, x0, time=times, rtol=1e-5) for f in fields]
+    x0 = np.array([[0.3, -1.0], [1.9, 0.4]])
+    fields = FRICTION, field(lambda s: (1e3 * (abs(s[1]) - s[0]), np.cos(s[0])), "x v")
+    by_code = [sf.flow(f, x0, time=1.0, rtol=1e-4) for f in fields]
     monkeypatch.setattr(engine, "code_of_half", lambda *_: None)
-    assert [sf.flow(f, x0, time=times, rtol=1e-5) for f in fields] == by_code
+    assert [sf.flow(f, x0, time=1.0, rtol=1e-4) for f in fields] == by_code
 
 
 def test_a_family_of_levels():

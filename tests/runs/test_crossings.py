@@ -113,7 +113,8 @@ def test_crossings_are_those_of_all_states(rng, body, batch, eps, steps, directi
     points = check(body, omega0, eps, steps, lambda x: first(x) - level, **options)
     assert len(points)
     assert points.ok == (points.status >= 0).all() == (not batch)
-    assert set(points.of((0,) * len(shape)).trajectory) <= {0}
+    for index in ((0,) * len(shape), tuple(n - 1 for n in shape)):
+        assert set(points.of(index).trajectory) <= {0}
 
 
 @pytest.mark.parametrize("most", [1, 3])

@@ -114,7 +114,6 @@ def test_a_stored_run_equals_iterate(store, rng, body, shape, eps, ours, setting
 
 
 MOVING = [
-    (BODY, (11,), {"chunk": 3}),
     (BODY_4D, (), {}),
     (sf.SuslovGyrostat(4, 1, -0.5, -0.3, [0.0, 0.7]), (5, 2), {"chunk": {"time": 2}}),
     (FAMILY, (5, 3), {"chunk": {"rho": 2, "batch_1": 2, "time": 3}}),
@@ -282,6 +281,9 @@ def test_places_that_cannot_hold_a_store(store):
         call(ensemble, **ASKED, store=store.parent / "thesis")
     with pytest.raises(FileNotFoundError, match="store"):
         open_ensemble(store.with_name("missing.zarr"))
+    zarr.open_group(store, mode="w", zarr_format=2)
+    with pytest.raises(ValueError, match="format 2"):
+        open_ensemble(store)
 
 
 def test_other_kinds_of_stores():

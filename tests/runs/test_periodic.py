@@ -143,31 +143,6 @@ def test_doublings(c, turns):
     assert abs(orbit.multipliers[1]) < 1
 
 
-def kuramoto_sivashinsky(b, nu):
-    """Odd solutions by 12 sine modes, of period 2 pi."""
-    n = len(b)
-    rates = []
-    for k in range(1, n + 1):
-        sums = sum(b[m - 1] * b[k - m - 1] for m in range(1, k))
-        sums = sums - 2 * sum(b[m - 1] * b[m - k - 1] for m in range(k + 1, n + 1))
-        rates.append((k**2 - nu * k**4) * b[k - 1] - k * sums)
-    return rates
-
-
-@pytest.mark.slow
-def test_kuramoto_sivashinsky():
-    """An unstable orbit of a stiff system, against Radau over a period."""
-    field = QuadraticField.from_function(kuramoto_sivashinsky, 12, nu=0.0303)
-    start = flow(field, [0.3, 0.2, -0.4, 0.1, *[0] * 8], time=20.0, rtol=1e-8).x[0]
-    orbit = periodic_orbit(field, start, rtol=1e-10)
-    end = solve_ivp(
-        lambda t, x: field(x), (0, orbit.period), orbit.state, "Radau", rtol=1e-10, atol=1e-12,
-        jac=lambda t, x: field.jacobian(x),
-    ).y[:, -1]  # fmt: skip
-    assert abs(end - orbit.state).max() < 1e-6
-    assert abs(orbit.multipliers - 1).min() < 1e-6
-
-
 def test_several_arcs():
     """The orbit of a circle beside a saddle whose differences grow by 2e27 in a period."""
     field = QuadraticField.from_function(lambda x: (x[1], -x[0], 10 * x[2]), 3)

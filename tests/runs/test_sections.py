@@ -192,8 +192,7 @@ def test_a_surface_with_a_jump_is_bisected(root, beyond):
 
 
 @pytest.mark.compiled  # interpreted, more than 20 seconds
-@pytest.mark.parametrize("method", ["order4", "order6"])
-def test_a_pole_within_a_step_gives_the_chord_and_a_status(method, tmp_path):
+def test_a_pole_within_a_step_gives_the_chord_and_a_status(tmp_path):
     """The sign of the surface changes through infinity: no point lies beyond both ends."""
     rng, seen = np.random.default_rng(1), 0
     for _ in range(6):
@@ -201,7 +200,7 @@ def test_a_pole_within_a_step_gives_the_chord_and_a_status(method, tmp_path):
         x, c = rng.normal(size=(64, 3)), rng.normal(size=3)
         found = [
             sf.crossings(
-                field, x, 0.3, steps, lambda x, c=c: x @ c - 0.3, direction=0, method=method,
+                field, x, 0.3, steps, lambda x, c=c: x @ c - 0.3, direction=0, method="order4",
                 on_singular="ignore",
             )
             for steps in (6, 2)

@@ -139,11 +139,6 @@ def rounds(x, out, eps, work, values):
     return 0
 
 
-def forwards(x, out, eps, work, values):
-    out[0] = x[0] + abs(eps) * values
-    return 0
-
-
 def strange(x, out, eps, work, values):
     out[0] = x[0]
     return 99
@@ -155,9 +150,8 @@ def strange(x, out, eps, work, values):
         (writes, {}, ValueError, "work of 0"),
         (reads, {"work": 1}, ValueError, "x and out of 1 numbers"),
         (remembers, {"work": 1}, ValueError, "remember"),
-        (moves, {}, ValueError, "not to x "),
-        (rounds, {"values": [[0.57]]}, ValueError, "not to its row"),
-        (forwards, {}, ValueError, "-eps"),
+        (moves, {}, ValueError, "not to x"),
+        (rounds, {"values": [[0.57]]}, ValueError, "nor to its row"),
         (strange, {}, ValueError, "Status"),
         (changes, {}, TypeError, r"\*row"),
     ],
@@ -221,7 +215,7 @@ def test_an_exception_of_a_step_ends_the_run(monkeypatch):
 
 @pytest.mark.compiled
 def test_a_step_without_a_status_does_not_run():
-    with pytest.raises(TypeError, match=r"^step must.*return a Status as an int"):
+    with pytest.raises(TypeError, match=r"^step must.*return a Status"):
         iterate(counter(lambda x, out, eps, work, values: None), [0.0], 0.1, 3)
 
 

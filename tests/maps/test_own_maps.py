@@ -78,7 +78,7 @@ def counter(step=counting, work=0, values=(1.0,)):
         maps.steps_of(step, work), lambda body, eps, batch: (np.array(values), np.atleast_1d(eps))
     )
     new = {"name": "counter", "body": kind, "methods": {"auto": steps}, "formulas": {}}
-    maps.register(dataclasses.replace(own.SLEIGH, **new, pole=None, random=()))
+    maps.register(dataclasses.replace(own.SLEIGH, **new))
     return kind(1.0, 1.0, 1.0)
 
 
@@ -300,9 +300,7 @@ def test_compiled_steps_are_those_of_the_map_or_refused():
         """A sleigh with the steps of another map."""
 
     methods = {"auto": own.MIDPOINT.methods["midpoint"]}
-    maps.register(
-        dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods, pole=None)
-    )
+    maps.register(dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods))
     with pytest.raises(TypeError, match=r"^body must.*compiled steps, not Midpoint: Sleigh"):
         compiled.system(Midpoint(1.0, 1.5, 0.4), 0.1)
 
@@ -319,7 +317,7 @@ def test_functions_of_a_second_method_of_a_class():
     """They are those of its map, and of no other; a map without a quantity refuses."""
     new = {"name": "second", "methods": {"second": own.MIDPOINT.methods["midpoint"]}}
     new["formulas"] = {"jacobian": Formula(of_midpoint)}
-    maps.register(dataclasses.replace(own.SLEIGH, **new, pole=None))
+    maps.register(dataclasses.replace(own.SLEIGH, **new))
     body, x, method = own.Sleigh(2.0, 1.5, 0.4), np.array([1.0, 0.5]), {"method": "second"}
     Q, sums, orbit = np.eye(2), 0.0, iterate(body, x, 0.1, 50, **method).omega
     assert (orbit != iterate(body, x, 0.1, 50).omega)[1:].any(axis=-1).all()
@@ -353,7 +351,7 @@ def test_functions_of_a_second_method_of_a_class():
 
 
 def test_a_state_at_a_pole_of_the_sleigh():
-    body, pole = own.SLEIGH.pole
+    body, pole = own.POLES["sleigh"]
     assert iterate(body, pole, 1.0, 1, on_singular="ignore").status == sf.Status.SINGULAR
 
 
@@ -454,7 +452,7 @@ def test_a_class_with_other_equations_needs_a_record():
     given = 2.0, 1.5, 0.4
     with pytest.raises(TypeError, match=r"^(body|system)\b"):
         iterate(Faster(*given), SPEEDS[0], 0.1, 5)
-    maps.register(dataclasses.replace(own.SLEIGH, name="faster", body=Faster, pole=None))
+    maps.register(dataclasses.replace(own.SLEIGH, name="faster", body=Faster))
     run = iterate(Faster(*given), SPEEDS[0], 0.1, 5)
     np.testing.assert_array_equal(run.omega, iterate(own.Sleigh(*given), SPEEDS[0], 0.2, 5).omega)
 
@@ -473,7 +471,7 @@ def test_a_class_with_other_equations_needs_a_record():
 )
 def test_bodies_that_contradict_themselves(changes, words):
     kind = type("Wrong", (own.Sleigh,), {"field": own.Sleigh.field} | changes)
-    maps.register(dataclasses.replace(own.SLEIGH, name="new", body=kind, pole=None))
+    maps.register(dataclasses.replace(own.SLEIGH, name="new", body=kind))
     with pytest.raises((TypeError, ValueError), match=words):
         iterate(kind(2.0, 1.5, 0.4), [1.0] * changes.get("dimension", 2), 0.1, 5)
 
@@ -497,7 +495,7 @@ def test_kernels_by_hand_are_refused():
 
 def test_parameters_with_different_numbers_of_axes(rng, tmp_path):
     """A number, a vector and a matrix, of each member or shared by all: rows have their shapes."""
-    for make in own.MIXED.random:
+    for make in own.RANDOM["mixed"]:
         bodies, x = make(rng, (4,)), rng.normal(size=(4, 3))
         run = iterate(bodies, x, 0.1, 6)
         for k, body in enumerate(bodies):
@@ -521,7 +519,7 @@ def test_the_error_of_a_step_that_numba_refuses_says_why():
 
     methods = {"auto": Steps(maps.steps_of(step), maps.by_constants)}
     kind = type("New", (own.Mixed,), {})
-    maps.register(dataclasses.replace(own.MIXED, name="new", body=kind, methods=methods, random=()))
+    maps.register(dataclasses.replace(own.MIXED, name="new", body=kind, methods=methods))
     with pytest.raises(TypeError, match=r"^step must .*undefined"):
         iterate(kind(1.0, np.ones(3), np.eye(3)), np.ones(3), 0.1, 2)
 
@@ -539,11 +537,10 @@ from dataclasses import replace
 class Strong(QuadraticField):
     pass
 
-random = maps.MAPS["Kahan"].random[0]
 maps.register(replace(
     maps.MAPS["implicit midpoint"], name="strong", body=Strong, methods={"auto": maps.FIELD},
-    random=(lambda rng, shape: Strong(300 * np.asarray(random(rng, shape).quadratic, float)),),
 ))
+RANDOM = {"strong": (lambda rng, shape: Strong(30 * rng.normal(size=(*shape, 5, 5, 5))),)}
 """
 
 
@@ -551,7 +548,7 @@ maps.register(replace(
 @pytest.mark.slow
 def test_the_maps_of_the_page_keep_the_promises(tmp_path):
     """In a module of one's own; and a map whose random orbits diverge."""
-    mixed = "import own\nmaps.register(own.MIXED)\n"
+    mixed = 'import own\nmaps.register(own.MIXED)\nRANDOM["mixed"] = own.RANDOM["mixed"]\n'
     (tmp_path / "my_maps.py").write_text(MODULE + DIVERGING + mixed, encoding="utf-8")
     tests = Path(__file__).parents[1] / "package" / "test_promises.py"
     words = "midpoint or mixed and (loop or parts or threads)"

@@ -38,16 +38,6 @@ def run(requests: Coroutine[Any, Any, T]) -> T:
     return answer
 
 
-async def settle(seconds: float) -> None:
-    """Wait for requests that an interrupt left unfinished, and cancel those that take longer.
-
-    Otherwise asyncio prints warnings about them when the process ends.
-    """
-    if others := asyncio.all_tasks() - {asyncio.current_task()}:
-        for task in (await asyncio.wait(others, timeout=seconds))[1]:
-            task.cancel()
-
-
 def opened(store: Any) -> Any:
     """Return a Zarr store object after it was opened, because one of a ZIP file starts closed."""
     from zarr.storage import StorePath

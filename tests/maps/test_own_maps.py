@@ -422,7 +422,7 @@ def test_a_formula_of_another_shape_is_refused():
     of_states = Formula(lambda problem: problem.omega + 0.0 * np.asarray(problem.eps)[..., None])
     kind = type("Wrong", (own.Sleigh,), {})
     formulas = {"modified_energy": forgets, "energy": of_states}
-    new = {"name": "new", "body": kind, "formulas": formulas, "conserved": (), "pole": None}
+    new = {"name": "new", "body": kind, "formulas": formulas, "conserved": ()}
     maps.register(dataclasses.replace(own.SLEIGH, **new))
     body = kind(2.0, 1.5, 0.4)
     assert sf.modified_energy(body, [1.0, 0.5], 0.1) == 1.0

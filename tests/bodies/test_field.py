@@ -125,7 +125,6 @@ def test_a_family_has_the_coefficients_of_single_fields(family, f, make):
         assert family.sel(**{name: value}) == member
         assert (coefficients(member) == coefficients(single)).all()
     assert family[2:5].parameters[name].tolist() == values[2:5].tolist()
-    assert family.sel(method="nearest", **{name: 2.4}) == family[3]
 
 
 def test_a_family_with_two_axes():

@@ -309,7 +309,8 @@ def plot(options: argparse.Namespace) -> None:
     from ..runs.files.storage import load
     from ..runs.plot import plt
 
-    figure = load(options.file).plot(components=options.components).figure
+    chosen = {"components": options.components} if options.components else {}
+    figure = load(options.file).plot(**chosen).figure
     with _about(options.output):
         figure.savefig(options.output, dpi=150)
         plt.close()

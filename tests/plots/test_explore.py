@@ -257,7 +257,7 @@ def test_page_in_a_notebook():
     with contextlib.closing(sf.explore(body, [-0.9, 1.3], eps=0.2, steps=50)) as page:
         view = parse_query(urlsplit(page.url).query)
         assert (view.body, view[5:9], view.show) == (body, (0.2, -0.9, 1.3, 50), "F energy")
-        frame = page._repr_mimebundle_()["text/html"]
+        frame = page._repr_html_()
         assert f'src="{page.url.replace("&", "&amp;")}"' in frame
         with urllib.request.urlopen(page.url, timeout=60) as reply:
             assert b"suslov_fast" in reply.read()
@@ -294,7 +294,7 @@ def test_every_case_is_drawn_without_an_error(page, server):
 def test_everything_is_in_sight_in_a_notebook(page, server, name):
     """The page fits into its frame at the width of a cell of JupyterLab, some 1,060 pixels."""
     with contextlib.closing(sf.explore()) as shown:
-        (height,) = re.findall(r'height="(\d+)"', shown._repr_mimebundle_()["text/html"])
+        (height,) = re.findall(r'height="(\d+)"', shown._repr_html_())
     page.look(1060, int(height))
     show(page, f"{server.url}?{query(CASES[name], show='F')}")
     for panel in ("plane", "show", "space-panel", "numbers-panel"):

@@ -128,10 +128,9 @@ class Page:
     def __repr__(self) -> str:
         return f"<Page {self.url}>"
 
-    def _repr_mimebundle_(self, **options: Any) -> Any:
+    def _repr_html_(self) -> str:
         address = self.url.replace("&", "&amp;")
-        frame = f'<iframe src="{address}" width="100%" height="860" style="border: 0"></iframe>'
-        return {"text/plain": repr(self), "text/html": frame}
+        return f'<iframe src="{address}" width="100%" height="860" style="border: 0"></iframe>'
 
 
 @public

@@ -31,7 +31,7 @@ def bench_case(benchmark, case, threads):
     full = not benchmark.disabled
     try:
         work = case.make(lambda large, small: large if full else min(large, small))
-        if not (full and case.is_slow):
+        if full and not case.is_slow:
             work.call()  # compiles, wakes threads, touches memory
     except ImportError as error:
         pytest.skip(str(error))

@@ -29,10 +29,15 @@ def pytest_collection_modifyitems(config, items):
 
 
 def _kind(case):
-    """Return what one small case stands for: a function of a peer, a kind of process, or a row."""
+    """Return what one small case stands for: a function of a peer, a kind of process, or a row.
+
+    One function stands for all of a module whose functions Numba compiles for seconds.
+    """
     if case.table == "processes":
         return case.key.rpartition("-")[2]
     peers = [each for each in case.make.args if isinstance(each, str) and "." in each]
+    if peers and peers[0].startswith(("numba_loops.", "own_loops.")):
+        return peers[0].partition(".")[0]
     return peers[0] if peers else (case.table, case.key)
 
 

@@ -301,7 +301,9 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
     try:
         if isinstance(value, (bool, np.bool_)):
             raise TypeError
-        number = operator.index(value)
+        # 1e3 is an integer to whoever writes it, here as in commands
+        is_whole = isinstance(value, float) and value.is_integer()
+        number = int(value) if is_whole else operator.index(value)
     except TypeError as error:
         received = "None" if value is None else f"the {type(value).__name__} {short(value)}"
         raise wrong(name, expected, received, TypeError) from error
@@ -352,6 +354,8 @@ def in_place_of(value: Any, maker: str = "QuadraticField") -> str:
         return f": pass {maker}.from_function(f, names)"
     if isinstance(value, tuple) and value and hasattr(value[0], "instead"):
         return ": pass its first item; Suslov3D.figure returns a body and eps"
+    if isinstance(value, list) and value and hasattr(value[0], "instead"):
+        return ": pass one, with arrays as parameters"
     known = ": pass a body, or a field such as QuadraticField.from_function(f, names)"
     instead: str = getattr(value, "instead", known)
     return instead

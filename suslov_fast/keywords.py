@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Collection
+from dataclasses import FrozenInstanceError
 from difflib import get_close_matches
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
@@ -14,33 +16,38 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 # Words of other packages, in lower case without underscores; what they are called here, of which a
-# function or an object may have one; and what to do where it has none.
+# function or an object may have one, such as `states` for states[0]; and what to do where it has
+# none.
 _TABLE = (
-    ("dt h epsilon stepsize deltat firststep eps", "eps",
+    ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
+    ("dt h stepsize deltat firststep", "eps",
      "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
-    ("t time times teval ts tend tmax tf tfinal duration period", "time period steps",
+    ("t time teval tend tmax tf tfinal duration period", "time period steps",
      "flow(system, x0, time=t), or the steps n of a map"),
     ("tspan t0", "", "time= of flow, counted from x0; iterate runs to eps * steps"),
-    ("backward reverse", "", "-eps, which undoes a step"),
+    ("backward reverse inverse", "", "-eps, which undoes a step"),
     ("tol rtol reltol", "rtol tol", "flow(..., rtol=); steps of a map have no tolerance"),
     ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
     ("order integrator solver alg algorithm scheme method", "method",
      "method= of iterate; flow chooses its steps by rtol=, and stiff or not by itself"),
     ("n nsteps numsteps iterations maxsteps maxiter steps", "steps n J",
      "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
-    ("denseoutput interpolate interpolant sol", "", "flow(system, x0, time=t), at any times t"),
+    ("denseoutput interp interpolate interpolant resample at sol", "",
+     "flow(system, x0, time=t), at any times t"),
     ("nfev nstep naccepted", "steps", ""),
-    ("x0 y0 u0 z0 omega0 omega x state states ic", "states state components omega0",
+    ("x0 y0 u0 z0 omega0 ic", "states[0] state omega0",
      "the second argument, without a name, for states"),
-    ("body system field fun rhs model", "body", "the first argument, without a name"),
+    ("omega x state states", "states state components omega0",
+     "the second argument, without a name, for states"),
+    ("body system field fun rhs model", "body vector_field", "the first argument, without a name"),
     ("f", "first_integral body", "the first argument, without a name"),
-    ("args p params parameters", "parameters",
+    ("arg p param parameter", "parameters",
      "parameters of the system: from_function(f, names, a=1), body.parameters"),
     ("withparameters setparameters set replace subs", "with_parameters",
      "a new system, with the new parameters; arrays make a family"),
-    ("events event section condition value", "crossings",
+    ("event section condition value", "crossings",
      "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0)"),
-    ("jumps jump doses dose impulses resets", "",
+    ("jump dose impulse reset", "",
      "flow from one to the next: x = flow(system, x, time=dt).x[-1] + jump"),
     ("poincare poincaremap poincaresection poincaresos tevents yevents", "crossings", ""),
     ("terminal stop", "", "crossings(system, x0, time=T, surface=..., most=1)"),
@@ -53,6 +60,9 @@ _TABLE = (
     ("verbose callback", "progress", ""),
     ("seed rng randomstate", "seed RandomStarts", "RandomStarts(size, seed=...) as states"),
     ("filename file", "path store", ""),
+    ("out output", "out", "ensemble(..., store=), which writes to disk"),
+    ("exact rational fractions", "exact",
+     "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
     ("overwrite mode", "force", "another name, or delete the folder of the store"),
     ("c color colour colors", "color", "plots have color="),
     ("y z axis", "components states", ""),
@@ -61,37 +71,39 @@ _TABLE = (
     *((f"i3{k}", f"I{k}3", "") for k in (1, 2)),
     ("i inertia inertiamatrix tensor i12 i21", "parameters",
      "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
-    ("u values data trajectories solution points shape tonumpy select", "states",
+    ("u values data trajectories solution points shape tonumpy select max min mean", "states",
      "iterate, whose result has states"),
-    ("index idx orbit orbits member which", "trajectory", ""),
+    ("index idx orbit member which", "trajectory", "states[:, i], of trajectory i"),
     ("success retcode", "ok", ""),
-    ("message error errors failedat", "status", ""),
-    ("last end final", "final", "states[-1]"),
+    ("message error failedat", "status", ""),
+    ("last end final finalstate laststate", "final states[-1]", ""),
     ("resume restart continue extend", "extend",
      "the same call again, which goes on with a store, or states[-1] as x0"),
-    ("df dataframe todataframe topandas tocsv", "",
+    ("df dataframe todataframe topandas tocsv toexcel", "",
      "pandas.DataFrame(run.states, run.time), of one orbit; to_xarray().to_dataframe() of many"),
     ("tonetcdf tozarr sel isel", "to_xarray", ""),
     ("savefig figure", "figures plot", "plot().figure.savefig(path)"),
     ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
     ("load", "load", "Trajectories.load, or Crossings.load, or Motion.load"),
-    ("latex tolatex equations tosympy", "", "str(field), the equations"),
+    ("latex tolatex equations tosympy sympify", "", "str(...), the formula"),
     ("lambdify", "compiled", "field(x), or compiled.system in loops of your own"),
     ("dim ndim d", "dimension", ""),
-    ("jac dx derivative eigenvalues stability", "",
-     "jacobian(x) of a field, its right-hand side's; that of a body is QuadraticField.of(body)"),
-    ("quadratic linear constant terms", "", "QuadraticField.of(body), whose terms they are"),
+    ("jac dx derivative eigenvalues linearize stability", "",
+     "field.jacobian(x), of its right-hand side; for a body QuadraticField.of(body).jacobian(x)"),
+    ("quadratic linear constant term coefficient", "quadratic",
+     "QuadraticField.of(body), whose terms they are"),
+    ("variable", "names labels", ""),
     ("solveivp odeint ode integrate solve", "flow", ""),
-    ("trajectory simulate evolve", "run",
+    ("trajectory simulate evolve", "run states",
      "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
     ("orbitdiagram bifurcationdiagram bifurcation", "iterate", ""),
     ("phaseportrait", "plot plot_phase", "iterate(...).plot()"),
     ("plot", "plot", "iterate(...).plot(), or flow(...).plot()"),
     ("sensitivity sensitivities", "",
      "flow(..., derivatives=('x0', 'a')), and derivative('a') of its result"),
-    ("lyapunov lyapunovs lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
-    ("fixedpoints equilibria equilibrium steadyline steadystate", "fixed_points", ""),
-    ("frominertia frommatrix", "from_inertia from_mass_tensor", ""),
+    ("lyapunov lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
+    ("fixedpoint equilibria equilibrium steadyline steadystate", "fixed_points", ""),
+    ("frominertia frommatrix fromtensor", "from_inertia from_mass_tensor", ""),
     ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
     ("theorem1 theorem", "exact", ""),
     ("lemma1", "first_integral", ""),
@@ -103,7 +115,7 @@ _TABLE = (
     ("fromstring fromtext fromequations fromsecondorder", "",
      "from_function(lambda x: (x[1], -x[0]), 'q p')"),
     ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
-    ("figures picture pictures", "figures", "Suslov3D.figure(k)"),
+    ("figures picture", "figures", "Suslov3D.figure(k)"),
     ("animate animation", "",
      "suslov_fast.animate_body(run) for a body, FuncAnimation of Matplotlib for equations"),
     ("report integrals firstintegrals zoo examples kahan", "", "suslov_fast.integrability"),
@@ -115,11 +127,13 @@ _WORDS = {word: (names.split(), how) for words, names, how in _TABLE for word in
 
 def instead(word: str, known: Collection[str]) -> str:
     """Return what to use for a word: a known name, or a sentence, or nothing."""
-    names, how = _WORDS.get(word.lower().replace("_", ""), ((), ""))
+    plain = word.lower().replace("_", "")
+    plain = plain if plain in _WORDS else plain.removesuffix("s")
+    names, how = _WORDS.get(plain, ((), ""))
     if "eps" in names and {"eps", "time"} <= {*known}:
         return "eps= and steps= for the map, counted in steps, or time=T for the motion, in time"
     found = [each for each in known if each.lower() == word.lower()]
-    found += [name for name in names if name in known]
+    found += [name for name in names if name.partition("[")[0] in known]
     near = get_close_matches(word, known, 1, 0.75)
     return (found or [how] * bool(how) or near or [""])[0]
 
@@ -138,6 +152,16 @@ def lacking(thing: Any, name: str, called: str, here: str = "") -> AttributeErro
     if here:
         return AttributeError(f"{text}: use {here}")
     return AttributeError(text, name=name, obj=thing)
+
+
+def answering(kind: type[R]) -> type[R]:
+    """Let the objects of a class answer an attribute that they lack."""
+
+    def answer(self: Any, name: str) -> Any:
+        raise lacking(self, name, f"{type(self).__name__!r} object")
+
+    kind.__getattr__ = answer  # type: ignore[attr-defined]
+    return kind
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
@@ -161,12 +185,22 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def public_class(kind: type[R]) -> type[R]:
-    """Let the constructor of a dataclass, or of a named tuple, answer as a public function."""
+    """Let the constructor of a dataclass, or of a named tuple, answer as a public function.
+
+    A frozen dataclass answers an assignment with what makes another object.
+    """
     if issubclass(kind, tuple):
         kind.__new__ = staticmethod(public(kind.__new__))  # type: ignore[method-assign]
-    else:
-        kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
+        return kind
+    kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
+    if "__setattr__" in vars(kind):
+        kind.__setattr__ = _unchanged  # type: ignore[method-assign]
     return kind
+
+
+def _unchanged(self: Any, name: str, value: Any) -> None:
+    how = f"make it again with {name}={value!r}"
+    raise FrozenInstanceError(f"{type(self).__name__} cannot be changed: {how}")
 
 
 def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) -> str:
@@ -176,8 +210,12 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
     takes_any = any(each.kind is each.VAR_KEYWORD for each in parameters)
     if unknown := [] if takes_any else [name for name in kwargs if name not in by_name]:
         names = sorted(by_name - _OWN)
-        known = f"one of {', '.join(names)}" if names else "arguments without names"
-        each = [f"{name!r}: use {instead(name, names) or known}" for name in unknown]
+        known = f"use one of {', '.join(names)}" if names else "it takes none by name"
+        answers: dict[str, list[str]] = {}
+        for name in unknown:
+            here = instead(name, names)
+            answers.setdefault(f"use {here}" if here else known, []).append(repr(name))
+        each = [f"{', '.join(words)}: {answer}" for answer, words in answers.items()]
         return f"{called} has no argument {', and no '.join(each)}"
     try:
         signature.bind(*args, **kwargs)
@@ -185,11 +223,20 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         shown = [p.replace(annotation=p.empty) for p in parameters if p.name not in _OWN]
         how = ""
         unnamed = sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
-        named = ", ".join([f"{p.name}=" for p in shown if p.kind is p.KEYWORD_ONLY][:3])
-        if len(args) > unnamed and (named or takes_any):
+        after_star = [p for p in shown if p.kind is p.KEYWORD_ONLY]
+        missing = [p for p in after_star if p.default is p.empty and p.name not in kwargs]
+        named = ", ".join(f"{p.name}=" for p in missing or after_star[:3])
+        if missing or (len(args) > unnamed and (named or takes_any)):
             how = f", pass {'parameters, as a=1,' if takes_any else named} by name"
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
         if called == "flow" and args and inspect.isroutine(args[0]):
             how += ", and for the function pass Field.from_function(f, names)"
+        if args and getattr(args[0], "called", "") == "a run":
+            first = "[0]" * ("0'" in str(error))  # of x0 or omega0
+            how += f", for a run pass run.body, run.states{first}"
+        kind = type(args[0]) if args else None
+        if kind and kind.__name__ == called:  # of a constructor
+            makers = [f"{called}.{each}" for each in dir(kind) if re.match("from_(?!dict)", each)]
+            how += f", or use {' or '.join(makers)}" * bool(makers)
         return f"{called}: {error}{how}: the call is {called}{takes}"
     return ""

@@ -257,7 +257,8 @@ def _check_that_states_follow(first: Problem, states: FloatArray) -> None:
         text = (
             f"omega: a step of the map with this eps does not take state {row}{where} to the next"
         )
-        raise ValueError(f"{text}: call iterate with attitude=True, or save all its states")
+        how = "pass all states of iterate, or call it with attitude=True; flow has no attitude"
+        raise ValueError(f"{text}: {how}")
 
 
 @public

@@ -10,6 +10,7 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tornado import ioloop, websocket
 
@@ -118,9 +119,18 @@ def settle(browser):
     browser.wait(script)
 
 
-def put(browser, field, value):
-    """Write a number into a field, or move its slider."""
-    place, event = f"document.getElementById({field!r})", "new Event('input', {bubbles: true})"
+def show(browser, url, *modules):
+    """Open an address anew, and make the names of modules of the page global."""
+    browser.open("about:blank")
+    browser.open(url)
+    settle(browser)
+    for name in modules:
+        browser.value(f"import('/{name}.js').then((found) => void Object.assign(window, found))")
+
+
+def put(browser, field, value, event="input"):
+    """Write a number into a field, move its slider, or choose."""
+    place, event = f"document.getElementById({field!r})", f"new Event({event!r}, {{bubbles: true}})"
     browser.value(f"{place}.value = {str(value)!r}; {place}.dispatchEvent({event})")
     settle(browser)
 
@@ -140,3 +150,20 @@ def check_silence(browser, url):
         if event.get("method") == "Network.requestWillBeSent":
             address = event["params"]["request"]["url"]
             assert address.startswith((url, "data:", "blob:", "about:")), address
+
+
+def exported(browser, folder):
+    """Save the numbers and the picture, and return the table and the text of the picture."""
+    browser.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+    for kind in ("csv", "svg", "png"):
+        browser.value(f"byId('save-{kind}').click()")
+        browser.wait(f"byId('copied').textContent === 'Saved suslov-orbit.{kind}'")
+    files = [folder / f"suslov-orbit.{kind}" for kind in ("csv", "svg", "png")]
+    wait(lambda: all(path.exists() and path.stat().st_size for path in files))
+    assert files[2].read_bytes().startswith(b"\x89PNG")
+    return np.loadtxt(files[0], delimiter=",", skiprows=1), files[1].read_text("utf-8")
+
+
+def rows(found, size=2):
+    """States of a scene, in which one that does not exist is None."""
+    return np.array([[np.nan] * size if row is None else row for row in found])

@@ -1,6 +1,8 @@
 """Equations that tests of several rooms take."""
 
-from suslov_fast import QuadraticField
+import numpy as np
+
+from suslov_fast import Field, QuadraticField
 
 
 def lorenz(x, rho=28):
@@ -14,3 +16,6 @@ def henon_heiles(x):
 
 LORENZ = QuadraticField.from_function(lorenz, 3)
 HENON_HEILES = QuadraticField.from_hamiltonian(henon_heiles, 4)
+FRICTION = Field.from_function(lambda s, mu: (s[1], -s[0] - mu * np.sign(s[1])), "x v", mu=0.15)
+# A ball that falls on a spring.
+SPRING = Field.from_function(lambda s: (s[1], -9.81 - np.where(s[0] < 0, 1000 * s[0], 0.0)), "h v")

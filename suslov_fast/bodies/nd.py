@@ -39,7 +39,7 @@ _INSTEAD = {
     "exact": "iterate",
     "flow": "flow, which computes it to a tolerance",
     "limits": "iterate",
-    "first_integral": "modified_energy, which varies by O(eps**4)",
+    "first_integral": "suslov_fast.integrability.report, which looks for integrals",
     "criticality": "iterate, and compare with half the step size",
     "invariant_density": "the determinant of jacobian",
 }
@@ -267,7 +267,7 @@ class NotIntegrableError(SuslovError, ValueError):
     ...     first_integral(body, [1.0, 0.5, 0.2], eps=0.1)
     ... except NotIntegrableError as error:
     ...     print(str(error).rpartition(": ")[2])
-    use modified_energy, which varies by O(eps**4)
+    use suslov_fast.integrability.report, which looks for integrals
     """
 
     known: Any = False  # for which members of a batch a formula is known

@@ -322,16 +322,13 @@ def _in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
     principal = np.linalg.eigvalsh(checks.real_array("I", I))
     largest, others = principal[..., -1], principal[..., 0] + principal[..., 1]
     bad = others - largest < -_ROUNDING * largest
-    _refuse("I", bad, f"violates the triangle inequality of principal moments: {_CONVENTIONS}")
+    _refuse("I", bad, f"is of no rigid body (triangle inequality): {_CONVENTIONS}")
     I1, I2, I3 = np.moveaxis(np.diagonal(tensors, axis1=-2, axis2=-1), -1, 0)
     return I1, I2, tensors[..., 0, 2], tensors[..., 1, 2], I3, rotation
 
 
 # How programs print another tensor.
-_CONVENTIONS = (
-    "I must be about the fixed point, with minus the integrals of x y dm off the diagonal, see "
-    'the page "Start from your inertia tensor" of the documentation'
-)
+_CONVENTIONS = "it is about the fixed point, with minus the integrals of x y dm off the diagonal"
 
 
 def _refuse(name: str, bad: Any, what: str) -> None:

@@ -41,9 +41,10 @@ class _Parser(argparse.ArgumentParser):
                 names[name.strip("-").replace("-", "_")] = name
         unknown = re.search(r"arguments: --?([^\s=]+)|invalid choice: '([^']*)'", message)
         word = (unknown[1] or unknown[2] or "") if unknown else ""
-        near = names.get(instead(word.replace("-", "_"), names))
+        here = instead(word.replace("-", "_"), names)
         in_python = f"; call suslov_fast.{word} in Python" if word in dir(sf) else ""
-        super().error(f"{message}; did you mean {near}?" if near else message + in_python)
+        how = f"; use {here}" if here else in_python
+        super().error(f"{message}; did you mean {names[here]}?" if here in names else message + how)
 
 
 def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namespace:

@@ -92,7 +92,7 @@ def check(
     omega = checks.states(name, omega, labels, later)
     eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)
     of_eps = () if type(eps) is float else eps.shape
-    shapes = {"body": body.shape, name: omega.shape[:-1], "eps": of_eps}
+    shapes = {"system": body.shape, name: omega.shape[:-1], "eps": of_eps}
     if attitude is not False:
         if map.attitude is None:
             expected = "left out, because states of this map have no orientation"

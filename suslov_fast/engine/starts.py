@@ -22,7 +22,7 @@ _LEAST, _MOST = 1e-13, 1e-2  # of rtol
 _FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
 # What solutions do that stop.
 _CAUSES = {
-    Status.ENDED: "end: they escape to infinity, or reach a pole",
+    Status.ENDED: "end: they escape to infinity, or f or a derivative that is asked for does",
     Status.SLIDING: (
         "slide along a condition y = 0 of f, to which f leads back from both sides (smooth it by "
         "np.tanh(y/width) for np.sign(y), or use two thresholds)"

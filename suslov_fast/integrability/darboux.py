@@ -36,9 +36,9 @@ from .polynomials import (
 
 @public
 def darboux_polynomials(map: RationalMap, degree: int, cofactor: Any = None) -> Polynomials:
-    """Find the polynomials P with P(map(x)) = C(x) P(x) (arXiv:1902.04715).
+    """Find the polynomials P with P(map(x)) = C(x) P(x), by default of the cofactor C = det DPhi.
 
-    For the default cofactor, 1 / P is the density of an invariant measure. For any cofactor,
+    For that cofactor, 1 / P is the density of an invariant measure (arXiv:1902.04715). For any,
     quotients of two such polynomials are first integrals. The equations are those of random points
     modulo a prime, 10 more than unknowns; the solution is confirmed modulo another prime.
 

@@ -20,7 +20,7 @@ import flint
 from ..bodies.fields.calls import checked_function
 from ..bodies.fields.names import labels, latex
 from ..checks import extra, short, wrong
-from ..keywords import public
+from ..keywords import answering, public
 from . import arithmetic
 from .arithmetic import EPS
 from .polynomials import (
@@ -47,6 +47,7 @@ _NAME = r"[^\W\d]\w*"
 L = TypeVar("L", bound="WithLetter")
 
 
+@answering
 class WithLetter:
     """What may have a symbol in its coefficients: eps, or another letter."""
 

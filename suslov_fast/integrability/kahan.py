@@ -35,6 +35,8 @@ class KahanMap(RationalMap):
     """
 
     def __init__(self, field: QuadraticField, eps: Fraction | None, sign: int = 1) -> None:
+        if not isinstance(field, QuadraticField) or not isinstance(eps, Fraction | None):
+            raise TypeError("field: a KahanMap is made by kahan(field, eps)")
         self.field, self.eps, self._sign = field, eps, sign
         self.dimension, self.letter = field.dimension, "eps" if eps is None else ""
         self.names = None if field.names == labels(field.dimension) else field.names

@@ -152,8 +152,9 @@ class _Maps:
     """The maps of a function at exact numbers; fields have a symbolic eps."""
 
     def __init__(self, f: Any) -> None:
-        if not callable(f):
-            raise wrong("f", "a function of the parameter", kind_of(f), TypeError)
+        if not callable(f) or isinstance(f, QuadraticField | RationalMap):
+            received = f"{kind_of(f)}: pass one that returns fields or maps"
+            raise wrong("f", "a function of the parameter", received, TypeError)
         self._f, self._dimension = f, 0
         self.at = cache(self._at)  # the map at a value; None if there is none
         self.error: Exception | None = None  # of a value without a map

@@ -16,7 +16,7 @@ from typing import Any
 from ..bodies.base import Body
 from ..bodies.fields.field import QuadraticField
 from ..checks import integer, is_false, kind_of, real_number, wrong
-from ..keywords import public
+from ..keywords import answering, public
 from .arguments import check_unknowns, progress_function
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
@@ -34,6 +34,7 @@ _ROUNDING = 1e-12  # of an entropy
 Functions = tuple[RationalFunction, ...]
 
 
+@answering
 @dataclasses.dataclass(repr=False)
 class Report:
     """Results of `report` for a map.

@@ -340,6 +340,10 @@ INSTEAD = {
     **dict.fromkeys(
         ("attitude", "momentum", "reaction", "to_matrix"), ", whose states rotate no body"
     ),
+    "rotation_number": (
+        ": of an orbit x round 0, np.unwrap(np.arctan2(x[:, 1], x[:, 0])) / (2 * np.pi) counts "
+        "the revolutions"
+    ),
     "to_vector": ": in n dimensions use to_matrix",
     **dict.fromkeys(
         ("explore", "plot_phase", "animate_body"), ": use iterate(...).plot() or flow(...).plot()"

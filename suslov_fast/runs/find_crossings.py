@@ -185,7 +185,8 @@ def crossings(
         most = integer("most", most, 1, "None or an integer of at least 1")
     one_of("on_singular", on_singular, ON_SINGULAR)
     if surface is None:
-        raise TypeError("surface is missing: pass surface=lambda x: x[..., 0], for component 0")
+        how = "time=T along a motion, or eps and steps, and surface=lambda x: x[..., 0]"
+        raise TypeError(f"surface is missing: pass {how}, for component 0")
     if time is not None:
         given = {"eps": eps is not None, "steps": steps is not None}
         checks.left_out("time", **given, method=method != "auto")

@@ -30,9 +30,10 @@ from .functions import returned_at, values_at
 from .search import Surface
 
 PARTS = 8  # of a step, between which signs of surfaces are compared
-_NUDGES = 28  # how often the end of a bracket moves on, to lie beyond the surface
+_NUDGE = 2.0**-50  # part of a step by which the end of a bracket moves on, to lie beyond
+_NUDGES = 26  # how often it does, four times as far each time
 # Steps of the first stretch between two looks; each has twice as many, up to a limit.
-_STEPS, _MOST, _NUMBERS = 4, 64, 2**18
+_STEPS, _MOST, _NUMBERS = 4, 64, 2**20
 
 Indices = NDArray[np.int64]
 
@@ -50,8 +51,19 @@ class Steps(NamedTuple):
     group: Group
     own: Indices  # the trajectory in the group
     number: Indices  # of the step of a trajectory in this stretch
-    before: FloatArray  # rows
-    after: FloatArray
+    rows: FloatArray  # (1 + attempts, trajectories, rows), before and after each attempt
+    attempt: Indices
+    place: Indices  # the trajectory in `rows`
+
+    def before(self, which: Any = ALL) -> FloatArray:
+        """Return the rows (K, rows) before some of these steps."""
+        found: FloatArray = self.rows[self.attempt[which], self.place[which]]
+        return found
+
+    def after(self, which: Any = ALL) -> FloatArray:
+        """Return the rows (K, rows) after some of these steps."""
+        found: FloatArray = self.rows[self.attempt[which] + 1, self.place[which]]
+        return found
 
 
 class MotionSearch:
@@ -116,7 +128,7 @@ class MotionSearch:
         while self.active.any() and not self.is_stopped:
             longest = min(longest, most)
             groups = [group for group in self.groups if self.active[group.where].any()]
-            self._look([self._stretch(group, longest) for group in groups])
+            self._look([each for group in groups for each in self._stretch(group, longest)])
             for group in self.groups:
                 self._end(group, np.flatnonzero(self.active[group.where]))
             done, longest = len(self.active) - int(self.active.sum()), 2 * longest
@@ -125,19 +137,19 @@ class MotionSearch:
         left = self.active
         self.status[left], self.final[left] = Status.TOO_MANY_STEPS, np.nan
 
-    def _stretch(self, group: Group, attempts: int) -> Steps:
+    def _stretch(self, group: Group, attempts: int) -> list[Steps]:
         """Let the active trajectories of a group try some steps; return the steps taken."""
-        engine, pieces = group.engine, []
+        engine, found = group.engine, []
         own = np.flatnonzero(self.active[group.where])
         for k, rows in engine.attempts(engine.flat[own], own, self.last, attempts):
             engine.flat[own[k]] = rows[-1]
             self.tries[group.where[own[k]]] += len(rows) - 1
-            is_taken = np.diff(rows[:, :, engine.rows.steps], axis=0) > 0.0
-            which, number = np.nonzero(is_taken)[1], np.cumsum(is_taken, axis=0)[is_taken] - 1
-            pieces.append((own[k[which]], number, rows[:-1][is_taken], rows[1:][is_taken]))
-        if len(pieces) == 1:
-            return Steps(group, *pieces[0])
-        return Steps(group, *map(np.concatenate, zip(*pieces, strict=True)))
+            counts = rows[:, :, engine.rows.steps]
+            is_taken = counts[1:] > counts[:-1]
+            attempt, place = np.nonzero(is_taken)
+            number = (counts[:-1] - counts[0])[is_taken].astype(np.int64)
+            found.append(Steps(group, own[k[place]], number, rows, attempt, place))
+        return found
 
     def _end(self, group: Group, own: Indices) -> None:
         """Note what has become of trajectories of a group, and end those that are done."""
@@ -161,7 +173,7 @@ class MotionSearch:
         rows, B, D = int(number.max()) + 1, len(self.active), self.D
         inside = np.full((rows, PARTS, B, D), np.nan)
         inside[number, :, lane] = np.concatenate(
-            [each.group.engine.inside(each.before, each.after, PARTS) for each in steps]
+            [each.group.engine.inside(each.before(), each.after(), PARTS) for each in steps]
         )
         values = self._values_of(inside.reshape(-1, B, D)).reshape(-1, rows, PARTS, B)
         # Those of a step, at its start and at the ends of its parts.
@@ -198,7 +210,7 @@ class MotionSearch:
         for each in steps:
             k = np.flatnonzero((m >= first) & (m < first + len(each.own)))
             own, rows = m[k] - first, each.group.engine.rows
-            before, after = each.before[own], each.after[own]
+            before, after = each.before(own), each.after(own)
             lengths = fractions[k] * (after[:, rows.t] - before[:, rows.t])
             found = each.group.engine.after(before, each.own[own], lengths)
             found = np.where((fractions[k] == 1.0)[:, np.newaxis], after, found)
@@ -240,7 +252,8 @@ class MotionSearch:
         fractions, over_pole = crossing_fractions(lambda *where: look(*where)[0], guess, a, b)
         # The point that is kept lies beyond the surface, so that a motion from it does not cross.
         states, times = np.empty((len(lane), self.D)), np.empty(len(lane))
-        k, step = np.arange(len(lane)), 2.0**-52
+        k, step = np.arange(len(lane)), _NUDGE
+        fractions = np.minimum(fractions + step, 1.0)
         for left in reversed(range(_NUDGES)):
             found, states[k], times[k] = look(k, fractions[k])
             k = k[(found >= 0.0) != (b[k] >= 0.0)]
@@ -262,7 +275,12 @@ class MotionSearch:
         self.pieces.append((lane[keep], surface[keep], times[keep], states[keep]))
         ends = keep[number + 1 == self.limit]
         self.final[lane[ends]], self.t[lane[ends]] = states[ends], times[ends]
-        taken = np.concatenate([each.after[:, each.group.engine.rows.steps] for each in steps])
+        taken = np.concatenate(
+            [
+                each.rows[each.attempt + 1, each.place, each.group.engine.rows.steps]
+                for each in steps
+            ]
+        )
         self.steps[lane[ends]] = taken[m[ends]]
         self.active[lane[ends]] = False
 

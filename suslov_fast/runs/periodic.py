@@ -13,7 +13,7 @@ from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..checks import FloatArray, integer, real_number, short, warn, wrong
 from ..engine.starts import checked_settings
-from ..keywords import public
+from ..keywords import answering, public
 from ..maps import Method, problem
 from ..quantities.derivatives import vector_field
 from . import shooting
@@ -29,6 +29,7 @@ _SAME = 0.01  # part of a period that is given, by which that of a near return m
 _FRACTIONS = np.arange(1, 32) / 32  # of the period, at which states are looked at
 
 
+@answering
 class PeriodicOrbit(NamedTuple):
     """A periodic orbit: the result of :func:`periodic_orbit`.
 

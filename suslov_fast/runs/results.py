@@ -140,6 +140,8 @@ class Result:
             x, labels = self._variable, self.body.labels
             here = f"run.{x}[..., {labels.index(name)}]" if name in labels else ""
             here = f"run.{x}" if name in ("omega", "x") else here
+            if name in self.body.parameters:
+                here = f"run.body.parameters[{name!r}]"
             raise lacking(self, name, self.called, here)
 
     def __dir__(self) -> list[str]:

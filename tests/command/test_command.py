@@ -12,6 +12,7 @@ import time
 import urllib.request
 from pathlib import Path
 from types import SimpleNamespace
+from urllib.parse import parse_qs, urlsplit
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -360,16 +361,19 @@ def test_ctrl_c():
     assert run("run --trajectories 1000 --steps 2").code == 0
     line = "run --trajectories 1000 --steps 1e10 -o"
     for name, words in (("o.npz", "o.npz was not written"), ("o.zarr", "goes on")):
-        with start(f"{line} {name}") as process:
-            while not (name == "o.npz" or Path("o.zarr/zarr.json").exists()):
-                assert process.poll() is None
-                time.sleep(0.05)
-            time.sleep(3.0 if name == "o.npz" else 1.0)
-            process.send_signal(signal.SIGINT)
-            try:
-                errors = process.communicate(timeout=10)[1]
-            finally:
-                process.kill()  # one that does not end
+        for seconds in (1.0, 4.0, 16.0, 64.0):  # until it computes, and is not being imported
+            with start(f"{line} {name}") as process:
+                while not (name == "o.npz" or Path("o.zarr/zarr.json").exists()):
+                    assert process.poll() is None
+                    time.sleep(0.05)
+                time.sleep(seconds)
+                process.send_signal(signal.SIGINT)
+                try:
+                    errors = process.communicate(timeout=10)[1]
+                finally:
+                    process.kill()  # one that does not end
+            if words in errors:
+                break
         assert process.returncode == 130
         # Zarr 3.1.3 tells first that it uses the old crc32c.
         assert "suslov-fast: interrupted: " in errors
@@ -385,12 +389,28 @@ def test_report():
     assert [each["formula"] for each in found["integrals"]] == [lemma]
 
 
+def family():
+    return sf.QuadraticField.from_function(lorenz, "x y z", rho=[10.0, 28.0])
+
+
 @posix
-def test_explore():
-    with start("explore --no-browser", stdout=subprocess.PIPE) as process:
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(
+    ("body", "file", "query"),
+    [
+        (family(), "field.js", {"member": ["0"]}),
+        (pendulum(), "field.js", {"time": ["20.0"]}),
+        (sf.Suslov3D(5, 2, -0.5, -0.3), "main.js", {"I1": ["5.0"]}),
+    ],
+)
+def test_explore(body, file, query):
+    """It serves the page of a body until Ctrl-C."""
+    Path("b.json").write_text(json.dumps(body.to_dict()))
+    with start("explore --no-browser --body b.json", stdout=subprocess.PIPE) as process:
         address = process.stdout.readline().strip()
         with urllib.request.urlopen(address) as page:
-            assert b"<html" in page.read()
+            assert file in page.read().decode()
+        assert query.items() <= parse_qs(urlsplit(address).query).items()
         process.send_signal(signal.SIGINT)
         assert process.communicate(timeout=10)[1] == ""
     assert process.returncode == 0

@@ -65,7 +65,7 @@ HENON = rational_map(
 )
 BETAS = kahan(rotors((1, 2, -3), (1, 2, 0)), F(1, 2))
 OF_BETAS = [lambda x: (4 * x[0] ** 2 - 2 * x[1] ** 2 + 4 * x[0] + 8 * x[1] - 7) / (x[2] ** 2 - 8)]
-EQUAL = [([2, 2, 2], [1, 2, -1]), ([3, 3, 3], [1, 0, 2]), ([2, 2, 2, 2], [1, 2, -1, 3])]
+EQUAL = [([2, 2, 2], [1, 2, -1]), ([2, 2, 2, 2], [1, 2, -1, 3])]
 
 slow = pytest.mark.slow
 CASES = [  # a map, its integrals, the entropy
@@ -87,10 +87,7 @@ CASES = [  # a map, its integrals, the entropy
         pytest.param(kahan(rotors(a, b), F(1, 2)), None, entropy, marks=slow)
         for a, b, entropy in (
             ((1, 2, -3), (1, 1, 0), SILVER),
-            ((3, -5, 2), (2, 0, 1), SILVER),
             ((2, 1, -3), (1, 0, 3), SILVER),
-            ((1, 1, -2), (2, 1, 0), SILVER),
-            ((5, -2, -3), (0, 1, 1), SILVER),
             ((1, 4, -5), (0, 3, 0), 0),
         )
     ),

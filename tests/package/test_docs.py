@@ -46,8 +46,44 @@ PAGES = [path for path in sorted(DOCS.rglob("*.md"), key=order) if not BUILT & {
 PRINTED = re.compile(r"^\s*(?:print\(.*)?\)  # (.*)$|^# (.*)$", re.MULTILINE)
 
 
+# What takes less time and prints the same, by page or script.
+SHORTER = {
+    "README.md": [("steps=1_000_000", "steps=50_000")],
+    "compiled.md": [("parallel=True", "parallel=False")],  # `test_compiled` has parallel loops
+    "equations.md": [("20_000, transient=5_000", "200, transient=50")],
+    "figure.md": [("range(0, 400, 8)", "range(0, 400, 80)")],
+    "kinetics.py": [
+        ("np.linspace(0, 900, 3000)", "np.linspace(0, 900, 30)"),
+        ("np.linspace(0.6, 1.5, 100)", "np.linspace(0.6, 1.5, 4)"),
+        ("range(100)", "range(4)"),
+    ],
+    "orders.py": [
+        ("BATCH, UNTIL, LANES = 1024, 100.0, 16", "BATCH, UNTIL, LANES = 16, 1.0, 16"),
+        ("eps, 1_000_000, save_every=100", "eps, 1000, save_every=100"),
+        ("range(1, 7)", "range(1, 5)"),
+        ('by_steps("order8", 6400)', 'by_steps("order8", 500)'),
+    ],
+    "sizes.py": [
+        ("np.arange(3, 12)", "np.arange(3, 5)"),
+        ("[8, 16, 32, 48, 64, 96]", "[8]"),
+        ("[16, 64, 256, 576, 1024, 2025]", "[16]"),
+        ("200_000 //", "2000 //"),
+    ],
+    "zoo.py": [("if eps is not None", "if name in ('Suslov body', 'Lorenz')"), ("50_000", "500")],
+}
+
+
+def all_blocks(path):
+    """Kinds and texts of the blocks of a page, in their shorter form."""
+    text = path.read_text("utf-8")
+    for old, new in SHORTER.get(path.name, ()):
+        assert old in text, (path, old)
+        text = text.replace(old, new)
+    return BLOCK.findall(text)
+
+
 def blocks(path, language):
-    return [code for found, code in BLOCK.findall(path.read_text("utf-8")) if found == language]
+    return [code for found, code in all_blocks(path) if found == language]
 
 
 def run(code, name, names):
@@ -77,13 +113,13 @@ def sizes_of(figures):
 def test_the_readme(tmp_path, monkeypatch):
     """Run all blocks of the README in order, as a reader does, and serially.
 
-    Each Python block is a program of its own; what it prints of a million steps holds for 50,000.
+    Each Python block is a program of its own.
     """
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(tmp_path)
-    for kind, code in BLOCK.findall(README.read_text(encoding="utf-8")):
+    for kind, code in all_blocks(README):
         if kind == "python":
-            run(code.replace("steps=1_000_000", "steps=50_000"), "README.md", {})
+            run(code, "README.md", {})
         elif kind == "sh":
             for line in code.splitlines():
                 command, *arguments = shlex.split(line)
@@ -125,8 +161,6 @@ def test_page(path, folder, tmp_path, monkeypatch):
     names = {"__name__": "__main__"}
     with mock.patch.dict(maps.MAPS):  # a page may register one
         for code in blocks(path, "python"):
-            if path.name == "compiled.md":  # so do its own; `test_compiled` has some
-                code = code.replace("parallel=True", "parallel=False")
             run(code, path.name, names)
     if path.stem in script_of("draw").PAGES:
         figures = [plt.figure(number) for number in plt.get_fignums()]
@@ -171,24 +205,6 @@ def test_pictures_are_committed_and_drawn_by_a_script():
     assert sum(path.stat().st_size for path in images) <= 3_000_000
 
 
-# Shorter runs of the scripts that measure, or whose orbits are long.
-SHORTER = {
-    "orders": [
-        ("BATCH, UNTIL, LANES = 1024, 100.0, 16", "BATCH, UNTIL, LANES = 16, 5.0, 16"),
-        ("eps, 1_000_000, save_every=100", "eps, 1000, save_every=100"),
-        ("range(1, 7)", "range(1, 5)"),
-        ('by_steps("order8", 6400)', 'by_steps("order8", 500)'),
-    ],
-    "sizes": [
-        ("np.arange(3, 12)", "np.arange(3, 5)"),
-        ("[8, 16, 32, 48, 64, 96]", "[8]"),
-        ("[16, 64, 256, 576, 1024, 2025]", "[16]"),
-        ("200_000 //", "2000 //"),
-    ],
-    "zoo": [("if eps is not None", "if name in ('Suslov body', 'Lorenz')"), ("50_000", "500")],
-}
-
-
 @pytest.mark.compiled
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Animation was deleted")
@@ -197,7 +213,7 @@ def test_picture(name):
     """A script draws pictures of the sizes that are committed."""
     matplotlib.use("Agg")
     script = script_of("draw")
-    figures = script.figures_of(script.run(name, SHORTER.get(name, ())))
+    figures = script.figures_of(script.run(name, SHORTER.get(f"{name}.py", ())))
     for each in figures:
         each.canvas.draw()
     assert sizes_of(figures) == sizes_of_pictures(name) != []
@@ -229,6 +245,7 @@ def test_the_table_of_bodies():
 # Reports of other tests, and of the page on potentials, have the integrals of these maps, or longer
 # reports of the same kind.
 ELSEWHERE = {"Euler top", "Volterra chain, N = 3", "Volterra chain, N = 5", "Kirchhoff", "Clebsch"}
+ELSEWHERE |= {"Lagrange top"}
 ELSEWHERE |= {"Klebsch-Tisserand", "Suslov, Lagrange axis", "Kharlamova", "Henon-Heiles"}
 ELSEWHERE |= {"Suslov on so(4)", "Lyness", "Suslov body", "cubic Hamiltonian"}
 # One of three with the same formulas for other constants is among the others.

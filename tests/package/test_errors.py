@@ -178,6 +178,9 @@ TABLE = [
     (ValueError, "body", lambda: Suslov3D.from_dict(ROTOR.to_dict()),
      changed(HENON, body="Suslov3D"), lambda: sf.plot_phase(Suslov3D(1, 2, 0, 0), 0.1, 4),
      lambda: sf.explore(BATCH)),
+    (AttributeError, "I1=3", lambda: setattr(BODY, "I1", 3)),
+    (AttributeError, "rho=3", lambda: setattr(NAMED, "rho", 3)),
+    (ImportError, "flow", lambda: exec("from suslov_fast import solve_ivp")),
     (ValueError, "color", lambda: RUN.plot(color=[1, 2])),
     (ValueError, "components",
      lambda: RUN.plot(components=(0, 2)),
@@ -216,6 +219,7 @@ TABLE = [
      field(lambda t, y: y), field(lambda y, t: y), field(lambda x, y, z: (x, y, z), 3),
      field(njit(lambda t, u: u)), field(lambda x, p: (p[0], 1), p=[1, 2]),
      field(lambda x, *, a: x), field(lambda x, eps: x), field(lambda x: ("1", 1)), field(None),
+     lambda: sf.integrability.locus(FIELD, 1),
      field(lambda x, rho: (rho, x[0])), field(lambda x, rho=1: (x[0], x[1]), roh=1)),
     (ValueError, "f", field(lambda x: (x[0] * x[1], x[0]), 3),
      field(lambda x: (x[0] * x[2], x[0])), field(lambda x: (x[0] / 0, 1)),
@@ -224,6 +228,7 @@ TABLE = [
      field(lambda x, A: A @ x, A=ID[:2, :2]), field(lambda x: None), field(interpolated),
      field(lambda x: x[0] * x[1]), field(lambda x, a: (10**70 * x[0] * a, 1), a=[1, 2])),
     (TypeError, "field", lambda: sf.integrability.kahan(SMOOTH),
+     lambda: sf.integrability.KahanMap(BODY, 0.1),
      lambda: sf.integrability.kahan(lambda x: x),
      lambda: sf.integrability.report(len)),
     (sf.NotIntegrableError, "first_integral", lambda: sf.first_integral(ND, [1, 2, 3], 0.1)),
@@ -349,14 +354,14 @@ TABLE = [
     (ValueError, "size", lambda: sf.RandomStarts(-1, 1.0)),
     (ValueError, "start", orbit([1.0, NAN]), orbit([1.0, NAN], steps=60), orbit([1.0, 2.0, 3.0])),
     (ValueError, "status", lambda: sf.Status(-128)),
-    (TypeError, "steps", exponents(time=1.0, steps=3), run(steps=10.0), run(steps=True),
+    (TypeError, "steps", exponents(time=1.0, steps=3), run(steps=10.5), run(steps=True),
      run(steps="100"), run(steps=None)),
     (ValueError, "steps", orbit(steps=0), run(steps=-1), run(steps=2**64),
      lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0), run(steps=10**20),
      lambda: sf.explore(BODY, [1, 2], 0.1, 6000)),
     (TypeError, "stiff", motion(stiff="auto")),
     (TypeError, "store", lambda: sf.open_ensemble(3),
-     lambda: sf.ensemble(FIELD, [1, 0], 0.1, 3, store=3)),
+     lambda: sf.ensemble(FIELD, [1, 0], 0.1, 3, store=3), lambda: sf.ensemble(FIELD, [1, 0], 0.1)),
     (ValueError, "store", lambda: sf.ensemble(FIELD, [1, 0], 0.1, 3, store="a.h5"),
      lambda: sf.ensemble(FIELD, [1, 0], 0.1, 3, store="a.csv")),
     (AttributeError, "surface", crossings(lambda x: x.z)),
@@ -426,6 +431,7 @@ KEYWORDS = [
     (sf.RandomStarts, (3, 1.0), "rng random_state", "seed"),
     (sf.Suslov3D, (), "I11", "I1"),
     (sf.Suslov3D, (), "I31", "I13"),
+    (sf.Suslov3D, (), "eps", "iterate"),
     (sf.Suslov3D, (), "inertia I12", "from_inertia"),
     (sf.Trajectories.load, (), "filename", "path"),
     (RUN.plot, (), "colour", "color"),
@@ -442,13 +448,16 @@ def test_unknown_keywords(function, arguments, word, name):
 
 
 ATTRIBUTES = [
-    (RUN, "dt", "eps"), (RUN, "y", "states"), (RUN, "x2", r"run\.x\[\.\.\., 1\]"),
+    (RUN, "dt", "eps"), (RUN, "y", "states"), (RUN, "x0", r"states\[0\]"),
+    (COFACTOR, "sympify", "str"), (sf.PeriodicOrbit(0, 1, 2, 3), "x0", "state"),
+    (RUN, "x2", r"run\.x\[\.\.\., 1\]"),
     (RUN, "omega", r"run\.x"), (RUN, "finl", "final"), (RUN, "to_netcdf", "to_xarray"),
     (RUN, "lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"), (MOTION, "t", "time"),
     (MOTION, "sol", "time=t"), (MOTION, "Omega2", r"run\.omega\[\.\.\., 1\]"),
     (MOTION, "nfev", "steps"), (POINTS, "index", "trajectory"),
     (POINTS, "t_events", "time|crossings"), (POINTS, "x1", r"run\.x\[\.\.\., 0\]"),
-    (BODY, "energy", r"suslov_fast\.energy"),
+    (BODY, "energy", r"suslov_fast\.energy"), (BODY, "steady_states", r"suslov_fast\.fixed_points"),
+    (sf.iterate(FAMILY, [1.0], 0.1, 1), "rho", r"run\.body\.parameters\['rho'\]"),
     (BODY, "trajectory", r"suslov_fast\.iterate"), (BODY, "dim", "dimension"),
     (NAMED, "rho", "parameters"), (NAMED, "to_latex", "str"), (FIELD, "sigma", ""),
     (sf, "odeint", "flow"), (sf, "zoo", "integrability"),
@@ -475,6 +484,15 @@ def decay(x, k):
 WAVE = sf.Field.from_function(lambda s: (-s[0] / 2 + 0 * s[1], 1.0), "x t")
 HALF = sf.Field.from_function(lambda x: (-x[0] / 2,), "x")
 PAIR = QuadraticField.from_function(lambda x: (x[1], -x[0] / 2), "u v")
+
+
+def revolutions():
+    """Of four periods of the motion, whose angle the map has to second order."""
+    period = 2 * math.pi * 2**0.5
+    x = sf.iterate(PAIR, [1.0, 0.0], period / 10**5, 4 * 10**5, save_every=100).x
+    return np.unwrap(np.arctan2(x[:, 1], x[:, 0])) / (2 * np.pi)
+
+
 # First tries of users, what the error names, and the second try that it leads to, whose last
 # number is known.
 SECOND_TRIES = [
@@ -494,6 +512,11 @@ SECOND_TRIES = [
      lambda: sf.Field.from_function(decay, "x", k=2.0)([3.0]), -6.0),
     (lambda: sf.Field.from_function(lambda q, p: (p, -q), "q p"), r"lambda x: f\(\*x\)",
      lambda: sf.Field.from_function(lambda x: (lambda q, p: (p, -q))(*x), "q p")([1.0, 2.0]), -1.0),
+    (field(lambda q, p, k: (p, -k * q), "q p", k=2.0), r"lambda x, \*\*p: f\(\*x, \*\*p\)",
+     lambda: field(lambda x, **p: (lambda q, p, k: (p, -k * q))(*x, **p), "q p", k=2.0)()([1.0, 0]),
+     -2.0),
+    (lambda: PAIR(u=1.0, v=2.0), "a dict", lambda: PAIR({"u": 1.0, "v": 2.0}), -0.5),
+    (field(lambda x: -x.q, "q"), r"x\[0\]", lambda: field(lambda x: -x[0], "q")()([2.0]), -2.0),
     (field(lambda x, k: (k["a"] * x[0],), "x", k={"a": 2.0}), r"\*\*k, .*take a\b",
      lambda: field(lambda x, a: (a * x[0],), "x", a=2.0)()([3.0]), 6.0),
     (field(lambda x, k: (k[0] * x[0],), "x", k=[1.0, 2.0]), "p0=",
@@ -548,6 +571,22 @@ SECOND_TRIES = [
      lambda: sf.crossings(PAIR, [1, 0], time=99, surface=lambda x: x[..., 0], most=1).time,
      1.5 * math.pi * 2**0.5),
     (lambda: BATCH.sel(4.0), "a=1", lambda: BATCH.sel(I1=4.0).I1, 4.0),
+    (lambda: sf.energy(MOTION), r"pass run\.body, run\.states:",
+     lambda: sf.energy(MOTION.body, MOTION.states), 2.125),
+    (lambda: sf.lyapunov_exponents(MOTION), r"pass run\.body, run\.states\[0\]:",
+     lambda: sf.lyapunov_exponents(HALF, sf.flow(HALF, [3.0], time=1.0).states[0], time=9.0), -0.5),
+    (hamiltonian(lambda q, p: (p @ p + q @ q) / 4, 4), r"lambda x: H\(x\[0:2\], x\[2:4\]\)",
+     lambda: hamiltonian(lambda x: (lambda q, p: (p @ p + q @ q) / 4)(x[0:2], x[2:4]), 4)()
+     ([0.0, 4.0, 0, 0]), -2.0),
+    (run(body=[BODY, BODY]), "arrays as parameters", run(body=BATCH[0], omega0=[1.0, 0.5], steps=0),
+     0.5),
+    (lambda: Suslov3D(ID), r"Suslov3D\.from_inertia",
+     lambda: Suslov3D.from_inertia(ID, [0, 0, 1])[0].I1, 1.0),
+    (lambda: sf.rotation_number(PAIR, [1.0, 0.0], 0.1),
+     r"np\.unwrap\(np\.arctan2\(x\[:, 1\], x\[:, 0\]\)\) / \(2 \* np\.pi\)", revolutions,
+     -4.0),
+    (lambda: sf.iterate(FIELD, [1, 0], 0.1, 3, exact=True), r"map = .*kahan.* x = map\(x\)",
+     lambda: float(sf.integrability.kahan(field(lambda x: -x, 1)(), 1)([3])[0]), 1.0),
     (lambda: SuslovND.from_matrix(ID), "from_mass_tensor",
      lambda: SuslovND.from_mass_tensor(ID)[0].J, 2.0),
 ]  # fmt: skip
@@ -558,6 +597,10 @@ def test_what_an_error_says_works(first, said, second, value):
     with pytest.raises((TypeError, ValueError, AttributeError), match=said):
         first()
     assert np.ravel(second())[-1] == pytest.approx(value, abs=1e-7)
+
+
+def test_whole_floats_are_integers():
+    assert run(steps=3.0)() == run(steps=3)()
 
 
 def test_one_variable_needs_no_brackets():

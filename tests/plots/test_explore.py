@@ -11,7 +11,7 @@ from urllib.parse import urlencode, urlsplit
 
 import numpy as np
 import pytest
-from browser import check_silence, pixels, put, serve, settle, text
+from browser import check_silence, exported, pixels, put, rows, serve, settle, show, text
 
 import suslov_fast as sf
 from suslov_fast.bodies.rigid import FIGURES
@@ -54,10 +54,6 @@ def query(parameters, **other):
 
 def numbers(parameters, **other):
     return json.loads(json.dumps(answer(query(parameters, **other)), allow_nan=False))
-
-
-def rows(found, size=2):
-    return np.array([[np.nan] * size if row is None else row for row in found])
 
 
 @pytest.mark.sampled(4)
@@ -263,47 +259,42 @@ def test_page_in_a_notebook():
             assert b"suslov_fast" in reply.read()
 
 
+MODULES = "state", "space", "plane"
+
+
 @pytest.fixture
 def page(browser, server):
-    """The initial page; afterwards, check that it logged no error and contacted no other server."""
+    """A browser; afterwards, check that pages logged no error and contacted no other server."""
     browser.look(1280, 800)
     browser.events.clear()
-    show(browser, server.url)
     yield browser
     check_silence(browser, server.url)
-
-
-def show(browser, url):
-    """Open an address anew."""
-    browser.open("about:blank")
-    browser.open(url)
-    settle(browser)
-    for module in ("state", "space", "plane"):
-        browser.value(f"import('/{module}.js').then((found) => void Object.assign(window, found))")
 
 
 @pytest.mark.slow
 def test_every_case_is_drawn_without_an_error(page, server):
     for name, parameters in CASES.items():
         shown = "F energy flow joined portrait"
-        show(page, f"{server.url}?{query(parameters, show=shown)}")
+        show(page, f"{server.url}?{query(parameters, show=shown)}", *MODULES)
         assert text(page, "status") == REGIMES.get(name, ("below", "OK"))[1]
 
 
-@pytest.mark.parametrize("name", ["weak rotor", "t > 1: jumps"])
-def test_everything_is_in_sight_in_a_notebook(page, server, name):
+def test_everything_is_in_sight_in_a_notebook(page, server):
     """The page fits into its frame at the width of a cell of JupyterLab, some 1,060 pixels."""
     with contextlib.closing(sf.explore()) as shown:
         (height,) = re.findall(r'height="(\d+)"', shown._repr_html_())
     page.look(1060, int(height))
-    show(page, f"{server.url}?{query(CASES[name], show='F')}")
-    for panel in ("plane", "show", "space-panel", "numbers-panel"):
-        assert page.value(f"byId('{panel}').getBoundingClientRect().bottom") <= int(height), panel
-    assert page.value("document.documentElement.scrollHeight") <= int(height)
-    assert page.value("byId('plane').clientHeight") > int(height) / 2
+    for name in ("weak rotor", "t > 1: jumps"):
+        show(page, f"{server.url}?{query(CASES[name], show='F')}", *MODULES)
+        for panel in ("plane", "show", "space-panel", "numbers-panel"):
+            bottom = page.value(f"byId('{panel}').getBoundingClientRect().bottom")
+            assert bottom <= int(height), panel
+        assert page.value("document.documentElement.scrollHeight") <= int(height)
+        assert page.value("byId('plane').clientHeight") > int(height) / 2
 
 
-def test_the_start_follows_the_mouse(page):
+def test_the_start_follows_the_mouse(page, server):
+    show(page, server.url, *MODULES)
     moves = ("Pressed", [1.0, 0.5]), ("Moved", [-1.5, 2.0]), ("Released", [-1.5, 2.0])
     for kind, omega in moves:
         x, y = page.value(
@@ -316,7 +307,8 @@ def test_the_start_follows_the_mouse(page):
     assert page.value("state.scene.omega[0]") == pytest.approx(omega, abs=0.02)
 
 
-def test_the_address_keeps_the_view(page):
+def test_the_address_keeps_the_view(page, server):
+    show(page, server.url, *MODULES)
     put(page, "I1", "0")
     assert text(page, "message").startswith("I1 must")
     put(page, "I1-slider", "2.5")
@@ -327,26 +319,21 @@ def test_the_address_keeps_the_view(page):
     assert page.value("state.scene.portrait.orbits.length") == 20
     page.wait("location.search.includes('I1=2.5') && location.search.includes('portrait')")
     before = pixels(page)
-    show(page, page.value("location.href"))
+    show(page, page.value("location.href"), *MODULES)
     assert pixels(page) == before
 
 
 def test_exports(page, server, tmp_path):
     view = query(POLE, Omega2=-8.5, show="portrait F energy")
-    show(page, f"{server.url}?{view}")
-    page.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
-    for kind in ("csv", "svg", "png"):
-        page.value(f"byId('save-{kind}').click()")
-        page.wait(f"byId('copied').textContent === 'Saved suslov-orbit.{kind}'")
-    page.wait("new Promise((done) => setTimeout(() => done(true), 300))")
-    table = np.loadtxt(tmp_path / "suslov-orbit.csv", delimiter=",", skiprows=1)
+    show(page, f"{server.url}?{view}", *MODULES)
+    table, picture = exported(page, tmp_path)
     np.testing.assert_array_equal(table[:, 2:], rows(page.value("state.scene.omega"))[: len(table)])
     np.testing.assert_array_equal(table[:, 1], table[:, 0] * POLE.eps)
-    assert "repelling steady states" in (tmp_path / "suslov-orbit.svg").read_text("utf-8")
-    assert (tmp_path / "suslov-orbit.png").read_bytes().startswith(b"\x89PNG")
+    assert "repelling steady states" in picture
 
 
-def test_the_body_turns_about_one_axis_between_two_states(page):
+def test_the_body_turns_about_one_axis_between_two_states(page, server):
+    show(page, server.url, *MODULES)
     ends = page.value("[orientation(20, 0), orientation(20, 1 - 1e-12), state.scene.attitude[21]]")
     np.testing.assert_allclose(ends[1], ends[2], atol=1e-10)
     half = np.reshape(page.value("orientation(20, 0.5)"), (3, 3))

@@ -2,15 +2,12 @@
 
 import contextlib
 import json
-import os
-import subprocess
-import sys
 import urllib.request
-from urllib.parse import parse_qs, urlencode, urlsplit
+from urllib.parse import urlencode
 
 import numpy as np
 import pytest
-from browser import check_silence, pixels, settle, text
+from browser import check_silence, exported, pixels, put, rows, settle, show, text
 
 import suslov_fast as sf
 
@@ -30,10 +27,6 @@ SQUARE = sf.QuadraticField([[[1.0]]])  # no next state where eps x = 1
 def scene(field, query="", x0=None, **arguments):
     page = sf.explore(field, x0, **arguments)
     return json.loads(json.dumps(page._field.answer(query or page._query), allow_nan=False))
-
-
-def rows(found, size=2):
-    return np.array([[np.nan] * size if row is None else row for row in found])
 
 
 @pytest.mark.parametrize("method", ["auto", "order4"])
@@ -123,73 +116,36 @@ def test_bad_values_are_answered_with_a_message(name, query):
     assert found["field"]["names"] == ["x", "y", "z"]
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("field", [FAMILY, DRIVEN, sf.Suslov3D(5, 2, -0.5, -0.3)])
-def test_the_command(field, tmp_path):
-    path = tmp_path / "field.json"
-    path.write_text(json.dumps(field.to_dict()))
-    words = [sys.executable, "-m", "suslov_fast", "explore", "--no-browser", "--body", str(path)]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=os.environ) as process:
-        try:
-            url = process.stdout.readline().strip()
-            with urllib.request.urlopen(url, timeout=60) as reply:
-                html = reply.read().decode()
-        finally:
-            process.terminate()
-    names = parse_qs(urlsplit(url).query)
-    if field is FAMILY:
-        assert "field.js" in html
-        assert names["member"] == ["0,0"]
-    elif field is DRIVEN:
-        assert "field.js" in html
-        assert names["time"] == ["20.0"]
-    else:
-        assert "main.js" in html
-        assert names["I1"] == ["5.0"]
-
-
 @pytest.fixture
 def page(browser):
     """The page of the family; afterwards, check that it logged no error."""
     with contextlib.closing(sf.explore(FAMILY, [1, 1, 20], steps=300)) as shown:
         browser.look(1280, 800)
         browser.events.clear()
-        browser.open("about:blank")
-        browser.open(shown.url)
-        settle(browser)
-        load = "import('/{0}.js').then((found) => void Object.assign(window, found))"
-        for module in ("state", "field_plane", "field_controls"):
-            browser.value(load.format(module))
+        show(browser, shown.url, "state", "field_plane", "field_controls")
         yield browser
         check_silence(browser, shown._server.url)
 
 
-def change(browser, field, value, event="input"):
-    place = f"document.getElementById({field!r})"
-    then = f"{place}.dispatchEvent(new Event({event!r}, {{bubbles: true}}))"
-    browser.value(f"{place}.value = {str(value)!r}; {then}")
-    settle(browser)
-
-
 def test_controls(page):
     before = pixels(page)
-    change(page, "rho-slider", 9)
+    put(page, "rho-slider", 9)
     assert page.value("[state.scene.values.rho, byId('rho-slider').nextSibling.value]") == [
         28,
         "28",
     ]
-    change(page, "y", "z", "change")
+    put(page, "y", "z", "change")
     assert page.value("state.scene.parameters.y") == "z"
     assert pixels(page) != before
-    change(page, "method", "order4", "change")
-    change(page, "eps", "0.02")
-    change(page, "start-y", "2.5")
+    put(page, "method", "order4", "change")
+    put(page, "eps", "0.02")
+    put(page, "start-y", "2.5")
     found = page.value("state.scene.parameters")
     assert (found["method"], found["eps"], found["starts"]) == ("order4", 0.02, [[1, 2.5, 20]])
-    change(page, "eps", "")
+    put(page, "eps", "")
     assert text(page, "message").startswith("eps must")
     assert text(page, "regime-name") == "No orbit"
-    change(page, "eps", "0.01")
+    put(page, "eps", "0.01")
     assert page.value("byId('message').hidden") is True
     page.wait("location.search.includes('order4') && location.search.includes('y=z')")
     before = pixels(page)
@@ -219,41 +175,31 @@ def test_clicks_are_starts(page):
 
 
 def test_exports(page, tmp_path):
-    page.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
-    for kind in ("csv", "svg", "png"):
-        page.value(f"byId('save-{kind}').click()")
-        page.wait(f"byId('copied').textContent === 'Saved suslov-orbit.{kind}'")
-        page.wait("new Promise((done) => setTimeout(() => done(true), 300))")
-    table = np.loadtxt(tmp_path / "suslov-orbit.csv", delimiter=",", skiprows=1)
+    table, picture = exported(page, tmp_path)
     np.testing.assert_array_equal(table[:, 3:5], page.value("state.scene.orbits[0].states"))
-    assert "QuadraticField" in (tmp_path / "suslov-orbit.svg").read_text("utf-8")
-    assert (tmp_path / "suslov-orbit.png").read_bytes().startswith(b"\x89PNG")
+    assert "QuadraticField" in picture
 
 
-@pytest.mark.parametrize("width", [1280, 390])
-def test_poles_are_said_and_nothing_is_cut(browser, width):
+def test_poles_are_said_and_nothing_is_cut_on_a_phone(browser):
     for field, name, failure in (
         (TANGENT, "Passed a pole", ""),
         (SQUARE, "Ends at a pole", "State 1 does not exist: state 0 lies on a pole of the map."),
     ):
         eps, steps = (0.05, 100) if field is TANGENT else (1.0, 3)
         with contextlib.closing(sf.explore(field, eps=eps, steps=steps)) as shown:
-            browser.look(width, 844)
-            browser.open("about:blank")
-            browser.open(shown.url)
-            settle(browser)
+            browser.look(390, 844)
+            show(browser, shown.url)
             assert text(browser, "regime-name") == name
             assert text(browser, "failure") == failure
-            assert browser.value("document.documentElement.scrollWidth") <= width
+            assert browser.value("document.documentElement.scrollWidth") <= 390
 
 
-@pytest.mark.parametrize("kind", [sf.QuadraticField])
-def test_named_parameters_of_a_single_field(kind):
+def test_named_parameters_of_a_single_field():
     """A single field has its parameters as numbers, while the function that made it is there."""
-    field = kind.from_function(lorenz, "x y z", sigma=10, rho=28)
+    field = sf.QuadraticField.from_function(lorenz, "x y z", sigma=10, rho=28)
     assert scene(field)["field"]["numbers"] == {"sigma": 10.0, "rho": 28.0}
     found = scene(field, "numbers=8.0,14.5&eps=0.02&steps=20", x0=[1, 1, 20])
-    other = kind.from_function(lorenz, "x y z", sigma=8, rho=14.5)
+    other = sf.QuadraticField.from_function(lorenz, "x y z", sigma=8, rho=14.5)
     run = sf.iterate(other, [[1.0, 1.0, 20.0]], 0.02, 20)
     np.testing.assert_array_equal(rows(found["orbits"][0]["states"]), run.x[:, 0, :2])
     assert found["values"] == {"sigma": 8.0, "rho": 14.5}

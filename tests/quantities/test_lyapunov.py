@@ -382,6 +382,7 @@ def test_motion_of_linear_fields(rates):
         np.testing.assert_allclose(found, sorted(rates, reverse=True), rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_motion_of_lorenz(rng):
     lorenz = systems.LORENZ
     x = rng.normal(size=(64, 3)) * 5 + [0, 0, 20]
@@ -393,6 +394,7 @@ def test_motion_of_lorenz(rng):
         assert (alone == found[k]).all()
 
 
+@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_motion_leaves_clocks_out():
     """A damped oscillator with a force cos t: the real parts of the eigenvalues are -0.1."""
     forced = sf.Field.from_function(
@@ -413,6 +415,7 @@ def test_motion_of_families_that_end():
     assert np.isfinite(stopped).any()
 
 
+@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_motion_of_a_forced_oscillator():
     """Stuart and Landau's, in step with its force: eigenvalues at rest in the turning frame."""
     mu, own, force, amplitude = 1.0, 1.2, 1.0, 2.0
@@ -440,6 +443,7 @@ def test_motion_of_a_forced_oscillator():
     assert found.sum() == pytest.approx(divergence, rel=1e-7)
 
 
+@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_motion_of_an_oscillator_forced_in_one_component():
     """Published as (0, -1.05392, -5.11048), where the 0 belongs to time."""
     turn = 2 * np.pi

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.compiled  # millions of steps
 FLOWS = json.loads((Path(__file__).parents[1] / "data" / "flows.json").read_text("utf-8"))["flows"]
 ORDINARY = "Rossler", "SprottB", "LorenzStenflo"
 # One each of those that are alike.
-SLOW = "Lorenz", "Hadley", "RikitakeDynamo", "NoseHoover", "SprottS", "HyperRossler", "Lorenz96"
+SLOW = "Lorenz", "RikitakeDynamo", "NoseHoover", "HyperRossler", "Lorenz96"
 PER_PERIOD = 1600
 
 
@@ -76,9 +76,9 @@ def lorenz_84(s, F=4.83, a=1.32, b=7.91, G=4.194):
 
 @pytest.mark.slow
 def test_long_steps_may_have_other_attractors():
-    """The table of the page of fields; right is 0.43. Halving once shows nothing at 1/64."""
+    """Numbers of the page on steps; right is 0.43. Halving once shows nothing at 1/64."""
     field = QuadraticField.from_function(lorenz_84, "x y z")
-    table = {32: 0.50, 64: 0.0, 128: 0.0, 256: 0.41, 512: 0.43, 1024: 0.43}
+    table = {32: 0.50, 64: 0.0, 128: 0.0, 256: 0.41, 512: 0.43}
     for k, expected in table.items():
         rates = lyapunov_exponents(field, [1, 1, 1], 1 / k, 8000 * k, transient=500 * k) * k
         assert rates[0] == pytest.approx(expected, abs=0.02)  # chaotic: seeds differ by 0.006

@@ -1,7 +1,5 @@
 """Periodic orbits of motions and maps, against published values, exact ones, and SciPy."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -143,14 +141,6 @@ def test_doublings(c, turns):
     orbit = periodic_orbit(roessler(c), flow(roessler(c), [1, 1, 0], time=1500.0).x[0])
     assert round(orbit.period / 5.78) == turns
     assert abs(orbit.multipliers[1]) < 1
-
-
-@pytest.mark.parametrize(("mu", "period"), [(1.0, 6.6632868593231), (1000.0, 1614.401)])
-def test_van_der_pol(mu, period):
-    """Also where it is stiff; the period is Urabe's for mu = 1."""
-    field = Field.from_function(lambda x: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2)
-    orbit = periodic_orbit(field, flow(field, [2.0, 0.0], time=4 * max(mu, 5.0)).x[0])
-    assert orbit.period == pytest.approx(period, rel=1e-6 if mu > 1 else 1e-11)
 
 
 def kuramoto_sivashinsky(b, nu):
@@ -316,7 +306,11 @@ JUMP = [-1.6325062, -849.1501]
 @pytest.mark.parametrize(
     ("start", "period", "rtol"),
     [
-        *product((JUMP, [2.0, 0.0]), (None, 1614.4011258), (1e-8, 1e-10, 1e-12)),
+        (JUMP, None, 1e-8),
+        (JUMP, 1614.4011258, 1e-12),
+        ([2.0, 0.0], None, 1e-12),
+        ([2.0, 0.0], 1614.4011258, 1e-8),
+        pytest.param(JUMP, None, 1e-10, marks=pytest.mark.slow),
         # After 1614.4 the motion has not come to the jump.
         pytest.param(JUMP, 1614.4, 1e-8, marks=pytest.mark.slow),
     ],
@@ -335,7 +329,7 @@ def test_an_orbit_far_from_the_origin():
         assert orbit.period == pytest.approx(6.6632868593231, rel=1e-6)
 
 
-@pytest.mark.parametrize("k", [2, 3, 4, 11])
+@pytest.mark.parametrize("k", [2, 11])
 def test_a_multiple_of_a_period_is_named(k):
     about = periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8).period
     with pytest.warns(UserWarning, match=rf"is {k} times the shorter period 6\.6"):

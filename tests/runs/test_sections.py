@@ -191,6 +191,7 @@ def test_a_surface_with_a_jump_is_bisected(root, beyond):
     assert not over_pole
 
 
+@pytest.mark.compiled  # interpreted, more than 20 seconds
 @pytest.mark.parametrize("method", ["order4", "order6"])
 def test_a_pole_within_a_step_gives_the_chord_and_a_status(method, tmp_path):
     """The sign of the surface changes through infinity: no point lies beyond both ends."""

@@ -1,7 +1,8 @@
-"""Each kind of call as the first one of a process, which has compiled nothing.
+"""Each kind of call as the first one of a process.
 
-What other calls compile before hides what a kind of call lacks, so each has a process and a cache
-of its own, every other one on one thread. It finds the bits of this process. `.ci/run` begins with
+What other calls do before hides what a kind of call lacks, so each has a process of its own, every
+other one on one thread, and finds the bits of this process. A process finds compiled what those
+before it in its group have compiled, and the first of a group finds nothing. `.ci/run` begins with
 that of the command.
 """
 
@@ -34,83 +35,41 @@ def chain(x):
     D = len(x)
     return [(x[(k + 1) % D] - x[k - 2]) * x[k - 1] - x[k] + 8 for k in range(D)]
 """
-# Names, and what they call: one orbit or few, as Python may carry it out, and enough for threads.
+# Groups that compile much of the same, names, and what they call: one orbit or few, as Python may
+# carry it out, and enough for threads.
 CALLS = {
-    "body": f"{BODY}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=None)\n"
-    "run(body, (9000, 2), .2, 200)\nbodies = sf.Suslov3D(np.linspace(3, 4, 300), 1, -0.5, -0.3)\n"
-    "run(bodies, (300, 2), .2, 20)\nrun(bodies, (20, 300, 2), .2, 300, save_every=50)\n"
-    f"{GYROSTAT}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=100)",
-    "four dimensions": f"{SOLID}\nrun(body, 4, .2, 10)\nrun(body, (1024, 4), .2, 200)",
-    "other methods": f"{SOLID}\nfor method in 'rank2', 'gauss':\n"
-    "    run(body, 4, .2, 10, method=method)\n    run(body, (512, 4), .2, 200, method=method)",
-    "step": f"{BODY}\nfound.append(sf.step(body, [1.0, .5], .2))",
-    "orientations": f"{BODY}\nrun(body, 2, .2, 10, attitude=True)\n"
-    "run(body, (1000, 2), .2, 100, attitude=True)",
-    "closed form": f"""
-{BODY}
-found.append(sf.exact(body, [1.0, .5], .2, np.arange(10)))
-found.append(sf.exact(body, states((20000, 2)), .2, np.arange(10)))
-found.extend(sf.limits(body, [1.0, .5], .2))
-found.append(sf.flow(body, [1.0, .5], time=[1.0, 2.0]))""",
-    "quantities": f"""
+    "bodies": {
+        "body": f"{BODY}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=None)\n"
+        "run(body, (9000, 2), .2, 200)\n"
+        "bodies = sf.Suslov3D(np.linspace(3, 4, 300), 1, -0.5, -0.3)\n"
+        "run(bodies, (300, 2), .2, 20)\nrun(bodies, (20, 300, 2), .2, 300, save_every=50)\n"
+        f"{GYROSTAT}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=100)",
+        "step": f"{BODY}\nfound.append(sf.step(body, [1.0, .5], .2))",
+        "orientations": f"{BODY}\nrun(body, 2, .2, 10, attitude=True)\n"
+        "run(body, (1000, 2), .2, 100, attitude=True)",
+        "quantities": f"""
 {BODY}
 x = states((40, 2))
 found += [f(body, x, .2) for f in (sf.first_integral, sf.invariant_density)]
 found += [*sf.to_xy(body, x), sf.energy(body, x), sf.criticality(body, x, .2)]
 found.append(sf.first_integral(body, states((30000, 2)), .2))""",
-    "scattering": f"{BODY}\nfound.append(sf.scattering_angle(body))",
-    "field": f"{LORENZ}\nrun(field, 3, .01, 10)\nrun(field, (2048, 3), .01, 300, save_every=50)",
-    "step of a field": f"{LORENZ}\nfound.append(sf.step(field, [1.0, 2.0, 20.0], .01))",
-    "family": f"""{LORENZ}
-family = sf.QuadraticField.from_function(lorenz, 3, rho=np.linspace(20, 30, 1500))
-run(family, (1500, 3), .01, 300, save_every=None)""",
-    "poles": f"{LORENZ}\nrun(field, (2048, 3), 3.0, 300, save_every=None, on_singular='ignore')",
-    "order 4": f"{HENON}\nrun(field, 4, .1, 10, method='order4')\n"
-    "run(field, (1000, 4), .1, 200, method='order4', save_every=50)",
-    "order 8": f"{HENON}\nrun(field, (1000, 4), .1, 100, method='order8', save_every=None)",
-    "dense": """
-q, l = rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))
-run(sf.QuadraticField(q, l), (64, 36), .02, 3)""",
-    "one dense orbit": """
-q, l = rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))
-run(sf.QuadraticField(q, l), 36, .02, 3)""",
-    "long list": f"{CHAIN}\nfield = sf.QuadraticField.from_function(chain, 128)\n"
-    "run(field, 128, .02, 5)\nrun(field, (64, 128), .02, 20, save_every=None)",
-    "grid": """
-def heat(x):
-    u = np.array(x).reshape(16, 16)
-    near = sum(np.roll(u, s, axis) for s in (1, -1) for axis in (0, 1))
-    return (near - 4 * u + u - u * u).ravel()
-run(sf.QuadraticField.from_function(heat, 256), (32, 256), .02, 5, save_every=None)""",
-    "motion": f"{HENON}\nfound.append(sf.flow(field, states(4), time=[1.0, 2.0]))\n"
-    "found.append(sf.flow(field, states((1000, 4)), time=[3.0, 9.0]))",
-    "exponents of a body": f"""
+        "closed form": f"""
+{BODY}
+found.append(sf.exact(body, [1.0, .5], .2, np.arange(10)))
+found.append(sf.exact(body, states((20000, 2)), .2, np.arange(10)))
+found.extend(sf.limits(body, [1.0, .5], .2))
+found.append(sf.flow(body, [1.0, .5], time=[1.0, 2.0]))""",
+        "scattering": f"{BODY}\nfound.append(sf.scattering_angle(body))",
+        "exponents of a body": f"""
 {GYROSTAT}
 found.append(sf.lyapunov_exponents(body, states((3, 2)), .2, 50))
 found.append(sf.lyapunov_exponents(body, states((2000, 2)), .2, 300))""",
-    "exponents": f"""
-{LORENZ}
-found.append(sf.lyapunov_exponents(field, states(3), .01, 50))
-found.append(sf.lyapunov_exponents(field, states((1000, 3)), .01, 300))""",
-    "jacobian": f"{LORENZ}\nfound.append(sf.jacobian(field, states((2, 3)), .01))\n"
-    f"{BODY}\nfound.append(sf.jacobian(body, states((2, 2)), .2))\n"
-    "found.append(sf.matrix(body, states((2, 2)), .2))",
-    "crossings": f"""
-{HENON}
-for count in 1, 1000:
-    section = sf.crossings(field, states((count, 4)), .1, 300, lambda x: x[..., 0])
-    found += [section.states, section.fraction]""",
-    "periodic orbit": """
-field = sf.QuadraticField.from_function(lambda x: (x[0] - x[0]*x[1], x[0]*x[1] - x[1]), 2)
-orbit = sf.periodic_orbit(field, [1.0, 2.0], period=6.6, steps=120)
-found += [orbit.state, orbit.multipliers]""",
-    "fixed points": f"{LORENZ}\nfound.append(sf.fixed_points(field))",
-    "ensemble": f"""
+        "ensemble": f"""
 {BODY}
 with tempfile.TemporaryDirectory() as folder:
     data = sf.ensemble(body, states((3000, 2)), .2, 400, store=folder + "/store", save_every=100)
     found.append(data["omega"].values)""",
-    "loop of a user over bodies": f"""
+        "loop of a user over bodies": f"""
 {BODY}
 from suslov_fast.compiled import advance, enter, frame, leave
 @numba.njit(parallel=True)
@@ -123,7 +82,29 @@ def last(frame, omega):
         out[i, 0], out[i, 1] = leave(frame, u, v)
     return out
 found.append(last(frame(body, .2), states((100, 2))))""",
-    "loop of a user over a field": f"""
+    },
+    "n dimensions": {
+        "four dimensions": f"{SOLID}\nrun(body, 4, .2, 10)\nrun(body, (1024, 4), .2, 200)",
+        "other methods": f"{SOLID}\nfor method in 'rank2', 'gauss':\n"
+        "    run(body, 4, .2, 10, method=method)\n    run(body, (512, 4), .2, 200, method=method)",
+        "jacobian": f"{LORENZ}\nfound.append(sf.jacobian(field, states((2, 3)), .01))\n"
+        f"{BODY}\nfound.append(sf.jacobian(body, states((2, 2)), .2))\n"
+        "found.append(sf.matrix(body, states((2, 2)), .2))",
+    },
+    "fields": {
+        "poles": f"{LORENZ}\n"
+        "run(field, (2048, 3), 3.0, 300, save_every=None, on_singular='ignore')",
+        "field": f"{LORENZ}\nrun(field, 3, .01, 10)\n"
+        "run(field, (2048, 3), .01, 300, save_every=50)",
+        "step of a field": f"{LORENZ}\nfound.append(sf.step(field, [1.0, 2.0, 20.0], .01))",
+        "family": f"""{LORENZ}
+family = sf.QuadraticField.from_function(lorenz, 3, rho=np.linspace(20, 30, 1500))
+run(family, (1500, 3), .01, 300, save_every=None)""",
+        "exponents": f"""
+{LORENZ}
+found.append(sf.lyapunov_exponents(field, states(3), .01, 50))
+found.append(sf.lyapunov_exponents(field, states((1000, 3)), .01, 300))""",
+        "loop of a user over a field": f"""
 {LORENZ}
 from suslov_fast.compiled import step_system, system, work
 @numba.njit
@@ -133,7 +114,7 @@ def last(system, x):
         step_system(system, x, x, memory)
     return x
 found.append(last(system(field, .01), np.ones(3)))""",
-    "map of a user": """
+        "map of a user": """
 from suslov_fast import maps
 @maps.function
 def euler(x, out, eps, work, indices, values):
@@ -148,11 +129,45 @@ steps = {"euler": maps.Steps(maps.steps_of(euler, 1), maps.by_field)}
 maps.register(maps.Map(name="euler", title="Euler", body=sf.QuadraticField, methods=steps,
     formulas={}))
 """ f"{LORENZ}\nrun(field, 3, .01, 10, method='euler')\n"
-    "run(field, (4096, 3), .001, 400, method='euler', save_every=None)",
-    "report": """
+        "run(field, (4096, 3), .001, 400, method='euler', save_every=None)",
+    },
+    "methods and sections": {
+        "order 4": f"{HENON}\nrun(field, 4, .1, 10, method='order4')\n"
+        "run(field, (1000, 4), .1, 200, method='order4', save_every=50)",
+        "order 8": f"{HENON}\nrun(field, (1000, 4), .1, 100, method='order8', save_every=None)",
+        "motion": f"{HENON}\nfound.append(sf.flow(field, states(4), time=[1.0, 2.0]))\n"
+        "found.append(sf.flow(field, states((1000, 4)), time=[3.0, 9.0]))",
+        "crossings": f"""
+{HENON}
+for count in 1, 1000:
+    section = sf.crossings(field, states((count, 4)), .1, 300, lambda x: x[..., 0])
+    found += [section.states, section.fraction]""",
+        "periodic orbit": """
+field = sf.QuadraticField.from_function(lambda x: (x[0] - x[0]*x[1], x[0]*x[1] - x[1]), 2)
+orbit = sf.periodic_orbit(field, [1.0, 2.0], period=6.6, steps=120)
+found += [orbit.state, orbit.multipliers]""",
+        "fixed points": f"{LORENZ}\nfound.append(sf.fixed_points(field))",
+        "report": """
 from suslov_fast.integrability import report
 top = sf.QuadraticField.from_function(lambda x: (x[1]*x[2], x[2]*x[0], x[0]*x[1]), 3)
 text.append(str(report(top, degree=2)))""",
+    },
+    "many variables": {
+        "one dense orbit": """
+q, l = rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))
+run(sf.QuadraticField(q, l), 36, .02, 3)""",
+        "dense": """
+q, l = rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))
+run(sf.QuadraticField(q, l), (64, 36), .02, 3)""",
+        "long list": f"{CHAIN}\nfield = sf.QuadraticField.from_function(chain, 128)\n"
+        "run(field, 128, .02, 5)\nrun(field, (64, 128), .02, 20, save_every=None)",
+        "grid": """
+def heat(x):
+    u = np.array(x).reshape(16, 16)
+    near = sum(np.roll(u, s, axis) for s in (1, -1) for axis in (0, 1))
+    return (near - 4 * u + u - u * u).ravel()
+run(sf.QuadraticField.from_function(heat, 256), (32, 256), .02, 5, save_every=None)""",
+    },
 }  # fmt: skip
 BEGIN = """
 import contextlib, hashlib, tempfile, warnings
@@ -190,16 +205,17 @@ Path(sys.argv[2]).write_text(" ".join(names))
 
 
 @pytest.mark.filterwarnings("ignore")  # as in the other process
-@pytest.mark.parametrize(("name", "threads"), [*zip(CALLS, cycle("21"), strict=False)])
-def test_first_calls(name, threads, tmp_path):
+@pytest.mark.parametrize("group", CALLS)
+def test_first_calls(group, tmp_path):
     """Those of bodies, families and gyrostats compile the same few functions, each once."""
-    code, names = "\n".join([BEGIN, CALLS[name], END]), tmp_path / "names"
-    settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_NUM_THREADS": threads}
-    first = children.run(RECORDED, code, names, **settings)
-    usual = io.StringIO()
-    with mock.patch.dict(maps.MAPS), contextlib.redirect_stdout(usual):
-        exec(code, {})
-    assert first == usual.getvalue() != ""
-    if name == "body":
-        compiled = names.read_text().split()
-        assert len(compiled) == len({*compiled}) <= 30
+    for (name, call), threads in zip(CALLS[group].items(), cycle("21"), strict=False):
+        code, names = "\n".join([BEGIN, call, END]), tmp_path / "names"
+        settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_NUM_THREADS": threads}
+        first = children.run(RECORDED, code, names, **settings)
+        usual = io.StringIO()
+        with mock.patch.dict(maps.MAPS), contextlib.redirect_stdout(usual):
+            exec(code, {})
+        assert first == usual.getvalue() != "", name
+        if name == "body":
+            compiled = names.read_text().split()
+            assert len(compiled) == len({*compiled}) <= 30

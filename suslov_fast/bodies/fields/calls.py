@@ -56,8 +56,12 @@ def checked_function(argument: str, f: Any, names: Any, parameters: Mapping[str,
         elif missing:
             values = ", ".join(f"{name}=1.0" for name in missing)
             how = f"pass values of its parameters, as {values}"
-            if len(missing) + 1 == len(names) and not parameters:
-                how += f", or lambda x: {argument}(*x) if these are the variables"
+            each, more = divmod(len(names), len(missing) + 1)
+            if not more:
+                parts = ", ".join(f"x[{k}:{k + each}]" for k in range(0, len(names), each))
+                split, rest = "*x" if each == 1 else parts, ", **p" * bool(parameters)
+                split = f"lambda x{rest}: {argument}({split}{rest})"
+                how += f", or {split} if these are the variables"
     if TIME & {*signature.parameters}:
         now, x = ("s[-1], s[:-1]", "0, x") if state.name in TIME else ("s[:-1], s[-1]", "x, 0")
         how = f"{of_time(names, f'*f({now})')}, or pass lambda x: f({x})"
@@ -82,6 +86,8 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
             how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
             if "subscriptable" in text:
                 how = "a parameter is one number, as p0=..., p1=...: an array makes a family"
+            elif "'Symbols' object has no" in text or "valid indices" in text:
+                how = f"write x[0] for a component, and {TABLES}"
             elif "Cannot cast ufunc" in text:
                 how = "write np.linalg.inv(M) @ b with numbers in M, or formulas"
             text += f": it is called with {len(state)} symbols, {symbols}: {how}"

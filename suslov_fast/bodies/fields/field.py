@@ -15,7 +15,7 @@ import numpy as np
 
 from ... import checks
 from ...checks import FloatArray, short, wrong
-from ...keywords import public
+from ...keywords import public, public_class
 from ..base import Body
 from .coefficients import of_array, of_file, of_hamiltonian, of_terms, structure_matrix, with_arrays
 from .field_of_terms import (
@@ -40,6 +40,7 @@ from .terms import (
 from .tracing import terms_of_function
 
 
+@public_class
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class QuadraticField(_FieldOfTerms):
     """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
@@ -91,7 +92,6 @@ class QuadraticField(_FieldOfTerms):
 
     texts: ClassVar[Any] = ("names",)
 
-    @public
     def __init__(
         self, quadratic: Any, linear: Any = None, constant: Any = None, names: Any = None
     ) -> None:

@@ -182,10 +182,8 @@ class FieldOfFunction(Body):
         if others or named:
             how = "for solve_ivp pass lambda t, x: field(x)"
             if named:
-                how = (
-                    f"other parameters are those of field.with_parameters({next(iter(named))}=...)"
-                )
-            raise TypeError(f"a field takes the state alone, field(x): {how}")
+                how = f"for another parameter make a field with {next(iter(named))}=..."
+            raise TypeError(f"a field takes the state alone, field(x), one array or a dict: {how}")
         return self._value_at(x)
 
     @cached_property

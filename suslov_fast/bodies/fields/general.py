@@ -16,7 +16,7 @@ from ...core.lists.conditions import with_fixed_choices
 from ...core.lists.derivative import gradients
 from ...core.lists.right_hand_side import RightHandSide, in_order
 from ...core.lists.step import evaluate
-from ...keywords import public
+from ...keywords import public, public_class
 from ..base import frozen
 from .calls import called_by_name, operands_of_function
 from .coefficients import structure_matrix
@@ -103,6 +103,7 @@ def _restored(names: Any, parameters: Any, operations: Any, texts: Any, *others:
     return Equations(names, parameters, values, *others)
 
 
+@public_class
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Field(FieldOfFunction):
     """A field with any right-hand side, ``x' = f(x)``, whose motion :func:`flow` computes.

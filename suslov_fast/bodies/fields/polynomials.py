@@ -40,7 +40,8 @@ def exact(name: str, value: Any) -> Fraction:
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
         if isinstance(value, dict):
-            received += f": pass **{name}, and let f take {', '.join(value)}"
+            how = f"**{name}, and let f take {', '.join(map(str, value))}"
+            received += f": pass {f'{name}={value[name]}' if name in value else how}"
         if hasattr(value, "free_symbols"):
             received += ": sympy.lambdify([names], expressions) makes a function"
         raise wrong(name, "integers, fractions or floats", received, TypeError)

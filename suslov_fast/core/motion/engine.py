@@ -156,7 +156,7 @@ class Motion:
         """
         take = self._taker(half, rows, self._table(half, rows, which), W)
         while not abandoned:
-            is_done = take(abandoned)
+            is_done = take()
             if self.report is not None:
                 reached = rows[:, half.rows.place].view(np.int64)
                 self.places[which] = reached
@@ -167,19 +167,11 @@ class Motion:
                 break
 
     def _taker(self, half, rows, table, W):
-        """Return the function that takes steps of trajectories, and returns whether it is done.
-
-        Its argument is a list, which is not empty if the steps are abandoned.
-        """
+        """Return the function that takes steps of trajectories, and returns whether it is done."""
         for_each = table.ndim > 1
         code = code_of_half(half, W, for_each)
         if code is None:
-
-            def in_numpy(abandoned):
-                StepsInNumPy(half, self, rows, table).run(abandoned)
-                return True
-
-            return in_numpy
+            return StepsInNumPy(half, self, rows, table).take
         work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
         arguments = np.array(Arguments(
             rows=rows.ctypes.data, count=len(rows), following=0, budget=0, table=table.ctypes.data,
@@ -189,7 +181,7 @@ class Motion:
             state_bytes=self.states.strides[0],
         ), np.int64)  # fmt: skip
 
-        def take(_, kept=(rows, table, work)):  # the arguments point there
+        def take(kept=(rows, table, work)):  # the arguments point there
             arguments[SLOT.budget] = max(BUDGET // half.f.work, 1)
             if is_done := call(code, arguments):
                 arguments[SLOT.following] = 0

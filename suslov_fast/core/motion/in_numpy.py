@@ -12,14 +12,13 @@ from .text import COMPONENT, NUMBER, Component, Numbers
 
 
 class StepsInNumPy:
-    """Steps of one half of trajectories (count, rows), as long as one is in this half."""
+    """Steps of one half of trajectories (count, rows)."""
 
     def __init__(self, half, motion, trajectories, table):
-        self.half, self.motion, self.trajectories, self.f = half, motion, trajectories, half.f
+        self.half, self.motion, self.f = half, motion, half.f
         self.rows, self.D = half.rows, half.f.D
         self.extended = self.D + len(half.f.denominators)
-        # Rows of all lanes; a copy, which is written back at the end.
-        self.lanes = trajectories.T.copy()
+        self.lanes = trajectories.T  # rows of all lanes
         self.table = np.atleast_2d(table)[:, : len(half.f.table)].T.copy()
         self.columns = IMPLICIT if half.is_implicit else EXPLICIT
         self.p = 1 if half.is_implicit else 2
@@ -27,26 +26,20 @@ class StepsInNumPy:
         self.own = weights(self.columns, self.p)
         self.of_error = weights_of_errors(self.columns, self.p)
 
-    def run(self, abandoned):
-        """Take all steps, unless something is in the list `abandoned`."""
+    def take(self):
+        """Take a step of all trajectories; return whether none was in this half."""
         with np.errstate(all="ignore"):
             if (self.row("state") < 0.0).any():
                 self._begin()
-            while not abandoned:
-                length = self._apply(rules.LENGTH, mode=self.mode, **self._apply(rules.NEAR))
-                if not (length["taken"] > 0.0).any():
-                    break
+            length = self._apply(rules.LENGTH, mode=self.mode, **self._apply(rules.NEAR))
+            if is_taken := (length["taken"] > 0.0).any():
                 self._step(**length)
-        self._write_back()
+        return not is_taken
 
     def begin(self):
         """Begin the trajectories, without a step."""
         with np.errstate(all="ignore"):
             self._begin()
-        self._write_back()
-
-    def _write_back(self):
-        self.trajectories[:] = self.lanes.T
 
     def row(self, name):
         """Return the row of a line with this name."""

@@ -9,6 +9,10 @@ from .rows import BEGINS, State
 from .rules import POINT, POINT_IMPLICIT, carried_out
 from .text import NUMBER
 
+# Python 3.11 finds members of an `IntEnum` slowly.
+EXPLICIT, IMPLICIT, TOO_MANY = map(int, (State.EXPLICIT, State.IMPLICIT, State.TOO_MANY))
+TOGETHER = 512  # steps whose inside is computed at a time, so that it stays in the cache
+
 
 class Stepping(Motion):
     """Trajectories that take the steps of `Motion`; their `Rows` stand in `flat` (B, rows).
@@ -40,25 +44,25 @@ class Stepping(Motion):
         """
         self.numbers[NUMBER.last] = last
         state, parts, abandoned = flat[:, self.rows.state], [], []
-        for mode in (State.EXPLICIT, State.IMPLICIT):
+        for mode in (EXPLICIT, IMPLICIT):
             k = np.flatnonzero(state == mode)
             parts += [(k[i : i + BLOCK], mode) for i in range(0, len(k), BLOCK)]
         found = [None] * len(parts)
 
         def take(number):
             k, mode = parts[number]
-            half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
+            half = half_of(self.f, mode == IMPLICIT, self.has_atol)
             rows = flat[k]
             step = self._taker(half, rows, self._table(half, rows, which[k]), self.W)
-            states, copies = rows[:, self.rows.state], [flat[k]]
-            for _ in range(count):
-                if not (states == mode).any() or abandoned:
-                    break
-                while not step(abandoned) and not abandoned:
+            states, copies, taken = rows[:, self.rows.state], np.empty((count + 1, *rows.shape)), 0
+            copies[0] = rows
+            while taken < count and np.count_nonzero(states == mode) and not abandoned:
+                while not step() and not abandoned:
                     pass
-                states[states == State.TOO_MANY] = mode  # it has made its one attempt
-                copies.append(rows.copy())
-            found[number] = k, np.array(copies)
+                states[states == TOO_MANY] = mode  # it has made its one attempt
+                taken += 1
+                copies[taken] = rows
+            found[number] = k, copies[: taken + 1]
 
         if self.threads == 1 or len(parts) == 1:
             for number in range(len(parts)):
@@ -86,17 +90,26 @@ class Stepping(Motion):
         step, whose rates tell of fast modes.
         """
         D, rows = self.f.D, self.rows
-        x, f, new, f_new = (
-            each[:, np.newaxis, i : i + D] for each in (before, after) for i in (0, D)
-        )
-        u = (np.arange(1, parts + 1) / parts)[:, np.newaxis]
-        h = (after[:, rows.t] - before[:, rows.t])[:, np.newaxis, np.newaxis]
-        h, k = self.numbers[NUMBER.sign] * h, before[:, rows.state] == State.IMPLICIT
-        with np.errstate(over="ignore", invalid="ignore"):
-            states = carried_out(POINT, x=x, new=new, f=f, f_new=f_new, signed=h, u=u)["point"]
-            if k.any():
-                states[k] = carried_out(POINT_IMPLICIT, x=x[k], new=new[k], u=u)["point"]
-        states[:, -1] = new[:, 0]
+        u = (np.arange(1, parts + 1) / parts)[:, np.newaxis, np.newaxis]
+        states = np.empty((len(before), parts, D))
+        for first in range(0, len(before), TOGETHER):
+            part = slice(first, first + TOGETHER)
+            # Steps are the last axis, because the inner loops of NumPy should be long.
+            x, f, new, f_new = (
+                np.ascontiguousarray(each[part, i : i + D].T)
+                for each in (before, after)
+                for i in (0, D)
+            )
+            h = self.numbers[NUMBER.sign] * (after[part, rows.t] - before[part, rows.t])
+            k = before[part, rows.state] == IMPLICIT
+            with np.errstate(over="ignore", invalid="ignore"):
+                at = {"x": x, "new": new, "f": f, "f_new": f_new, "signed": h, "u": u}
+                found = carried_out(POINT, **at)["point"]
+                if k.any():
+                    of_line = carried_out(POINT_IMPLICIT, x=x[:, k], new=new[:, k], u=u)
+                    found[..., k] = of_line["point"]
+            states[part] = found.transpose(2, 0, 1)
+        states[:, -1] = after[:, :D]
         return states
 
     def after(self, flat, which, lengths):
@@ -117,7 +130,7 @@ class Stepping(Motion):
             self.attempt(now, which[k])
             is_taken = now[:, rows.steps] > taken
             arrives = is_taken & (wanted >= rest)
-            fails = ~is_taken & (now[:, rows.state] > State.IMPLICIT)
+            fails = ~is_taken & (now[:, rows.state] > IMPLICIT)
             now[fails, : self.f.D] = np.nan
             flat[k] = now
             rest = goal[k] - now[:, rows.t]

@@ -139,7 +139,6 @@ MIXED = maps.Map(
 )
 
 RANDOM = {
-    "sleigh": (lambda rng, shape: Sleigh(*rng.uniform(1, 2, (3, *shape))),),
     "mixed": (
         _mixed,
         lambda rng, shape: Mixed(
@@ -147,5 +146,3 @@ RANDOM = {
         ),
     ),
 }
-# A = [[1, -eps b w], [eps c w / 2, 1 + eps c v / 2]] is singular for eps = 1, w = 0, v = -4.
-POLES = {"sleigh": (Sleigh(1.0, 1.0, 1.0), (-4.0, 0.0))}

@@ -14,7 +14,6 @@ from suslov_fast import (
     Suslov3D,
     SuslovGyrostat,
     SuslovND,
-    energy,
     vector_field,
 )
 
@@ -188,31 +187,6 @@ def test_admissible_I3(rng):
     for I3 in np.linspace(0, 25, 101):
         assert (least(I3)[~exists] < 1e-12).all()
     assert Suslov3D(3, 2, 0, 0).admissible_I3() == (1.0, 5.0)
-
-
-def test_tensors_are_those_of_the_momentum_about_the_fixed_point():
-    """Two masses beside a flat plate: M = I Omega, and the parallel axis theorem."""
-    points = np.array([[0.3, 0.2, 0.5], [-0.4, 0.1, 0.2], [0.1, -0.7, 0.3], [0.2, 0.3, -0.4]])
-    masses = np.array([2.0, 1.0, 0.5, 1.5])
-
-    def inertia_about(point):
-        r = points - point
-        return (masses[:, None, None] * (
-            (r**2).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
-        )).sum(axis=0)  # fmt: skip
-
-    omega, I = np.array([0.3, -0.2, 0.4]), inertia_about(np.zeros(3))
-    momentum = (masses[:, None] * np.cross(points, np.cross(omega, points))).sum(axis=0)
-    np.testing.assert_allclose(I @ omega, momentum, atol=1e-14)
-    assert I[0, 1] == pytest.approx(-(masses * points[:, 0] * points[:, 1]).sum())
-    m = masses.sum()
-    d = masses @ points / m
-    moved = inertia_about(d) + m * (d @ d * np.eye(3) - np.outer(d, d))
-    np.testing.assert_allclose(moved, I, atol=1e-14)
-    body, rotation = Suslov3D.from_inertia(I, [0, 1, 1])
-    omega -= omega @ [0, 1, 1] * np.array([0, 0.5, 0.5])
-    state = (rotation @ omega)[:2]
-    assert energy(body, state) == pytest.approx(omega @ I @ omega / 2)
 
 
 def test_a_gyrostat_from_its_inertia_tensor(rng):

@@ -255,19 +255,6 @@ def test_derivatives_where_f_chooses(f, x, slope):
     np.testing.assert_allclose(field.jacobian([x]), [[slope]], rtol=1e-14)
 
 
-def test_the_derivative_of_a_quadratic_field_is_exact_and_broadcasts():
-    def lorenz(x, r):
-        return 10 * (x[1] - x[0]), x[0] * (r - x[2]) - x[1], x[0] * x[1] - x[2] * 8 / 3
-
-    both = [kind.from_function(lorenz, "x y z", r=[20.0, 28.0]) for kind in (QuadraticField, Field)]
-    x = RNG(6).normal(size=(5, 1, 3))
-    first, second = (field.jacobian(x) for field in both)
-    assert first.shape == (5, 2, 3, 3)
-    np.testing.assert_allclose(first, second, rtol=1e-15)
-    np.testing.assert_array_equal(first[0, 1, 1], [28.0 - x[0, 0, 2], -1.0, -x[0, 0, 0]])
-    np.testing.assert_allclose(both[0](x), both[1](x), rtol=1e-14, atol=1e-15)
-
-
 # --------------------------------------------------------------------------------------- parameters
 def rates(x, a, b):
     return a / b * x[0] - x[0] * x[1] / (1 + a * x[0]), x[0] ** b - x[1]

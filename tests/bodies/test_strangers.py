@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import time
 import zipfile
 from fractions import Fraction
@@ -62,7 +63,8 @@ DICTIONARIES = {
     "deep values": (FIELD | {"values": nested(400)}, "values"),
     "deep matrix": (OF_H | {"K": nested(400)}, "K"),
     "deep parameter": (BODY | {"I1": nested(400)}, "I1"),
-    "deep mapping": (BODY | {"I1": {"a": {"a": nested(900)}}}, "parameters"),
+    # Python 3.11 cannot write it into the error of the one parameter.
+    "deep mapping": (BODY | {"I1": {"a": {"a": nested(900)}}}, "I1|parameters"),
     "repeated terms": (
         FIELD
         | {
@@ -156,8 +158,8 @@ def write(path, entries, **others):
 
 @pytest.mark.parametrize("name", DICTIONARIES)
 def test_dictionaries_and_files_are_answered_at_once(name, saved, tmp_path, capsys):
-    given, word = DICTIONARIES[name]
-    assert word in str(seconds(sf.body_from_dict, given))
+    given, words = DICTIONARIES[name]
+    assert re.search(words, str(seconds(sf.body_from_dict, given)))
     text = json.dumps(given)
     (tmp_path / "body.json").write_text(text)
     begin = time.process_time()

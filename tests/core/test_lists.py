@@ -113,35 +113,6 @@ def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
     assert None not in machine_code._codes.values()
 
 
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize(("W", "count"), [(1, 1), (8, 13), (2, 1), (4, 1), (8, 1)])
-def test_the_loop_over_regular_runs_does_what_numpy_does(rng, monkeypatch, W, count):
-    """A lattice has operations whose operands are in rows that follow each other, and others."""
-    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE", 0)
-    D, B, steps, fractions = 37, 13 if W == 8 else W, 5, (0.5, -0.25, 0.75)
-    field = sf.QuadraticField.from_function(
-        lambda x: [1, *(x[i - 1] * (x[(i + 1) % D] - x[i - 2]) - x[i] + 2 for i in range(1, D))], D
-    )
-    indices, values = field.terms
-    step = steps_field.scheme_of(indices, D, Stages(fractions)).step
-    programs = listed.programs_of(step)
-    for program in (programs.usual, programs.rare):
-        regular = program.runs.heads[:, 0] >= len(listed.KINDS)
-        assert 0 < regular.sum() < len(regular)
-        assert (program.runs.heads[regular, 1] % 4).any()  # a single lane takes four at once
-        assert program.rows < step.length / 4  # sums of products are one operation
-    x, eps = rng.normal(size=(B, D)), rng.uniform(0.05, 0.1, count)
-    x[0, 0] = -fractions[0] * eps[0]  # of which the first stage leaves 0: rare operations
-    notes = np.zeros(B, np.int8), np.zeros(B, np.int64), np.zeros(B)
-    given = steps_field.Scheme(step, Stages(fractions)), np.tile(values, (count, 1)), eps
-    lines = steps_field._Lines(given, x, notes, W)
-    saved = np.empty((steps, B, D))
-    assert lines.take(0, steps, saved, 1, True, ())
-    states = reference(step, x, 0.5 * eps[:, None] * values, fractions, steps)
-    assert same_bits(saved, states[1:])
-    assert same_bits(lines.states(), states[-1])
-
-
 def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
     """Of threads that begin at once, `programs_of` keeps the arrays of one alone."""
     field = sf.QuadraticField.from_function(

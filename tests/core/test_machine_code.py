@@ -1,7 +1,6 @@
 """Machine code of the steps of fields, and what takes its place: NumPy, and steps by `solve`."""
 
 import functools
-import os
 import pickle
 import re
 import weakref
@@ -41,18 +40,18 @@ def volterra(x):
     return [x[i] * (x[(i + 1) % 5] - x[i - 1]) for i in range(5)]
 
 
-@pytest.fixture
-def anew(monkeypatch):
+def forget(monkeypatch):
     """Forget all plans and all machine code."""
     monkeypatch.setattr(machine_code, "_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
-    caches = (
-        (steps_field, "_step_of"),
-        (tangent, "_tangent_of"),
-    )
-    for module, name in caches:
+    for module, name in ((steps_field, "_step_of"), (tangent, "_tangent_of")):
         plan = functools.cache(getattr(module, name).__wrapped__)
         monkeypatch.setattr(module, name, plan)
+
+
+@pytest.fixture
+def anew(monkeypatch):
+    forget(monkeypatch)
 
 
 def results(rng):
@@ -150,7 +149,6 @@ def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
     assert met >= {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
     """Of steps that are good, near a pole, beyond one, and of NaN; and of rare and dense lanes."""
@@ -219,13 +217,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
 
     planned = found()
     monkeypatch.setattr("suslov_fast.core.lists.sizes.PRODUCTS", -1)
-    monkeypatch.setattr(machine_code, "_codes", {})
-    caches = (
-        (steps_field, "_step_of"),
-        (tangent, "_tangent_of"),
-    )
-    for module, name in caches:
-        monkeypatch.setattr(module, name, functools.cache(getattr(module, name).__wrapped__))
+    forget(monkeypatch)
     field = sf.QuadraticField.from_function(of_a, 3, a=1)
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
@@ -330,33 +322,6 @@ def test_a_system_in_another_process_has_its_own_address():
     assert (np.frombuffer(bytes.fromhex(text)) == run.final).all()
 
 
-FORK = """
-import os, sys, warnings
-import numpy as np, suslov_fast as sf
-warnings.simplefilter("ignore", DeprecationWarning)
-field = sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
-x0 = np.random.default_rng(1).uniform(0.5, 2, (20000, 2))
-def run(threads):
-    return sf.iterate(field, x0, 0.05, 500, save_every=None, threads=threads).final
-expected = run(2)
-assert (run(1) == expected).all()
-child = os.fork()
-if child == 0:
-    other = sf.QuadraticField.from_function(lambda x: (x[1], -x[0] * x[0]), 2)
-    sf.iterate(other, x0, 0.01, 3)
-    os._exit(0 if (run(2) == expected).all() else 1)
-assert os.waitpid(child, 0)[1] == 0
-assert (run(2) == expected).all()
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_child_of_a_parent_that_ran_fields_in_threads():
-    """It has none of their threads, and neither hangs nor computes other bits."""
-    children.run(FORK, timeout=120)
-
-
 def test_texts_declare_all_that_they_call(rng, monkeypatch, anew):
     """Later LLVM knows its own functions without; that of the oldest Numba refuses the text."""
     texts, compile_text = [long_tangent.text_of_runs(None, "f")], machine_code._compile
@@ -375,11 +340,11 @@ def test_texts_declare_all_that_they_call(rng, monkeypatch, anew):
         assert {*re.findall(r"call [^@]*@([\w.]+)", text)} <= {*known}
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize(("D", "W"), [(6, 1), (6, 8), pytest.param(8, 8, marks=SLOW)])
+@pytest.mark.slow
 @pytest.mark.parametrize("text_of", [driver.text_of_steps, text_of_tangent])
-def test_frames(text_of, D, W):
+def test_frames(text_of):
     """No code takes 256 KB of a stack: a thread may have 512 KB. Dense fields, any x86-64."""
+    D = W = 8
     indices = [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
     step = steps_field.scheme_of(np.transpose(indices), D).step
     options = False, 64, False

@@ -15,7 +15,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.command.warm_up import where_code_is_kept
-from suslov_fast.core.compiling import arrays, cache, numba as core_numba
+from suslov_fast.core.compiling import cache, numba as core_numba
 from suslov_fast.core.suslov import (
     steps as steps_3d,
 )
@@ -236,33 +236,6 @@ def hide(place, name):
 """
 
 
-def compiled(function):
-    """Return a function that calls the code that kernels call."""
-    return numba.njit(lambda *arguments: function(*arguments))
-
-
-def test_indices_of_uncounted_arrays_from_the_end():
-    def of(b):
-        b = arrays.uncounted(b)
-        return b[-1, -2], b[2 - len(b), 1], b[1:, -1][-1], b[-2][0]
-
-    b, of = np.arange(6.0).reshape(3, 2), numba.njit(of)
-    for each in (b, np.asfortranarray(b)):
-        assert of(each) == of.py_func(each) == (4.0, 5.0, 5.0, 2.0)
-
-
-def test_arrays_at_an_address():
-    @numba.njit
-    def of(address, rows):
-        b = arrays.array_at(address, (rows, 2, 4), np.float64)
-        b[0, 0, 1] = -1.0
-        return b[1, -1, 3], b[2, 1][1], b.shape, b.strides, b.size, b.itemsize
-
-    x = np.arange(24.0)
-    assert of(x.ctypes.data, 3) == (15.0, 21.0, (3, 2, 4), (64, 32, 8), 24, 8)
-    assert x[1] == -1.0
-
-
 @pytest.mark.slow
 def test_without_private_names_of_numba(folder):
     """What takes the place of these names is slower, and gives the same results."""
@@ -317,20 +290,6 @@ def test_nothing_is_compiled_after_warm_up():
     _, used = asked(PROMISES, tests, "-k", words)
     assert any("suslov.steps.steps" in name for name in used)
     assert used - made == set()
-
-
-def test_threads_of_python_take_parts_where_a_private_name_has_another_signature(monkeypatch):
-    @core_numba.kernel
-    def count(part, parts, out):
-        out[part] += parts
-
-    count.py_func.__module__ = core_numba.__name__  # threads of Python take kernels of others
-    monkeypatch.setattr(core_numba.types, "CompileResultWAP", lambda: None)
-    monkeypatch.setattr(core_numba, "_found", {})
-    out = np.zeros(3)
-    count.parallel(3, out)
-    assert out.tolist() == [3.0, 3.0, 3.0]
-    assert [*core_numba._found.values()] == [None]
 
 
 def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):

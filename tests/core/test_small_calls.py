@@ -45,43 +45,23 @@ def call(function, *arguments):
 
 
 CALLS = {
-    "an orbit": run(BODY, X2[0], 0.2, 10),
     "orbits": run(BODY, X2, 0.2, 30, save_every=4),
-    "a block of orbits": run(BODY, np.tile(X2, (2, 1)), 0.2, 10),
-    "last states": run(BODY, X2, 0.2, 300, save_every=None),
     "numbers out of range": run(BODY, X2, 1e9, 10),
     "supercritical orbits": run(LONG, X2, 3.0, 40),
     "a family": run(FAMILY, X2, 0.2, 20),
-    "a gyrostat": run(ROTOR, X2[0], 0.2, 20),
     "gyrostats": run(ROTOR, np.tile(X2, (2, 1)), 2.0, 20),
-    "four dimensions": run(SOLID, X4[0], 0.2, 10),
     "poles in four dimensions": run(SOLID, X4, 2.5, 20),
     "elimination": run(SOLID, X4, 0.7, 10, method="gauss"),
     "two ranks": run(SOLID, X4, 0.2, 10, method="rank2"),
     "orientations": run(BODY, X2, 0.2, 40, attitude=True),
-    "orientations in four dimensions": run(SOLID, X4, 0.2, 20, attitude=True),
-    "poles of a field": run(SQUARES, X2, 2.5, 40),
-    "poles of one orbit of a field": run(SQUARES, X2[0], 2.5, 40, save_every=7),
     "poles of order 4": run(SQUARES, X2, 1.5, 20, method="order4"),
     "closed form": call(sf.exact, BODY, X2[0], 0.2, np.arange(-5.0, 6)),
-    "closed form of gyrostats": call(sf.exact, ROTOR, X2, 0.9, [3.0, 40.0]),
-    "motion of bodies": call(lambda: sf.flow(BODY, X2, time=[1.0, 2.5])),
     "limits": call(sf.limits, BODY, X2, 0.2),
-    "step": call(sf.step, BODY, X2, 0.2),
     "first integral": call(sf.first_integral, BODY, X2, 0.2),
-    "criticality": call(sf.criticality, BODY, X2[0], 0.2),
-    "X and Y": call(sf.to_xy, BODY, X2),
     "energy": call(sf.energy, SOLID, X4),
-    "matrix": call(sf.matrix, BODY, X2, 0.2),
-    "jacobian": call(sf.jacobian, BODY, X2, 0.2),
     "jacobian of a field": call(sf.jacobian, LORENZ, X3, 0.01),
-    "jacobian of one state": call(sf.jacobian, SQUARES, X2[0], 2.0),
-    "jacobian in four dimensions": call(sf.jacobian, SOLID, X4, 0.2),
     "density of a field": call(sf.invariant_density, CUBIC, X2, 0.1),
-    "modified energy": call(sf.modified_energy, CUBIC, X2, 0.1),
-    "exponents of a body": call(sf.lyapunov_exponents, BODY, X2, 0.2, 30),
     "exponents": call(sf.lyapunov_exponents, LORENZ, X3, 0.01, 50),
-    "exponents of one orbit": call(sf.lyapunov_exponents, LORENZ, X3[0], 0.01, 50),
     "exponents beyond poles": call(sf.lyapunov_exponents, SQUARES, X2, 3.0, 20),
 }
 
@@ -106,7 +86,6 @@ def as_in_an_empty_process(monkeypatch):
     return begin
 
 
-@pytest.mark.sampled(13)
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("name", CALLS)
 def test_same_bits(name, as_in_an_empty_process, monkeypatch):

@@ -156,27 +156,3 @@ def test_large_dimensionless_numbers(size):
         with pytest.warns(RuntimeWarning, match="1e8|1e\\+08|range"):
             beyond = sf.exact(body_of(*inputs[:4], 1e9 * k), 2e12 * np.array(omega), eps, n)
         assert np.isnan(beyond).all()
-
-
-def test_the_reference_follows_the_implicit_equations():
-    I1, I2, I13, I23, eps, omega = 2.3, 1.4, 0.5, -0.7, 0.35, (1.1, -0.4)
-    for k in (0, 0.05, -3):
-        inputs = naive.exactly(I1, I2, I13, I23, k, eps, *omega)
-        orbit = naive.orbit(I1, I2, I13, I23, eps, omega, 7, k)
-        assert naive.relative_error(naive.solution_with_rotor(*inputs, 7), orbit[-1]) < 1e-50
-        start = naive.solution_with_rotor(*inputs[:6], *orbit[-1], -7)
-        assert naive.relative_error(start, naive.exactly(*omega)) < 1e-45
-        part = naive.solution_with_rotor(*inputs, 3.25)
-        whole = naive.solution_with_rotor(*inputs[:6], *part, 3.75)
-        assert naive.relative_error(whole, orbit[-1]) < 1e-45
-        flow = partial(naive.solution_with_rotor, *inputs, flows=True)
-        assert naive.relative_error(flow(0), inputs[6:]) < 1e-50
-        for time in (0, 0.8, -30):
-            slope = naive.derivative(lambda t, flow=flow: flow(*t), [time])
-            field = naive.vector_field(I1, I2, I13, I23, flow(time), k)
-            assert naive.relative_error([row[0] for row in slope], field) < 1e-25
-        if k == 0.05:
-            limits = naive.limits_with_rotor(*inputs)
-            for sign, limit in ((-1, limits[:2]), (1, limits[2:])):
-                far = naive.solution_with_rotor(*inputs, sign * 10**4)
-                assert naive.relative_error(far, limit) < 1e-50

@@ -154,17 +154,6 @@ def test_a_plan_uses_zeros(rng):
         assert len(step.usual) < 48 * D
 
 
-@pytest.mark.slow
-def test_fields_have_a_plan_unless_it_takes_too_long():
-    """Elimination fills a sparse matrix; of dense fields, most operations are those of terms."""
-    for D, is_dense, has_plan in (
-        (44, False, True), (50, False, False), (34, True, True), (36, True, False),
-    ):  # fmt: skip
-        pairs = [(j, k) for j in range(D) for k in range(j, D) if is_dense or k == j + 1]
-        terms = [(i, *pair) for i in range(D) for pair in pairs]
-        assert bool(plans.Step(np.array(terms).T, D).usual) == has_plan
-
-
 def test_grids_have_a_plan():
     """Elimination fills in, but takes far fewer products than that of a dense matrix."""
     n = 16
@@ -214,19 +203,38 @@ def linear_step(A, x):
     return run, [2 * v - naive.mpf(w) for v, w in zip(half, x, strict=True)]
 
 
-@pytest.mark.parametrize("small", [0.0, 2.0**-9, 2.0**-30, -(2.0**-52)])
-def test_a_small_pivot(small):
-    """On the diagonal it is no pivot."""
-    for A in ([[small, 1.0], [1.0, 1.0]], [[1.0, 1, 0.25], [1, 1 + small, 1], [0.5, 1, 1]]):
-        run, exact = linear_step(np.array(A), [1.0, 0.7, 0.3][: len(A)])
-        assert naive.relative_error(run.final, exact) < 2e-15 * np.linalg.cond(A)
+FAR = 2.0**60
+RANDOM = np.eye(4) - np.random.default_rng(5).normal(size=(4, 4))
+GROWING = np.tril(-np.ones((8, 8)), -1) + np.eye(8)
+GROWING[:, -1] = 1.0  # the last column doubles with each pivot
+UNITS = np.array([1.0, FAR, 1.0 / FAR, 2.0**30])
+SYSTEMS = {
+    "no pivot": [[0.0, 1.0], [1.0, 1.0]],
+    "a pivot that loses digits": [[2.0**-9, 1.0], [1.0, 1.0]],
+    "a pivot near 0": [[-(2.0**-30), 1.0], [1.0, 1.0]],
+    "a second pivot near 0": [[1.0, 1, 0.25], [1, 1 + 2.0**-30, 1], [0.5, 1, 1]],
+    "first pivots beside a larger one": [[2.0**-5, 1, 1], [-1, 2.0**-5, 1], [1.0, 1, 1]],
+    "three exchanges": [[0.0, 0, 0, 4], [0.5, 0, 0, 1], [0, 3, 0, 1], [1, 1, 2, 0]],
+    "growth": GROWING,
+    "units of unknowns": RANDOM * UNITS / UNITS[:, None],
+    "rows of different size": RANDOM * np.array([[1.0], [1e8], [1e-8], [1e3]]),
+    "one way only": [[1.0, 1e9, 0.0], [0.0, 1.0, 1e9], [0.0, 0.0, 1.0]],
+    "a row that is exchanged keeps its size": [[0.0, 1.0], [1.0, FAR]],
+    "rank 2 by some rounding errors": [[1.0, 1.0], [1.0, 1.0 + 2.0**-44]],
+}
 
 
-def test_a_growing_pivot():
-    """Beside the largest number that was on the diagonal, the first pivots are small."""
-    A = np.array([[2.0**-5, 1.0, 1.0], [-1.0, 2.0**-5, 1.0], [1.0, 1.0, 1.0]])
-    run, exact = linear_step(A, [1.0, 0.7, 0.3])
-    assert naive.relative_error(run.final, exact) < 2e-16 * np.linalg.cond(A)
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_steps_with_pivoting(name):
+    """To some units in the last place of each entry of A and of the state (Skeel)."""
+    A = 1 - (1 - np.array(SYSTEMS[name], float))  # as the map finds it
+    x = np.linspace(1.0, 2.0, len(A))
+    run, exact = linear_step(A, x)
+    inverse = abs(np.array((naive.mpmath.matrix(A.tolist()) ** -1).tolist(), float))
+    half = abs(np.array([(v + naive.mpf(w)) / 2 for v, w in zip(exact, x, strict=True)], float))
+    bound = 2.0**-50 * len(A) * (2 * inverse @ (abs(A) @ half + abs(x)) + abs(x))
+    for found, value, most in zip(run.final, exact, bound, strict=True):
+        assert abs(naive.mpf(found) - value) <= most
 
 
 @pytest.mark.slow
@@ -244,6 +252,11 @@ def test_pivots_are_chosen_in_units_of_the_components(rng):
             assert naive.relative_error(run.final / units, exact) < 1e-14 * np.linalg.cond(A)
 
 
+# U has a last column as that of GROWING, of which the last row leaves 2**-30 beside 2**18.
+GROWN = np.tril(-np.ones((20, 20)), -1) + np.eye(20)
+GROWN[:, -1], GROWN[-1] = 1.0, [1.0] * 18 + [-1.0, 2.0**-30 - 1.0]
+
+
 @pytest.mark.parametrize(
     "A",
     [
@@ -252,6 +265,10 @@ def test_pivots_are_chosen_in_units_of_the_components(rng):
         np.outer([0.1, 0.7, -0.3], [1.3, 0.9, 1.1]).tolist(),  # to rounding
         [[0.1, 0.3, 0.4], [0.2, 0.7, 0.9], [0.3, 1.0, 1.3]],
         [[1.0, 2.0**60], [2.0**-60, 1.0]],
+        (1e9 * np.arange(1.0, 10.0).reshape(3, 3) / 7.0).tolist(),  # beside large terms
+        [[1.0, 0.1, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        [[1.0, 1.0], [1.0, 1.0 + 2.0**-52]],
+        GROWN.tolist(),
     ],
 )
 def test_poles(A):

@@ -19,7 +19,6 @@ from test_kernels import try_kernel
 import suslov_fast as sf
 from suslov_fast import compiled, ensemble, iterate, maps
 from suslov_fast.core.compiling import cache
-from suslov_fast.core.compiling.numba import kernel
 from suslov_fast.engine import threads
 from suslov_fast.maps import KAHAN, Formula, Steps, by_field
 
@@ -350,11 +349,6 @@ def test_functions_of_a_second_method_of_a_class():
         compiled.system(HENON, 0.1, method="midpoint")
 
 
-def test_a_state_at_a_pole_of_the_sleigh():
-    body, pole = own.POLES["sleigh"]
-    assert iterate(body, pole, 1.0, 1, on_singular="ignore").status == sf.Status.SINGULAR
-
-
 class Named(sf.QuadraticField):
     """A field with methods of its own."""
 
@@ -433,14 +427,6 @@ def test_a_formula_of_another_shape_is_refused():
         sf.energy(body, [1.0, 0.5])
 
 
-def test_a_class_without_a_record_is_refused():
-    class Other(own.Body):
-        pass
-
-    with pytest.raises(TypeError, match=r"^(body|system)\b"):
-        iterate(Other(), [0.5, 1.0], 0.1, 5)
-
-
 class Faster(own.Sleigh):
     """A sleigh with equations of its own, and no map."""
 
@@ -482,17 +468,7 @@ def registered(**changes):
     return iterate(HENON, START[:1], 0.1, 1, method="new")
 
 
-def test_kernels_by_hand_are_refused():
-    """Also one that calls itself a part of the package's tests."""
-
-    @kernel
-    def steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at):
-        final[:] = 1.0
-
-    with pytest.raises(TypeError, match=r"^methods\['new'\].kernel must be made by maps.steps_of"):
-        with_steps(kernel=steps)()
-
-
+@pytest.mark.slow
 def test_parameters_with_different_numbers_of_axes(rng, tmp_path):
     """A number, a vector and a matrix, of each member or shared by all: rows have their shapes."""
     for make in own.RANDOM["mixed"]:

@@ -349,7 +349,7 @@ def measured_order(map, method, body, x):
     options = {"method": method, "save_every": None, "on_singular": "ignore"}
     slopes = (sf.iterate(body, x, 1e-6, 1, **options).final - x) / 1e-6
     sizes = abs(x).max(axis=1)
-    unit, factors, errors = sizes / abs(slopes).max(axis=1), 2.0 ** np.arange(-1, -30, -0.5), []
+    unit, factors, errors = sizes / abs(slopes).max(axis=1), 2.0 ** np.arange(-1, -30, -1.0), []
     for eps in np.multiply.outer(factors, unit):
         one = sf.iterate(body, x, eps, 1, **options).final
         if "vector_field" in map.functions(body):

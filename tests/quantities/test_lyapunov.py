@@ -41,6 +41,15 @@ def test_derivatives_of_a_step(rng, m, eps):
     assert error < 2e-14 * np.linalg.cond(sf.matrix(body, omega, eps))
 
 
+def exponents_by_qr(body, x, eps, steps):
+    """Exponents by NumPy's QR of the derivative of each step."""
+    Q, total = np.eye(len(x)), np.zeros(len(x))
+    for slope in sf.jacobian(body, sf.iterate(body, x, eps, steps - 1).states, eps):
+        Q, R = np.linalg.qr(slope @ Q)
+        total += np.log(abs(np.diag(R)))
+    return np.sort(total / steps)[::-1]
+
+
 @pytest.mark.sampled(8)
 @pytest.mark.parametrize(
     ("body", "omega", "eps", "steps", "tolerance"),
@@ -52,21 +61,14 @@ def test_derivatives_of_a_step(rng, m, eps):
     + [(m, None, 1.6, 8, 1e-11) for m in (10, 12)],  # negative pivots, and rows exchanged
 )
 def test_against_derivatives_one_by_one(rng, body, omega, eps, steps, tolerance):
-    """Compare with NumPy's QR of each Jacobian, and the sum with the mean of log |det|."""
     if isinstance(body, int):
         J, I, omega = rng.uniform(1, 3, body), *rng.normal(size=(2, body))
         body = sf.SuslovND(J, I)
     assert body is not BEYOND or sf.criticality(body, omega, eps) > 1
     exponents = sf.lyapunov_exponents(body, omega, eps, steps)
-    Q, total, of_det = np.eye(len(omega)), np.zeros(len(omega)), 0.0
-    for _ in range(steps):
-        derivative = sf.jacobian(body, omega, eps)
-        Q, R = np.linalg.qr(derivative @ Q)
-        total += np.log(abs(np.diag(R)))
-        of_det += np.log(abs(np.linalg.det(derivative)))
-        omega = sf.step(body, omega, eps)
-    np.testing.assert_allclose(exponents, np.sort(total / steps)[::-1], atol=tolerance)
-    np.testing.assert_allclose(exponents.sum(), of_det / steps, atol=tolerance)
+    expected = exponents_by_qr(body, omega, eps, steps)
+    np.testing.assert_allclose(exponents, expected, atol=tolerance)
+    np.testing.assert_allclose(exponents.sum(), expected.sum(), atol=tolerance)
 
 
 @pytest.mark.compiled  # interpreted, a million steps take more than half an hour
@@ -214,15 +216,6 @@ def test_bits_do_not_depend_on_batches_and_stretches(rng, monkeypatch, body, eps
     np.testing.assert_array_equal(sf.lyapunov_exponents(body, x[7:9], eps, 20), whole[7:9])
 
 
-def exponents_by_qr(field, x, eps, steps):
-    """Exponents by NumPy's QR of the derivative of each step."""
-    Q, total = np.eye(len(x)), np.zeros(len(x))
-    for state in sf.iterate(field, x, eps, steps - 1).states:
-        Q, R = np.linalg.qr(sf.jacobian(field, state, eps) @ Q)
-        total += np.log(abs(np.diag(R)))
-    return np.sort(total / steps)[::-1]
-
-
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("linear", "eps", "tolerance"),
@@ -261,10 +254,10 @@ def in_a_cascade(x):
 
 
 @pytest.mark.compiled
-@pytest.mark.slow
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("f", "D", "size", "tolerance"),
-    [(ring, 44, 8.0, 1e-12), (everything, 48, 0.5, 1e-12), (in_a_cascade, 50, 0.1, 1e-10)],
+    [(ring, 24, 8.0, 1e-12), (everything, 38, 0.5, 1e-12), (in_a_cascade, 50, 0.1, 1e-10)],
 )
 def test_many_variables(rng, monkeypatch, f, D, size, tolerance):
     """Runs, or dense loops: as NumPy's QR of each derivative; bits over batches and cuts."""
@@ -308,22 +301,24 @@ def test_determinants_of_many_variables(monkeypatch, most):
     np.testing.assert_allclose(exponents, np.log(0.6), rtol=1e-12)
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("is_dense", [True, False])
+def test_products_that_leave_the_range_of_numbers(monkeypatch, is_dense):
+    """Each of 40 columns shrinks to a tenth in each of 40 steps, and none grows apart."""
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE_OF_TANGENT", 0)
+    D, products = 40, np.full((40, 40, 40), 1e-30 if is_dense else 0.0)
+    field = sf.QuadraticField(products, -18 / 11 * np.eye(D))
+    exponents = sf.lyapunov_exponents(field, np.zeros(D), 1.0, 40)
+    np.testing.assert_allclose(exponents, np.log(0.1), rtol=1e-12)
+
+
 def test_exponents_by_products_of_jacobians(monkeypatch):
     """Of three variables: of two, the first column and the determinant give both exponents."""
     monkeypatch.setitem(vars(maps.MAPS["Kahan"]), "growth", derivatives.growth_by_jacobian)
     starts, eps, steps = [[1.0, 2.0, 20.0], [-3.0, 1.0, 15.0]], 0.05, 60
-    rates, states = (
-        sf.lyapunov_exponents(LORENZ, starts, eps, steps),
-        sf.iterate(LORENZ, starts, eps, steps).states,
-    )
-    for found, slopes in zip(
-        rates, sf.jacobian(LORENZ, states[:-1].swapaxes(0, 1), eps), strict=True
-    ):
-        Q, total = np.eye(3), np.zeros(3)
-        for slope in slopes:
-            Q, R = np.linalg.qr(slope @ Q)
-            total += np.log(abs(np.diag(R)))
-        np.testing.assert_allclose(found, -np.sort(-total / steps), rtol=1e-12)
+    rates = sf.lyapunov_exponents(LORENZ, starts, eps, steps)
+    for found, x in zip(rates, starts, strict=True):
+        np.testing.assert_allclose(found, exponents_by_qr(LORENZ, x, eps, steps), rtol=1e-12)
     # A turn by a right angle, whose first pivot is 0, beside a decay to 1 / 3, or to 0.
     for rate, last in ((0.5, -np.log(3)), (1.0, -np.inf)):
         field = sf.QuadraticField.from_function(lambda x, r=rate: (x[1], -x[0], -r * x[2]), 3)
@@ -394,17 +389,6 @@ def test_motion_of_lorenz(rng):
         assert (alone == found[k]).all()
 
 
-@pytest.mark.compiled  # interpreted, more than 20 seconds
-def test_motion_leaves_clocks_out():
-    """A damped oscillator with a force cos t: the real parts of the eigenvalues are -0.1."""
-    forced = sf.Field.from_function(
-        lambda s: (s[1], -s[0] - 0.2 * s[1] + np.cos(s[2]), 1.0), "q p t"
-    )
-    found = sf.lyapunov_exponents(forced, [0.0, 0.0, 0.0], time=2000.0, transient=20.0, rtol=1e-6)
-    assert found.shape == (2,)
-    assert abs(found + 0.1).max() < 1e-3
-
-
 def test_motion_of_families_that_end():
     family = sf.QuadraticField.from_function(lambda x, a: (a * x[0] ** 2 - x[0],), 1, a=[0, 2])
     with pytest.warns(sf.PoleWarning):
@@ -413,34 +397,6 @@ def test_motion_of_families_that_end():
     assert np.isnan(found[1])
     stopped = sf.lyapunov_exponents(family, [0.1], time=3.0, progress=lambda done, total: False)
     assert np.isfinite(stopped).any()
-
-
-@pytest.mark.compiled  # interpreted, more than 20 seconds
-def test_motion_of_a_forced_oscillator():
-    """Stuart and Landau's, in step with its force: eigenvalues at rest in the turning frame."""
-    mu, own, force, amplitude = 1.0, 1.2, 1.0, 2.0
-
-    def turning(s, speed):
-        x, y = s[:2]
-        rest = mu - x * x - y * y
-        return rest * x - speed * y, rest * y + speed * x
-
-    def forced(s):
-        u, v = turning(s, own)
-        return u + amplitude * np.cos(force * s[2]), v + amplitude * np.sin(force * s[2]), 1.0
-
-    def still(s):
-        u, v = turning(s, own - force)
-        return u + amplitude, v
-
-    frame = sf.Field.from_function(still, 2)
-    rest = sf.flow(frame, [1.0, 0.0], time=60.0, rtol=1e-12).x[0]
-    wanted = np.sort(np.linalg.eigvals(frame.jacobian(rest)).real)[::-1]
-    field = sf.Field.from_function(forced, "x y t")
-    found = sf.lyapunov_exponents(field, [1.0, 0.0, 0.0], time=200.0, transient=20.0, rtol=1e-8)
-    np.testing.assert_allclose(found, wanted, atol=1e-3)
-    divergence = 2 * mu - 4 * (rest**2).sum()
-    assert found.sum() == pytest.approx(divergence, rel=1e-7)
 
 
 @pytest.mark.compiled  # interpreted, more than 20 seconds

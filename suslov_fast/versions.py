@@ -10,7 +10,7 @@ from .keywords import public
 _REQUIRED = "numpy", "numba", "llvmlite"
 _OPTIONAL = (
     *("scipy", "matplotlib", "xarray", "zarr", "dask", "distributed"),
-    *("python-flint", "sympy", "anywidget"),
+    *("python-flint", "sympy"),
 )
 
 

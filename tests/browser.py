@@ -17,8 +17,7 @@ from tornado import ioloop, websocket
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 OPTIONS = (
     "--headless=new --remote-debugging-port=0 --no-sandbox --disable-gpu --no-first-run "
-    "--disable-dev-shm-usage --disable-background-networking --disable-sync "
-    "--disable-features=IsolateSandboxedIframes"  # whose process would be another target
+    "--disable-dev-shm-usage --disable-background-networking --disable-sync"
 )
 # Seconds; the first picture may wait for the compiler on a busy machine.
 TIMEOUT = 120.0
@@ -93,24 +92,14 @@ class Browser:
             self.events.append(answer)
         raise AssertionError("the browser has ended")
 
-    def value(self, script, **context):
-        options = {"returnByValue": True, "awaitPromise": True, **context}
+    def value(self, script):
+        options = {"returnByValue": True, "awaitPromise": True}
         answer = self.call("Runtime.evaluate", expression=script, **options)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
-    def wait(self, script, **context):
-        return wait(lambda: self.value(script, **context))
-
-    def frame(self):
-        """The context of scripts in the frame of the page, once its page is there."""
-        self.wait("document.querySelector('iframe') !== null")
-        return {"contextId": wait(self._newest_frame)}
-
-    def _newest_frame(self):
-        self.value("1")  # receives events
-        made = [each["params"].get("context", {}) for each in self.events]
-        return max((each["id"] for each in made if each.get("origin") == "://"), default=0)
+    def wait(self, script):
+        return wait(lambda: self.value(script))
 
     def look(self, width, height):
         """Set the size of the window, without animations."""
@@ -124,10 +113,10 @@ class Browser:
         self.wait("document.readyState === 'complete' && document.documentElement !== null")
 
 
-def settle(browser, **context):
+def settle(browser):
     root = "document.documentElement"
     script = f"{root}.querySelector('dt') !== null && {root}.dataset.busy === undefined"
-    browser.wait(script, **context)
+    browser.wait(script)
 
 
 def show(browser, url, *modules):
@@ -139,19 +128,19 @@ def show(browser, url, *modules):
         browser.value(f"import('/{name}.js').then((found) => void Object.assign(window, found))")
 
 
-def put(browser, field, value, event="input", **context):
+def put(browser, field, value, event="input"):
     """Write a number into a field, move its slider, or choose."""
     place, event = f"document.getElementById({field!r})", f"new Event({event!r}, {{bubbles: true}})"
-    browser.value(f"{place}.value = {str(value)!r}; {place}.dispatchEvent({event})", **context)
-    settle(browser, **context)
+    browser.value(f"{place}.value = {str(value)!r}; {place}.dispatchEvent({event})")
+    settle(browser)
 
 
-def pixels(browser, **context):
-    return browser.value("document.getElementById('plane').toDataURL()", **context)
+def pixels(browser):
+    return browser.value("document.getElementById('plane').toDataURL()")
 
 
-def text(browser, name, **context):
-    return browser.value(f"document.getElementById({name!r}).textContent", **context)
+def text(browser, name):
+    return browser.value(f"document.getElementById({name!r}).textContent")
 
 
 def check_silence(browser, url):

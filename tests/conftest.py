@@ -80,10 +80,14 @@ def pytest_addoption(parser):
 def pytest_configure(config):
     config.option.loadscopereorder = False  # xdist would sort files by the number of their tests
     for name in config.getoption("--maps"):
+        import samples
+
         try:
-            importlib.import_module(name)
+            module = importlib.import_module(name)
         except ImportError as error:
             raise pytest.UsageError(f"--maps {name}: {error}") from None
+        samples.RANDOM |= getattr(module, "RANDOM", {})
+        samples.POLES |= getattr(module, "POLES", {})
 
 
 @pytest.fixture

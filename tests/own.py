@@ -42,8 +42,6 @@ MIDPOINT = maps.Map(
     body=sf.QuadraticField,
     methods={"midpoint": Steps(maps.steps_of(midpoint_step, lambda D: 3 * D + 3), by_field)},
     formulas={"vector_field": KAHAN["vector_field"], "energy": KAHAN["energy"]},
-    random=maps.MAPS["Kahan"].random,
-    pole=None,  # every state has a next one
     variable="x",
     meaning="state",
 )
@@ -75,9 +73,6 @@ SLEIGH = maps.Map(
     body=Sleigh,
     methods={"auto": maps.FIELD},
     formulas={**KAHAN, "energy": Formula(_energy)},
-    random=(lambda rng, shape: Sleigh(*rng.uniform(1, 2, (3, *shape))),),
-    # A = [[1, -eps b w], [eps c w / 2, 1 + eps c v / 2]] is singular for eps = 1, w = 0, v = -4.
-    pole=(Sleigh(1.0, 1.0, 1.0), (-4.0, 0.0)),
 )
 
 
@@ -139,13 +134,15 @@ MIXED = maps.Map(
     body=Mixed,
     methods={"auto": Steps(maps.steps_of(mixed_step, lambda D: 2 * D), maps.by_constants)},
     formulas={"vector_field": KAHAN["vector_field"]},
-    random=(
+    variable="x",
+    meaning="state",
+)
+
+RANDOM = {
+    "mixed": (
         _mixed,
         lambda rng, shape: Mixed(
             0.7, rng.uniform(-1, 1, (*shape, 3)), rng.normal(size=(*shape, 3, 3))
         ),
     ),
-    pole=None,
-    variable="x",
-    meaning="state",
-)
+}

@@ -39,7 +39,7 @@ section = crossings(henon_heiles, starts, eps, 40_000, lambda x: x[..., 0])
 chaotic = lyapunov_exponents(henon_heiles, starts, eps, 200_000)[:, 0] / eps > 0.01
 regular, chaos = [], []
 for k in range(len(starts)):
-    points = section.of(k).states
+    points = section.states[section.trajectory == k]
     colour = "crimson" if chaotic[k] else plt.colormaps["viridis"](k / len(starts))
     mark, size = ("x", 2.5) if chaotic[k] else (".", 1.2)
     style = {"color": colour, "markersize": size, "markeredgewidth": 0.5}

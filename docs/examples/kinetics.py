@@ -32,6 +32,6 @@ def falling(x):
 
 
 peaks = crossings(family, [1, 2, 3], surface=falling, time=2000, transient=1000, atol=0)
-period = [np.diff(peaks.of(k).time).mean() for k in range(100)]
+period = [np.diff(peaks.time[peaks.trajectory == k]).mean() for k in range(100)]
 right.plot(f, period, color="steelblue")
 right.set(xlabel="$f$", ylabel="period")

@@ -55,16 +55,15 @@ class Members:
         return body
 
     @public
-    def sel(self: Kind, /, *, method: str | None = None, **values: Any) -> Kind:
+    def sel(self: Kind, /, **values: Any) -> Kind:
         """Return the members of a batch with given values of parameters.
 
         Parameters
         ----------
-        method : {None, "nearest"}
-            "nearest" selects the nearest value in the batch; None requires an equal one.
-        **values : float or slice of float
-            A number selects along the one axis on which its parameter varies, and removes that
-            axis. A slice selects all values between its two ends, both included.
+        **values : float
+            A number selects the member with an equal value along the one axis on which its
+            parameter varies, and removes that axis. For ranges use a mask:
+            ``family[(2 < a) & (a < 3)]``.
 
         Returns
         -------
@@ -82,33 +81,22 @@ class Members:
         >>> bodies = Suslov3D(I1=[2, 3, 4], I2=1, I13=-0.5, I23=-0.3)
         >>> bodies.sel(I1=3)
         Suslov3D(I1=3.0, I2=1.0, I13=-0.5, I23=-0.3)
-        >>> bodies.sel(I1=3.8, method="nearest").I1
-        4.0
-        >>> bodies.sel(I1=slice(2.5, None)).I1
+        >>> bodies[bodies.I1 > 2.5].I1
         array([3., 4.])
         """
-        if method is not None:
-            checks.one_of("method", method, ["nearest"])
         for name, value in values.items():
             column = self._column(name)
             axis = len(self.shape) - column.ndim + int(np.argmax(column.shape))
             choices = column.ravel()
-            if isinstance(value, slice):
-                if value.step is not None or method is not None:
-                    received = f"{value} and method {method}"
-                    raise wrong(name, "a slice without step and method", received)
-                low = -np.inf if value.start is None else value_to_select(name, value.start)
-                high = np.inf if value.stop is None else value_to_select(name, value.stop)
-                index: Any = np.flatnonzero((low <= choices) & (choices <= high))
-            else:
-                wanted = value_to_select(name, value)
-                index = int(np.argmin(abs(choices - wanted)))
-                nearest = choices[index]
-                if method is None and nearest != wanted:
-                    advice = f'pass one of them, such as {nearest}, or method="nearest"'
-                    raise ValueError(
-                        f"{name}: {wanted} is not one of its {choices.size} values: {advice}"
-                    )
+            wanted = checks.real_number(name, value)
+            if not isinstance(wanted, float):
+                raise wrong(name, "a number", checks.short(value))
+            index = int(np.argmin(abs(choices - wanted)))
+            if (nearest := choices[index]) != wanted:
+                advice = f"pass one of them, such as {nearest}"
+                raise ValueError(
+                    f"{name}: {wanted} is not one of its {choices.size} values: {advice}"
+                )
             self = self._part(axis, index)
         return self
 
@@ -164,12 +152,3 @@ def place_in(shape: tuple[int, ...], entry: Any) -> Any:
     if array.ndim > 1 or (array.dtype == bool and array.shape != shape[:1]):
         raise IndexError
     return np.arange(shape[0])[array]
-
-
-def value_to_select(name: str, value: Any) -> float:
-    """Return a finite number from the arguments of `sel`."""
-    number = checks.real_number(name, value)
-    if type(number) is not float:
-        expected = "a number, or a slice of values, such as slice(1, 2)"
-        raise wrong(name, expected, checks.short(value))
-    return number

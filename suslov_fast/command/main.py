@@ -2,7 +2,6 @@
 
 import argparse
 import inspect
-import io
 import json
 import os
 import shutil
@@ -19,7 +18,7 @@ from typing import Any
 import suslov_fast as sf
 
 from .options import PARAMETERS, parsed
-from .summary import facts_in, facts_of, is_complete, lines_of, result_in
+from .summary import facts_in, facts_of, lines_of
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
 
@@ -96,8 +95,6 @@ def run(options: argparse.Namespace) -> None:
             options.usage_error(f"argument --{name.replace('_', '-')}: {how} --time")
     if path is None and (options.attitude or options.save_every is not None):
         options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
-    if str(options.body) == str(options.initial) == "-":
-        options.usage_error("arguments --body and --initial: only one can be standard input")
     import numpy as np
 
     from .. import checks
@@ -164,11 +161,10 @@ def _body_and_step(options: argparse.Namespace, needs_step: bool = True) -> tupl
 
 
 def _body_in(path: Path) -> Any:
-    """Return the body or field in a JSON file, or from standard input if its name is -."""
-    is_input = str(path) == "-"
-    with _about("standard input" if is_input else path):
+    """Return the body or field in a JSON file."""
+    with _about(path):
         try:
-            parameters = json.loads(sys.stdin.buffer.read() if is_input else path.read_bytes())
+            parameters = json.loads(path.read_bytes())
         except (ValueError, RecursionError) as error:
             raise ValueError(f"not the JSON text of body.to_dict(): {error}") from error
         return sf.body_from_dict(parameters)
@@ -195,15 +191,11 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
             "arguments --extent, --low, --high and --seed are for random states: leave out "
             "--initial and --omega0"
         )
-    is_input = str(path) == "-"
-    name = "standard input" if is_input else str(path or "--omega0")
+    name = str(path or "--omega0")
     with _about(name):
         if path:
             try:
-                if is_input:
-                    states = np.lib.format.read_array(io.BytesIO(sys.stdin.buffer.read()))
-                else:
-                    states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
+                states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
             except (ValueError, EOFError) as error:
                 text = "not a complete file of numpy.save"
                 how = f"save an array of numbers of shape (count, {body.dimension})"
@@ -282,19 +274,10 @@ def _in_store(path: Path, force: bool, work: Any, settings: Any) -> dict[str, An
             shutil.rmtree(path)
         except OSError as error:  # whose name is that of an entry in the store
             raise OSError(error.errno, f"not replaced: {error.strerror}", str(path)) from error
-    was_complete, begin = is_complete(path), time.perf_counter()
-    try:
-        sf.ensemble(*work, store=path, **settings)
-    except KeyboardInterrupt:
-        if "zarr" in sys.modules:  # requests under way would print warnings at exit
-            from ..runs.files import access
-
-            access.run(access.settle(1.0))
-        raise
-    facts = facts_in(path)
-    if was_complete:
-        return facts | {"complete_already": str(path)}
-    return facts | {"seconds": time.perf_counter() - begin, "written": str(path)}
+    begin = time.perf_counter()
+    sf.ensemble(*work, store=path, **settings)
+    seconds = time.perf_counter() - begin
+    return facts_in(path) | {"seconds": seconds, "written": str(path)}
 
 
 def _require_new(paths: Sequence[Path], force: bool) -> None:
@@ -323,20 +306,11 @@ def plot(options: argparse.Namespace) -> None:
         ends = "must end in .png, .svg or .pdf"
         options.usage_error(f"argument -o/--output: '{options.output}' {ends}")
     _require_new([options.output], options.force)
-    result = result_in(options.file)
+    from ..runs.files.storage import load
     from ..runs.plot import plt
 
-    named = {}
-    if options.components:
-        named["components"] = options.components
-        known = [*result.body.labels, "time"]
-        unknown = [k for k in options.components if isinstance(k, str) and k not in known]
-        if unknown or len(options.components) not in (2, 3):
-            expected = f"two or three of {', '.join(known)}, such as time,{known[0]}"
-            from ..checks import wrong
-
-            raise wrong("--components", expected, ",".join(map(str, options.components)))
-    figure = result.plot(**named).figure
+    chosen = {"components": options.components} if options.components else {}
+    figure = load(options.file).plot(**chosen).figure
     with _about(options.output):
         figure.savefig(options.output, dpi=150)
         plt.close()

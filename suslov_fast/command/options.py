@@ -26,8 +26,8 @@ PARAMETERS = {
     "J": "n - 1 numbers J_i = I_ii + I_nn of a body in n dimensions, positive",
     "I": "n - 1 products of inertia I_in of a body in n dimensions",
 }
-_JSON = "a body or a field, saved by json.dump(body.to_dict(), file); - is standard input"
-_STATES = "array of numpy.save with a state in each row; - is standard input"
+_JSON = "a body or a field, saved by json.dump(body.to_dict(), file)"
+_STATES = "array of numpy.save with a state in each row"
 _FORCE = "replace an existing file"
 
 
@@ -68,8 +68,6 @@ def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namesp
     if words and words[0].startswith("--") and words[0] not in ("--help", "--version"):
         after = next((word for word in words[1:] if word in subparsers.choices), "COMMAND")
         parser.error(f"{words[0]} comes after the command: suslov-fast {after} {words[0]}")
-    if not words:
-        parser.error(f"a command is required, such as run: {', '.join(subparsers.choices)}")
     options, unknown = parser.parse_known_args(words)
     if unknown:
         options.usage_error(f"unrecognized arguments: {' '.join(unknown)}")

@@ -1,8 +1,6 @@
 """Summaries of runs, crossings and stores, as the command prints them: as lines, or as JSON."""
 
 import json
-import warnings
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,31 +21,11 @@ def facts_in(path: Path) -> dict[str, Any]:
         facts = {name: _value(text) for name, text in attributes if name not in _NAMES_OF_ARRAYS}
         first_pole = data.first_pole.to_numpy() if "first_pole" in data else None
         return {**facts, **_counts(data.status.to_numpy(), first_pole)}
-    if path.suffix != ".npz":
-        raise ValueError("not the name of a saved run, such as run.npz or run.zarr")
-    result = result_in(path)
-    is_run = isinstance(result, sf.Trajectories)
-    return facts_of(result, result.states[0] if is_run and result.n[0] == 0 else None)
-
-
-def is_complete(path: Path) -> bool:
-    """Return whether there is a store all of whose trajectories are computed."""
-    if not path.exists():
-        return False
-    with warnings.catch_warnings(), suppress(Exception):  # `ensemble` tells them
-        warnings.simplefilter("ignore")
-        return "PENDING" not in facts_in(path)["status"]
-    return False
-
-
-def result_in(path: Path) -> Any:
-    """Return the run, or the crossings, in a file."""
     from ..runs.files.storage import load
 
-    if path.suffix == ".zarr":
-        how = f"or in Python plot a variable of open_ensemble({str(path)!r})"
-        raise ValueError(f"{path} is a store, and plot takes a file of run -o FILE.npz; {how}")
-    return load(path)
+    result = load(path)
+    is_run = isinstance(result, sf.Trajectories)
+    return facts_of(result, result.states[0] if is_run and result.n[0] == 0 else None)
 
 
 def _value(attribute: Any) -> Any:

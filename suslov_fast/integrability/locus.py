@@ -1,7 +1,6 @@
 """Values of a parameter for which a map has more relations along its orbits than for others.
 
-Relations are counted modulo a large prime for all fractions up to a height, and modulo two small
-primes for all residues, so that values that are no such fractions are noticed.
+Relations are counted modulo a large prime for all fractions up to a height.
 """
 
 from __future__ import annotations
@@ -24,29 +23,23 @@ from .polynomials import Exponents
 from .relations import relations_along
 
 _GENERAL = 3  # general values that tell how many relations there are in general
-_PRIMES = (211, 223, 227, 229, 233, 239)  # all residues are tried of the first two that fit
-_STEP_SIZES = 3  # modulo each of these
-_STARTS = 3  # orbits at each of these
 
 
 class Special(NamedTuple):
     """A value of a parameter with more relations than a general one.
 
-    `relations` is their number; `degenerate` is "", or why the field is no longer of the same kind.
+    `relations` is their number.
     """
 
     value: Fraction
     relations: int
-    degenerate: str
 
 
 class Locus(list[Special]):
     """The values that `locus` found, in ascending order.
 
     `generic` is the number of relations of a general value and `height` the largest numerator or
-    denominator that was tried. `left_out` has the values for which there is no field or map,
-    and `algebraic`, by prime, the residues with more relations that belong to no listed value:
-    those of algebraic numbers, or of fractions of a greater height.
+    denominator that was tried. `left_out` has the values for which there is no field or map.
     """
 
     def __init__(
@@ -55,23 +48,16 @@ class Locus(list[Special]):
         generic: int,
         height: int,
         left_out: Sequence[Fraction],
-        algebraic: dict[int, tuple[int, ...]],
     ) -> None:
         super().__init__(special)
-        self.generic, self.height = generic, height
-        self.left_out, self.algebraic = tuple(left_out), algebraic
+        self.generic, self.height, self.left_out = generic, height, tuple(left_out)
 
     def __repr__(self) -> str:
-        special = ", ".join(
-            f"{value} ({relations}, {why})" if why else f"{value} ({relations})"
-            for value, relations, why in self
-        )
+        special = ", ".join(f"{value} ({relations})" for value, relations in self)
         text = f"general values: {self.generic} relations; more at {special or 'none'}"
         text += f", of all fractions of height up to {self.height}"
         if self.left_out:
             text += f" but {', '.join(map(str, self.left_out))}, without a map"
-        if others := [f"{len(r)} modulo {p}" for p, r in self.algebraic.items() if r]:
-            text += f"; residues of other values: {', '.join(others)}"
         return f"Locus({text})"
 
 
@@ -108,7 +94,7 @@ def locus(
     Returns
     -------
     Locus
-        A list of named tuples `value, relations, degenerate`.
+        A list of named tuples `value, relations`.
 
     Raises
     ------
@@ -140,54 +126,26 @@ def locus(
         raise ArithmeticError("f makes no map for general values of the parameter") from maps.error
     example, rng = examples[0], examples[0].generator()
     exponents = exponents_of(degree if monomials is None else monomials, example.dimension)
-    # A prime does not fit if it divides a coefficient whatever the value is.
-    fitting = [p for p in _PRIMES if any(all(c % p for c in e.coefficients) for e in examples)]
-    parts = 2 + len(fitting[:2])
 
-    def counts(values: Sequence[Fraction], p: int, eps: int) -> dict[Fraction, int]:
-        """Return the numbers of relations along orbits from one random point modulo p."""
-        x = arithmetic.random_point(example.dimension, p, rng)
+    def counts(values: Sequence[Fraction]) -> dict[Fraction, int]:
+        """Return the numbers of relations along orbits from a random point modulo a prime."""
+        p = arithmetic.random_prime(rng)
+        eps, x = rng.randrange(2, p), arithmetic.random_point(example.dimension, p, rng)
         return {value: _count(maps.at(value), exponents, eps, x) for value in values}
 
-    def counts_modulo_large_prime(values: Sequence[Fraction]) -> dict[Fraction, int]:
-        p = arithmetic.random_prime(rng)
-        return counts(values, p, rng.randrange(2, p))
-
-    of_general = [n for n in counts_modulo_large_prime(general).values() if n >= 0]
+    of_general = [n for n in counts(general).values() if n >= 0]
     if not of_general:
         raise ArithmeticError("f makes no map for general values of the parameter")
     generic = min(of_general)
     pairs = product(range(-height, height + 1), range(1, height + 1))
-    first = counts_modulo_large_prime(sorted({Fraction(a, b) for a, b in pairs}))
-    report_progress(1, parts)
-    second = counts_modulo_large_prime([value for value, n in first.items() if n > generic])
-    report_progress(2, parts)
-    special = [
-        Special(value, min(n, first[value]), _why_degenerate(maps.at(value)))
-        for value, n in second.items()
-        if n > generic
-    ]
+    first = counts(sorted({Fraction(a, b) for a, b in pairs}))
+    report_progress(1, 2)
+    second = counts([value for value, n in first.items() if n > generic])
+    report_progress(2, 2)
+    special = [Special(value, min(n, first[value])) for value, n in second.items() if n > generic]
 
-    def other_residues(p: int) -> tuple[int, ...]:
-        """Return the residues that have more relations at each eps, and are of no listed value."""
-        fractions = [value for value, *_ in special if value.denominator % p]
-        listed = {value.numerator * pow(value.denominator, -1, p) % p for value in fractions}
-        residues = [Fraction(k) for k in range(p) if k not in listed]
-        for _ in range(_STEP_SIZES):
-            eps, with_orbit = rng.randrange(2, p - 1), set[Fraction]()
-            for _ in range(_STARTS):  # a short orbit has more relations, or ends at a pole
-                relations = counts(residues, p, eps)
-                residues = [k for k in residues if not 0 <= relations[k] <= generic]
-                with_orbit |= {k for k in residues if relations[k] >= 0}
-            residues = [k for k in residues if k in with_orbit]
-        return tuple(map(int, residues))
-
-    algebraic = {}
-    for part, p in enumerate(fitting[:2], start=3):
-        algebraic[p] = other_residues(p)
-        report_progress(part, parts)
     left_out = [value for value, n in first.items() if n < 0]
-    return Locus(special, generic, height, left_out, algebraic)
+    return Locus(special, generic, height, left_out)
 
 
 class _Maps:
@@ -232,14 +190,3 @@ def _count(map: RationalMap | None, exponents: Exponents, eps: int, x: list[Any]
         return len(relations_along(map, exponents, eps, x))
     except ZeroDivisionError:
         return -1
-
-
-def _why_degenerate(map: RationalMap | None) -> str:
-    """Return why a field is of another kind than in general; "" if it is not."""
-    if not isinstance(map, KahanMap):
-        return ""
-    field = map.field
-    if not field.may_escape:
-        return "the field is linear"
-    moving = {*field.terms[0][0].tolist()}
-    return " and ".join(f"{name}' = 0" for i, name in enumerate(field.names) if i not in moving)

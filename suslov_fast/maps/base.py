@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
 
-import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
@@ -58,10 +57,6 @@ class Map:
         `eps` broadcast; `check` raises an error for a body without the quantity, and `poles` is
         True if infinite values are results. ``"jacobian"`` is enough for `lyapunov_exponents` and
         `multipliers`.
-    random : tuple of callables
-        Functions ``random(rng, shape)`` that return a batch of bodies for tests.
-    pole : tuple or None
-        A body, and a state without a next state for eps = 1; None if every state has one.
     conserved : tuple of str
         Names of formulas: the first one that a body has is conserved, exactly or nearly.
     stages : Stages
@@ -137,8 +132,6 @@ class Map:
     body: type[Any]
     methods: Mapping[str, Steps]
     formulas: Mapping[str, Formula]
-    random: tuple[Callable[[np.random.Generator, tuple[int, ...]], Any], ...]
-    pole: tuple[Any, tuple[float, ...]] | None
     conserved: tuple[str, ...] = ()
     stages: Stages = WHOLE
     order: int = 2
@@ -244,8 +237,7 @@ def register(record: Map) -> None:
     ------
     TypeError, ValueError
         If the name or a method is taken, a part of the record does not have the type that `Map`
-        says, a formula has a name that no public function has, or a parameter of a body is a vector
-        and `axes` does not say so.
+        says, or a formula has a name that no public function has.
 
     Examples
     --------
@@ -259,7 +251,7 @@ def register(record: Map) -> None:
     ...     maps.Map(
     ...         name="Explicit Euler", title="Explicit Euler method", body=QuadraticField,
     ...         methods={"euler": maps.Steps(maps.steps_of(explicit_euler), maps.by_field)},
-    ...         formulas={}, random=(), pole=None, variable="x", meaning="state",
+    ...         formulas={}, variable="x", meaning="state",
     ...     )
     ... )
     >>> decay = QuadraticField.from_function(lambda x: (-x[0],), 1)
@@ -288,14 +280,6 @@ def register(record: Map) -> None:
     for method, steps in record.methods.items():
         check_steps(f"methods[{method!r}]", steps)
     check_formulas(record.formulas, record.conserved)
-    for k, make in enumerate(record.random):
-        body = make(np.random.default_rng(0), ())
-        if body.shape:
-            how = (
-                f"return a single body, or give the axes of vectors in {record.body.__name__}.axes"
-            )
-            text = f"random[{k}] made a batch {body.shape} for the shape ()"
-            raise ValueError(f"{text}: {how}, as {{'I': 1}} for a vector I")
     if "__init__" in vars(record.body) and not hasattr(record.body.__init__, "__wrapped__"):
         public_class(record.body)
     MAPS[record.name] = record

@@ -3,7 +3,6 @@
 from ..bodies.fields.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from ..bodies.samples import random_3d, random_field, random_nd, random_with_I3
 from ..engine.derivatives import growth
 from .base import Map, register
 from .formulas import (
@@ -22,7 +21,6 @@ from .formulas import (
 from .methods import (
     COMPOSITIONS,
     FIELD,
-    FRACTIONS,
     GAUSS,
     STEPS_3D,
     STEPS_ND,
@@ -37,11 +35,6 @@ for _record in (
         body=Suslov3D,
         methods={"auto": STEPS_3D},
         formulas=IN_3D,
-        random=(
-            lambda rng, shape: Suslov3D(**random_3d(rng, shape)),
-            random_with_I3,
-        ),
-        pole=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
         conserved=("first_integral",),
         attitude="axial",
         plane=SOLVED_ALREADY,
@@ -55,8 +48,6 @@ for _record in (
         body=SuslovND,
         methods={"auto": STEPS_ND, "gauss": GAUSS, "rank2": STEPS_ND},
         formulas=IN_ND,
-        random=(random_nd, lambda rng, shape: random_nd(rng, shape, 3, equal=True)),
-        pole=(SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
         conserved=("first_integral", "modified_energy"),
         attitude="in_rows",
         plane=IN_PLANE,
@@ -68,10 +59,6 @@ for _record in (
         body=SuslovGyrostat,
         methods={"auto": STEPS_WITH_ROTOR},
         formulas=GYROSTAT,
-        random=(
-            lambda rng, shape: SuslovGyrostat(**random_3d(rng, shape), k=rng.uniform(-1, 1, shape)),
-        ),
-        pole=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
         conserved=("first_integral",),
         attitude="axial",
         plane=SOLVED_ALREADY,
@@ -85,8 +72,6 @@ for _record in (
         body=QuadraticField,
         methods={"auto": FIELD},
         formulas=KAHAN,
-        random=(random_field,),
-        pole=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
         conserved=("modified_energy",),
         variable="x",
         meaning="state",
@@ -98,8 +83,6 @@ for _record in (
             body=QuadraticField,
             methods={f"order{order}": field_in(COMPOSITIONS[order])},
             formulas=OF_ORDER,
-            random=(random_field,),
-            pole=(QuadraticField([[[1]]]), (1.0 / FRACTIONS[order][0],)),
             conserved=("energy",),
             stages=COMPOSITIONS[order],
             order=order,

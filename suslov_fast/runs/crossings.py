@@ -32,7 +32,8 @@ class Crossings(Points):
     Attributes
     ----------
     trajectory : ndarray(int, shape=(K,))
-        Index of the trajectory, in the batch flattened in C order.
+        Index of the trajectory, in the batch flattened in C order;
+        ``points.time[points.trajectory == i]`` are the times of trajectory i.
     n : ndarray(int, shape=(K,))
         The orbit crosses between its states n and n + 1, counted from the initial state.
     before, after : ndarray(float, shape=(K, D))
@@ -156,16 +157,6 @@ class Crossings(Points):
     def _on_orbits(self) -> FloatArray:
         return self.before
 
-    def _parts_of(self, place: tuple[int, ...], i: int) -> dict[str, Any]:
-        batch = self.count.shape
-        return {
-            "eps": float(np.broadcast_to(self.eps, batch)[place]),
-            "_carry": None if self._carry is None else self._carry[:, i : i + 1],
-            "_last": None if self._last is None else self._last[i : i + 1],
-            # A surface may depend on the trajectory, so only a single one keeps it.
-            "_surface": None if batch else self._surface,
-        }
-
     @public
     def extend(
         self,
@@ -186,7 +177,7 @@ class Crossings(Points):
             Number of additional steps, 0 or more. A run that ended in its transient completes it
             first.
         surface : callable, optional
-            The surface of this run; required after `load`, `of` and unpickling.
+            The surface of this run; required after `load` and unpickling.
         threads, on_singular, progress
             As in :func:`crossings`.
 
@@ -210,12 +201,9 @@ class Crossings(Points):
         array([ 37,  88, 138, 188])
         """
         if self._carry is None:
-            raise ValueError(
-                "extend: this is a part or a copy: extend the result of crossings itself"
-            )
+            raise ValueError("extend: this is a copy: extend the result of crossings itself")
         if surface is None and (surface := self._surface) is None:
-            text = "surface: files, pickles and of() do not keep it: pass extend(steps, surface)"
-            raise ValueError(text)
+            raise ValueError("surface: files and pickles do not keep it: extend(steps, surface)")
         total, batch = self.steps + integer("steps", steps, 0), self.count.shape
         one_of("on_singular", on_singular, ON_SINGULAR)
         reports = reporter(progress, self.transient + total - self._n)

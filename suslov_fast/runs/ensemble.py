@@ -164,13 +164,12 @@ def ensemble(
     whole, store = whole._replace(omega=x0, batch=batch), stores.resolved(store)
     data = _template(whole, task, dims)
     reports = reporter(progress, math.prod(batch) * task.work)
-    with stores.naming_full_disks(store):
-        missing, contents = stores.prepare(store, data, _sizes(data, task, chunk))
+    missing, contents = stores.prepare(store, data, _sizes(data, task, chunk))
     arrays, status = contents.arrays, contents.arrays["status"]
     tiles = {tile: place_of(tile, status.shape, status.chunks) for tile in missing}
     done = math.prod(batch) - sum(count_in(where) for where in tiles.values())
     finished = finish(tiles, whole, task, arrays, client, store)
-    with reports as report, closing(finished), stores.naming_full_disks(store):
+    with reports as report, closing(finished):
         goes_on = report is None or report(done * task.work)
         while goes_on and (tile := next(finished, None)) is not None:
             done += count_in(tile)
@@ -229,8 +228,6 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     """
     import xarray
 
-    from .files.chunks import NamingStore
-
     contents = metadata.read_contents(store)
     if contents is None or not contents.arrays:
         raise FileNotFoundError(f"store: there is no store of ensemble at {store}")
@@ -241,7 +238,7 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     if is_finished and lost.pending:
         received = f"{store} without {len(lost.pending)} of the tiles that were computed"
         raise wrong("client", "have workers that write to the store", received)
-    source = NamingStore(access.reader(store))
+    source = access.reader(store)
     data = xarray.open_zarr(source, consolidated=True, zarr_format=3, chunks=None)
     lazy = {
         name: data.variables[name].chunk(_parts(array), name=f"{name}-{uuid4().hex}")

@@ -171,7 +171,7 @@ def crossings(
     >>> bool(abs(section.states[:, 2] - 27).max() < 1e-12)
     True
     >>> peaks = crossings(field, starts, surface=lambda x: -field(x)[..., 2], time=3.0)
-    >>> peaks.of(0).states[:3, 2].round(3)
+    >>> peaks.states[peaks.trajectory == 0, 2][:3].round(3)
     array([40.413, 38.669, 44.072])
 
     The same section along the map, with steps of 1/64:

@@ -129,7 +129,7 @@ def periodic_orbit(
     checks.instance("system", system, Body)
     if steps is not None:
         search = _of_map(system, start, period, rtol, steps, method or "order8")
-        return _result(search, search.T)
+        return _result(search)
     if method is not None:
         raise wrong("method", "left out without steps", short(method), TypeError)
     x = _checked_start(system, start)
@@ -145,7 +145,7 @@ def periodic_orbit(
                 advice = _advice(field, x, period, T, search, other)
                 raise RuntimeError(f"periodic_orbit found {found}{advice}")
             search = other
-    return _result(search, T)
+    return _result(search)
 
 
 def _checked_start(system: Any, start: Any) -> FloatArray:
@@ -287,7 +287,7 @@ def _larger(field: Any, x: FloatArray, T: float, rtol: float) -> float | None:
     return None
 
 
-def _result(search: Shooting, given: float) -> PeriodicOrbit:
+def _result(search: Shooting) -> PeriodicOrbit:
     x, T, own = search.nodes[0], search.T, ~search.drifts
     product = np.eye(int(own.sum()))
     with np.errstate(all="ignore"):

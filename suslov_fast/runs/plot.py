@@ -4,7 +4,6 @@ Imports Matplotlib (extra `plots`).
 """
 
 import math
-import re
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -170,26 +169,6 @@ def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any
 _TIME = -1  # in place of the index of a component
 
 
-def _in_place_of(run: Any, components: Any) -> str:
-    """Return advice, for messages, on what is no component."""
-    if isinstance(components, str) and re.search(r"\.\w+$", components):
-        return f": plots return axes, whose figure.savefig({components!r}) writes a file"
-    quantities = ("energy", "modified_energy", "first_integral", "criticality")
-    if isinstance(components, (tuple, list)):
-        if any(isinstance(each, (tuple, list)) for each in components):
-            return ': "time" alone draws all components, ("time", ("x", "y")) some of them'
-        for name in filter(run.body.parameters.__contains__, components):
-            values = f"body.parameters[{name!r}]"
-            drawn = f"run.{values}, run.{run._variable}[-1, :, 0]"
-            if hasattr(run, "trajectory"):  # of crossings
-                drawn = f"points.{values}[points.trajectory], points.states[:, 0]"
-            return f": draw a parameter by ax.plot({drawn}, '.')"
-        for name in quantities:
-            if name in components:
-                return f": draw quantities by ax.plot(run.time, run.{name}())"
-    return ""
-
-
 def _components(run: Any, components: Any) -> list[int]:
     """Return the indices of two or three components, given by index or label, or _TIME."""
     labels = [*run.body.labels]
@@ -203,7 +182,7 @@ def _components(run: Any, components: Any) -> list[int]:
     if len(given) not in (2, 3) or any(
         isinstance(k, (tuple, list)) or (isinstance(k, str) and k not in names) for k in given
     ):
-        raise wrong("components", expected, f"{short(components)}{_in_place_of(run, components)}")
+        raise wrong("components", expected, short(components))
     indices = []
     for k in given:
         if isinstance(k, str):

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray, short, wrong
+from ..checks import FloatArray
 from ..keywords import public
-from .columns import OF_KIND
 from .results import Result
 
 if TYPE_CHECKING:
@@ -44,61 +42,6 @@ class Points(Result):
 
     def __len__(self) -> int:
         return len(self.trajectory)
-
-    def _parts_of(self, place: tuple[int, ...], i: int) -> dict[str, Any]:
-        """Return further attributes of one trajectory, at a place of the batch, with its number."""
-        return {}
-
-    @public
-    def of(self, index: Any) -> Self:
-        """Return the crossings of one trajectory, with its body.
-
-        Parameters
-        ----------
-        index : int or sequence of int
-            The index of the trajectory in the batch, with a number for each axis.
-
-        Returns
-        -------
-        Crossings or MotionCrossings
-            A result whose batch has the shape (). Its `extend` needs the surface as an argument.
-
-        Raises
-        ------
-        IndexError, TypeError
-            If `index` does not select one trajectory.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField, crossings
-        >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
-        >>> starts = [[1.0, 0.0], [0.0, -1.0]]
-        >>> points = crossings(oscillator, starts, 1 / 8, 100, lambda x: x[..., 0])
-        >>> points.of(1).n
-        array([25, 75])
-        """
-        batch = self.count.shape
-        try:
-            numbers = tuple(index) if np.ndim(index) else (index,)
-            pairs = zip(numbers, batch, strict=True)
-            place = tuple(range(size)[operator.index(k)] for k, size in pairs)
-        except (IndexError, TypeError, ValueError) as error:
-            expected = f"an index of one trajectory of a batch of shape {batch}"
-            kind = TypeError if isinstance(error, TypeError) else IndexError
-            raise wrong("index", expected, short(index), kind) from None
-        body: Any = self.body
-        if body.shape:
-            body_place = zip(place[len(batch) - len(body.shape) :], body.shape, strict=True)
-            body = body[tuple(k if size > 1 else 0 for k, size in body_place)]
-        i = int(np.ravel_multi_index(place, batch)) if place else 0
-        begin, end = np.searchsorted(self.trajectory, [i, i + 1])
-        parts = self.__getstate__() | {"body": body, **self._parts_of(place, i)}
-        for column in OF_KIND[type(self).__name__]:
-            if column.axes.startswith("crossing"):
-                parts[column.name] = getattr(self, column.name)[begin:end]
-            elif column.axes.startswith("batch"):
-                parts[column.name] = np.array(getattr(self, column.name)[place])
-        return self._of(parts | {"trajectory": np.zeros(end - begin, np.int64)})
 
     @public
     def to_xarray(self) -> xarray.Dataset:

@@ -105,21 +105,19 @@ def test_a_field_is_its_terms_and_its_tables(rng):
 
 
 def test_linear_terms_and_constants_are_added():
-    sparse = pytest.importorskip("scipy.sparse")
     D = 6
     A = np.diag(np.arange(1.0, D), 1) - 0.25 * np.eye(D)
     indices, values = [[0, 2], [0, 1], [1, D]], [F(1, 3), 2]
     whole = of_terms(indices, values, "a b c d e f", linear=A, constant=np.arange(D))
-    for kind in (sparse.csr_matrix, sparse.coo_array, sparse.csc_array):
-        assert of_terms(indices, values, D, linear=kind(A), constant=range(D)) == whole
+    assert of_terms(indices, values, D, linear=A.tolist(), constant=range(D)) == whole
     assert whole.linear[2, 1] == 2
     assert (whole.linear - A)[[0, 3, 5]].tolist() == [[0] * D] * 3
     assert whole.quadratic[0, 0, 1] == F(1, 6)
     assert whole.constant.tolist() == [*range(D)]
     assert whole.names == tuple("abcdef")
     assert of_terms(np.zeros((3, 0), int), [], 2, linear=[[[1.0, 0], [0, 2]]] * 3).shape == (3,)
-    with pytest.raises(ValueError, match=r"linear must have the shape \(6, 6\), not \(7, 7\)"):
-        of_terms(indices, values, D, linear=sparse.eye(7))
+    with pytest.raises(ValueError, match=r"^linear\b"):
+        of_terms(indices, values, D, linear=np.eye(7))
 
 
 def test_exact_numbers_stay_exact():
@@ -134,7 +132,7 @@ def test_exact_numbers_stay_exact():
 
 def test_a_hamiltonian_by_terms_has_its_field():
     """x' = K grad H, with the gradient from differences of H at exact states."""
-    D, scipy_sparse = 8, pytest.importorskip("scipy.sparse")
+    D = 8
 
     def H(x):
         cubes = sum(x[i - 1] * x[i] ** 2 for i in range(D)) + x[3] ** 3 - x[0] * x[3] * x[6]
@@ -142,7 +140,6 @@ def test_a_hamiltonian_by_terms_has_its_field():
 
     K = np.eye(D, k=1, dtype=int) - np.eye(D, k=-1, dtype=int)
     field = QuadraticField.from_hamiltonian(H, D, K)
-    assert QuadraticField.from_hamiltonian(H, D, scipy_sparse.csr_array(K)) == field
     assert QuadraticField.from_dict(json.loads(json.dumps(field.to_dict()))) == field
     assert (field.K == K).all()
     x, h = [F(k * k - 9, 5) for k in range(D)], F(1, 2)

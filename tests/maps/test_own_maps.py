@@ -77,7 +77,7 @@ def counter(step=counting, work=0, values=(1.0,)):
         maps.steps_of(step, work), lambda body, eps, batch: (np.array(values), np.atleast_1d(eps))
     )
     new = {"name": "counter", "body": kind, "methods": {"auto": steps}, "formulas": {}}
-    maps.register(dataclasses.replace(own.SLEIGH, **new, pole=None, random=()))
+    maps.register(dataclasses.replace(own.SLEIGH, **new))
     return kind(1.0, 1.0, 1.0)
 
 
@@ -138,11 +138,6 @@ def rounds(x, out, eps, work, values):
     return 0
 
 
-def forwards(x, out, eps, work, values):
-    out[0] = x[0] + abs(eps) * values
-    return 0
-
-
 def strange(x, out, eps, work, values):
     out[0] = x[0]
     return 99
@@ -154,13 +149,12 @@ def strange(x, out, eps, work, values):
         (writes, {}, ValueError, "work of 0"),
         (reads, {"work": 1}, ValueError, "x and out of 1 numbers"),
         (remembers, {"work": 1}, ValueError, "remember"),
-        (moves, {}, ValueError, "not to x "),
-        (rounds, {"values": [[0.57]]}, ValueError, "not to its row"),
-        (forwards, {}, ValueError, "-eps"),
+        (moves, {}, ValueError, "not to x"),
+        (rounds, {"values": [[0.57]]}, ValueError, "nor to its row"),
         (strange, {}, ValueError, "Status"),
         (changes, {}, TypeError, r"\*row"),
         pytest.param(
-            lambda x, out, eps, work, values: None, {}, TypeError, "return a Status as an int",
+            lambda x, out, eps, work, values: None, {}, TypeError, "return a Status",
             marks=pytest.mark.compiled,
         ),
     ],
@@ -303,9 +297,7 @@ def test_compiled_steps_are_those_of_the_map_or_refused():
         """A sleigh with the steps of another map."""
 
     methods = {"auto": own.MIDPOINT.methods["midpoint"]}
-    maps.register(
-        dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods, pole=None)
-    )
+    maps.register(dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods))
     with pytest.raises(TypeError, match=r"^body must.*compiled steps, not Midpoint: Sleigh"):
         compiled.system(Midpoint(1.0, 1.5, 0.4), 0.1)
 
@@ -322,7 +314,7 @@ def test_functions_of_a_second_method_of_a_class():
     """They are those of its map, and of no other; a map without a quantity refuses."""
     new = {"name": "second", "methods": {"second": own.MIDPOINT.methods["midpoint"]}}
     new["formulas"] = {"jacobian": Formula(of_midpoint)}
-    maps.register(dataclasses.replace(own.SLEIGH, **new, pole=None))
+    maps.register(dataclasses.replace(own.SLEIGH, **new))
     body, x, method = own.Sleigh(2.0, 1.5, 0.4), np.array([1.0, 0.5]), {"method": "second"}
     Q, sums, orbit = np.eye(2), 0.0, iterate(body, x, 0.1, 50, **method).omega
     assert (orbit != iterate(body, x, 0.1, 50).omega)[1:].any(axis=-1).all()
@@ -423,7 +415,7 @@ def test_a_formula_of_another_shape_is_refused():
     of_states = Formula(lambda problem: problem.omega + 0.0 * np.asarray(problem.eps)[..., None])
     kind = type("Wrong", (own.Sleigh,), {})
     formulas = {"modified_energy": forgets, "energy": of_states}
-    new = {"name": "new", "body": kind, "formulas": formulas, "conserved": (), "pole": None}
+    new = {"name": "new", "body": kind, "formulas": formulas, "conserved": ()}
     maps.register(dataclasses.replace(own.SLEIGH, **new))
     body = kind(2.0, 1.5, 0.4)
     assert sf.modified_energy(body, [1.0, 0.5], 0.1) == 1.0
@@ -445,7 +437,7 @@ def test_a_class_with_other_equations_needs_a_record():
     given = 2.0, 1.5, 0.4
     with pytest.raises(TypeError, match=r"^(body|system)\b"):
         iterate(Faster(*given), SPEEDS[0], 0.1, 5)
-    maps.register(dataclasses.replace(own.SLEIGH, name="faster", body=Faster, pole=None))
+    maps.register(dataclasses.replace(own.SLEIGH, name="faster", body=Faster))
     run = iterate(Faster(*given), SPEEDS[0], 0.1, 5)
     np.testing.assert_array_equal(run.omega, iterate(own.Sleigh(*given), SPEEDS[0], 0.2, 5).omega)
 
@@ -464,7 +456,7 @@ def test_a_class_with_other_equations_needs_a_record():
 )
 def test_bodies_that_contradict_themselves(changes, words):
     kind = type("Wrong", (own.Sleigh,), {"field": own.Sleigh.field} | changes)
-    maps.register(dataclasses.replace(own.SLEIGH, name="new", body=kind, pole=None))
+    maps.register(dataclasses.replace(own.SLEIGH, name="new", body=kind))
     with pytest.raises((TypeError, ValueError), match=words):
         iterate(kind(2.0, 1.5, 0.4), [1.0] * changes.get("dimension", 2), 0.1, 5)
 
@@ -478,7 +470,7 @@ def registered(**changes):
 @pytest.mark.slow
 def test_parameters_with_different_numbers_of_axes(rng, tmp_path):
     """A number, a vector and a matrix, of each member or shared by all: rows have their shapes."""
-    for make in own.MIXED.random:
+    for make in own.RANDOM["mixed"]:
         bodies, x = make(rng, (4,)), rng.normal(size=(4, 3))
         run = iterate(bodies, x, 0.1, 6)
         for k, body in enumerate(bodies):
@@ -502,7 +494,7 @@ def test_the_error_of_a_step_that_numba_refuses_says_why():
 
     methods = {"auto": Steps(maps.steps_of(step), maps.by_constants)}
     kind = type("New", (own.Mixed,), {})
-    maps.register(dataclasses.replace(own.MIXED, name="new", body=kind, methods=methods, random=()))
+    maps.register(dataclasses.replace(own.MIXED, name="new", body=kind, methods=methods))
     with pytest.raises(TypeError, match=r"^step must .*undefined"):
         iterate(kind(1.0, np.ones(3), np.eye(3)), np.ones(3), 0.1, 2)
 
@@ -520,11 +512,10 @@ from dataclasses import replace
 class Strong(QuadraticField):
     pass
 
-random = maps.MAPS["Kahan"].random[0]
 maps.register(replace(
     maps.MAPS["implicit midpoint"], name="strong", body=Strong, methods={"auto": maps.FIELD},
-    random=(lambda rng, shape: Strong(300 * np.asarray(random(rng, shape).quadratic, float)),),
 ))
+RANDOM = {"strong": (lambda rng, shape: Strong(30 * rng.normal(size=(*shape, 5, 5, 5))),)}
 """
 
 
@@ -532,7 +523,7 @@ maps.register(replace(
 @pytest.mark.slow
 def test_the_maps_of_the_page_keep_the_promises(tmp_path):
     """In a module of one's own; and a map whose random orbits diverge."""
-    mixed = "import own\nmaps.register(own.MIXED)\n"
+    mixed = 'import own\nmaps.register(own.MIXED)\nRANDOM["mixed"] = own.RANDOM["mixed"]\n'
     (tmp_path / "my_maps.py").write_text(MODULE + DIVERGING + mixed, encoding="utf-8")
     tests = Path(__file__).parents[1] / "package" / "test_promises.py"
     words = "midpoint or mixed and (loop or parts or threads)"

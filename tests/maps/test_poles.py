@@ -253,7 +253,7 @@ def test_crossings_tell_of_poles_before_they_end(most, tmp_path):
     assert (whole.status.tolist(), whole.failed_at.tolist()) == expected
     if most:  # as a run that ends there
         for i in range(7):
-            run = iterate(field, starts[i], 0.25, int(whole.of(i).n[-1]) + 1)
+            run = iterate(field, starts[i], 0.25, int(whole.n[whole.trajectory == i][-1]) + 1)
             assert (run.status, run.failed_at) == (whole.status[i], whole.failed_at[i])
             assert (run.final == whole.final[i]).all()
     for cut in (0, 6, 7, 8, 31, 32, 40, 69):

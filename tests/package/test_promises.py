@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from children import TWO_THREADS
 from numba import config
+from samples import POLES, random_bodies
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
@@ -34,7 +35,7 @@ SIZE, STEPS = LANES + 13, 12
 KINDS = {
     f"{name} {k}": make
     for name, map in MAPS.items()
-    for k, make in enumerate(map.random)
+    for k, make in enumerate(random_bodies(name))
     if not (config.DISABLE_JIT and len(map.stages.fractions) > 7)
 }
 RECORDS = {kind: MAPS[kind.rpartition(" ")[0]] for kind in KINDS}
@@ -457,10 +458,10 @@ def test_units_and_inverse(rng, kind):
     np.testing.assert_allclose(sf.step(field, omega, eps), there, rtol=1e-11, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", [name for name, map in MAPS.items() if map.pole])
+@pytest.mark.parametrize("name", POLES)
 def test_a_state_at_a_pole_has_no_next_one(name):
     """Its neighbours have one, and no function of such a state returns a number beside it."""
-    body, pole = MAPS[name].pole
+    body, pole = POLES[name]
     states, method = [pole, np.multiply(pole, 1.01)], next(iter(MAPS[name].methods))
     run = sf.iterate(body, states, 1.0, 3, method=method, on_singular="ignore")
     assert run.status.tolist()[0] == sf.Status.SINGULAR

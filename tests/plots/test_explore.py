@@ -159,7 +159,7 @@ def test_the_page_is_served_and_refers_to_nothing_else(server):
         assert addresses <= {"http://www.w3.org", "http://127.0.0.1"}
         assert "url(" not in text.replace("url(#frame)", "")
     files = {f"/{file.name}" for file in PAGE.iterdir()}
-    assert files - {"/index.html", "/widget.js"} == found - {"/"}
+    assert files - {"/index.html"} == found - {"/"}
 
 
 @pytest.mark.parametrize(
@@ -248,16 +248,13 @@ def test_the_end_does_not_wait_for_scenes(monkeypatch):
         go.set()
 
 
-def test_page_without_a_notebook_extra(monkeypatch):
-    monkeypatch.setattr(serving, "find_spec", lambda name: None)
+def test_page_in_a_notebook():
     body = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.7)
     with contextlib.closing(sf.explore(body, [-0.9, 1.3], eps=0.2, steps=50)) as page:
         view = parse_query(urlsplit(page.url).query)
         assert (view.body, view[5:9], view.show) == (body, (0.2, -0.9, 1.3, 50), "F energy")
-        frame = page._repr_mimebundle_()["text/html"]
+        frame = page._repr_html_()
         assert f'src="{page.url.replace("&", "&amp;")}"' in frame
-        (height,) = re.findall(r'height="(\d+)"', frame)
-        assert f"height: {height}px" in (PAGE / "widget.js").read_text("utf-8")
         with urllib.request.urlopen(page.url, timeout=60) as reply:
             assert b"suslov_fast" in reply.read()
 
@@ -284,7 +281,8 @@ def test_every_case_is_drawn_without_an_error(page, server):
 
 def test_everything_is_in_sight_in_a_notebook(page, server):
     """The page fits into its frame at the width of a cell of JupyterLab, some 1,060 pixels."""
-    (height,) = re.findall(r"height: (\d+)px", (PAGE / "widget.js").read_text("utf-8"))
+    with contextlib.closing(sf.explore()) as shown:
+        (height,) = re.findall(r'height="(\d+)"', shown._repr_html_())
     page.look(1060, int(height))
     for name in ("weak rotor", "t > 1: jumps"):
         show(page, f"{server.url}?{query(CASES[name], show='F')}", *MODULES)

@@ -127,7 +127,7 @@ def euler(x, out, eps, work, indices, values):
     return 0
 steps = {"euler": maps.Steps(maps.steps_of(euler, 1), maps.by_field)}
 maps.register(maps.Map(name="euler", title="Euler", body=sf.QuadraticField, methods=steps,
-    formulas={}, random=maps.MAPS["Kahan"].random, pole=None))
+    formulas={}))
 """ f"{LORENZ}\nrun(field, 3, .01, 10, method='euler')\n"
         "run(field, (4096, 3), .001, 400, method='euler', save_every=None)",
     },

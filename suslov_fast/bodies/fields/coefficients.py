@@ -36,19 +36,8 @@ def entries(name: str, array: Any) -> Entries:
     return np.array(where, np.int64).reshape(array.ndim, -1), within(name, values, OTHERS)
 
 
-def of_sparse(name: str, matrix: Any, D: int) -> Entries:
-    """Return the entries of a sparse matrix (D, D) of SciPy."""
-    if matrix.shape != (D, D):
-        raise wrong(name, f"have the shape ({D}, {D})", matrix.shape)
-    matrix = matrix.tocoo()
-    (which,), values = entries(name, matrix.data)
-    return np.array([matrix.row, matrix.col], np.int64)[:, which], values
-
-
 def of_array(name: str, value: Any, axes: int, D: int) -> Entries:
     """Return the entries of an array with `axes` axes of length D, or of a family of them."""
-    if hasattr(value, "tocoo"):
-        return of_sparse(name, value, D)
     array = as_given(name, value)
     if D == 0 or array.shape[-axes:] != (D,) * axes:
         size = D if name != "quadratic" else "D"
@@ -146,7 +135,7 @@ def _check_entry(name: str, given: Any) -> None:
 def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
     """Return the antisymmetric matrix of a Hamiltonian field as (3, n): i, j and exact values.
 
-    K is an array, a sparse matrix or the entry of a dictionary; by default it is canonical.
+    K is an array or the entry of a dictionary; by default it is canonical.
     """
     if K is None:
         if D % 2:
@@ -163,7 +152,7 @@ def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
     else:
         if callable(K):
             raise wrong("K", "a constant matrix", "a function", TypeError)
-        array = K if hasattr(K, "tocoo") else as_given("K", K)
+        array = as_given("K", K)
         if array.shape != (D, D):
             raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", array.shape)
         places, values = of_array("K", array, 2, D)

@@ -134,7 +134,7 @@ class QuadraticField(_FieldOfTerms):
             v of each term. A single field keeps integers, fractions and floats exactly.
         dimension : int, str or sequence of str
             The number of variables, D, or their names.
-        linear : array_like(shape=(..., D, D)) or scipy.sparse matrix (D, D), optional
+        linear : array_like(shape=(..., D, D)), optional
             Coefficients of linear terms, which are added.
         constant : array_like(shape=(..., D)), optional
             Constants, which are added.

@@ -8,7 +8,7 @@ import numpy as np
 from ..compiling.codes import CHANGED
 from ..lists.step import OF_NUMBERS, Step
 from .compiler import code_of
-from .runs import CALLED, JOINING, KINDS, REGULAR, operand_kinds, programs_of
+from .runs import CALLED, JOINING, KINDS, REGULAR, operand_kinds
 from .text import Code
 
 
@@ -231,38 +231,6 @@ def _sum(text, number, operand, begin, end):
 
     at = text.plus(begin, 4 * (first + 2 * (not start)))
     return text.cycle({"at": ("i64", at), "total": (text.V, total)}, add)["total"]
-
-
-def text_of_long_stage(step, name, *_):
-    """Return the text of i64 name(x, table, plan): a stage of one state, for a long list.
-
-    It is that of `text_of_stage_by_runs` with the list in it, and needs no plan; its table is
-    `numbers_of`.
-    """
-    programs, text = programs_of(step), Code(1)
-    text.begin(name, "x", "table", "plan")
-    rows = text.memory(max(programs.usual.rows, programs.rare.rows))
-    own, tables = text.memory(len(SLOT)), text.memory(2)
-    text.store("i64", "%table", tables)
-    text.store("i64", text.plus("%table", 8 * programs.usual.numbers.count), text.plus(tables, 8))
-    numbers = {"rows": rows, "changed": 2, "D": step.D, "is_rare": 0}
-    for prefix, program in (("", programs.usual), ("rare_", programs.rare)):
-        for key, array in zip(("heads", "places"), program.runs, strict=True):
-            numbers[prefix + key] = text.integers(f"{name}_{prefix}{key}", array)
-        numbers[f"{prefix}runs"] = len(program.runs.heads)
-        numbers[f"{prefix}results"] = text.integers(f"{name}_{prefix}results", program.results)
-    for slot, key in enumerate(SLOT._fields):
-        text.store("i64", numbers[key], text.plus(own, 8 * slot))
-    bits = text.new(f"call i64 @{name}_stage(i64 %x, i64 {tables}, i64 {own})")
-    text.add(f"  ret i64 {bits}")
-    stage = text_of_stage_by_runs(None, f"{name}_stage", 1, False)
-    return "\n".join([*text.constants, *text.lines, "}", stage])
-
-
-def numbers_of(step, table):
-    """Return the numbers (-, W) that both programs of a long list read, from its table (n, W)."""
-    programs = programs_of(step)
-    return np.concatenate([each.numbers.of(table) for each in (programs.usual, programs.rare)])
 
 
 ANY = Step(np.empty((3, 0), np.int64), 1)  # the code does not depend on it

@@ -91,12 +91,12 @@ def add_table(text, step, halves, fraction):
 
 
 def text_of_stage(step, name, *_):
-    """Return the text of i64 name(x, table, plan): a stage of one state x (D,), in place.
+    """Return the text of i64 name(x, table): a stage of one state x (D,), in place.
 
-    It returns the bits of `runs_code.text_of_stage_by_runs`, and needs no plan.
+    It returns the bits of `runs_code.text_of_stage_by_runs`.
     """
     text = Code(1)
-    text.begin(name, "x", "table", "plan")
+    text.begin(name, "x", "table")
     stage = Stage(text, step, loader(text, step, False, "%x", "%table"))
     usual = stage.take([text.row("%x", i) for i in range(step.D)])
 

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..code.compiler import code_of
-from ..code.runs_code import numbers_of, text_of_long_stage
 from ..compiling.codes import OK, PASSED_POLE
 from ..compiling.llvm import call_code, with_address
 from ..compiling.numba import function
@@ -30,12 +29,10 @@ class FieldSystem(NamedTuple):
 
 def system_of(indices, half, D):
     """Return the system of a field, from eps / 2 times its values for each stage (stages, T)."""
-    step, text_of = scheme_of(indices, D).step, text_of_stage
+    step = scheme_of(indices, D).step
     table = np.ascontiguousarray(step.table_of(half.T).T)
-    if step.is_long:
-        text_of, table = text_of_long_stage, numbers_of(step, table.T).T.copy()
     # The code lasts, because users may store the system anywhere.
-    address = code_of(text_of, step, lasts=True) if step.usual else None
+    address = code_of(text_of_stage, step, lasts=True) if step.usual else None
     return FieldSystem(int(address or 0), half, table, step.indices, D)
 
 
@@ -54,10 +51,10 @@ def field_step_of_one(system, state, out, memory):
     for i in range(len(x)):
         x[i] = state[i]
     for stage in range(len(system.half)):
-        bits, zero = np.int64(1), np.int64(0)  # 1 if the stage is not accurate, 256 if det A < 0
+        bits = np.int64(1)  # 1 if the stage is not accurate, 256 if det A < 0
         if system.address != 0:
             table = system.table[stage].ctypes.data
-            bits = call_code(system.address, (x.ctypes.data, table, zero))
+            bits = call_code(system.address, (x.ctypes.data, table))
         negative = bits & 256 != 0
         if bits & 1:
             status, negative = solve_lane(system.indices, system.half[stage], x, matrix, units)

@@ -1,1 +1,1 @@
-"""The page of `suslov-fast explore`: its numbers, its server, and its widget for notebooks."""
+"""The page of `suslov-fast explore`: its numbers and its server."""

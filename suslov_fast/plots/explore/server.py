@@ -7,7 +7,6 @@ import os
 import sys
 import threading
 from http.server import BaseHTTPRequestHandler
-from importlib.util import find_spec
 from socketserver import ThreadingTCPServer
 from typing import Any
 from urllib.parse import unquote, urlencode
@@ -102,7 +101,6 @@ class Page:
     def __init__(self, query: str, field: FieldScene | None = None) -> None:
         self._query, self._field = query, field
         self._server: Server | None = None
-        self._widget: Any = None
 
     def serve(self, port: int) -> Server:
         """Return a server of the page."""
@@ -130,15 +128,9 @@ class Page:
     def __repr__(self) -> str:
         return f"<Page {self.url}>"
 
-    def _repr_mimebundle_(self, **options: Any) -> Any:
-        if find_spec("anywidget"):
-            from .notebook import Widget
-
-            self._widget = self._widget or Widget(self._query, self._field)
-            return self._widget._repr_mimebundle_(**options)
+    def _repr_html_(self) -> str:
         address = self.url.replace("&", "&amp;")
-        frame = f'<iframe src="{address}" width="100%" height="860" style="border: 0"></iframe>'
-        return {"text/plain": repr(self), "text/html": frame}
+        return f'<iframe src="{address}" width="100%" height="860" style="border: 0"></iframe>'
 
 
 @public
@@ -155,8 +147,7 @@ def explore(
 ) -> Page:
     """Return an interactive page of orbits: a plane of two components, sliders, statuses.
 
-    A notebook displays it. With the extra `notebook` the kernel may run on another machine; without
-    it this process serves the page, to browsers on this machine only.
+    A notebook displays it. This process serves the page, to browsers on this machine only.
 
     For a field, the components of the plane are chosen on the page, and a click in the plane is a
     start. A field made from a function has a slider for each named parameter, and a family one for

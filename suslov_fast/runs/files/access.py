@@ -8,8 +8,6 @@ from collections.abc import Coroutine, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ...checks import wrong
-
 T = TypeVar("T")
 
 # Simultaneous requests, for keys that a listing does not have and of writing.
@@ -40,16 +38,6 @@ def run(requests: Coroutine[Any, Any, T]) -> T:
     return answer
 
 
-async def settle(seconds: float) -> None:
-    """Wait for requests that an interrupt left unfinished, and cancel those that take longer.
-
-    Otherwise asyncio prints warnings about them when the process ends.
-    """
-    if others := asyncio.all_tasks() - {asyncio.current_task()}:
-        for task in (await asyncio.wait(others, timeout=seconds))[1]:
-            task.cancel()
-
-
 def opened(store: Any) -> Any:
     """Return a Zarr store object after it was opened, because one of a ZIP file starts closed."""
     from zarr.storage import StorePath
@@ -57,17 +45,10 @@ def opened(store: Any) -> Any:
     return run(StorePath.open(store, path="")).store
 
 
-def check_writable(target: Any) -> None:
-    if target.read_only:
-        raise wrong("store", "a store that can be written", f"{target}, which is read-only")
-
-
 async def put(target: Any, values: Mapping[str, Sequence[Any]]) -> None:
     """Write values, each in parts that are bytes or arrays of bytes, several keys at a time."""
     from zarr.buffer import default_buffer_prototype
 
-    if values:
-        check_writable(target)
     buffer, turn = default_buffer_prototype().buffer, asyncio.Semaphore(_AT_A_TIME)
 
     async def put_one(key: str, parts: Sequence[Any]) -> None:
@@ -84,7 +65,6 @@ async def put_new(target: Any, key: str, value: bytes) -> bytes:
     """
     from zarr.buffer import default_buffer_prototype
 
-    check_writable(target)
     if await get(target, key) is None:
         try:
             made = default_buffer_prototype().buffer.from_bytes(value)
@@ -102,18 +82,13 @@ async def put_where_different(target: Any, values: Mapping[str, bytes]) -> None:
 
 
 async def get(source: Any, key: str) -> bytes | None:
-    """Return the bytes under a key, or None; OSError if the store cannot be read."""
+    """Return the bytes under a key, or None."""
     from zarr.buffer import default_buffer_prototype
 
     try:
         value = await source.get(key, default_buffer_prototype())
     except FileNotFoundError:
         return None
-    except OSError:
-        raise
-    except Exception as error:  # of a library for servers, such as aiohttp
-        how = "check its address, and that you may read it"
-        raise OSError(f"store: {key} cannot be read: {how} ({error})") from error
     return None if value is None else bytes(value.to_bytes())
 
 

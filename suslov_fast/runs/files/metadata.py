@@ -19,8 +19,7 @@ _BYTES, _CHECKSUM = {"float64": 8, "int64": 8, "int8": 1}, 4
 # Chunks of a store, each of which opening it looks for, and components of a state.
 MOST_CHUNKS, _MOST_COMPONENTS = 2**21, 2**20
 # What to do with data of others.
-_ELSEWHERE = "pass a new name; xarray.open_zarr reads them"
-_OTHERS = f"other data: {_ELSEWHERE}"
+_OTHERS = "other data: pass a new name; xarray.open_zarr reads them"
 
 Tile = tuple[int, ...]  # position of a tile along each axis of the batch
 
@@ -76,20 +75,14 @@ def read_contents(store: Any) -> Contents | None:
 
     They are checked before Zarr reads them: only format 3 and our own codecs are accepted.
     """
-    from ... import __version__
-
     source = access.reader(store)
     text = access.run(access.text(source, "zarr.json"))
     if text is None:
-        if access.run(access.existing(source, [".zgroup", ".zarray"])):
-            raise _foreign(store, f"data of Zarr format 2: {_ELSEWHERE}")
         return None
     document = _document(store, text)
     attributes = dict(document["attributes"])
     if (number := attributes.get("format")) != FORMAT:
         version = attributes.get("version") or attributes.get("source")
-        if number is None and version == __version__:
-            raise _foreign(store, "a dataset of to_xarray(): open it by xarray.open_zarr")
         if version:
             raise ValueError(f"store: {store} is {OtherFormat(number, version)}")
         raise _foreign(store, _OTHERS)

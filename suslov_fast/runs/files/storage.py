@@ -16,7 +16,7 @@ import numpy as np
 
 from ... import checks
 from ...bodies.classes import body_from_dict, class_named
-from ...checks import in_units, kind_of, require, short, wrong
+from ...checks import kind_of, require, short, wrong
 from ...maps import named
 from ..columns import ARGUMENTS, FORMAT, OF_KIND, OtherFormat
 
@@ -24,7 +24,6 @@ PathLike = str | os.PathLike[str]
 
 # Numbers and texts of results: their arguments, and of crossings the number of states so far.
 _NUMBERS = ARGUMENTS | {"Crossings": (*ARGUMENTS["Crossings"], "_n")}
-_ROOM = "make room, or raise save_every"
 _OF_MAPS = "Trajectories", "Crossings"
 
 
@@ -59,20 +58,7 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     except FileExistsError as error:  # another process was faster
         raise _exists(path) from error
     except OSError as error:  # name the file of the caller, not the one beside it
-        why = _why_not(error, target, sum(np.asarray(a).nbytes for a in arrays.values()))
-        raise OSError(error.errno, why, os.fspath(path)) from error
-
-
-def _why_not(error: OSError, target: Path, nbytes: int) -> str:
-    """Return why a file of a size was not written, and what to do."""
-    if error.errno == errno.EDQUOT:
-        return f"the disk quota is used up, the file takes {in_units(nbytes)}: {_ROOM}"
-    if error.errno == errno.ENOSPC:
-        sizes = in_units(shutil.disk_usage(target.parent).free), in_units(nbytes)
-        return f"{sizes[0]} are free, the file takes {sizes[1]}: {_ROOM}"
-    if os.name == "nt" and isinstance(error, PermissionError) and target.exists():
-        return "a program reads the file: close what has it open"  # Windows replaces no such file
-    return error.strerror or str(error)
+        raise OSError(error.errno, error.strerror or str(error), os.fspath(path)) from error
 
 
 def _exists(path: PathLike) -> FileExistsError:

@@ -14,8 +14,7 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
@@ -36,14 +35,10 @@ _FILLS = {column.name: column.fill for column in (*RUN, *MOTION)}
 _OPTIONAL = "map save_every attitude names H K atol max_step stiff".split()
 # Attributes that identify no run, or follow from others.
 _NOT_COMPARED = "version", "coordinates", "title", "tiled", "shared"
-# What to use for files with a suffix that no folder has, and what to do with a folder of others.
+# Suffixes of files, which no store has: of runs, of datasets, and of archives.
+_OF_FILES = ".npz", ".nc", ".h5", ".hdf5", ".csv", ".zip"
+# What to do with a folder of others.
 _NEW = "pass a new name"
-_LABELLED = "the result of ensemble has to_netcdf(path), which writes one file"
-_OF_FILES = {
-    ".npz": "Trajectories.load reads .npz files",
-    **dict.fromkeys((".nc", ".h5", ".hdf5"), _LABELLED),
-    ".csv": "a store is a folder of many files",
-}
 
 
 # The indices and keys of the chunks of each array.
@@ -71,11 +66,8 @@ def resolved(store: Any) -> Any:
     if not isinstance(store, (str, os.PathLike)):
         raise wrong("store", folder, short(store), TypeError)
     store = os.path.expanduser(store)
-    if how := _OF_FILES.get(Path(store).suffix.lower()):
-        raise wrong("store", folder, f"{store!r}: {how}")
-    if Path(store).suffix.lower() == ".zip" and Path(store).is_file():
-        received = f"the name of a file: pass zarr.storage.ZipStore({store!r}, mode='r')"
-        raise wrong("store", "the name of a folder, or a Zarr store", received)
+    if Path(store).suffix.lower() in _OF_FILES:
+        raise wrong("store", folder, repr(store))
     if store.startswith("file://"):  # fsspec makes no folders
         return Path(url2pathname(urlsplit(store).path)).absolute()
     return store if "://" in store else Path(store).absolute()
@@ -205,19 +197,6 @@ def _check_new(store: Any, data: Any) -> None:
         how = "choose another disk, or save fewer states"
         message = f"{sizes[0]} are free, the run takes {sizes[1]}: {how}"
         raise OSError(errno.ENOSPC, message, str(store))
-
-
-@contextmanager
-def naming_full_disks(store: Any) -> Iterator[None]:
-    """Name the store in the error of a full disk; its whole tiles stay, and no others count."""
-    try:
-        yield
-    except OSError as error:
-        full = {errno.ENOSPC: "no space is left", errno.EDQUOT: "the disk quota is used up"}
-        if error.errno not in full or error.filename == str(store):
-            raise
-        how = f"{full[error.errno]}: make room, then call ensemble again, which goes on"
-        raise OSError(error.errno, how, str(store)) from error
 
 
 def described(name: str, array: Any, few: int = 1000) -> Any:

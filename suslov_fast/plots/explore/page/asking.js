@@ -2,8 +2,18 @@
 
 import { byId, query } from "./state.js";
 
+const GONE = "suslov-fast does not answer: start it again and reload this page.";
+
+async function fetchScene() {
+  try {
+    return await (await fetch(`/scene?${query()}`)).json();
+  } catch {
+    throw new Error(GONE);
+  }
+}
+
 // Returns the function that asks for new numbers; of calls during a request only the last counts.
-export function asking(transport, receive, complain) {
+export function asking(receive, complain) {
   let busy = false, again = false;
   return async function ask() {
     again = busy;
@@ -12,12 +22,11 @@ export function asking(transport, receive, complain) {
     document.documentElement.dataset.busy = "";
     const begun = Date.now();
     const clock = setInterval(() => {
-      const { words, lost } = transport.waiting(Math.round((Date.now() - begun) / 1000));
-      if (lost) complain(words);
-      else say(words, true);
+      const seconds = Math.round((Date.now() - begun) / 1000);
+      say(`Compiling the kernels, once per installation. ${seconds} s`, true);
     }, 1000);
     try {
-      const found = await transport.scene(query());
+      const found = await fetchScene();
       if (found.error) complain(found.error, found.fields);
       else receive(found);
     } catch (error) {

@@ -1,7 +1,7 @@
 // Fields, sliders and presets: each change asks Python for new numbers.
 
 import { PRESETS } from "./presets.js";
-import { byId, query, state } from "./state.js";
+import { byId, remember, state } from "./state.js";
 
 export const FIELDS = {
   I1: { html: "I<sub>1</sub>", min: 0.05, max: 10, step: 0.05, says: "I1, moment of inertia" },
@@ -15,11 +15,11 @@ export const FIELDS = {
   Omega2: { html: "Ω<sub>2</sub>", min: -4, max: 4, step: 0.01, says: "Omega2 at the start" },
 };
 const inputs = {};
-// `ask` gets new numbers, `draw` draws the current ones, `keep` stores the query.
-let ask, draw, keep;
+// `ask` gets new numbers, `draw` draws the current ones.
+let ask, draw;
 
 export function build(actions) {
-  ({ ask, draw, remember: keep } = actions);
+  ({ ask, draw } = actions);
   for (const set of document.querySelectorAll("fieldset[data-fields]"))
     for (const name of set.dataset.fields.split(" ")) set.append(field(name));
   for (const box of document.querySelectorAll("#show input"))
@@ -101,14 +101,6 @@ export function setExtent(value, anew = true) {
   remember();
   if (anew && state.shown.has("portrait") && state.scene) ask();
   draw();
-}
-
-let remembering = null;
-
-function remember() {
-  // Delayed, because browsers forbid a page to change its address at every move of the mouse.
-  clearTimeout(remembering);
-  remembering = setTimeout(() => keep(query()), 150);
 }
 
 // Returns the shortest text of a number, and any other text unchanged.

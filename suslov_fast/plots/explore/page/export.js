@@ -4,14 +4,14 @@ import { colours } from "./pen.js";
 import { byId, query, state } from "./state.js";
 
 // `alone` returns the figure, { width, height, paint }; `csv` the text of the orbits.
-export function buildExport(address, { alone, csv }) {
+export function buildExport({ alone, csv }) {
   const menu = byId("export");
   const on = (id, action) => byId(id).addEventListener("click", () => state.scene && action());
   on("save-png", () => savePng(alone()));
   on("save-svg", () => save("svg", new Blob([svg(alone())], { type: "image/svg+xml" })));
   on("save-csv", () => save("csv", new Blob([csv()], { type: "text/csv" })));
   on("copy-python", () => copy(state.scene.python, "Python copied"));
-  on("copy-link", () => copy(`${address}?${query()}`, "Link copied"));
+  on("copy-link", () => copy(`${location.origin}/?${query()}`, "Link copied"));
   addEventListener("click", ({ target }) => {
     if (!menu.contains(target)) menu.open = false;
   });
@@ -103,7 +103,7 @@ async function copy(text, done) {
   }
 }
 
-// Copies a text by selecting it, because a sandboxed frame may copy nothing else.
+// Copies a text by selecting it, because a frame in a notebook may copy nothing else.
 function copyBySelection(text) {
   const area = document.createElement("textarea");
   area.value = text;

@@ -5,19 +5,16 @@ import { buildExport } from "./export.js";
 import { build, components, mark, put, read, setComponents } from "./field_controls.js";
 import { alone, at, csv, drawOrbits, fitted, view } from "./field_plane.js";
 import { readColours } from "./pen.js";
-import { byId, query, short, state } from "./state.js";
-import { fromHere } from "./transport.js";
+import { byId, remember, short, state } from "./state.js";
 import { missing } from "./words.js";
 
-let ask, keep;
+const ask = asking(receive, complain);
 
-async function begin(transport) {
+async function begin() {
   state.extent = 0;
   readColours();
-  keep = transport.remember;
-  state.values = Object.fromEntries(new URLSearchParams(await transport.begin()));
-  ask = asking(transport, receive, complain);
-  buildExport(transport.address, { alone, csv });
+  state.values = Object.fromEntries(new URLSearchParams(location.search));
+  buildExport({ alone, csv });
   listen();
   await ask();
 }
@@ -60,14 +57,6 @@ function change(changes) {
   Object.assign(state.values, changes);
   remember();
   ask();
-}
-
-let remembering = null;
-
-function remember() {
-  // Delayed, because browsers forbid a page to change its address at every move of the mouse.
-  clearTimeout(remembering);
-  remembering = setTimeout(() => keep(query()), 150);
 }
 
 function setBox(box) {
@@ -170,4 +159,4 @@ function listen() {
   });
 }
 
-begin(fromHere());
+begin();

@@ -9,15 +9,14 @@ import { drawPlane, reach, view } from "./plane.js";
 import { buildPlayer, play, setMoment } from "./player.js";
 import { drawSpace, look } from "./space.js";
 import { byId, last, state } from "./state.js";
-import { fromHere } from "./transport.js";
 import { describe } from "./words.js";
 
-async function begin(transport) {
+function begin() {
   readColours();
-  build({ ask: asking(transport, receive, complain), draw, remember: transport.remember });
+  build({ ask: asking(receive, complain), draw });
   buildPlayer(draw);
-  buildExport(transport.address, { alone, csv });
-  fromQuery(await transport.begin());
+  buildExport({ alone, csv });
+  fromQuery(location.search);
   listen();
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
 }
@@ -120,4 +119,4 @@ function listenToSpace(space) {
   });
 }
 
-begin(fromHere());
+begin();

@@ -28,3 +28,12 @@ export function query() {
   const view = extent && { extent: Number(extent.toPrecision(6)), show: [...shown].join(" ") };
   return new URLSearchParams({ ...values, ...view }).toString();
 }
+
+let remembering = null;
+
+// Stores the query in the address of the page.
+export function remember() {
+  // Delayed, because browsers forbid a page to change its address at every move of the mouse.
+  clearTimeout(remembering);
+  remembering = setTimeout(() => history.replaceState(null, "", `?${query()}`), 150);
+}

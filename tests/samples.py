@@ -1,0 +1,64 @@
+"""Bodies with which tests try each map: random ones, and a state without a next one.
+
+A module of maps of one's own (`--maps`) has dicts RANDOM and POLES for them. A map of fields needs
+none.
+"""
+
+import numpy as np
+
+from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
+from suslov_fast.maps import MAPS
+from suslov_fast.maps.methods import FRACTIONS
+
+
+def random_3d(rng, shape):
+    """Return parameters of bodies in three dimensions, some with I13 = 0."""
+    return {
+        "I1": rng.uniform(0.5, 4, shape),
+        "I2": rng.uniform(0.5, 4, shape),
+        "I13": rng.uniform(-1, 1, shape) * rng.choice([0, 1, 1], shape),
+        "I23": rng.uniform(-1, 1, shape),
+    }
+
+
+def random_with_I3(rng, shape):
+    """Return bodies with an admissible I3."""
+    moments, products = rng.uniform(2, 4, (2, *shape)), rng.uniform(-0.1, 0.1, (2, *shape))
+    I3 = rng.uniform(2.7, 3.3, shape)
+    return Suslov3D(moments[0], moments[1], products[0], products[1], I3)
+
+
+def random_nd(rng, shape, m=4, equal=False):
+    """Return bodies in n = m + 1 dimensions; with `equal`, all J of a body are equal."""
+    J = rng.uniform(0.5, 4, (*shape, 1 if equal else m))
+    return SuslovND(J * np.ones(m), rng.uniform(-1, 1, (*shape, m)))
+
+
+def random_field(rng, shape, D=5):
+    """Return fields with normally distributed coefficients."""
+    return QuadraticField(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))
+
+
+# Functions of (rng, shape), by the name of a map.
+RANDOM = {
+    "Suslov3D": (lambda rng, shape: Suslov3D(**random_3d(rng, shape)), random_with_I3),
+    "SuslovND": (random_nd, lambda rng, shape: random_nd(rng, shape, 3, equal=True)),
+    "SuslovGyrostat": (
+        lambda rng, shape: SuslovGyrostat(**random_3d(rng, shape), k=rng.uniform(-1, 1, shape)),
+    ),
+}
+SQUARE = QuadraticField([[[1]]])  # x' = x**2
+# A body, and a state without a next one for eps = 1.
+POLES = {
+    "Suslov3D": (Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
+    "SuslovND": (SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
+    "SuslovGyrostat": (SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
+    "Kahan": (SQUARE, (1.0,)),
+    **{f"Kahan, order {n}": (SQUARE, (1.0 / first,)) for n, (first, *_) in FRACTIONS.items()},
+}
+
+
+def random_bodies(name):
+    """Return the functions of a map that make random bodies."""
+    is_of_fields = MAPS[name].body is QuadraticField and name not in RANDOM
+    return (random_field,) if is_of_fields else RANDOM[name]

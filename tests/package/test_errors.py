@@ -645,7 +645,9 @@ def callables():
         for name in IN_LABORATORY if in_laboratory else sorted({*dir(thing)} - OF_AUTHORS):
             method = getattr(thing, name, None)
             ours = (getattr(method, "__module__", "") or "").startswith("suslov_fast")
-            if ours and inspect.isroutine(method) and (in_laboratory or not name.startswith("_")):
+            # To newer Pythons cached properties are routines of a module, too.
+            is_method = inspect.isroutine(method) and callable(method)
+            if ours and is_method and (in_laboratory or not name.startswith("_")):
                 called = method.__qualname__.split(".")[0] if name == "__call__" else name
                 yield f"{thing.__name__}.{called}", method
 

@@ -313,7 +313,7 @@ def test_determinants_of_many_variables(monkeypatch, most):
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("is_dense", [True, False])
+@pytest.mark.parametrize("is_dense", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_products_that_leave_the_range_of_numbers(monkeypatch, is_dense):
     """Each of 40 columns shrinks to a tenth in each of 40 steps, and none grows apart."""
     monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE_OF_TANGENT", 0)

@@ -447,6 +447,7 @@ BAD = {
     "beyond": (lambda x: (x[2], x[0]), ValueError),
     "range": (lambda x: (sum(range(x[0])), x[1]), TypeError),
     "and of numbers": (lambda x: (x[0] & 1, x[1]), TypeError),
+    "bitwise_and of numbers": (lambda x: (np.bitwise_and(x[0], 1), x[1]), TypeError),
     "table of symbols": (lambda x: (np.interp(x[0], [0, x[1]], [1, 2]), x[1]), TypeError),
     "table that falls": (lambda x: (np.interp(x[0], [1, 0], [1, 2]), x[1]), TypeError),
     "scalars": (lambda u, v: (v, u), TypeError),

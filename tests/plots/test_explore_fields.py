@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 
 import numpy as np
 import pytest
-from browser import check_silence, exported, pixels, put, rows, settle, show, text
+from browser import check_silence, exported, pixels, put, rows, settle, show, text, wait
 
 import suslov_fast as sf
 
@@ -149,9 +149,8 @@ def test_controls(page):
     assert page.value("byId('message').hidden") is True
     page.wait("location.search.includes('order4') && location.search.includes('y=z')")
     before = pixels(page)
-    page.open(page.value("location.href"))
-    settle(page)
-    assert pixels(page) == before
+    show(page, page.value("location.href"))
+    wait(lambda: pixels(page) == before)
 
 
 def test_clicks_are_starts(page):

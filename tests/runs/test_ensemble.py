@@ -281,9 +281,6 @@ def test_places_that_cannot_hold_a_store(store):
         call(ensemble, **ASKED, store=store.parent / "thesis")
     with pytest.raises(FileNotFoundError, match="store"):
         open_ensemble(store.with_name("missing.zarr"))
-    zarr.open_group(store, mode="w", zarr_format=2)
-    with pytest.raises(ValueError, match="format 2"):
-        open_ensemble(store)
 
 
 def test_other_kinds_of_stores():

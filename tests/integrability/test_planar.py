@@ -241,6 +241,16 @@ def test_a_wrong_passage_is_no_proof():
         assert orbits.why_never(plane, number, longer) == ""
 
 
+def test_a_wrong_order_is_no_proof():
+    """Orders along a conic, which are multiplicities at its one base point."""
+    plane = Plane(kahan(*ZOO["Suslov body"]))
+    right = planar.passages_across(plane, 80)[1]
+    assert contracted.is_proved(plane, 1, right)
+    first, (order, other) = right.curve_orders
+    wrong = right._replace(curve_orders=(first, (order + 1, other)))
+    assert not contracted.is_proved(plane, 1, wrong)
+
+
 @pytest.mark.slow
 def test_reports_list_it_beside_the_growth(monkeypatch):
     field, eps = ZOO["Suslov body"]

@@ -169,8 +169,8 @@ class Shooting:
         gaps = arcs.ends - np.roll(arcs.nodes, -1, axis=0)
         gaps[:, self.drifts] = 0.0
         self.gaps = gaps
-        self.size = abs(arcs.nodes[:, ~self.drifts]).max(initial=0.0)
-        residual = abs(gaps).max() / self.size if self.size else np.inf
+        self.largest = abs(arcs.nodes[:, ~self.drifts]).max(initial=0.0)
+        residual = abs(gaps).max() / self.largest if self.largest else np.inf
         self.residual = float(residual) if np.isfinite(residual) else np.inf
         distance = np.linalg.norm(gaps / self.sizes)  # what a short enough step reduces
         self.distance = float(distance) if np.isfinite(distance) else np.inf
@@ -188,7 +188,7 @@ class Shooting:
         """The residual that a solution has."""
         most = max(_MOST_RESIDUAL, _NOISE * self.rtol)
         rates = self.arcs.rates[:, ~self.drifts] * len(self.nodes)
-        of_T = float(abs(rates).max() / self.size)
+        of_T = float(abs(rates).max() / self.largest)
         return max(min(_NOISE * self.rtol * self.growth, most), _ROUNDING * of_T)
 
     @property

@@ -44,6 +44,8 @@ class _Parser(argparse.ArgumentParser):
         here = instead(word.replace("-", "_"), names)
         in_python = f"; call suslov_fast.{word} in Python" if word in dir(sf) else ""
         how = f"; use {here}" if here else in_python
+        if "body" in names and re.search("arguments: [^-]", message):
+            how = "; equations come by --body FILE.json, saved by json.dump(field.to_dict(), file)"
         super().error(f"{message}; did you mean {names[here]}?" if here in names else message + how)
 
 

@@ -205,6 +205,14 @@ def test_the_architecture_names_each_room_of_the_core():
     assert re.findall(r"\n\| `core/(\w+)/`", page) == [*IN_CORE]
 
 
+def test_files_that_workflows_name_exist():
+    root = Path(__file__).parents[2]
+    texts = [path.read_text("utf-8") for path in (root / ".github/workflows").glob("*.yml")]
+    named = re.findall(r"\b(?:tests|bench)/[\w/]+\.py", "".join(texts))
+    assert named
+    assert [file for file in named if not (root / file).exists()] == []
+
+
 def test_names_of_datasets_are_no_parameters_of_fields():
     field = suslov_fast.QuadraticField([[[1.0]]])
     run = suslov_fast.iterate(field, [0.1], 0.1, 1)

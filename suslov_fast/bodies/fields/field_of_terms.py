@@ -215,8 +215,8 @@ class FieldOfFunction(Body):
         Returns
         -------
         ndarray(float, shape=(..., D, D))
-            The derivative of component i by variable j at [..., i, j]. Where f chooses, as
-            ``np.where`` does, it is that of what f takes.
+            The derivative of component i with respect to variable j at [..., i, j]. Where f
+            chooses, as ``np.where`` does, it is that of the branch.
 
         Raises
         ------

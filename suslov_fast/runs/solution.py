@@ -102,7 +102,7 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: Reals) -> tuple[FloatArray,
     Parameters
     ----------
     body, omega0, eps
-        As in :func:`exact`.
+        As in :func:`exact`, but eps = 0 stands for the continuous motion.
 
     Returns
     -------

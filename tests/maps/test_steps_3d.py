@@ -91,7 +91,7 @@ def test_steps_closed_form_and_limits(name):
     if "T = 1" in name:
         return  # state 0 is lost in a collapse
     assert_close(sf.exact(body, omega, -eps, -found.n), orbit, tolerance)
-    if "turns" not in name:
+    if eps and "turns" not in name:
         far = sf.exact(body, omega, eps, [-(10**12), 10**12])
         assert_close(far, limits, 1e-5 if name == "small step" else 1e-14)
 

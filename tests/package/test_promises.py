@@ -508,6 +508,6 @@ def test_states_at_rest_keep_their_bits(body, omega, eps):
     solved = not isinstance(body, sf.QuadraticField)
     if solved and not (isinstance(body, sf.SuslovND) and np.ptp(body.J)):
         assert (sf.exact(body, omega, eps, [-(10**12), 7, 10**12]) == omega).all()
-        assert (np.array(sf.limits(body, omega, eps)) == omega).all()
         if np.all(eps):
+            assert (np.array(sf.limits(body, omega, eps)) == omega).all()
             assert (sf.flow(body, omega, time=[1e9, 0.5, 1e9]).states == omega).all()

@@ -110,6 +110,8 @@ def test_solved_bodies_in_n_dimensions(rng, m):
     far = sf.exact(body, omega, eps, [-(10**9), 10**9])
     np.testing.assert_allclose(far, sf.limits(body, omega, eps), rtol=1e-11, atol=1e-12)
     assert (far[:, 5] == omega[5]).all()
+    far = [sf.flow(body, omega, time=t).omega[0] for t in (-1e9, 1e9)]
+    np.testing.assert_allclose(far, sf.limits(body, omega, 0.0), rtol=1e-11, atol=1e-12)
     h = 1e-4
     forth, along = (sf.flow(body, omega, time=t).omega[0] for t in (h, -h))
     field = sf.vector_field(body, omega)

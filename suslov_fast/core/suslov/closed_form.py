@@ -400,7 +400,7 @@ def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
     """The states to which an orbit tends as n tends to -infinity and to +infinity.
 
     They are the steady states x = -k, nu = +- root. For an orbit that turns they are NaN; for a
-    fixed state both are this state.
+    fixed state both are this state. For eps = 0 they are the limits of the motion.
     """
     unit = unit_of(omega[0], omega[1], k)
     w1, w2, k, eps = omega[0] / unit, omega[1] / unit, k / unit, eps * unit
@@ -410,8 +410,9 @@ def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
     X, Y, K = e * ell, e * nu, e * k
     square = difference_of_squares(ell, x, nu, k, X, K)
     in_range = abs(X) <= RANGE and abs(Y) <= RANGE and abs(K) <= RANGE
-    L = np.copysign(np.sqrt(square), eps) if in_range and square >= 0.0 else np.nan
-    fixed = eps == 0.0 or ell == 0.0 or (w1 == 0.0 and w2 == 0.0)
+    root = np.sqrt(square) if in_range and square >= 0.0 else np.nan
+    L = -root if eps < 0.0 else root
+    fixed = ell == 0.0 or (w1 == 0.0 and w2 == 0.0)
     for out, sign in ((minus, 1.0), (plus, -1.0)):
         v1, v2 = steady(g1, g2, h1, h2, -k, sign * L)
         out[0], out[1] = (w1, w2) if fixed else (v1 * per_g, v2 * per_g)

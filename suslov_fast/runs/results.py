@@ -140,7 +140,8 @@ class Result:
             if "body" not in vars(self):
                 raise AttributeError(name)
             x, labels = self._variable, self.body.labels
-            here = f"run[{name!r}]" if name in labels else self.words.get(name, "")
+            here = f"run[{name!r}], or run.{x} for all" if name in labels else ""
+            here = here or self.words.get(name, "")
             here = f"run.{x}" if name in ("omega", "x") else here
             if name in self.body.parameters:
                 here = f"run.body.parameters[{name!r}]"

@@ -142,7 +142,14 @@ OF_TRUTH_VALUES = {
     "or": np.logical_or,
     "xor": np.logical_xor,
 }
-FUNCTIONS = {**OF_NUMBERS, **OF_TRUTH_VALUES}
+
+
+class _Functions(dict):
+    def __missing__(self, instruction):
+        return instruction  # a `Table`
+
+
+FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
 
 
 def evaluate(operations, values, functions=FUNCTIONS):

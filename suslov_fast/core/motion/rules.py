@@ -52,7 +52,7 @@ SHORTEST, LEAST = 2.0**-44, 2.0**-1000  # of a step: part of the time, and lengt
 SMALLEST_SCALE = 2.0**-60
 PARTS = 4
 # Of a surface: part of the time, of all the time, and of the time for a kink, where the error of f
-# is as small as that of the place.
+# is as small as that of the place; but not for a knot of a table, which may be steep.
 PLACE, PLACE_AT_0, OF_KINK = 2.0**-51, 2.0**-90, 2.0**-32
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
@@ -390,7 +390,7 @@ def CUT(
     guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
     running = (tries > most).select(float(State.TOO_MANY), mode)
     stopped = (state >= State.DONE).select(running, state)
-    after = (moved & seen & (jumps > 0.0)).select(mode + float(State.CHANGED), state)
+    after = (moved & seen & (jumps >= 1.0)).select(mode + float(State.CHANGED), state)
     return {
         "accepted": moved.select(1.0, 0.0),
         "t": searches.select(before, t),

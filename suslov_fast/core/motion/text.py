@@ -12,6 +12,8 @@ import numpy as np
 
 from ..code.compiler import numbers_in_register
 from ..code.text import Code, bits_of
+from ..lists.conditions import choices_of
+from ..lists.tables import Table, is_table
 from . import rules
 from .columns import (
     CHAINS,
@@ -645,6 +647,8 @@ class _Steps:
             self.keep_work({"accepted": found.pop("accepted")})
             self.keep_rows(found)
         self.save_inside()
+        if self.half.kinks:
+            self.choose()
         self.move()
 
     def turn(self, rule, sums):
@@ -791,13 +795,54 @@ class _Steps:
 
         text.fold(self.D, {}, component)
         text.fold(self.extended, {}, lambda i: chosen(i, text.row(base, work.f_new, i), rows.f))
-        if self.half.kinks:  # choices at the end of the step, as `watch` has found them
-            ends = text.compare("ogt", self.work_row("at_surface"), text.constant(0.0))
-            ends = text.new(f"and {text.M} {ends}, {accepted}")
-            first = self.f.conditions.P + self.f.conditions.jumps
-            for k in range(self.half.kinks):
-                now, old = text.row(base, work.seen + 3, k), text.row(self.table, first, k)
-                text.put_chosen(text.select(ends, now, old), self.table, first, k)
+
+    def choose(self):
+        """Make the choices of kinks anew where the step ends on a surface, and f with them.
+
+        A table may be so steep that f changes much where it is continuous.
+        """
+        text, work, base = self.text, self.work, self.of.work
+        accepted, at_surface = self.work_row("accepted"), self.work_row("at_surface")
+        ends = (text.compare("ogt", each, text.constant(0.0)) for each in (accepted, at_surface))
+        ends = text.new(f"and {text.M} {', '.join(ends)}")
+        with text.when(text.any(ends), likely=False):
+            place = self.f.conditions.P + self.f.conditions.jumps
+            for k, kind in enumerate(self.half.kinks, work.seen + 3):
+                if is_table(kind):
+                    self.put_interval(kind, text.bits(ends), k, place)
+                else:
+                    now, old = text.row(base, k), text.row(self.table, place)
+                    text.put_chosen(text.select(ends, now, old), self.table, place)
+                place += choices_of(kind)
+            self.call("f", text.place(base, work.new), self.table, text.place(base, work.f_new))
+
+    def put_interval(self, table, bits, argument, place):
+        """Write the interval of a table that holds an argument to the table of lanes with bits.
+
+        The interval is found by bisection among a number of knots that is a power of 2.
+        """
+        text, count = self.text, table.rows.shape[1]
+        half = max(2 ** (count - 1).bit_length() // 2, 1)
+        numbers = np.full((Table.ROWS, 2 * half), np.inf)
+        numbers[:, :count] = table.rows
+        numbers = text.numbers(f"{self.name}_interval_{place}", numbers)
+        with text.times(text.W) as lane:
+            bit = text.integer("and", text.integer("lshr", bits, lane), 1)
+            with text.when(text.compare_integers("eq", bit, 1)):
+                of_lane = text.integer("mul", lane, 8)
+                x = text.place(text.integer("add", self.of.work, of_lane), argument)
+                x = text.load("double", x)
+
+                def halve(at, half):
+                    above = text.integer("add", at, text.integer("mul", half, 8))
+                    is_above = text.new(f"fcmp oge double {x}, {text.load('double', above)}")
+                    half = text.integer("lshr", half, 1)
+                    found = {"at": text.choice("i64", is_above, above, at), "half": half}
+                    return found, text.compare_integers("ne", half, 0)
+
+                at = text.cycle({"at": ("i64", numbers), "half": ("i64", half)}, halve)["at"]
+                to = text.place(text.integer("add", self.table, of_lane), place)
+                self.copy_lane(at, 16 * half, to, text.size, Table.ROWS)
 
     # ------------------------------------------------------------------------------- implicit lanes
     def derive(self):

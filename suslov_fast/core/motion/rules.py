@@ -385,7 +385,7 @@ def CUT(
     of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
     a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
     guess = inner_now + width * (rounds > ROUNDS).select(0.5, a / (a + b))
-    guess = smaller(larger(guess, inner_now + 0.25 * sought), outer_now - 0.25 * sought)
+    guess = smaller(larger(guess, inner_now + 0.75 * sought), outer_now - 0.75 * sought)
     is_rough = misses | ((end < 1.0) & (is_near.select(0.0, 1.0) > 0.0))
     guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
     running = (tries > most).select(float(State.TOO_MANY), mode)

@@ -461,7 +461,7 @@ class _Steps:
             with text.when(text.compare_integers("ne", bit, 0)):
                 offset = text.integer("mul", lane, 8)
                 line, own = text.integer("add", self.line, offset), self.own_at(offset)
-                self.write_back(line, text.load("i64", own))
+                self.write_back(offset, text.load("i64", own))
                 number = self.argument("following")
                 text.store("i64", 0, own)
                 with text.when(text.compare_integers("ult", number, self.of.count)):
@@ -485,13 +485,17 @@ class _Steps:
         """Return where the number of the trajectory of a lane stands, plus 1; 0 is none."""
         return self.text.integer("add", self.text.place(self.of.work, self.work.own), offset)
 
-    def write_back(self, line, own):
-        """Write the rows of a lane to those of its trajectory, if it has one."""
-        text, size = self.text, 8 * self.rows.size
+    def write_back(self, offset, own):
+        """Write the rows of a lane, and its table, to those of its trajectory, if it has one."""
+        text, of = self.text, self.of
+        parts = [(self.line, of.rows, 8 * self.rows.size, self.rows.size)]
+        if self.half.kinks:  # whose choices stand in the table
+            parts.append((self.table, of.table, of.table_bytes, self.half.numbers))
         with text.when(text.compare_integers("ne", own, 0)):
-            at = text.integer("mul", text.integer("sub", own, 1), size)
-            at = text.integer("add", self.of.rows, at)
-            self.copy_lane(line, text.size, at, 8, self.rows.size)
+            number = text.integer("sub", own, 1)
+            for source, target, size, count in parts:
+                at = text.integer("add", target, text.integer("mul", number, size))
+                self.copy_lane(text.integer("add", source, offset), text.size, at, 8, count)
 
     def copy_lane(self, source, step, target, other, count):
         """Copy so many numbers that stand so many bytes apart."""
@@ -506,8 +510,7 @@ class _Steps:
         with text.when(text.compare_integers("sle", left, 0), likely=False):
             with text.times(text.W) as lane:
                 offset = text.integer("mul", lane, 8)
-                line = text.integer("add", self.line, offset)
-                self.write_back(line, text.load("i64", self.own_at(offset)))
+                self.write_back(offset, text.load("i64", self.own_at(offset)))
             text.leave("i64 0")
         self.keep_argument("budget", text.integer("sub", left, 1))
 

@@ -131,6 +131,9 @@ class StepsInNumPy:
         largest, kept = self._rows("largest", D), 1.0
         sizes, sizes_of = dict.fromkeys(self.half.largest.results, 0.0), {}
         for i in range(D):
+            if self.f.clocks:
+                of_line = {"x": x[i], "f": f[i], "signed": signed}
+                new[i] = self._apply_to(rules.CLOCK, i, new=new[i], **of_line)["new"]
             if self.f.of_one_sign:
                 found = self._apply(
                     rules.KEPT,

@@ -122,6 +122,12 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 
 
 @_rule
+def CLOCK(x, new, f, signed, counts):
+    """A component at the end of a step; of a clock x + h x', which columns round more often."""
+    return {"new": (counts > 0.0).select(new, x + signed * f)}
+
+
+@_rule
 def SAME_SIGN(x, new, kept):
     """Whether a denominator that depends on clocks alone has kept its sign."""
     changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
@@ -368,7 +374,7 @@ def CUT(
     sought = is_kink.select(OF_KINK, PLACE) * (before + taken) + PLACE_AT_0 * last
     seen = is_near.select(crosses, crossed) > 0.0
     seen = seen & (stops > 0.0) & (taken > 0.0) & (total < inf)
-    is_last = is_near & (taken >= outer) & (outer - inner <= sought)
+    is_last = is_near & (taken - inner <= sought)
     cut = seen & (is_last.select(0.0, 1.0) > 0.0)
     holds = is_near & (seen.select(0.0, accepted) > 0.0) & (taken < larger(outer, 0.25 * whole))
     misses = holds & (taken >= outer)  # the surface lies farther
@@ -380,7 +386,7 @@ def CUT(
     width = outer_now - inner_now
     of_step = (crossed > 0.0).select(place, whole_part)
     own = cut.select((of_step * taken - inner_now) / width, part)
-    own = smaller(larger(own, LEAST_PART), MOST_PART)
+    own = smaller(larger(own, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
     heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
     of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
     a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
@@ -388,9 +394,10 @@ def CUT(
     guess = smaller(larger(guess, inner_now + 0.75 * sought), outer_now - 0.75 * sought)
     is_rough = misses | ((end < 1.0) & (is_near.select(0.0, 1.0) > 0.0))
     guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
+    of_hold = holds.select(-of_outer, forgets.select(0.0, weight))
     running = (tries > most).select(float(State.TOO_MANY), mode)
     stopped = (state >= State.DONE).select(running, state)
-    after = (moved & seen & (jumps >= 1.0)).select(mode + float(State.CHANGED), state)
+    after = (moved & seen & (jumps >= 1.0) & (t < last)).select(mode + float(State.CHANGED), state)
     return {
         "accepted": moved.select(1.0, 0.0),
         "t": searches.select(before, t),
@@ -399,7 +406,7 @@ def CUT(
         "wanted": searches.select(guess, (moved & is_near).select(whole, wanted)),
         "inner": forgets.select(0.0, inner_now),
         "outer": forgets.select(inf, outer_now),
-        "weight": cut.select(of_inner, holds.select(-of_outer, forgets.select(0.0, weight))),
+        "weight": cut.select(is_rough.select(0.0, of_inner), of_hold),
         "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
         "whole": is_near.select(whole, wanted),
         "beyond": (cut & is_near).select(1.0, 0.0),

@@ -607,6 +607,10 @@ class _Steps:
         def next_state(i, kept, **sizes):
             start = text.row(self.line, rows.x, i)
             new = text.operate("fadd", start, self.sum_of_ends(own, i))
+            if self.f.clocks:
+                of_line = {"x": start, "f": text.row(self.line, rows.f, i)}
+                of_line |= {"signed": self.work_row("signed")}
+                new = self.apply(rules.CLOCK, i, new=new, **of_line)["new"]
             if self.f.of_one_sign:
                 before = text.row(self.line, rows.largest, i)
                 found = text.apply(

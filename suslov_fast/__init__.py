@@ -15,7 +15,6 @@ import os
 import sys
 from contextlib import suppress
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
@@ -46,13 +45,7 @@ def __getattr__(name: str) -> object:
     if name in _MODULES:
         return _imported(f".{name}")
     if name not in _MODULE_OF:
-        answers = import_module(".keywords", __name__)
-        error = answers.lacking(sys.modules[__name__], name, f"module {__name__!r}")
-        # `from suslov_fast import name` replaces an AttributeError by an error of its own.
-        is_from = sys._getframe(1).f_code.co_name == "_handle_fromlist"
-        if is_from and not find_spec(f"{__name__}.{name}"):
-            raise ImportError(str(error))
-        raise error
+        raise import_module(".keywords", __name__).lacking_in_module(__name__, name)
     value: object = getattr(_imported(_MODULE_OF[name]), name)
     globals()[name] = value
     return value

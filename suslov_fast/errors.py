@@ -2,7 +2,7 @@
 
 
 class SuslovError(Exception):
-    """Base class of errors that tell of the mathematics, not of a wrong argument.
+    """Base class of errors that come from the mathematics, not from a wrong argument.
 
     They are :class:`NotIntegrableError` and :class:`SingularStepError`. Wrong arguments are a plain
     ValueError or TypeError.

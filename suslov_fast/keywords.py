@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import inspect
 import re
+import sys
 from collections.abc import Callable, Collection
 from dataclasses import FrozenInstanceError
 from difflib import get_close_matches
 from functools import wraps
+from importlib.util import find_spec
 from typing import Any, ParamSpec, TypeVar
 
 import suslov_fast
@@ -29,28 +31,36 @@ _TABLE = (
     ("tol rtol reltol", "rtol tol", "flow(..., rtol=); steps of a map have no tolerance"),
     ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
     ("order integrator solver alg algorithm scheme method", "method",
-     "method= of iterate; flow chooses its steps by rtol=, and stiff or not by itself"),
-    ("n nsteps numsteps iterations maxsteps maxiter steps", "steps n J",
+     "method= of iterate; flow chooses its steps by rtol=, and stiff or not unless stiff= says"),
+    ("n nsteps numsteps iterations maxsteps maxiter steps", "steps trajectories n J",
      "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
     ("denseoutput interp interpolate interpolant resample at sol", "",
      "flow(system, x0, time=t), at any times t"),
     ("nfev nstep naccepted", "steps", ""),
-    ("x0 y0 u0 z0 omega0 ic", "states[0] state omega0",
+    ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition", "states[0] state omega0",
      "the second argument, without a name, for states"),
     ("omega x state states", "states state components omega0",
      "the second argument, without a name, for states"),
     ("body system field fun rhs model", "body vector_field", "the first argument, without a name"),
     ("f", "first_integral body", "the first argument, without a name"),
     ("arg p param parameter", "parameters",
-     "parameters of the system: from_function(f, names, a=1), body.parameters"),
+     "field.with_parameters(a=1) of a Field, or make the system again; an array makes a family"),
     ("withparameters setparameters set replace subs", "with_parameters",
      "a new system, with the new parameters; arrays make a family"),
-    ("event section condition value", "crossings",
+    ("fit curvefit leastsquares estimate", "",
+     "scipy.optimize.least_squares with flow(field.with_parameters(a=a), x0, time=t)"),
+    ("table lookup lookuptable interp1d input timeseries", "",
+     "np.interp(t, times, values) in f, with a variable t of the rate 1"),
+    ("event section condition value", "surface crossings",
      "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0)"),
-    ("jump dose impulse reset", "",
+    ("jump dose impulse", "",
      "flow from one to the next: x = flow(system, x, time=dt).x[-1] + jump"),
+    ("reset bounce impact", "",
+     "crossings(system, x0, time=T, surface=..., most=1), and again from the state after it"),
     ("poincare poincaremap poincaresection poincaresos tevents yevents", "crossings", ""),
-    ("terminal stop", "", "crossings(system, x0, time=T, surface=..., most=1)"),
+    ("terminal stop until count", "most",
+     "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0, most=1)"),
+    ("basin basinsofattraction", "", "flow(field, grid, time=T).x[-1], or crossings(..., most=1)"),
     ("burnin ntransient transienttime ttr discard", "transient", ""),
     ("every stride thin sample saveat", "save_every",
      "time=np.arange(0, T, dt), at which states are wanted"),
@@ -59,20 +69,22 @@ _TABLE = (
     ("timeout maxtime budget timelimit", "time_limit progress", ""),
     ("verbose callback", "progress", ""),
     ("seed rng randomstate", "seed RandomStarts", "RandomStarts(size, seed=...) as states"),
-    ("filename file", "path store", ""),
+    ("path filename file", "path store", ""),
     ("out output", "out", "ensemble(..., store=), which writes to disk"),
     ("exact rational fractions", "exact",
      "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
     ("overwrite mode", "force", "another name, or delete the folder of the store"),
-    ("c color colour colors", "color", "plots have color="),
-    ("y z axis", "components states", ""),
+    ("c color colour colors", "color", "color= of plots"),
+    ("y z axis", "components", "states, of the shape (times, ..., D)"),
     ("figsize xlim ylim xlabel ylabel grid legend", "ax", ""),
     *((f"i{k}{k}", f"I{k}", "") for k in (1, 2, 3)),
     *((f"i3{k}", f"I{k}3", "") for k in (1, 2)),
     ("i inertia inertiamatrix tensor i12 i21", "parameters",
      "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
-    ("u values data trajectories solution points shape tonumpy select max min mean", "states",
+    ("u values data trajectories points shape tonumpy select max min mean", "states",
      "iterate, whose result has states"),
+    ("solution explicitsolution", "states exact", ""),
+    ("k1 k2 closedform", "closed_form", ""),
     ("index idx orbit member which", "trajectory", "states[:, i], of trajectory i"),
     ("success retcode", "ok", ""),
     ("message error failedat", "status", ""),
@@ -80,20 +92,23 @@ _TABLE = (
     ("resume restart continue extend", "extend",
      "the same call again, which goes on with a store, or states[-1] as x0"),
     ("df dataframe todataframe topandas tocsv toexcel", "",
-     "pandas.DataFrame(run.states, run.time), of one orbit; to_xarray().to_dataframe() of many"),
+     "pandas.DataFrame(run.states, run.time, run.names), of one orbit; to_xarray() of many"),
     ("tonetcdf tozarr sel isel", "to_xarray", ""),
     ("savefig figure", "figures plot", "plot().figure.savefig(path)"),
     ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
     ("load", "load", "Trajectories.load, or Crossings.load, or Motion.load"),
-    ("latex tolatex equations tosympy sympify", "", "str(...), the formula"),
+    ("equation", "body", "str(...), the formula"),
+    ("latex tolatex tosympy sympify symbolic", "", "str(...), the formula"),
     ("lambdify", "compiled", "field(x), or compiled.system in loops of your own"),
     ("dim ndim d", "dimension", ""),
-    ("jac dx derivative eigenvalues linearize stability", "",
+    ("jac dx derivative linearize", "",
      "field.jacobian(x), of its right-hand side; for a body QuadraticField.of(body).jacobian(x)"),
+    ("eigenvalues stability stable isstable linearstability", "",
+     "np.linalg.eigvals(field.jacobian(x)), or multipliers(system, x, eps), of a map"),
     ("quadratic linear constant term coefficient", "quadratic",
      "QuadraticField.of(body), whose terms they are"),
     ("variable", "names labels", ""),
-    ("solveivp odeint ode integrate solve", "flow", ""),
+    ("solveivp odeint ode integrate solve exactflow", "flow", ""),
     ("trajectory simulate evolve", "run states",
      "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
     ("orbitdiagram bifurcationdiagram bifurcation", "iterate", ""),
@@ -103,33 +118,63 @@ _TABLE = (
      "flow(..., derivatives=('x0', 'a')), and derivative('a') of its result"),
     ("lyapunov lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
     ("fixedpoint equilibria equilibrium steadyline steadystate", "fixed_points", ""),
-    ("frominertia frommatrix fromtensor", "from_inertia from_mass_tensor", ""),
+    ("frominertia frommatrix fromtensor", "from_inertia from_mass_tensor",
+     "from_function(lambda x: A @ x, len(A))"),
+    ("inn iii", "", "J, of J_i = I_ii + I_nn, and I, of I_i = I_in, or from_mass_tensor"),
     ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
+    ("modifiedhamiltonian", "modified_energy", ""),
+    ("plotenergy energydrift energyerror", "", "plot(run.time, run.energy()) of Matplotlib"),
     ("theorem1 theorem", "exact", ""),
     ("lemma1", "first_integral", ""),
     ("xy", "to_xy", ""),
-    ("lambda torque", "reaction", ""),
-    ("invariantmeasure", "invariant_density", ""),
+    ("lambda torque multiplier", "reaction multipliers", ""),
+    ("orientation rotation rotationmatrix", "attitude", ""),
+    ("scattering heteroclinicangle rotationangle turningangle", "scattering_angle", ""),
+    ("gyrostat suslovrotor rotor", "SuslovGyrostat", ""),
+    ("a", "matrix", ""),
+    ("residual", "", "matrix(body, x, eps) @ x_next - x, which is 0 along the map"),
     ("fromsympy fromexpressions", "",
      "from_function(sympy.lambdify([symbols], expressions), names)"),
     ("fromstring fromtext fromequations fromsecondorder", "",
-     "from_function(lambda x: (x[1], -x[0]), 'q p')"),
+     "from_function(lambda x, k: (x[1], -k * x[0]), 'q p', k=1.0)"),
     ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
-    ("figures picture", "figures", "Suslov3D.figure(k)"),
+    ("figures picture", "figures figure", "plot_phase(*suslov_fast.Suslov3D.figure(k))"),
     ("animate animation", "",
      "suslov_fast.animate_body(run) for a body, FuncAnimation of Matplotlib for equations"),
-    ("report integrals firstintegrals zoo examples kahan", "", "suslov_fast.integrability"),
+    ("report integrals firstintegrals conservedquantities", "integrals",
+     "suslov_fast.integrability.report(field)"),
+    ("zoo example systems", "", "suslov_fast.integrability.zoo(), fields by their names"),
+    ("kahan rationalmap rationalorbit exactmap", "",
+     "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
+    ("algebraicentropy entropy degreegrowth degreesofiterates", "proved_entropy",
+     "suslov_fast.integrability.planar_entropy(kahan(field)), or growth(degrees(map, 12))"),
+    ("singularityconfinement confinement singularities", "",
+     "suslov_fast.integrability.planar_entropy(kahan(field)), whose result has the orbits"),
+    ("invariantmeasure measure density", "measures",
+     "invariant_density(system, x, eps), or suslov_fast.integrability.report(field).measures"),
+    ("hirotakimurabasis hkbasis rankofintegrals rank", "hk_bases",
+     "suslov_fast.integrability.hk_bases(kahan(field), degree)"),
+    ("checkintegral isintegral isconserved verify", "",
+     "F(x) == F(map(x)) for fractions x, of map = suslov_fast.integrability.kahan(field, eps)"),
+    ("lax laxpair", "", "suslov_fast.integrability.report(field), which finds integrals"),
+    ("summary describe", "", "print(...)"),
     ("warmup compile", "warm_up", "the command suslov-fast warm-up"),
 )  # fmt: skip
 _OWN = {"self", "cls", "_cls"}  # which a caller does not pass
 _WORDS = {word: (names.split(), how) for words, names, how in _TABLE for word in words.split()}
 
 
+def listed(word: str) -> tuple[list[str], str]:
+    """Return the names for a word of other packages, and what to do where there is none of them."""
+    plain = word.lower().replace("_", "")
+    return _WORDS.get(plain, _WORDS.get(plain.removesuffix("s"), ([], "")))
+
+
 def instead(word: str, known: Collection[str]) -> str:
     """Return what to use for a word: a known name, or a sentence, or nothing."""
-    plain = word.lower().replace("_", "")
-    plain = plain if plain in _WORDS else plain.removesuffix("s")
-    names, how = _WORDS.get(plain, ((), ""))
+    names, how = listed(word)
+    if "eps" in names and {"period", "steps"} <= {*known}:
+        return "period=T and steps=N, for the map with eps = T / N"
     if "eps" in names and {"eps", "time"} <= {*known}:
         return "eps= and steps= for the map, counted in steps, or time=T for the motion, in time"
     found = [each for each in known if each.lower() == word.lower()]
@@ -147,11 +192,32 @@ def lacking(thing: Any, name: str, called: str, here: str = "") -> AttributeErro
         if "argument" in here:  # advice on keywords
             here = ""
         if here in functions and here not in own:
-            here = f"suslov_fast.{here}"
+            here = f"suslov_fast.{here}{_call_of(getattr(suslov_fast, here))}"
     text = f"{called} has no attribute {name!r}"
     if here:
         return AttributeError(f"{text}: use {here}")
     return AttributeError(text, name=name, obj=thing)
+
+
+def _call_of(function: Any) -> str:
+    """Return how a function is called at least, as (system, x, eps); nothing for a class."""
+    if not inspect.isfunction(function):
+        return ""
+    needed = []
+    for name, each in inspect.signature(function).parameters.items():
+        if name == "time":
+            needed.append("time=T")
+        elif each.default is each.empty:
+            needed.append(f"{name}=" if each.kind is each.KEYWORD_ONLY else name)
+    return f"({', '.join(needed)})"
+
+
+def lacking_in_module(module: str, name: str) -> Exception:
+    """Return the error of a module without a name, for its `__getattr__`."""
+    error = lacking(sys.modules[module], name, f"module {module!r}")
+    # `from module import name` replaces an AttributeError by an error of its own.
+    is_from = sys._getframe(2).f_code.co_name == "_handle_fromlist"
+    return ImportError(str(error)) if is_from and not find_spec(f"{module}.{name}") else error
 
 
 def with_answers(kind: type[R]) -> type[R]:
@@ -203,6 +269,16 @@ def _unchanged(self: Any, name: str, value: Any) -> None:
     raise FrozenInstanceError(f"{type(self).__name__} cannot be changed: {how}")
 
 
+def _of_system(name: str, system: Any = None) -> str:
+    """Return what to use for a parameter of a system; nothing for another word."""
+    parameters = getattr(system, "parameters", None)
+    if not isinstance(parameters, dict) or name not in parameters:
+        return ""
+    if "with_parameters" in dir(system):
+        return f"system.with_parameters({name}=...), where an array makes a family"
+    return f"a system that is made with {name}=..., where an array makes a family"
+
+
 def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) -> str:
     """Return what is wrong with the arguments of a call, or nothing if they fit."""
     parameters = [*signature.parameters.values()]
@@ -211,9 +287,11 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
     if unknown := [] if takes_any else [name for name in kwargs if name not in by_name]:
         names = sorted(by_name - _OWN)
         known = f"use one of {', '.join(names)}" if names else "it takes none by name"
-        here = {name: instead(name, names) for name in unknown}
-        each = [f"{name!r}: {f'use {here[name]}' if here[name] else known}" for name in unknown]
-        return f"{called} has no argument {', and no '.join(each)}"
+        here = {name: _of_system(name, *args[:1]) or instead(name, names) for name in unknown}
+        told = [f"{name!r}: use {here[name]}" for name in unknown if here[name]]
+        rest = [repr(name) for name in unknown if not here[name]]
+        told += [f"{', '.join(rest)}: {known}"] * bool(rest)
+        return f"{called} has no argument {', and no '.join(told)}"
     try:
         signature.bind(*args, **kwargs)
     except TypeError as error:

@@ -139,7 +139,7 @@ class SuslovND(Body):
         Callable[[ArrayLike], FloatArray],
         Callable[[ArrayLike, ArrayLike], FloatArray],
     ]:
-        """Return the body of fewer dimensions to which a body reduces whose J has equal entries.
+        """Return the body of fewer dimensions to which a body with equal entries of J reduces.
 
         The components of an eigenvalue a of diag(J), with the part I_E of I, of length l_E, become
         at most two: u = omega . I_E / l_E with the coupling l_E, unless I_E = 0; and r, the length

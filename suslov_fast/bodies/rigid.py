@@ -103,7 +103,7 @@ class Suslov3D(_In3D):
         velocity is constant.
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, which only :func:`step_full` and :func:`animate_body` use: it
-        drops out of the map. A warning tells if no rigid body has it: see :meth:`admissible_I3`.
+        drops out of the map. If no rigid body has it, a warning says so: see :meth:`admissible_I3`.
 
     Raises
     ------

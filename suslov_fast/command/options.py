@@ -4,13 +4,14 @@ import argparse
 import os
 import re
 from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NoReturn
 
 import suslov_fast as sf
 
-from ..keywords import instead
+from ..keywords import listed
 
 Command = Callable[[argparse.Namespace], int | None]
 
@@ -39,14 +40,19 @@ class _Parser(argparse.ArgumentParser):
         for action in self._actions:
             for name in (*action.option_strings, *map(str, action.choices or ())):
                 names[name.strip("-").replace("-", "_")] = name
-        unknown = re.search(r"arguments: --?([^\s=]+)|invalid choice: '([^']*)'", message)
-        word = (unknown[1] or unknown[2] or "") if unknown else ""
-        here = instead(word.replace("-", "_"), names)
-        in_python = f"; call suslov_fast.{word} in Python" if word in dir(sf) else ""
-        how = f"; use {here}" if here else in_python
-        if "body" in names and re.search("arguments: [^-]", message):
-            how = "; equations come by --body FILE.json, saved by json.dump(field.to_dict(), file)"
-        super().error(f"{message}; did you mean {names[here]}?" if here in names else message + how)
+        options = r" --?([^\s=]+)" if "unrecognized" in message else "invalid choice: '([^']*)'"
+        for word in re.findall(options, message):
+            plain = word.replace("-", "_")
+            known = [name for name in (plain, *listed(plain)[0]) if name in names]
+            known += get_close_matches(plain, names, 1, 0.75)
+            if known:
+                here = " or ".join(dict.fromkeys(names[name] for name in known[:2]))
+                message += f"; for {word} did you mean {here}?"
+            elif word in dir(sf):
+                message += f"; call suslov_fast.{word} in Python"
+        if "body" in names and re.search("arguments: [^-]|mean --body", message):
+            message += "; --body FILE.json takes equations from json.dump(field.to_dict(), file)"
+        super().error(message)
 
 
 def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namespace:

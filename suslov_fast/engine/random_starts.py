@@ -98,7 +98,7 @@ class RandomStarts:
         count : int
             The number of states.
         start : int
-            The number of the first one; any, also beyond the size.
+            The number of the first one, which may exceed the size.
         dimension : int
             The number of components of a state.
 

@@ -24,6 +24,7 @@ The files, in an order in which each uses only those before it:
 
 from ..bodies.fields.field import QuadraticField
 from ..checks import extra
+from ..keywords import lacking_in_module
 
 try:
     import flint  # noqa: F401
@@ -72,6 +73,10 @@ __all__ = [
     "report",
     "zoo",
 ]
+
+
+def __getattr__(name: str) -> object:
+    raise lacking_in_module(__name__, name)
 
 
 def __dir__() -> list[str]:

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import flint
 
-from ..bodies.fields.calls import checked_function
+from ..bodies.fields.calls import check_function
 from ..bodies.fields.names import labels, latex
 from ..checks import extra, short, wrong
 from ..keywords import public, with_answers
@@ -338,6 +338,8 @@ def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fra
     """Return the number that a call gives for a letter, by its name or without one."""
     if (len(value), {*named}) not in ((1, set()), (0, {letter})):
         how = f"pass a number for it, {letter}=Fraction(1, 3) for example"
+        if len(value) > 1 - len(named):
+            how += ", and one point x, as F([1, 2], ...)"
         got = ", ".join([*map(short, value), *named])
         raise TypeError(f"{letter} is symbolic here: {how}" + f", not {got}" * bool(got))
     return arithmetic.constant(letter, *value, *named.values())
@@ -346,7 +348,7 @@ def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fra
 def traced(name: str, f: Any, n: int, letter: str = "") -> list[Any]:
     """Return the polynomials F_1, ..., F_D, F_0 of a function, by a call with symbols."""
     given: dict[str, Any] = {letter: 0} if letter else {}
-    checked_function(name, f, labels(n), given)
+    check_function(name, f, labels(n), given)
     ring = polynomial_ring(n, bool(letter))
     symbols = [*map(factored, ring.gens())]
     given = {letter: symbols.pop(0)} if letter else {}

@@ -63,7 +63,7 @@ class PlanarEntropy:
     The entropy is the logarithm of the largest root of `polynomial`, the characteristic polynomial
     of the action on the plane blown up at the points of the confined orbits; `minimal` is its
     factor with this root. `degrees` are those of the first iterates, as they follow from it.
-    `proved` says whether the entropy is, and `based_on` by what. Without an entropy, `reason` says
+    `proved` says whether it is proved, and `based_on` by what. Without an entropy, `reason` says
     why there is none.
     """
 

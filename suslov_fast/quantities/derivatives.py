@@ -132,7 +132,7 @@ def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
 def jacobian(
     system: BodyOrField, x: ArrayLike, /, eps: Reals, *, method: Method = "auto"
 ) -> FloatArray:
-    """Derivative of the map: row i, column j holds the derivative of (x_next)_i by x_j.
+    """Derivative of the map: row i, column j holds d(x_next)_i / dx_j.
 
     For Kahan's map it is A(x; eps)**-1 A(x_next; -eps), with the A of :func:`matrix`; for the
     methods of order 4, 6 and 8 the product over all sub-steps.

@@ -79,10 +79,10 @@ def flow(
         True or False takes all steps by the method for stiff equations, or by the other one. By
         default each trajectory chooses, from step to step.
     derivatives : str or sequence of str
-        "x0", and names of parameters of the field: what ``motion.derivative(name)`` is wanted by.
-        Derivatives solve the variational equations beside the states, with the same tolerance:
-        those by x0 relative to the size of x0, those by a parameter relative to its size. The
-        motion of a body whose closed form is known is computed to the tolerance, too.
+        "x0", and names of parameters of the field: ``motion.derivative(name)`` then returns the
+        derivative with respect to it. The variational equations are solved to the same tolerance,
+        relative to the size of x0 or of the parameter, and so is the motion of a body, which is
+        exact without them.
     threads, progress
         As in :func:`iterate`; `progress` counts states, and those that are not computed yet when
         it returns False are NaN. A solution has the same bits on any threads, in any batch.

@@ -187,6 +187,8 @@ def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]
     if isinstance(steps, float) and steps % 1 != 0:
         how = "the step size eps comes before steps, and a run ends at the time eps * steps"
         raise wrong("steps", expected, f"{steps}: {how}", TypeError)
+    if isinstance(steps, int) and steps < 0:
+        raise wrong("steps", expected, f"{steps}: for steps back pass -eps")
     return integer("steps", steps, 0, expected), save_every
 
 

@@ -80,7 +80,7 @@ class Motion(States):
 
     @public
     def derivative(self, by: str) -> FloatArray:
-        """Return the derivatives of the states by the starts, or by a parameter.
+        """Return the derivatives of the states with respect to the starts, or to a parameter.
 
         Parameters
         ----------
@@ -90,8 +90,8 @@ class Motion(States):
         Returns
         -------
         ndarray(float, shape=(n, ..., D, D) or (n, ..., D))
-            The derivative of component i by component j of x0 at [..., i, j]; by a parameter that
-            of component i at [..., i].
+            At [..., i, j] that of component i with respect to component j of x0; for a parameter,
+            at [..., i] that of component i.
 
         Raises
         ------

@@ -29,6 +29,10 @@ class Points(Result):
     body: BodyOrField
 
     called = "a result of crossings"
+    words = dict.fromkeys(
+        ("t", "t_events", "y_events", "events"),
+        "time and states, of all trajectories: time[trajectory == k] are those of trajectory k",
+    )
     kinds = "Crossings", "MotionCrossings"
     coordinates: ClassVar[tuple[str, ...]]  # attributes of crossings that label them
     _heading: Any  # what the points are, for plots

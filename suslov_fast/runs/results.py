@@ -64,6 +64,7 @@ class Result:
     status: Any
     instead: ClassVar[str] = ": pass its body, run.body"
     called: ClassVar[str] = "a run"  # in messages
+    words: ClassVar[dict[str, str]] = {}  # what is used in place of words of other packages
     kinds: ClassVar[tuple[str, ...]] = ()  # names of classes that `load` accepts, if more than one
     _functions: Any = ()  # the names of the quantities that the system has
 
@@ -138,7 +139,7 @@ class Result:
             if "body" not in vars(self):
                 raise AttributeError(name)
             x, labels = self._variable, self.body.labels
-            here = f"run.{x}[..., {labels.index(name)}]" if name in labels else ""
+            here = f"run[{name!r}]" if name in labels else self.words.get(name, "")
             here = f"run.{x}" if name in ("omega", "x") else here
             if name in self.body.parameters:
                 here = f"run.body.parameters[{name!r}]"
@@ -146,7 +147,7 @@ class Result:
 
     def __dir__(self) -> list[str]:
         other = "x" if self._variable == "omega" else "omega"
-        hidden = {other, "called", "instead", "kinds", *(QUANTITIES - {*self._functions})}
+        hidden = {other, "called", "instead", "kinds", "words", *(QUANTITIES - {*self._functions})}
         return [name for name in super().__dir__() if name not in hidden]
 
     def __len__(self) -> int:

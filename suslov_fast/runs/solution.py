@@ -97,7 +97,7 @@ def exact(
 def limits(body: AnyBody, omega0: ArrayLike, /, eps: Reals) -> tuple[FloatArray, FloatArray]:
     """Return the limits of an orbit of the map as n goes to minus and to plus infinity.
 
-    Orbits go from one steady rotation to the opposite one.
+    Orbits go from one steady rotation to another; without a rotor that is the opposite one.
 
     Parameters
     ----------

@@ -27,18 +27,17 @@ def arguments_of(f: Any) -> list[str]:
     return [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
 
 
-def checked_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> Any:
-    """Return the Python function of a user; TypeError unless it takes the state and parameters.
+def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:
+    """Raise TypeError unless a user's function takes the state and these parameters.
 
     `names` are those of the variables, and `argument` is that of the public function, "f" or "H".
     """
     if not callable(f):
         raise wrong(argument, "a function of x", f"{short(f)}: {_OF_SYMPY}", TypeError)
-    f = getattr(f, "py_func", f)  # if Numba compiled f
     try:
-        signature = inspect.signature(f)
+        signature = inspect.signature(getattr(f, "py_func", f))
     except (TypeError, ValueError):  # it does not tell its arguments
-        return f
+        return
     given: list[Any] = [*signature.parameters.values()] or [None]
     state, own = given[0], given[1:]
     by_position = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
@@ -50,9 +49,14 @@ def checked_function(argument: str, f: Any, names: Any, parameters: Mapping[str,
         how = "" if state.kind in by_position else "pass lambda x: ..."
     except TypeError:
         how = "pass lambda x: ..."
-        if unknown:
-            near = get_close_matches(unknown[0], known, 1, 0.6) or known or ["none"]
-            how = f"it has no parameter {unknown[0]!r}, but {either(near)}"
+        if unknown and isinstance(parameters.get("names"), (str, list, tuple)):
+            how = 'pass the names of variables in place of the dimension, as "u v w"'
+        elif unknown:
+            near = get_close_matches(unknown[0], known, 1, 0.6)
+            how = f"it has no parameter {unknown[0]!r}, but {either(near or known or ['none'])}"
+            if known and not near:
+                call = "from_function(lambda x, a, b: ..., names, a=1.0, b=2.0)"
+                how += f": pass the value of each by its name, as {call}"
         elif missing:
             values = ", ".join(f"{name}=1.0" for name in missing)
             how = f"pass values of its parameters, as {values}"
@@ -65,11 +69,10 @@ def checked_function(argument: str, f: Any, names: Any, parameters: Mapping[str,
     if TIME & {*signature.parameters}:
         now, x = ("s[-1], s[:-1]", "0, x") if state.name in TIME else ("s[:-1], s[-1]", "x, 0")
         how = f"{of_time(names, f'*f({now})')}, or pass lambda x: f({x})"
-        how = how if len(given) == 2 else of_time(names)
+        how = how if len(arguments_of(f)) == 2 else of_time(names)
     if how:
         expected = "a function of the state, one array, and of its parameters by name"
         raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)
-    return f
 
 
 def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
@@ -78,7 +81,7 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
     An error of another class, which has nothing to do with symbols, is raised as it is.
     """
     try:
-        return f(state.copy(), **parameters)
+        return getattr(f, "py_func", f)(state.copy(), **parameters)  # if Numba compiled f
     except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
         text = " ".join(str(error).split())
         if not isinstance(error, (Untraceable, ArithmeticError)):
@@ -120,7 +123,6 @@ def operands_of_function(
     argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any]
 ) -> tuple[Tracer, list[Any]]:
     """Return the tracer with which f was called, and the operands that are f, or [H]."""
-    f = checked_function(argument, f, names, parameters)
     tracer = Tracer(names, [*parameters])
     first, second = (_operands(argument, f, tracer) for _ in range(2))
     check_same(argument, [*map(repr, first)], [*map(repr, second)])  # equal operations are one

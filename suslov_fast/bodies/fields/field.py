@@ -46,9 +46,8 @@ class QuadraticField(_FieldOfTerms):
     """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
 
     Make it with :meth:`from_function` or :meth:`from_hamiltonian`; the constructor takes arrays.
-    Functions with an argument `body` take a field; its state is x. Its map is Kahan's
-    discretization, (x_next - x) / eps = f with (x_j x_next_k + x_next_j x_k) / 2 for each x_j x_k
-    and (x_j + x_next_j) / 2 for each x_j.
+    Its map is Kahan's discretization, (x_next - x) / eps = f with (x_j x_next_k + x_next_j x_k) / 2
+    for each x_j x_k and (x_j + x_next_j) / 2 for each x_j.
 
     Parameters
     ----------

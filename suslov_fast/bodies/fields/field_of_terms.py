@@ -18,6 +18,7 @@ from ...core.lists.dense import DenseRightHandSide, dense_parameters
 from ...core.lists.quadratic import parameters_of, right_hand_side_of
 from ...keywords import public
 from ..base import Body, Parameters, frozen, summary
+from .calls import check_function
 from .names import labels, variables
 from .polynomials import named_parameters
 from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
@@ -111,6 +112,7 @@ class FieldOfFunction(Body):
                [-0.9]])
         """
         names = variables("dimension", dimension, has_map=cls.has_map)
+        check_function("f", f, names, parameters)
         values = named_parameters(parameters, names, has_map=cls.has_map)
         field: Self = cls._by_function(f, names, values)
         return field
@@ -164,6 +166,7 @@ class FieldOfFunction(Body):
         Field(q' = p, p' = -sin(q), H = p**2/2 - cos(q))
         """
         names = variables("dimension", dimension, has_map=cls.has_map)
+        check_function("H", H, names, parameters)
         values = named_parameters(parameters, names, has_map=cls.has_map)
         field: Self = cls._by_hamiltonian(H, names, values, K)
         return field
@@ -215,8 +218,8 @@ class FieldOfFunction(Body):
         Returns
         -------
         ndarray(float, shape=(..., D, D))
-            The derivative of component i by variable j at [..., i, j]. Where f chooses, as
-            ``np.where`` does, it is that of what f takes.
+            The derivative of component i with respect to variable j at [..., i, j]. Where f
+            chooses, as ``np.where`` does, it is that of the branch.
 
         Raises
         ------

@@ -28,7 +28,8 @@ from .texts import brief, values_of, written
 
 EQUATIONS = "equations"
 NO_MAP = (
-    "a Field has a motion, flow(field, x0, time=...), and no map: for equations of degree 2 use "
+    "a Field has a motion, flow(field, x0, time=T), whose functions take time=T in place of eps "
+    "and steps, and no map: for equations of degree 2 use "
     "QuadraticField.from_function(f, names), and for equilibria "
     "scipy.optimize.root(field, x0, jac=field.jacobian)"
 )

@@ -82,9 +82,6 @@ def named_parameters(
     checked: dict[str, Any] = {}
     for name, value in parameters.items():
         check_parameter(name, variables, has_map=has_map)
-        if name == "names" and np.asarray(value).dtype.kind == "U":
-            how = 'pass the names of variables in place of the dimension, as "u v w"'
-            raise TypeError(f"names={short(value)} is taken as a parameter of the field: {how}")
         array = as_given(name, value)
         checked[name] = real_array(name, value) if array.ndim else array.item()
         if not array.ndim:

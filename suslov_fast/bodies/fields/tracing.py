@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import OTHERS, within
-from .calls import alone, called, check_same, checked_function, components
+from .calls import alone, called, check_same, components
 from .columns import ColumnSymbol, Refused, exact_values, rounded
 from .exact import Exact
 from .polynomials import Polynomial
@@ -58,7 +58,6 @@ def terms_of_function(
     Values are fractions, unless one call of f was enough for a family: then those of the field are
     floats, rounded once. Otherwise they are None for a Hamiltonian, and follow from H and K.
     """
-    f = checked_function(argument, f, names, parameters)
     call = _Call(argument, f, names, 2 if K is None else 3, parameters)
     shape = call.shape
     columns = [np.broadcast_to(np.asarray(a).astype(object), shape) for a in parameters.values()]

@@ -75,9 +75,9 @@ def watch_of(f, kinds, jumps):
 
     Values 0 to D - 1 are x, the next D are y, and those of the table follow, where the choices
     stand after the parameters. Results are the part of the line before a surface, which is 1 where
-    none is crossed; 1 where one is crossed, else 0; 1 where f jumps there, 1/2 at the knot of a
-    table; and the choices of kinks at y, for a table its argument. `kinds` are those of
-    `Conditions`, and `jumps` the number of surfaces where f jumps.
+    none is crossed; 1 where one is crossed, else 0; 1 where f jumps there; and the choices of kinks
+    at y, for a table its argument. `kinds` are those of `Conditions`, and `jumps` the number of
+    surfaces where f jumps.
     """
     D, choice_number = f.D, f.D + f.P - sum(map(choices_of, kinds))
     of_table = {number: 2 * D + place for number, place in f.places.items()}
@@ -113,16 +113,13 @@ def watch_of(f, kinds, jumps):
         changes.append(change)
         choice_number += choices_of(kind)
 
-    def some(truths, value, other=0.0):
+    def some(truths):
         if not truths:
-            return other
-        return functools.reduce(lambda a, b: a | b, truths).select(value, other)
+            return 0.0
+        return functools.reduce(lambda a, b: a | b, truths).select(1.0, 0.0).number
 
-    of_tables = [change for change, kind in zip(changes, kinds, strict=True) if is_table(kind)]
-    found = part, some(changes, 1.0), some(changes[:jumps], 1.0, some(of_tables, 0.5))
     of_kinks = now[len(now) - (len(kinds) - jumps) :]
-    results = [a.number if isinstance(a, Number) else a for a in found]
-    return List(values.operations, [*results, *of_kinks])
+    return List(values.operations, [part.number, some(changes), some(changes[:jumps]), *of_kinks])
 
 
 def with_fixed_choices(values, results, P, by=(), twice=False):

@@ -51,9 +51,7 @@ REACH = 0.92  # a step reaches the end of time if its length is this part of wha
 SHORTEST, LEAST = 2.0**-44, 2.0**-1000  # of a step: part of the time, and length
 SMALLEST_SCALE = 2.0**-60
 PARTS = 4
-# Of a surface: part of the time, of all the time, and of the time for a kink, where the error of f
-# is as small as that of the place; but not for a knot of a table, which may be steep.
-PLACE, PLACE_AT_0, OF_KINK = 2.0**-51, 2.0**-90, 2.0**-32
+PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
 TINY = 2.0**-1000  # in place of an allowed error of 0
@@ -370,8 +368,7 @@ def CUT(
     the state at `outer` at `part`.
     """
     is_near = outer < inf
-    is_kink = (crosses > 0.0) & (jumps <= 0.0)
-    sought = is_kink.select(OF_KINK, PLACE) * (before + taken) + PLACE_AT_0 * last
+    sought = PLACE * (before + taken) + PLACE_AT_0 * last
     seen = is_near.select(crosses, crossed) > 0.0
     seen = seen & (stops > 0.0) & (taken > 0.0) & (total < inf)
     is_last = is_near & (taken - inner <= sought)
@@ -397,7 +394,7 @@ def CUT(
     of_hold = holds.select(-of_outer, forgets.select(0.0, weight))
     running = (tries > most).select(float(State.TOO_MANY), mode)
     stopped = (state >= State.DONE).select(running, state)
-    after = (moved & seen & (jumps >= 1.0) & (t < last)).select(mode + float(State.CHANGED), state)
+    after = (moved & seen & (jumps > 0.0) & (t < last)).select(mode + float(State.CHANGED), state)
     return {
         "accepted": moved.select(1.0, 0.0),
         "t": searches.select(before, t),

@@ -188,7 +188,9 @@ def _floats(name: str, value: Any) -> FloatArray:
         what = f" of dtype {array.dtype}"
         if array.dtype.kind == "O":
             item = next(each for each in array.flat if not isinstance(each, numbers.Real))
-            what = f", in which {short(item)} is a {kind_of(item)}" if array.ndim else ""
+            what = f", in which {short(item)}" if array.ndim else ""
+            what += f" is a {kind_of(item)}" if array.ndim else f", a {kind_of(item)}"
+            what += ": only eps can be a symbol, in integrability" * hasattr(item, "free_symbols")
         raise wrong(name, "hold real numbers", f"{short(value)}{what}", TypeError)
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
 

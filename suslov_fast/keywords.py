@@ -24,7 +24,7 @@ _TABLE = (
     ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
     ("dt h stepsize deltat firststep", "eps",
      "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
-    ("t time teval tend tmax tf tfinal duration period", "time period steps",
+    ("t time teval tend tmax tf tfinal duration", "time period steps",
      "flow(system, x0, time=t), or the steps n of a map"),
     ("tspan t0", "", "time= of flow, counted from x0; iterate runs to eps * steps"),
     ("backward reverse inverse", "", "-eps, which undoes a step"),
@@ -35,7 +35,7 @@ _TABLE = (
     ("n nsteps numsteps iterations maxsteps maxiter steps", "steps trajectories n J",
      "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
     ("denseoutput interp interpolate interpolant resample at sol", "",
-     "flow(system, x0, time=t), at any times t"),
+     "flow(system, x0, time=t), at any times t; for a table np.interp(t, times, values) in f"),
     ("nfev nstep naccepted", "steps", ""),
     ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition", "states[0] state omega0",
      "the second argument, without a name, for states"),
@@ -44,7 +44,7 @@ _TABLE = (
     ("body system field fun rhs model", "body vector_field", "the first argument, without a name"),
     ("f", "first_integral body", "the first argument, without a name"),
     ("arg p param parameter", "parameters",
-     "field.with_parameters(a=1) of a Field, or make the system again; an array makes a family"),
+     "field.with_parameters(a=1), or make a body again; an array makes a family"),
     ("withparameters setparameters set replace subs", "with_parameters",
      "a new system, with the new parameters; arrays make a family"),
     ("fit curvefit leastsquares estimate", "",
@@ -58,7 +58,17 @@ _TABLE = (
     ("reset bounce impact", "",
      "crossings(system, x0, time=T, surface=..., most=1), and again from the state after it"),
     ("poincare poincaremap poincaresection poincaresos tevents yevents", "crossings", ""),
-    ("terminal stop until count", "most",
+    ("maxima peak localmaxima extrema", "",
+     "crossings(field, x0, time=T, surface=lambda x: -field(x)[..., 0]), maxima of component 0"),
+    ("stroboscopic stroboscope stroboscopicmap", "",
+     "flow(field, x0, time=T * np.arange(n)), T the period of the force"),
+    ("limitcycle cycle", "", "periodic_orbit(field, flow(field, x0, time=100).x[-1])"),
+    ("period frequency", "period", "periodic_orbit(field, x0).period"),
+    ("floquet floquetmultipliers", "multipliers", ""),
+    ("monodromy variational", "",
+     "flow(field, x0, time=T, derivatives='x0').derivative('x0'), of which [-1] is that of T"),
+    ("count", "most", ""),
+    ("terminal stop until firstpassage escape escapetime exittime firsthit firstreturn", "most",
      "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0, most=1)"),
     ("basin basinsofattraction", "", "flow(field, grid, time=T).x[-1], or crossings(..., most=1)"),
     ("burnin ntransient transienttime ttr discard", "transient", ""),
@@ -70,11 +80,11 @@ _TABLE = (
     ("verbose callback", "progress", ""),
     ("seed rng randomstate", "seed RandomStarts", "RandomStarts(size, seed=...) as states"),
     ("path filename file", "path store", ""),
-    ("out output", "out", "ensemble(..., store=), which writes to disk"),
+    ("out output csv", "out output", "ensemble(..., store=), which writes to disk"),
     ("exact rational fractions", "exact",
      "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
     ("overwrite mode", "force", "another name, or delete the folder of the store"),
-    ("c color colour colors", "color", "color= of plots"),
+    ("c color colour colors", "color constant", ""),
     ("y z axis", "components", "states, of the shape (times, ..., D)"),
     ("figsize xlim ylim xlabel ylabel grid legend", "ax", ""),
     *((f"i{k}{k}", f"I{k}", "") for k in (1, 2, 3)),
@@ -92,32 +102,39 @@ _TABLE = (
     ("resume restart continue extend", "extend",
      "the same call again, which goes on with a store, or states[-1] as x0"),
     ("df dataframe todataframe topandas tocsv toexcel", "",
-     "pandas.DataFrame(run.states, run.time, run.names), of one orbit; to_xarray() of many"),
+     "pandas.DataFrame(run.states, run.time, run.body.labels), of one orbit, and of many "
+     "run.to_xarray().x.to_dataset('component').to_dataframe()"),
     ("tonetcdf tozarr sel isel", "to_xarray", ""),
     ("savefig figure", "figures plot", "plot().figure.savefig(path)"),
     ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
     ("load", "load", "Trajectories.load, or Crossings.load, or Motion.load"),
     ("equation", "body", "str(...), the formula"),
-    ("latex tolatex tosympy sympify symbolic", "", "str(...), the formula"),
+    ("latex tolatex tosympy sympify symbolic", "",
+     "str(...), the formula; of an integral F sympy.sympify(F), for sympy.latex"),
     ("lambdify", "compiled", "field(x), or compiled.system in loops of your own"),
     ("dim ndim d", "dimension", ""),
     ("jac dx derivative linearize", "",
      "field.jacobian(x), of its right-hand side; for a body QuadraticField.of(body).jacobian(x)"),
     ("eigenvalues stability stable isstable linearstability", "",
      "np.linalg.eigvals(field.jacobian(x)), or multipliers(system, x, eps), of a map"),
+    ("parameterjacobian dfdp inputmatrix", "",
+     "(field.with_parameters(a=a + h)(x) - field(x)) / h"),
     ("quadratic linear constant term coefficient", "quadratic",
      "QuadraticField.of(body), whose terms they are"),
     ("variable", "names labels", ""),
     ("solveivp odeint ode integrate solve exactflow", "flow", ""),
     ("trajectory simulate evolve", "run states",
      "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
-    ("orbitdiagram bifurcationdiagram bifurcation", "iterate", ""),
+    ("orbitdiagram bifurcationdiagram bifurcation continuation", "",
+     "a family, from_function(f, names, c=array), and c[points.trajectory] of its crossings"),
     ("phaseportrait", "plot plot_phase", "iterate(...).plot()"),
     ("plot", "plot", "iterate(...).plot(), or flow(...).plot()"),
     ("sensitivity sensitivities", "",
      "flow(..., derivatives=('x0', 'a')), and derivative('a') of its result"),
-    ("lyapunov lyapunovspectrum maxlyapunov", "lyapunov_exponents", ""),
-    ("fixedpoint equilibria equilibrium steadyline steadystate", "fixed_points", ""),
+    ("lyapunov lyapunovspectrum maxlyapunov sali gali megno ftle", "lyapunov_exponents", ""),
+    ("fixedpoint equilibria equilibrium steadyline steadystate", "",
+     "suslov_fast.fixed_points(system), of a Field scipy.optimize.root(field, x0, "
+     "jac=field.jacobian)"),
     ("frominertia frommatrix fromtensor", "from_inertia from_mass_tensor",
      "from_function(lambda x: A @ x, len(A))"),
     ("inn iii", "", "J, of J_i = I_ii + I_nn, and I, of I_i = I_in, or from_mass_tensor"),
@@ -134,7 +151,7 @@ _TABLE = (
     ("a", "matrix", ""),
     ("residual", "", "matrix(body, x, eps) @ x_next - x, which is 0 along the map"),
     ("fromsympy fromexpressions", "",
-     "from_function(sympy.lambdify([symbols], expressions), names)"),
+     "from_function(sympy.lambdify([symbols, *parameters], expressions), names, a=1.0)"),
     ("fromstring fromtext fromequations fromsecondorder", "",
      "from_function(lambda x, k: (x[1], -k * x[0]), 'q p', k=1.0)"),
     ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
@@ -143,6 +160,8 @@ _TABLE = (
      "suslov_fast.animate_body(run) for a body, FuncAnimation of Matplotlib for equations"),
     ("report integrals firstintegrals conservedquantities", "integrals",
      "suslov_fast.integrability.report(field)"),
+    ("fromarray fromcoefficient frommatrices", "", "QuadraticField(quadratic, linear, constant)"),
+    ("map kahanmap", "", "suslov_fast.step(system, x, eps), or integrability.kahan(field, eps)"),
     ("zoo example systems", "", "suslov_fast.integrability.zoo(), fields by their names"),
     ("kahan rationalmap rationalorbit exactmap", "",
      "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
@@ -173,10 +192,6 @@ def listed(word: str) -> tuple[list[str], str]:
 def instead(word: str, known: Collection[str]) -> str:
     """Return what to use for a word: a known name, or a sentence, or nothing."""
     names, how = listed(word)
-    if "eps" in names and {"period", "steps"} <= {*known}:
-        return "period=T and steps=N, for the map with eps = T / N"
-    if "eps" in names and {"eps", "time"} <= {*known}:
-        return "eps= and steps= for the map, counted in steps, or time=T for the motion, in time"
     found = [each for each in known if each.lower() == word.lower()]
     found += [name for name in names if name.partition("[")[0] in known]
     near = get_close_matches(word, known, 1, 0.75)
@@ -269,14 +284,29 @@ def _unchanged(self: Any, name: str, value: Any) -> None:
     raise FrozenInstanceError(f"{type(self).__name__} cannot be changed: {how}")
 
 
+def _of_call(word: str, known: Collection[str]) -> str:
+    """Return what to use for a word that means another thing in a call with these arguments."""
+    names = listed(word)[0]
+    if "eps" in names and "map" in known:
+        return "kahan(field, eps) as the map"
+    if "eps" in names and {"period", "steps"} <= {*known}:
+        return "period=T and steps=N, of which eps is T / N, and method='auto' for Kahan's map"
+    if "eps" in names and {"eps", "time"} <= {*known}:
+        return "eps= and steps= for the map, counted in steps, or time=T for the motion, in time"
+    if "trajectories" in names and "store" in known:
+        return "steps= for the map, or RandomStarts(n, extent) as x0 for n trajectories"
+    return ""
+
+
 def _of_system(name: str, system: Any = None) -> str:
     """Return what to use for a parameter of a system; nothing for another word."""
     parameters = getattr(system, "parameters", None)
     if not isinstance(parameters, dict) or name not in parameters:
         return ""
-    if "with_parameters" in dir(system):
-        return f"system.with_parameters({name}=...), where an array makes a family"
-    return f"a system that is made with {name}=..., where an array makes a family"
+    how = f"system.with_parameters({name}=...)"
+    if "with_parameters" not in dir(system):
+        how = f"a system that is made with {name}=..."
+    return f"{how}, where an array makes a family"
 
 
 def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) -> str:
@@ -287,7 +317,10 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
     if unknown := [] if takes_any else [name for name in kwargs if name not in by_name]:
         names = sorted(by_name - _OWN)
         known = f"use one of {', '.join(names)}" if names else "it takes none by name"
-        here = {name: _of_system(name, *args[:1]) or instead(name, names) for name in unknown}
+        here = {
+            name: _of_system(name, *args[:1]) or _of_call(name, names) or instead(name, names)
+            for name in unknown
+        }
         told = [f"{name!r}: use {here[name]}" for name in unknown if here[name]]
         rest = [repr(name) for name in unknown if not here[name]]
         told += [f"{', '.join(rest)}: {known}"] * bool(rest)

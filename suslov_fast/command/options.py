@@ -50,7 +50,9 @@ class _Parser(argparse.ArgumentParser):
                 message += f"; for {word} did you mean {here}?"
             elif word in dir(sf):
                 message += f"; call suslov_fast.{word} in Python"
-        if "body" in names and re.search("arguments: [^-]|mean --body", message):
+        if "body" in names and re.search(r"arguments: [\d.,-]+$", message):
+            message += "; a list is written with commas, --omega0 1,0.5"
+        elif "body" in names and re.search("arguments: [^-]|mean --body", message):
             message += "; --body FILE.json takes equations from json.dump(field.to_dict(), file)"
         super().error(message)
 

@@ -118,6 +118,8 @@ def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
     shown, record = dict(facts), MAPS.get(facts.get("map", ""))  # none of a motion
     for name in {"map", "status"} & shown.keys():
         del shown[name]
+    if shown.get("saved_states") == 1 and record:
+        shown["saved_states"] = "1, the last; --save-every K saves more"
     same_body = [other for other in MAPS.values() if record and other.body is record.body]
     if sum(len(other.methods) for other in same_body) == 1:
         del shown["method"]

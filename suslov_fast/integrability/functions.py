@@ -106,11 +106,11 @@ class RationalFunction(WithLetter):
     """A product of powers of polynomials and a constant, exact.
 
     Called with a point, D rational numbers, it returns a fraction. Functions and numbers can be
-    combined by ``+``, ``-``, ``*``, ``/`` and powers. ``sympy.sympify(str(f), f.symbols())``
-    converts one to SymPy. In a report, `basis` says what a function rests on, and `cofactor` is
-    that of a Darboux polynomial, or -1 for a density up to sign. If eps, or another letter, is
-    symbolic, `subs` replaces it by a number, and `special` holds the rational values for which a
-    factor of the formula is 0 for all x.
+    combined by ``+``, ``-``, ``*``, ``/`` and powers. ``sympy.sympify(f)`` converts one to SymPy.
+    In a report, `basis` says what a function rests on, and `cofactor` is that of a Darboux
+    polynomial, or -1 for a density up to sign. If eps, or another letter, is symbolic, `subs`
+    replaces it by a number, and `special` holds the rational values for which a factor of the
+    formula is 0 for all x.
     """
 
     factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
@@ -146,28 +146,14 @@ class RationalFunction(WithLetter):
         names = self.factors and self._ring.names()[has_eps(self.factors[0][0]) :]
         return replace(product.renamed(names or None), basis=self.basis, cofactor=cofactor)
 
-    @public
-    def symbols(self) -> dict[str, Any]:
-        """Return the symbols of SymPy for the names in the formula.
+    def _sympy_(self) -> Any:
+        """Return the formula in SymPy, which asks for it, with symbols of the names in it.
 
         Without them SymPy takes names such as S, I, E, N and beta for objects of its own.
-
-        Returns
-        -------
-        dict
-            `sympy.Symbol` by name.
-
-        Examples
-        --------
-        >>> import sympy
-        >>> from suslov_fast import QuadraticField
-        >>> from suslov_fast.integrability import report
-        >>> (f,) = report(QuadraticField([[[0, 0], [0, 0]], [[1, 0], [0, 0]]])).integrals
-        >>> f, sympy.sympify(str(f), locals=f.symbols())
-        (x1, x1)
         """
-        names = self._ring.names() if self.factors else ()
-        return {name: extra("sympy", "test").Symbol(name) for name in map(decoded, names)}
+        sympy, names = extra("sympy", "test"), self._ring.names() if self.factors else ()
+        symbols = {name: sympy.Symbol(name) for name in map(decoded, names)}
+        return sympy.sympify(str(self), symbols)
 
     def renamed(self, names: Sequence[str] | None, letter: str = "") -> RationalFunction:
         """Return the function with other names of its variables, and of its letter."""

@@ -88,7 +88,7 @@ def formulas_named(names: str, **options: Any) -> dict[str, Formula]:
 def _check_hamiltonian(body: Any) -> None:
     """Raise TypeError for a field without a Hamiltonian."""
     if body.field().H is None:
-        how = "make it by QuadraticField.from_hamiltonian"
+        how = "make it by QuadraticField.from_hamiltonian, or use integrability.report(field)"
         kind = kind_of(body)
         field = "this field" if kind == "QuadraticField" else f"the field of {kind}"
         raise TypeError(f"body: {field} has no Hamiltonian: {how}")

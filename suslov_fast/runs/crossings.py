@@ -20,7 +20,7 @@ from ..maps import Map
 from .failures import ON_SINGULAR, OnSingular, report_failures
 from .points import Points
 from .results import in_short, read_only
-from .search import Search, Surface, check_surface
+from .search import Search, Surface, checked_surface
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -161,7 +161,7 @@ class Crossings(Points):
     def extend(
         self,
         steps: int,
-        surface: Surface | None = None,
+        surface: Surface | str | None = None,
         *,
         threads: int | None = None,
         on_singular: OnSingular = "warn",
@@ -202,16 +202,17 @@ class Crossings(Points):
         """
         if self._carry is None:
             raise ValueError("extend: this is a copy: extend the result of crossings itself")
-        if surface is None and (surface := self._surface) is None:
+        given: Any = self._surface if surface is None else surface
+        if given is None:
             raise ValueError("surface: files and pickles do not keep it: extend(steps, surface)")
         total, batch = self.steps + integer("steps", steps, 0), self.count.shape
         one_of("on_singular", on_singular, ON_SINGULAR)
         reports = reporter(progress, self.transient + total - self._n)
-        check_surface(surface)
+        along = checked_surface(given, self.body.labels)
         problem = Problem(self.map, self.body, self.final, self.eps, batch, thread_count(threads))
         reached = Checkpoint(self._n, self.final, self.status, self.failed_at, self._carry, None)
         march = March(problem, self.method, reached)
-        search = Search(march, surface, self.direction, self.most, self)
+        search = Search(march, along, self.direction, self.most, self)
         return searched(search, total, self.transient, self.method, on_singular, reports)
 
     def __repr__(self) -> str:

@@ -26,7 +26,7 @@ from .crossings import Crossings, searched
 from .failures import ON_SINGULAR, OnSingular, SingularStepError
 from .motion_crossings import MotionCrossings
 from .motion_search import MotionSearch
-from .search import Search, Surface, check_surface
+from .search import Search, Surface, checked_surface
 
 
 @overload
@@ -36,7 +36,7 @@ def crossings(
     /,
     eps: Reals,
     steps: int,
-    surface: Surface,
+    surface: Surface | str,
     *,
     direction: int = 1,
     transient: int = 0,
@@ -54,7 +54,7 @@ def crossings(
     x0: ArrayLike | RandomStarts,
     /,
     *,
-    surface: Surface | Sequence[Surface],
+    surface: Surface | str | Sequence[Surface | str],
     time: float,
     rtol: float = 1e-9,
     atol: ArrayLike | None = None,
@@ -76,7 +76,7 @@ def crossings(
     /,
     eps: Reals | None = None,
     steps: int | None = None,
-    surface: Surface | Sequence[Surface] | None = None,
+    surface: Surface | str | Sequence[Surface | str] | None = None,
     *,
     time: float | None = None,
     rtol: float = 1e-9,
@@ -109,9 +109,10 @@ def crossings(
     eps, steps
         Along a map: the step size, as in :func:`iterate`, and the number of steps after the
         transient, 0 or more.
-    surface : callable, or sequence of callables along a motion
-        The function s: it takes states (..., D) and returns real values (...), each value from its
-        own state alone. It uses NumPy, or is compiled by Numba. A section:
+    surface : callable or str, or sequence of them along a motion
+        The name of a component, which is 0 there, or the function s: it takes states (..., D) and
+        returns real values (...), each value from its own state alone. It uses NumPy, or is
+        compiled by Numba. A section:
         ``lambda x: x[..., 2] - 27``; an escape: ``lambda x: (x**2).sum(-1) - 4``. It is called with
         read-only pieces (rows, ..., D) of the orbits, which later pieces overwrite: copy states
         that you keep. Between the states of a run it is called with others, NaN where there is
@@ -203,8 +204,7 @@ def crossings(
     problem = check(map, system, x0, eps, threads, name="x0")
     steps, transient = integer("steps", steps, 0), integer("transient", transient, 0)
     reports = reporter(progress, transient + steps)
-    along_map: Any = surface
-    check_surface(along_map)
+    along_map = checked_surface(surface, system.labels)
     warn_of_times(problem)
     if type(problem.eps) is not float:  # copied, because the result keeps it
         problem = problem._replace(eps=np.array(problem.eps))
@@ -232,11 +232,10 @@ def _along_motion(
     if before < 0.0:
         raise wrong("transient", "0 or more", short(transient))
     is_many = isinstance(surface, Sequence) and not isinstance(surface, str)
-    surfaces = tuple(surface) if is_many else (surface,)
+    given = surface if is_many else [surface]
+    surfaces = [checked_surface(each, system.labels) for each in given]
     if not surfaces:
         raise wrong("surface", "a function, or one or more", "none")
-    for each in surfaces:
-        check_surface(each)
     x, batch = checked_starts(system, x0, 2)
     sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
     search = MotionSearch(

@@ -30,7 +30,7 @@ class Points(Result):
 
     called = "a result of crossings"
     words = dict.fromkeys(
-        ("t", "t_events", "y_events", "events"),
+        "t t_events y_events events times stop_time time_stop first step".split(),
         "time and states, of all trajectories: time[trajectory == k] are those of trajectory k",
     )
     kinds = "Crossings", "MotionCrossings"

@@ -64,7 +64,8 @@ class Result:
     status: Any
     instead: ClassVar[str] = ": pass its body, run.body"
     called: ClassVar[str] = "a run"  # in messages
-    words: ClassVar[dict[str, str]] = {}  # what is used in place of words of other packages
+    # What is used in place of words of other packages.
+    words: ClassVar[dict[str, str]] = {"H": "energy()", "message": "Status(status).message"}
     kinds: ClassVar[tuple[str, ...]] = ()  # names of classes that `load` accepts, if more than one
     _functions: Any = ()  # the names of the quantities that the system has
 
@@ -154,11 +155,15 @@ class Result:
         return len(self.states)
 
     def __getitem__(self, index: Any) -> FloatArray:
-        if isinstance(index, str):
-            if index not in self.body.labels:
-                known = f"run.{index}" if index in dir(self) else ", ".join(self.body.labels)
-                raise KeyError(f"run[{index!r}] is no component: use {known}")
-            index = ..., self.body.labels.index(index)
+        names = index if isinstance(index, (list, tuple)) else [index]
+        if names and all(isinstance(name, str) for name in names):
+            labels = self.body.labels
+            for name in names:
+                if name not in labels:
+                    known = f"run.{name}" if name in dir(self) else ", ".join(labels)
+                    raise KeyError(f"run[{name!r}] is no component: use {known}")
+            numbers = [labels.index(name) for name in names]
+            index = ..., numbers[0] if isinstance(index, str) else numbers
         states: FloatArray = self.states[index]
         return states
 

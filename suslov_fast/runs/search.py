@@ -10,7 +10,7 @@ first order, at the fraction a / (a - b) of its length.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,13 +38,19 @@ _WITHOUT_END = 2**62
 Surface = Callable[[FloatArray], ArrayLike]
 
 
-def check_surface(surface: Any) -> None:
-    """Raise an error unless this is a function of one argument, without attributes of SciPy."""
-    expected = "a function of the states alone, such as lambda x: x[..., 0] - 1"
+def checked_surface(surface: Any, labels: Sequence[str]) -> Any:
+    """Return a function of the states; the name of a component stands for where it is 0.
+
+    TypeError unless it takes one argument, and has no attributes of SciPy.
+    """
+    if isinstance(surface, str) and surface in labels:
+        k = labels.index(surface)
+        return lambda x: x[..., k]
+    expected = "a function of the states alone, such as lambda x: x[..., 0] - 1, or a name"
     if not callable(surface):
         is_number = isinstance(surface, (int, float))
         how = f": pass lambda x: x[..., k] - {surface}, for component k" if is_number else ""
-        how = ": for component k pass lambda x: x[..., k]" if isinstance(surface, str) else how
+        how = f" {surface!r}: use {', '.join(labels)}" if isinstance(surface, str) else how
         raise wrong("surface", expected, f"{checks.kind_of(surface)}{how}", TypeError)
     if len(needed := arguments_of(surface)) > 1:
         raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
@@ -54,6 +60,7 @@ def check_surface(surface: Any) -> None:
         how = "pass most=1 to end at the first crossing, direction=-1 for crossings downwards"
         expected = "a function without the attributes of SciPy's events"
         raise wrong("surface", expected, f"{received}: {how}", TypeError)
+    return surface
 
 
 class _Found(NamedTuple):

@@ -200,6 +200,21 @@ def test_names_of_variables_in_results():
     ax.figure.canvas.draw()
     with pytest.raises(AttributeError, match=r"run\['v_dot'\]"):
         _ = run.v_dot
+    assert (run["v_dot"] == run.x[..., 1]).all()
+    for names in (["v_dot", "theta"], ("v_dot", "theta")):
+        assert (run[names] == run.x[..., ::-1]).all()
+    with pytest.raises(KeyError, match="theta, v_dot"):
+        _ = run["theta", "v"]
+
+
+def test_other_values_of_parameters():
+    field = of_function(lorenz, "u v w", rho=2.0)
+    assert field.with_parameters(rho=VALUES) == of_function(lorenz, "u v w", rho=VALUES)
+    energy = of_hamiltonian(henon_heiles, "q1 q2 p1 p2", a=2.0).with_parameters(a=3.0)
+    assert energy == of_hamiltonian(henon_heiles, "q1 q2 p1 p2", a=3.0)
+    for each, name in ((field, "r"), (QuadraticField.from_dict(field.to_dict()), "rho")):
+        with pytest.raises(TypeError, match=r"with_parameters: .*(it has rho|make it again)"):
+            each.with_parameters(**{name: 1.0})
 
 
 def test_names_that_variables_may_and_may_not_have():

@@ -144,6 +144,18 @@ def test_a_supercritical_orbit_that_ends_keeps_its_status(rng):
     assert (points.status[points.count == 1] == sf.Status.SUPERCRITICAL).all()
 
 
+def test_the_name_of_a_component_is_the_surface_where_it_is_0():
+    starts = [[1.0, 0.0], [0.3, 0.2]]
+    expected = sf.crossings(OSCILLATOR, starts, 1 / 16, 300, lambda x: x[..., 1])
+    found = sf.crossings(OSCILLATOR, starts, 1 / 16, 300, "x2")
+    assert found == expected
+    assert found.extend(100) == expected.extend(100)
+    both = sf.crossings(OSCILLATOR, starts, surface=["x1", lambda x: x[..., 1]], time=20.0)
+    one = sf.crossings(OSCILLATOR, starts, surface="x1", time=20.0)
+    assert (both.time[both.surface == 0] == one.time).all()
+    assert len(both) > len(one) > 0
+
+
 def test_rules_of_zero():
     """The map x -> x + 1 visits prescribed values of the surface, one after the other."""
     count_up = sf.QuadraticField.from_function(lambda x: (1,), 1)

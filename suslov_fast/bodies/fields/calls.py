@@ -68,8 +68,10 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
                 how += f", or {split} if these are the variables"
     if TIME & {*signature.parameters}:
         now, x = ("s[-1], s[:-1]", "0, x") if state.name in TIME else ("s[:-1], s[-1]", "x, 0")
-        how = f"{of_time(names, f'*f({now})')}, or pass lambda x: f({x})"
-        how = how if len(arguments_of(f)) == 2 else of_time(names)
+        rest = ", **p" * (len(arguments_of(f)) > 2)
+        how = of_time(names, f"*f({now}{rest})", rest)
+        how += f", or without time pass lambda x{rest}: f({x}{rest})"
+        how = how if state.name in TIME or own[0].name in TIME else of_time(names)
     if how:
         expected = "a function of the state, one array, and of its parameters by name"
         raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)

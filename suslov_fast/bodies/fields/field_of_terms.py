@@ -171,6 +171,45 @@ class FieldOfFunction(Body):
         field: Self = cls._by_hamiltonian(H, names, values, K)
         return field
 
+    @public
+    def with_parameters(self, **parameters: Any) -> Self:
+        """Return the field with other values of named parameters.
+
+        The function f of a `Field` is not called again.
+
+        Parameters
+        ----------
+        **parameters : float or array_like(float, shape=(...))
+            New values; the other parameters stay as they are.
+
+        Returns
+        -------
+        QuadraticField or Field
+            A single field, or a batch.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the field has no such parameter, or a value is not a finite number; for a
+            `QuadraticField` that does not know its function, as one from a file, or a member.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> decay = Field.from_function(lambda x, k: (-k * x[0],), "c", k=1.0)
+        >>> decay.with_parameters(k=2.0)([3.0])
+        array([-6.])
+        """
+        known = self.parameters
+        if unknown := [name for name in parameters if name not in known]:
+            how = f"it has {', '.join(known)}" if known else "it has none"
+            how += ": from_function takes the value of each, and defaults of f are constants"
+            raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
+        if self.remake is None:
+            raise TypeError("with_parameters: this field does not know its function: make it again")
+        field: Self = self.remake(**{**known, **parameters})
+        return field
+
     @property
     def arrays(self) -> dict[str, FloatArray]:
         return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
@@ -185,7 +224,7 @@ class FieldOfFunction(Body):
         if others or named:
             how = "for solve_ivp pass lambda t, x: field(x)"
             if named:
-                how = f"for another parameter make a field with {next(iter(named))}=..."
+                how = f"for another value field.with_parameters({next(iter(named))}=...)(x)"
             raise TypeError(f"a field takes the state alone, field(x), one array or a dict: {how}")
         return self._value_at(x)
 

@@ -266,42 +266,13 @@ class Field(FieldOfFunction):
         equations = _of_hamiltonian(tracer, names, [*values], energy, matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 
-    @public
-    def with_parameters(self, **parameters: Any) -> Field:
-        """Return the field with other values of named parameters; f is not called.
-
-        Parameters
-        ----------
-        **parameters : float or array_like(float, shape=(...))
-            New values; the other parameters stay as they are.
-
-        Returns
-        -------
-        Field
-            A single field, or a batch.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If the field has no such parameter, or a value is not a finite number.
-
-        Examples
-        --------
-        >>> from suslov_fast import Field
-        >>> decay = Field.from_function(lambda x, k: (-k * x[0],), "c", k=1.0)
-        >>> decay.with_parameters(k=2.0)([3.0])
-        array([-6.])
-        """
-        known = self._equations.parameters
-        if unknown := [name for name in parameters if name not in known]:
-            how = f"it has {', '.join(known)}" if known else "it has none"
-            raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
-        values = self._parts | named_parameters(parameters, self.names, has_map=False)
-        return self._of({**values, **self._shared})
-
     @property
     def remake(self) -> Any:
-        return self.with_parameters
+        return self._with_values
+
+    def _with_values(self, **parameters: Any) -> Field:
+        values = self._parts | named_parameters(parameters, self.names, has_map=False)
+        return self._of({**values, **self._shared})
 
     @property
     def _formulas(self) -> Iterator[str]:

@@ -46,10 +46,10 @@ _OF_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # px, a momentum
 _AXIS = re.compile(r"batch_\d+")
 
 
-def of_time(names: Sequence[str], f: str = "...") -> str:
-    """Return, for messages, how time enters a field with these variables."""
+def of_time(names: Sequence[str], f: str = "...", more: str = "") -> str:
+    """Return, for messages, how time enters a field with these variables, and `more` arguments."""
     given = f'"{" ".join(names)} t"' if len(names) <= 8 else len(names) + 1
-    field = f"from_function(lambda s: ({f}, 1.0), {given})"
+    field = f"from_function(lambda s{more}: ({f}, 1.0), {given}{', a=1.0' * bool(more)})"
     return f"time is a variable with the rate 1, as in {field}, with its start at the end of x0"
 
 

@@ -134,6 +134,17 @@ def test_a_potential_of_straight_lines():
     np.testing.assert_allclose(slope[0], [[1.0, 0.0], [period / 2.5, 1.0]], atol=1e-9)
 
 
+def test_a_jump_at_the_last_time_is_the_end():
+    # c' = floor(t): t reaches 3 exactly.
+    stairs = field(lambda s: (np.floor(s[1]), 1.0), "c t")
+    motion = sf.flow(stairs, [0.0, 0.0], time=3.0)
+    np.testing.assert_allclose(motion.x, [[3.0, 3.0]], rtol=1e-12)
+    assert motion.status == sf.Status.OK
+    points = sf.crossings(stairs, [0.0, 0.0], surface=lambda s: s[..., 0] - 2.0, time=3.0)
+    np.testing.assert_allclose(points.time, [2.5], rtol=1e-9)
+    assert points.steps < 100
+
+
 def test_saturation():
     # x'' = -clip(3 x): between -1/3 and 1/3 an oscillator, beyond them parabolas.
     saturated = field(lambda s: (s[1], -np.clip(3 * s[0], -1.0, 1.0)), "x v")

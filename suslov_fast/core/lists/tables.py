@@ -17,8 +17,8 @@ LARGEST = float(np.finfo(float).max)
 class Table(str):
     """The name of a table in lists, which tells it from others by its numbers.
 
-    rows         (4, N + 1), of each interval: low, high, height, slope
-    is_continuous
+    rows           (4, N + 1), of each interval: low, high, height, slope
+    is_continuous  whether its values do not jump at knots
     """
 
     ROWS = 4

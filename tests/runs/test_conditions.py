@@ -8,6 +8,7 @@ from systems import FRICTION, SPRING
 
 import suslov_fast as sf
 from suslov_fast.core.motion import engine
+from suslov_fast.core.motion.stepping import Stepping
 
 
 def field(f, names, **parameters):
@@ -54,16 +55,94 @@ def test_a_ball_on_a_spring_keeps_its_energy():
     assert motion.steps < 200
 
 
-@pytest.mark.compiled  # interpreted, more than 20 seconds
-def test_a_table_of_doses_with_100_knots():
-    knots, heights = np.arange(101) / 10, np.random.default_rng(0).uniform(0.0, 1.0, 101)
-    dosed = field(lambda s: (np.interp(s[1], knots, heights) - s[0], 1.0), "c t")
-    motion = sf.flow(dosed, [0.0, 0.0], time=10.0)
-    c = 0.0
-    for low, high in pairwise(heights):
-        slope = (high - low) / 0.1
-        c = (c - low + slope) * np.exp(-0.1) + low - slope + slope * 0.1
-    np.testing.assert_allclose(motion.x[0, 0], c, rtol=1e-11)
+def relaxed(c, time, knots, heights):
+    """Return c after a time of either sign, where c' = np.interp(t, knots, heights) - c from 0."""
+    inside = knots[(knots > min(time, 0.0)) & (knots < max(time, 0.0))]
+    ends = [0.0, *inside[:: 1 if time > 0.0 else -1], time]
+    for a, b in pairwise(ends):
+        k = np.searchsorted(knots, min(a, b), "right") - 1
+        slope = 0.0
+        if 0 <= k < len(knots) - 1:
+            slope = (heights[k + 1] - heights[k]) / (knots[k + 1] - knots[k])
+        k = max(k, 0)
+        height, lost = heights[k] + slope * (a - knots[k]), -np.expm1(a - b)
+        c += lost * (height - c) + slope * (b - a - lost)
+    return c
+
+
+def dosed(knots, heights):
+    return field(lambda s: (np.interp(s[1], knots, heights) - s[0], 1.0), "c t")
+
+
+@pytest.mark.compiled  # interpreted, minutes
+def test_what_a_step_computes_does_not_depend_on_the_number_of_knots(rng):
+    knots, heights = rng.uniform(0.0, [[10.0], [1.0]], (2, 6001))
+    knots.sort()
+    many, few = dosed(knots, heights), dosed(knots[:3], heights[:3])
+    for name in ("f", "derivative", "watch"):
+        lists = [getattr(each.right_hand_sides[0].f, name) for each in (many, few)]
+        assert len(lists[0].operations) == len(lists[1].operations) < 30
+    motion = sf.flow(many, [0.0, 0.0], time=10.0)
+    np.testing.assert_allclose(motion.x[0, 0], relaxed(0.0, 10.0, knots, heights), rtol=1e-12)
+    assert motion.steps < 6050
+    assert sf.Field.from_dict(many.to_dict()) == many
+    # Few steps are tried in vain before one that ends on a knot.
+    f, table = many.right_hand_sides[0].f, many.right_hand_sides[0].table
+    settings = engine.Settings(1e-9, None, np.inf, None)
+    one = Stepping(f, table, np.zeros((1, 2)), [10.0], 1, settings, np.empty((1, 1, 2)), 1)
+    ((_, rows),) = one.attempts(one.flat, np.arange(1), 10.0, 300)
+    assert rows[-1, 0, one.rows.steps] >= 50
+
+
+@pytest.mark.parametrize("time", [4.0, -3.0])
+def test_tables_with_steep_and_level_parts(time, rng):
+    """One begins on a knot; ramps last 1e-9 or one rounding; a part is constant."""
+    knots = np.array([-4.0, -2.5, -1.0, 0.0, 0.5, 1.0, 2.0, 3.0])
+    knots = np.sort([*knots, 0.5 + 1e-9, -1.0 + 1e-9, *np.nextafter([2.0, -2.5], 9.0)])
+    for _ in range(3):
+        heights = rng.normal(size=len(knots))
+        heights[-2:] = heights[-3]
+        motion = sf.flow(dosed(knots, heights), [1.0, 0.0], time=time, rtol=1e-12)
+        c = relaxed(1.0, time, knots, heights)
+        np.testing.assert_allclose(motion.x[0, 0], c, rtol=1e-11, atol=1e-11)
+        assert motion.steps < 200
+
+
+def test_a_table_is_level_beyond_its_knots_also_at_infinity():
+    # log(0) and 1/0 at the start; left and right are jumps.
+    f = field(
+        lambda s: (
+            np.interp(np.log(s[1]), [0.0, 1.0], [3.0, 5.0]),
+            np.interp(1 / s[1], [1.0, 2.0], [1.0, 1.0], left=0.5, right=2.0),
+        ),
+        "x y",
+    )
+    (end,) = sf.flow(f, [0.0, 0.0], time=1.0, rtol=1e-12).x
+    # y' = 2 up to y = 1/2, then 1 up to y = 1, at t = 3/4, then 1/2 up to 9/8.
+    y = 9 / 8
+    np.testing.assert_allclose(end, [3.0 + 4.0 * (y * np.log(y) - y + 1.0), y], rtol=1e-11)
+
+
+def test_a_potential_of_straight_lines():
+    # The force jumps at knots; between them q is a parabola.
+    q = np.linspace(-3.0, 3.0, 13)
+    system = sf.Field.from_hamiltonian(lambda s: s[1] ** 2 / 2 + np.interp(s[0], q, abs(q)), "q p")
+    motion = sf.flow(system, [1.25, 0.0], time=[np.sqrt(10.0), 4 * np.sqrt(10.0)], rtol=1e-12)
+    np.testing.assert_allclose(motion.x, [[-1.25, 0.0], [1.25, 0.0]], atol=1e-10)
+    period = 4 * np.sqrt(2.5)  # of q from rest is in proportion to its root
+    slope = sf.flow(system, [1.25, 0.0], time=period, derivatives="x0", rtol=1e-12).derivative("x0")
+    np.testing.assert_allclose(slope[0], [[1.0, 0.0], [period / 2.5, 1.0]], atol=1e-9)
+
+
+def test_a_jump_at_the_last_time_is_the_end():
+    # c' = floor(t): t reaches 3 exactly.
+    stairs = field(lambda s: (np.floor(s[1]), 1.0), "c t")
+    motion = sf.flow(stairs, [0.0, 0.0], time=3.0)
+    np.testing.assert_allclose(motion.x, [[3.0, 3.0]], rtol=1e-12)
+    assert motion.status == sf.Status.OK
+    points = sf.crossings(stairs, [0.0, 0.0], surface=lambda s: s[..., 0] - 2.0, time=3.0)
+    np.testing.assert_allclose(points.time, [2.5], rtol=1e-9)
+    assert points.steps < 100
 
 
 def test_saturation():

@@ -200,6 +200,12 @@ class Field(FieldOfFunction):
         rows = [np.broadcast_to(a, self.shape) for a in columns]
         return np.array(rows).reshape(len(rows), *self.shape)
 
+    @cached_property
+    def _table(self) -> FloatArray:
+        """What f needs that depends on parameters alone, of all members."""
+        table: FloatArray = self._equations.right_hand_side.table_of(self._inputs)
+        return table
+
     @property
     def right_hand_side(self) -> tuple[RightHandSide, FloatArray]:
         """f, and its parameters (P, ...) of all members."""
@@ -223,14 +229,11 @@ class Field(FieldOfFunction):
 
     def _value_at(self, x: Any) -> FloatArray:
         x = checks.states("x", x, self.names, later=True)
-        right_hand_side, inputs = self.right_hand_side
-        found = right_hand_side.value(np.moveaxis(x, -1, 0), right_hand_side.table_of(inputs))
+        found = self._equations.right_hand_side.value(np.moveaxis(x, -1, 0), self._table)
         return np.moveaxis(found, 0, -1)
 
     def _slopes_at(self, x: FloatArray) -> FloatArray:
-        right_hand_side, inputs = self.right_hand_side
-        table = right_hand_side.table_of(inputs)
-        found = right_hand_side.jacobian(np.moveaxis(x, -1, 0), table)
+        found = self._equations.right_hand_side.jacobian(np.moveaxis(x, -1, 0), self._table)
         return np.moveaxis(found, (0, 1), (-2, -1))
 
     def _value_of(self, name: str, x: Any) -> FloatArray:

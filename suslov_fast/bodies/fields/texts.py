@@ -20,7 +20,7 @@ from ...core.lists.records import FUNCTIONS, RECORDS, same
 
 _DEEPEST = 40  # operations inside each other in what is written; others become definitions
 _DEEPEST_READ = 100
-_LONGEST = 200_000  # characters of an equation
+_LONGEST = 2_000_000  # characters of an equation, such as a table of 50,000 knots
 _MOST_TEXT = 20_000_000  # of all
 _INSTRUCTIONS = {
     "fadd": "add", "fsub": "subtract", "fmul": "multiply", "fdiv": "divide", "fabs": "absolute",

@@ -68,7 +68,8 @@ class Code(Text):
     def numbers(self, name, array):
         """Return the address of an array of numbers, which is part of the text."""
         kind = f"[{array.size} x double]"
-        values = ", ".join(f"double {bits_of(number)}" for number in array.ravel())
+        bits = array.ravel().view(np.uint64).tolist()
+        values = ", ".join(f"double 0x{number:016X}" for number in bits)
         self.target.constants.append(f"@{name} = private constant {kind} [{values}], align 64")
         return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
 

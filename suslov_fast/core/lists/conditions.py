@@ -4,10 +4,12 @@ A comparison of numbers, at which f may jump, becomes the comparison of a parame
 `floor` becomes a parameter. So f is smooth within a step, even beyond the surface on which a choice
 changes: the difference of the numbers that are compared, or the argument of `floor`. The kinks of
 `abs`, `minimum` and `maximum` are such choices, too; because f does not jump there, steps make them
-anew by themselves.
+anew by themselves. Of a table the choice is an interval between knots, whose ends, height and slope
+become parameters: f has the straight line through this interval, and two surfaces.
 """
 
 import functools
+import itertools
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from .numbers import Number, larger, smaller
 from .records import same
 from .right_hand_side import Expressions, List, RightHandSide, needed_for
 from .step import Values
+from .tables import LARGEST, Table, is_table
 
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _EXTREMES = {"max": "ogt", "min": "olt"}
@@ -24,12 +27,17 @@ _EXTREMES = {"max": "ogt", "min": "olt"}
 class Conditions:
     """The choices of a right-hand side: those of jumps, and then those of kinks.
 
-    jumps, kinks   their numbers
+    kinds          of the surfaces: comparisons, "floor", and `Table`s
+    surfaces       the surface of each choice of jumps
+    jumps, kinks   numbers of their choices
     P              number of parameters before them
     """
 
-    def __init__(self, truths, jumps, D, P):
-        self.D, self.P, self.jumps, self.kinks = D, P, jumps, len(truths.results) - jumps
+    def __init__(self, truths, kinds, jumps, D, P):
+        """Take the `List` of the choices, of tables their arguments, those of `jumps` first."""
+        self.D, self.P, self.kinds, self.kinds_of_kinks = D, P, kinds, kinds[jumps:]
+        self.surfaces = [k for k, kind in enumerate(kinds[:jumps]) for _ in range(choices_of(kind))]
+        self.jumps, self.kinks = len(self.surfaces), sum(map(choices_of, self.kinds_of_kinks))
         self._all = Groups(truths, range(D + P))
         of_kinks = truths.results[jumps:]
         self._of_kinks = Groups(
@@ -39,12 +47,27 @@ class Conditions:
     def choices_at(self, x, parameters):
         """Return the choices (jumps + kinks, ...) at states (D, ...), for parameters (P, ...)."""
         with np.errstate(all="ignore"):
-            return self._all.carried_out([*x, *parameters], x.shape[1:])
+            found = self._all.carried_out([*x, *parameters], x.shape[1:])
+        return with_intervals(self.kinds, found)
 
     def kinks_at(self, x, parameters):
         """Return the choices (kinks, ...) at states (D, ...), for parameters (P, ...)."""
         with np.errstate(all="ignore"):
-            return self._of_kinks.carried_out([*x, *parameters], x.shape[1:])
+            found = self._of_kinks.carried_out([*x, *parameters], x.shape[1:])
+        return with_intervals(self.kinds_of_kinks, found)
+
+
+def choices_of(kind):
+    """Return the number of choices of a surface."""
+    return Table.ROWS if is_table(kind) else 1
+
+
+def with_intervals(kinds, found):
+    """Return the choices (-, ...) of surfaces, with the intervals of tables for their arguments."""
+    if not any(map(is_table, kinds)):
+        return found
+    pairs = zip(kinds, found, strict=True)
+    return np.concatenate([a.interval_of(x) if is_table(a) else x[np.newaxis] for a, x in pairs])
 
 
 def watch_of(f, kinds, jumps):
@@ -53,9 +76,10 @@ def watch_of(f, kinds, jumps):
     Values 0 to D - 1 are x, the next D are y, and those of the table follow, where the choices
     stand after the parameters. Results are the part of the line before a surface, which is 1 where
     none is crossed; 1 where one is crossed, else 0; 1 where f jumps there; and the choices of kinks
-    at y. `kinds` are comparisons and "floor", those of `jumps` first.
+    at y, for a table its argument. `kinds` are those of `Conditions`, and `jumps` the number of
+    surfaces where f jumps.
     """
-    D, first = f.D, f.D + f.P - len(kinds)
+    D, choice_number = f.D, f.D + f.P - sum(map(choices_of, kinds))
     of_table = {number: 2 * D + place for number, place in f.places.items()}
     values = Values(2 * D + len(f.table), ())
     ends = []
@@ -67,9 +91,16 @@ def watch_of(f, kinds, jumps):
         results = (a if isinstance(a, float) else new[a] for a in f.surfaces.results)
         ends.append([Number(values.emit, a) for a in results])
     changes, now, part = [], [], 1.0
-    for k, (kind, a, b) in enumerate(zip(kinds, *ends, strict=True)):
-        choice = Number(values.emit, of_table[first + k])
-        if kind == "floor":
+    for kind, a, b in zip(kinds, *ends, strict=True):
+        choice = Number(values.emit, of_table[choice_number])
+        if is_table(kind):
+            low, high = choice, Number(values.emit, of_table[choice_number + 1])
+            is_above = b >= high
+            change = (b < low) | is_above
+            now.append(b.number)
+            level = is_above.select(high, low)
+            a, b = a - level, b - level
+        elif kind == "floor":
             change = b.then("floor").equals(choice).select(0.0, 1.0) > 0.0
             level = choice + (b >= choice + 1.0).select(1.0, 0.0)
             a, b = a - level, b - level
@@ -80,6 +111,7 @@ def watch_of(f, kinds, jumps):
         own = larger(smaller(a / (a - b), 1.0), 0.0)
         part = smaller(change.select(own, 1.0), part)
         changes.append(change)
+        choice_number += choices_of(kind)
 
     def some(truths):
         if not truths:
@@ -102,20 +134,25 @@ def with_fixed_choices(values, results, P, by=(), twice=False):
     jumps = {
         number: name
         for name, number, operands in varying
-        if name == "floor" or (name in _COMPARISONS and not same(*operands))  # whether it is NaN
+        if name == "floor"
+        or (name in _COMPARISONS and not same(*operands))  # whether it is NaN
+        or (is_table(name) and not name.is_continuous)
     }
     kinks = {
-        number: _EXTREMES.get(name, "ogt")
+        number: name if is_table(name) else _EXTREMES.get(name, "ogt")
         for name, number, operands in varying
-        if name in _EXTREMES or (name == "fabs" and not _is_0_times(values, *operands))
+        if name in _EXTREMES
+        or (name == "fabs" and not _is_0_times(values, *operands))
+        or (is_table(name) and name.is_continuous)
     }
     kinds = jumps | kinks
     if not kinds:
         return RightHandSide(values, results, P, by, twice=twice)
     first = D + P
-    given = first + len(kinds)
-    choices = {number: first + k for k, number in enumerate(kinds)}
-    fixed = Expressions(given, range(D, first + len(jumps)))
+    counts = [choices_of(kind) for kind in kinds.values()]
+    places = [first, *(first + count for count in itertools.accumulate(counts))]
+    choices, given = dict(zip(kinds, places, strict=False)), places[-1]
+    fixed = Expressions(given, range(D, places[len(jumps)]))
     new, surfaces, truths = {a: a for a in range(first)}, {}, {}
     tests = Expressions(first, values.fixed)  # the choices themselves
     old = {a: a for a in range(first)}
@@ -127,6 +164,13 @@ def with_fixed_choices(values, results, P, by=(), twice=False):
             new[number] = fixed.emit(name, *of)
             continue
         kind, choice = kinds[number], choices[number]
+        if is_table(kind):
+            surfaces[number] = a = _finite(fixed, *of)
+            truths[number] = _finite(tests, *others)
+            low, _, height, slope = range(choice, choice + Table.ROWS)
+            rise = fixed.emit("fmul", slope, fixed.emit("fsub", a, low))
+            new[number] = fixed.emit("fadd", rise, height)
+            continue
         a, b = of if len(of) > 1 else (of[0], 0.0)
         surfaces[number] = fixed.emit("fsub", *((b, a) if kind == "olt" else (a, b)))
         truths[number] = old[number]
@@ -154,10 +198,16 @@ def with_fixed_choices(values, results, P, by=(), twice=False):
     )
     plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
     f.steady, f.clocks = plain.steady, plain.clocks
-    f.watch = watch_of(f, [*kinds.values()], len(jumps))
-    tested = [truths[number] for number in kinds]
-    f.conditions = Conditions(List(needed_for(tests.operations, tested), tested), len(jumps), D, P)
+    tested, kinds = [truths[number] for number in kinds], [*kinds.values()]
+    f.watch = watch_of(f, kinds, len(jumps))
+    tested = List(needed_for(tests.operations, tested), tested)
+    f.conditions = Conditions(tested, kinds, len(jumps), D, P)
     return f
+
+
+def _finite(values, argument):
+    """Return the argument of a table, within the range of finite numbers; NaN stays NaN."""
+    return values.emit("max", -LARGEST, values.emit("min", LARGEST, argument))
 
 
 def _varies(values, operand):

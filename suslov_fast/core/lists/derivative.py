@@ -2,6 +2,7 @@
 
 from .records import RECORDS, power, same
 from .step import OF_TRUTH_VALUES
+from .tables import is_table
 
 
 def gradients(values, operations, results, D, by=()):
@@ -55,8 +56,10 @@ def _row(emit, instruction, number, operands, rows):
         (a,) = operands
         sign = emit("select", emit("olt", a, 0.0), -1.0, 0.0)
         return _sum(emit, [(emit("select", emit("ogt", a, 0.0), 1.0, sign), of[0])])
-    record = RECORDS.get(instruction)
-    partials = record.derivative(emit, *operands, number)
+    if is_table(instruction):
+        partials = (emit(instruction.derivative, *operands),)
+    else:
+        partials = RECORDS[instruction].derivative(emit, *operands, number)
     return _sum(emit, zip(partials, of, strict=True))
 
 

@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+from .tables import of_line
+
 
 class Function(NamedTuple):
     """A function of numbers that f may contain.
@@ -252,35 +254,14 @@ def _times(factor):
 def interp(values, x, knots, heights, left, right):
     """Return what np.interp does: of a table with increasing knots, by the same arithmetic."""
     emit = values.emit
-    rows = [
-        (a, c, (d - c) / (b - a))
-        for a, b, c, d in zip(knots, knots[1:], heights, heights[1:], strict=False)
-    ]
-    # The interval that holds x, by selects in pairs of neighbours, and pairs of those.
-    while len(rows) > 1:
-        pairs = []
-        for lower, upper in zip(rows[::2], rows[1::2], strict=False):
-            is_upper, first = emit("oge", x, _first_knot(upper)), _first_knot(lower)
-            chosen = [
-                a if same(a, b) else emit("select", is_upper, b, a)
-                for a, b in zip(lower[:3], upper[:3], strict=True)
-            ]
-            pairs.append((*chosen, first))
-        rows = pairs + ([rows[-1]] if len(rows) & 1 else [])
-    result = heights[-1]
-    if rows:
-        start, height, slope = rows[0][:3]
-        result = emit("fadd", emit("fmul", slope, emit("fsub", x, start)), height)
-    result = emit("select", emit("oge", x, knots[-1]), heights[-1], result)
-    result = emit("select", emit("ogt", x, knots[-1]), right, result)
-    result = emit("select", emit("olt", x, knots[0]), left, result)
-    if len(knots) == 1:  # which nothing else tells of NaN
-        result = emit("select", emit("oeq", x, x), result, x)
+    result = emit(of_line(knots, heights), x)
+    for truth, knot, end, beyond in (
+        ("ogt", knots[-1], heights[-1], right),
+        ("olt", knots[0], heights[0], left),
+    ):
+        if not same(end, beyond):
+            result = emit("select", emit(truth, x, knot), beyond, result)
     return result
-
-
-def _first_knot(row):
-    return row[3] if len(row) > 3 else row[0]
 
 
 def same(a, b):

@@ -9,7 +9,7 @@ import numpy as np
 from .derivative import gradients
 from .grouped import Groups
 from .records import RECORDS, same
-from .step import FUNCTIONS, OF_NUMBERS, OF_TRUTH_VALUES, Values, evaluate
+from .step import FUNCTIONS, OF_TRUTH_VALUES, Values, evaluate
 
 # Lists of more operations are carried out in groups, at fewer than MANY states.
 _FEW, _MANY = 32, 1024
@@ -60,7 +60,7 @@ class Expressions(Values):
 
     def _new(self, instruction, operands):
         is_constant = all(type(a) is float for a in operands)
-        if is_constant and instruction in OF_NUMBERS:
+        if is_constant and instruction not in OF_TRUTH_VALUES:
             with np.errstate(all="ignore"):
                 return float(FUNCTIONS[instruction](*operands))
         simple = self._simpler(instruction, operands)
@@ -239,7 +239,8 @@ class RightHandSide:
     def key(self):
         """What tells the lists of this right-hand side from those of others."""
         lists = self.f, self.fixed, self.derivative, self.pattern, self.watch, self.second
-        return repr((self.D, self.table, *lists))
+        kinds = None if self.conditions is None else self.conditions.kinds
+        return repr((self.D, self.table, kinds, *lists))
 
     def _differentiate_again(self, values, entries):
         """Return the pattern, directions, and results of the two lists of `Second`."""

@@ -30,6 +30,7 @@ import numpy as np
 
 from . import sizes
 from .far import PARTS
+from .floats import OF_FLOATS
 from .functions import ELEMENTARY
 from .planned_elimination import (
     Factors,
@@ -91,6 +92,11 @@ def _of_list(name):
 
     def of_arrays(*arrays):
         operations, result = list_of(name)
+        shape = np.broadcast_shapes(*map(np.shape, arrays))
+        if math.prod(shape) == 1:
+            values = {k: float(np.reshape(a, ())) for k, a in enumerate(arrays)}
+            evaluate(operations, values, OF_FLOATS)
+            return np.full(shape, values[result])
         values = dict(enumerate(arrays))
         with np.errstate(all="ignore"):
             evaluate(operations, values)
@@ -142,7 +148,14 @@ OF_TRUTH_VALUES = {
     "or": np.logical_or,
     "xor": np.logical_xor,
 }
-FUNCTIONS = {**OF_NUMBERS, **OF_TRUTH_VALUES}
+
+
+class _Functions(dict):
+    def __missing__(self, instruction):
+        return instruction  # a `Table`
+
+
+FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
 
 
 def evaluate(operations, values, functions=FUNCTIONS):

@@ -90,7 +90,8 @@ class Choices:
         rates = f.value_and_denominators(x, table)
         if isinstance(f, Variational):
             differ = (choices != old)[: self.conditions.jumps]
-            first = np.where(differ.any(axis=0), differ.argmax(axis=0), -1)
+            surfaces = np.array(self.conditions.surfaces, int)
+            first = np.where(differ.any(axis=0), surfaces[differ.argmax(axis=0)], -1)
             x = f.after_jump(x, flat[k, rows.f : rows.f + f.D].T, rates, tables, first)
             flat[k, : f.D] = x.T
             largest = flat[k, rows.largest : rows.largest + f.D]

@@ -39,6 +39,7 @@ class Half:
     largest, allowed   rules for the size of all components, and for the error that one may have
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
+    kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
     """
 
@@ -57,7 +58,7 @@ class Half:
         if self.block is not f:
             self.parts.append((self.block.D, D - self.block.D))
         self.watched = self.block.D if f.conditions else 0
-        self.kinks = f.conditions.kinks if f.conditions else 0
+        self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
         self.couplings = 0 if self.block is f else f.columns * f.coupling
         self.rows = rows_of(D, extended, self.watched)
         if f.is_dense:
@@ -79,7 +80,7 @@ class Half:
         chains = 1 if is_implicit else len(CHAINS)
         self.numbers = len(self.table_of(np.zeros(len(f.table))))
         sizes = D, extended, chains, columns, entries, factors, self.couplings * is_implicit
-        others = self.watched, self.kinks, scratch
+        others = self.watched, len(self.kinks), scratch
         self.work = work_of(self.rows.size, self.numbers, *sizes, *others)
 
     def _add_implicit(self):

@@ -5,6 +5,7 @@ They are taken where there is no machine code. All lanes of all lines are column
 
 import numpy as np
 
+from ..lists.conditions import with_intervals
 from . import rules
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors, weights_of_few
 from .rows import State
@@ -130,6 +131,9 @@ class StepsInNumPy:
         largest, kept = self._rows("largest", D), 1.0
         sizes, sizes_of = dict.fromkeys(self.half.largest.results, 0.0), {}
         for i in range(D):
+            if self.f.clocks:
+                of_line = {"x": x[i], "f": f[i], "signed": signed}
+                new[i] = self._apply_to(rules.CLOCK, i, new=new[i], **of_line)["new"]
             if self.f.of_one_sign:
                 found = self._apply(
                     rules.KEPT,
@@ -180,14 +184,15 @@ class StepsInNumPy:
         passed = Passed(before, taken, x, f, new, f_new, inverse, ends, accepted)
         self._save_inside(passed)
         is_taken = passed.accepted > 0.0
+        if self.half.kinks:
+            first = self.f.conditions.P + self.f.conditions.jumps
+            for k, now in enumerate(with_intervals(self.half.kinks, kinks), first):
+                self.table[k] = np.where(is_taken & (at_surface > 0.0), now, self.table[k])
+            f_new = self._value(new)
         self._rows("x", D)[:] = np.where(is_taken, new, x)
         self._rows("f", self.extended)[:] = np.where(is_taken, f_new, f)
         modulus = abs(new)
         largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
-        if self.half.kinks:
-            first = self.f.conditions.P + self.f.conditions.jumps
-            for k, now in enumerate(kinks, first):
-                self.table[k] = np.where(is_taken & (at_surface > 0.0), now, self.table[k])
 
     def _cut(self, states, taken, signed, **found):
         """Return what changes in lanes whose step crosses a surface, or is on the way to one.

@@ -51,9 +51,7 @@ REACH = 0.92  # a step reaches the end of time if its length is this part of wha
 SHORTEST, LEAST = 2.0**-44, 2.0**-1000  # of a step: part of the time, and length
 SMALLEST_SCALE = 2.0**-60
 PARTS = 4
-# Of a surface: part of the time, of all the time, and of the time for a kink, where the error of f
-# is as small as that of the place.
-PLACE, PLACE_AT_0, OF_KINK = 2.0**-51, 2.0**-90, 2.0**-32
+PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
 TINY = 2.0**-1000  # in place of an allowed error of 0
@@ -119,6 +117,12 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
     changes = changes & (keeps > 0.0)
     is_large = abs(new) > extra + rtol * size
     return {"kept": (changes & is_large).select(0.0, kept), "new": changes.select(-new, new)}
+
+
+@_rule
+def CLOCK(x, new, f, signed, counts):
+    """A component at the end of a step; of a clock x + h x', which columns round more often."""
+    return {"new": (counts > 0.0).select(new, x + signed * f)}
 
 
 @_rule
@@ -364,11 +368,10 @@ def CUT(
     the state at `outer` at `part`.
     """
     is_near = outer < inf
-    is_kink = (crosses > 0.0) & (jumps <= 0.0)
-    sought = is_kink.select(OF_KINK, PLACE) * (before + taken) + PLACE_AT_0 * last
+    sought = PLACE * (before + taken) + PLACE_AT_0 * last
     seen = is_near.select(crosses, crossed) > 0.0
     seen = seen & (stops > 0.0) & (taken > 0.0) & (total < inf)
-    is_last = is_near & (taken >= outer) & (outer - inner <= sought)
+    is_last = is_near & (taken - inner <= sought)
     cut = seen & (is_last.select(0.0, 1.0) > 0.0)
     holds = is_near & (seen.select(0.0, accepted) > 0.0) & (taken < larger(outer, 0.25 * whole))
     misses = holds & (taken >= outer)  # the surface lies farther
@@ -380,17 +383,18 @@ def CUT(
     width = outer_now - inner_now
     of_step = (crossed > 0.0).select(place, whole_part)
     own = cut.select((of_step * taken - inner_now) / width, part)
-    own = smaller(larger(own, LEAST_PART), MOST_PART)
+    own = smaller(larger(own, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
     heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
     of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
     a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
     guess = inner_now + width * (rounds > ROUNDS).select(0.5, a / (a + b))
-    guess = smaller(larger(guess, inner_now + 0.25 * sought), outer_now - 0.25 * sought)
+    guess = smaller(larger(guess, inner_now + 0.75 * sought), outer_now - 0.75 * sought)
     is_rough = misses | ((end < 1.0) & (is_near.select(0.0, 1.0) > 0.0))
     guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
+    of_hold = holds.select(-of_outer, forgets.select(0.0, weight))
     running = (tries > most).select(float(State.TOO_MANY), mode)
     stopped = (state >= State.DONE).select(running, state)
-    after = (moved & seen & (jumps > 0.0)).select(mode + float(State.CHANGED), state)
+    after = (moved & seen & (jumps > 0.0) & (t < last)).select(mode + float(State.CHANGED), state)
     return {
         "accepted": moved.select(1.0, 0.0),
         "t": searches.select(before, t),
@@ -399,7 +403,7 @@ def CUT(
         "wanted": searches.select(guess, (moved & is_near).select(whole, wanted)),
         "inner": forgets.select(0.0, inner_now),
         "outer": forgets.select(inf, outer_now),
-        "weight": cut.select(of_inner, holds.select(-of_outer, forgets.select(0.0, weight))),
+        "weight": cut.select(is_rough.select(0.0, of_inner), of_hold),
         "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
         "whole": is_near.select(whole, wanted),
         "beyond": (cut & is_near).select(1.0, 0.0),

@@ -12,6 +12,8 @@ import numpy as np
 
 from ..code.compiler import numbers_in_register
 from ..code.text import Code, bits_of
+from ..lists.conditions import choices_of
+from ..lists.tables import Table, is_table
 from . import rules
 from .columns import (
     CHAINS,
@@ -459,7 +461,7 @@ class _Steps:
             with text.when(text.compare_integers("ne", bit, 0)):
                 offset = text.integer("mul", lane, 8)
                 line, own = text.integer("add", self.line, offset), self.own_at(offset)
-                self.write_back(line, text.load("i64", own))
+                self.write_back(offset, text.load("i64", own))
                 number = self.argument("following")
                 text.store("i64", 0, own)
                 with text.when(text.compare_integers("ult", number, self.of.count)):
@@ -483,13 +485,17 @@ class _Steps:
         """Return where the number of the trajectory of a lane stands, plus 1; 0 is none."""
         return self.text.integer("add", self.text.place(self.of.work, self.work.own), offset)
 
-    def write_back(self, line, own):
-        """Write the rows of a lane to those of its trajectory, if it has one."""
-        text, size = self.text, 8 * self.rows.size
+    def write_back(self, offset, own):
+        """Write the rows of a lane, and its table, to those of its trajectory, if it has one."""
+        text, of = self.text, self.of
+        parts = [(self.line, of.rows, 8 * self.rows.size, self.rows.size)]
+        if self.half.kinks:  # whose choices stand in the table
+            parts.append((self.table, of.table, of.table_bytes, self.half.numbers))
         with text.when(text.compare_integers("ne", own, 0)):
-            at = text.integer("mul", text.integer("sub", own, 1), size)
-            at = text.integer("add", self.of.rows, at)
-            self.copy_lane(line, text.size, at, 8, self.rows.size)
+            number = text.integer("sub", own, 1)
+            for source, target, size, count in parts:
+                at = text.integer("add", target, text.integer("mul", number, size))
+                self.copy_lane(text.integer("add", source, offset), text.size, at, 8, count)
 
     def copy_lane(self, source, step, target, other, count):
         """Copy so many numbers that stand so many bytes apart."""
@@ -504,8 +510,7 @@ class _Steps:
         with text.when(text.compare_integers("sle", left, 0), likely=False):
             with text.times(text.W) as lane:
                 offset = text.integer("mul", lane, 8)
-                line = text.integer("add", self.line, offset)
-                self.write_back(line, text.load("i64", self.own_at(offset)))
+                self.write_back(offset, text.load("i64", self.own_at(offset)))
             text.leave("i64 0")
         self.keep_argument("budget", text.integer("sub", left, 1))
 
@@ -602,6 +607,10 @@ class _Steps:
         def next_state(i, kept, **sizes):
             start = text.row(self.line, rows.x, i)
             new = text.operate("fadd", start, self.sum_of_ends(own, i))
+            if self.f.clocks:
+                of_line = {"x": start, "f": text.row(self.line, rows.f, i)}
+                of_line |= {"signed": self.work_row("signed")}
+                new = self.apply(rules.CLOCK, i, new=new, **of_line)["new"]
             if self.f.of_one_sign:
                 before = text.row(self.line, rows.largest, i)
                 found = text.apply(
@@ -645,6 +654,8 @@ class _Steps:
             self.keep_work({"accepted": found.pop("accepted")})
             self.keep_rows(found)
         self.save_inside()
+        if self.half.kinks:
+            self.choose()
         self.move()
 
     def turn(self, rule, sums):
@@ -791,13 +802,54 @@ class _Steps:
 
         text.fold(self.D, {}, component)
         text.fold(self.extended, {}, lambda i: chosen(i, text.row(base, work.f_new, i), rows.f))
-        if self.half.kinks:  # choices at the end of the step, as `watch` has found them
-            ends = text.compare("ogt", self.work_row("at_surface"), text.constant(0.0))
-            ends = text.new(f"and {text.M} {ends}, {accepted}")
-            first = self.f.conditions.P + self.f.conditions.jumps
-            for k in range(self.half.kinks):
-                now, old = text.row(base, work.seen + 3, k), text.row(self.table, first, k)
-                text.put_chosen(text.select(ends, now, old), self.table, first, k)
+
+    def choose(self):
+        """Make the choices of kinks anew where the step ends on a surface, and f with them.
+
+        A table may be so steep that f changes much where it is continuous.
+        """
+        text, work, base = self.text, self.work, self.of.work
+        accepted, at_surface = self.work_row("accepted"), self.work_row("at_surface")
+        ends = (text.compare("ogt", each, text.constant(0.0)) for each in (accepted, at_surface))
+        ends = text.new(f"and {text.M} {', '.join(ends)}")
+        with text.when(text.any(ends), likely=False):
+            place = self.f.conditions.P + self.f.conditions.jumps
+            for k, kind in enumerate(self.half.kinks, work.seen + 3):
+                if is_table(kind):
+                    self.put_interval(kind, text.bits(ends), k, place)
+                else:
+                    now, old = text.row(base, k), text.row(self.table, place)
+                    text.put_chosen(text.select(ends, now, old), self.table, place)
+                place += choices_of(kind)
+            self.call("f", text.place(base, work.new), self.table, text.place(base, work.f_new))
+
+    def put_interval(self, table, bits, argument, place):
+        """Write the interval of a table that holds an argument to the table of lanes with bits.
+
+        The interval is found by bisection among a number of knots that is a power of 2.
+        """
+        text, count = self.text, table.rows.shape[1]
+        half = max(2 ** (count - 1).bit_length() // 2, 1)
+        numbers = np.full((Table.ROWS, 2 * half), np.inf)
+        numbers[:, :count] = table.rows
+        numbers = text.numbers(f"{self.name}_interval_{place}", numbers)
+        with text.times(text.W) as lane:
+            bit = text.integer("and", text.integer("lshr", bits, lane), 1)
+            with text.when(text.compare_integers("eq", bit, 1)):
+                of_lane = text.integer("mul", lane, 8)
+                x = text.place(text.integer("add", self.of.work, of_lane), argument)
+                x = text.load("double", x)
+
+                def halve(at, half):
+                    above = text.integer("add", at, text.integer("mul", half, 8))
+                    is_above = text.new(f"fcmp oge double {x}, {text.load('double', above)}")
+                    half = text.integer("lshr", half, 1)
+                    found = {"at": text.choice("i64", is_above, above, at), "half": half}
+                    return found, text.compare_integers("ne", half, 0)
+
+                at = text.cycle({"at": ("i64", numbers), "half": ("i64", half)}, halve)["at"]
+                to = text.place(text.integer("add", self.table, of_lane), place)
+                self.copy_lane(at, 16 * half, to, text.size, Table.ROWS)
 
     # ------------------------------------------------------------------------------- implicit lanes
     def derive(self):

@@ -1,0 +1,67 @@
+"""Tables as instructions of lists: functions of one number that are linear between knots.
+
+Between knots t_p-1 <= x < t_p the value is height_p + slope_p (x - t_p-1), as of `np.interp`. A
+right-hand side whose choices are fixed has the numbers of one interval in place of the table, so
+the cost of a step does not depend on the number of knots.
+"""
+
+import functools
+import hashlib
+
+import numpy as np
+
+# An infinite argument lies beyond all knots; a product of the slope 0 with it would be NaN.
+LARGEST = float(np.finfo(float).max)
+
+
+class Table(str):
+    """The name of a table in lists, which tells it from others by its numbers.
+
+    rows           (4, N + 1), of each interval: low, high, height, slope
+    is_continuous  whether its values do not jump at knots
+    """
+
+    ROWS = 4
+
+    def __new__(cls, knots, heights, slopes, is_continuous):
+        """Take N knots, and the heights and slopes of the N + 1 intervals, at their beginnings."""
+        low, high = np.append(-LARGEST, knots), np.append(knots, np.inf)
+        rows = np.array([low, high, heights, slopes])
+        digest = hashlib.blake2b(rows.tobytes(), digest_size=16).hexdigest()
+        table = super().__new__(cls, f"table {digest} {is_continuous:d}")
+        table.rows, table.is_continuous = rows, is_continuous
+        return table
+
+    def __reduce__(self):
+        low, _, heights, slopes = self.rows
+        return Table, (low[1:], heights, slopes, self.is_continuous)
+
+    def interval_of(self, x):
+        """Return the rows (4, ...) of the intervals that hold arguments."""
+        return self.rows[:, np.searchsorted(self.rows[0, 1:], x, "right")]
+
+    def __call__(self, x):
+        """Return the values at arguments (...)."""
+        x = np.clip(x, -LARGEST, LARGEST)
+        low, _, height, slope = self.interval_of(x)
+        return slope * (x - low) + height
+
+    @functools.cached_property
+    def derivative(self):
+        """The table of slopes, those to the right at knots."""
+        low, _, _, slopes = self.rows
+        return Table(low[1:], slopes, np.zeros(len(slopes)), False)
+
+
+def is_table(instruction):
+    """Return whether an instruction of a list, or a kind of surface, is a table."""
+    return isinstance(instruction, Table)
+
+
+def of_line(knots, heights):
+    """Return the table of straight lines between points, with knots where its slope changes."""
+    knots, heights = np.array(knots), np.array(heights)
+    slopes = np.concatenate([[0.0], np.diff(heights) / np.diff(knots), [0.0]])
+    bends = (slopes[:-1] != 0.0) | (slopes[1:] != 0.0)
+    is_kept = np.append(True, bends)
+    return Table(knots[bends], np.append(heights[0], heights)[is_kept], slopes[is_kept], True)

@@ -33,7 +33,7 @@ PARTS = 8  # of a step, between which signs of surfaces are compared
 _NUDGE = 2.0**-50  # part of a step by which the end of a bracket moves on, to lie beyond
 _NUDGES = 26  # how often it does, four times as far each time
 # Steps of the first stretch between two looks; each has twice as many, up to a limit.
-_STEPS, _MOST, _NUMBERS = 4, 64, 2**20
+_STEPS, _MOST, _NUMBERS = 4, 4096, 2**20
 
 Indices = NDArray[np.int64]
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
+from suslov_fast.runs import motion_search
 from suslov_fast.command.summary import facts_in
 
 OSCILLATOR = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
@@ -215,6 +216,21 @@ def test_a_batch_has_the_bits_of_single_trajectories_and_of_threads():
     assert of_oscillator(x0, time=15.0, threads=2) == batch
     x0 = np.random.default_rng(6).normal(size=(2100, 2))
     assert of_oscillator(x0, time=3.0, threads=2) == of_oscillator(x0, time=3.0, threads=1)
+
+
+@pytest.mark.parametrize(
+    "f", [lambda q: 2 * q + np.abs(q), lambda q: np.clip(q, -0.5, 0.5), lambda q: q]
+)
+def test_steps_do_not_depend_on_how_many_are_taken_between_two_looks(f, monkeypatch):
+    field = sf.Field.from_function(lambda x: (x[1], -f(x[0]) - 0.1 * x[0]), "x v")
+    x0 = np.random.default_rng(7).uniform(1.0, 3.0, (5, 2))
+    found = []
+    for most in (3, 4096):
+        monkeypatch.setattr(motion_search, "_MOST", most)
+        found.append(sf.crossings(field, x0, surface="x", time=60.0))
+    assert found[0] == found[1]
+    assert found[0].count.min() > 0
+    assert found[0].steps.max() < 500
 
 
 def test_a_family_and_a_surface_of_each_member():

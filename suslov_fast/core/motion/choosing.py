@@ -32,14 +32,15 @@ class Choices:
         """Return the components (-, K) on which choices depend, of states (K, D)."""
         return states[:, : self.conditions.D].T
 
-    def look(self, flat, which):
-        """Make the choices of kinks of trajectories `which` anew, at the states in these rows."""
+    def look(self, flat, which, table):
+        """Write the choices of kinks at the states in rows of trajectories `which` to a table.
+
+        A trajectory may have several rows: its states at different times.
+        """
         P, first = self.conditions.P, self.conditions.P + self.conditions.jumps
         if self.conditions.kinks:
-            x = self._watched(flat)
-            kinks = self.conditions.kinks_at(x, self.inputs[:P, which])
-            self.inputs[first:, which] = kinks
-            self.motion.table[which, first : first + len(kinks)] = kinks.T
+            kinks = self.conditions.kinks_at(self._watched(flat), self.inputs[:P, which])
+            table[:, first : first + len(kinks)] = kinks.T
 
     def renew(self, flat, which):
         """Make the choices of trajectories `which`, with these rows, anew where f jumps."""

@@ -145,9 +145,10 @@ class Motion:
         """Return the numbers that functions read: for all trajectories, or for each (K, n)."""
         if self.table.ndim == 1:
             return half.table_of(self.table)
+        table = self.table[which]
         if self.choices is not None:
-            self.choices.look(rows, which)
-        return np.ascontiguousarray(half.table_of(self.table[which].T).T)
+            self.choices.look(rows, which, table)
+        return np.ascontiguousarray(half.table_of(table.T).T)
 
     def _steps(self, half, rows, which, W, abandoned):
         """Take steps of one half of trajectories (K, rows), until none is in it.

@@ -45,7 +45,8 @@ class _In3D(Body):
             # Twice the tolerance of from_inertia, because the rotation to its basis rounds, too.
             if not (fits := _excess(tensors) >= -2 * _ROUNDING).all():
                 text = "no body has I3 = {} with these I1, I2, I13 and I23: see admissible_I3()"
-                checks.warn(text.format(tensors[~fits][0, 2, 2]))
+                how = ", which is nan where none has, whatever I3; maps do without it"
+                checks.warn(text.format(tensors[~fits][0, 2, 2]) + how)
 
     @property
     def constants(self) -> tuple[Any, ...]:

@@ -29,7 +29,7 @@ class Points(Result):
     body: BodyOrField
 
     called = "a result of crossings"
-    words = dict.fromkeys(
+    words = Result.words | dict.fromkeys(
         "t t_events y_events events times stop_time time_stop first step return_map".split(),
         "time and states, of all trajectories: time[trajectory == k] are those of trajectory k",
     )

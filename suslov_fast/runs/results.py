@@ -65,7 +65,19 @@ class Result:
     instead: ClassVar[str] = ": pass its body, run.body"
     called: ClassVar[str] = "a run"  # in messages
     # What is used in place of words of other packages.
-    words: ClassVar[dict[str, str]] = {"H": "energy()", "message": "Status(status).message"}
+    words: ClassVar[dict[str, str]] = {
+        "H": "energy()",
+        "message": "Status(status).message",
+        "orientation": "attitude of iterate(..., attitude=True)",
+        **dict.fromkeys(("parameters", "params"), "body.parameters"),
+        **dict.fromkeys(("field", "system"), "body"),
+        **dict.fromkeys(("stopped", "stop_time"), "ok, status and end"),
+        **dict.fromkeys(
+            "df dataframe to_df to_dataframe to_pandas to_csv to_excel".split(),
+            "pandas.DataFrame(run.states, run.time, run.body.labels), of one orbit, and of many "
+            "run.to_xarray().{x}.to_dataset('component').to_dataframe()",
+        ),
+    }
     kinds: ClassVar[tuple[str, ...]] = ()  # names of classes that `load` accepts, if more than one
     _functions: Any = ()  # the names of the quantities that the system has
 
@@ -141,7 +153,7 @@ class Result:
                 raise AttributeError(name)
             x, labels = self._variable, self.body.labels
             here = f"run[{name!r}], or run.{x} for all" if name in labels else ""
-            here = here or self.words.get(name, "")
+            here = "time" if name in ("t", "time") else here or self.words.get(name, "").format(x=x)
             here = f"run.{x}" if name in ("omega", "x") else here
             if name in self.body.parameters:
                 here = f"run.body.parameters[{name!r}]"

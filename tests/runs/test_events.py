@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
-from suslov_fast.runs import motion_search
 from suslov_fast.command.summary import facts_in
+from suslov_fast.runs import motion_search
 
 OSCILLATOR = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
 BALL = sf.Field.from_function(lambda x: (x[1], -9.81), "h v")

@@ -94,6 +94,11 @@ def fraction(text: str) -> Fraction:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number, such as 0.1 or 1/3") from None
 
 
+def number(text: str) -> float:
+    """Return the number in a text such as 0.1, 1/3 or 1e6."""
+    return float(fraction(text))
+
+
 def integer(text: str) -> int:
     """Return the integer in a text such as 1000 or 1e3."""
     from ..bodies.fields.polynomials import from_text
@@ -160,7 +165,7 @@ def _run(parser: Any) -> None:
     add("--high", type=numbers, metavar="X,...", help=f"random states lie below this: {of_each}")
     add("--seed", type=integer, metavar="N", help="seed of the random states (default 0)")
     add = parser.add_argument_group("steps of the map").add_argument
-    add("--eps", type=fraction, metavar="X", help="step size (default: that of the figure)")
+    add("--eps", type=number, metavar="X", help="step size (default: that of the figure)")
     add("--steps", type=integer, metavar="N", help="number of steps (default 1000)")
     methods = "auto (default); of fields order4, order6, order8; in n dimensions gauss, rank2"
     add("--method", metavar="NAME", help=methods)

@@ -74,6 +74,9 @@ def test_unusual_numbers_are_welcome():
     for x in (np.array([0.5, 2], np.longdouble), np.float16([0.5, 2]), np.array([0.5, 2], object)):
         assert (FIELD(x) == expected).all()
     assert FIELD([Fraction(1, 2), 2]) == tuple(expected)
+    with pytest.warns(UserWarning, match=r"^eps: .*kahan"):
+        run = sf.iterate(body, [1, Fraction(1, 2)], Fraction(1, 5), 3)
+    assert run == sf.iterate(body, [1, 0.5], 0.2, 3)
     for x in (FIELD(np.array([1, 2])), HENON.H(np.array([1, 2]))):
         assert x.dtype == np.float64  # integers of NumPy are numbers of an array
 

@@ -157,7 +157,8 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     names = (derivatives,) if isinstance(derivatives, str) else derivatives
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
         such = "x0", *system.coordinates
-        raise wrong("derivatives", f"names, such as {such}", short(derivatives), TypeError)
+        received = f"{short(derivatives)}: derivative('x0') of the result is one"
+        raise wrong("derivatives", f"names, such as {such}", received, TypeError)
     field: Any = system if isinstance(system, FieldOfFunction) else None
     named: tuple[str, ...] = ()
     if names and field is None:

@@ -68,7 +68,7 @@ class Result:
     words: ClassVar[dict[str, str]] = {
         "H": "energy()",
         "message": "Status(status).message",
-        "orientation": "attitude of iterate(..., attitude=True)",
+        "orientation": "attitude of iterate(..., attitude=True); flow has none",
         **dict.fromkeys(("parameters", "params"), "body.parameters"),
         **dict.fromkeys(("field", "system"), "body"),
         **dict.fromkeys(("stopped", "stop_time"), "ok, status and end"),
@@ -174,6 +174,8 @@ class Result:
             for name in names:
                 if name not in labels:
                     known = f"run.{name}" if name in dir(self) else ", ".join(labels)
+                    if name in getattr(self, "derivatives", ()):
+                        known = f"run.derivative({name!r})"
                     raise KeyError(f"run[{name!r}] is no component: use {known}")
             numbers = [labels.index(name) for name in names]
             index = ..., numbers[0] if isinstance(index, str) else numbers

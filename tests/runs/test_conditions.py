@@ -324,3 +324,25 @@ def test_a_relay_that_drives_an_oscillator():
     phases = {"time": 5 * orbit.period, "transient": 20 * orbit.period}
     exponents = sf.lyapunov_exponents(relay, orbit.state, **phases)
     np.testing.assert_allclose(exponents, [0.0, -0.1], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "power", [lambda q: np.maximum(q, 0.0) ** 1.5, lambda q: np.sign(q) * np.abs(q) ** 1.5]
+)
+def test_a_kink_beyond_which_its_branch_has_no_value(power):
+    """The equation of Lane and Emden, n = 3/2, whose zero is known (Horedt 1986): q^1.5 ends there.
+
+    It begins at 1/10, by the series of q = 1 - r^2/6 + n r^4/120 - ...
+    """
+    star = field(lambda s: (s[1], -2 * s[1] / s[2] - power(s[0]), 1.0), "q v r")
+    r, n = 0.1, 1.5
+    a = (-1 / 6, n / 120, -n * (8 * n - 5) / 15120, n * (122 * n**2 - 183 * n + 70) / 3265920)
+    q = 1 + sum(each * r ** (2 * k) for k, each in enumerate(a, start=1))
+    v = sum(2 * k * each * r ** (2 * k - 1) for k, each in enumerate(a, start=1))
+    zero = sf.crossings(star, [q, v, r], surface="q", time=4.9, direction=-1, rtol=1e-11)
+    assert zero.ok
+    np.testing.assert_allclose(zero.time + r, [3.65375373622], rtol=2e-10)
+    run = sf.flow(star, [q, v, r], time=4.9, rtol=1e-11, derivatives="x0")
+    assert run.ok
+    assert run.x[0, 0] < 0
+    assert np.isfinite(run.derivative("x0")).all()

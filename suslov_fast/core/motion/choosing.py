@@ -60,26 +60,35 @@ class Choices:
 
     def _go_on(self, flat, k, which):
         """Let solutions go on that end just before a surface, because f has no value beyond it."""
-        rows, P = self.motion.rows, self.conditions.P
+        rows, P, jumps = self.motion.rows, self.conditions.P, self.conditions.jumps
         t = flat[k, rows.t]
         ahead = _AHEAD * t
+        now = self._choices_ahead(flat, k, which, np.zeros(len(k)))
         choices = self._choices_ahead(flat, k, which, ahead)
-        differ = choices != self.inputs[P:, which]
-        differ = differ[: self.conditions.jumps].any(axis=0)
-        k, which, ahead = k[differ], which[differ], ahead[differ]
+        jump = (choices != self.inputs[P:, which])[:jumps].any(axis=0)
+        kink = (choices != now)[jumps:].any(axis=0)
+        differ = jump | kink
+        k, which, ahead, kink = k[differ], which[differ], ahead[differ], kink[differ]
         if k.size:
             self.at[which] = t[differ]
-            self._choose(flat, k, which, ahead)
+            # Choices of kinks are those of the state, so it moves on beyond them.
+            moved = np.where(kink, ahead, 0.0)
+            flat[k, : self.f.D] = self._ahead(flat, k, moved)
+            flat[k, rows.t] += moved
+            self._choose(flat, k, which, ahead - moved)
             flat[k, rows.state] = self.motion.numbers[NUMBER.first_state]
             flat[k, rows.wanted], flat[k, rows.outer] = 16.0 * ahead, np.inf
 
     def _choices_ahead(self, flat, k, which, ahead):
         """Return the choices (-, K) at the states of rows k, or a time later."""
+        parameters = self.inputs[: self.conditions.P, which]
+        return self.conditions.choices_at(self._watched(self._ahead(flat, k, ahead)), parameters)
+
+    def _ahead(self, flat, k, ahead):
+        """Return the states (K, D) of rows k a time later, along their rates."""
         D, first = self.f.D, self.motion.rows.f
         of_time = (self.motion.numbers[NUMBER.sign] * ahead)[:, np.newaxis]
-        states = flat[k, :D] + of_time * flat[k, first : first + D]
-        parameters = self.inputs[: self.conditions.P, which]
-        return self.conditions.choices_at(self._watched(states), parameters)
+        return flat[k, :D] + of_time * flat[k, first : first + D]
 
     def _choose(self, flat, k, which, ahead):
         """Make the choices of trajectories `which` anew, at the states of rows k or later."""

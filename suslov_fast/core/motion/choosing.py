@@ -98,7 +98,7 @@ class Choices:
         motion.table[which] = f.table_with(self.inputs[:, which], tables).T
         x, table = flat[k, : f.D].T, motion.table[which].T
         rates = f.value_and_denominators(x, table)
-        if isinstance(f, Variational):
+        if isinstance(f, Variational) and self.conditions.jumps:
             differ = (choices != old)[: self.conditions.jumps]
             surfaces = np.array(self.conditions.surfaces, int)
             first = np.where(differ.any(axis=0), surfaces[differ.argmax(axis=0)], -1)

@@ -262,7 +262,7 @@ def _along_motion(
 def _number(name: str, value: Any) -> float:
     number = real_number(name, value)
     if not isinstance(number, float):
-        received = f"an array of shape {number.shape}: pass its last number"
+        received = f"an array of shape {number.shape}: pass its last number, and as transient= the time that is left out before"
         raise wrong(name, "a number", received)
     return number
 

@@ -70,6 +70,7 @@ class Result:
         "message": "Status(status).message",
         "orientation": "attitude of iterate(..., attitude=True); flow has none",
         **dict.fromkeys(("parameters", "params"), "body.parameters"),
+        **dict.fromkeys(("statistics", "stats", "info"), "steps, status and ok"),
         **dict.fromkeys(("field", "system"), "body"),
         **dict.fromkeys(("stopped", "stop_time"), "ok, status and end"),
         **dict.fromkeys(

@@ -262,7 +262,8 @@ def _along_motion(
 def _number(name: str, value: Any) -> float:
     number = real_number(name, value)
     if not isinstance(number, float):
-        received = f"an array of shape {number.shape}: pass its last number, and as transient= the time that is left out before"
+        how = "pass its last number, or for (100, 200) time=100 after transient=100"
+        received = f"an array of shape {number.shape}: {how}"
         raise wrong(name, "a number", received)
     return number
 

@@ -346,3 +346,17 @@ def test_a_kink_beyond_which_its_branch_has_no_value(power):
     assert run.ok
     assert run.x[0, 0] < 0
     assert np.isfinite(run.derivative("x0")).all()
+
+
+def test_a_tank_drains_until_it_is_empty():
+    """h' = -sqrt(h): h = (1 - t/2)^2 until t = 2."""
+    drained = field(lambda h: -np.sqrt(np.maximum(h, 0.0)), "h")
+    np.testing.assert_allclose(
+        sf.flow(drained, 1.0, time=[1.0, 1.9, 4.0]).x[:, 0], [0.25, 0.0025, 0.0], atol=1e-9
+    )
+    back = field(lambda h: -np.sign(h) * np.sqrt(np.abs(h)), "h")  # from both sides to 0
+    with pytest.warns(sf.PoleWarning, match="slide"):
+        motion = sf.flow(back, 1.0, time=[1.9, 4.0])
+    np.testing.assert_allclose(motion.x[0], 0.0025, atol=1e-9)
+    np.testing.assert_allclose(motion.end, 2.0, atol=1e-5)
+    assert motion.steps < 200

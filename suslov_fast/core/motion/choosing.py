@@ -12,7 +12,9 @@ from .text import NUMBER
 
 # A solution slides that changes its choices so often within so small a part of the time.
 _BACK_AND_FORTH, AT_ONCE = 12, 2.0**-36
-_AHEAD = 2.0**-38  # part of the time, within which a surface lies before which a solution ends
+# Parts of the time: within which a surface lies before which a solution ends, and within which one
+# that ends so again slides.
+_AHEAD, _AGAIN = 2.0**-38, 2.0**-28
 
 
 class Choices:
@@ -70,13 +72,17 @@ class Choices:
         differ = jump | kink
         k, which, ahead, kink = k[differ], which[differ], ahead[differ], kink[differ]
         if k.size:
+            again = t[differ] - self.at[which] <= _AGAIN * t[differ]
+            self.often[which] = np.where(again, self.often[which] + 1, 0)
             self.at[which] = t[differ]
             # Choices of kinks are those of the state, so it moves on beyond them.
             moved = np.where(kink, ahead, 0.0)
             flat[k, : self.f.D] = self._ahead(flat, k, moved)
             flat[k, rows.t] += moved
             self._choose(flat, k, which, ahead - moved)
-            flat[k, rows.state] = self.motion.numbers[NUMBER.first_state]
+            slides = self.often[which] >= _BACK_AND_FORTH
+            first_state = self.motion.numbers[NUMBER.first_state]
+            flat[k, rows.state] = np.where(slides, State.SLIDING, first_state)
             flat[k, rows.wanted], flat[k, rows.outer] = 16.0 * ahead, np.inf
 
     def _choices_ahead(self, flat, k, which, ahead):

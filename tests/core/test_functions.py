@@ -18,18 +18,6 @@ SPECIAL = [
 SPECIAL = np.array([*SPECIAL, *(-x for x in SPECIAL)])
 
 
-@pytest.mark.parametrize("name", ELEMENTARY)
-def test_one_number_has_the_bits_of_many(name, rng):
-    operands = arguments(name, rng, 20)
-    count = ELEMENTARY[name][1]
-    special = np.array([*itertools.product(SPECIAL, repeat=count)]).T
-    values = np.concatenate([np.reshape(operands, (count, -1)), special], axis=1)
-    many = FUNCTIONS[name](*values)
-    few = np.concatenate([FUNCTIONS[name](*column[:, np.newaxis]) for column in values.T])
-    np.testing.assert_array_equal(few, many)
-    assert (np.signbit(few) == np.signbit(many))[~np.isnan(many)].all()
-
-
 def expit(x):
     return 1 / (1 + mpmath.exp(-x))
 

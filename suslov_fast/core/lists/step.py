@@ -30,7 +30,6 @@ import numpy as np
 
 from . import sizes
 from .far import PARTS
-from .floats import OF_FLOATS
 from .functions import ELEMENTARY
 from .planned_elimination import (
     Factors,
@@ -92,11 +91,6 @@ def _of_list(name):
 
     def of_arrays(*arrays):
         operations, result = list_of(name)
-        shape = np.broadcast_shapes(*map(np.shape, arrays))
-        if math.prod(shape) == 1:
-            values = {k: float(np.reshape(a, ())) for k, a in enumerate(arrays)}
-            evaluate(operations, values, OF_FLOATS)
-            return np.full(shape, values[result])
         values = dict(enumerate(arrays))
         with np.errstate(all="ignore"):
             evaluate(operations, values)

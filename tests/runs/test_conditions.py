@@ -360,3 +360,30 @@ def test_a_tank_drains_until_it_is_empty():
     np.testing.assert_allclose(motion.x[0], 0.0025, atol=1e-9)
     np.testing.assert_allclose(motion.end, 2.0, atol=1e-5)
     assert motion.steps < 200
+
+
+@pytest.mark.parametrize(
+    "edge", [lambda v: np.abs(v) - 0.7, lambda v: np.interp(v, [-1, 0, 0.4, 1], [1, 0.7, 0.2, -1])]
+)
+def test_derivatives_across_a_jump_whose_surface_has_kinks(edge):
+    def f(x, a):
+        return x[1], -x[0] - 0.1 * a * x[1] * np.where(x[0] > edge(x[1]), 1, -1)
+
+    x0, h, options = np.array([1.5, 0.0]), 1e-5, {"time": 6.0, "rtol": 1e-12}
+    jumping = field(f, "q p", a=1.3)
+    found = sf.flow(jumping, x0, derivatives="x0", **options).derivative("x0")[0]
+    ends = [sf.flow(jumping, x0 + h * np.array(e), **options).x[0] for e in ([1, 0], [-1, 0])]
+    np.testing.assert_allclose(found[:, 0], (ends[0] - ends[1]) / (2 * h), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rate", "end"),
+    [
+        (lambda t: np.abs(t) ** 1.5, 1 + 2 / 5 * 2**2.5),
+        (lambda t: np.sqrt(np.abs(t)), 1 + 2 / 3 * 2**1.5),
+        (lambda t: np.sqrt(np.maximum(-t, 0.0)), 1.0),
+    ],
+)
+def test_a_start_on_a_kink_whose_branch_has_no_value_ahead(rate, end):
+    motion = sf.flow(field(lambda s: (1.0, rate(s[0])), "t y"), [0.0, 1.0], time=2.0)
+    np.testing.assert_allclose(motion.x[0], [2.0, end], rtol=1e-7)

@@ -191,7 +191,7 @@ class FieldOfFunction(Body):
         ------
         TypeError, ValueError
             If the field has no such parameter, or a value is not a finite number; for a
-            `QuadraticField` that does not know its function, as one from a file, or a member.
+            `QuadraticField` that does not know its function: a copy, a member, one from a file.
 
         Examples
         --------

@@ -56,7 +56,8 @@ class Choices:
             self._choose(flat, k, own, np.zeros(len(k)))
             slides = self.often[own] >= _BACK_AND_FORTH
             state[k] = np.where(slides, State.SLIDING, state[k] - State.CHANGED)
-        (k,) = np.nonzero((state == State.ENDED) & (flat[:, rows.t] > self.at[which]))
+        t = flat[:, rows.t]
+        (k,) = np.nonzero((state == State.ENDED) & ((t > self.at[which]) | (t == 0.0)))
         if k.size:
             self._go_on(flat, k, which[k])
 
@@ -64,7 +65,7 @@ class Choices:
         """Let solutions go on that end just before a surface, because f has no value beyond it."""
         rows, P, jumps = self.motion.rows, self.conditions.P, self.conditions.jumps
         t = flat[k, rows.t]
-        ahead = _AHEAD * t
+        ahead = _AHEAD * np.where(t > 0.0, t, self.motion.times[-1])
         now = self._choices_ahead(flat, k, which, np.zeros(len(k)))
         choices = self._choices_ahead(flat, k, which, ahead)
         jump = (choices != self.inputs[P:, which])[:jumps].any(axis=0)
@@ -99,7 +100,9 @@ class Choices:
     def _choose(self, flat, k, which, ahead):
         """Make the choices of trajectories `which` anew, at the states of rows k or later."""
         f, rows, motion, P = self.f, self.motion.rows, self.motion, self.conditions.P
-        old, tables = self.inputs[P:, which], motion.table[which].T
+        old, tables = self.inputs[P:, which], motion.table[which]
+        self.look(flat[k], which, tables)
+        tables = tables.T
         self.inputs[P:, which] = choices = self._choices_ahead(flat, k, which, ahead)
         motion.table[which] = f.table_with(self.inputs[:, which], tables).T
         x, table = flat[k, : f.D].T, motion.table[which].T

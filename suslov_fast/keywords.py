@@ -71,7 +71,7 @@ _TABLE = (
     ("floquet floquetmultipliers", "multipliers", ""),
     ("monodromy variational", "",
      "flow(field, x0, time=T, derivatives='x0').derivative('x0'), of which [-1] is that of T"),
-    ("count maxevents", "most", ""),
+    ("count maxevents maxcrossings", "most", ""),
     ("terminal stop until firstpassage escape escapetime exittime firsthit firstreturn", "most",
      "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0, most=1)"),
     ("basin basinsofattraction", "", "flow(field, grid, time=T).x[-1], or crossings(..., most=1)"),

@@ -67,7 +67,7 @@ class Result:
     # What is used in place of words of other packages.
     words: ClassVar[dict[str, str]] = {
         "H": "energy()",
-        "message": "Status(status).message",
+        "message": "suslov_fast.Status(run.status).message",
         "orientation": "attitude of iterate(..., attitude=True); flow has none",
         **dict.fromkeys(("parameters", "params"), "body.parameters"),
         **dict.fromkeys(("statistics", "stats", "info"), "steps, status and ok"),

@@ -549,7 +549,7 @@ SECOND_TRIES = [
      lambda: sf.flow(HALF, [3.0], time=2.0).x, 3 * math.exp(-1)),
     (lambda: sf.iterate(lambda x: -x, [3.0], 0.1, 1), r"pass QuadraticField\.from_function",
      lambda: sf.iterate(field(lambda x: -x, 1)(), [3.0], 0.5, 1).x, 3 * 0.75 / 1.25),
-    (lambda: sf.flow(HALF, [3.0], t0=0, tf=2), r"'t0': use time= .*'tf': use time",
+    (lambda: sf.flow(HALF, [3.0], t0=0, tf=2), r"'t0': use time=.*'tf': use time",
      lambda: sf.flow(HALF, [3.0], time=2.0).x, 3 * math.exp(-1)),
     (lambda: sf.flow(HALF, [3.0], time=2, dt=0.5), r"time=np\.arange",
      lambda: sf.flow(HALF, [3.0], time=np.arange(0, 2.5, 0.5)).x, 3 * math.exp(-1)),

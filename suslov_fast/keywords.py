@@ -133,6 +133,7 @@ _TABLE = (
     ("orbitdiagram bifurcationdiagram bifurcation continuation", "",
      "a family, from_function(f, names, c=array), and c[points.trajectory] of its crossings"),
     ("phaseportrait plotphaseportrait", "plot", "flow(field, grid, time=t).plot()"),
+    ("plot3d", "", "plot(a, b, c), with the names of three components"),
     ("plot", "plot",
      "iterate(...).plot(), or flow(field, x0, time=np.linspace(0, T, 201)).plot()"),
     ("sensitivity sensitivities", "",
@@ -361,6 +362,8 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         kind = type(args[0]) if args else None
         if kind and kind.__name__ == called:  # of a constructor
             makers = [f"{called}.{each}" for each in dir(kind) if re.match("from_(?!dict)", each)]
+            if hasattr(kind, "from_inertia") or hasattr(kind, "from_mass_tensor"):
+                makers = [f"body, rotation = {each}(I, ...)" for each in makers]
             how += f", or use {' or '.join(makers)}" * bool(makers)
         return f"{called}: {error}{how}: the call is {called}{takes}"
     return ""

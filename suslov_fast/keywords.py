@@ -362,8 +362,10 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         kind = type(args[0]) if args else None
         if kind and kind.__name__ == called:  # of a constructor
             makers = [f"{called}.{each}" for each in dir(kind) if re.match("from_(?!dict)", each)]
-            if hasattr(kind, "from_inertia") or hasattr(kind, "from_mass_tensor"):
-                makers = [f"body, rotation = {each}(I, ...)" for each in makers]
+            makers = [
+                f"body, rotation = {each}(I, ...)" if each.endswith(("inertia", "tensor")) else each
+                for each in makers
+            ]
             how += f", or use {' or '.join(makers)}" * bool(makers)
         return f"{called}: {error}{how}: the call is {called}{takes}"
     return ""

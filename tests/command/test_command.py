@@ -272,6 +272,11 @@ MISTAKES = """
 2 | run --stpes 3 | --steps
 2 | run --x0 1,2 | --omega0
 2 | run --rho 28 | --rho
+2 | run --rho 28 --dt 1 | --eps
+2 | run --n 3 | --trajectories
+2 | run --omega0 1 2 | --omega0 1,0.5
+2 | report x*(1-y) | --body FILE.json
+2 | flow --time 3 | run
 2 | run good.json | good.json
 2 | --json run | --json comes after the command
 2 | run --steps 1.5 | --steps

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 from series import solution_and_derivatives
 
 import suslov_fast as sf
@@ -168,7 +169,8 @@ def test_batches_and_families(rng):
     assert (motion.derivative("x0")[1] == np.eye(2)).all()
     assert not motion.derivative("b")[1].any()
     for k in (0, 1):
-        alone = flow(PREDATORS[k], x[2, k], time=times, derivatives=("x0", "b"), threads=2)
+        options = {"derivatives": ("x0", "b"), "threads": TWO_THREADS}
+        alone = flow(PREDATORS[k], x[2, k], time=times, **options)
         for name in ("x0", "b"):
             assert (alone.derivative(name) == motion.derivative(name)[:, 2, k]).all()
     there = flow(PREDATORS[0], x[0, 0], time=2.0, rtol=1e-12, derivatives="x0")

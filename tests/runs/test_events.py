@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
@@ -213,9 +214,10 @@ def test_a_batch_has_the_bits_of_single_trajectories_and_of_threads():
         one, own = of_oscillator(start, time=15.0), batch.trajectory == k
         np.testing.assert_array_equal(batch.states[own], one.states)
         np.testing.assert_array_equal(batch.time[own], one.time)
-    assert of_oscillator(x0, time=15.0, threads=2) == batch
+    assert of_oscillator(x0, time=15.0, threads=TWO_THREADS) == batch
     x0 = np.random.default_rng(6).normal(size=(2100, 2))
-    assert of_oscillator(x0, time=3.0, threads=2) == of_oscillator(x0, time=3.0, threads=1)
+    serial = of_oscillator(x0, time=3.0, threads=1)
+    assert of_oscillator(x0, time=3.0, threads=TWO_THREADS) == serial
 
 
 @pytest.mark.parametrize(

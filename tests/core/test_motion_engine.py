@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import suslov_fast as sf
 from suslov_fast.core.lists.dense import DenseRightHandSide, dense_parameters
 from suslov_fast.core.lists.numbers import Number
 from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
@@ -61,7 +62,7 @@ CASES = {
     "henon_heiles": (henon_heiles, np.random.default_rng(0).uniform(-0.2, 0.2, (11, 4)), 20.0),
     "van_der_pol": (van_der_pol, np.array([[2.0, 0.0], [1.0, 1.0], [np.nan, 1.0]]), 900.0),
     "robertson": (robertson, np.array([[1.0, 0.0, 0.0], [0.5, 1e-5, 0.1]]), 4e4),
-    "pole_of_a_clock": (pole_of_a_clock, np.array([[1.0, 0.0], [1.0, 2.0]]), 2.0),
+    "pole_of_a_clock": (pole_of_a_clock, np.array([[1.0, 0.0], [1.0, 2.0], [1.0, 1.48]]), 2.0),
     "driven_from_rest": (driven_from_rest, np.array([[0.0, 0.0, 0.0], [0.3, 0.1, 1.0]]), 20.0),
     "large_lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(2, 60)), 0.5),
     "lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(3, 20)), 1.0),
@@ -126,7 +127,7 @@ def test_runs_have_the_bits_of_straight_line_code(case, monkeypatch):
 def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypatch):
     """Of a batch, of one, by runs, and by NumPy."""
     function, x0, _ = CASES[case]
-    x0 = x0[:2]
+    x0 = x0[-2:]
     of, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
     f, by_runs = (variational(each, of.D, True) for each in (of, again))
     start = np.zeros((len(x0), f.D))
@@ -141,6 +142,24 @@ def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypa
     assert_equal(usual, motion(by_runs, *run, stiff=is_stiff))
     monkeypatch.setattr(engine, "compiled", lambda *_, **__: None)
     assert_equal(usual, motion(f, *run, stiff=is_stiff))
+
+
+@pytest.mark.parametrize("stiff", [False, True])
+@needs_code
+def test_derivatives_by_parameters_have_the_bits_of_numpy(stiff, monkeypatch):
+    field = sf.Field.from_function(
+        lambda x, a, b: (a - x[0] * x[1], b * x[0] ** 2 - x[1], 2.0), "x y t", a=1.5, b=[0.5, 0.7]
+    )
+
+    def derivatives():
+        found = sf.flow(
+            field, [1.0, 0.5, 0.0], time=[1.0, 3.0], derivatives=("x0", "b", "a"), stiff=stiff
+        )
+        return [found.x, *map(found.derivative, ("x0", "a", "b"))]
+
+    by_code = derivatives()
+    monkeypatch.setattr(engine, "compiled", lambda *_, **__: None)
+    assert_equal(by_code, derivatives())
 
 
 @needs_code

@@ -131,11 +131,11 @@ SHORT = [
 
 
 def seconds(function, *arguments):
-    """Return the error of a call; it must come within a second of this process."""
+    """Return the error of a call; it must come within two seconds of this process."""
     begin = time.process_time()
     with pytest.raises((ValueError, TypeError)) as told:
         function(*arguments)
-    assert time.process_time() - begin < 1.0
+    assert time.process_time() - begin < 2.0
     assert len(str(told.value)) < 500
     return told.value
 
@@ -165,7 +165,7 @@ def test_dictionaries_and_files_are_answered_at_once(name, saved, tmp_path, caps
     begin = time.process_time()
     command = ["run", "--body", str(tmp_path / "body.json"), "--eps", "0.1", "--steps", "3"]
     assert main(command) == 1
-    assert time.process_time() - begin < 1.0
+    assert time.process_time() - begin < 2.0
     assert "body.json" in capsys.readouterr().err
     body = io.BytesIO()
     np.save(body, text)

@@ -190,7 +190,7 @@ def test_a_plan_tells_lost_digits(A, good, accurate):
     assert (found[step.good], found[step.accurate]) == (good, accurate)
     if accurate:
         exact = linear_step(A, x)[1]
-        assert naive.relative_error(np.array([found[k] for k in step.after_rare]), exact) < 3e-16
+        assert naive.relative_error(np.array([found[k] for k in step.after_rare]), exact) < 4e-16
 
 
 def linear_step(A, x):

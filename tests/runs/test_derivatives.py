@@ -145,7 +145,7 @@ def test_stiff_derivatives_take_about_the_steps_of_states(f, start, time, parame
         ends = [flow(own[sign], start, time=time, rtol=1e-12).x[0] for sign in (1, -1)]
         wanted = (ends[0] - ends[1]) / (2 * h * value)
         found = columns.derivative(name)[0]
-        np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=1e-6 * abs(wanted).max())
+        np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=2e-6 * abs(wanted).max())
 
 
 @pytest.mark.slow
@@ -262,4 +262,4 @@ def test_states_keep_their_tolerance_beside_large_derivatives():
     x0, T = [-1.74548624, 8.52819734e-4], 1614.4011258
     wanted = flow(field, x0, time=T, rtol=1e-12).x[0]
     found = flow(field, x0, time=T, rtol=1e-8, derivatives="x0")
-    assert found.x[0] == pytest.approx(wanted, rel=1e-6)
+    assert found.x[0] == pytest.approx(wanted, rel=2e-6)

@@ -66,7 +66,7 @@ def test_a_pendulum_in_elliptic_functions():
     for rtol in (1e-6, 1e-9, 1e-12):
         motion = flow(PENDULUM, [q0, 0.0], time=times, rtol=rtol)
         assert abs(motion.x[:, 0] - wanted).max() < 100 * rtol
-        assert abs(motion.energy() - np.cos(q0 - np.pi)).max() < 10 * rtol
+        assert abs(motion.energy() - np.cos(q0 - np.pi)).max() < 30 * rtol
 
 
 @pytest.mark.parametrize("stiff", [True, False, None])
@@ -152,9 +152,9 @@ def test_a_drive_that_is_on_for_a_while(rtol):
         return (np.tanh((t - first) / width) - np.tanh((t - last) / width)) / 2
 
     slow = Field.from_function(lambda s: (1.0, -0.3 * s[1] + on(s[0], 5, 20, 0.01)), "t y")
-    assert at(slow, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(0.164114, abs=10 * rtol + 5e-7)
+    assert at(slow, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(0.16411389, abs=10 * rtol)
     dose = Field.from_function(lambda s: (1.0, -0.5 * s[1] + 100 * on(s[0], 24, 25, 0.01)), "t c")
-    assert at(dose, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(6.4597, abs=1e-4)
+    assert at(dose, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(6.45965246, abs=100 * rtol)
 
 
 @pytest.mark.compiled  # interpreted, more than 20 seconds

@@ -167,8 +167,9 @@ class SuslovND(Body):
         The members of a batch reduce each by their own J and I. A member that needs fewer
         coordinates than another has further ones, with the coupling 0, which are 0 and stay 0.
 
-        A state with d_i = J_i - eps p / 2 = 0, p = I . omega, for two equal J_i is a pole of the
-        map; the reduced body may have a next state there, and the map is continued by it.
+        A state with d_i = J_i - eps p / 2 = 0, p = I . omega, for equal J_i is a pole of the map if
+        E0 has two dimensions or more, or if w_E is parallel to I_E. The reduced body may have a
+        next state there, and the map is continued by it.
 
         Examples
         --------

@@ -137,7 +137,7 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
 def criticality(body: AnyBody, omega: ArrayLike, /, eps: Reals) -> FloatArray:
     """Criticality t of a body, which decides whether an orbit of the map follows the motion.
 
-    Keep ``|t| < 1``: otherwise the orbit jumps across the line of steady states, and can meet a
+    Keep ``|t| < 1``: otherwise the orbit can jump across the line of steady states and meet a
     pole. t = eps sqrt(h / (I1 I2)) is constant along an orbit, where h is I13**2 I2 + I23**2 I1
     times the :func:`first_integral`.
 

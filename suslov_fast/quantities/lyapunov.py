@@ -46,8 +46,9 @@ def lyapunov_exponents(
     unit of time. Derivatives along the orbit, those of the map or the variational equations, are
     decomposed as Q R before columns lose digits (Benettin's method), and the exponents are the mean
     logarithms of the diagonals of R. Their sum equals the mean of ``log |det DPhi|``, or of the
-    trace of f' (relative error 1e-10 for maps). The exponents of an orbit are bit-identical
-    whatever else is in the batch.
+    trace of f' (relative error 1e-10 for maps); where f jumps, a jump adds ``log |det S|``, with
+    the factor S by which it changes the derivative of the motion. The exponents of an orbit are
+    bit-identical whatever else is in the batch.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ def step(
 
     Kahan's method makes ``x' = f(x)`` linear in the next state: squares x_i**2 become x_i next_i,
     products x_i x_j become (x_i next_j + next_i x_j) / 2, and x_i becomes (x_i + next_i) / 2. The
-    method is time-reversible: a step with -eps undoes one with eps.
+    method is symmetric: a step with -eps undoes one with eps.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ _ORBIT_COST, _STATE_COST = 64, 8
 _IN_PYTHON = 1e-4  # seconds of Python for a state, of which it computes 128 at least
 # Reasons for missing states, in the order of the kernel's flags.
 _REASONS = (
-    ("no state for t >= 1 if n is not an integer, or |n| > 2**53", RuntimeWarning),
+    ("no state, because n must be an integer up to 2**53 for so long an eps", RuntimeWarning),
     ("beyond the range of the closed form, 1e8 for X, Y and K: use iterate", RuntimeWarning),
     ("no state directly after a pole of the map", SingularStepWarning),
 )
@@ -48,16 +48,17 @@ def exact(
     omega0, eps
         As in :func:`iterate`.
     n : array_like(float, shape=() or (N,))
-        Numbers of the states, positive or negative. If ``|t| < 1``, or if the orbit of a
-        gyrostat is periodic, n may be any real number, which gives a curve through the orbit.
+        Numbers of the states, positive or negative. If ``t**2 - (e k)**2 < 1``, with
+        ``e = eps / (2 sqrt(I1 I2))`` and the momentum k of a rotor (without one, if ``|t| < 1``),
+        n may be any real number, which gives a curve through the orbit.
     threads
         As in :func:`iterate`.
 
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states. If ``|t| >= 1``, they are NaN, with a `RuntimeWarning`, for ``|n| > 2**53`` and
-        for n that is not an integer; and for any t where the dimensionless X, Y or K exceeds 1e8
+        The states. For longer eps they are NaN, with a `RuntimeWarning`, for ``|n| > 2**53`` and
+        for n that is not an integer; and for any eps where the dimensionless X, Y or K exceeds 1e8
         (then use :func:`iterate`). Beyond a pole of the map, where :func:`iterate` stops, the
         formula continues; only the state directly after the pole is NaN, with a
         :class:`SingularStepWarning`.

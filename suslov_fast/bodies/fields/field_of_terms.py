@@ -130,7 +130,7 @@ class FieldOfFunction(Body):
         """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
 
         The map of a `QuadraticField` conserves :func:`modified_energy` exactly, so that the energy
-        does not drift.
+        does not drift; orders 4 to 8 of the map do not conserve it.
 
         Parameters
         ----------

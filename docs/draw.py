@@ -21,6 +21,7 @@ IMAGES = DOCS / "images"
 SCRIPTS = {path.stem: path for path in sorted((DOCS / "examples").glob("*.py"))}
 _PAGES = "equations figure stability crossings diagrams families motion"
 PAGES = {name: DOCS / "howto" / f"{name}.md" for name in _PAGES.split()}
+PAGES["index"] = DOCS / "index.md"
 DPI = 200  # pages show figures at half their size: sharp on dense screens
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

@@ -1,4 +1,4 @@
-"""Kahan maps of the Suslov problem and of quadratic equations, and the motion of any equations.
+"""Kahan maps of the Suslov problem and of quadratic ODEs, and solutions of any ODEs, in batches.
 
 Iterate the orbits of a body from two initial angular velocities::
 

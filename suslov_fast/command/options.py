@@ -16,7 +16,7 @@ from ..keywords import listed
 Command = Callable[[argparse.Namespace], int | None]
 
 _ABOUT = (
-    "Kahan maps of the Suslov problem and of quadratic equations, and the motion of any equations."
+    "Kahan maps of the Suslov problem and of quadratic ODEs, and solutions of any ODEs, in batches."
 )
 _EXAMPLE = "Example: suslov-fast run --figure 4 --steps 500 --save-every 100 -o run.npz"
 PARAMETERS = {

@@ -115,6 +115,8 @@ def test_the_readme(tmp_path, monkeypatch):
 
     Each Python block is a program of its own.
     """
+    matplotlib.use("Agg")
+    plt.close("all")
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(tmp_path)
     for kind, code in all_blocks(README):
@@ -128,7 +130,9 @@ def test_the_readme(tmp_path, monkeypatch):
     figures = sorted((tmp_path / "figures").iterdir())
     assert [path.name for path in figures] == [f"figure{k}.png" for k in (1, 2, 3, 4)]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in figures)
-    assert not plt.get_fignums()
+    drawn = [plt.figure(number) for number in plt.get_fignums()]
+    assert sizes_of(drawn) == sizes_of_pictures("index")  # Home has the same blocks
+    plt.close("all")
 
 
 @pytest.fixture(scope="module")

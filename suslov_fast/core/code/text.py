@@ -1,4 +1,14 @@
-"""Text of machine code with loops and conditions, for rows of lines."""
+"""Text of machine code as formulas: values and arrays with operators, loops and conditions.
+
+Python's operators add instructions to the text, from left to right as Python carries them out:
+
+    for i in text.each(D):
+        b[i] = x[i] + s * f[i]
+
+adds a loop with two loads, a product, a sum and a store. `Value` is W numbers, `Truth` their truth
+values, `Index` an integer; `Array`, `Shared` and `Integers` are memory that brackets read and
+write. Loops are `Code.each` and `Code.rounds`, which carry on values in a `Carried`.
+"""
 
 from contextlib import contextmanager
 
@@ -14,6 +24,182 @@ def bits_of(number):
     return f"0x{np.float64(number).view(np.uint64):016X}"
 
 
+# -------------------------------------------------------------------------------------- the names
+class _Name:
+    """What has a name in a text. `str()` is that name, so it may stand in any instruction."""
+
+    def __init__(self, text, name):
+        self.text, self.name = text, name
+
+    def __str__(self):
+        return str(self.name)
+
+    def __bool__(self):
+        raise TypeError("a text has no values yet: write `text.when`, or `truth.select`")
+
+    def _number(self, other):
+        """Return what stands for the other operand."""
+        return other
+
+    def _operate(self, instruction, a, b):
+        a, b = self._number(a), self._number(b)
+        return type(self)(self.text, self.text.new(f"{instruction} {self.kind} {a}, {b}"))
+
+
+def _add_operators(cls, **instructions):
+    for name, how in instructions.items():
+        setattr(cls, f"__{name}__", lambda self, other, how=how: self._operate(how, self, other))
+        setattr(cls, f"__r{name}__", lambda self, other, how=how: self._operate(how, other, self))
+
+
+class Truth(_Name):
+    """Truth values of all lanes, or a single one, with `&`, `|`, `^` and `~`."""
+
+    def __init__(self, text, name, kind=None):
+        super().__init__(text, name)
+        self.kind = kind or text.M
+
+    def _operate(self, instruction, a, b):
+        name = self.text.new(f"{instruction} {self.kind} {a}, {b}")
+        return Truth(self.text, name, self.kind)
+
+    def __invert__(self):
+        """Return what is true where this is false."""
+        return self ^ ("true" if self.kind == "i1" else self.text.truth(True))
+
+    def select(self, a, b):
+        """Return `a` where this is true, else `b`: numbers of lanes, or integers."""
+        value = b if isinstance(b, _Name) else self.text.value(a)
+        a, b = value._number(a), value._number(b)
+        name = f"select {self.kind} {self}, {value.kind} {a}, {value.kind} {b}"
+        return type(value)(value.text, value.text.new(name))
+
+    def bits(self):
+        """Return the truth values of all lanes as the bits of an integer."""
+        return Index(self.text, self.text.bits(self))
+
+    def any(self):
+        """Return whether some lane is true."""
+        return Truth(self.text, self.text.any(self), "i1")
+
+    def all(self):
+        """Return whether all lanes are true."""
+        return Truth(self.text, self.text.all_true(self), "i1")
+
+
+class _Comparable(_Name):
+    """A name that `equals` and `differs` compare, because `==` finds the keys of dicts."""
+
+    def _compare(self, how, other):
+        comparison = f"{self.comparison} {how} {self.kind} {self}, {self._number(other)}"
+        return Truth(self.text, self.text.new(comparison), self.of_comparison)
+
+    def equals(self, other):
+        return self._compare(self.equal, other)
+
+    def differs(self, other):
+        return self._compare(self.different, other)
+
+
+class Value(_Comparable):
+    """W numbers, with `+`, `-`, `*`, `/`, `abs` and comparisons; floats stand for W equal ones."""
+
+    comparison, equal, different = "fcmp", "oeq", "une"
+
+    @property
+    def kind(self):
+        return self.text.V
+
+    @property
+    def of_comparison(self):
+        return self.text.M
+
+    def _number(self, other):
+        return self.text.constant(other) if isinstance(other, float) else other
+
+    def __abs__(self):
+        return Value(self.text, self.text.absolute(self))
+
+    def root(self):
+        return Value(self.text, self.text.root(self))
+
+    def floor(self):
+        return Value(self.text, self.text.floor(self))
+
+
+class Index(_Comparable):
+    """An integer, or an address, with operators; comparisons and `//` are those without a sign."""
+
+    comparison, equal, different, kind, of_comparison = "icmp", "eq", "ne", "i64", "i1"
+
+
+_add_operators(Truth, **{"and": "and", "or": "or", "xor": "xor"})
+_add_operators(Value, add="fadd", sub="fsub", mul="fmul", truediv="fdiv")
+_add_operators(Index, add="add", sub="sub", mul="mul", floordiv="udiv", lshift="shl", rshift="lshr",
+               **{"and": "and", "or": "or", "xor": "xor"})  # fmt: skip
+for _cls, _marks in ((Value, "o"), (Index, "u")):
+    for _name in ("lt", "le", "gt", "ge"):
+        setattr(
+            _cls, f"__{_name}__", lambda self, other, how=_marks + _name: self._compare(how, other)
+        )
+
+
+# ------------------------------------------------------------------------------------- the memory
+class Array:
+    """Rows of W numbers from an address on; `a[i]` reads row i, and `a[i] = value` writes it."""
+
+    def __init__(self, text, base, first=0):
+        self.text, self.base, self.first = text, base, first
+
+    def at(self, i=0):
+        """Return the address of a row."""
+        return self.text.place(self.base, self.first, i)
+
+    def __getitem__(self, i):
+        return Value(self.text, self.text.load(self.text.V, self.at(i)))
+
+    def __setitem__(self, i, value):
+        self.text.store(self.text.V, self.text.value(value), self.at(i))
+
+    def put_chosen(self, i, value):
+        """Write a row that is a choice between this one and others, see `Text.store_chosen`."""
+        self.text.store_chosen(self.text.value(value), self.at(i))
+
+    def choose(self, truth, i, value):
+        """Write a row in the lanes where `truth` holds."""
+        self.put_chosen(i, truth.select(value, self[i]))
+
+
+class Shared(Array):
+    """Numbers of 8 bytes from an address on, each of which all lanes share."""
+
+    def at(self, i=0):
+        return self.text.at(self.text.plus(self.base, 8 * self.first), i)
+
+    def __getitem__(self, i):
+        return Value(self.text, self.text.shared(self.at(i)))
+
+
+class Integers(Shared):
+    """Integers of 8 bytes from an address on."""
+
+    def __getitem__(self, i):
+        return Index(self.text, self.text.load("i64", self.at(i)))
+
+    def __setitem__(self, i, value):
+        self.text.store("i64", value, self.at(i))
+
+
+class Carried:
+    """What a loop carries on from round to round, by name: the body puts the next ones in place.
+
+    Floats are W equal numbers, and integers an `Index`. After the loop these are the last ones.
+    """
+
+    def __init__(self, **values):
+        vars(self).update(values)
+
+
 class Code(Text):
     """Text with loops and conditions, for the rows of lines."""
 
@@ -21,6 +207,10 @@ class Code(Text):
         super().__init__(W, target)
         self.blocks, self.size = 0, 8 * W
         self.has_runs, self.called, self.constants = False, frozenset(), []
+
+    def finished(self):
+        """Return the text, see `Text.finished`, after the arrays that are part of it."""
+        return "\n".join([*self.constants, super().finished()])
 
     def _name(self, kind):
         self.target.blocks += 1
@@ -196,6 +386,62 @@ class Code(Text):
         kinds = {key: (self.V, value) for key, value in carried.items()}
         last = self.cycle({"index": ("i64", "0")} | kinds, step)
         return {key: last[key] for key in carried}
+
+    # --------------------------------------------------------------------------------------- loops
+    def rounds(self, carried, *others):
+        """Add a loop, whose body is that of `for`; it goes on while `carried.goes_on` is true.
+
+        The body is carried out once by Python, to write its instructions, and must not leave the
+        `for`. It replaces what is in `carried` and in others, and sets `carried.goes_on`.
+        """
+        name, before = self._name("cycle"), self.target.block
+        self.jump(name)
+        self.label(name)
+        place, phis = len(self.target.lines), []
+        for each in (carried, *others):
+            for key, value in vars(each).items():
+                value = self.value(value)
+                phis.append((each, key, value))
+                setattr(each, key, type(value)(value.text, f"%{name}_{key}"))
+        yield carried
+        goes_on = vars(carried).pop("goes_on")
+        # The next values have names only now.
+        self.target.lines[place:place] = [
+            f"  %{name}_{key} = phi {first.kind} "
+            f"[ {first}, %{before} ], [ {first._number(getattr(each, key))}, %{name}_end ]"
+            for each, key, first in phis
+        ]
+        self.jump(f"{name}_end")
+        self.label(f"{name}_end")
+        self.branch(goes_on, name, f"{name}_after")
+        self.label(f"{name}_after")
+
+    def each(self, count, carried=None, most=WRITTEN_OUT):
+        """Add a loop over indices, whose body is that of `for`, see `rounds`.
+
+        A `count` in Python that is at most `most` gives no loop: the body is written so many times.
+        Others must be 1 or more.
+        """
+        if isinstance(count, int) and count <= most:
+            yield from range(count)
+            return
+        for at in self.rounds(Carried(index=0), carried or Carried()):
+            yield at.index
+            at.index = at.index + 1
+            at.goes_on = at.index < count
+
+    # ------------------------------------------------------------------------------ names, memory
+    def value(self, value):
+        """Return a name with operators: that of W equal numbers, or of an integer."""
+        if isinstance(value, float):
+            return Value(self, self.constant(value))
+        if isinstance(value, int):
+            return Index(self, value)
+        return value
+
+    def array(self, base, first=0):
+        """Return the `Array` from a row on."""
+        return Array(self, base, first)
 
     def place(self, base, first, i=0):
         """Return the address of row first + i from an address on."""

@@ -122,8 +122,7 @@ class _Steps:
         else:
             self.columns_function()
         self.main()
-        text = self.text.finished()
-        return "\n".join([*self.text.constants, text])
+        return self.text.finished()
 
     def call(self, name, *addresses):
         """Call one of the functions, on rows; `base` is the address of the rows of `Work`."""
@@ -665,7 +664,7 @@ class _Steps:
     def apply(self, rule, i, **inputs):
         """Carry out a rule for a component; inputs that are not given are numbers and rows."""
         text = self.text
-        for name in {*rule.inputs} - {*inputs}:
+        for name in [name for name in rule.inputs if name not in inputs]:
             if name in Numbers._fields:
                 inputs[name] = self.number(name)
             elif name in Component._fields:

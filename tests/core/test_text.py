@@ -107,12 +107,12 @@ def test_arrays_begin_at_rows_and_share_numbers():
         lanes = Code(2, text)
         pairs = Array(lanes, y.at(5))
         pairs[0] = Value(lanes, lanes.splat(shared[0], 2)) + Array(lanes, x.base)[0]
-        integers[2] = text.integers("of_test", np.array([3, 5]))
-        integers[1] = Integers(text, integers[2])[1]
+        integers[1] = text.integers("of_integers", [3, 5])[1]
+        text.array(y.at(7))[0] = text.numbers("of_numbers", [2.5, 3.5])[1]
 
-    x, y, integers = computed(body, 1, NUMBERS, 7)
+    x, y, integers = computed(body, 1, NUMBERS, 8)
     x, y = x.ravel(), y.ravel()
-    assert np.array_equal(y, [*(x[2:] * x[1:6]), *(x[1] + x[:2])])
+    assert np.array_equal(y, [*(x[2:] * x[1:6]), *(x[1] + x[:2]), 3.5])
     assert integers[1] == 5
 
 

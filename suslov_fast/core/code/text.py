@@ -11,9 +11,11 @@ write. Loops are `Code.each` and `Code.rounds`, which carry on values in a `Carr
 """
 
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 
+from ..lists.step import OF_TRUTH_VALUES
 from .compiler import Text, pointer
 
 WRITTEN_OUT = 4  # indices of which loops are written out
@@ -27,6 +29,8 @@ def bits_of(number):
 # -------------------------------------------------------------------------------------- the names
 class _Name:
     """What has a name in a text. `str()` is that name, so it may stand in any instruction."""
+
+    __array_ufunc__ = None  # numbers of NumPy leave their operators to this class
 
     def __init__(self, text, name):
         self.text, self.name = text, name
@@ -76,6 +80,8 @@ class Truth(_Name):
 
     def bits(self):
         """Return the truth values of all lanes as the bits of an integer."""
+        if self.kind == "i1":
+            return Index(self.text, self.text.new(f"zext i1 {self} to i64"))
         return Index(self.text, self.text.bits(self))
 
     def any(self):
@@ -132,6 +138,11 @@ class Index(_Comparable):
 
     comparison, equal, different, kind, of_comparison = "icmp", "eq", "ne", "i64", "i1"
 
+    def _operate(self, instruction, a, b):
+        if instruction == "add" and isinstance(b, int) and b == 0:
+            return a
+        return super()._operate(instruction, a, b)
+
 
 _add_operators(Truth, **{"and": "and", "or": "or", "xor": "xor"})
 _add_operators(Value, add="fadd", sub="fsub", mul="fmul", truediv="fdiv")
@@ -154,6 +165,10 @@ class Array:
     def at(self, i=0):
         """Return the address of a row."""
         return self.text.place(self.base, self.first, i)
+
+    def after(self, k):
+        """Return the rows from row k on."""
+        return type(self)(self.text, self.base, self.first + k)
 
     def __getitem__(self, i):
         return Value(self.text, self.text.load(self.text.V, self.at(i)))
@@ -199,13 +214,17 @@ class Carried:
     def __init__(self, **values):
         vars(self).update(values)
 
+    def update(self, values):
+        """Put values by name in place of those before."""
+        vars(self).update(values)
+
 
 class Code(Text):
     """Text with loops and conditions, for the rows of lines."""
 
-    def __init__(self, W, target=None):
+    def __init__(self, W, target=None, size=None):
         super().__init__(W, target)
-        self.blocks, self.size = 0, 8 * W
+        self.blocks, self.size = 0, size or 8 * W  # bytes from row to row
         self.has_runs, self.called, self.constants = False, frozenset(), []
 
     def finished(self):
@@ -227,11 +246,10 @@ class Code(Text):
         self.label("entry")
 
     @contextmanager
-    def function(self, name):
-        """Add void name(from, table, to, scratch), whose body is the block of `with`."""
-        self.add(
-            f"define internal void @{name}(i64 %from, i64 %table, i64 %to, i64 %scratch) #0 {{"
-        )
+    def function(self, name, arguments=("from", "table", "to", "scratch")):
+        """Add void name(arguments), of integers, whose body is the block of `with`."""
+        arguments = ", ".join(f"i64 %{argument}" for argument in arguments)
+        self.add(f"define internal void @{name}({arguments}) #0 {{")
         self.label("entry")
         yield
         self.add("  ret void")
@@ -249,19 +267,23 @@ class Code(Text):
         self.label(name)
 
     def integers(self, name, array):
-        """Return the address of an array of integers, which is part of the text."""
-        kind = f"[{array.size} x i{8 * array.itemsize}]"
-        values = ", ".join(f"i{8 * array.itemsize} {value}" for value in array.ravel().tolist())
-        self.target.constants.append(f"@{name} = private constant {kind} [{values}]")
-        return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
+        """Return an array of integers, which is part of the text."""
+        array = np.asarray(array)
+        kind = f"i{8 * array.itemsize}"
+        return Integers(self, self._part(name, kind, array.ravel().tolist()))
 
     def numbers(self, name, array):
-        """Return the address of an array of numbers, which is part of the text."""
-        kind = f"[{array.size} x double]"
-        bits = array.ravel().view(np.uint64).tolist()
-        values = ", ".join(f"double 0x{number:016X}" for number in bits)
-        self.target.constants.append(f"@{name} = private constant {kind} [{values}], align 64")
-        return self.new(f"ptrtoint {pointer(kind)} @{name} to i64")
+        """Return an array of numbers, which is part of the text."""
+        bits = np.asarray(array, np.float64).ravel().view(np.uint64)
+        values = [f"0x{number:016X}" for number in bits.tolist()]
+        return Shared(self, self._part(name, "double", values, ", align 64"))
+
+    def _part(self, name, kind, values, mark=""):
+        """Return the address of an array that is part of the text."""
+        array = f"[{len(values)} x {kind}]"
+        values = ", ".join(f"{kind} {value}" for value in values)
+        self.target.constants.append(f"@{name} = private constant {array} [{values}]{mark}")
+        return Index(self, self.new(f"ptrtoint {pointer(array)} @{name} to i64"))
 
     def memory(self, count):
         """Return the address of memory for so many numbers, on the stack."""
@@ -277,8 +299,21 @@ class Code(Text):
         self.add(f"  call void {name}({kind} {place}, i32 1, i32 3, i32 1)")
 
     def copy(self, source, target, count):
-        """Add a loop that copies rows."""
-        self.fold(count, {}, lambda k: self.put(self.row(source, 0, k), target, 0, k))
+        """Add a loop that copies rows between arrays, or addresses."""
+        source, target = map(self._as_array, (source, target))
+        for k in self.each(count):
+            target[k] = source[k]
+
+    def copy_numbers(self, source, step, target, other, count):
+        """Add a loop that copies so many numbers, which stand so many bytes apart."""
+        for k in self.each(count, most=0):
+            number = self.load("i64", source + k * step)
+            self.store("i64", number, target + k * other)
+
+    def invoke(self, name, *addresses):
+        """Call a function of this text that returns nothing, with arrays and integers."""
+        addresses = [a.at() if isinstance(a, Array) else a for a in addresses]
+        self.add(f"  call void @{name}({', '.join(f'i64 {a}' for a in addresses)})")
 
     def call(self, result, address, *integers):
         """Call the function at an address with integers; return its result, of this type."""
@@ -422,10 +457,12 @@ class Code(Text):
         A `count` in Python that is at most `most` gives no loop: the body is written so many times.
         Others must be 1 or more.
         """
+        carried = carried or Carried()
         if isinstance(count, int) and count <= most:
+            carried.update({key: self.value(value) for key, value in vars(carried).items()})
             yield from range(count)
             return
-        for at in self.rounds(Carried(index=0), carried or Carried()):
+        for at in self.rounds(Carried(index=0), carried):
             yield at.index
             at.index = at.index + 1
             at.goes_on = at.index < count
@@ -439,16 +476,29 @@ class Code(Text):
             return Index(self, value)
         return value
 
+    def lanes(self, W):
+        """Return the same text for W of its lanes, whose rows stay as far apart."""
+        return Code(W, self.target, self.size)
+
     def array(self, base, first=0):
         """Return the `Array` from a row on."""
         return Array(self, base, first)
 
+    def arrays(self, base, rows):
+        """Return an array for each name of a tuple of first rows, after an address."""
+        firsts = rows._asdict().items()
+        return SimpleNamespace(**{name: Array(self, base, first) for name, first in firsts})
+
+    def _as_array(self, rows):
+        return rows if isinstance(rows, Array) else Array(self, rows)
+
     def place(self, base, first, i=0):
         """Return the address of row first + i from an address on."""
+        base = base if isinstance(base, Index) else Index(self, base)
         if isinstance(i, int):
-            return self.plus(base, self.size * (first + i))
-        offset = self.integer("mul", i, self.size)
-        return self.integer("add", self.plus(base, self.size * first), offset)
+            return base + self.size * (first + i)
+        offset = Index(self, i) * self.size
+        return base + self.size * first + offset
 
     def row(self, base, first, i=0):
         return self.load(self.V, self.place(base, first, i))
@@ -473,10 +523,15 @@ class Code(Text):
 
     def apply(self, rule, **inputs):
         """Carry out a rule; return its results by name."""
-        values = {k: inputs[name] for k, name in enumerate(rule.inputs)}
+        values = {k: self.value(inputs[name]) for k, name in enumerate(rule.inputs)}
         self.carry_out(rule.operations, values, None)
+        truths = {
+            number for instruction, number, _ in rule.operations if instruction in OF_TRUTH_VALUES
+        }
         return {
-            name: self.constant(a) if isinstance(a, float) else values[a]
+            name: self.value(a)
+            if isinstance(a, float)
+            else (Truth if a in truths else Value)(self, values[a])
             for name, a in rule.results.items()
         }
 

@@ -7,8 +7,8 @@ back to surfaces at once, again and again, slides along them, and ends.
 import numpy as np
 
 from ..lists.variational import Variational
+from .arguments import NUMBER
 from .rows import State
-from .text import NUMBER
 
 # A solution slides that changes its choices so often within so small a part of the time.
 _BACK_AND_FORTH, AT_ONCE = 12, 2.0**-36

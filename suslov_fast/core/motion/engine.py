@@ -9,12 +9,14 @@ import numpy as np
 from ..code.compiler import call, compiled
 from ..compiling.threads import in_parts
 from ..fields.lines import zeros
+from .arguments import COMPONENT, SLOT, Arguments, Numbers
 from .choosing import Choices
+from .explicit import lane_numbers
 from .half import Half
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, State
 from .rules import MOST_STEPS, first_part, limit_of
-from .text import COMPONENT, SLOT, Arguments, Numbers, lane_numbers, text_of_half
+from .text import text_of_half
 
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time

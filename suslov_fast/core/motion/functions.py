@@ -15,8 +15,8 @@ from ..code.runs import program_of
 from ..code.runs_code import add_runs
 from ..lists.right_hand_side import renumbered
 from ..lists.step import OF_LIBRARY, OF_LISTS, evaluate
-from .text import INLINED
 
+INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
 BLOCK = 64  # operations of a block of straight-line code
 LONGEST = 4000  # operations of straight-line code: a longer list takes seconds to compile
 
@@ -127,7 +127,9 @@ class OfLongList:
             add_runs(text, "runs", for_each, text.called)
         runs, size = self.program.runs, text.size if for_each else 8
         with text.function(name):
-            heads, places = (text.integers(f"{name}_{k}", array) for k, array in enumerate(runs))
+            heads, places = (
+                text.integers(f"{name}_{k}", array).base for k, array in enumerate(runs)
+            )
             table = text.plus("%table", size * first)
             text.copy("%from", "%scratch", self.inputs)
             numbers = ", ".join(f"i64 {a}" for a in ("%scratch", table, heads, places))
@@ -135,7 +137,7 @@ class OfLongList:
             is_value = [not isinstance(a, float) for a in self.results]
             if all(is_value):
                 rows = np.array([self._row[a] for a in self.results])
-                rows = text.integers(f"{name}_rows", rows)
+                rows = text.integers(f"{name}_rows", rows).base
 
                 def move(k):
                     row = text.load("i64", text.at(rows, k))
@@ -427,7 +429,7 @@ class DenseFactors(_Loops):
             text.fold(D * D, {}, lambda k: text.put(zero, "%to", 0, k))
             if len(self.places):
                 s = text.row("%from", len(self.places))
-                places = text.integers(f"{name}_places", self.places)
+                places = text.integers(f"{name}_places", self.places).base
 
                 def put(k):
                     place = text.load("i64", text.at(places, k))

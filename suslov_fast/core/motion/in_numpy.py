@@ -7,9 +7,9 @@ import numpy as np
 
 from ..lists.conditions import with_intervals
 from . import rules
+from .arguments import COMPONENT, NUMBER, Component, Numbers
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors, weights_of_few
 from .rows import State
-from .text import COMPONENT, NUMBER, Component, Numbers
 
 
 class StepsInNumPy:

@@ -9,9 +9,10 @@ from array import array
 
 import numpy as np
 
+from .arguments import NUMBER, SLOT, Arguments
 from .engine import BUDGET, code_of_half, components_of, half_of, numbers_of
+from .explicit import lane_numbers
 from .rows import BEGINS, State
-from .text import NUMBER, SLOT, Arguments, lane_numbers
 
 PLANS = 256  # that are kept
 _SIZE = 8  # bytes of a number

@@ -3,11 +3,11 @@
 import numpy as np
 
 from ..compiling.threads import in_parts
+from .arguments import NUMBER
 from .engine import BLOCK, WIDTH, Motion, half_of
 from .in_numpy import StepsInNumPy
 from .rows import BEGINS, State
 from .rules import POINT, POINT_IMPLICIT, carried_out
-from .text import NUMBER
 
 # Python 3.11 finds members of an `IntEnum` slowly.
 EXPLICIT, IMPLICIT, TOO_MANY = map(int, (State.EXPLICIT, State.IMPLICIT, State.TOO_MANY))

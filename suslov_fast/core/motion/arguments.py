@@ -1,0 +1,51 @@
+"""What the code of a half of the motion takes, by name: addresses, and numbers of all lanes."""
+
+from typing import NamedTuple
+
+
+class Arguments(NamedTuple):
+    """The integers of an array that the code takes."""
+
+    rows: int  # address of the rows of trajectories (count, rows)
+    count: int
+    following: int  # number of the trajectory that the next free lane takes; the code changes it
+    budget: int  # steps of all lanes, after which the code returns
+    table: int  # address of the table (n,) or (count, n)
+    table_bytes: int  # from trajectory to trajectory
+    work: int  # address of the rows of `Work`
+    numbers: int  # address of `Numbers`
+    components: int  # address of the rows of `Component` (4, D)
+    times: int  # address of the moduli of times, ascending (times_count,)
+    times_count: int
+    states: int  # address of the states at these times (count, trajectories, D)
+    state_bytes: int  # of one time
+
+
+class Component(NamedTuple):
+    """Numbers of a component that all lanes share."""
+
+    extra: float  # what is added to the allowed error: atol, infinity for clocks
+    counts: float  # 1, for clocks 0
+    keeps: float  # 1 for components that keep their sign, else 0
+    seeds: float  # what is added to the vector of the power iteration
+
+
+class Numbers(NamedTuple):
+    """The numbers that all lanes share."""
+
+    rtol: float
+    last: float  # modulus of the last time
+    sign: float  # 1 or -1, forward or backward in time
+    part: float  # see `rules.first_part`
+    longest: float  # step
+    limit: float  # see `rules.limit_of`
+    switches: float  # 1 if lanes may change to the other half, else 0
+    first_next: float  # the first time
+    first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
+    most: float  # steps, also refused ones, from one time to the next
+    stops: float  # 1 if steps end on surfaces, else 0
+
+
+SLOT, NUMBER, COMPONENT = (
+    kind(*range(len(kind._fields))) for kind in (Arguments, Numbers, Component)
+)

@@ -1,0 +1,97 @@
+"""The columns of an implicit step: the linearly implicit Euler rule, and the matrix of its steps.
+
+With s = h / N and A = 1 - s J, where J is f' at x, a column is
+
+c = A**-1 s f(x),     N - 1 times c = c + A**-1 s f(x + c),
+
+and ends at x + c. The power iteration on f' shows the largest rate |mu| of the motion: with
+components z_i measured by their largest moduli S_i,
+
+w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
+"""
+
+from ..code.text import Carried, Index
+from . import rules
+from .columns import IMPLICIT
+from .scope import Scope
+
+
+class ImplicitColumns(Scope):
+    """The function void columns(x, f, table, work, count), see `explicit.ExplicitColumns`.
+
+    The entries of J stand in the row `jacobian` of `Work`, as those of f' come from `derive`.
+    """
+
+    def __init__(self, text, half, name, for_each):
+        super().__init__(text, half, name, for_each, "%work")
+
+    def add(self):
+        """Add the function."""
+        text, work = self.text, self.work
+        with text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
+            lengths = self.constants("lengths", IMPLICIT)
+            inverses = self.constants("inverses", [1.0 / N for N in IMPLICIT])
+            for c in text.each(Index(text, "%count"), most=0):
+                N = lengths[c]
+                s = work.signed[0] * inverses[c]
+                self.column(N, s, text.array(work.ends.at(c * self.D)))
+
+    def column(self, N, s, ends):
+        """Add a column of N sub-steps; `ends` is c."""
+        text, work, D = self.text, self.work, self.D
+        x, f = text.array("%x"), text.array("%f")
+        work.jacobian[self.f.entries] = s
+        jacobian, factors, a, b, right = (
+            text.array(rows.at())
+            for rows in (work.jacobian, work.factors, work.a, work.b, work.right)
+        )
+        self.call("factor", jacobian, "%table", factors)
+
+        def solve(rates):
+            for i in text.each(D):
+                right[i] = s * rates[i]
+            self.call("solve", factors, "%table", right)
+
+        solve(f)
+        for i in text.each(D):
+            ends[i] = right[i]
+        for _ in text.each(N - 1, most=0):
+            for i in text.each(D):
+                a[i] = x[i] + ends[i]
+            self.call("f", a, "%table", b)
+            solve(b)
+            for i in text.each(D):
+                ends[i] = ends[i] + right[i]
+
+
+def derive(lines):
+    """Write the entries of f'; return its rate by a step of the power iteration."""
+    text, line, work = lines.text, lines.line, lines.work
+    entries = lines.f.entries
+    jacobian, right = text.array(work.jacobian.at()), text.array(work.right.at())
+    scale, scaled = work.start, jacobian.after(entries + 1)
+    lines.call("j", line.x, lines.table, jacobian)
+    for part, count in (
+        (jacobian, entries),
+        (jacobian.after(entries + 1 + lines.D), lines.half.couplings),
+    ):
+        for k in text.each(count):
+            part[k] = text.apply(rules.FINITE, entry=part[k])["entry"]
+    largest = Carried(top=0.0)
+    for i in text.each(lines.D, largest):
+        largest.top = text.apply(rules.SIZE, modulus=line.largest[i], top=largest.top)["top"]
+    for i in text.each(lines.D):
+        found = text.apply(rules.SCALE, largest=line.largest[i], top=largest.top, mode=line.mode[i])
+        scale[i], scaled[i] = found["scale"], found["scaled"]
+    lines.call("power", jacobian, lines.table, right)
+    size = Carried(size=0.0)
+    for i in text.each(lines.D, size):
+        found = text.apply(rules.RATE, product=right[i], scale=scale[i], size=size.size)
+        right[i], size.size = found["product"], found["size"]
+    for i in text.each(lines.D):
+        found = text.apply(
+            rules.MODE, product=right[i], size=size.size, mode=line.mode[i],
+            seed=lines.component("seeds", i),
+        )  # fmt: skip
+        line.mode.put_chosen(i, found["mode"])
+    return size.size

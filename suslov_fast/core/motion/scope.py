@@ -1,0 +1,115 @@
+"""What the functions of a half's text share: their arrays, the functions that they call, and rules.
+
+`Scope` is a function that has rows of `Work`, and `Lines` that which takes steps of lines of lanes.
+"""
+
+import numpy as np
+
+from ..code.text import Array, Integers, Shared, Truth
+from . import rules
+from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Component, Numbers
+from .rows import State
+
+
+class Scope:
+    """A function of the text of a half: `work` has an array for each part of `Work`."""
+
+    def __init__(self, text, half, name, for_each, work):
+        self.text, self.half, self.name, self.for_each = text, half, name, for_each
+        self.f, self.D = half.f, half.f.D
+        self.extended = self.D + len(self.f.denominators)
+        self.work = text.arrays(work, half.work)
+
+    def constants(self, name, values):
+        """Return an array of integers or of numbers, which is part of the text."""
+        values = np.array(values)
+        add = self.text.numbers if values.dtype == float else self.text.integers
+        return add(f"{self.name}_{name}", values)
+
+    def call(self, function, *addresses):
+        """Call one of the functions of the half, see `functions`: from, table, to."""
+        addresses = [a.at() if isinstance(a, Array) else a for a in addresses]
+        self.text.invoke(f"{self.name}_{function}", *addresses, self.work.scratch)
+
+
+class Lines(Scope):
+    """The function that takes steps of lines of lanes.
+
+    of        the arguments of the code, see `Arguments`
+    line      an array for each part of `Rows`
+    work      one for each part of `Work`
+    table     the address of the table
+    """
+
+    def __init__(self, text, half, name, for_each):
+        self.arguments = Integers(text, "%arguments")
+        self.of = Arguments(*(self.arguments[k] for k in SLOT))
+        super().__init__(text, half, name, for_each, self.of.work)
+        self.line = text.arrays(self.work.line.at(), half.rows)
+        self.table = self.work.table.at() if for_each else self.of.table
+
+    def has_trajectories(self):
+        """Return whether some lane has one: the rows `own` are their numbers plus 1, 0 without."""
+        text = self.text
+        own, zero = text.load(text.I, self.work.own.at()), "0" if text.W == 1 else "zeroinitializer"
+        return Truth(text, text.new(f"icmp ne {text.I} {own}, {zero}")).any()
+
+    def columns(self, x, f, count):
+        """Write the ends of the first columns of a step, less x, to `work.ends`."""
+        self.text.invoke(f"{self.name}_columns", x, f, self.table, self.of.work, count)
+
+    @property
+    def mode(self):
+        """The `State` of lanes that this half takes."""
+        mode = State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
+        return self.text.value(float(mode))
+
+    def number(self, name):
+        """Return one of `Numbers`."""
+        return Shared(self.text, self.of.numbers)[getattr(NUMBER, name)]
+
+    def component(self, name, i):
+        """Return one of `Component`."""
+        return Shared(self.text, self.of.components, getattr(COMPONENT, name) * self.D)[i]
+
+    def apply(self, rule, i=0, **inputs):
+        """Carry out a rule, for component i of what has several; return its results by name.
+
+        Inputs that are not given are, by their names, `Numbers`, a `Component`, and rows of `line`
+        or of `work`.
+        """
+        for name in [name for name in rule.inputs if name not in inputs]:
+            if name in Numbers._fields:
+                inputs[name] = self.number(name)
+            elif name in Component._fields:
+                inputs[name] = self.component(name, i)
+            else:
+                rows = self.line if hasattr(self.line, name) else self.work
+                inputs[name] = getattr(rows, name)[i]
+        return self.text.apply(rule, **inputs)
+
+    def near(self):
+        """Return the results of `NEAR`, which are constants where no surface ends steps."""
+        if self.half.watched:
+            return self.apply(rules.NEAR)
+        return {"reach": rules.REACH, "shortest": rules.SHORTEST}
+
+    def sum_of_ends(self, factors, i):
+        """Return the sum of factors times y_c - x of component i, in the order of columns."""
+        total = None
+        for c, factor in enumerate(factors):
+            product = factor * self.work.ends.after(c * self.D)[i]
+            total = product if total is None else total + product
+        return total
+
+    def lanes_with(self, bits):
+        """Add a loop over lanes; the body is carried out for those with bits, at their offsets."""
+        for lane in self.text.each(self.text.W, most=0):
+            bit = (bits >> lane) & 1
+            with self.text.when(bit.equals(1)):
+                yield lane * 8
+
+    def keep(self, rows, found):
+        """Write results of a rule to the rows of `line` or of `work` with their names."""
+        for name, value in found.items():
+            getattr(rows, name).put_chosen(0, value)

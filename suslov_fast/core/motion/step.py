@@ -1,0 +1,129 @@
+"""A step of all lanes of a line: its length, the next state, and whether it is taken.
+
+From the ends y_c of columns, with the weights of `columns`,
+
+x_next = x + sum_c w_c (y_c - x),     e = sum_c (w_c - v_c) (y_c - x),
+
+where v_c are the weights without the first column. The step is taken if
+
+max_i |e_i| / allowed_i <= 1,
+
+and `rules` say what is allowed, how long the next step is, and which half takes it. Lanes that take
+no step in this half have length 0 and stay as they are.
+"""
+
+from ..code.text import Carried
+from . import inside, rules, surfaces
+from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors
+from .implicit import derive
+
+
+def choose_length(lines):
+    """Choose the length of the next step in each lane."""
+    found = lines.apply(rules.LENGTH, mode=lines.mode, **lines.near())
+    lines.keep(lines.work, found)
+
+
+def take_step(lines):
+    """Take a step in the lanes that do so."""
+    text, half, line, work = lines.text, lines.half, lines.line, lines.work
+    columns, p = (IMPLICIT, 1) if half.is_implicit else (EXPLICIT, 2)
+    own, of_error = weights(columns, p), weights_of_errors(columns, p)
+    rate = derive(lines) if half.is_implicit else None
+    lines.columns(line.x, line.f, len(columns))
+    kept, sizes = _next_states(lines, own, of_error)
+    sums = _errors(lines, own, sizes)
+    sums |= {"kept": kept, "taken": work.taken[0], "rate": rate, **lines.near()}
+    before = line.t[0]
+    found = lines.apply(rules.AFTER, **sums)
+    sums["accepted"] = found.pop("accepted")
+    lines.keep(work, {"accepted": sums["accepted"], "t": before})
+    lines.keep(line, found)
+    if half.is_implicit:
+        lines.keep(line, lines.apply(rules.TURN_IMPLICIT, **sums))
+    else:
+        looks = lines.apply(rules.LOOKS, **sums)["looks"]
+        with text.when(looks.any(), likely=False):
+            lines.keep(line, lines.apply(rules.TURN_EXPLICIT, **sums))
+    if half.watched:
+        surfaces.cut(lines, before, sums["accepted"], sums["total"])
+    inside.save_states(lines)
+    if half.kinks:
+        surfaces.choose(lines)
+    _move(lines)
+
+
+def _next_states(lines, own, of_error):
+    """Write the next states, f there, and errors; return which are kept, and sizes of parts."""
+    text, half, line, work = lines.text, lines.half, lines.line, lines.work
+    sums, sizes = Carried(**dict.fromkeys(half.largest.results, 0.0), kept=1.0), []
+    for first, count in half.parts:
+        for i in text.each(count, sums):
+            i = i + first
+            x = line.x[i]
+            new = x + lines.sum_of_ends(own, i)
+            if lines.f.clocks:
+                signed = {"f": line.f[i], "signed": work.signed[0]}
+                new = lines.apply(rules.CLOCK, i, x=x, new=new, **signed)["new"]
+            if lines.f.of_one_sign:
+                before = line.largest[i]
+                found = text.apply(
+                    rules.KEPT, x=x, new=new, kept=sums.kept, rtol=lines.number("rtol"),
+                    keeps=lines.component("keeps", i), extra=lines.component("extra", i),
+                    size=abs(x) if half.has_atol else before,
+                )  # fmt: skip
+                new, sums.kept = found["new"], found["kept"]
+            work.new.put_chosen(i, new)
+            work.error[i] = lines.sum_of_ends(of_error, i)
+            sums.update(lines.apply(half.largest, i, **vars(sums) | {"new": new}))
+        sizes.append({name: getattr(sums, name) for name in half.largest.results})
+    kept = sums.kept
+    lines.call("f", work.new, lines.table, work.f_new)
+    for k in range(lines.D, lines.extended):  # denominators of clocks
+        kept = lines.apply(rules.SAME_SIGN, x=line.f[k], new=work.f_new[k], kept=kept)["kept"]
+    return kept, sizes
+
+
+def _errors(lines, own, sizes):
+    """Return sums over components: the largest ratio of an error by what is allowed, and others.
+
+    The inverse of what is allowed takes the place of the error.
+    """
+    text, half, work = lines.text, lines.half, lines.work
+    names = ["ratio", "total"] + ([] if half.is_implicit else ["rates", "states"])
+    sums, allowed = Carried(**dict.fromkeys(names, 0.0)), half.allowed
+    for (first, count), of_part in zip(half.parts, sizes, strict=True):
+        for i in text.each(count, sums):
+            i, inputs = i + first, dict(of_part)
+            if "noise" in allowed.inputs:
+                inputs["noise"] = _noise(lines, own, i)
+            inverse = lines.apply(allowed, i, **inputs)["inverse"]
+            found = lines.apply(rules.RATIO, i, inverse=inverse, **vars(sums))
+            if not half.is_implicit:
+                inputs = {"last": work.a[i], "inverse": inverse}
+                found |= lines.apply(rules.DIFFERENCES, i, **vars(sums) | inputs)
+            sums.update(found)
+            work.error[i] = inverse
+    return vars(sums)
+
+
+def _noise(lines, own, i):
+    """Return the sum of moduli of what is added up for the next state."""
+    total = None
+    for c, factor in enumerate(own):
+        product = abs(factor) * abs(lines.work.ends.after(c * lines.D)[i])
+        total = product if total is None else total + product
+    return total
+
+
+def _move(lines):
+    """Move the lanes whose step is taken to their next state."""
+    text, line, work = lines.text, lines.line, lines.work
+    accepted = work.accepted[0] > 0.0
+    for i in text.each(lines.D):
+        new, largest = work.new[i], line.largest[i]
+        line.x.choose(accepted, i, new)
+        modulus = abs(new)
+        line.largest.choose(accepted, i, (modulus > largest).select(modulus, largest))
+    for i in text.each(lines.extended):
+        line.f.choose(accepted, i, work.f_new[i])

@@ -1,0 +1,111 @@
+"""Surfaces on which conditions of f change: steps end just beyond them, and choices are made anew.
+
+A step looks for surfaces at the ends of PARTS of its length, where the state is (`rules.POINT`)
+
+x + u d + u (u - 1) ((1 - 2 u) d + (u - 1) h f(x) + u h f(x_next)),     d = x_next - x,
+
+and `watch` of the half compares both ends of each part. A step that crosses a surface is taken
+again, shorter, until it ends just beyond (`rules.CUT`).
+"""
+
+import numpy as np
+
+from ..code.text import Carried
+from ..lists.conditions import choices_of
+from ..lists.tables import Table, is_table
+from . import rules
+
+
+def cut(lines, before, accepted, total):
+    """Take a step again that crosses a surface, or is on the way to one, with a better length."""
+    text, line, work, watched = lines.text, lines.line, lines.work, lines.half.watched
+    taken = work.taken[0]
+    pair, seen = text.array(work.between.at()), text.array(work.seen.at())
+    point, new = text.array(pair.after(watched).at()), text.array(work.new.at())
+    x, far = text.array(line.x.at()), text.array(line.far.at())
+
+    def look(*names):
+        lines.call("watch", pair, lines.table, seen)
+        return {name: seen[k] for k, name in enumerate(names)}
+
+    def keep_far(truth):
+        for i in text.each(watched):
+            far.put_chosen(i, truth.select(point[i], far[i]))
+
+    text.copy(x, pair, watched)
+    parts = dict.fromkeys(("crossed", "place", "end"), text.value(0.0))
+    outer = line.outer[0]
+    is_far = ~(outer < np.inf)
+    for k in range(1, rules.PARTS + 1):
+        u = text.value(k / rules.PARTS)
+        if k < rules.PARTS:
+            _put_point(lines, u, point)
+        else:
+            text.copy(new, point, watched)
+        inputs = look("part", "crosses") | parts | {"u": u, "taken": taken}
+        parts = lines.apply(rules.LOOK, **inputs)
+        keep_far((parts.pop("is_first") > 0.0) & is_far)
+        text.copy(point, pair, watched)
+    inputs = {"accepted": accepted, "total": total, "before": before, "taken": taken}
+    inputs |= parts | {"mode": lines.mode}
+    text.copy(far, point, watched)
+    inputs |= look("part")
+    text.copy(x, pair, watched)
+    text.copy(new, point, watched)
+    inputs |= look("whole_part", "crosses", "jumps")
+    found = lines.apply(rules.CUT, **inputs)
+    keep_far(found.pop("beyond") > 0.0)
+    lines.keep(work, {name: found.pop(name) for name in ("at_surface", "accepted")})
+    lines.keep(line, found)
+
+
+def _put_point(lines, u, to):
+    """Write the state at a part u of the step."""
+    text, work = lines.text, lines.work
+    rule = rules.POINT_IMPLICIT if lines.half.is_implicit else rules.POINT
+    signed = work.signed[0]
+    for i in text.each(lines.half.watched):
+        to[i] = lines.apply(rule, i, signed=signed, u=u)["point"]
+
+
+def choose(lines):
+    """Make the choices of kinks anew where the step ends on a surface, and f with them.
+
+    A table may be so steep that f changes much where it is continuous.
+    """
+    text, work, conditions = lines.text, lines.work, lines.f.conditions
+    accepted, at_surface = work.accepted[0], work.at_surface[0]
+    ends = (accepted > 0.0) & (at_surface > 0.0)
+    with text.when(ends.any(), likely=False):
+        place = conditions.P + conditions.jumps
+        for k, kind in enumerate(lines.half.kinks, 3):
+            if is_table(kind):
+                _put_interval(lines, kind, ends.bits(), k, place)
+            else:
+                now = work.seen[k]
+                text.array(lines.table, place).choose(ends, 0, now)
+            place += choices_of(kind)
+        lines.call("f", work.new, lines.table, work.f_new)
+
+
+def _put_interval(lines, table, bits, argument, place):
+    """Write the interval of a table that holds an argument to the table of lanes with bits.
+
+    The interval is found by bisection among a number of knots that is a power of 2.
+    """
+    text, count = lines.text, table.rows.shape[1]
+    one = text.lanes(1)
+    half = max(2 ** (count - 1).bit_length() // 2, 1)
+    numbers = np.full((Table.ROWS, 2 * half), np.inf)
+    numbers[:, :count] = table.rows
+    numbers = text.numbers(f"{lines.name}_interval_{place}", numbers)
+    for offset in lines.lanes_with(bits):
+        x = one.array(lines.work.line.at() + offset, lines.work.seen.first)[argument]
+        for now in text.rounds(Carried(at=numbers.base, half=half)):
+            above = now.at + now.half * 8
+            is_above = x >= one.array(above)[0]
+            now.half = now.half >> 1
+            now.at = is_above.select(above, now.at)
+            now.goes_on = now.half.differs(0)
+        to = text.place(lines.table + offset, place)
+        text.copy_numbers(now.at, 16 * half, to, text.size, Table.ROWS)

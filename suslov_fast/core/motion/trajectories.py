@@ -1,0 +1,72 @@
+"""The trajectories in lanes: which takes the next one, where it begins, and the budget of steps.
+
+A lane whose trajectory ends writes it back, and takes the next one that waits. In memory the rows
+of a trajectory follow each other; those of a lane are W numbers apart.
+"""
+
+from ..code.text import Carried, Integers
+from . import rules
+from .arguments import SLOT
+
+
+def take_next(lines, free):
+    """Write back the trajectories of lanes with these bits, and let them take the next ones."""
+    text, of = lines.text, lines.of
+    for offset in lines.lanes_with(free):
+        line, own = lines.line.x.at() + offset, Integers(text, lines.work.own.at() + offset)
+        _write_back(lines, offset, own[0])
+        number = lines.arguments[SLOT.following]
+        own[0] = 0
+        with text.when(number < of.count):
+            following = number + 1
+            own[0] = following
+            lines.arguments[SLOT.following] = following
+            size = lines.half.rows.size
+            text.copy_numbers(of.rows + number * (8 * size), 8, line, text.size, size)
+            if lines.for_each:
+                at = of.table + number * of.table_bytes
+                text.copy_numbers(at, 8, lines.table + offset, text.size, lines.half.numbers)
+    begins = lines.line.state[0] < 0.0
+    with text.when(begins.any()):
+        _begin(lines, begins)
+
+
+def _write_back(lines, offset, own):
+    """Write the rows of a lane, and its table, to those of its trajectory, if it has one."""
+    text, of, half = lines.text, lines.of, lines.half
+    parts = [(lines.line.x.at(), of.rows, 8 * half.rows.size, half.rows.size)]
+    if half.kinks:  # whose choices stand in the table
+        parts.append((lines.table, of.table, of.table_bytes, half.numbers))
+    with text.when(own.differs(0)):
+        number = own - 1
+        for source, target, size, count in parts:
+            at = target + number * size
+            text.copy_numbers(source + offset, text.size, at, 8, count)
+
+
+def pause_if_spent(lines):
+    """Return 0 where the budget is spent."""
+    text, left = lines.text, lines.arguments[SLOT.budget]
+    with text.when(text.compare_integers("sle", left, 0), likely=False):
+        for lane in text.each(text.W, most=0):
+            offset = lane * 8
+            _write_back(lines, offset, Integers(text, lines.work.own.at() + offset)[0])
+        text.leave("i64 0")
+    lines.arguments[SLOT.budget] = left - 1
+
+
+def _begin(lines, begins):
+    """Begin the trajectories of some lanes: f, the largest moduli, the first length."""
+    text, line = lines.text, lines.line
+    f_new = text.array(lines.work.f_new.at())
+    lines.call("f", line.x, lines.table, f_new)
+    for i in text.each(lines.extended):
+        line.f.choose(begins, i, f_new[i])
+    sums = Carried(size=0.0, rate=0.0, total=0.0)
+    for i in text.each(lines.D, sums):
+        x, f = line.x[i], f_new[i]
+        line.largest.choose(begins, i, abs(x))
+        line.mode.choose(begins, i, 1.0)
+        sums.update(lines.apply(rules.BEGIN_COMPONENT, i, x=x, f=f, **vars(sums)))
+    for name, value in lines.apply(rules.BEGIN, **vars(sums)).items():
+        getattr(line, name).choose(begins, 0, value)

@@ -49,7 +49,7 @@ html_static_path = ["_static"]
 html_css_files = ["style.css"]
 html_show_sourcelink = False
 wide = (
-    "index howto/equations tutorial gallery architecture performance tables bibliography changelog "
+    "index howto/equations tutorial gallery architecture performance bibliography changelog "
     "citing summary search genindex"
 )
 html_sidebars = {page: [] for page in wide.split()}

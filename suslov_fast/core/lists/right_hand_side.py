@@ -176,7 +176,8 @@ class RightHandSide:
     steady       components of constant rate, not 0
     clocks       those of them that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
-    denominators numbers of values of `f` that divide, and depend on clocks and parameters alone
+    denominators numbers of values of `f` that change their sign at poles by clocks and parameters
+                 alone: divisors, 0 where their quotient is 0 or not taken
     surfaces     `List` of the surfaces on which steps end
     slopes       `List` of derivatives of the surfaces on which f jumps, by components j, and by the
                  parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
@@ -207,8 +208,13 @@ class RightHandSide:
         if twice and len(entries) <= _TWICE:
             pattern, *second = self._differentiate_again(values, entries)
         fixed = values.fixed
+        count = len(values.operations)
         varying = [operation for operation in values.operations if operation[1] not in fixed]
         self.f = List(needed_for(varying, results), self._results)
+        self._fixed, self._groups = fixed, {}
+        self._find_properties(values)
+        varying += [a for a in values.operations[count:] if a[1] not in fixed]
+        self.f = List(needed_for(varying, [*results, *self.denominators]), self._results)
         self.derivative = List(needed_for(varying, entries), entries)
         self.surfaces = List(needed_for(varying, surfaces), [*surfaces])
         self.of_parameters = List(needed_for(varying, self.by), self.by)
@@ -227,8 +233,6 @@ class RightHandSide:
         both = fixed | values.fixed_truths
         of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
-        self._fixed, self._groups = fixed, {}
-        self._find_properties()
         self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, conditions, watch = False, None, None
@@ -255,7 +259,7 @@ class RightHandSide:
         found = [[block[i].get(j, 0.0) for i, j in pattern] for block in blocks]
         return pattern, directions, found[0], [a for block in found[1:] for a in block]
 
-    def _find_properties(self):
+    def _find_properties(self, values):
         """Find clocks, components that keep their sign, and denominators of clocks."""
         is_fixed = [isinstance(a, float) or a in self._fixed for a in self._results]
         # The components that each value depends on, as bits.
@@ -278,12 +282,13 @@ class RightHandSide:
             for i, a in enumerate(self._results)
             if not isinstance(a, float) and factors.get(a, 0) >> i & 1
         ]
-        divisors = [a for name, _, (*_, a) in self.f.operations if name == "fdiv"]
-        self.denominators = [
-            a
-            for a in dict.fromkeys(divisors)
-            if not isinstance(a, float) and of.get(a, 0) and not of[a] & ~clocks
+        quotients = [
+            (number, *operands)
+            for name, number, operands in self.f.operations
+            if name == "fdiv" and not isinstance(operands[1], float)
         ]
+        quotients = [each for each in quotients if of[each[2]] and not of[each[2]] & ~clocks]
+        self.denominators = _signs_of_poles(values, self.f, quotients) if quotients else []
 
     def table_of(self, parameters):
         """Return the values of the table (n, ...) for parameters (P, ...)."""
@@ -366,6 +371,69 @@ def renumbered(list_, given):
         operations.append((name, number, of))
         new[old] = number
     return List(operations, [a if isinstance(a, float) else new[a] for a in list_.results])
+
+
+def _signs_of_poles(values, f, quotients):
+    """Return values that change their sign at poles of quotients (number, dividend, divisor).
+
+    Where a quotient is taken they are the divisor, one for dividends above 0 and one for those
+    below, because a quotient has no pole where its dividend has a zero, too; elsewhere 0.
+    """
+    found = {}
+    is_taken = _taken(values, f)
+    for number, a, b in quotients:
+        truth = is_taken.get(number, 0.0)
+        for above, below in ((a, 0.0), (0.0, a)):
+            if isinstance(a, float):
+                sign = float(above > below)
+            else:
+                sign = values.emit("ogt", above, below)
+            both = _both(values.emit, truth, sign)
+            sign = both if isinstance(both, float) else values.emit("select", both, b, 0.0)
+            if both == 1.0:
+                sign = b
+            if sign != 0.0:
+                found[sign] = None
+    return [*found]
+
+
+def _taken(values, f):
+    """Return truth values by numbers, or 1: where results of f depend on a value.
+
+    They do not on what `select` does not take, nor on what a parameter or a choice of 0 multiplies.
+    """
+    emit, found = values.emit, {a: 1.0 for a in f.results if not isinstance(a, float)}
+    for name, number, operands in reversed(f.operations):
+        truth = found.get(number, 0.0)
+        for k, a in enumerate(operands):
+            if isinstance(a, float) or truth == 0.0:
+                continue
+            condition = 1.0
+            if name == "select" and k:
+                condition = operands[0] if k == 1 else _not(emit, operands[0])
+            elif name == "fmul":
+                other = operands[1 - k]
+                if other in values.fixed or values.of.get(other, ("",))[0] == "select":
+                    condition = _not(emit, emit("oeq", other, 0.0))
+            own = _both(emit, truth, condition)
+            before = found.get(a, 0.0)
+            if 0.0 in (own, before):
+                found[a] = own or before
+            else:
+                found[a] = 1.0 if 1.0 in (own, before) else emit("or", own, before)
+    return found
+
+
+def _not(emit, truth):
+    return emit("xor", truth, emit("oeq", 0.0, 0.0))
+
+
+def _both(emit, *truths):
+    """Return where both are true, of truth values and the constants 0 and 1."""
+    others = [a for a in truths if a != 1.0]
+    if 0.0 in others or not others:
+        return 0.0 if others else 1.0
+    return emit("and", *others) if len(others) == 2 else others[0]
 
 
 def _operands(list_):

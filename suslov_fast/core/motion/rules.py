@@ -43,7 +43,8 @@ from .rows import State
 
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
 SMALLEST, OF_ROUNDING, OF_CLOCK = 2.0**-20, 2.0**-52, 2.0**-50
-SAFETY, SHORTER, LONGER, AT_FIRST, AFTER_REFUSED, OF_NAN = 0.75, 0.2, 4.0, 10.0, 1.0, 0.25
+# OF_NAN has many digits: steps that met a time without a value of f should not meet it again.
+SAFETY, SHORTER, LONGER, AT_FIRST, AFTER_REFUSED, OF_NAN = 0.75, 0.2, 4.0, 10.0, 1.0, 0.2371
 # Less 7/64 of the bits of a number they are those of its root, the error in both directions.
 _ROOT = from_bits(round((1023 * 71 / 64 - 0.05) * 2**52))
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor

@@ -73,3 +73,95 @@ def test_derivatives_beside_a_pole_that_is_not_taken():
     np.testing.assert_allclose(motion.x[0, 0], end, rtol=1e-8)
     np.testing.assert_allclose(motion.derivative("a")[0, 0], -np.log(2) * end, rtol=1e-7)
     np.testing.assert_allclose(motion.derivative("x0")[0, 0, 0], end, rtol=1e-7)
+
+
+# ----------------------------------------------------------- branches that end at their surface
+def signed_root(c):
+    return np.where(c > 0, np.sqrt(c), -np.sqrt(-c))
+
+
+@pytest.mark.parametrize(
+    ("rate", "exact"),
+    [
+        # The integral of sqrt(cos) from 0 to pi/2, less that of sqrt(sin) from 0 to 2 - pi/2.
+        (lambda t: signed_root(np.cos(t)), 1.0119143948),
+        (lambda t: signed_root(t - 1), 0.0),
+        (lambda t: np.where(t > 1, np.log(t - 1), np.log(1 - t)), -2.0),
+        (lambda t: np.where(t > 1, (t - 1) * np.log(t - 1), 2.0), 2.0 - 0.25),
+        (lambda t: abs(t - 1) ** -0.3, 2 / 0.7),
+        (lambda t: np.where(t < 1, (1 - t) ** 0.5, (t - 1) ** 1.5), 2 / 3 + 2 / 5),
+    ],
+)
+def test_branches_that_end_at_their_surface(rate, exact):
+    f = field(lambda s: (rate(s[1]), 1.0))
+    motion = sf.flow(f, [[1.0, 0.0]] * 3, time=[0.5, 2.0])
+    np.testing.assert_allclose(motion.x[-1, 0, 0] - 1.0, exact, atol=3e-8)
+    alone = sf.flow(f, [1.0, 0.0], time=[0.5, 2.0])
+    np.testing.assert_array_equal(motion.x, alone.x[:, np.newaxis].repeat(3, axis=1))
+
+
+def test_an_empty_tank_stays_empty():
+    tank = field(lambda h: np.where(h > 0, -np.sqrt(h), 0), "h")
+    np.testing.assert_allclose(sf.flow(tank, 1.0, time=[1.0, 3.0]).x[:, 0], [0.25, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rate", "integral"),
+    [
+        (lambda t: np.sqrt(abs(t - 1)), lambda a: a**1.5 / 1.5),
+        (lambda t: abs(t - 1) ** 0.3, lambda a: a**1.3 / 1.3),
+        (lambda t: np.log(abs(t - 1)), lambda a: a * np.log(a) - a),
+        (lambda t: np.where(t < 1, np.sqrt(1 - t), 5.0), lambda a: a**1.5 / 1.5),
+    ],
+)
+def test_times_on_a_kink_beyond_which_there_is_no_value(rate, integral, rng):
+    """At the last time, and before it."""
+    f = field(lambda s: (rate(s[1]), 1.0))
+    starts = [-0.1, *np.round(1 - rng.uniform(0.05, 5.0, 20), 2)]
+    for start in starts:
+        for times in ([1 - start], [1 - start, 2 - start]):
+            motion = sf.flow(f, [3.0, start], time=times)
+            np.testing.assert_allclose(motion.x[0, 0], 3.0 + integral(1 - start), atol=3e-8)
+            assert motion.status == sf.Status.OK
+
+
+# --------------------------------------------------------------------------------------- sliding
+def test_a_solution_that_slides_is_told_where_it_begins_to():
+    """x' = c - sign(x - a sin(b t)) meets the surface where both rates lead back to it."""
+    a, b, c, x0 = np.array([
+        [1.5, 0.6, 0.3, 2.0], [0.4, 2.9, -1.2, 1.0], [0.9, 1.7, 0.8, -2.5],
+        [1.9, 3.1, 0.1, 0.5], [0.2, 3.9, 0.5, -0.7], [1.1, 2.0, -0.4, 1.3],
+    ]).T  # fmt: skip
+    f = field(lambda s, a, b, c: (c - np.sign(s[0] - a * np.sin(b * s[1])), 1.0), a=a, b=b, c=c)
+    with pytest.warns(sf.PoleWarning, match="slide"):
+        motion = sf.flow(f, np.array([x0, 0 * x0]).T, time=np.linspace(0.05, 6.0, 7))
+    for k in range(len(a)):
+        np.testing.assert_allclose(motion.end[k], first_slide(a[k], b[k], c[k], x0[k]), rtol=1e-9)
+
+
+def first_slide(a, b, c, x):
+    """Return the time at which the solution of the test above begins to slide, NaN if never."""
+    t, side = 0.0, np.sign(x)
+    while t < 6.0:
+        u = np.linspace(t + 1e-9, 6.0, 20001)
+        crossed = np.flatnonzero((x + (c - side) * (u - t) - a * np.sin(b * u)) * side < 0)
+        if not crossed.size:
+            return np.nan
+        low, high = u[crossed[0] - 1] if crossed[0] else t, u[crossed[0]]
+        for _ in range(60):
+            middle = (low + high) / 2
+            is_before = (x + (c - side) * (middle - t) - a * np.sin(b * middle)) * side > 0
+            low, high = (middle, high) if is_before else (low, middle)
+        x, t = x + (c - side) * (low - t), low
+        if (c + side - a * b * np.cos(b * t)) * side >= 0:
+            return t
+        side = -side
+    return np.nan
+
+
+@pytest.mark.parametrize("times", [[2.0], [1.05, 1.1, 1.5, 2.0]])
+def test_a_short_time_of_sliding_is_not_stepped_over(times):
+    f = field(lambda s: (np.where(s[0] > 0, -1, 0.1 - s[1]), np.where(s[0] > 0, 0, 1)), "y z")
+    with pytest.warns(sf.PoleWarning, match="slide"):
+        motion = sf.flow(f, [1.0, 0.0], time=times)
+    np.testing.assert_allclose(motion.end, 1.0, rtol=1e-10)

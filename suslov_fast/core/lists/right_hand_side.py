@@ -282,12 +282,8 @@ class RightHandSide:
             for i, a in enumerate(self._results)
             if not isinstance(a, float) and factors.get(a, 0) >> i & 1
         ]
-        quotients = [
-            (number, *operands)
-            for name, number, operands in self.f.operations
-            if name == "fdiv" and not isinstance(operands[1], float)
-        ]
-        quotients = [each for each in quotients if of[each[2]] and not of[each[2]] & ~clocks]
+        varying = ((number, *of_) for name, number, of_ in self.f.operations if name == "fdiv")
+        quotients = [q for q in varying if (mask := of.get(q[2], 0)) and not mask & ~clocks]
         self.denominators = _signs_of_poles(values, self.f, quotients) if quotients else []
 
     def table_of(self, parameters):

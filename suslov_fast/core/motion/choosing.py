@@ -12,9 +12,9 @@ from .rows import State
 
 # A solution slides that changes its choices so often within so small a part of the time.
 _BACK_AND_FORTH, AT_ONCE = 12, 2.0**-36
-# Parts of the time: within which a surface lies before which a solution ends, and within which one
-# that ends so again slides.
-_AHEAD, _AGAIN = 2.0**-38, 2.0**-28
+# Parts of the time: within which a surface lies before which a solution ends, at first within
+# `_NEAR`; and within which one that ends so again slides.
+_NEAR, _AHEAD, _AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 
 class Choices:
@@ -54,6 +54,9 @@ class Choices:
             self.often[own] = np.where(is_at_once, self.often[own] + 1, 0)
             self.at[own] = t
             self._choose(flat, k, own, np.zeros(len(k)))
+            ahead = _AHEAD * np.where(t > 0.0, t, self.motion.times[-1])
+            back = self._jumps_ahead(flat, k, own, ahead)  # the step after this one is short then
+            flat[k[back], rows.wanted] = 16.0 * ahead[back]
             slides = self.often[own] >= _BACK_AND_FORTH
             state[k] = np.where(slides, State.SLIDING, state[k] - State.CHANGED)
         t = flat[:, rows.t]
@@ -63,28 +66,50 @@ class Choices:
 
     def _go_on(self, flat, k, which):
         """Let solutions go on that end just before a surface, because f has no value beyond it."""
-        rows, P, jumps = self.motion.rows, self.conditions.P, self.conditions.jumps
-        t = flat[k, rows.t]
-        ahead = _AHEAD * np.where(t > 0.0, t, self.motion.times[-1])
-        now = self._choices_ahead(flat, k, which, np.zeros(len(k)))
-        choices = self._choices_ahead(flat, k, which, ahead)
-        jump = (choices != self.inputs[P:, which])[:jumps].any(axis=0)
-        kink = (choices != now)[jumps:].any(axis=0)
-        differ = jump | kink
-        k, which, ahead, kink = k[differ], which[differ], ahead[differ], kink[differ]
+        rows, jumps = self.motion.rows, self.conditions.jumps
+        now = self._choices_ahead(flat, k, which, np.zeros(len(k)))[jumps:]
+        whole = np.where(flat[k, rows.t] > 0.0, flat[k, rows.t], self.motion.times[-1])
+        differ, ahead = np.zeros(len(k), bool), _NEAR * whole
+        while True:
+            choices = self._choices_ahead(flat, k, which, ahead)
+            differ = self._jumps_ahead(flat, k, which, ahead) | (choices[jumps:] != now).any(axis=0)
+            is_near = ahead < _AHEAD * whole
+            if not (is_near & ~differ).any():
+                break
+            ahead = np.where(differ, ahead, np.minimum(8.0 * ahead, _AHEAD * whole))
+        k, which, ahead = k[differ], which[differ], ahead[differ]
         if k.size:
-            again = t[differ] - self.at[which] <= _AGAIN * t[differ]
+            t = flat[k, rows.t]
+            again = t - self.at[which] <= _AGAIN * t
             self.often[which] = np.where(again, self.often[which] + 1, 0)
-            self.at[which] = t[differ]
-            # Choices of kinks are those of the state, so it moves on beyond them.
-            moved = np.where(kink, ahead, 0.0)
-            flat[k, : self.f.D] = self._ahead(flat, k, moved)
-            flat[k, rows.t] += moved
-            self._choose(flat, k, which, ahead - moved)
-            slides = self.often[which] >= _BACK_AND_FORTH
+            self.at[which] = t
             first_state = self.motion.numbers[NUMBER.first_state]
+            slides = self.often[which] >= _BACK_AND_FORTH
             flat[k, rows.state] = np.where(slides, State.SLIDING, first_state)
             flat[k, rows.wanted], flat[k, rows.outer] = 16.0 * ahead, np.inf
+            self._move(flat, k, ahead)
+            self._choose(flat, k, which, np.zeros(len(k)))
+
+    def _move(self, flat, k, ahead):
+        """Let the states of rows k move on beyond a surface, and those at times passed be saved."""
+        rows, motion, D = self.motion.rows, self.motion, self.f.D
+        places, numbers = (flat[:, i].view(np.int64) for i in (rows.place, rows.trajectory))
+        after = flat[k, rows.t] + ahead
+        while (passed := (flat[k, rows.next] <= after) & (flat[k, rows.state] < State.DONE)).any():
+            i = k[passed]
+            states = self._ahead(flat, i, flat[i, rows.next] - flat[i, rows.t])
+            motion.states[places[i], numbers[i]] = states
+            places[i] += 1
+            flat[i, rows.next] = np.append(motion.times, np.inf)[places[i]]
+            flat[i, rows.tries] = 0.0
+        flat[k, :D], flat[k, rows.t] = self._ahead(flat, k, ahead), after
+        is_last = (after >= motion.times[-1]) & (flat[k, rows.state] < State.DONE)
+        flat[k[is_last], rows.state], flat[k[is_last], rows.t] = State.DONE, motion.times[-1]
+
+    def _jumps_ahead(self, flat, k, which, ahead):
+        """Return whether choices of jumps are others a time later than those that rows k have."""
+        choices, P = self._choices_ahead(flat, k, which, ahead), self.conditions.P
+        return (choices != self.inputs[P:, which])[: self.conditions.jumps].any(axis=0)
 
     def _choices_ahead(self, flat, k, which, ahead):
         """Return the choices (-, K) at the states of rows k, or a time later."""

@@ -170,6 +170,10 @@ class Array:
         """Return the rows from row k on."""
         return type(self)(self.text, self.base, self.first + k)
 
+    def from_here(self, i=0):
+        """Return the rows from row i on; the address of that is computed here, once."""
+        return type(self)(self.text, self.at(i))
+
     def __getitem__(self, i):
         return Value(self.text, self.text.load(self.text.V, self.at(i)))
 

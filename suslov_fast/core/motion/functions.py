@@ -13,6 +13,7 @@ import numpy as np
 
 from ..code.runs import program_of
 from ..code.runs_code import add_runs
+from ..code.text import Carried, Shared
 from ..lists.right_hand_side import renumbered
 from ..lists.step import OF_LIBRARY, OF_LISTS, evaluate
 
@@ -57,17 +58,16 @@ class OfList:
         return [self._result(text, a, found, load) for a in self.list_.results]
 
     def _loader(self, text, row, table, for_each):
+        numbers = text.array(table) if for_each else Shared(text, table)
+
         def load(number):
-            if number < self.inputs:
-                return row(number)
-            place = self.places[number]
-            return text.row(table, place) if for_each else text.shared(text.plus(table, 8 * place))
+            return row(number) if number < self.inputs else numbers[self.places[number]]
 
         return load
 
     def _result(self, text, a, found, load):
         if isinstance(a, float):
-            return text.constant(a)
+            return text.value(a)
         return found[a] if a in found else load(a)
 
     def add(self, text, name, for_each, first):
@@ -82,9 +82,9 @@ class OfList:
                 constants.append((a, [k]))
             else:
                 rows[a].append(k)
+        x, to, computed = text.array("%from"), text.array("%to"), {}
         with text.function(name):
-            load = self._loader(text, lambda k: text.row("%from", k), "%table", for_each)
-            computed = {}
+            load = self._loader(text, lambda k: x[k], "%table", for_each)
             for begin in range(0, len(operations), BLOCK):
                 if begin:
                     text.next_block()
@@ -93,10 +93,10 @@ class OfList:
                 for _, number, _ in block:
                     computed[number] = found[number]
                     for k in rows.pop(number, ()):
-                        text.put(found[number], "%to", k)
+                        to[k] = found[number]
             for a, places in [*rows.items(), *constants]:
                 for k in places:
-                    text.put(self._result(text, a, {}, load), "%to", k)
+                    to[k] = self._result(text, a, {}, load)
 
 
 class OfLongList:
@@ -126,29 +126,19 @@ class OfLongList:
             text.has_runs = True
             add_runs(text, "runs", for_each, text.called)
         runs, size = self.program.runs, text.size if for_each else 8
+        rows, to = text.array("%scratch"), text.array("%to")
         with text.function(name):
-            heads, places = (
-                text.integers(f"{name}_{k}", array).base for k, array in enumerate(runs)
-            )
+            heads, places = (text.integers(f"{name}_{k}", each).base for k, each in enumerate(runs))
             table = text.plus("%table", size * first)
-            text.copy("%from", "%scratch", self.inputs)
-            numbers = ", ".join(f"i64 {a}" for a in ("%scratch", table, heads, places))
-            text.add(f"  call void @runs({numbers}, i64 {len(runs.heads)})")
-            is_value = [not isinstance(a, float) for a in self.results]
-            if all(is_value):
-                rows = np.array([self._row[a] for a in self.results])
-                rows = text.integers(f"{name}_rows", rows).base
-
-                def move(k):
-                    row = text.load("i64", text.at(rows, k))
-                    text.put(text.row("%scratch", 0, row), "%to", 0, k)
-
-                text.fold(len(self.results), {}, move)
+            text.copy("%from", rows, self.inputs)
+            text.invoke("runs", rows, table, heads, places, len(runs.heads))
+            if not any(isinstance(a, float) for a in self.results):
+                places = text.integers(f"{name}_rows", [self._row[a] for a in self.results])
+                for k in text.each(len(self.results)):
+                    to[k] = rows[places[k]]
                 return
             for k, a in enumerate(self.results):
-                constant = isinstance(a, float)
-                value = text.constant(a) if constant else text.row("%scratch", self._row[a])
-                text.put(value, "%to", k)
+                to[k] = a if isinstance(a, float) else rows[self._row[a]]
 
 
 def of_list(list_, inputs, places=None):
@@ -157,7 +147,7 @@ def of_list(list_, inputs, places=None):
     return kind(list_, inputs, places or {})
 
 
-_ADDRESSES = "i64 %from, i64 %table, i64 %to, i64 %scratch"
+_ADDRESSES = "%from", "%table", "%to", "%scratch"
 
 
 class _Loops:
@@ -186,48 +176,30 @@ class Tangents(_Loops):
         return np.concatenate([self.first.numbers(table), self.product.numbers(table)])
 
     def add(self, text, name, for_each, first):
-        f, D, integer = self.f, self.inputs, text.integer
+        f, D = self.f, self.inputs
         self.first.add(text, f"{name}_first", for_each, first)
         later = first + len(self.first.numbers(np.zeros(len(f.table))))
         self.product.add(text, f"{name}_product", for_each, later)
-        entries, vector = f.before, f.before + f.entries + 1
         extended, of_parameters = D + len(f.denominators), f.before - f.q * D
-
-        def call(function, *addresses):
-            numbers = ", ".join(f"i64 {a}" for a in (*addresses, inner))
-            text.add(f"  call void @{name}_{function}({numbers})")
-
+        x, found, to = (text.array(f"%{each}") for each in ("from", "scratch", "to"))
+        entries, vector = f.before, f.before + f.entries + 1
         with text.function(name):
-            inner = text.place("%scratch", self.own)
-            call("first", "%from", "%table", "%scratch")
-            text.copy("%scratch", "%to", D)
+            inner = found.at(self.own)
+            text.invoke(f"{name}_first", x, "%table", found, inner)
+            text.copy(found, to, D)
             for k in range(D, extended):
-                text.put(text.row("%scratch", k), "%to", f.D - D + k)
-
-            def column(c):
-                place = integer("mul", integer("add", c, 1), D)
-                at = text.place("%scratch", vector)
-                text.copy(text.place("%from", 0, place), at, D)
-                call(
-                    "product",
-                    text.place("%scratch", entries),
-                    "%table",
-                    text.place("%to", 0, place),
-                )
-
-            text.fold(f.columns, {}, column)
-            own = f.D - 2 * f.has_trace - f.q * D
-
-            def add(k):
-                a = text.row("%scratch", of_parameters, k)
-                text.put(text.operate("fadd", text.row("%to", own, k), a), "%to", own, k)
-
-            if f.q:
-                text.fold(f.q * D, {}, add)
+                to[f.D - D + k] = found[k]
+            for c in text.each(f.columns):
+                place = (c + 1) * D
+                text.copy(x.at(place), found.at(vector), D)
+                text.invoke(f"{name}_product", found.at(entries), "%table", to.at(place), inner)
+            own = to.after(f.D - 2 * f.has_trace - f.q * D)
+            for k in text.each(f.q * D):
+                a = found.after(of_parameters)[k]
+                own[k] = own[k] + a
             if f.has_trace:
-                text.put(text.constant(0.0), "%to", f.D - 2)
-                s = text.operate("fmul", text.row("%from", f.D - 2), text.row("%scratch", extended))
-                text.put(s, "%to", f.D - 1)
+                to[f.D - 2] = 0.0
+                to[f.D - 1] = x[f.D - 2] * found[extended]
 
 
 class TangentEntries(_Loops):
@@ -254,34 +226,27 @@ class TangentEntries(_Loops):
         return np.concatenate([self.first.numbers(table), self.second.numbers(table)])
 
     def add(self, text, name, for_each, first):
-        f, D, integer, entries = self.f, self.D, text.integer, self.f.entries
+        f, D, entries = self.f, self.D, self.f.entries
         self.first.add(text, f"{name}_first", for_each, first)
         later = first + len(self.first.numbers(np.zeros(len(f.table))))
         self.second.add(text, f"{name}_second", for_each, later)
+        x, found, to = (text.array(f"%{each}") for each in ("from", "scratch", "to"))
         pair = len(f.derivative.results)
         with text.function(name):
-            inner = text.place("%scratch", self.own)
-            call = f"  call void @{name}_{{}}(i64 {{}}, i64 %table, i64 {{}}, i64 {inner})"
-            text.add(call.format("first", "%from", "%scratch"))
-            text.copy("%scratch", "%to", entries)
-            line = text.place("%scratch", pair)
-            text.copy("%from", line, D)
-
-            def column(c):
-                own = text.place("%from", D, integer("mul", c, D))
-                text.copy(own, text.place(line, D), D)
-                to = text.place("%to", self.after, integer("mul", c, f.coupling))
-                text.add(call.format("second", line, to))
-
-            text.fold(f.columns, {}, column)
-            last = self.after + (f.columns - f.q) * f.coupling
-
-            def add(k):
-                a = text.row("%scratch", entries, k)
-                text.put(text.operate("fadd", text.row("%to", last, k), a), "%to", last, k)
-
-            if f.q:
-                text.fold(f.q * f.coupling, {}, add)
+            inner = found.at(self.own)
+            text.invoke(f"{name}_first", x, "%table", found, inner)
+            text.copy(found, to, entries)
+            line = text.array(found.at(pair))
+            text.copy(x, line, D)
+            for c in text.each(f.columns):
+                own = x.after(D).at(c * D)
+                text.copy(own, line.at(D), D)
+                of_column = to.after(self.after).at(c * f.coupling)
+                text.invoke(f"{name}_second", line, "%table", of_column, inner)
+            last = to.after(self.after + (f.columns - f.q) * f.coupling)
+            for k in text.each(f.q * f.coupling):
+                a = found.after(entries)[k]
+                last[k] = last[k] + a
 
 
 class TangentFactors(_Loops):
@@ -307,14 +272,12 @@ class TangentFactors(_Loops):
     def add(self, text, name, for_each, first):
         self.factors.add(text, f"{name}_block", for_each, first)
         with text.function(name):
-            text.add(f"  call void @{name}_block({_ADDRESSES})")
-            s = text.row("%from", self.entries)
-
-            def scale(k):
-                product = text.operate("fmul", s, text.row("%from", self.after, k))
-                text.put(product, "%to", self.to, k)
-
-            text.fold(self.couplings, {}, scale)
+            text.invoke(f"{name}_block", *_ADDRESSES)
+            entries = text.array("%from")
+            own, to = entries.after(self.after), text.array("%to", self.to)
+            s = entries[self.entries]
+            for k in text.each(self.couplings):
+                to[k] = s * own[k]
 
 
 class FirstBlock(_Loops):
@@ -335,9 +298,9 @@ class FirstBlock(_Loops):
     def add(self, text, name, for_each, first):
         self.function.add(text, f"{name}_block", for_each, first)
         with text.function(name):
-            text.add(f"  call void @{name}_block({_ADDRESSES})")
-            zero = text.constant(0.0)
-            text.fold(self.rows - self.D, {}, lambda k: text.put(zero, "%to", self.D, k))
+            text.invoke(f"{name}_block", *_ADDRESSES)
+            for k in text.each(self.rows - self.D):
+                text.array("%to", self.D)[k] = 0.0
 
 
 class Blocks(_Loops):
@@ -372,26 +335,29 @@ class Blocks(_Loops):
     def add(self, text, name, for_each, first):
         """Add the function; solutions read a block at `%to`."""
         self.solution.add(text, f"{name}_block", for_each, first)
-        D, kept, integer, size = self.D, "%scratch", text.integer, len(self.pattern)
+        D, size = self.D, len(self.pattern)
+        kept, to, couplings = (
+            text.array("%scratch"),
+            text.array("%to"),
+            text.array("%from", self.after),
+        )
 
-        def solve(to):
-            inner = text.place("%scratch", D)
-            text.add(f"  call void @{name}_block(i64 %from, i64 %table, i64 {to}, i64 {inner})")
-
-        def block(c):
-            own = text.place("%to", 0, integer("mul", integer("add", c, 1), D))
-            text.copy(own, "%to", D)
-            entries = text.place("%from", self.after, integer("mul", c, size))
-            for k, (i, j) in enumerate(self.pattern):
-                product = text.operate("fmul", text.row(entries, k), text.row(kept, j))
-                text.put(text.operate("fadd", text.row("%to", i), product), "%to", i)
-            solve(own)
+        def solve(right):
+            inner = kept.at(D)
+            text.invoke(f"{name}_block", "%from", "%table", right, inner)
 
         with text.function(name):
             solve("%to")
-            text.copy("%to", kept, D)
-            text.fold(self.columns, {}, block)
-            text.copy(kept, "%to", D)
+            text.copy(to, kept, D)
+            for c in text.each(self.columns):
+                own = to.at((c + 1) * D)
+                text.copy(own, to, D)
+                entries = text.array(couplings.at(c * size))
+                for k, (i, j) in enumerate(self.pattern):
+                    product = entries[k] * kept[j]
+                    to[i] = to[i] + product
+                solve(own)
+            text.copy(kept, to, D)
 
 
 class DenseFactors(_Loops):
@@ -419,52 +385,26 @@ class DenseFactors(_Loops):
         return np.concatenate([a.reshape(D * D, *np.shape(s)), inverse])
 
     def add(self, text, name, for_each, first):
-        D, zero, one = self.D, text.constant(0.0), text.constant(1.0)
-        integer = text.integer
-
-        def entry(i, j):
-            return text.place("%to", 0, integer("add", integer("mul", i, D), j))
-
+        D, count = self.D, len(self.places)
+        entries, a, inverses = text.array("%from"), text.array("%to"), text.array("%to", D * D)
         with text.function(name):
-            text.fold(D * D, {}, lambda k: text.put(zero, "%to", 0, k))
-            if len(self.places):
-                s = text.row("%from", len(self.places))
-                places = text.integers(f"{name}_places", self.places).base
-
-                def put(k):
-                    place = text.load("i64", text.at(places, k))
-                    product = text.operate("fmul", s, text.row("%from", 0, k))
-                    text.put(text.operate("fsub", zero, product), "%to", 0, place)
-
-                text.fold(len(self.places), {}, put)
-
-            def row(i):
-                diagonal = entry(i, i)
-                text.store(text.V, text.operate("fadd", one, text.load(text.V, diagonal)), diagonal)
-
-                def eliminate(k):
-                    place = entry(i, k)
-                    inverse = text.row("%to", D * D, k)
-                    factor = text.operate("fmul", text.load(text.V, place), inverse)
-                    text.store(text.V, factor, place)
-                    own, other = entry(i, k), entry(k, k)
-
-                    def subtract(j):
-                        offset = integer("mul", integer("add", j, 1), text.size)
-                        at = integer("add", own, offset)
-                        a = text.load(text.V, integer("add", other, offset))
-                        product = text.operate("fmul", factor, a)
-                        value = text.operate("fsub", text.load(text.V, at), product)
-                        text.store(text.V, value, at)
-
-                    text.fold(integer("sub", D - 1, k), {}, subtract)
-
-                with text.when(text.compare_integers("ne", i, 0)):
-                    text.fold(i, {}, eliminate)
-                inverse = text.operate("fdiv", one, text.load(text.V, entry(i, i)))
-                text.put(inverse, "%to", D * D, i)
-
-            text.fold(D, {}, row)
+            for k in text.each(D * D):
+                a[k] = 0.0
+            if count:
+                s, places = entries[count], text.integers(f"{name}_places", self.places)
+            for k in text.each(count):
+                place = places[k]
+                a[place] = 0.0 - s * entries[k]
+            for i in text.each(D):
+                row = text.value(i) * D
+                a[row + i] = 1.0 + a[row + i]
+                with text.when(text.value(i).differs(0)):
+                    for k in text.each(i):
+                        a[row + k] = factor = a[row + k] * inverses[k]
+                        own, other = a.after(1).from_here(row + k), a.after(1).from_here(k * D + k)
+                        for j in text.each((D - 1) - k):
+                            own[j] = own[j] - factor * other[j]
+                inverses[i] = 1.0 / a[row + i]
 
 
 class DenseSolution(_Loops):
@@ -487,36 +427,25 @@ class DenseSolution(_Loops):
         return v
 
     def add(self, text, name, for_each, first):
-        D, integer = self.D, text.integer
+        D = self.D
+        a, v, inverses = text.array("%from"), text.array("%to"), text.array("%from", D * D)
 
-        def less(i, start, count, begin):
-            """Return g_i less the products of a row, from its column `begin` on."""
-
-            def product(k, total):
-                j = integer("add", begin, k)
-                place = integer("add", integer("mul", i, D), j)
-                a = text.operate("fmul", text.row("%from", 0, place), text.row("%to", 0, j))
-                return {"total": text.operate("fsub", total, a)}
-
-            return text.fold(count, {"total": start}, product)["total"]
-
-        def forward(n):
-            i = integer("add", n, 1)
-            text.put(less(i, text.row("%to", 0, i), i, 0), "%to", 0, i)
-
-        def backward(n):
-            i = integer("sub", D - 2, n)
-            count = integer("add", n, 1)
-            value = less(i, text.row("%to", 0, i), count, integer("add", i, 1))
-            text.put(text.operate("fmul", value, text.row("%from", D * D, i)), "%to", 0, i)
+        def less(i, begin, count):
+            """Return g_i less the products of a row, for some columns from the first one on."""
+            rest = Carried(of=v[i])
+            for k in text.each(count, rest):
+                j = k + begin
+                rest.of = rest.of - a[i * D + j] * v[j]
+            return rest.of
 
         with text.function(name):
-            if D > 1:
-                text.fold(D - 1, {}, forward)
-            last = text.operate("fmul", text.row("%to", D - 1), text.row("%from", D * D + D - 1))
-            text.put(last, "%to", D - 1)
-            if D > 1:
-                text.fold(D - 1, {}, backward)
+            for n in text.each(D - 1):
+                i = n + 1
+                v[i] = less(i, 0, i)
+            v[D - 1] = v[D - 1] * inverses[D - 1]
+            for n in text.each(D - 1):
+                i = (D - 2) - n
+                v[i] = less(i, i + 1, n + 1) * inverses[i]
 
 
 class DenseQuadratic(_Loops):
@@ -530,47 +459,29 @@ class DenseQuadratic(_Loops):
         self.D, self.is_derivative = D, is_derivative
 
     def add(self, text, name, for_each, first):
-        D, size, integer = self.D, text.size if for_each else 8, text.integer
-        load = (lambda at: text.load(text.V, at)) if for_each else text.shared
+        D, x, f = self.D, text.array("%from"), text.array("%to")
+        numbers = text.array("%table") if for_each else Shared(text, "%table")
 
-        def component(i):
-            start = integer("mul", integer("mul", i, 1 + D + D * D), size)
-            start = integer("add", "%table", start)
-
-            def inner(j):
-                at = integer("add", start, integer("mul", integer("add", j, 1), size))
-                offset = integer("mul", integer("add", integer("mul", j, D), 1 + D), size)
-                products = integer("add", start, offset)
-
-                def add(k, total):
-                    q = load(integer("add", products, integer("mul", k, size)))
-                    product = text.operate("fmul", q, text.row("%from", 0, k))
-                    return {"total": text.operate("fadd", total, product)}
-
-                total = text.fold(D, {"total": text.constant(0.0)}, add)["total"]
-                return load(at), total
-
-            if self.is_derivative:
-
-                def entry(j):
-                    linear, total = inner(j)
-                    value = text.operate("fadd", linear, text.operate("fadd", total, total))
-                    place = integer("add", integer("mul", i, D), j)
-                    text.put(value, "%to", 0, place)
-
-                text.fold(D, {}, entry)
-                return
-
-            def term(j, f):
-                linear, total = inner(j)
-                value = text.operate("fadd", linear, total)
-                product = text.operate("fmul", value, text.row("%from", 0, j))
-                return {"f": text.operate("fadd", f, product)}
-
-            text.put(text.fold(D, {"f": load(start)}, term)["f"], "%to", 0, i)
+        def linear_and_sum(own, j):
+            """Return l_ij, and the sum of q_ijk x_k."""
+            q, sums = own.from_here(j * D + (1 + D)), Carried(total=0.0)
+            for k in text.each(D, sums):
+                sums.total = sums.total + q[k] * x[k]
+            return own.after(1)[j], sums.total
 
         with text.function(name):
-            text.fold(D, {}, component)
+            for i in text.each(D):
+                own = numbers.from_here(i * (1 + D + D * D))
+                if self.is_derivative:
+                    for j in text.each(D):
+                        linear, total = linear_and_sum(own, j)
+                        f[i * D + j] = linear + (total + total)
+                    continue
+                sums = Carried(f=own[0])
+                for j in text.each(D, sums):
+                    linear, total = linear_and_sum(own, j)
+                    sums.f = sums.f + (linear + total) * x[j]
+                f[i] = sums.f
 
 
 class DenseProduct(_Loops):
@@ -590,15 +501,11 @@ class DenseProduct(_Loops):
         return np.array(totals)
 
     def add(self, text, name, for_each, first):
-        D, integer = self.D, text.integer
-
-        def component(i):
-            def add(j, total):
-                a = text.row("%from", 0, integer("add", integer("mul", i, D), j))
-                product = text.operate("fmul", a, text.row("%from", D * D + 1, j))
-                return {"total": text.operate("fadd", total, product)}
-
-            text.put(text.fold(D, {"total": text.constant(0.0)}, add)["total"], "%to", 0, i)
-
+        D, f = self.D, text.array("%to")
+        entries, vector = text.array("%from"), text.array("%from", D * D + 1)
         with text.function(name):
-            text.fold(D, {}, component)
+            for i in text.each(D):
+                sums = Carried(total=0.0)
+                for j in text.each(D, sums):
+                    sums.total = sums.total + entries[i * D + j] * vector[j]
+                f[i] = sums.total

@@ -1,0 +1,95 @@
+"""The page of calls of other packages: each row gives what SciPy, heyoka or a number says."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PAGE = (Path(__file__).parents[2] / "docs" / "howto" / "peers.md").read_text("utf-8")
+ROWS = re.findall(r"^\| (?:(.*) \| )?(.*) \| `(.*)` \|$", PAGE, re.MULTILINE)
+LORENZ = [0.906, 0, -14.572]
+# What no row of SciPy computes, and the largest error: a number, or an expression of SciPy.
+OTHERS = {
+    "crossings(field, x0, time=T, surface=top, direction=-1).states": (
+        "solve_ivp(g, (0, T), x0, events=falls, **tight).y_events[0]",
+        1e-6,
+    ),
+    "crossings(field, x0, time=5, surface=top, most=5).states": (
+        "solve_ivp(g, (0, 5), x0, events=rises, **tight).y_events[0][:5]",
+        1e-5,
+    ),
+    "crossings(field, x0, time=5, surface=lambda x: 8 / 3 * x[..., 2] - x[..., 0] * x[..., 1], "
+    "most=5).states": ("solve_ivp(g, (0, 5), x0, events=peaks, **tight).y_events[0][:5]", 1e-5),
+    "lyapunov_exponents(field, x0, time=400, transient=20, rtol=1e-6)": (LORENZ, 0.05),
+    "lyapunov_exponents(quadratic, x0, 1 / 128, 50_000, transient=2000) * 128": (LORENZ, 0.1),
+    'flow(field, x0, time=T, derivatives="rho").derivative("rho")[0]': (
+        "(odeint(lambda x, t: f(x, 28.001), x0, [0, T], **tight)[1] "
+        "- odeint(lambda x, t: f(x, 27.999), x0, [0, T], **tight)[1]) / 0.002",
+        1e-4,
+    ),
+    "fixed_points(quadratic)": ([[-(72**0.5)] * 2 + [27], [0, 0, 0], [72**0.5] * 2 + [27]], 1e-12),
+    'iterate(quadratic, x0, eps=1 / 64, steps=128, method="order8").final': (
+        "solve_ivp(g, (0, T), x0, **tight).y[:, -1]",
+        1e-6,
+    ),
+    "crossings(quadratic, x0, 1 / 512, 1024, top).states": (
+        "solve_ivp(g, (0, T), x0, events=rises, **tight).y_events[0]",
+        0.05,
+    ),
+    # 1, and exp of the integral of 1 - q**2 over the period, by DOP853
+    "periodic_orbit(van_der_pol, [2, 0], 6.6).multipliers": ([1, 0.0008597], 1e-8),
+}
+
+
+@pytest.fixture(scope="module")
+def names():
+    """What the page defines, events of SciPy, and what heyoka needs."""
+    names = {}
+    for code in re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL):
+        exec(code, names)
+    for name, surface, direction in (
+        ("falls", names["hit"], -1),
+        ("rises", names["hit"], 1),
+        ("peaks", lambda t, x: 8 / 3 * x[2] - x[0] * x[1], 1),
+    ):
+        names[name] = lambda t, x, surface=surface: surface(t, x)
+        names[name].direction = direction
+    return names
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("here", sorted({here for *_, here in ROWS}))
+def test_row(here, names):
+    scipy = [there.strip("`") for package, there, row in ROWS if (package, row) == ("SciPy", here)]
+    expected, error = OTHERS[here] if here in OTHERS else (scipy[0], 1e-6)
+    for reference in [expected, *scipy]:
+        wanted = eval(reference, names) if isinstance(reference, str) else reference
+        found = np.asarray(eval(here, names))
+        assert found.shape == np.shape(wanted)
+        assert abs(found - wanted).max() <= error * max(1, abs(np.asarray(wanted)).max())
+
+
+@pytest.mark.compiled
+def test_rows_of_heyoka(names):
+    heyoka = pytest.importorskip("heyoka")
+    x, y, z = heyoka.make_vars("x", "y", "z")
+    times = []
+
+    def begin(integrator, k):
+        integrator.state[:] = names["starts"][k]
+        return integrator
+
+    own = {
+        **{name: getattr(heyoka, name) for name in ("taylor_adaptive", "nt_event")},
+        "ensemble_propagate_until": heyoka.ensemble_propagate_until,
+        "equations": list(zip((x, y, z), names["f"]((x, y, z)), strict=True)),
+        "begin": begin,
+        "z": z,
+        "record": lambda integrator, time, sign: times.append(time),
+    }
+    rows = [(there.strip("`"), here) for package, there, here in ROWS if package == "heyoka"]
+    assert len(rows) == 3
+    for there, here in rows:
+        there, here = (eval(each, {**names, **own}) for each in (there, here))
+        assert np.allclose(here, times or there, rtol=1e-6, atol=1e-6)

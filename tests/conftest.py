@@ -1,5 +1,4 @@
 import gc
-import importlib
 import signal
 import sys
 from collections import defaultdict
@@ -41,18 +40,15 @@ SLOWEST = "first_calls cases docs promises integrability numba hashes flows"
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` selects
 def pytest_collection_modifyitems(config, items):
-    """Mark slow tests: those in tests/slow, and all but some cases of tests marked `sampled`.
-
-    Who tests maps of their own wants all cases.
-    """
+    """Mark slow tests: those in tests/slow, and all but some cases of tests marked `sampled`."""
     from numba import config as settings  # not in the process that waits for those of `-n`
 
-    cases, all_cases = defaultdict(list), config.getoption("--maps")
+    cases = defaultdict(list)
     for item in items:
         if "slow" in item.path.relative_to(config.rootpath).parent.parts:
             item.add_marker("slow")
         is_sampled = item.get_closest_marker("sampled") and not item.get_closest_marker("slow")
-        if is_sampled and not all_cases:
+        if is_sampled:
             cases[item.path, item.originalname].append(item)
         if settings.DISABLE_JIT and item.get_closest_marker("compiled"):
             reason = "needs compiled kernels: NUMBA_DISABLE_JIT is set"
@@ -72,22 +68,10 @@ def pytest_collection_modifyitems(config, items):
 
 def pytest_addoption(parser):
     parser.addoption("--seed", type=int, default=7, help="of the adversarial problems")
-    parser.addoption(
-        "--maps", action="append", default=[], help="a module that registers maps, for promises"
-    )
 
 
 def pytest_configure(config):
     config.option.loadscopereorder = False  # xdist would sort files by the number of their tests
-    for name in config.getoption("--maps"):
-        import samples
-
-        try:
-            module = importlib.import_module(name)
-        except ImportError as error:
-            raise pytest.UsageError(f"--maps {name}: {error}") from None
-        samples.RANDOM |= getattr(module, "RANDOM", {})
-        samples.POLES |= getattr(module, "POLES", {})
 
 
 @pytest.fixture

@@ -1,8 +1,4 @@
-"""Bodies with which tests try each map: random ones, and a state without a next one.
-
-A module of maps of one's own (`--maps`) has dicts RANDOM and POLES for them. A map of fields needs
-none.
-"""
+"""Bodies with which tests try each map: random ones, and a state without a next one."""
 
 import numpy as np
 
@@ -60,5 +56,4 @@ POLES = {
 
 def random_bodies(name):
     """Return the functions of a map that make random bodies."""
-    is_of_fields = MAPS[name].body is QuadraticField and name not in RANDOM
-    return (random_field,) if is_of_fields else RANDOM[name]
+    return (random_field,) if MAPS[name].body is QuadraticField else RANDOM[name]

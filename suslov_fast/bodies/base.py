@@ -16,8 +16,8 @@ from .members import Members
 
 Kind = TypeVar("Kind", bound="Body")
 
-# Attributes for authors and for other modules; `dir` hides them from users.
-OF_AUTHORS = frozenset(
+# Attributes for other modules, which `dir` hides from users.
+HIDDEN = frozenset(
     "arrays axes batch_of_one called constants coordinates derived_by described instead labels "
     "has_map listed_right_hand_sides may_escape of_member positive read reduction "
     "remake right_hand_side right_hand_sides steady texts without_value".split()
@@ -45,9 +45,6 @@ class _Answering(type):
 @dataclass(frozen=True, eq=False, repr=False)
 class Body(Members, metaclass=_Answering):
     """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters.
-
-    A class of your own is a frozen dataclass that defines its parameters, `dimension` and `labels`,
-    and :meth:`field`. These attributes have defaults; what is computed may be a property.
 
     Attributes
     ----------
@@ -166,8 +163,7 @@ class Body(Members, metaclass=_Answering):
         Raises
         ------
         TypeError
-            If the body is a `Field`, whose equations need not be quadratic, or of a class that
-            defines no equations.
+            If the body is a `Field`, whose equations need not be quadratic.
 
         Examples
         --------
@@ -175,19 +171,12 @@ class Body(Members, metaclass=_Answering):
         >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).field()
         QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
         """
-        raise TypeError(f"{type(self).__name__} has no equations: define field()")
+        raise NotImplementedError
 
     @property
     def _terms(self) -> Any:
         """The terms v x_j x_k of all f_i for kernels, in the order in which they add them up."""
-        field = self.field()
-        checks.instance("field()", field, Body)
-        if field.dimension != self.dimension:
-            expected = f"have {self.dimension} components, the dimension of {type(self).__name__}"
-            raise wrong("field()", expected, field.dimension)
-        if np.broadcast_shapes(field.shape, self.shape) != self.shape:
-            raise wrong("field()", f"have the shape {self.shape} of the body", field.shape)
-        return field._terms
+        return self.field()._terms
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -212,7 +201,7 @@ class Body(Members, metaclass=_Answering):
         return checks.common_shape(shapes)
 
     def __dir__(self) -> list[str]:
-        return [name for name in super().__dir__() if name not in OF_AUTHORS]
+        return [name for name in super().__dir__() if name not in HIDDEN]
 
     if not TYPE_CHECKING:  # type checkers know the attributes
 

@@ -5,9 +5,7 @@ from typing import Any
 
 from ..checks import instance, short, wrong
 from ..keywords import public
-from .base import Body
 from .fields.field import QuadraticField
-from .fields.field_of_terms import FieldOfFunction
 from .fields.general import Field
 from .nd import SuslovND
 from .rigid import Suslov3D, SuslovGyrostat
@@ -17,20 +15,16 @@ BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
 BodyOrField = AnyBody | QuadraticField | Field
 
 
+_NAMED: dict[Any, type[Any]] = {
+    kind.__name__: kind for kind in (Suslov3D, SuslovND, SuslovGyrostat, QuadraticField, Field)
+}
+
+
 def class_named(name: Any) -> type[Any]:
-    """Return the class of bodies with this name; those of the package come first."""
-    classes: list[Any] = [Suslov3D, SuslovND, SuslovGyrostat, QuadraticField, Field]
-    classes += [Body]
-    for class_ in classes:  # the list grows meanwhile, until it has all descendants
-        classes.extend(class_.__subclasses__())
-    kinds: dict[Any, type[Any]] = {}
-    for class_ in classes:
-        if class_ not in (Body, FieldOfFunction) and not class_.__name__.startswith("_"):
-            kinds.setdefault(class_.__name__, class_)
-    if not isinstance(name, str) or name not in kinds:
-        how = "import the module that defines it"
-        raise ValueError(f"body: there is no class {short(name)}, only {', '.join(kinds)}: {how}")
-    return kinds[name]
+    """Return the class of bodies with this name."""
+    if not isinstance(name, str) or name not in _NAMED:
+        raise ValueError(f"body: there is no class {short(name)}, only {', '.join(_NAMED)}")
+    return _NAMED[name]
 
 
 @public

@@ -167,7 +167,7 @@ def _run(parser: Any) -> None:
     add = parser.add_argument_group("steps of the map").add_argument
     add("--eps", type=number, metavar="X", help="step size (default: that of the figure)")
     add("--steps", type=integer, metavar="N", help="number of steps (default 1000)")
-    methods = "auto (default); of fields order4, order6, order8; in n dimensions gauss, rank2"
+    methods = "auto (default); of fields order4, order6, order8; in n dimensions gauss"
     add("--method", metavar="NAME", help=methods)
     every = "save every K-th state (default: the last one only)"
     add("--save-every", type=integer, metavar="K", help=every)

@@ -15,19 +15,15 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import core
-from ..checks import FloatArray, extra, instance, integer, is_false, kind_of, require, short, wrong
+from ..checks import FloatArray, extra, is_false, kind_of, require, short, wrong
 from ..core.compiling import codes
 from ..core.compiling.numba import Kernel
 from ..core.suslov import orientations
 from ..core.suslov.n_dimensions import NDSystem
-from ..core.users.own_map import KernelOfStep
 from ..core.users.system import FieldSystem
-from ..keywords import public_class
 from .arguments import ALL, Arguments, flat_arrays, flat_parameter
 from .problem import MANY, Problem
 from .threads import call_kernel
-from .trial import arguments_for
 
 # Work of a thread in a stretch, and cost of saving a state; the unit is a step of the 3D map.
 _STRETCH, _SAVING = 2**26, 8.0
@@ -92,7 +88,6 @@ def _bar(tqdm: Any, total: int) -> Iterator[Report]:
         yield report
 
 
-@public_class
 class Steps(NamedTuple):
     """The steps of a method: a kernel, and data to call it, see `maps.Map`."""
 
@@ -112,17 +107,6 @@ class Steps(NamedTuple):
     notes_poles: bool = False
     # True if a part of a step goes backwards, so that modes that decay fast look like poles.
     goes_back: bool = False
-
-
-def check_steps(name: str, steps: Any) -> None:
-    """Raise an error, which calls the steps `name`, unless a run can take them."""
-    instance(name, steps, Steps)
-    instance(f"{name}.kernel", steps.kernel, Kernel)
-    if not steps.kernel.py_func.__module__.startswith(f"{core.__name__}."):
-        raise wrong(f"{name}.kernel", "made by maps.steps_of", "written by hand", TypeError)
-    integer(f"{name}.carried", steps.carried, 1 if steps.notes_poles else 0)
-    if integer(f"{name}.lanes", steps.lanes, 1) % 8:
-        raise wrong(f"{name}.lanes", "a multiple of 8", steps.lanes)
 
 
 class Checkpoint(NamedTuple):
@@ -155,7 +139,7 @@ class March:
         self.omega0 = flat_arrays(problem.omega, batch)
         size, D = self.omega0.shape
         if arguments is None:
-            arguments = arguments_for(problem, self.steps, size)
+            arguments = self.steps.arguments(problem.body, problem.eps, problem.batch)
         self.arguments = arguments
         self.groups: list[Any] = [(ALL, arguments)]
         if self.steps.divide is not None and problem.body.shape:
@@ -197,15 +181,11 @@ class March:
         """Return the first state with a positive status, 0 if none, and this status, each (B,)."""
         if not self.steps.notes_poles:
             return np.zeros(len(self.omega0), np.int64), codes.OK
-        has_status = isinstance(self.steps.kernel, KernelOfStep)
-        status = self.carry[1] if has_status else codes.PASSED_POLE
-        return abs(self.carry[0]).astype(np.int64), status
+        return abs(self.carry[0]).astype(np.int64), codes.PASSED_POLE
 
     def note_pole(self, trajectory: int, n: int) -> None:
         """Note that a trajectory passed a pole before state n, unless it had failed before."""
         self.carry[0, trajectory] = n
-        if isinstance(self.steps.kernel, KernelOfStep):
-            self.carry[1, trajectory] = codes.PASSED_POLE
         if self.status.flat[trajectory] >= codes.OK:
             self.status.flat[trajectory] = codes.PASSED_POLE
             self.failed_at.flat[trajectory] = n

@@ -4,8 +4,7 @@ A formula takes a checked problem and returns the values. Records list the formu
 The equations are in `core.suslov.quantities` and `core.fields.quantities`.
 """
 
-from collections.abc import Callable, Mapping
-from difflib import get_close_matches
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -14,17 +13,15 @@ from numpy.typing import NDArray
 
 from ..bodies.nd import check_known
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, instance, kind_of, wrong
+from ..checks import FloatArray, kind_of
 from ..core.compiling.numba import Universal
 from ..core.fields import quantities as quantities_field
 from ..core.suslov import quantities
 from ..engine.derivatives import density, jacobian
 from ..engine.problem import Problem
 from ..engine.stretches import states_after
-from ..keywords import public_class
 
 
-@public_class
 class Formula(NamedTuple):
     """The computation of a public function of a state, for one map."""
 
@@ -33,7 +30,6 @@ class Formula(NamedTuple):
     poles: bool = False  # True if infinite values are results; else they become NaN
 
 
-@public_class
 class Plane(NamedTuple):
     """The reduction of a problem to one in three dimensions, whose solution is known."""
 
@@ -302,30 +298,11 @@ IN_ND = {
     "momentum": Formula(_momentum_nd),
 }
 IN_PLANE = Plane(_in_plane, check_known)
-# Public functions that need a formula of the map, those that need none, and those that need another
-# part of the record.
-FUNCTIONS = {*IN_3D, *IN_ND}
-SERVED = "plot_phase", "animate_body", "explore", "frame", "scattering_angle"
-PARTS = {
-    "attitude": "attitude",
-    **dict.fromkeys(("exact", "flow", "limits"), "plane"),
-    **dict.fromkeys(("multipliers", "lyapunov_exponents"), "jacobian"),
-}
-
-
-def check_formulas(formulas: Mapping[str, Any], conserved: Any) -> None:
-    """Raise an error for a formula that no public function uses, or a wrong name in `conserved`."""
-    for name, formula in formulas.items():
-        instance(f"formulas[{name!r}]", formula, Formula)
-        if name in PARTS:
-            raise ValueError(f"formulas: leave out {name!r}, because {PARTS[name]!r} gives it")
-        if name not in FUNCTIONS:
-            nearest = get_close_matches(name, FUNCTIONS, 1)
-            known = nearest[0] if nearest else f"one of {', '.join(sorted(FUNCTIONS))}"
-            raise ValueError(f"formulas: no function asks for {name!r}: name it {known}")
-    if isinstance(conserved, str) or not {*conserved} <= {*formulas}:
-        expected = f"a tuple of names of these formulas: {', '.join(formulas) or 'none'}"
-        raise wrong("conserved", expected, repr(conserved))
+# Public functions that need no formula of their own.
+ALWAYS = "multipliers", "lyapunov_exponents"
+SOLVED = "exact", "flow", "limits"
+OF_BODIES = *ALWAYS, *SOLVED, "attitude"
+OF_BODIES_IN_3D = *OF_BODIES, "plot_phase", "animate_body", "explore", "frame"
 
 
 # What errors advise, by the name of the function, if the map of a body does not support it.

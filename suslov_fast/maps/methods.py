@@ -1,15 +1,11 @@
 """Steps of the package: kernels with their arguments and costs, also of higher order."""
 
-from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from ..checks import integer, kind_of, wrong
-from ..core.compiling.numba import Kernel
 from ..core.fields import steps as steps_field
 from ..core.fields.stages import Stages
 from ..core.suslov import n_dimensions as steps_nd, steps as steps_3d
-from ..core.users import own_map as one_step
 from ..engine.arguments import (
     by_constants,
     by_scheme,
@@ -20,7 +16,6 @@ from ..engine.arguments import (
     nd_system,
 )
 from ..engine.stretches import Steps
-from ..keywords import public
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:
@@ -93,57 +88,3 @@ def field_in(stages: Stages) -> Steps:
         system=system,
         goes_back=min(stages.fractions) < 0.0,
     )
-
-
-# ---------------------------------------------------------------------- steps of other authors
-@public
-def steps_of(step: Callable[..., int], work: int | Callable[[int], int] = 0) -> Kernel:
-    """Make a kernel from a function that steps one state; it fulfils the contract of `Map`.
-
-    Parameters
-    ----------
-    step : compiled function
-        ``step(x, out, eps, work, *row)`` writes the state after x (D,) to `out` (D,) and returns a
-        `Status` as an int: see `Map`. It may be decorated with `core.compiling.numba.function` or
-        `numba.njit`; a plain function is compiled here.
-    work : int or callable
-        The length of `work`, scratch memory of float64 for each thread: a number, or a function of
-        D.
-
-    Returns
-    -------
-    Kernel
-        To be used as ``Steps(kernel, arguments)`` in the `methods` of a `Map`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `step` is not a function, or `work` not a length. The first run refuses a step with a
-        wrong number of arguments.
-
-    Examples
-    --------
-    >>> from suslov_fast import maps
-    >>> def explicit_euler(x, out, eps, work, indices, values):
-    ...     out[:] = x
-    ...     for (i, j, k), v in zip(indices.T, values):  # x_i' = v x_j x_k, with x_D = 1
-    ...         out[i] += eps * v * (x[j] if j < len(x) else 1.0) * (x[k] if k < len(x) else 1.0)
-    ...     return 0
-    >>> euler = maps.Steps(maps.steps_of(explicit_euler), maps.by_field)  # see maps.register
-    """
-    if not callable(step):
-        raise wrong("step", "a compiled function", kind_of(step), TypeError)
-    if not callable(work):
-        integer("work", work, 0)
-    kernel: Kernel = one_step.steps_of(step, work)
-    return kernel
-
-
-def with_notes(methods: Mapping[str, Steps]) -> dict[str, Steps]:
-    """Return steps; those with a kernel from `steps_of` get the carry that it writes."""
-    return {
-        name: steps._replace(carried=one_step.CARRIED, notes_poles=True)
-        if isinstance(getattr(steps, "kernel", None), one_step.KernelOfStep)
-        else steps
-        for name, steps in methods.items()
-    }

@@ -1,18 +1,18 @@
-"""The records of the maps of the package, which are registered on import."""
+"""The records of the maps of the package."""
 
 from ..bodies.fields.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from ..engine.derivatives import growth
-from .base import Map, register
+from .base import MAPS, Map
 from .formulas import (
     GYROSTAT,
     IN_3D,
     IN_ND,
     IN_PLANE,
     KAHAN,
+    OF_BODIES,
+    OF_BODIES_IN_3D,
     OF_ORDER,
-    SERVED,
     SOLVED_ALREADY,
     eigenvalues_in_3d,
     eigenvalues_nd,
@@ -38,20 +38,20 @@ for _record in (
         conserved=("first_integral",),
         attitude="axial",
         plane=SOLVED_ALREADY,
-        growth=growth,
         eigenvalues=eigenvalues_in_3d,
-        serves=SERVED,
+        serves=(*OF_BODIES_IN_3D, "scattering_angle"),
     ),
     Map(  # equation (15)
         name="SuslovND",
         title="Discrete Suslov problem in n dimensions",
         body=SuslovND,
-        methods={"auto": STEPS_ND, "gauss": GAUSS, "rank2": STEPS_ND},
+        methods={"auto": STEPS_ND, "gauss": GAUSS},
         formulas=IN_ND,
         conserved=("first_integral", "modified_energy"),
         attitude="in_rows",
         plane=IN_PLANE,
         eigenvalues=eigenvalues_nd,
+        serves=OF_BODIES,
     ),
     Map(
         name="SuslovGyrostat",
@@ -62,9 +62,8 @@ for _record in (
         conserved=("first_integral",),
         attitude="axial",
         plane=SOLVED_ALREADY,
-        growth=growth,
         eigenvalues=eigenvalues_of_gyrostat,
-        serves=SERVED[:-1],
+        serves=OF_BODIES_IN_3D,
     ),
     Map(
         name="Kahan",
@@ -92,4 +91,4 @@ for _record in (
         for order in COMPOSITIONS
     ),
 ):
-    register(_record)
+    MAPS[_record.name] = _record

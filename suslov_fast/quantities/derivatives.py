@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from ..bodies.classes import AnyBody, BodyOrField
 from ..checks import FloatArray, Reals, first_index, spell
 from ..engine.problem import Problem
-from ..engine.stretches import states_after
 from ..keywords import public
 from ..maps import Method, map_of, problem
 from .evaluation import evaluate
@@ -214,15 +213,11 @@ def multipliers(
     """
     checked = problem("multipliers", system, x, eps, method=method, name="x")
     with np.errstate(all="ignore"):
-        eigenvalues = checked.map.known_eigenvalues
-        slopes = (_slopes_at_fixed_points if eigenvalues else _jacobian_at_fixed_points)(checked)
+        slopes = _slopes_at_fixed_points(checked)
         known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
         slopes = np.where(known[..., np.newaxis], slopes, 0.0)
-        if eigenvalues:
-            Y = 0.5 * np.asarray(checked.eps)[..., np.newaxis] * eigenvalues(checked, slopes)
-            values = checked.map.stages.multiply(Y)
-        else:
-            values = np.linalg.eigvals(slopes).astype(complex)
+        Y = np.asarray(checked.eps)[..., np.newaxis] * checked.map.eigenvalues(checked, slopes)
+        values = checked.map.stages.multiply(0.5 * Y)
         values = np.where(np.broadcast_to(known, (*checked.batch, 1)), values, np.nan)
         order = np.lexsort((-values.imag, -abs(values)), axis=-1)
     return np.take_along_axis(values, order, axis=-1)
@@ -260,16 +255,6 @@ def _is_near_fixed_point(f: Any, sizes: Any, slopes: Any, x: Any) -> Any:
     residual, x = abs(slopes @ d - f)[..., 0], np.broadcast_to(x, sizes.shape)
     is_small = abs(d[..., 0]).max(axis=-1) <= _FIXED * abs(x).max(axis=-1)
     return known & is_small & (residual <= _FIXED * sizes).all(axis=-1)
-
-
-def _jacobian_at_fixed_points(checked: Problem) -> FloatArray:
-    """Return the derivative (..., D, D) of any map; raise ValueError where a step moves a state."""
-    x = np.broadcast_to(checked.omega, (*checked.batch, checked.body.dimension))
-    size = abs(x).max(axis=-1, keepdims=True)
-    moves = ~(abs(states_after(checked) - x) <= _FIXED * size) & ~np.isnan(x)
-    _refuse_moving(checked, moves)
-    values: FloatArray = checked.map.formulas["jacobian"].compute(checked)
-    return values
 
 
 def _refuse_moving(checked: Problem, moves: Any) -> None:

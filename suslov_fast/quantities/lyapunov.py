@@ -12,6 +12,7 @@ from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..checks import FloatArray, Reals, integer, short, wrong
+from ..engine.derivatives import growth
 from ..engine.motion_growth import exponents_of
 from ..engine.motions import threads_for
 from ..engine.problem import warn_of_times
@@ -109,21 +110,23 @@ def lyapunov_exponents(
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)
     with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
-        growth = checked.map.find_growth(checked, steps, transient, report)
-        sums, of_det = growth.sums, growth.of_det
+        found = growth(checked, steps, transient, report)
+        sums, of_det = found.sums, found.of_det
         others = sums[:, :-1].sum(axis=1)
         # The last one follows from the determinant and the others, if all steps are invertible.
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
-    exponents = -np.sort(-sums / max(growth.steps, 1), axis=1).reshape(
+    exponents = -np.sort(-sums / max(found.steps, 1), axis=1).reshape(
         (*checked.batch, system.dimension)
     )
-    notes = growth.status, growth.failed_at, growth.by_signs
-    status, failed_at, by_signs = (each.reshape(checked.batch) for each in notes)
-    methods = checked.map.methods
-    steps_taken = methods.get(checked.method, next(iter(methods.values())))
-    report_poles(checked, steps_taken, status, failed_at, told_by_signs=by_signs)
-    if growth.steps == 0:  # `progress` ended the run in its transient
+    report_poles(
+        checked,
+        checked.map.methods[checked.method],
+        found.status.reshape(checked.batch),
+        found.failed_at.reshape(checked.batch),
+        told_by_signs=found.by_signs.reshape(checked.batch),
+    )
+    if found.steps == 0:  # `progress` ended the run in its transient
         return exponents
     return mask_and_warn(checked, exponents, poles=True)
 

@@ -122,9 +122,8 @@ def iterate(
     method : str
         "auto" is Kahan's method, of order 2. For fields "order4", "order6" and "order8" compose 7,
         13 and 21 of its steps: more digits for the same work, but quantities that the map conserves
-        vary. For bodies in n dimensions "gauss" eliminates the matrix A at every step; "auto", also
-        called "rank2", uses that A is diagonal plus rank two, and eliminates only where digits
-        would be lost.
+        vary. For bodies in n dimensions "gauss" eliminates the matrix A at every step; "auto" uses
+        that A is diagonal plus rank two, and eliminates only where digits would be lost.
     attitude : bool or array_like(float, shape=(..., n, n))
         True, or rotation matrices at state 0, to compute the orientation of a body as well:
         :func:`attitude`.

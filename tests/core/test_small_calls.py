@@ -52,7 +52,7 @@ CALLS = {
     "gyrostats": run(ROTOR, np.tile(X2, (2, 1)), 2.0, 20),
     "poles in four dimensions": run(SOLID, X4, 2.5, 20),
     "elimination": run(SOLID, X4, 0.7, 10, method="gauss"),
-    "two ranks": run(SOLID, X4, 0.2, 10, method="rank2"),
+    "two ranks": run(SOLID, X4, 0.2, 10),
     "orientations": run(BODY, X2, 0.2, 40, attitude=True),
     "poles of order 4": run(SQUARES, X2, 1.5, 20, method="order4"),
     "closed form": call(sf.exact, BODY, X2[0], 0.2, np.arange(-5.0, 6)),

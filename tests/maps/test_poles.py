@@ -85,7 +85,7 @@ def test_rows_that_are_exchanged_change_no_sign(c):
 
 
 @quiet
-@pytest.mark.parametrize("method", ["auto", "gauss", "rank2"])
+@pytest.mark.parametrize("method", ["auto", "gauss"])
 @pytest.mark.parametrize("n", [3, 4, 7])
 def test_statuses_of_bodies_are_signs_of_determinants(rng, n, method):
     bodies = SuslovND(rng.uniform(0.5, 4, (80, n - 1)), rng.uniform(-1, 1, (80, n - 1)))

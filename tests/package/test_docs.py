@@ -13,7 +13,6 @@ import sys
 from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
-from unittest import mock
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -22,7 +21,6 @@ import pytest
 from PIL import Image
 
 import suslov_fast
-from suslov_fast import maps
 from suslov_fast.command.main import main
 from suslov_fast.engine import threads
 from suslov_fast.integrability import zoo
@@ -163,9 +161,8 @@ def test_page(path, folder, tmp_path, monkeypatch):
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)  # parallel loops take long to compile
     monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
     names = {"__name__": "__main__"}
-    with mock.patch.dict(maps.MAPS):  # a page may register one
-        for code in blocks(path, "python"):
-            run(code, path.name, names)
+    for code in blocks(path, "python"):
+        run(code, path.name, names)
     if path.stem in script_of("draw").PAGES:
         figures = [plt.figure(number) for number in plt.get_fignums()]
         assert sizes_of(figures) == sizes_of_pictures(path.stem)

@@ -2,7 +2,7 @@
 
     steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at)
 
-A kernel is decorated with `core.compiling.numba.kernel`; `core/users/own_map.py` has a short one.
+A kernel is decorated with `core.compiling.numba.kernel`.
 It neither validates nor raises, and allocates nothing inside loops over steps.
 
 1. `arguments` is the tuple of arrays that `Steps.arguments(body, eps, batch)` returned, once for a

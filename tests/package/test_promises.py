@@ -1,8 +1,7 @@
 """Promises of the public functions of states and steps: one table of functions, a test for each.
 
 Each is tested for the random bodies of all records that have it (`maps.MAPS`): a new record is
-tested by being there, also one of your own (`pytest tests/package/test_promises.py --maps MODULE`).
-Values have the axes of the batch first, then time, then components.
+tested by being there. Values have the axes of the batch first, then time, then components.
 """
 
 import inspect

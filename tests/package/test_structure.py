@@ -83,7 +83,7 @@ ARROWS = {
     "versions": "keywords",
     "bodies": "core checks keywords errors",
     "engine": "core checks keywords bodies",
-    "maps": "core checks keywords bodies engine",
+    "maps": "core checks bodies engine",
     "quantities": "checks keywords bodies engine maps",
     "space": "core checks keywords bodies engine maps",
     "runs": "core checks keywords errors bodies engine maps quantities",

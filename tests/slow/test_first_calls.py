@@ -9,12 +9,9 @@ that of the command.
 import contextlib
 import io
 from itertools import cycle
-from unittest import mock
 
 import children
 import pytest
-
-from suslov_fast import maps
 
 pytestmark = [pytest.mark.compiled]
 
@@ -85,7 +82,7 @@ found.append(last(frame(body, .2), states((100, 2))))""",
     },
     "n dimensions": {
         "four dimensions": f"{SOLID}\nrun(body, 4, .2, 10)\nrun(body, (1024, 4), .2, 200)",
-        "other methods": f"{SOLID}\nfor method in 'rank2', 'gauss':\n"
+        "other methods": f"{SOLID}\nfor method in 'auto', 'gauss':\n"
         "    run(body, 4, .2, 10, method=method)\n    run(body, (512, 4), .2, 200, method=method)",
         "jacobian": f"{LORENZ}\nfound.append(sf.jacobian(field, states((2, 3)), .01))\n"
         f"{BODY}\nfound.append(sf.jacobian(body, states((2, 2)), .2))\n"
@@ -114,22 +111,6 @@ def last(system, x):
         step_system(system, x, x, memory)
     return x
 found.append(last(system(field, .01), np.ones(3)))""",
-        "map of a user": """
-from suslov_fast import maps
-@maps.function
-def euler(x, out, eps, work, indices, values):
-    for d in range(len(x)):
-        out[d] = x[d]
-    for t in range(len(values)):
-        i, j, k = indices[0, t], indices[1, t], indices[2, t]
-        v = values[t] * (x[j] if j < len(x) else 1.0) * (x[k] if k < len(x) else 1.0)
-        out[i] += eps * v
-    return 0
-steps = {"euler": maps.Steps(maps.steps_of(euler, 1), maps.by_field)}
-maps.register(maps.Map(name="euler", title="Euler", body=sf.QuadraticField, methods=steps,
-    formulas={}))
-""" f"{LORENZ}\nrun(field, 3, .01, 10, method='euler')\n"
-        "run(field, (4096, 3), .001, 400, method='euler', save_every=None)",
     },
     "methods and sections": {
         "order 4": f"{HENON}\nrun(field, 4, .1, 10, method='order4')\n"
@@ -213,7 +194,7 @@ def test_first_calls(group, tmp_path):
         settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_NUM_THREADS": threads}
         first = children.run(RECORDED, code, names, **settings)
         usual = io.StringIO()
-        with mock.patch.dict(maps.MAPS), contextlib.redirect_stdout(usual):
+        with contextlib.redirect_stdout(usual):
             exec(code, {})
         assert first == usual.getvalue() != "", name
         if name == "body":

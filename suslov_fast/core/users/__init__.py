@@ -1,1 +1,1 @@
-"""Steps and loops of users: own maps, compiled systems, sections of orbits."""
+"""Loops of users by compiled systems, and growth by products of jacobians."""

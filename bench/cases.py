@@ -51,7 +51,6 @@ LAST = "`iterate(..., save_every=None)`"
 for key, whose, label, function, part, quotients in (
     ("exact", OURS, "`exact`, an evaluation counted as 1000 steps", at, 1, None),
     ("iterate", OURS, LAST, last, 1, 1),
-    ("own-lanes", OURS, f"{OWN}advance`, 64 orbits at once", "own_loops.in_lanes", 1, 1),
     ("c-projective", C, f"{FREE}, {FOUR}", "c.projective", 1, 0.25),
     ("c-free", C, FREE, "c.parameter_free", 1, 1),
     ("c-printed", C, "C, formula (5) of the paper", "c.as_printed", 1, 2),

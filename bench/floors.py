@@ -35,8 +35,6 @@ def _motions():
 ROWS = (
     ("last states by `iterate`, beside C, dimensionless variables",
      "last_states-iterate", "last_states-c-free", "≥", 0.85),
-    ("a loop over `compiled.advance`, 64 orbits at once, beside `iterate`",
-     "last_states-own-lanes", "last_states-iterate", "≥", 0.8),
     ("all states by `iterate`, beside streaming stores (Intel: 0.68; Zen 3: 0.65)",
      "saved_states-aligned", "saved_states-streaming", "≥", 0.75),
     ("`exact`, n = 1000, beside C, formula (5)",

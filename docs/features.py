@@ -58,8 +58,7 @@ ROWS = (
     ("", ("to_vector", "plot_phase")),
     ("coordinates and constants of the closed form", ("to_xy", "closed_form")),
     ("angle between the limits of the angular velocity in space", ("scattering_angle",)),
-    ("your own Numba loops, state as two scalars", ("compiled.frame",)),
-    ("your own Numba loops, state as an array", ("compiled.system",)),
+    ("your own Numba loops", ("compiled.system",)),
 )
 CONSERVED = {"energy", "modified_energy", "first_integral"}
 GIVEN = {"eps": 0.1, "n": 3, "time": 3.0, "steps": 3, "extent": 1.0}

@@ -11,6 +11,7 @@ from ..checks import FloatArray, require
 from ..core.fields.stages import WHOLE, Stages
 from ..core.fields.steps import scheme_of
 from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
+from ..core.suslov.system import BodySystem
 from ..core.users.system import FieldSystem, system_of
 from .problem import MANY
 
@@ -126,6 +127,12 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
             yield where, arguments
             continue
         yield where, (scheme_of(of_group[0], step.D, stages), *of_group[1:])
+
+
+def body_system(body: Any, eps: float) -> BodySystem:
+    """Return the constants of a single body in three dimensions, for `compiled`."""
+    I1, I2, I13, I23, k = map(float, body.constants)
+    return BodySystem(I1, I2, I13, I23, k, eps)
 
 
 def nd_system(body: Any, eps: float) -> NDSystem:

@@ -20,6 +20,7 @@ from ..core.compiling import codes
 from ..core.compiling.numba import Kernel
 from ..core.suslov import orientations
 from ..core.suslov.n_dimensions import NDSystem
+from ..core.suslov.system import BodySystem
 from ..core.users.system import FieldSystem
 from .arguments import ALL, Arguments, flat_arrays, flat_parameter
 from .problem import MANY, Problem
@@ -94,12 +95,12 @@ class Steps(NamedTuple):
     kernel: Kernel
     # Returns the arguments of the kernel for (body, eps, batch).
     arguments: Callable[[Any, Any, tuple[int, ...]], Arguments]
+    # Returns the constants of `compiled.step_system` for (body, eps).
+    system: Callable[[Any, float], BodySystem | NDSystem | FieldSystem]
     carried: int = 0  # numbers of a trajectory that steps continue from, beside the last state
     # Returns the time of a step, relative to the 3D map, for (D, arguments).
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
-    # Returns the constants of `compiled.step_system` for (body, eps). None: it refuses the body.
-    system: Callable[[Any, float], NDSystem | FieldSystem] | None = None
     # Yields groups of trajectories, as indices, and the arguments of each, for all arguments.
     divide: Callable[[Arguments], Iterator[tuple[Any, Arguments]]] | None = None
     # True if carry[0] is the number of the first state after a step from det A < 0, else 0;

@@ -302,7 +302,7 @@ IN_PLANE = Plane(_in_plane, check_known)
 ALWAYS = "multipliers", "lyapunov_exponents"
 SOLVED = "exact", "flow", "limits"
 OF_BODIES = *ALWAYS, *SOLVED, "attitude"
-OF_BODIES_IN_3D = *OF_BODIES, "plot_phase", "animate_body", "explore", "frame"
+OF_BODIES_IN_3D = *OF_BODIES, "plot_phase", "animate_body", "explore"
 
 
 # What errors advise, by the name of the function, if the map of a body does not support it.
@@ -311,7 +311,6 @@ INSTEAD = {
     **dict.fromkeys(("flow", "limits"), ", which has no closed form: use iterate"),
     "closed_form": ": use exact, or iterate where there is no closed form",
     "matrix": ", whose step is not the solution of one linear system: use jacobian",
-    "frame": ": call system(body, eps)",
     "first_integral": ": suslov_fast.integrability.report looks for integrals",
     "criticality": ": run.status and run.first_pole tell of steps that are too long",
     **dict.fromkeys(

@@ -7,6 +7,7 @@ from ..core.fields import steps as steps_field
 from ..core.fields.stages import Stages
 from ..core.suslov import n_dimensions as steps_nd, steps as steps_3d
 from ..engine.arguments import (
+    body_system,
     by_constants,
     by_scheme,
     by_zeros,
@@ -29,14 +30,13 @@ def _cost_in_nd(D: int, arguments: Any) -> float:
     return 16.0 * D + D**3 / 30.0
 
 
-STEPS_3D = Steps(steps_3d.steps, by_constants, steps_3d.CARRIED, system=field_system)
+STEPS_3D = Steps(steps_3d.steps, by_constants, body_system, steps_3d.CARRIED)
 STEPS_WITH_ROTOR = STEPS_3D._replace(cost=lambda D, arguments: 2.0)
 # Kahan's map of the field of any body.
 FIELD = Steps(
-    steps_field.field_steps, by_scheme, 1, _cost_of_field, 32, field_system, by_zeros,
-    True,
-)  # fmt: skip
-STEPS_ND = Steps(steps_nd.nd_steps, by_constants, 1, _cost_in_nd, 32, nd_system, notes_poles=True)
+    steps_field.field_steps, by_scheme, field_system, 1, _cost_of_field, 32, by_zeros, True
+)
+STEPS_ND = Steps(steps_nd.nd_steps, by_constants, nd_system, 1, _cost_in_nd, 32, notes_poles=True)
 GAUSS = STEPS_ND._replace(
     kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=gauss_system
 )

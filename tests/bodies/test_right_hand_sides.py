@@ -506,7 +506,6 @@ def test_parameters_that_count_or_choose_are_refused():
         lambda f, x: sf.jacobian(f, x, 0.1),
         lambda f, x: sf.exact(f, x, 0.1, 3),
         lambda f, x: sf.compiled.system(f, 0.1),
-        lambda f, x: sf.compiled.frame(f, 0.1),
         lambda f, x: sf.integrability.report(f),
         lambda f, x: sf.integrability.kahan(f),
         lambda f, x: QuadraticField.of(f),

@@ -172,7 +172,7 @@ TABLE = [
      lambda: sf.first_integral(HENON, [1, 2], 0.1), lambda: sf.closed_form(ROTOR, [1, 2], 0.1),
      lambda: sf.scattering_angle(ROTOR), lambda: sf.to_vector(ND, [1, 2, 3]), run(body="lorenz"),
      run(body=None), run(body=OMEGA, omega0=BODY), run(body=[BODY, BODY]),
-     run(body=sf.compiled.frame(BODY, 0.1)), run(body=HENON.H),
+     run(body=sf.compiled.system(BODY, 0.1)), run(body=HENON.H),
      lambda: sf.lyapunov_exponents(RUN, [0.1, 0.2], 0.1, 3),
      lambda: sf.criticality(FIELD, [1, 2], 0.1), lambda: sf.plot_phase(ND, 0.1, 4),
      lambda: sf.animate_body(RUN), lambda: sf.iterate(FIELD.to_dict(), [1, 0], 0.1, 10)),

@@ -68,17 +68,17 @@ with tempfile.TemporaryDirectory() as folder:
     found.append(data["omega"].values)""",
         "loop of a user over bodies": f"""
 {BODY}
-from suslov_fast.compiled import advance, enter, frame, leave
+from suslov_fast.compiled import step, system
 @numba.njit(parallel=True)
-def last(frame, omega):
+def last(system, omega):
     out = np.empty_like(omega)
     for i in numba.prange(len(omega)):
-        u, v = enter(frame, omega[i, 0], omega[i, 1])
+        omega1, omega2 = omega[i, 0], omega[i, 1]
         for _ in range(50):
-            u, v = advance(frame, u, v)
-        out[i, 0], out[i, 1] = leave(frame, u, v)
+            omega1, omega2 = step(system, omega1, omega2)
+        out[i, 0], out[i, 1] = omega1, omega2
     return out
-found.append(last(frame(body, .2), states((100, 2))))""",
+found.append(last(system(body, .2), states((100, 2))))""",
     },
     "n dimensions": {
         "four dimensions": f"{SOLID}\nrun(body, 4, .2, 10)\nrun(body, (1024, 4), .2, 200)",

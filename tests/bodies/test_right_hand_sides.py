@@ -320,6 +320,30 @@ def test_a_hamiltonian_field_has_the_gradient_of_its_list():
     np.testing.assert_allclose(rotor([0.0, 5.0, 3.0]), [0.0, 5.0, 0.0])
 
 
+def test_hamiltonian_fields_are_those_of_quadratic_fields(rng):
+    """K grad H of random cubic H and K, among them those with one product of a variable alone."""
+
+    def compare(H, K):
+        field, quadratic = (of.from_hamiltonian(H, len(K), K) for of in (Field, QuadraticField))
+        assert body_from_dict(json.loads(json.dumps(field.to_dict()))) == field
+        x = rng.integers(-4, 5, (5, len(K))) / 2  # every sum and product is exact
+        np.testing.assert_array_equal(field(x), quadratic(x))
+        np.testing.assert_array_equal(field.jacobian(x), quadratic.jacobian(x))
+
+    compare(lambda x: x[0] * x[1] + x[2], [[0, 1, 1], [-1, 0, 0], [-1, 0, 0]])
+    # Momenta first, in a magnetic field.
+    charged = np.array([[0, 1, -1, 0], [-1, 0, 0, -1], [1, 0, 0, 0], [0, 1, 0, 0]])
+    compare(lambda x: (x * x).sum() / 2 + x[2] * x[3], charged)
+    for _ in range(150):
+        D = int(rng.integers(1, 6))
+        terms = [
+            (int(rng.integers(-2, 3)), rng.integers(0, D, rng.integers(0, 4)))
+            for _ in range(rng.integers(1, 6))
+        ]
+        K = np.triu(rng.integers(-2, 3, (D, D)) * (rng.random((D, D)) < 0.6), 1)
+        compare(lambda x, terms=terms: sum(c * math.prod(x[i]) for c, i in terms), K - K.T)
+
+
 def test_states_that_are_nan_have_no_value():
     field, x = field_of("calcium")
     values = field([x, [np.nan, 1.0]])

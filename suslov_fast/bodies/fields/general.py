@@ -358,10 +358,11 @@ def _of_hamiltonian(
     # A list in its own order, so that the gradient is the same after reading a text of H.
     values, [H] = in_order(tracer.values, [energy])
     [slopes] = gradients(values, [*values.operations], [H], len(names))
-    rows: list[Any] = [0.0] * len(names)
+    rows: list[Any] = [None] * len(names)  # an operand may be 0, the number of the first variable
     for i, j, c in matrix.T:
         if j in slopes:
             part = values.emit("fmul", float(c), slopes[j])
-            rows[i] = part if rows[i] == 0.0 else values.emit("fadd", rows[i], part)
+            rows[i] = part if rows[i] is None else values.emit("fadd", rows[i], part)
     entries = tuple((int(i), int(j), Fraction(c)) for i, j, c in matrix.T)
-    return Equations(names, parameters, values, rows, H, entries)
+    rates = [0.0 if row is None else row for row in rows]
+    return Equations(names, parameters, values, rates, H, entries)

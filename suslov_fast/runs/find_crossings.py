@@ -97,8 +97,7 @@ def crossings(
     digits of the tolerance. With `eps` and `steps` they are orbits of the map: the states are those
     of :func:`iterate`, bit for bit, and only the crossings are kept. With a = s(x_n) and
     b = s(x_{n+1}), an orbit crosses upwards between states n and n + 1 if a < 0 <= b, and downwards
-    if b < 0 <= a. In both cases 0 counts as positive, so that an orbit that starts on the surface
-    and goes up does not cross it there.
+    if b < 0 <= a: 0 counts as positive. A start on the surface is never a crossing.
 
     Parameters
     ----------

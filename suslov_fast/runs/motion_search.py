@@ -181,6 +181,8 @@ class MotionSearch:
         own[:, 1:] = values[:, number, :, lane].transpose(1, 2, 0)
         before = values[:, number - 1, -1, lane]
         own[:, 0] = np.where(number == 0, self.values[:, lane], before)
+        is_on = (self.steps[lane] + number == 0) & (own[:, 0] == 0.0)
+        own[:, 0] = np.where(is_on, own[:, 1], own[:, 0])  # the side to which a motion goes
         order = np.argsort(number, kind="stable")  # the last step of a trajectory is the last here
         self.values[:, lane[order]] = own[:, -1, order]
         changes = _changes(own)

@@ -3,7 +3,8 @@
 Orbits are computed in pieces that fit into the caches. The user's function returns a value for each
 state of a piece, and only the states on both sides of a change of sign are kept.
 
-A value of 0 counts as positive. With a = s(x_n) and b = s(x_{n+1}), an orbit crosses upwards if
+A value of 0 counts as positive, but at the start, where it counts as the one after it: a start on
+the surface is no crossing. With a = s(x_n) and b = s(x_{n+1}), an orbit crosses upwards if
 a < 0 <= b, and downwards if b < 0 <= a. The straight line from x_n to x_{n+1} meets the surface, to
 first order, at the fraction a / (a - b) of its length.
 """
@@ -210,6 +211,8 @@ class Search:
         """
         is_positive = np.empty((len(states), values.shape[1]), bool)
         is_positive[0], is_positive[1:] = self.last >= 0.0, values >= 0.0
+        if n == 0:  # a start on the surface is on the side to which the orbit goes
+            is_positive[0] = np.where(self.last == 0.0, is_positive[1], is_positive[0])
         changes = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
         if changes.size:
             flat, earlier = states.reshape(*is_positive.shape, -1), self.counts.copy()

@@ -19,6 +19,9 @@ from .random_starts import RandomStarts
 from .status import PoleWarning, Status
 
 _LEAST, _MOST = 1e-13, 1e-2  # of rtol
+# The default of rtol. A number that is typed is another object, also if it is 1e-9, so that `is`
+# tells whether rtol is given where it means nothing.
+RTOL = float("1e-9")
 _FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
 # What solutions do that stop.
 _CAUSES = {

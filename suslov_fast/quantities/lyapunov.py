@@ -16,7 +16,7 @@ from ..engine.derivatives import growth
 from ..engine.motion_growth import exponents_of
 from ..engine.motions import threads_for
 from ..engine.problem import warn_of_times
-from ..engine.starts import checked_settings, checked_starts, warn_of_ends
+from ..engine.starts import RTOL, checked_settings, checked_starts, warn_of_ends
 from ..engine.status import report_poles
 from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
@@ -35,7 +35,7 @@ def lyapunov_exponents(
     transient: float = 0,
     *,
     time: float | None = None,
-    rtol: float = 1e-9,
+    rtol: float = RTOL,
     method: Method = "auto",
     threads: int | None = None,
     progress: Progress = None,
@@ -106,6 +106,7 @@ def lyapunov_exponents(
         return _of_motion(system, x0, time, transient, rtol, threads, progress)
     if eps is None or steps is None:
         raise TypeError("lyapunov_exponents takes eps and steps of a map, or time= of a motion")
+    checks.left_out("eps and steps", rtol=rtol is not RTOL)
     checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)

@@ -20,7 +20,7 @@ from ..bodies.base import Body
 from ..checks import Reals, require, wrong
 from ..engine.problem import Problem, check, warn_of_times
 from ..engine.random_starts import RandomStarts
-from ..engine.starts import checked_settings, checked_times
+from ..engine.starts import RTOL, checked_settings, checked_times
 from ..engine.status import PENDING
 from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
@@ -57,7 +57,7 @@ def ensemble(
     method: str = "auto",
     attitude: bool | ArrayLike = False,
     time: Reals | None = None,
-    rtol: float = 1e-9,
+    rtol: float = RTOL,
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
@@ -136,7 +136,11 @@ def ensemble(
         raise wrong("client", "an open client", "one that is closed")
     checks.instance("system", system, Body)
     steps_given = {"eps": eps is not None, "steps": steps is not None}
-    tolerances = {"rtol": rtol != 1e-9, "atol": atol is not None, "max_step": max_step is not None}
+    tolerances = {
+        "rtol": rtol is not RTOL,
+        "atol": atol is not None,
+        "max_step": max_step is not None,
+    }
     if time is None:
         checks.left_out("eps and steps", **tolerances, stiff=stiff is not None)
     else:

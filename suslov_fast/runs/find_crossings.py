@@ -16,7 +16,7 @@ from ..checks import FloatArray, Reals, instance, integer, one_of, real_number, 
 from ..core.motion.engine import Settings
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
-from ..engine.starts import checked_settings, checked_starts, ends_in_words, tolerances_of
+from ..engine.starts import RTOL, checked_settings, checked_starts, ends_in_words, tolerances_of
 from ..engine.status import PoleWarning
 from ..engine.stretches import March, Progress, reporter
 from ..engine.threads import thread_count
@@ -56,7 +56,7 @@ def crossings(
     *,
     surface: Surface | str | Sequence[Surface | str],
     time: float,
-    rtol: float = 1e-9,
+    rtol: float = RTOL,
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
@@ -79,7 +79,7 @@ def crossings(
     surface: Surface | str | Sequence[Surface | str] | None = None,
     *,
     time: float | None = None,
-    rtol: float = 1e-9,
+    rtol: float = RTOL,
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
@@ -197,7 +197,11 @@ def crossings(
         )  # fmt: skip
     if eps is None or steps is None:
         raise TypeError("crossings takes time=T along a motion, or eps and steps along a map")
-    tolerances = {"rtol": rtol != 1e-9, "atol": atol is not None, "max_step": max_step is not None}
+    tolerances = {
+        "rtol": rtol is not RTOL,
+        "atol": atol is not None,
+        "max_step": max_step is not None,
+    }
     checks.left_out("eps and steps", **tolerances, stiff=stiff is not None)
     map = map_of(system, method)
     problem = check(map, system, x0, eps, threads, name="x0")

@@ -344,7 +344,18 @@ TABLE = [
     (TypeError, "rho", lambda: FAMILY["rho"]),
     (ValueError, "rho", lambda: FAMILY.sel(rho=21)),
     (ValueError, "rotation", lambda: sf.to_matrix(BODY, [1, 2], rotation=np.eye(2))),
-    (TypeError, "rtol", motion(rtol=None), section(rtol=1e-6, time=None, eps=0.1, steps=4)),
+    (TypeError, "rtol", motion(rtol=None), *(
+        call  # also with the number that is the default
+        for rtol in (1e-6, 1e-9, 1 / 10**9, np.float64(1e-9), None, "1e-9")
+        for call in (
+            section(rtol=rtol, time=None, eps=0.1, steps=4),
+            lambda rtol=rtol: sf.crossings(FIELD, [1.0, 0.0], 0.1, 4, "x1", rtol=rtol),
+            lambda rtol=rtol: sf.ensemble(FIELD, [1.0, 0.0], 0.1, 4, rtol=rtol, store="x.zarr"),
+            lambda rtol=rtol: sf.lyapunov_exponents(FIELD, [1.0, 0.0], 0.1, 4, rtol=rtol),
+            lambda rtol=rtol: sf.explore(FIELD, [1.0, 0.0], 0.1, 4, rtol=rtol),
+            lambda rtol=rtol: sf.explore(BODY, rtol=rtol),
+        )
+    )),
     (ValueError, "rtol", motion(rtol=0), motion(rtol=0.1), motion(rtol=[1e-6, 1e-7]),
      motion(rtol=NAN), orbit(rtol=0.5), section(rtol=0.0), exponents(time=1.0, rtol=1.0)),
     (KeyError, "run", lambda: RUN["time"], lambda: POINTS["x3"]),

@@ -17,6 +17,7 @@ from ...bodies.classes import BodyOrField
 from ...bodies.fields.general import Field
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
 from ...checks import left_out, states, wrong
+from ...engine.starts import RTOL
 from ...keywords import public
 from ...maps import map_of
 from .fields import FieldScene
@@ -143,7 +144,7 @@ def explore(
     method: str = "auto",
     *,
     time: float | None = None,
-    rtol: float = 1e-9,
+    rtol: float = RTOL,
 ) -> Page:
     """Return an interactive page of orbits: a plane of two components, sliders, statuses.
 
@@ -202,6 +203,7 @@ def explore(
         left_out("time", **given, method=method != "auto")
         scene = FieldScene(field, x0, time=20.0 if time is None else time, rtol=rtol)
         return Page(scene.query, scene)
+    left_out("eps and steps", rtol=rtol is not RTOL)
     if not isinstance(field, (Suslov3D, SuslovGyrostat)):
         map_of(field)  # raises an error for anything else
         eps, steps = 0.01 if eps is None else eps, 2000 if steps is None else steps

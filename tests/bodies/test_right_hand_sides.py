@@ -135,6 +135,7 @@ BELOW_1 = {"arcsin": mp.asin, "arccos": mp.acos, "arctanh": mp.atanh}
 TWO = {
     "add": lambda a, b: a + b, "subtract": lambda a, b: a - b, "multiply": lambda a, b: a * b,
     "divide": lambda a, b: a / b, "arctan2": mp.atan2, "hypot": mp.hypot,
+    "logaddexp": lambda a, b: mp.log(mp.exp(a) + mp.exp(b)),
 }  # fmt: skip
 
 
@@ -157,6 +158,9 @@ def _in_balls(name, *a):
         return ball.then(POSITIVE[name], ulps=4)
     if name in BELOW_1:
         return a[0].then(mp.tanh).then(BELOW_1[name])
+    if name == "logaddexp":  # the error is that of the larger operand
+        found = a[0].then(TWO[name], *a[1:], ulps=4)
+        return Ball(found.value, found.error + max(abs(b.value) for b in a) * mp.mpf(2) ** -50)
     return a[0].then((ONE | TWO)[name], *a[1:])
 
 
@@ -253,6 +257,19 @@ def test_derivatives_of_random_expressions_in_40_digits():
         (lambda a: 2.0**a, 1.0, 2 * math.log(2)),
         (lambda a: a % 3, 4.0, 1.0),
         (lambda a: np.hypot(a, 0 * a), 0.0, 0.0),
+        (lambda a: np.logaddexp(0, a), 0.0, 0.5),
+        (lambda a: np.logaddexp(a, 3 * a), 0.0, 2.0),
+        (lambda a: np.logaddexp(a, -a), 0.0, 0.0),
+        (lambda a: np.logaddexp(a, 0), 1e300, 1.0),
+        (lambda a: np.logaddexp(a, 0), -700.0, math.exp(-700)),
+        (lambda a: np.logaddexp(2 * a, -np.inf), -5.0, 2.0),
+        (lambda a: np.logaddexp(1e308 * a, 1.5e308 * a), 10.0, 1.25e308),
+        # What advice makes of functions that have no rule.
+        (lambda a: a - 2 * np.trunc(a / 2), 0.0, 1.0),  # fmod(a, 2)
+        (lambda a: a - 2 * np.trunc(a / 2), -3.0, 1.0),
+        (lambda a: np.where(a == 0, 1, np.sin(np.pi * a) / (np.pi * a)), 0.0, 0.0),  # sinc(a)
+        (lambda a: np.where(a == 0, 1, np.sin(np.pi * a) / (np.pi * a)), 1.0, -1.0),
+        (lambda a: np.where(a == a, a, 0), 0.0, 1.0),  # nan_to_num(a)
     ],
 )
 def test_derivatives_where_f_chooses(f, x, slope):

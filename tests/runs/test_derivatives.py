@@ -9,7 +9,7 @@ from children import TWO_THREADS
 from series import solution_and_derivatives
 
 import suslov_fast as sf
-from suslov_fast import Field, QuadraticField, flow
+from suslov_fast import Field, QuadraticField, flow, lyapunov_exponents
 
 
 def _of(name):
@@ -209,6 +209,15 @@ def test_bodies_by_starts():
     h = 1e-5 * np.eye(2)
     ends = [flow(body, [1.0, 0.5] + sign * h, time=2.0).omega[0] for sign in (1, -1)]
     np.testing.assert_allclose(found, (ends[0] - ends[1]).T / 2e-5, atol=1e-8)
+
+
+def test_a_steady_state_at_a_tie():
+    field = Field.from_function(lambda x: (np.log(2.0) - np.logaddexp(0.0, x[0]),), "x")
+    motion = flow(field, [0.0], time=[0.5, 1.0], derivatives="x0")
+    assert (motion.x == 0.0).all()
+    found = motion.derivative("x0").ravel()
+    np.testing.assert_allclose(found, np.exp([-0.25, -0.5]), rtol=1e-8)
+    assert lyapunov_exponents(field, [0.0], time=1.0) == pytest.approx(-0.5, rel=1e-8)
 
 
 def test_small_and_large_parameters_and_states():

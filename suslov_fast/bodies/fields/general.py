@@ -111,10 +111,10 @@ class Field(FieldOfFunction):
 
     f is kept as a list of operations, from which its exact derivative follows. It is a formula of
     + - * / ** and of NumPy's exp, log, sqrt, cbrt, sin, cos, tan, sinh, cosh, tanh, their inverses,
-    arctan2, hypot, expm1, log1p, exp2, log2, log10, abs, sign, minimum, maximum, clip, heaviside,
-    floor, where, comparisons joined by & | ~, interp with a table of numbers, and SciPy's expit and
-    erf. Sums, products and shifts of arrays are made of these. Equations of degree 2, of which
-    Kahan's map is made, are a :class:`QuadraticField`.
+    arctan2, hypot, expm1, log1p, exp2, log2, log10, logaddexp, abs, sign, minimum, maximum, clip,
+    heaviside, floor, where, comparisons joined by & | ~, interp with a table of numbers, and
+    SciPy's expit and erf. Sums, products and shifts of arrays are made of these. Equations of
+    degree 2, of which Kahan's map is made, are a :class:`QuadraticField`.
 
     Attributes
     ----------

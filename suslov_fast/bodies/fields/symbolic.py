@@ -23,13 +23,13 @@ from .texts import brief
 # How to write functions that have no record by those that have one.
 HOW = {
     "sinc": "np.where(x == 0, 1, np.sin(np.pi*x)/(np.pi*x)) for np.sinc(x)",
-    "logaddexp": "np.maximum(x, y) + np.log1p(np.exp(-np.abs(x - y))) for np.logaddexp(x, y)",
+    "logaddexp2": "np.logaddexp(x*np.log(2), y*np.log(2))/np.log(2) for np.logaddexp2(x, y)",
     "fmax": "np.maximum",
     "fmin": "np.minimum",
     "rint": "np.floor(x + 0.5)",
     "round": "np.floor(x + 0.5)",
     "around": "np.floor(x + 0.5)",
-    "fmod": "np.sign(x)*(np.abs(x) % np.abs(y)) for np.fmod(x, y)",
+    "fmod": "x - y*np.trunc(x/y) for np.fmod(x, y)",
     "piecewise": "np.where",
     "isfinite": "np.abs(x) < np.inf",
     "isnan": "x != x",

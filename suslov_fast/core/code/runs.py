@@ -29,7 +29,7 @@ SHORT = 3
 JOINING = ("and", "or", "xor")
 ARITHMETIC = ("fadd", "fsub", "fdiv", "max", "min", "copysign")
 CALLED = (*OF_LISTS, *OF_LIBRARY)
-OF_TWO = ("pow", "hypot", "atan2")
+OF_TWO = ("pow", "hypot", "logaddexp", "atan2")
 KINDS = [
     *((f"sum{n}", start + pair) for n in range(SHORT + 1) for start in ("", "r", "t")
       for pair in ("rr", "tr")),

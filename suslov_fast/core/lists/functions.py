@@ -3,7 +3,7 @@
 Each function takes `emit`, which adds an operation and returns the number of its value
 (`operations.Values`), and the numbers of its operands, and returns the number of its value. Lists
 have no branches and no FMA, so their bits are the same wherever they are carried out. Errors are
-at most 1 ulp; special values are those of the C library.
+at most 1 ulp, but of `logaddexp`; special values are those of the C library.
 
 A number in two parts is a sum high + low, whose low part has less than an ulp of the high one.
 Coefficients of polynomials are minimax, by the algorithm of Remez with 300 bits, each rounded to a
@@ -304,6 +304,18 @@ def log1p(emit, x):
     return _with_special_values(x, -1.0, result).number
 
 
+def logaddexp(emit, x, y):
+    """Return log(exp(x) + exp(y)), the larger one plus log1p(exp(-abs(x - y))).
+
+    The error is at most 4 ulp of the larger one, or of the result if that is larger.
+    """
+    x, y = Number(emit, x), Number(emit, y)
+    a, b = x.then("max", y), x.then("min", y)
+    below = a.equals(b).select(0.0, b - a)  # not the difference of infinities
+    result = a + Number(emit, log1p(emit, exp(emit, below.number)))
+    return x.equals(x).select(y.equals(y).select(result, y), x).number
+
+
 def _log_in_parts(f):
     """Return log(1 + f) in two parts, whose relative error is below 2**-62."""
     below, rest = _sum(2.0, f)
@@ -503,4 +515,4 @@ ELEMENTARY = {
     function.__name__: (function, 1)
     for function in (exp, exp2, expm1, expit, sinh, cosh, tanh, log, log1p, log2, log10, cbrt,
                      sin, cos, tan)
-} | {"pow": (pow, 2), "hypot": (hypot, 2)}  # fmt: skip
+} | {"pow": (pow, 2), "hypot": (hypot, 2), "logaddexp": (logaddexp, 2)}  # fmt: skip

@@ -88,6 +88,12 @@ def _of_hypot(emit, a, b, y):
     return tuple(emit("select", is_0, 0.0, emit("fdiv", each, y)) for each in (a, b))
 
 
+def _of_logaddexp(emit, a, b, y):
+    """Return the shares of exp(a) and exp(b) in their sum, also where both are infinite."""
+    way = emit("select", emit("oeq", a, b), 0.0, emit("fsub", a, b))
+    return emit("expit", way), emit("expit", _minus(emit, way))
+
+
 def _of_expit(emit, a, y):
     """Return y (1 - y), where 1 - y is the value at -a, with all digits."""
     return (emit("fmul", y, emit("expit", _minus(emit, a))),)
@@ -163,6 +169,7 @@ _OF_LISTS = [
     _of_1("floor", "floor", lambda emit, a, y: (0.0,)),
     _of_2("arctan2", "atan2", lambda emit, a, b, y: _of_angle(emit, a, b)),
     _of_2("hypot", "hypot", _of_hypot),
+    _of_2("logaddexp", "logaddexp", _of_logaddexp),
 ]
 _POWER = _of_2("power", "pow", _of_power)
 RECORDS = {record.instruction: record for record in [*_OF_LISTS, _POWER]}

@@ -21,7 +21,15 @@ from ..checks import integer
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, Point
-from .functions import RationalFunction, WithLetter, check_letter, factored, traced
+from .functions import (
+    RationalFunction,
+    WithLetter,
+    as_function,
+    check_letter,
+    factored,
+    over_common_denominator,
+    traced,
+)
 from .polynomials import (
     cleared,
     coprime,
@@ -169,7 +177,14 @@ class RationalMap(WithLetter):
 
     @public
     def __call__(self, point: Any) -> tuple[Any, ...]:
-        """Return the image of a point, exactly; functions of eps if it is symbolic."""
+        """Return the image of a point, exactly; functions of eps if it is symbolic.
+
+        It may be called in the function of `rational_map`: ``lambda x: map(map(x))``.
+        """
+        if isinstance(point, tuple) and any(isinstance(a, RationalFunction) for a in point):
+            x = over_common_denominator(map(as_function, point), self.ring)
+            *numerators, denominator = map(factored, self.homogeneous_image(x))
+            return tuple(a / denominator for a in numerators)
         if not self.is_symbolic:
             return tuple(map(arithmetic.fraction, self.image(self._numbers(point))[:-1]))
         x = arithmetic.rationals("point", point, self.dimension)

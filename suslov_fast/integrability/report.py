@@ -86,8 +86,8 @@ class Report:
     def proved_entropy(self) -> float | None:
         """The algebraic entropy of the map if it is proved, else None.
 
-        In the plane by the contracted curves or an integral; with D - 1 integrals, because their
-        levels are curves; in three dimensions also on the generic level of one integral.
+        In the plane by the contracted curves or an integral; with D - 1 integrals or more, because
+        their levels are curves or points; in three dimensions also on the generic level of one.
         """
         if self._levels_are_curves:
             return 0.0
@@ -97,7 +97,7 @@ class Report:
     @property
     def _levels_are_curves(self) -> bool:
         proved = sum(f.basis == IDENTITY for f in self.integrals)
-        return self.map.dimension > 2 and proved == self.map.dimension - 1
+        return self.map.dimension > 2 and proved >= self.map.dimension - 1
 
     @property
     def dimension(self) -> int:
@@ -154,7 +154,8 @@ class Report:
     def _lines_of_entropy(self) -> list[str]:
         D, planar = self.map.dimension, self.planar or self.on_level
         if self._levels_are_curves:
-            return ["Entropy (proved): 0, because the levels of the integrals are curves"]
+            levels = "points" if self.dimension == 0 else "curves"
+            return [f"Entropy (proved): 0, because the levels of the integrals are {levels}"]
         if planar is None:
             return []
         # In three dimensions that on the generic level is that of the map.

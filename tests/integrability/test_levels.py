@@ -209,8 +209,40 @@ def test_components_of_levels():
     swapped = rational_map(
         lambda x: (-x[0], x[1] + 1, x[2] * x[1]), 3, lambda x: (-x[0], x[1] - 1, x[2] / (x[1] - 1))
     )
-    with pytest.raises(ArithmeticError, match="to itself"):
-        on_level(swapped, [lambda x: x[0] ** 2], point=(1, 2, 3))
+    for point in ((1, 2, 3), None):
+        with pytest.raises(ArithmeticError, match=r"to itself, .* second iterate"):
+            on_level(swapped, [lambda x: x[0] ** 2], point=point)
+    twice = second_iterate(swapped)
+    assert twice((1, 2, 3)) == swapped(swapped((1, 2, 3)))
+    assert on_level(twice, [lambda x: x[0]], point=(1, 2, 3)).map((2, 3)) == (4, 18)
+
+
+def second_iterate(map):
+    return rational_map(lambda x: map(map(x)), map.dimension, lambda x: map.inverse(map.inverse(x)))
+
+
+PERIODIC = third_order(lambda x, y, z: 1 / (y * z) - x)  # the fifth iterate is
+
+
+def test_a_map_with_as_many_integrals_as_variables():
+    found = report(PERIODIC)
+    assert len(found.integrals) == 3
+    assert (found.proved_entropy, found.dimension) == (0.0, 0)
+    assert "points" in repr(found)
+    (squared,) = (f for f in found.integrals if f.factors[0][1] == 2)
+    with pytest.raises(ArithmeticError, match="second iterate"):
+        on_level(PERIODIC, [squared])
+    J = lambda x: 2 * x[0] * x[1] * x[2] - 1  # noqa: E731
+    level = on_level(second_iterate(PERIODIC), [J])
+    assert planar_entropy(level.map).entropy == 0.0
+    prey = kahan(field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2), 1)
+    assert second_iterate(prey)((F(1, 3), 2)) == prey(prey((F(1, 3), 2)))
+
+
+def test_the_letter_of_a_level_is_named():
+    found = str(planar_entropy(on_level(kahan(*ZOO["Zhukovsky-Volterra, two betas"])).map))
+    assert "h = " in found
+    assert "eps" not in found
 
 
 @pytest.mark.slow

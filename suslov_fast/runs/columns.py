@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from ..engine.status import PENDING
 
 # Version of files and stores.
-FORMAT = 13
+FORMAT = 14
 # Names that begin with _ are what a run continues from: files have them, datasets do not.
 _PRIVATE = "_"
 

@@ -521,6 +521,40 @@ def test_quadratic_fields_honour_what_numpy_writes():
         np.testing.assert_allclose(field([0.3, -0.7]), expected(0.3, -0.7), rtol=1e-15)
 
 
+LIMITS = {
+    "clip": (lambda a: np.clip(a, 0, np.inf), [0.0, 3.0]),
+    "minimum": (lambda a: np.minimum(np.inf, a), [-2.0, 3.0]),
+    "where": (lambda a: np.where(a > 0, a, np.nan), [np.nan, 3.0]),
+    "less": (lambda a: a * (a < np.inf), [-2.0, 3.0]),
+    "capacity": (lambda a: a * (1 - a / np.inf), [-2.0, 3.0]),
+    "logaddexp": (lambda a: np.logaddexp(-np.inf, a), [-2.0, 3.0]),
+    "interp": (lambda a: np.interp(a, [0, 4], [0, 8], left=np.nan), [np.nan, 6.0]),
+}
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_limits_may_be_infinite(name):
+    f, expected = LIMITS[name]
+    field = Field.from_function(lambda x: (f(x[0]),), "a")
+    np.testing.assert_array_equal(field([[-2.0], [3.0]]).ravel(), expected)
+    assert body_from_dict(json.loads(json.dumps(field.to_dict()))) == field
+
+
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda a: np.inf, lambda a: np.nan, lambda a: 1e308 * 10.0, lambda a: np.inf * a,
+        lambda a: a - np.nan, lambda a: a**np.inf, lambda a: np.where(a > 0, np.inf * a, 1.0),
+        lambda a: np.sin(a + np.inf), lambda a: a / np.nan, lambda a: np.inf / a,
+    ],
+)  # fmt: skip
+def test_rates_that_are_infinite_or_nan_are_refused(f):
+    with pytest.raises(TypeError, match=r"^f: .*(inf|nan)"):
+        Field.from_function(lambda x: (f(x[0]),), "a")
+    with pytest.raises(TypeError, match=r"^H: .*(inf|nan)"):
+        Field.from_hamiltonian(lambda x: f(x[0]), "q p")
+
+
 def test_parameters_that_count_or_choose_are_refused():
     def f(x, m):
         return (sum(x[0] ** k for k in range(m)),)

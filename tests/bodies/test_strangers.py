@@ -126,7 +126,9 @@ SHORT = [
     "x if x > 0 else 1", "x and x", "0 < x < 1", "x<y", "x & 1", "1<<10**10", "x@y", "1/0*x",
     "sin(x, x)", "sin(x=x)", "sin((1, 2))", "where(x > 0, 1)", "interp(x, x, x)",
     "interp(x, (0, 1), (1, 2, 3), 1, 2)", "(x, x)", "x = 1", "x\n+y", "x # y", "x\x00", "",
-    None, 3, ["x"],
+    None, 3, ["x"], "1e999", "-1e999", "nan", "1e999*x", "nan*x", "inf*x", "x + inf", "x - nan",
+    "x**inf", "(-inf)**x", "x % inf", "x // nan", "inf/x", "x/nan", "exp(1e308*10*x)", "1e999 - x",
+    "where(x > 0, nan*x, 1)", "-(inf*x)", "sin(x) + 1e308*1e308",
 ]  # fmt: skip
 
 

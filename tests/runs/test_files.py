@@ -145,6 +145,39 @@ def test_damaged_files(path):
             assert sf.Trajectories.load(path) == run_of("batch")
 
 
+FORCED = sf.Field.from_function(lambda x, a: (x[1], -a * x[0]), "q p", a=2.0)
+OF_EACH_KIND = {
+    "Trajectories": lambda: sf.iterate(BODY, [[1.0, 0.5]] * 2, 0.1, 5, attitude=True),
+    "Crossings": lambda: sf.crossings(BODY, [1.0, 0.5], 0.1, 5, lambda x: x[..., 0] - 0.9),
+    "Motion": lambda: sf.flow(FORCED, [1.0, 0.5], time=[0.5, 1.0], derivatives=("x0", "a")),
+    "MotionCrossings": lambda: sf.crossings(FORCED, [1.0, 0.5], surface="p", time=5.0),
+}
+
+
+@pytest.mark.parametrize("kind", OF_EACH_KIND)
+def test_a_lost_or_renamed_entry_is_told(kind, path):
+    """Renamed by a single bit in the directory of the archive, or everywhere."""
+    result = OF_EACH_KIND[kind]()
+    result.save(path)
+    load = getattr(sf, kind.removeprefix("Motion") or kind).load
+    assert load(path) == result
+    whole, found = path.read_bytes(), entries(path)
+    for name in found:
+        others = {key: array for key, array in found.items() if key != name}
+        np.savez(path, **others)
+        with pytest.raises(ValueError, match=r"run\.npz "):
+            load(path)
+        np.savez(path, **others, **{f"{name}_": found[name]})
+        with pytest.raises(ValueError, match=r"run\.npz "):
+            load(path)
+        place = whole.rindex(f"{name}.npy".encode())
+        for k in range(len(name)):
+            flipped = bytes([whole[place + k] ^ 4])
+            path.write_bytes(whole[: place + k] + flipped + whole[place + k + 1 :])
+            with pytest.raises(ValueError, match=r"run\.npz "):
+                load(path)
+
+
 @pytest.mark.parametrize("links", [True, False])
 def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
     """On file systems without links, too; the file is that of the one that succeeded."""

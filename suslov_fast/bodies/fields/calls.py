@@ -137,7 +137,7 @@ def _operands(argument: str, f: Any, tracer: Tracer) -> list[Any]:
     result = called(argument, f, tracer.state, tracer.parameters)
     try:
         parts = [result] if argument == "H" else components(result, len(tracer.state))
-        return [tracer.number(alone(part)) for part in parts]
+        return [tracer.result(alone(part)) for part in parts]
     except (TypeError, ValueError) as error:
         raise type(error)(f"{argument}: {error}") from None
 

@@ -315,7 +315,10 @@ class Field(FieldOfFunction):
         known = dict(zip(names, tracer.state, strict=True)) | tracer.parameters
         texts = [*(definitions or {}).items(), *enumerate(rows)]
         found = values_of(texts, known, called_by_name)
-        operands = [tracer.number(found[k]) for k in range(len(rows))]
+        try:
+            operands = [tracer.result(found[k]) for k in range(len(rows))]
+        except TypeError as error:
+            raise ValueError(f"equations: {error}") from None
         if H is None:
             shared = Equations(names, [*values], tracer.values, operands)
         else:

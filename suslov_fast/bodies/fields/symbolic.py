@@ -8,6 +8,7 @@ symbolic numbers, and of arrays that hold them, to the methods here; arrays keep
 from __future__ import annotations
 
 import functools
+import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -105,11 +106,35 @@ class Tracer:
 
     def applied(self, name: str, operands: Sequence[Any], *tables: Any) -> Any:
         """Return the value of a function of operands, and note what was written."""
+        if name in _ARITHMETIC and float in map(type, operands):
+            _check_arithmetic(name, operands)
         count, rule = self.values.count, interp if name == "interp" else FUNCTIONS[name].rule
         result = rule(self.values, *operands, *tables)
         if not isinstance(result, float) and result >= count:
             self.values.written.setdefault(result, (name, tuple(operands), *tables))
         return Symbol(self, result)
+
+    def result(self, value: Any) -> Any:
+        """Return the operand that a component of f, or H, is."""
+        operand = self.number(value)
+        if isinstance(operand, float) and not math.isfinite(operand):
+            raise Untraceable(f"a component is {operand}, not a finite number or a formula")
+        return operand
+
+
+_ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split()
+
+
+def _check_arithmetic(name: str, operands: Sequence[Any]) -> None:
+    """Raise an error where a constant is infinite or NaN, but for a quotient by infinity.
+
+    Such constants are limits of `clip` and values of `where`; a sum with one has no other value.
+    """
+    for k, a in enumerate(operands):
+        is_limit = name == "divide" and k == 1 and a in (math.inf, -math.inf)
+        if isinstance(a, float) and not math.isfinite(a) and not is_limit:
+            sign = FUNCTIONS[name].sign
+            raise Untraceable(f"a constant beside {sign} is {a}, and must be a finite number")
 
 
 def constant(value: Any) -> float:

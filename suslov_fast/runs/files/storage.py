@@ -52,6 +52,7 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     names = *["eps"] * (kind in _OF_MAPS), *(column.name for column in OF_KIND[kind])
     arrays = {name: getattr(result, name, None) for name in names}
     arrays = {name: array for name, array in arrays.items() if array is not None}
+    about["entries"] = [*arrays]  # some are optional, so that a lost one would not be missed
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
     try:
         _write(target, arrays, overwrite)
@@ -128,9 +129,8 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:
     attributes: dict[str, Any] = {
         k: tuple(value) if type(value) is list else value for k, value in values.items()
     }
-    there = {*entries.namelist()}
     for column in OF_KIND[kind]:
-        is_there = f"{column.name}.npy" in there or not column.when
+        is_there = column.name in about["entries"] or not column.when
         attributes[column.name] = _entry(entries, column.name) if is_there else None
     attributes["body"] = body_from_dict(json.loads(str(_entry(entries, "body"))))
     if kind in _OF_MAPS:

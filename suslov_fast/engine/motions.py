@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.motion.engine import Motion as Engine, Settings
+from ..core.motion.engine import Motion as Engine, Settings, prepare
 from ..core.motion.one import motion_of_one
 from ..core.motion.rows import State
 from .arguments import ALL
@@ -19,6 +19,7 @@ from .threads import available
 
 # Trajectories from which on threads are started, unless the user gives their number.
 _MANY = 64
+_LARGE = 2**20  # numbers of states from which on both halves are compiled before there are any
 DONE = int(State.DONE)
 _STATUS = np.full(len(State), Status.TOO_MANY_STEPS, np.int8)  # also of a run that was ended
 _STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
@@ -88,12 +89,16 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
         alone = _of_one(field, starts, times, sign, settings)
         if alone is not None:
             return alone
-    found = nothing_found(starts, len(times))
     if not B:
-        return found
+        return nothing_found(starts, len(times))
+    groups = [*right_hand_sides(field.right_hand_sides, field.shape, batch)]
+    for where, f, table in groups:  # LLVM ends the process where it finds no memory
+        count = B if where is ALL else len(where)
+        prepare(f, settings, count, table.ndim > 1, starts.size * len(times) > _LARGE)
+    found = nothing_found(starts, len(times))
     count = threads_for(B, threads)
     done = 0
-    for where, f, table in right_hand_sides(field.right_hand_sides, field.shape, batch):
+    for where, f, table in groups:
         x0, states = starts, found.states
         if where is not ALL:
             x0 = starts[where]

@@ -126,7 +126,8 @@ def flow(
     settings = checked_settings(system, rtol, atol, max_step, stiff)
     names, field = checked_derivatives(system, derivatives)
     directions = sum(system.dimension if name == "x0" else 1 for name in names)
-    x, batch = checked_starts(system, x0, len(times) * (1 + directions))
+    copies = 2 if names else 1  # derivatives are taken out of columns beside the states
+    x, batch = checked_starts(system, x0, len(times) * (1 + directions) * copies)
     of_columns = None
     with reporter(progress, len(times) * math.prod(batch)) as report:
         asked = Asked(times, sign, settings, thread_count(threads), report)

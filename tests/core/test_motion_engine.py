@@ -1,15 +1,20 @@
 """The engine of the motion: columns, rules, and the same bits however steps are carried out."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast import Field, flow
+from suslov_fast.core.code import compiler
 from suslov_fast.core.lists.dense import DenseRightHandSide, dense_parameters
 from suslov_fast.core.lists.numbers import Number
 from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
 from suslov_fast.core.lists.variational import variational
 from suslov_fast.core.motion import columns, engine, functions, half, one, stepping
 from suslov_fast.core.motion.rows import State
+from suslov_fast.engine import motions
 
 needs_code = pytest.mark.compiled
 
@@ -301,3 +306,37 @@ def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
     rows = steps.rows
     found = states, *(steps.flat[:, row] for row in (rows.t, rows.steps, rows.state))
     assert_equal(found, motion(f, x0, [T]))
+
+
+@needs_code
+@pytest.mark.parametrize("count", [1, 9, 9000])
+@pytest.mark.parametrize("derivatives", [(), ("x0", "a")])
+@pytest.mark.parametrize("chooses", [False, True])
+def test_code_is_made_before_there_are_states(monkeypatch, count, derivatives, chooses):
+    """LLVM ends the process where large states have taken the memory."""
+    other = (lambda y: np.where(y > 0.0, y, 2.0 * y)) if chooses else np.sin
+    k = next(_NEW)  # so that no code is there
+    field = Field.from_function(lambda x, a: (x[1], -a * other(x[0]) - k * x[1]), 2, a=1.0)
+    order = []
+
+    def noting(name, module, attribute):
+        function = getattr(module, attribute)
+
+        def noted(*arguments):
+            order.append(name)
+            return function(*arguments)
+
+        monkeypatch.setattr(module, attribute, noted)
+
+    noting("code", compiler, "_compile")
+    noting("states", motions, "nothing_found")
+    x0 = np.random.default_rng(1).normal(size=(count, 2))
+    assert flow(field, x0, time=np.linspace(0.0, 1.0, 90), derivatives=derivatives).ok
+    assert order[0] == "code"
+    assert "code" not in order[order.index("states") :] if "states" in order else True
+    assert order.count("code") == (
+        2 if count * 2 * 90 * (1 + len(derivatives) * 1.5) > 2**20 else 1
+    )
+
+
+_NEW = itertools.count(0.125, 0.125)

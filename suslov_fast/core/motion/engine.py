@@ -74,6 +74,17 @@ def code_of_half(half, W, for_each):
     )
 
 
+def prepare(f, settings, B, for_each, both):
+    """Make the code of the half in which B trajectories begin, or of both.
+
+    `for_each` says whether each trajectory has numbers of its own.
+    """
+    begins = bool(settings.stiff)
+    for is_implicit in (False, True) if both and settings.stiff is None else (begins,):
+        half = half_of(f, is_implicit, settings.atol is not None)
+        code_of_half(half, 1 if B == 1 else WIDTH, for_each or f.conditions is not None)
+
+
 class Motion:
     """Trajectories x0 (B, D) of x' = f(x) at ascending moduli of times, forward or backward.
 

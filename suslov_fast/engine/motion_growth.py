@@ -72,6 +72,19 @@ def _later(told: Callable[[float], bool], before: float, done: float) -> bool:
     return told(before + done)
 
 
+def _slowest_first(slopes: FloatArray) -> FloatArray:
+    """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
+
+    A column in a fast direction that no other mode reaches would stay there, and every segment
+    would be a few of its e-folds.
+    """
+    rates, modes = np.linalg.eig(slopes)
+    order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]
+    columns = np.where(rates.imag[:, np.newaxis] < 0.0, modes.imag, modes.real)
+    columns = np.take_along_axis(columns, order, axis=-1)
+    return np.linalg.qr(columns + 2.0**-40 * np.eye(slopes.shape[-1]))[0]
+
+
 class _Run:
     """Trajectories with tangent vectors; `over` goes on by a phase of time."""
 
@@ -81,7 +94,10 @@ class _Run:
         self.moving = np.setdiff1d(np.arange(f.D), [*f.clocks])
         self.n = len(self.moving)
         self.tangent = variational(f, self.n, True)
-        self.Q = np.tile(np.eye(self.n), (len(x), 1, 1))
+        slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
+        slopes = np.broadcast_to(slopes[..., self.moving], (len(x), self.n, self.n))
+        slopes = np.where(np.isfinite(slopes).all(axis=(1, 2), keepdims=True), slopes, 0.0)
+        self.Q = _slowest_first(slopes)
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
         self.t = np.zeros(len(x))
         self.begin()

@@ -437,6 +437,29 @@ def test_motion_to_an_equilibrium(rate, time):
     np.testing.assert_allclose(found, [-1.0, -rate], atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("f", "exact"),
+    [
+        (lambda x: (-1e4 * x[0], -x[1]), [-1.0, -1e4]),
+        (lambda x: (-x[0], -1e4 * x[1] + 1e4 * x[0]), [-1.0, -1e4]),
+        (lambda x: (-1e5 * (x[0] - x[1] * x[2]), -0.5 * x[1] + x[2], -x[1] - 0.5 * x[2]),
+         [-0.5, -0.5, -1e5]),
+    ],
+)  # fmt: skip
+def test_motion_with_a_direction_that_decays_fast(f, exact):
+    """Columns in slow directions need no more segments than without it."""
+    field = sf.Field.from_function(f, len(exact))
+    starts = np.array([[1.0, 1.0, 0.5], [0.3, -1.0, 2.0]])[:, : len(exact)]
+    calls, times = [], {"time": 300.0, "transient": 20.0}
+    found = sf.lyapunov_exponents(
+        field, starts, progress=lambda done, _: calls.append(done), **times
+    )
+    np.testing.assert_allclose(found, [exact] * 2, rtol=1e-7)
+    assert len(calls) < 1000
+    alone = sf.lyapunov_exponents(field, starts[1], **times)
+    np.testing.assert_array_equal(alone, found[1])
+
+
 def test_motion_of_a_network():
     """Of n Roessler systems; the sum of the 3 n exponents is the mean of the divergence."""
     n = 8

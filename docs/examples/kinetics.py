@@ -20,8 +20,11 @@ def oregonator(x, f):
 figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.8), layout="constrained")
 field = QuadraticField.from_function(oregonator, "A B C", f=1)
 motion = flow(field, [1, 2, 3], time=np.linspace(0, 900, 3000), rtol=1e-8, atol=0)
-motion.plot("time", ax=left)
-left.set(yscale="log", ylabel="concentration")
+looks = zip("ABC", ("black", "tab:blue", "tab:orange"), ("--", "-", "-"), (3, 2, 1), strict=True)
+for name, colour, style, order in looks:
+    left.plot(motion.time, motion[name], style, color=colour, zorder=order, linewidth=1, label=name)
+left.set(xlabel="$t$", yscale="log", ylabel="concentration")
+left.legend(loc="upper right")
 
 f = np.linspace(0.6, 1.5, 100)
 family = QuadraticField.from_function(oregonator, "A B C", f=f)

@@ -50,7 +50,7 @@ html_css_files = ["style.css"]
 html_show_sourcelink = False
 wide = (
     "index howto/equations tutorial gallery architecture performance bibliography changelog "
-    "citing summary search genindex"
+    "summary search genindex"
 )
 html_sidebars = {page: [] for page in wide.split()}
 

@@ -2,6 +2,7 @@
 
 import itertools
 
+import children
 import numpy as np
 import pytest
 
@@ -73,6 +74,24 @@ CASES = {
     "lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(3, 20)), 1.0),
 }
 BACKWARDS = "henon_heiles", "pole_of_a_clock", "driven_from_rest", "lattice"
+
+
+TEXTS = """
+import hashlib
+import numpy as np
+import suslov_fast as sf
+from suslov_fast.core.motion import engine, text
+field = sf.Field.from_function(lambda s: (s[1], np.cos(s[2]) - abs(s[0]), 1.0), "x v t")
+for is_implicit in (False, True):
+    half = engine.half_of(field.right_hand_sides[0].f, is_implicit, True)
+    print(hashlib.sha256(text.text_of_half(half, "f", 8, True).encode()).hexdigest())
+"""
+
+
+def test_texts_are_those_of_every_process():
+    """Machine code, and so its bits and its cache, depend on no seed of hashes."""
+    one, other = (children.run(TEXTS, PYTHONHASHSEED=seed) for seed in "12")
+    assert one == other
 
 
 def motion(f, x0, times, rtol=1e-6, *, atol=None, sign=1.0, stiff=None):

@@ -18,6 +18,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.core.compiling import threads as core_threads
+from suslov_fast.core.motion import engine, stepping
 from suslov_fast.engine import derivatives, stretches, threads
 
 AT_ONCE = """
@@ -149,7 +150,7 @@ class Work:
 
 def check_parts():
     work = Work()
-    core_threads.in_parts(5, work, work.abandoned)
+    core_threads.in_parts(5, work, work.abandoned, 3)
     assert sorted(work.done) == [0, 1, 2, 3, 4]
 
 
@@ -171,7 +172,7 @@ def test_ctrl_c_at_each_place_of_a_call_in_parts():
 
         try:
             sys.setprofile(interrupt)
-            core_threads.in_parts(3, work, work.abandoned)
+            core_threads.in_parts(3, work, work.abandoned, 3)
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -179,6 +180,31 @@ def test_ctrl_c_at_each_place_of_a_call_in_parts():
         assert not work.inside
         check_parts()
     assert place > 10
+
+
+def test_motions_take_the_threads_asked_for(monkeypatch):
+    """And not one for each block of trajectories."""
+    started, counts = [], []
+    in_parts, start = core_threads.in_parts, core_threads.start_new_thread
+
+    def counted(*arguments):
+        started.clear()
+        in_parts(*arguments)
+        counts.append(len(started))
+
+    def counted_start(*arguments):
+        started.append(True)
+        return start(*arguments)
+
+    monkeypatch.setattr(core_threads, "start_new_thread", counted_start)
+    for module in (engine, stepping):
+        monkeypatch.setattr(module, "in_parts", counted)
+    field = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), "x v")
+    x0 = np.linspace((0.1, 0.0), (1.0, 0.5), 4096)
+    for call, options in ((sf.flow, {}), (sf.crossings, {"surface": "x"})):
+        counts.clear()
+        call(field, x0, time=0.01, rtol=1e-3, threads=children.TWO_THREADS, **options)
+        assert {*counts} == ({1} if children.TWO_THREADS else set())
 
 
 @contextmanager

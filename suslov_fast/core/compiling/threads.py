@@ -9,8 +9,8 @@ from collections import deque
 from contextlib import suppress
 
 
-def in_parts(parts, work, abandoned):
-    """Call work(part) for all parts, in this thread and in others.
+def in_parts(parts, work, abandoned, threads):
+    """Call work(part) for all parts, on so many threads, of which this is one.
 
     This thread calls it for all parts where no other can start, such as at the end of the process.
     After an exception, such as at Ctrl-C, the list `abandoned` is not empty: the others should end.
@@ -42,7 +42,7 @@ def in_parts(parts, work, abandoned):
 
     try:
         with suppress(RuntimeError):
-            for _ in range(parts - 1):
+            for _ in range(min(parts, threads) - 1):
                 start_new_thread(thread, ())
         take_parts()
     except BaseException:

@@ -319,7 +319,7 @@ class FieldSteps(Kernel):
         def work(part):
             self(part, threads, *arguments, abandoned=abandoned)
 
-        in_parts(threads, work, abandoned)
+        in_parts(threads, work, abandoned, threads)
 
 
 def _iterate_part(

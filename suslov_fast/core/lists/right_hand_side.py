@@ -195,9 +195,9 @@ class RightHandSide:
         self.D, self.P = len(results), P
         self._results = [*results]
         of_f = [*values.operations]
-        slopes = gradients(values, of_f, results, self.D, by)
+        rows = gradients(values, of_f, [*results, *surfaces[:jumps]], self.D, by)
+        slopes, of_surfaces = rows[: self.D], rows[self.D :]
         self.by = [row.pop(p, 0.0) for p in by for row in slopes]
-        of_surfaces = gradients(values, of_f, surfaces[:jumps], self.D, by)
         place = {p: self.D + k for k, p in enumerate(by)} | {j: j for j in range(self.D)}
         of_surfaces = {
             (k, place[j]): a for k, row in enumerate(of_surfaces) for j, a in row.items()

@@ -124,7 +124,7 @@ class Motion:
             for block in blocks:
                 self._take(block, abandoned)
         else:
-            in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned)
+            in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned, threads)
 
     def _take(self, block, abandoned):
         """Take all steps of a block of trajectories."""

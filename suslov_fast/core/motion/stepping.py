@@ -68,7 +68,7 @@ class Stepping(Motion):
             for number in range(len(parts)):
                 take(number)
         else:
-            in_parts(len(parts), take, abandoned)
+            in_parts(len(parts), take, abandoned, self.threads)
         return found
 
     def go_on(self, which):

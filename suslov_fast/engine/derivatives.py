@@ -1,12 +1,10 @@
 """Derivatives of Kahan's map at states, and the growth of tangent vectors along orbits.
 
-These are the calls of `core.fields.tangent`, and `growth_by_jacobian` for other maps, and where
-there is no machine code.
+These are the calls of `core.fields.tangent`, and `growth_by_jacobian` for other maps.
 """
 
 import math
 from collections.abc import Callable, Iterator
-from itertools import chain, islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -140,11 +138,6 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
     whole, done = _no_sums(*start.shape), steps
     ends = transient, transient + steps
     parts = _parts(problem, start)
-    first = [*islice(parts, 1)]
-    if first and not first[0].arguments[0].orthonormalise:  # there is no machine code
-        found = growth_by_jacobian(problem, steps, transient, report)
-        return found._replace(status=_of_poles(problem, found.status))
-    parts = chain(first, parts)
     for together in [[*parts]] if report is not None else ([part] for part in parts):
         done = _grow(together, ends, problem.threads, report)
         for part in together:

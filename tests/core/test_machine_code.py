@@ -1,4 +1,4 @@
-"""Machine code of the steps of fields, and what takes its place: NumPy, and steps by `solve`."""
+"""Machine code of the steps of fields, and steps by `solve`, which take its place."""
 
 import functools
 import pickle
@@ -12,6 +12,7 @@ from llvmlite import binding
 
 import suslov_fast as sf
 from suslov_fast.core.code import compiler as machine_code
+from suslov_fast.core.compiling import numba as core_numba
 from suslov_fast.core.fields import (
     careful,
     driver,
@@ -30,6 +31,9 @@ SLOW = pytest.mark.slow
 
 def of_a(x, a):
     return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - a * x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+FIELD = sf.QuadraticField.from_function(of_a, 3, a=1)
 
 
 def atmosphere(x):
@@ -84,46 +88,54 @@ def results(rng):
     return found
 
 
-def exponents(rng):
-    field = sf.QuadraticField.from_function(of_a, 3, a=1)
-    x0 = rng.normal(size=(9, 3))
-    return [sf.lyapunov_exponents(field, x, 0.02, 100) for x in (x0, x0[0])]
+CALLS = {
+    "map": lambda: sf.iterate(FIELD, np.ones((9, 3)), 0.02, 5),
+    "one step": lambda: sf.step(FIELD, np.ones(3), 0.02),
+    "derivatives": lambda: sf.jacobian(FIELD, np.ones(3), 0.02),
+    "exponents": lambda: sf.lyapunov_exponents(FIELD, np.ones(3), 0.02, 9),
+    "motion": lambda: sf.flow(FIELD, np.ones((9, 3)), time=0.1),
+    "system": lambda: sf.compiled.system(FIELD, 0.02),
+}
 
 
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
-def test_numpy_computes_the_same_bits_where_llvm_refuses_the_code(rng, monkeypatch, anew):
-    """With one warning, which says how slow it is."""
-    state, (start, eps) = rng.bit_generator.state, (np.ones(3), 0.02)
-    usual, of_exponents = results(rng), exponents(rng)
-    loop = sf.compiled.system(sf.QuadraticField.from_function(of_a, 3, a=1), eps)
-    after = sf.compiled.step_system(loop, start, start, sf.compiled.work(loop)), start.copy()
-    assert loop.address != 0
+@pytest.mark.parametrize("call", CALLS)
+def test_where_llvm_refuses_the_code(call, monkeypatch, anew):
+    """An error says what to install, if Numba is newer than any that was tested."""
 
     def refuse(*arguments):
         raise RuntimeError("no such text")
 
-    monkeypatch.setattr(machine_code, "_codes", {})
     monkeypatch.setattr(machine_code, "_compile", refuse)
-    rng.bit_generator.state = state
-    with pytest.warns(
-        RuntimeWarning, match=r"no such text.* in 100 times the time, .*5000"
-    ) as told:
-        found = results(rng)
-    slow = exponents(rng)
-    assert len(told) == 1
-    # DPhi of the last bits: here lanes find it by `solve`.
-    for one, other in zip(found[:-5], usual[:-5], strict=True):
-        np.testing.assert_array_equal(one, other)
-    for one, other in zip(found[-5:], usual[-5:], strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(slow[0], of_exponents[0], rtol=1e-9)
-    np.testing.assert_allclose(slow[1], of_exponents[1], rtol=1e-9)
-    loop, start = sf.compiled.system(sf.QuadraticField.from_function(of_a, 3, a=1), eps), np.ones(3)
-    assert loop.address == 0
-    code = sf.compiled.step_system(loop, start, start, sf.compiled.work(loop))
-    assert code == after[0]
-    np.testing.assert_allclose(start, after[1], rtol=1e-14)
+    with pytest.raises(RuntimeError, match=r"no such text.*report"):
+        CALLS[call]()
+    monkeypatch.setattr(core_numba, "TESTED", (0, 1))
+    with pytest.raises(RuntimeError, match=r"no such text.*pip install 'numba<0.2'"):
+        CALLS[call]()
+
+
+WITHOUT_JIT = """
+import warnings
+import numpy as np, suslov_fast as sf
+warnings.simplefilter("ignore")
+def bits():
+    x0 = np.random.default_rng(1).normal(size=(9, 3)) * np.geomspace(1.0, 300.0, 9)[:, None]
+    field = sf.QuadraticField.from_function(
+        lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]), 3
+    )
+    dense = sf.QuadraticField(np.random.default_rng(2).normal(size=(20, 20, 20)) / 80, -np.eye(20))
+    run = sf.iterate(field, x0, 1.5, 30)  # with steps by `solve`
+    found = [run.x, run.status, sf.jacobian(field, x0, 0.5), sf.flow(field, x0, time=0.1).x]
+    found += [sf.lyapunov_exponents(field, x0, 0.02, 40), sf.flow(field, x0[0], time=0.1).x]
+    found += [sf.lyapunov_exponents(field, x0, 1.5, 40), sf.iterate(dense, np.ones(20), 0.1, 3).x]
+    return [np.where(np.isnan(each), 9.0, each + 0.0).tobytes().hex() for each in found]
+"""
+
+
+def test_bits_without_jit():
+    """What Numba compiles runs as Python, and LLVM compiles as ever."""
+    code = f"{WITHOUT_JIT}\nprint(*bits())"
+    one, other = (children.run(code, NUMBA_DISABLE_JIT=value).split() for value in "01")
+    assert one == other
 
 
 @pytest.mark.parametrize("method", ["auto", "order4"])
@@ -300,14 +312,13 @@ def test_what_machine_code_is_given_stays_alive():
     indices, values = sf.QuadraticField.from_function(lambda x: of_a(x, 1.0), 3).terms
     step, stages = steps_field.scheme_of(indices, 3, Stages((0.5, 0.5)))
     given, x = (np.atleast_2d(values), np.array([0.1])), np.ones((20, 3))
-    careful.careful.compile()
     notes, saved = [np.zeros(20, kind) for kind in (np.int8, np.int64, float)], np.ones((5, 20, 3))
     lines = steps_field._Lines((steps_field.Scheme(step, stages), *given), x, notes, 8)
     bits = values.tobytes()
     one = few_orbits._prepared(step, stages, given[1].tobytes(), bits, 3, False)
     code = careful.careful.address
     for arguments, kept, *owners in (
-        (*lines._driver_arguments(0, 10, saved, 4, 1, True, None), lines, saved, code),
+        (*lines._driver_arguments(0, 10, saved, 4, 1, code, None), lines, saved, code),
         (*tangent.arguments_of(lines.scheme, *given, 20),),
         (np.array(one[1]), one[-1]),
     ):

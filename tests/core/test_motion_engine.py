@@ -5,6 +5,8 @@ import itertools
 import children
 import numpy as np
 import pytest
+from steps_in_numpy import StepsInNumPy
+from systems import SPRING
 
 import suslov_fast as sf
 from suslov_fast import Field, flow
@@ -16,8 +18,6 @@ from suslov_fast.core.lists.variational import variational
 from suslov_fast.core.motion import columns, engine, functions, half, one, stepping
 from suslov_fast.core.motion.rows import State
 from suslov_fast.engine import motions
-
-needs_code = pytest.mark.compiled
 
 
 def right_hand_side(f, D):
@@ -73,6 +73,14 @@ CASES = {
     "large_lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(2, 60)), 0.5),
     "lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(3, 20)), 1.0),
 }
+KINKS = sf.Field.from_function(
+    lambda x, a: (x[1], -abs(x[0]) * x[0] - a * np.minimum(x[0], 0.3) + np.clip(x[1], -0.2, 0.4)),
+    2,
+    a=np.linspace(0.5, 1.5, 9),
+)
+DOSES = sf.Field.from_function(
+    lambda x: (np.interp(x[1], [0, 1, 1.01, 8], [0, 10, 0, 5]) - 0.3 * x[0], 1.0), 2
+)
 BACKWARDS = "henon_heiles", "pole_of_a_clock", "driven_from_rest", "lattice"
 
 
@@ -103,6 +111,15 @@ def motion(f, x0, times, rtol=1e-6, *, atol=None, sign=1.0, stiff=None):
     return states, found.t, found.steps, found.state
 
 
+def take_in_numpy(monkeypatch):
+    """Have the second opinion take all steps."""
+
+    def taker(self, half, rows, table, W):
+        return StepsInNumPy(half, self, rows, table).take
+
+    monkeypatch.setattr(engine.Motion, "_taker", taker)
+
+
 def assert_equal(first, second):
     for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a, b)
@@ -122,19 +139,48 @@ def test_weights_cancel_the_powers_of_the_length(lengths, p):
 
 
 @pytest.mark.parametrize("case", CASES)
-@needs_code
 def test_machine_code_has_the_bits_of_numpy(case, monkeypatch):
     function, x0, last = CASES[case]
     f, times = right_hand_side(function, x0.shape[1]), [0.01 * last, 0.013 * last, last]
     options = {"sign": -1.0, "atol": (1e-10,) * f.D} if case in BACKWARDS else {}
     by_code = motion(f, x0, times, **options)
-    monkeypatch.setattr(engine, "compiled", lambda *_, **__: None)
+    take_in_numpy(monkeypatch)
     assert_equal(by_code, motion(f, x0, times, **options))
+
+
+def dense_field(rng, D=5):
+    """Return a dense right-hand side and its table."""
+    indices = [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
+    values = 0.1 * rng.normal(size=len(indices))
+    return DenseRightHandSide(D), dense_parameters(np.transpose(indices), values, D)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
+    """Choices, kinks, tables, parameters of each, dense fields, starts without a value."""
+    rng = np.random.default_rng(5)
+    f, table = dense_field(rng)
+
+    def found():
+        states = np.full((2, 9, f.D), np.nan)
+        settings = engine.Settings(1e-7, None, np.inf, stiff)
+        x0 = 0.1 * np.random.default_rng(3).normal(size=(9, f.D))
+        engine.Motion(f, table, x0, np.array([0.7, 3.0]), 1.0, settings, states).run()
+        options = {"rtol": 1e-6, "stiff": stiff}
+        runs = [
+            sf.flow(SPRING, np.linspace((1.0, 0.0), (2.0, np.nan), 9), time=[0.5, 2.0], **options),
+            sf.flow(KINKS, np.linspace((0.5, 0.0), (0.7, 0.1), 9), time=[1.0, 4.0], **options),
+            sf.flow(DOSES, [[0.0, 0.0], [1.0, 0.2]], time=[1.005, 9.0], **options),
+        ]
+        return states, *(each for run in runs for each in (run.states, run.status, run.steps))
+
+    by_code = found()
+    take_in_numpy(monkeypatch)
+    assert_equal(by_code, found())
 
 
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("case", CASES)
-@needs_code
 def test_runs_have_the_bits_of_straight_line_code(case, monkeypatch):
     function, x0, last = CASES[case]
     f, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
@@ -147,7 +193,6 @@ def test_runs_have_the_bits_of_straight_line_code(case, monkeypatch):
 @pytest.mark.parametrize(
     ("case", "last", "is_stiff"), [("robertson", 4.0, True), ("pole_of_a_clock", 0.04, None)]
 )
-@needs_code
 def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypatch):
     """Of a batch, of one, by runs, and by NumPy."""
     function, x0, _ = CASES[case]
@@ -164,12 +209,11 @@ def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypa
     monkeypatch.setattr(functions, "LONGEST", -1)
     by_runs.key = f"runs of variational {case}"
     assert_equal(usual, motion(by_runs, *run, stiff=is_stiff))
-    monkeypatch.setattr(engine, "compiled", lambda *_, **__: None)
+    take_in_numpy(monkeypatch)
     assert_equal(usual, motion(f, *run, stiff=is_stiff))
 
 
 @pytest.mark.parametrize("stiff", [False, True])
-@needs_code
 def test_derivatives_by_parameters_have_the_bits_of_numpy(stiff, monkeypatch):
     field = sf.Field.from_function(
         lambda x, a, b: (a - x[0] * x[1], b * x[0] ** 2 - x[1], 2.0), "x y t", a=1.5, b=[0.5, 0.7]
@@ -182,11 +226,10 @@ def test_derivatives_by_parameters_have_the_bits_of_numpy(stiff, monkeypatch):
         return [found.x, *map(found.derivative, ("x0", "a", "b"))]
 
     by_code = derivatives()
-    monkeypatch.setattr(engine, "compiled", lambda *_, **__: None)
+    take_in_numpy(monkeypatch)
     assert_equal(by_code, derivatives())
 
 
-@needs_code
 def test_a_component_and_a_constant_with_its_number():
     """In a function that is called: x' = y, y' = a long sum, t' = 1."""
 
@@ -204,7 +247,6 @@ def test_a_component_and_a_constant_with_its_number():
 
 
 @pytest.mark.parametrize("case", ["van_der_pol", "robertson", "lattice"])
-@needs_code
 def test_dense_elimination_agrees_with_the_planned_one(case, monkeypatch):
     function, x0, last = CASES[case]
     x0 = x0[:2]
@@ -216,7 +258,6 @@ def test_dense_elimination_agrees_with_the_planned_one(case, monkeypatch):
 
 
 @pytest.mark.parametrize("case", CASES)
-@needs_code
 def test_one_trajectory_has_the_bits_of_a_batch(case):
     function, x0, last = CASES[case]
     f, times = right_hand_side(function, x0.shape[1]), [0.1 * last, 0.45 * last, last]
@@ -234,7 +275,6 @@ def test_one_trajectory_has_the_bits_of_a_batch(case):
             assert found[1:] == (t[k], steps[k], state[k])
 
 
-@needs_code
 def test_dense_fields():
     D, rng = 5, np.random.default_rng(3)
     i, j, k = np.array(
@@ -262,7 +302,6 @@ def test_dense_fields():
         np.testing.assert_allclose(states, motion(sparse, x0, [3.0], 1e-12)[0], rtol=1e-7)
 
 
-@needs_code
 def test_orbits_that_are_not_stiff_stay_explicit():
     def lorenz(s):
         x, y, z = s
@@ -287,7 +326,6 @@ def test_orbits_that_are_not_stiff_stay_explicit():
         (robertson, [1.0, 0.0, 0.0], 4e5, [4.93827451e-3], (40, 60, 110)),
     ],
 )
-@needs_code
 def test_stiff_problems(function, x0, last, right, steps):
     f = right_hand_side(function, len(x0))
     for rtol, most in zip((1e-3, 1e-6, 1e-9), steps, strict=True):
@@ -296,7 +334,6 @@ def test_stiff_problems(function, x0, last, right, steps):
         assert taken[0] <= most
 
 
-@needs_code
 def test_populations_keep_their_sign():
     def lotka_volterra(s):
         x, y = s
@@ -327,7 +364,6 @@ def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
     assert_equal(found, motion(f, x0, [T]))
 
 
-@needs_code
 @pytest.mark.parametrize("count", [1, 9, 9000])
 @pytest.mark.parametrize("derivatives", [(), ("x0", "a")])
 @pytest.mark.parametrize("chooses", [False, True])

@@ -1,6 +1,7 @@
 """Small calls that run as Python, because nothing is compiled: same bits, for a second at most."""
 
 import os
+import signal
 import sys
 
 import children
@@ -11,6 +12,7 @@ from systems import LORENZ
 
 import suslov_fast as sf
 from suslov_fast.core.compiling import numba as core_numba
+from suslov_fast.core.fields import careful
 
 pytestmark = [
     pytest.mark.compiled,
@@ -104,6 +106,39 @@ def test_same_bits(name, as_in_an_empty_process, monkeypatch):
     for one, other in zip(found, expected, strict=True):
         assert type(one) is type(other)
         assert np.array_equal(one, other, equal_nan=True)
+
+
+@pytest.fixture
+def of_careful(as_in_an_empty_process, monkeypatch):
+    """Return a function that replaces what Python does where a step of a field needs pivots."""
+    as_in_an_empty_process()
+    monkeypatch.delitem(vars(careful.careful), "_callback", raising=False)
+    yield lambda replaced: monkeypatch.setattr(core_numba, "as_python", lambda _: replaced)
+    vars(careful.careful).pop("_callback", None)
+
+
+def test_errors_in_python_that_machine_code_calls(of_careful):
+    def fail(*arguments):
+        raise IndexError("of a kernel")
+
+    of_careful(fail)
+    with pytest.raises(IndexError, match="of a kernel"):
+        sf.iterate(SQUARES, X2, 1.5, 20, on_singular="ignore")
+    assert not core_numba._raised
+
+
+def test_ctrl_c_in_python_that_machine_code_calls(of_careful):
+    """The call ends, and then is interrupted: no step is left half done."""
+    called = []
+
+    def interrupt(*arguments):
+        called.append(True)
+        signal.raise_signal(signal.SIGINT)
+
+    of_careful(interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        sf.iterate(SQUARES, X2, 1.5, 20, on_singular="ignore")
+    assert called
 
 
 def test_compiled_after_a_second(as_in_an_empty_process, monkeypatch):

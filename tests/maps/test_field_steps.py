@@ -359,7 +359,7 @@ def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
         calls.append(given)
         return call(*given)
 
-    careful.compile()
+    assert careful.address
     monkeypatch.setattr(steps_field, "call", counted)
     x0 = rng.normal(size=(700, 4)) * rng.choice([0.1, 1.0, 30.0], size=(700, 1))
     for method in ("auto", "order4"):

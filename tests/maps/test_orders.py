@@ -186,7 +186,6 @@ def test_exponents(method):
     assert (found[1] == alone).all()
 
 
-@pytest.mark.compiled  # interpreted, they agree to rounding
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "method"), EACH)
 def test_own_loops_take_whole_steps(name, method):

@@ -74,7 +74,6 @@ def dosed(knots, heights):
     return field(lambda s: (np.interp(s[1], knots, heights) - s[0], 1.0), "c t")
 
 
-@pytest.mark.compiled  # interpreted, minutes
 def test_what_a_step_computes_does_not_depend_on_the_number_of_knots(rng):
     knots, heights = rng.uniform(0.0, [[10.0], [1.0]], (2, 6001))
     knots.sort()
@@ -230,7 +229,6 @@ def test_crossings_of_equations_that_choose():
     np.testing.assert_allclose(abs(points.states[:, 1]), 9.81 * fall, rtol=1e-7)
 
 
-@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_kinks_keep_the_digits_of_the_tolerance():
     # Half a period with the square of the rate 1.5, half a one with 0.5.
     period = np.pi / np.sqrt(1.5) + np.pi / np.sqrt(0.5)

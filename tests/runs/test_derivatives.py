@@ -122,7 +122,6 @@ def test_stiff_equations_against_series(name, stiff):
     assert max(errors(name, 1e-12, stiff=stiff)) < 1e-10
 
 
-@pytest.mark.compiled  # interpreted, more than 20 seconds
 @pytest.mark.parametrize(
     ("f", "start", "time", "parameters"),
     [
@@ -232,7 +231,6 @@ def test_small_and_large_parameters_and_states():
         assert motion.derivative("x0")[0, 0, 0] == pytest.approx(factor, rel=1e-8)
 
 
-@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_atol_for_each_component():
     f, x, _, _, parameters = STIFF["robertson"]
     field = Field.from_function(f, 3, **parameters)

@@ -282,7 +282,6 @@ def test_values_that_are_no_numbers_make_no_crossing():
     assert len(points) == 0  # a pole of the surface
 
 
-@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_stiff_orbits():
     field = sf.Field.from_function(lambda x: (x[1], 100 * (1 - x[0] ** 2) * x[1] - x[0]), "x v")
     points = sf.crossings(field, [2.0, 0.0], surface=first, time=300.0, direction=0)

@@ -12,7 +12,6 @@ import pytest
 
 from suslov_fast import QuadraticField, Status, iterate, lyapunov_exponents, matrix
 
-pytestmark = pytest.mark.compiled  # millions of steps
 FLOWS = json.loads((Path(__file__).parents[1] / "data" / "flows.json").read_text("utf-8"))["flows"]
 ORDINARY = "Rossler", "SprottB", "LorenzStenflo"
 # One each of those that are alike.

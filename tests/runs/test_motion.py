@@ -117,7 +117,6 @@ def test_atol_allows_larger_errors():
     assert steps[0] > steps[1] > steps[2]
 
 
-@pytest.mark.compiled  # interpreted, more than 20 seconds
 @pytest.mark.parametrize("rtol", [1e-4, 1e-9, 1e-12])
 def test_populations_stay_positive(rtol):
     """They fall to 1e-27 and below 1e-200; one below 0 would end at -1e80."""
@@ -157,7 +156,6 @@ def test_a_drive_that_is_on_for_a_while(rtol):
     assert at(dose, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(6.45965246, abs=100 * rtol)
 
 
-@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_max_step_finds_pulses():
     """A pulse of 0.01 in a time of 100; its area is 1."""
     pulse = Field.from_function(

@@ -10,9 +10,6 @@ import suslov_fast as sf
 from suslov_fast import Field, QuadraticField, flow, periodic_orbit
 from suslov_fast.runs import shooting
 
-pytestmark = pytest.mark.compiled
-
-
 VOLTERRA = QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
 VAN_DER_POL = Field.from_function(lambda x: (x[1], (1 - x[0] ** 2) * x[1] - x[0]), 2)
 KEPLER = Field.from_function(

@@ -5,7 +5,6 @@ from itertools import cycle
 import numpy as np
 import pytest
 from children import TWO_THREADS
-from numba import config
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from systems import HENON_HEILES
@@ -22,7 +21,6 @@ METHODS = [
     if map.body is sf.QuadraticField and map.order > 2
     for method in map.methods
 ]
-FEW = METHODS[:1] if config.DISABLE_JIT else METHODS  # interpreted, one takes half a minute
 LENGTHS = {4: 1 / 16, 6: 1 / 8, 8: 1 / 4, 10: 1 / 2}
 
 
@@ -94,7 +92,7 @@ def test_points_are_steps_from_the_states_before(rng, method):
     )
 
 
-@pytest.mark.parametrize("method", FEW)
+@pytest.mark.parametrize("method", METHODS)
 def test_grazing_planes_lose_no_crossing(rng, method):
     """Which states cross is as for `iterate`, and every crossing is found on its own step."""
     starts = rng.uniform(-0.25, 0.25, (30, 4))
@@ -143,7 +141,7 @@ def test_a_surface_without_values_within_a_step():
     assert abs(jump.states[0, 0] - 0.3) < 1e-5  # twenty halves
 
 
-@pytest.mark.parametrize("method", FEW)
+@pytest.mark.parametrize("method", METHODS)
 def test_bits_depend_on_no_cut(rng, monkeypatch, tmp_path, method):
     """Threads, pieces, batches, `extend`, files."""
     starts, arguments = rng.uniform(-0.25, 0.25, (9, 4)), {"method": method, "direction": 0}
@@ -191,7 +189,6 @@ def test_a_surface_with_a_jump_is_bisected(root, beyond):
     assert not over_pole
 
 
-@pytest.mark.compiled  # interpreted, more than 20 seconds
 def test_a_pole_within_a_step_gives_the_chord_and_a_status(tmp_path):
     """The sign of the surface changes through infinity: no point lies beyond both ends."""
     rng, seen = np.random.default_rng(1), 0

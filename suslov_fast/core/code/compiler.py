@@ -8,7 +8,6 @@ LLVM write the types of pointers differently.
 import ctypes
 import itertools
 import threading
-import warnings
 from contextlib import contextmanager
 
 import numpy as np
@@ -312,8 +311,7 @@ _lock = threading.RLock()  # reentrant, because a signal may arrive while code i
 def code_of(text_of, step, W=1, *options, lasts=False):
     """Return the `Address` of the machine code of `text_of(step, name, W, *options)`.
 
-    It is None with NUMBA_DISABLE_JIT, and where LLVM refuses the text. Code that `lasts` stays
-    until the process ends.
+    Code that `lasts` stays until the process ends.
     """
     kind = type(step), getattr(step, "keeps_signs", None)
     key = text_of, step.indices.tobytes(), step.D, kind, W, *options
@@ -322,12 +320,10 @@ def code_of(text_of, step, W=1, *options, lasts=False):
 
 
 def compiled(key, text_of, level=2, lasts=False):
-    """Return the `Address` of the machine code of the text `text_of(name)`, or None, see `code_of`.
+    """Return the `Address` of the machine code of the text `text_of(name)`, see `code_of`.
 
     `key` tells the text from others; `level` is that of LLVM's optimisation.
     """
-    if config.DISABLE_JIT:
-        return None
     key = key, lasts
     with _lock:
         if key not in _codes:
@@ -338,15 +334,10 @@ def compiled(key, text_of, level=2, lasts=False):
                 _codes[key] = _compile(text, name, level, lasts)
             # LLVM cannot read the text, or llvmlite has a function no more, or in another form.
             except (RuntimeError, AttributeError, TypeError) as error:
-                if None not in _codes.values():  # one warning for a process
-                    warnings.warn(
-                        f"LLVM refuses the code of a field ({error}): NumPy takes steps of "
-                        "thousands of trajectories, in 100 times the time, and of one, in 5000 "
-                        f"times; {advice_on_numba() or 'please report this'}",
-                        RuntimeWarning,
-                        stacklevel=2,
-                    )
-                _codes[key] = None
+                text = f"LLVM refuses the code of a field ({error})"
+                raise RuntimeError(
+                    f"{text}; {advice_on_numba() or 'please report this'}"
+                ) from error
         return _codes[key]
 
 

@@ -237,5 +237,5 @@ ANY = Step(np.empty((3, 0), np.int64), 1)  # the code does not depend on it
 
 
 def stage_by_runs(W, for_each):
-    """Return the address of the code of `text_of_stage_by_runs`, None where LLVM refuses it."""
+    """Return the address of the code of `text_of_stage_by_runs`."""
     return code_of(text_of_stage_by_runs, ANY, W, for_each)

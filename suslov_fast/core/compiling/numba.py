@@ -29,6 +29,7 @@ import re
 import sys
 import threading
 from contextlib import contextmanager, suppress
+from threading import get_ident
 from time import perf_counter
 from types import FunctionType
 
@@ -37,8 +38,7 @@ import numpy as np
 from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
-from . import llvm
-from .arrays import pack
+from .arrays import array_at, pack
 from .cache import (
     folder_of,
     has_files,
@@ -49,7 +49,7 @@ from .cache import (
     use_cache,
 )
 from .interrupts import uninterrupted
-from .llvm import call_address
+from .llvm import call_address, call_code
 from .threads import in_parts
 
 TESTED = 0, 68  # the newest Numba with which this version was tested
@@ -145,20 +145,28 @@ PATIENCE = 1.0
 def as_python(py_function):
     """Return a function of which all that it calls is Python, too: the same bits, uncompiled."""
     names, code = {}, py_function.__code__
-    twin = FunctionType(code, names, code.co_name, py_function.__defaults__)
+    twin = FunctionType(
+        code, names, code.co_name, py_function.__defaults__, py_function.__closure__
+    )
     names.update(py_function.__globals__)
     for name in code.co_names:
-        thing = names.get(name)
-        if thing is llvm.call_code:
-            names[name] = _call_code
-        elif called := getattr(thing, "py_func", None):
+        if called := getattr(names.get(name), "py_func", None):
             names[name] = as_python(called)
     return twin
 
 
 def _call_code(address, numbers):
     kind = ctypes.CFUNCTYPE(*[ctypes.c_int64] * (1 + len(numbers)))
-    return kind(int(address))(*map(int, numbers))
+    with calling_python():
+        return kind(int(address))(*map(int, numbers))
+
+
+def _array_at(address, shape, dtype):
+    memory = ctypes.c_char * (math.prod(map(int, shape)) * np.dtype(dtype).itemsize)
+    return np.ndarray(tuple(map(int, shape)), dtype, memory.from_address(int(address)))
+
+
+call_code.py_func, array_at.py_func = _call_code, _array_at
 
 
 class Patient:
@@ -206,7 +214,26 @@ def _type_of_function(function, context):
 function = functools.partial(Function, _FUNCTION)
 formula = functools.partial(Function, _FORMULA)
 for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
-inlined = numba.njit(inline="always", **_FOR_USERS | {"forceinline": False})
+
+
+def inlined(py_func):
+    """Return the function that is compiled as a part of its callers."""
+    compiled = numba.njit(inline="always", **_FOR_USERS | {"forceinline": False})(py_func)
+    if config.DISABLE_JIT:  # it is the Python function
+        compiled.py_func = py_func
+    return compiled
+
+
+_raised = {}  # errors of Python functions that machine code has called, by thread
+
+
+@contextmanager
+def calling_python():
+    """Call machine code that calls Python; raise afterwards what is raised there, Ctrl-C too."""
+    with uninterrupted():
+        yield
+    if error := _raised.pop(get_ident(), None):
+        raise error
 
 
 class CFunction(Patient):
@@ -233,13 +260,32 @@ class CFunction(Patient):
 
     @property
     def address(self):
+        return self.address_for(math.inf)
+
+    def address_for(self, seconds):
+        """Return the address of compiled code, or of Python's if that may take so many seconds.
+
+        Machine code that may call the latter is called within `calling_python`.
+        """
+        is_slow = not self.is_compiled and self.has_patience(seconds)
+        if config.DISABLE_JIT or (is_slow and not has_files(self._named)):
+            return ctypes.cast(self._callback, ctypes.c_void_p).value
         return self._compiled.address
 
-    def compile(self, seconds=math.inf):
-        """Compile the function now, unless Python may take so many seconds for what it does."""
-        if not self.has_patience(seconds) or has_files(self._named):
-            return self._compiled
-        return None
+    @functools.cached_property  # which keeps it alive
+    def _callback(self):
+        words = [None if kind == types.void else ctypes.c_int64
+                 for kind in (self.signature.return_type, *self.signature.args)]  # fmt: skip
+        function = as_python(self.py_func)
+
+        def called(*arguments):
+            try:
+                return self.in_python(function, *arguments)
+            except Exception as error:  # ctypes would print and forget it
+                _raised[get_ident()] = error
+                return 0
+
+        return ctypes.CFUNCTYPE(*words)(called)
 
     @property
     def is_compiled(self):
@@ -262,8 +308,8 @@ class Kernel(Patient):
     def __init__(self, py_function):
         self.py_func = py_function
         self.compiled = _cached(numba.njit(**_OPTIONS), py_function)
-        if config.DISABLE_JIT:  # no warnings, as in compiled code
-            self.compiled = np.errstate(all="ignore")(py_function)
+        if config.DISABLE_JIT:
+            self.compiled = lambda *arguments: self.in_python(as_python(py_function), *arguments)
 
     def serial(self, *arguments):
         """Call the kernel for all of the work."""

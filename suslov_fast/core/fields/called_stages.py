@@ -98,6 +98,5 @@ class StageByLoops(CalledStage):
 
 
 def called_stage_of(lines):
-    """Return the stage of a long list or of a dense field; None where LLVM refuses its code."""
-    stage = StageByRuns(lines) if lines.scheme.step.usual else StageByLoops(lines)
-    return None if stage.code is None else stage
+    """Return the stage of a long list or of a dense field."""
+    return StageByRuns(lines) if lines.scheme.step.usual else StageByLoops(lines)

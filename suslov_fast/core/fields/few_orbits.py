@@ -21,11 +21,9 @@ def _prepared(step, stages, eps, values, B, saves):
     `eps` and `values` are bytes of numbers. There is nothing for lists that are not inlined.
     """
     W, compares = lanes_of(B), compares_signs(step)
-    address = None
-    if step.usual and not step.is_long:
-        address = code_of(text_of_steps, step, W, False, 8 if saves else 0, compares)
-    if address is None:
+    if step.is_long or not step.usual:
         return None
+    address = code_of(text_of_steps, step, W, False, 8 if saves else 0, compares)
     table = common_table(step, stages, eps, values)[1]
     plan, lines = plan_of(stages, table), -(-B // W)
     numbers = dict.fromkeys(DriverArguments._fields, 0) | {

@@ -4,9 +4,9 @@ x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x).
 
 A field is a list of terms. With one more component, x_D = 1, all terms are quadratic, and f_i is
 the sum of its v x_j x_k, j <= k. The indices of the terms determine a list of operations for a step
-(`lists.step`). `stage_code` makes machine code of it; where that is impossible, NumPy carries it
-out. `careful` takes a step where the increment cancels the state, or elimination loses digits. A
-step of other methods consists of several stages, which are steps with fractions of eps (`stages`).
+(`lists.step`), of which `stage_code` makes machine code. `careful` takes a step where the increment
+cancels the state, or elimination loses digits. A step of other methods consists of several stages,
+which are steps with fractions of eps (`stages`).
 
 arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
 final       (B, D), the states that a run continues from
@@ -17,18 +17,18 @@ States are in lines of W lanes, x[line, component, lane]. After a failure a traj
 """
 
 import functools
+from contextlib import nullcontext
 
 import numpy as np
 from numba import config
 
 from ..code.compiler import call, code_of
 from ..code.runs_code import ANY
-from ..compiling.codes import CHANGED
-from ..compiling.numba import STREAM_FROM, Kernel, as_python
+from ..compiling.numba import STREAM_FROM, Kernel, calling_python
 from ..compiling.threads import in_parts
-from ..lists.step import SIGNIFICANT, Step, evaluate, of_one_sign
+from ..lists.step import Step, of_one_sign
 from .called_stages import called_stage_of
-from .careful import ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
+from .careful import ENDED, PASSED, LineArrays, arguments_of, careful
 from .driver import (
     NOT_READY,
     OF_HALVES,
@@ -51,7 +51,7 @@ from .lines import (
     tables_of,
     zeros,
 )
-from .stages import WHOLE, Scheme, distinct
+from .stages import WHOLE, Scheme
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
@@ -106,7 +106,7 @@ class _Lines:
         """Return whether machine code computes the tables of stages, which takes less memory."""
         step, stages = self.scheme
         has_tables = not step.usual or step.is_long
-        return not (len(stages.fractions) == 1 or has_tables or config.DISABLE_JIT)
+        return not (len(stages.fractions) == 1 or has_tables)
 
     @functools.cached_property
     def table(self):
@@ -136,27 +136,27 @@ class _Lines:
         """Return the states (B, D)."""
         return self.x.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
 
-    def take(self, start, stop, saved, every, is_large, abandoned, again=False):
+    def take(self, start, stop, saved, every, is_large, abandoned, seconds=None):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
         Return False if a step needs `careful`, but it is not compiled, or a run is short: then the
-        steps must be taken again. End early if there is something in `abandoned`.
+        steps must be taken again, with the seconds that Python would take for `careful` ones. End
+        early if there is something in `abandoned`.
         """
-        stages = len(self.scheme.stages.fractions)
+        stages, in_python = len(self.scheme.stages.fractions), False
         until, steps = every - start % every if every else 0, (stop - start) * stages
         rows = saved, until * stages - 1, every * stages - 1
         address, stage = self._code(alignment(saved, self.W, is_large))
-        if address is None:
-            self._take_in_numpy(start, steps, *rows, step_carefully)
-            return True
-        if again and not careful.is_compiled:
-            of_one = as_python(step_carefully.py_func)
-            careful.in_python(self._take_in_numpy, start, steps, *rows, of_one)
-            return True
         is_short = self.count * (stop - start) <= SHORT_RUN and stage is None
-        is_ready = careful.is_compiled and (again or not is_short)
-        arguments, _kept_alive = self._driver_arguments(start, steps, *rows, is_ready, stage)
-        budget = max(CAREFUL_TIME // (self.W * (self.D**3 + 200)), 1)
+        address_of_careful = 0
+        if seconds is not None or (careful.is_compiled and not is_short):
+            address_of_careful = careful.address_for(seconds or 0.0)
+            in_python = not careful.is_compiled
+        arguments, _kept_alive = self._driver_arguments(
+            start, steps, *rows, address_of_careful, stage
+        )
+        of_one = self.W * (self.D**3 + 200) * (1000 if in_python else 1)
+        budget = max(CAREFUL_TIME // of_one, 1)
         # Tables of a called stage are those of one line, because those of all may fill the memory.
         at_once = 1 if stage is not None and self.for_each else self.count
         for first in range(0, self.count, at_once):
@@ -166,7 +166,8 @@ class _Lines:
                 stage.tables_of(first)
             while own[SLOT.line] < own[SLOT.lines] and not abandoned:
                 own[SLOT.budget] = budget
-                result = call(address, own)
+                with calling_python() if in_python or config.DISABLE_JIT else nullcontext():
+                    result = call(address, own)
                 if result == NOT_READY:
                     return False
                 if result == STOPPED:
@@ -178,9 +179,7 @@ class _Lines:
         step, tells_signs = self.scheme.step, self.bases is not None
         if step.usual and not step.is_long:
             return code_of(text_of_steps, step, self.W, self.for_each, align, tells_signs), None
-        stage = None if config.DISABLE_JIT else called_stage_of(self)
-        if stage is None:
-            return None, None
+        stage = called_stage_of(self)
         return code_of(text_of_called_steps, ANY, self.W, bool(align), tells_signs), stage
 
     def _line_arrays(self):
@@ -191,10 +190,10 @@ class _Lines:
             np.empty(self.D * (self.D + 4) + step.T),
         )  # fmt: skip
 
-    def _driver_arguments(self, start, steps, saved, until, between, is_ready, stage):
+    def _driver_arguments(self, start, steps, saved, until, between, careful, stage):
         """Return the arguments of the driver, and what has to stay alive while it runs."""
         arrays, own = None, None
-        if is_ready:
+        if careful:
             arrays = self._line_arrays()
             own = arguments_of(arrays, start)
         numbers = dict.fromkeys(DriverArguments._fields, 0)
@@ -229,64 +228,12 @@ class _Lines:
             "trajectories": self.B,
             "ended": self.marks[ENDED].ctypes.data,
             "passed": self.marks[PASSED].ctypes.data,
-            "careful": careful.address if is_ready else 0,
-            "careful_arguments": own.ctypes.data if is_ready else 0,
+            "careful": careful,
+            "careful_arguments": own.ctypes.data if careful else 0,
             "until": until,
             "row": saved.ctypes.data,
         }
         return np.array(DriverArguments(**numbers), np.int64), (arrays, own, plan)
-
-    def _carry_out(self, stage):
-        """Carry out the operations of a stage where that is accurate.
-
-        Return the bits of these lanes, of lanes with det A < 0, and of those with a changed sign.
-        """
-        (step, stages), shape = self.scheme, (self.count, self.W)
-        values = dict(enumerate(self.x.swapaxes(0, 1)))
-        table = self.table[distinct(stages.fractions)[1][stage]].swapaxes(0, 1)
-        values.update(zip(step.table, table, strict=True))
-        evaluate(step.usual, values)
-        evaluate(step.rare, values)
-        accurate = np.broadcast_to(values[step.accurate], shape)
-        for k, number in enumerate(step.after_rare):
-            self.x[:, k] = np.where(accurate, values[number], self.x[:, k])
-        told = (False if each is None else values[each] for each in (step.negative, step.changed))
-        told = (packed(np.broadcast_to(each, shape)) for each in told)
-        return packed(accurate), *told
-
-    def _take_in_numpy(self, start, steps, saved, until, between, step_carefully):
-        """Carry out the operations by NumPy: the reference, where there is no machine code."""
-        (ended, passed), row, arrays = self.marks, 0, self._line_arrays()
-        stages = len(self.scheme.stages.fractions)
-        for n in range(steps):
-            stage = n % stages
-            if self.scheme.step.usual:
-                accurate, negative, changed = self._carry_out(stage)
-            else:
-                accurate, negative, changed = np.zeros((3, self.count), np.uint8)
-            bad = ~(accurate | ended) & np.uint8(2**self.W - 1)
-            told = negative.astype(np.int64) | changed.astype(np.int64) << CHANGED
-            told &= (accurate & ~passed).astype(np.int64) * (1 | 1 << CHANGED)
-            for line in np.flatnonzero(bad | told):
-                step_carefully(arrays, start, line, int(bad[line]), int(told[line]), n)
-            if self.bases is not None and stage == stages - 1:
-                changed = self.changed()
-                for line in np.flatnonzero(changed):
-                    step_carefully(arrays, start, line, 0, int(changed[line]) << CHANGED, n)
-                self.bases[:] = self.x
-            if n == until:
-                saved[row] = self.states()
-                row, until = row + 1, until + between + 1
-
-    def changed(self):
-        """Return the bits of lanes in which a component changed its sign over a whole step.
-
-        Lanes that have ended or passed a pole are left out.
-        """
-        signs = sorted(self.scheme.step.of_one_sign)
-        base, x = self.bases[:, signs], self.x[:, signs]
-        rises, falls = (base < 0.0) & (x > SIGNIFICANT), (base > 0.0) & (x < -SIGNIFICANT)
-        return packed((rises | falls).any(axis=1)) & ~self.marks[PASSED]
 
 
 class FieldSteps(Kernel):
@@ -359,12 +306,10 @@ def _take_steps(lines, states, steps, saved, is_large, abandoned):
     arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
     if not lines.take(*arguments):
         step, stages = lines.scheme
-        work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
-        if not step.usual:  # Python has no other step of a dense field
-            work = np.inf
-        careful.compile(_IN_PYTHON * work)  # only now, because few runs need it
+        of_one = step.D**2 if step.usual else step.D**3
+        work = (stop - start) * len(stages.fractions) * (step.length + lines.B * of_one)
         lines.start_from(states)
-        lines.take(*arguments, again=True)
+        lines.take(*arguments, seconds=_IN_PYTHON * work)  # only now, because few runs need it
 
 
 field_steps = FieldSteps()

@@ -21,7 +21,6 @@ import functools
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import config
 
 from ..code.compiler import code_of, compiled
 from ..code.runs_code import ANY
@@ -64,7 +63,7 @@ INTERVAL = 8
 class Arguments(NamedTuple):
     """The arguments of `growth` and `jacobians` for trajectories in lines of W lanes."""
 
-    step: int  # address of the code of `text_of_tangent` or `long_tangent`, or 0
+    step: int  # address of the code of `text_of_tangent` or `long_tangent`
     orthonormalise: int  # that of `text_of_orthonormalise` or `long_tangent`; `growth` needs it
     plan: int  # address of a `long_tangent.Plan`, 0 for the other code
     W: int
@@ -121,7 +120,7 @@ def _long_arguments(scheme, values, eps, has_list):
     kept = max(kept, step.D**2 + 2 * long_tangent.BLOCK)
     codes = code, long_tangent.orthonormalise.address
     fixed = plan.ctypes.data, 1, int(plan[1]), kept, step.indices, table, halves
-    return (*(int(code or 0) for code in codes), *fixed), (codes, plan, lists)
+    return (*map(int, codes), *fixed), (codes, plan, lists)
 
 
 def arguments_of(scheme, values, eps, count, in_lines=False):
@@ -132,20 +131,16 @@ def arguments_of(scheme, values, eps, count, in_lines=False):
     (step, stages), fractions = scheme, scheme.stages.fractions
     of_stages = np.array(fractions), distinct(fractions)[1]
     of_stages = *of_stages, int(bool(step.of_one_sign)), np.zeros(1, np.int64), None
-    if _is_long(step) and not config.DISABLE_JIT:
+    if _is_long(step):
         fixed, alive = _long_arguments(scheme, values, eps, bool(step.usual))
         return Arguments(*fixed, *of_stages), alive
     tangent = _tangent(step)
     W = WIDTH if count > 1 else 1
     halves, table = tables_of(Scheme(tangent, stages), values, eps, 1 if in_lines else W)
-    room, is_each, address = room_of(tangent.D, W), halves.shape[2] > 1, None
-    if tangent.usual:
-        address = code_of(text_of_tangent, tangent, W, is_each)
-    codes = address, orthonormaliser(step.D, W)
+    room, is_each = room_of(tangent.D, W), halves.shape[2] > 1
+    codes = code_of(text_of_tangent, tangent, W, is_each), orthonormaliser(step.D, W)
     fixed = W, room, 0, step.indices, table, halves, *of_stages
-    arguments = Arguments(*(int(code or 0) for code in codes), 0, *fixed)
-    arguments.unable[0] = arguments.step == 0
-    return arguments, codes
+    return Arguments(*map(int, codes), 0, *fixed), codes
 
 
 def able(arguments):
@@ -157,7 +152,7 @@ def able(arguments):
 
 
 def orthonormaliser(D, W):
-    """Return the `Address` of the code of `text_of_orthonormalise`; None without machine code."""
+    """Return the `Address` of the code of `text_of_orthonormalise`."""
     return compiled(("orthonormalise", D, W), lambda name: text_of_orthonormalise(D, name, W))
 
 
@@ -211,11 +206,7 @@ def take_steps(arguments, memory, place, stage, ignored, steps, solves):
     line, all_lanes, address = memory.line, (1 << arguments.W) - 1, arguments.step
     table = arguments.table[arguments.tables[stage], place % arguments.table.shape[1]].ctypes.data
     kept = memory.kept.ctypes.data
-    code = np.int64(all_lanes & ~ignored) << STEP  # all need `solve`, without machine code
-    if address != 0:
-        code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, ignored, steps))
-    elif code == 0:  # all lanes have ended
-        code = steps
+    code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, ignored, steps))
     taken, step = code & ((1 << STEP) - 1), (code >> STEP) & all_lanes
     solved, negative = step | (code >> DERIVATIVE) & all_lanes, (code >> NEGATIVE) & all_lanes
     changed = (code >> CHANGED) & all_lanes
@@ -224,11 +215,8 @@ def take_steps(arguments, memory, place, stage, ignored, steps, solves):
             arguments.unable[0] = 1
         else:
             copy_lanes(arguments, memory, solved)
-            code = np.int64(0)
-            if address != 0:  # the other lanes take this step, too
-                others = np.int64(ignored | solved)
-                one = others, np.int64(1)
-                code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, *one))
+            one = np.int64(ignored | solved), np.int64(1)  # the other lanes take this step, too
+            code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, *one))
             negative |= (code >> NEGATIVE) & all_lanes
             changed |= (code >> CHANGED) & all_lanes
             beyond, over_0 = solve_lanes(arguments, memory, place, stage, step, solved)

@@ -36,11 +36,6 @@ class DenseRightHandSide:
 
     value_and_denominators = value
 
-    def derivative_entries(self, x, table):
-        """Return the entries of f' (D D, ...) at states (D, ...)."""
-        matrix = self.jacobian(x, table)
-        return matrix.reshape(self.D * self.D, *matrix.shape[2:])
-
     def _components(self, x, table):
         """Yield value and slopes of each component, with sums in the order of machine code."""
         D = self.D

@@ -148,29 +148,6 @@ class Variational:
         """Return f (D, ...) at states (D, ...)."""
         return self.value_and_denominators(x, table)[: self.D]
 
-    def derivative_entries(self, x, table):
-        """Return the entries of a block, and of the couplings, at states (D, ...)."""
-        f, D, shape = self.of, self.of.D, np.shape(x)[1:]
-        if not self.coupling:
-            return f.derivative_entries(x[:D], table[: len(f.table)])
-        values = dict(enumerate(x[:D]))
-        values |= {number: table[place] for number, place in self.places.items()}
-        with np.errstate(all="ignore"):
-            evaluate(self.derivative.operations, values)
-            found = [values[a] if type(a) is int else a for a in self.derivative.results]
-            found = np.array([np.broadcast_to(a, shape) for a in found])
-            entries, mixed = found[: f.entries], found[f.entries :]
-            couplings = np.empty((self.columns, self.coupling, *shape))
-            for c in range(self.columns):
-                own = x[D * (1 + c) : D * (2 + c)]
-                values |= dict(zip(f.second.directions, own, strict=True))
-                evaluate(f.second.entries.operations, values)
-                for k, a in enumerate(f.second.entries.results):
-                    couplings[c, k] = values[a] if type(a) is int else a
-            if self.q:
-                couplings[self.columns - self.q :] += mixed.reshape(self.q, -1, *shape)
-        return np.concatenate([entries, couplings.reshape(-1, *shape)])
-
 
 def product(f, entries, vector):
     """Return the components of f' times a vector that are not 0, with sums in order."""

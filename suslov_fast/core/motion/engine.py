@@ -13,7 +13,6 @@ from .arguments import COMPONENT, SLOT, Arguments, Numbers
 from .choosing import Choices
 from .explicit import lane_numbers
 from .half import Half
-from .in_numpy import StepsInNumPy
 from .rows import BEGINS, State
 from .rules import MOST_STEPS, first_part, limit_of
 from .text import text_of_half
@@ -66,7 +65,7 @@ def numbers_of(f, settings, sign, first, last):
 
 
 def code_of_half(half, W, for_each):
-    """Return the `Address` of the code of a half, None where there is no machine code."""
+    """Return the `Address` of the code of a half."""
     return compiled(
         ("motion", half.key, W, for_each),
         lambda name: text_of_half(half, name, W, for_each),
@@ -180,12 +179,10 @@ class Motion:
             if is_done:
                 break
 
-    def _taker(self, half, rows, table, W):
+    def _taker(self, half, rows, table, W, budget=None):
         """Return the function that takes steps of trajectories, and returns whether it is done."""
         for_each = table.ndim > 1
         code = code_of_half(half, W, for_each)
-        if code is None:
-            return StepsInNumPy(half, self, rows, table).take
         work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
         arguments = np.array(Arguments(
             rows=rows.ctypes.data, count=len(rows), following=0, budget=0, table=table.ctypes.data,
@@ -196,7 +193,7 @@ class Motion:
         ), np.int64)  # fmt: skip
 
         def take(kept=(rows, table, work)):  # the arguments point there
-            arguments[SLOT.budget] = max(BUDGET // half.f.work, 1)
+            arguments[SLOT.budget] = max(BUDGET // half.f.work, 1) if budget is None else budget
             if is_done := call(code, arguments):
                 arguments[SLOT.following] = 0
             return is_done

@@ -15,20 +15,11 @@ from ..code.runs import program_of
 from ..code.runs_code import add_runs
 from ..code.text import Carried, Shared
 from ..lists.right_hand_side import renumbered
-from ..lists.step import OF_LIBRARY, OF_LISTS, evaluate
+from ..lists.step import OF_LIBRARY, OF_LISTS
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
 BLOCK = 64  # operations of a block of straight-line code
 LONGEST = 4000  # operations of straight-line code: a longer list takes seconds to compile
-
-
-def carried_out(list_, rows):
-    """Return the results (-, ...) of a list for its inputs (-, ...), by NumPy."""
-    values = dict(enumerate(rows))
-    evaluate(list_.operations, values)
-    shape = np.shape(rows[0])
-    return np.array([np.full(shape, a) if isinstance(a, float) else values[a]
-                     for a in list_.results])  # fmt: skip
 
 
 class OfList:
@@ -45,10 +36,6 @@ class OfList:
 
     def numbers(self, table):
         return table[:0]
-
-    def in_numpy(self, rows):
-        """Return the results (-, ...) for rows (-, ...), without a table."""
-        return carried_out(self.list_, rows)
 
     def values(self, text, row, table, for_each):
         """Return the results, where row(k) is the k-th input."""
@@ -117,9 +104,6 @@ class OfLongList:
         shape = table.shape[1:]
         own = table[: self.in_table].reshape(self.in_table, math.prod(shape))
         return self._numbers.of(own).reshape(-1, *shape)
-
-    def in_numpy(self, rows):
-        return carried_out(self.list_, rows)
 
     def add(self, text, name, for_each, first):
         if not text.has_runs:
@@ -263,12 +247,6 @@ class TangentFactors(_Loops):
     def numbers(self, table):
         return self.factors.numbers(table)
 
-    def in_numpy(self, rows):
-        """Return both for the entries of f', those of the couplings, and s, as rows."""
-        *own, s = rows
-        factors = self.factors.in_numpy([*own[: self.entries], s])
-        return np.concatenate([factors, s * np.array(own[self.entries :])])
-
     def add(self, text, name, for_each, first):
         self.factors.add(text, f"{name}_block", for_each, first)
         with text.function(name):
@@ -289,11 +267,6 @@ class FirstBlock(_Loops):
 
     def numbers(self, table):
         return self.function.numbers(table)
-
-    def in_numpy(self, rows):
-        found = np.zeros((self.rows, *np.shape(rows[0])))
-        found[: self.D] = self.function.in_numpy(rows)
-        return found
 
     def add(self, text, name, for_each, first):
         self.function.add(text, f"{name}_block", for_each, first)
@@ -318,19 +291,6 @@ class Blocks(_Loops):
 
     def numbers(self, table):
         return self.solution.numbers(table)
-
-    def in_numpy(self, rows):
-        """Return the solution for factors, couplings and the right-hand side, as rows."""
-        D, size = self.D, len(self.pattern)
-        end = self.count + size * self.columns
-        factors, couplings, right = rows[: self.count], rows[self.count : end], np.array(rows[end:])
-        right[:D] = x = self.solution.in_numpy([*factors, *right[:D]])
-        for c in range(self.columns):
-            own = right[D * (1 + c) : D * (2 + c)]
-            for (i, j), entry in zip(self.pattern, couplings[c * size :], strict=False):
-                own[i] = own[i] + entry * x[j]
-            own[:] = self.solution.in_numpy([*factors, *own])
-        return right
 
     def add(self, text, name, for_each, first):
         """Add the function; solutions read a block at `%to`."""
@@ -369,21 +329,6 @@ class DenseFactors(_Loops):
     def __init__(self, pattern, D):
         self.places, self.D = np.array([i * D + j for i, j in pattern], np.int64), D
 
-    def in_numpy(self, rows):
-        """Return the factors for entries of J and s, as rows."""
-        D, (*entries, s) = self.D, rows
-        a = np.zeros((D, D, *np.shape(s)))
-        for place, entry in zip(self.places.tolist(), entries, strict=True):
-            a[divmod(place, D)] = 0.0 - s * entry
-        inverse = np.empty((D, *np.shape(s)))
-        for i in range(D):
-            a[i, i] = 1.0 + a[i, i]
-            for k in range(i):
-                a[i, k] = a[i, k] * inverse[k]
-                a[i, k + 1 :] = a[i, k + 1 :] - a[i, k] * a[k, k + 1 :]
-            inverse[i] = 1.0 / a[i, i]
-        return np.concatenate([a.reshape(D * D, *np.shape(s)), inverse])
-
     def add(self, text, name, for_each, first):
         D, count = self.D, len(self.places)
         entries, a, inverses = text.array("%from"), text.array("%to"), text.array("%to", D * D)
@@ -412,19 +357,6 @@ class DenseSolution(_Loops):
 
     def __init__(self, D):
         self.D = D
-
-    def in_numpy(self, rows):
-        """Return v for the factors and g, as rows."""
-        D = self.D
-        a, inverse, v = rows[: D * D], rows[D * D : D * D + D], np.array(rows[D * D + D :])
-        for i in range(1, D):
-            for j in range(i):
-                v[i] = v[i] - a[i * D + j] * v[j]
-        for i in reversed(range(D)):
-            for j in range(i + 1, D):
-                v[i] = v[i] - a[i * D + j] * v[j]
-            v[i] = v[i] * inverse[i]
-        return v
 
     def add(self, text, name, for_each, first):
         D = self.D
@@ -489,16 +421,6 @@ class DenseProduct(_Loops):
 
     def __init__(self, D):
         self.D = D
-
-    def in_numpy(self, rows):
-        """Return the products, as rows."""
-        D, totals = self.D, []
-        for i in range(D):
-            total = 0.0
-            for j in range(D):
-                total = total + rows[i * D + j] * rows[D * D + 1 + j]
-            totals.append(total)
-        return np.array(totals)
 
     def add(self, text, name, for_each, first):
         D, f = self.D, text.array("%to")

@@ -20,7 +20,6 @@ from .functions import (
     TangentEntries,
     TangentFactors,
     Tangents,
-    carried_out,
     of_list,
 )
 from .rows import rows_of, work_of
@@ -120,23 +119,6 @@ class Half:
     def key(self):
         """What tells the code of this half from others."""
         return self.f.key, self.is_implicit, self.has_atol
-
-    def factors_in_numpy(self, entries, s):
-        """Return the factors of 1 - s J, for entries (-, lanes)."""
-        return self.functions["factor"].in_numpy([*entries, s])
-
-    def solve_in_numpy(self, factors, right):
-        """Return (1 - s J)**-1 times vectors (D, lanes)."""
-        return self.functions["solve"].in_numpy([*factors, *right])
-
-    def watch_in_numpy(self, line, table):
-        """Return what `watch` finds (3 + kinks, lanes) between two states (2, watched, lanes)."""
-        return carried_out(self.f.watch, [*line[0], *line[1], *table])
-
-    def product_in_numpy(self, entries, vector):
-        """Return f' times vectors (D, lanes)."""
-        own = entries[: self.f.entries]
-        return self.functions["power"].in_numpy([*own, np.zeros_like(vector[0]), *vector])
 
     def table_of(self, table):
         """Return the table (n, ...) of f with the numbers that functions read after it."""

@@ -22,14 +22,12 @@ DONE = int(State.DONE)
 
 @functools.lru_cache(PLANS)
 def _plan(f, table, settings, sign):
-    """Return code, arguments, numbers and rows of one trajectory; None without machine code.
+    """Return code, arguments, numbers and rows of one trajectory.
 
     `table` has the bytes of the table of f. The arguments point to arrays that the plan keeps.
     """
     half = half_of(f, bool(settings.stiff), settings.atol is not None)
     code = code_of_half(half, 1, False)
-    if code is None:
-        return None
     own = half.table_of(np.frombuffer(table))
     components = components_of(f, settings.atol)
     arguments = Arguments(
@@ -50,12 +48,9 @@ def motion_of_one(f, table, x, times, sign, settings):
     """Return the states at ascending moduli of times, as an array of numbers, t, steps and state.
 
     `table` of f, `x` and `times` are the bytes of their numbers. The result is None if a step would
-    be implicit and the trajectory has to choose, or without machine code: then `engine.Motion`
-    computes the motion.
+    be implicit and the trajectory has to choose: then `engine.Motion` computes the motion.
     """
     plan = _plan(f, table, settings, sign)
-    if plan is None:
-        return None
     code, arguments, numbers, rows, work, places, budget, _ = plan
     arguments, numbers, work = arguments[:], numbers[:], work[:]
     rows, times = array("d", x) + rows, array("d", times)

@@ -1,15 +1,147 @@
-"""The steps of the motion in NumPy: the reference of machine code, with the same bits.
+"""The steps of the motion in NumPy: a second opinion on their machine code, with the same bits.
 
-They are taken where there is no machine code. All lanes of all lines are columns of the arrays.
+All lanes of all lines are columns of the arrays. It shares the rules, the tables of columns and the
+lists of operations with the code, and has a program of control of its own. It covers both halves,
+choices, kinks, clocks, variational equations and dense fields.
 """
+
+from functools import singledispatch
 
 import numpy as np
 
-from ..lists.conditions import with_intervals
-from . import rules
-from .arguments import COMPONENT, NUMBER, Component, Numbers
-from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors, weights_of_few
-from .rows import State
+from suslov_fast.core.lists.conditions import with_intervals
+from suslov_fast.core.lists.dense import DenseRightHandSide
+from suslov_fast.core.lists.step import evaluate
+from suslov_fast.core.lists.variational import Variational
+from suslov_fast.core.motion import functions, rules
+from suslov_fast.core.motion.arguments import COMPONENT, NUMBER, Component, Numbers
+from suslov_fast.core.motion.columns import (
+    EXPLICIT,
+    IMPLICIT,
+    weights,
+    weights_of_errors,
+    weights_of_few,
+)
+from suslov_fast.core.motion.rows import State
+
+
+def of_list(list_, rows):
+    """Return the results (-, ...) of a list for its inputs (-, ...)."""
+    values = dict(enumerate(rows))
+    evaluate(list_.operations, values)
+    shape = np.shape(rows[0])
+    return np.array([np.full(shape, a) if isinstance(a, float) else values[a]
+                     for a in list_.results])  # fmt: skip
+
+
+@singledispatch
+def carried_out(function, rows):
+    """Return the results (-, ...) of a function of a half, for rows (-, ...) without a table."""
+    return of_list(function.list_, rows)
+
+
+@carried_out.register
+def _tangent_factors(function: functions.TangentFactors, rows):
+    *own, s = rows
+    factors = carried_out(function.factors, [*own[: function.entries], s])
+    return np.concatenate([factors, s * np.array(own[function.entries :])])
+
+
+@carried_out.register
+def _first_block(function: functions.FirstBlock, rows):
+    found = np.zeros((function.rows, *np.shape(rows[0])))
+    found[: function.D] = carried_out(function.function, rows)
+    return found
+
+
+@carried_out.register
+def _blocks(function: functions.Blocks, rows):
+    """Return the solution for factors, couplings and the right-hand side."""
+    D, size, count = function.D, len(function.pattern), function.count
+    end = count + size * function.columns
+    factors, couplings, right = rows[:count], rows[count:end], np.array(rows[end:])
+    right[:D] = x = carried_out(function.solution, [*factors, *right[:D]])
+    for c in range(function.columns):
+        own = right[D * (1 + c) : D * (2 + c)]
+        for (i, j), entry in zip(function.pattern, couplings[c * size :], strict=False):
+            own[i] = own[i] + entry * x[j]
+        own[:] = carried_out(function.solution, [*factors, *own])
+    return right
+
+
+@carried_out.register
+def _dense_factors(function: functions.DenseFactors, rows):
+    """Return the factors for entries of J and s."""
+    D, (*entries, s) = function.D, rows
+    a = np.zeros((D, D, *np.shape(s)))
+    for place, entry in zip(function.places.tolist(), entries, strict=True):
+        a[divmod(place, D)] = 0.0 - s * entry
+    inverse = np.empty((D, *np.shape(s)))
+    for i in range(D):
+        a[i, i] = 1.0 + a[i, i]
+        for k in range(i):
+            a[i, k] = a[i, k] * inverse[k]
+            a[i, k + 1 :] = a[i, k + 1 :] - a[i, k] * a[k, k + 1 :]
+        inverse[i] = 1.0 / a[i, i]
+    return np.concatenate([a.reshape(D * D, *np.shape(s)), inverse])
+
+
+@carried_out.register
+def _dense_solution(function: functions.DenseSolution, rows):
+    D = function.D
+    a, inverse, v = rows[: D * D], rows[D * D : D * D + D], np.array(rows[D * D + D :])
+    for i in range(1, D):
+        for j in range(i):
+            v[i] = v[i] - a[i * D + j] * v[j]
+    for i in reversed(range(D)):
+        for j in range(i + 1, D):
+            v[i] = v[i] - a[i * D + j] * v[j]
+        v[i] = v[i] * inverse[i]
+    return v
+
+
+@carried_out.register
+def _dense_product(function: functions.DenseProduct, rows):
+    D, totals = function.D, []
+    for i in range(D):
+        total = 0.0
+        for j in range(D):
+            total = total + rows[i * D + j] * rows[D * D + 1 + j]
+        totals.append(total)
+    return np.array(totals)
+
+
+def derivative_entries(f, x, table):
+    """Return the entries of f' that the implicit half has, at states (D, ...)."""
+    if isinstance(f, DenseRightHandSide):
+        matrix = f.jacobian(x, table)
+        return matrix.reshape(f.D * f.D, *matrix.shape[2:])
+    if isinstance(f, Variational):
+        return _entries_with_couplings(f, x, table)
+    return f.derivative_entries(x, table)
+
+
+def _entries_with_couplings(whole, x, table):
+    """Return the entries of a block, and of the couplings."""
+    f, D, shape = whole.of, whole.of.D, np.shape(x)[1:]
+    if not whole.coupling:
+        return derivative_entries(f, x[:D], table[: len(f.table)])
+    values = dict(enumerate(x[:D]))
+    values |= {number: table[place] for number, place in whole.places.items()}
+    evaluate(whole.derivative.operations, values)
+    found = [values[a] if type(a) is int else a for a in whole.derivative.results]
+    found = np.array([np.broadcast_to(a, shape) for a in found])
+    entries, mixed = found[: f.entries], found[f.entries :]
+    couplings = np.empty((whole.columns, whole.coupling, *shape))
+    for c in range(whole.columns):
+        own = x[D * (1 + c) : D * (2 + c)]
+        values |= dict(zip(f.second.directions, own, strict=True))
+        evaluate(f.second.entries.operations, values)
+        for k, a in enumerate(f.second.entries.results):
+            couplings[c, k] = values[a] if type(a) is int else a
+    if whole.q:
+        couplings[whole.columns - whole.q :] += mixed.reshape(whole.q, -1, *shape)
+    return np.concatenate([entries, couplings.reshape(-1, *shape)])
 
 
 class StepsInNumPy:
@@ -36,11 +168,6 @@ class StepsInNumPy:
             if is_taken := (length["taken"] > 0.0).any():
                 self._step(**length)
         return not is_taken
-
-    def begin(self):
-        """Begin the trajectories, without a step."""
-        with np.errstate(all="ignore"):
-            self._begin()
 
     def row(self, name):
         """Return the row of a line with this name."""
@@ -106,12 +233,19 @@ class StepsInNumPy:
         return (a + b) * 0.5 - x
 
     def _implicit_column(self, x, f, s, N):
-        factors = self.half.factors_in_numpy(self.entries, s)
-        change = self.half.solve_in_numpy(factors, s * f[: self.D])
+        factors = carried_out(self.half.functions["factor"], [*self.entries, s])
+        change = self._solve(factors, s * f[: self.D])
         for _ in range(N - 1):
             right = s * self._value(x + change)[: self.D]
-            change = change + self.half.solve_in_numpy(factors, right)
+            change = change + self._solve(factors, right)
         return change
+
+    def _solve(self, factors, right):
+        return carried_out(self.half.functions["solve"], [*factors, *right])
+
+    def _watch(self, before, after):
+        """Return what `watch` finds between two states (watched, lanes)."""
+        return of_list(self.f.watch, [*before, *after, *self.table])
 
     @staticmethod
     def _sum(factors, ends):
@@ -209,13 +343,13 @@ class StepsInNumPy:
             elif k < rules.PARTS:
                 inputs = {"x": x, "new": new, "f": f, "f_new": f_new, "signed": signed, "u": u}
                 point = rules.carried_out(rules.POINT, **inputs)["point"]
-            part, crosses, *_ = self.half.watch_in_numpy((before, point), self.table)
+            part, crosses, *_ = self._watch(before, point)
             own = {"part": part, "crosses": crosses, "u": u, "taken": taken}
             parts = self._apply(rules.LOOK, **own, **parts)
             far[:] = np.where(is_far & (parts.pop("is_first") > 0.0), point, far)
             before = point
-        part, *_ = self.half.watch_in_numpy((new, far), self.table)
-        whole_part, crosses, jumps, *kinks = self.half.watch_in_numpy((x, new), self.table)
+        part, *_ = self._watch(new, far)
+        whole_part, crosses, jumps, *kinks = self._watch(x, new)
         inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
         found = self._apply(rules.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
         far[:] = np.where(found.pop("beyond") > 0.0, new, far)
@@ -224,7 +358,7 @@ class StepsInNumPy:
     def _derive(self, x):
         """Find the entries of f'; return its rate by a step of the power iteration."""
         D, largest, mode = self.D, self._rows("largest", self.D), self._rows("mode", self.D)
-        entries = self.f.derivative_entries(x, self.table)
+        entries = derivative_entries(self.f, x, self.table)
         self.entries = np.where(abs(entries) < np.inf, entries, 0.0)
         top, size = 0.0, 0.0
         for a in largest:
@@ -232,7 +366,8 @@ class StepsInNumPy:
         pairs = zip(largest, mode, strict=True)
         scales = [self._apply(rules.SCALE, largest=a, top=top, mode=m) for a, m in pairs]
         scaled = np.array([found["scaled"] for found in scales])
-        products = self.half.product_in_numpy(self.entries, scaled)
+        own = [*self.entries[: self.f.entries], np.zeros_like(scaled[0]), *scaled]
+        products = carried_out(self.half.functions["power"], own)
         own = np.empty_like(x)
         for i in range(D):
             found = self._apply(

@@ -7,20 +7,10 @@ x_next = x + sum_c w_c (y_c - x),     w_c = prod_b N_c**p / (N_c**p - N_b**p),
 
 where b runs over the other columns (Aitken and Neville).
 
-Explicit half: Gragg's midpoint rule with his smoothing, p = 2. With s = h / N,
-
-y_1 = x + s f(x),     y_m+1 = y_m-1 + 2 s f(y_m),     end (y_N-1 + y_N + s f(y_N)) / 2.
-
-Five columns have order 10. Without the smoothing, jumps of f give errors of 15 % at every
-tolerance.
-
-Implicit half: the linearly implicit Euler rule, p = 1. With A = 1 - s J,
-
-y_m+1 = y_m + A**-1 s f(y_m).
-
-J is f'(x), but the expansion holds for every J. Seven columns have order 7, R(inf) = 0, and are
-stable in a sector of 89.9 degrees. Their weights sum to 121 in modulus; those of 2, 3, ..., 9 sum
-to 9851 and lose as many digits.
+The explicit half has p = 2; its five columns have order 10 (`explicit`). The implicit half has
+p = 1; its seven columns have order 7, R(inf) = 0, and are stable in a sector of 89.9 degrees
+(`implicit`). Their weights sum to 121 in modulus; those of 2, 3, ..., 9 sum to 9851 and lose as
+many digits.
 """
 
 from math import prod

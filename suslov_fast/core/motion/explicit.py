@@ -1,11 +1,15 @@
 """The columns of an explicit step: Gragg's midpoint rule with smoothing, in three forms of code.
 
-A column takes N sub-steps of the length s = h / N (see `columns`). Two states take turns: b begins
-as y_1 = x + s f(x), and a as x. Two sub-steps are
+A column takes N sub-steps of the length s = h / N:
+
+y_1 = x + s f(x),     y_m+1 = y_m-1 + 2 s f(y_m),     end (y_N-1 + y_N + s f(y_N)) / 2.
+
+Without the smoothing at the end, jumps of f give errors of 15 % at every tolerance. Two states take
+turns: a is y_m for even m, and b for odd m. A pair of sub-steps is
 
 a = a + 2 s f(b),     b = b + 2 s f(a),     at the end of the column b = b + s f(a),
 
-and the column ends at (a + b) / 2. The forms have the same bits. Of a line of lanes columns are
+so that a column ends at (a + b) / 2. The forms have the same bits. Of a line of lanes columns are
 carried out
 
 - in turn: a loop over pairs of sub-steps, in chains of columns that do not wait for each other;

@@ -220,7 +220,7 @@ class TangentEntries(_Loops):
             inner = found.at(self.own)
             text.invoke(f"{name}_first", x, "%table", found, inner)
             text.copy(found, to, entries)
-            line = text.array(found.at(pair))
+            line = found.from_here(pair)
             text.copy(x, line, D)
             for c in text.each(f.columns):
                 own = x.after(D).at(c * D)
@@ -312,7 +312,7 @@ class Blocks(_Loops):
             for c in text.each(self.columns):
                 own = to.at((c + 1) * D)
                 text.copy(own, to, D)
-                entries = text.array(couplings.at(c * size))
+                entries = couplings.from_here(c * size)
                 for k, (i, j) in enumerate(self.pattern):
                     product = entries[k] * kept[j]
                     to[i] = to[i] + product

@@ -4,7 +4,8 @@ With s = h / N and A = 1 - s J, where J is f' at x, a column is
 
 c = A**-1 s f(x),     N - 1 times c = c + A**-1 s f(x + c),
 
-and ends at x + c. The power iteration on f' shows the largest rate |mu| of the motion: with
+and ends at x + c: the states are y_m+1 = y_m + A**-1 s f(y_m). The expansion of the ends holds for
+every J. The power iteration on f' shows the largest rate |mu| of the motion: with
 components z_i measured by their largest moduli S_i,
 
 w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
@@ -34,23 +35,20 @@ class ImplicitColumns(Scope):
             for c in text.each(Index(text, "%count"), most=0):
                 N = lengths[c]
                 s = work.signed[0] * inverses[c]
-                self.column(N, s, text.array(work.ends.at(c * self.D)))
+                self.column(N, s, work.ends.from_here(c * self.D))
 
     def column(self, N, s, ends):
-        """Add a column of N sub-steps; `ends` is c."""
+        """Add a column of N sub-steps; its increments c are added up in `ends`."""
         text, work, D = self.text, self.work, self.D
         x, f = text.array("%x"), text.array("%f")
+        a, b, right = work.a, work.b, work.right
         work.jacobian[self.f.entries] = s
-        jacobian, factors, a, b, right = (
-            text.array(rows.at())
-            for rows in (work.jacobian, work.factors, work.a, work.b, work.right)
-        )
-        self.call("factor", jacobian, "%table", factors)
+        self.call("factor", work.jacobian, "%table", work.factors)
 
         def solve(rates):
             for i in text.each(D):
                 right[i] = s * rates[i]
-            self.call("solve", factors, "%table", right)
+            self.call("solve", work.factors, "%table", right)
 
         solve(f)
         for i in text.each(D):
@@ -68,8 +66,8 @@ def derive(lines):
     """Write the entries of f'; return its rate by a step of the power iteration."""
     text, line, work = lines.text, lines.line, lines.work
     entries = lines.f.entries
-    jacobian, right = text.array(work.jacobian.at()), text.array(work.right.at())
-    scale, scaled = work.start, jacobian.after(entries + 1)
+    jacobian, right, scale = work.jacobian, work.right, work.start
+    scaled = jacobian.after(entries + 1)
     lines.call("j", line.x, lines.table, jacobian)
     for part, count in (
         (jacobian, entries),
@@ -81,7 +79,7 @@ def derive(lines):
     for i in text.each(lines.D, largest):
         largest.top = text.apply(rules.SIZE, modulus=line.largest[i], top=largest.top)["top"]
     for i in text.each(lines.D):
-        found = text.apply(rules.SCALE, largest=line.largest[i], top=largest.top, mode=line.mode[i])
+        found = lines.apply(rules.SCALE, i, top=largest.top)
         scale[i], scaled[i] = found["scale"], found["scaled"]
     lines.call("power", jacobian, lines.table, right)
     size = Carried(size=0.0)

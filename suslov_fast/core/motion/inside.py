@@ -92,8 +92,7 @@ def _with_sign(lines, value, i):
     """Return a component inside a step, with its sign if the motion keeps it."""
     if not lines.f.of_one_sign:
         return value
-    x, keeps = lines.line.x[i], lines.component("keeps", i)
-    return lines.text.apply(rules.WITH_SIGN, value=value, x=x, keeps=keeps)["value"]
+    return lines.apply(rules.WITH_SIGN, i, value=value)["value"]
 
 
 def _shorter_implicit_step(lines):

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from ..code.text import Array, Integers, Shared, Truth
+from ..code.text import Integers, Shared, Truth
 from . import rules
 from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Component, Numbers
 from .rows import State
@@ -28,7 +28,6 @@ class Scope:
 
     def call(self, function, *addresses):
         """Call one of the functions of the half, see `functions`: from, table, to."""
-        addresses = [a.at() if isinstance(a, Array) else a for a in addresses]
         self.text.invoke(f"{self.name}_{function}", *addresses, self.work.scratch)
 
 

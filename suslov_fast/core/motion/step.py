@@ -66,12 +66,8 @@ def _next_states(lines, own, of_error):
                 signed = {"f": line.f[i], "signed": work.signed[0]}
                 new = lines.apply(rules.CLOCK, i, x=x, new=new, **signed)["new"]
             if lines.f.of_one_sign:
-                before = line.largest[i]
-                found = text.apply(
-                    rules.KEPT, x=x, new=new, kept=sums.kept, rtol=lines.number("rtol"),
-                    keeps=lines.component("keeps", i), extra=lines.component("extra", i),
-                    size=abs(x) if half.has_atol else before,
-                )  # fmt: skip
+                size = abs(x) if half.has_atol else line.largest[i]
+                found = lines.apply(rules.KEPT, i, x=x, new=new, kept=sums.kept, size=size)
                 new, sums.kept = found["new"], found["kept"]
             work.new.put_chosen(i, new)
             work.error[i] = lines.sum_of_ends(of_error, i)

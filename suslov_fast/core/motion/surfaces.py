@@ -20,9 +20,8 @@ def cut(lines, before, accepted, total):
     """Take a step again that crosses a surface, or is on the way to one, with a better length."""
     text, line, work, watched = lines.text, lines.line, lines.work, lines.half.watched
     taken = work.taken[0]
-    pair, seen = text.array(work.between.at()), text.array(work.seen.at())
-    point, new = text.array(pair.after(watched).at()), text.array(work.new.at())
-    x, far = text.array(line.x.at()), text.array(line.far.at())
+    pair, point, seen = work.between, work.between.after(watched), work.seen
+    x, far, new = line.x, line.far, work.new
 
     def look(*names):
         lines.call("watch", pair, lines.table, seen)

@@ -57,8 +57,7 @@ def pause_if_spent(lines):
 
 def _begin(lines, begins):
     """Begin the trajectories of some lanes: f, the largest moduli, the first length."""
-    text, line = lines.text, lines.line
-    f_new = text.array(lines.work.f_new.at())
+    text, line, f_new = lines.text, lines.line, lines.work.f_new
     lines.call("f", line.x, lines.table, f_new)
     for i in text.each(lines.extended):
         line.f.choose(begins, i, f_new[i])

@@ -49,7 +49,7 @@ SHORTER = {
     "README.md": [("steps=1_000_000", "steps=50_000")],
     "compiled.md": [("parallel=True", "parallel=False")],  # `test_compiled` has parallel loops
     "equations.md": [("20_000, transient=5_000", "200, transient=50")],
-    "figure.md": [("range(0, 400, 8)", "range(0, 400, 80)")],
+    "runs.md": [("range(0, 400, 8)", "range(0, 400, 80)")],
     "kinetics.py": [
         ("np.linspace(0, 900, 3000)", "np.linspace(0, 900, 30)"),
         ("np.linspace(0.6, 1.5, 100)", "np.linspace(0.6, 1.5, 4)"),

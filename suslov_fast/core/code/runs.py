@@ -4,7 +4,7 @@ LLVM takes 10 s for the list of a chain of 1024 variables, and longer to optimis
 has the operations of a list in runs: those of a run have the same kind, and none waits for another
 one. The code of `runs_code` is common to all programs: it takes run after run, and reads and
 writes rows of W lanes. A sum of products, which is what most of a list consists of, is one
-operation, whose sum stays in a register. Bits are those of `operations.evaluate`.
+operation, whose sum stays in a register. Bits are those of `lists.step.evaluate`.
 
 For one orbit, reading the places of operands takes longer than the arithmetic. So the values of a
 run are in neighbouring rows, in the order in which a later run reads them. Operations whose

@@ -62,7 +62,7 @@ def crosses_0(x, after):
 def changes_sign(indices, x, after):
     """Return whether a component changes its sign that keeps it along the motion.
 
-    It does if each term of its equation contains it; see `operations.of_one_sign`.
+    It does if each term of its equation contains it; see `lists.step.of_one_sign`.
     """
     for i in range(len(x)):
         if crosses_0(x[i], after[i]):

@@ -1,6 +1,6 @@
 """Machine code of derivatives along orbits: products of -DPhi with columns, and Gram-Schmidt.
 
-`operations.Tangent` has the operations of a step; `tangent` takes the steps that they cannot take.
+`lists.step.Tangent` has the operations of a step; `tangent` takes the steps that they cannot take.
 """
 
 from ..code.compiler import numbers_in_register

@@ -21,7 +21,7 @@ class Stages(NamedTuple):
 class Scheme(NamedTuple):
     """A list of operations for a stage, and the stages of one step."""
 
-    step: Any  # `operations.Step`
+    step: Any  # `lists.step.Step`
     stages: Stages
 
 

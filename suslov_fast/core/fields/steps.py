@@ -272,7 +272,7 @@ class FieldSteps(Kernel):
 def _iterate_part(
     part, parts, arguments, omega0, carry, span, saved, final, status, failed_at, abandoned
 ):
-    """Iterate the trajectories of a part; the arguments are those of `steps_3d.steps`.
+    """Iterate the trajectories of a part; the arguments are those of `suslov.steps.steps`.
 
     End early if there is something in `abandoned`.
     """

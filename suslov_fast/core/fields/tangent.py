@@ -4,7 +4,7 @@ With h = eps / 2, N(x) = h f'(x) and M(x) = -N(x), the derivative is
 
 DPhi(x) = (1 - N(x))**-1 (1 - M(x_next))    (theory, section 7).
 
-Fields have terms as in `steps_field`, and so have the fields of bodies. Machine code
+Fields have terms as in `fields.steps`, and so have the fields of bodies. Machine code
 (`generated_tangent`) takes the steps of a line of lanes, multiplies columns q by -DPhi, and tells
 which lanes need logarithms, orthonormal columns, or elimination with pivoting.
 
@@ -319,7 +319,7 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     span         (start, stop, last): steps from state `start` to state `stop`, and the state at
                  which all logarithms are taken
     sums, of_det   (B, D) and (B,), to which logarithms are added; NaN after a failure
-    status, failed_at   (B,), as in `steps_3d.steps`
+    status, failed_at   (B,), as in `suslov.steps.steps`
     by_signs     (B,), true where a change of sign, and not det A < 0, told the pole
     """
     for_size()

@@ -1,7 +1,7 @@
 """Elementary functions as lists of operations on doubles.
 
 Each function takes `emit`, which adds an operation and returns the number of its value
-(`operations.Values`), and the numbers of its operands, and returns the number of its value. Lists
+(`lists.step.Values`), and the numbers of its operands, and returns the number of its value. Lists
 have no branches and no FMA, so their bits are the same wherever they are carried out. Errors are
 at most 1 ulp, but of `logaddexp`; special values are those of the C library.
 

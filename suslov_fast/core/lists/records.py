@@ -1,7 +1,7 @@
 """The functions of right-hand sides: one record for each.
 
-A list names a function by its instruction, which `operations` carries out in NumPy, and
-`machine_code` in lanes; its derivative is a list, too. Other functions are made of these. From the
+A list names a function by its instruction, which `lists.step` carries out in NumPy, and
+`code.compiler` in lanes; its derivative is a list, too. Other functions are made of these. From the
 records follow what a function of a user may call, how its equations are written and read, and what
 the pages say.
 """

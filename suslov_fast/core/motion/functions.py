@@ -2,7 +2,7 @@
 
 Each is a function void name(from, table, to, scratch) of a text: it reads rows at one address, and
 writes rows at another. Short lists of operations are straight-line code, long ones are runs
-(`listed`), and dense matrices have loops. `numbers(table)` are those that a function reads after
+(`code.runs`), and dense matrices have loops. `numbers(table)` are those that a function reads after
 the table of f, and `scratch` the rows that it needs for itself.
 """
 

@@ -1,6 +1,6 @@
 """The closed form: state n of an orbit, or its state at time n, with a rotor or without.
 
-Symbols are those of `map_3d`: z, g, e, ell, X = e ell, Y = e nu and K = e k. With
+Symbols are those of `suslov.map`: z, g, e, ell, X = e ell, Y = e nu and K = e k. With
 nu = -Im(conj(g) z) and x = ell - k, conj(g) z = x - i nu. (In equation (7) x is x, and y is
 sqrt(I1 I2) nu.) R = |z| / sqrt(1 + X**2) and A = R |g| are conserved. Let
 psi = arg(z / (1 - i X)) - arg g and (p, q) = (sin(psi / 2), cos(psi / 2)). Then a step is linear,

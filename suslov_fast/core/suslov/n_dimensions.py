@@ -276,7 +276,7 @@ GaussSystem.memory, GaussSystem.one_step = gauss_memory, gauss_step_of_one
 
 @kernel
 def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Iterate the trajectories of a part in O(n); the arguments are those of `steps_3d.steps`."""
+    """Iterate the trajectories of a part in O(n), with the arguments of `suslov.steps.steps`."""
     arrays = uncounted((omega0, carry, saved, final, status, failed_at))
     iterate_nd(part, parts, uncounted(parameters), span, arrays, None)
 

@@ -3,7 +3,7 @@
 All take the same arguments, even those that they ignore: in three dimensions I1, I2, I13, I23, k (0
 without a rotor), eps and the state w; in n dimensions J, I, eps and w.
 
-X, Y, K, e, ell, g and z are those of `map_3d`, nu that of `closed_form`, x and y those of
+X, Y, K, e, ell, g and z are those of `suslov.map`, nu that of `closed_form`, x and y those of
 equation (7), and `half` is eps / 2. Numbers of equations are those of the paper.
 """
 

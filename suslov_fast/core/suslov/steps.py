@@ -1,6 +1,6 @@
 """Steps of a body or gyrostat in three dimensions, in blocks of lanes: the kernel.
 
-The equations, and the plain and the general form of a state, are those of `map_3d`.
+The equations, and the plain and the general form of a state, are those of `suslov.map`.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""The tutorial as a Jupyter notebook, and as a script for a type checker.
+"""The page of the Suslov problem as a Jupyter notebook, and as a script for a type checker.
 
 `python docs/as_notebook.py FILE.ipynb` writes the notebook, `FILE.py` the code.
 """
@@ -9,18 +9,18 @@ import sys
 from itertools import zip_longest
 from pathlib import Path
 
-PAGE = Path(__file__).parent / "tutorial.md"
+PAGE = Path(__file__).parent / "suslov.md"
 BLOCK = re.compile(r"^```python\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"!?\[([^\]]*)\]\((?!https?:)[^)]*\)")  # to files of this folder
 
 
 def code():
-    """Return the Python blocks of the tutorial."""
+    """Return the Python blocks of the page."""
     return BLOCK.findall(PAGE.read_text(encoding="utf-8"))
 
 
 def notebook():
-    """Return the tutorial in the format of Jupyter."""
+    """Return the page in the format of Jupyter."""
     texts = [LINK.sub(r"\1", text).strip() for text in BLOCK.split(PAGE.read_text("utf-8"))[::2]]
     cells = []
     for text, block in zip_longest(texts, code(), fillvalue=""):

@@ -49,8 +49,8 @@ html_static_path = ["_static"]
 html_css_files = ["style.css"]
 html_show_sourcelink = False
 wide = (
-    "index howto/equations tutorial gallery architecture performance bibliography changelog "
-    "summary search genindex"
+    "index howto/equations howto/motion suslov gallery architecture performance "
+    "bibliography changelog summary search genindex"
 )
 html_sidebars = {page: [] for page in wide.split()}
 

@@ -172,7 +172,7 @@ def test_page(path, folder, tmp_path, monkeypatch):
 def test_text(path):
     """Blocks are of known kinds, links and files exist, and nothing needs Sphinx to be read."""
     text = path.read_text(encoding="utf-8")
-    kinds = {"python", "sh", "text", "bibtex", "{toctree}", "{include}"}
+    kinds = {"python", "py", "sh", "text", "bibtex", "{toctree}", "{include}"}  # py: a fragment
     kinds |= {"{eval-rst}"} if path.stem == "api" else set()
     assert {kind.split()[0] for kind, _ in BLOCK.findall(text)} <= kinds
     assert not re.search(r"\{\w+\}`|^:::", text, re.MULTILINE)
@@ -223,13 +223,13 @@ def test_picture(name):
     gc.collect()  # an animation, while its warning is ignored
 
 
-def test_the_tutorial_as_a_notebook(tmp_path):
+def test_the_suslov_problem_as_a_notebook(tmp_path):
     script = DOCS / "as_notebook.py"
     for target in ("t.ipynb", "t.py"):
         subprocess.run([sys.executable, script, tmp_path / target], check=True)
     notebook = json.loads((tmp_path / "t.ipynb").read_text(encoding="utf-8"))
     cells = [each["source"] for each in notebook["cells"] if each["cell_type"] == "code"]
-    codes = blocks(DOCS / "tutorial.md", "python")
+    codes = blocks(DOCS / "suslov.md", "python")
     assert cells == [code.strip() for code in codes]
     assert (tmp_path / "t.py").read_text(encoding="utf-8") == "\n".join(codes)
 

@@ -378,7 +378,7 @@ def kind_of(value: Any) -> str:
     return f"the class {value.__name__}" if isinstance(value, type) else kind
 
 
-def spelled(number: Fraction) -> str:
+def spelled(number: Fraction | int) -> str:
     """Return p/q of at most 20 digits where q is at most 1000, else a decimal of six digits."""
     if number.denominator <= 1000 and abs(number.numerator) < 10**17:
         return str(number)

@@ -196,8 +196,8 @@ class ImplicitIntegral:
 
 def _text(exponents: Sequence[int], names: Sequence[str]) -> str:
     """Return the text of a monomial."""
-    indices = [i for i, power in enumerate(exponents) for _ in range(power)]
-    return Polynomial([(indices, Fraction(1))]).text(names)
+    indices = tuple(i for i, power in enumerate(exponents) for _ in range(power))
+    return Polynomial({indices: 1}).text(names)
 
 
 def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:

@@ -51,8 +51,8 @@ class Reversor:
     def __repr__(self) -> str:
         texts = []
         for row, constant in zip(self.S, self.b, strict=True):
-            terms = [((i,), a) for i, a in enumerate(row)]
-            texts.append(Polynomial([*terms, ((), constant)]).text(self.names))
+            terms = {(): constant} | {(i,): a for i, a in enumerate(row)}
+            texts.append(Polynomial({i: c for i, c in terms.items() if c}).text(self.names))
         return f"x -> ({', '.join(texts)})"
 
 

@@ -1,43 +1,31 @@
-"""Symbolic numbers with exact coefficients: what a function of a `QuadraticField` is called with.
-
-The value of a symbolic number is a polynomial, or a column: the values of a parameter for all
-members of a family.
-"""
+"""Polynomials as symbolic numbers: what a function of a `QuadraticField` is called with."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from fractions import Fraction
+from collections.abc import Sequence
 from typing import Any
 
-from .columns import Column, ColumnSymbol
-from .polynomials import NoPolynomial, Polynomial, exact
+from .polynomials import NoPolynomial, Polynomial
 from .symbolic import Symbol, Symbols, Untraceable
 
 
 class Exact:
     """The polynomials of a function that is called with symbolic numbers."""
 
-    def __init__(self, names: Sequence[str], parameters: Mapping[str, Any]) -> None:
+    def __init__(self, names: Sequence[str]) -> None:
         self.names = names
-        self.columns: list[ColumnSymbol] = []  # that stand in polynomials
-        variables = (Polynomial([((i,), Fraction(1))]) for i in range(len(names)))
+        variables = (Polynomial({(i,): 1}) for i in range(len(names)))
         self.state = Symbols.of([Symbol(self, variable) for variable in variables])
-        self.parameters = {
-            name: Symbol(self, Column(a, self.columns)) if getattr(a, "ndim", 0) else a
-            for name, a in parameters.items()
-        }
 
     def is_truth(self, operand: Any) -> bool:
         return False
 
     def operand(self, value: Any) -> Any:
-        """Return the polynomial or column of a symbolic number, or a number as it is."""
+        """Return the polynomial of a symbolic number, or a number as it is."""
         if isinstance(value, Symbol):
             if value.tracer is not self:
                 raise Untraceable("f keeps symbols of an earlier call: compute all from x")
             return value.operand
-        exact("coefficients", value)  # raises unless it is a real number
         return value
 
     number = operand
@@ -51,27 +39,18 @@ class Exact:
 
     def applied(self, name: str, operands: Sequence[Any], *_: Any) -> Any:
         """Return the value of a function of operands."""
-        if not any(isinstance(a, Polynomial) for a in operands):
-            return Symbol(self, Column.applied(name, operands))
         if name == "power":
             base, power = operands
-            if isinstance(power, (Polynomial, Column)):
+            if isinstance(power, Polynomial):
                 raise NoPolynomial("has an expression of x in an exponent")
-            return Symbol(self, self.polynomial(base) ** power)
-        if name == "divide" and isinstance(operands[1], Column):
-            inverse = operands[1].symbol(is_inverse=True)
-            operands, name = (operands[0], Polynomial([((inverse,), Fraction(1))])), "multiply"
-        polynomials = [*map(self.polynomial, operands)]
+            return Symbol(self, Polynomial.of(base) ** power)
         rule = _RULES.get(name)
         if rule is None:
             raise NoPolynomial(f"calls {name} of an expression of x")
-        return Symbol(self, rule(*polynomials))
-
-    def polynomial(self, operand: Any) -> Polynomial:
-        return Polynomial.of(operand)
+        return Symbol(self, rule(*map(Polynomial.of, operands)))
 
     def text(self, operand: Any) -> str:
-        return operand.text(self.names) if isinstance(operand, Polynomial) else "a parameter"
+        return str(operand.text(self.names))
 
 
 _RULES: dict[str, Any] = {

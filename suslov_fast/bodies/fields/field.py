@@ -173,7 +173,7 @@ class QuadraticField(_FieldOfTerms):
 
     @classmethod
     def _by_function(cls, f: Any, names: tuple[str, ...], values: dict[str, Any]) -> QuadraticField:
-        terms, _ = terms_of_function("f", f, names, values)
+        terms = terms_of_function("f", f, names, values, 2)
         field = cls._of({**parts_of(terms, names), **values})
         return field._made_by(cls.from_function, f, names)
 
@@ -182,8 +182,8 @@ class QuadraticField(_FieldOfTerms):
         cls, H: Any, names: tuple[str, ...], values: dict[str, Any], K: Any
     ) -> QuadraticField:
         matrix = structure_matrix(K, len(names), names)
-        energy, terms = terms_of_function("H", H, names, values, matrix)
-        field = cls._of_hamiltonian(energy, matrix, {**parts_of(terms, names), **values})
+        energy = terms_of_function("H", H, names, values, 3)
+        field = cls._of_hamiltonian(energy, matrix, {NAMES: names, **values})
         return field._made_by(cls.from_hamiltonian, H, names, K)
 
     @classmethod

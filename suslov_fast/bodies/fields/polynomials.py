@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import partial
 from itertools import product
@@ -26,7 +26,6 @@ from ...checks import (
     wrong,
 )
 from .bounds import LARGEST_EXPONENT, LONGEST_NUMBER
-from .columns import Column
 from .names import check_parameter, labels
 from .symbolic import Untraceable
 
@@ -139,49 +138,67 @@ class NoPolynomial(Untraceable):
         super().__init__(f"{what}: QuadraticField takes polynomials, and Field any formula")
 
 
+Number = int | Fraction  # integers stay such, because fractions take ten times as long
+
+
+def number(value: Any) -> Number:
+    """Return a coefficient that an expression contains; raise unless it is a real number."""
+    if type(value) is int or type(value) is Fraction:
+        return value
+    if type(value) is float and math.isfinite(value):
+        return int(value) if value.is_integer() else Fraction(value)
+    return exact("coefficients", value)
+
+
 class Polynomial:
-    """A polynomial with exact coefficients."""
+    """A polynomial with exact coefficients, none of which is 0."""
 
-    def __init__(self, terms: Iterable[tuple[Sequence[int], Fraction]]) -> None:
-        sums = defaultdict[tuple[int, ...], Fraction](Fraction)
-        for indices, c in terms:  # (0, 0, 1) stands for x1 x1 x2
-            sums[tuple(sorted(indices))] += c
-        self.terms = {indices: c for indices, c in sums.items() if c}
+    __slots__ = ("terms",)
 
-    def _plus(self, terms: Mapping[tuple[int, ...], Fraction]) -> Polynomial:
-        """Return the sum with other terms; adding few to many takes hardly longer than a copy."""
-        sums = self.terms.copy()
-        for indices, c in terms.items():
+    def __init__(self, terms: dict[tuple[int, ...], Number]) -> None:
+        self.terms = terms  # by sorted indices: (0, 0, 1) stands for x1 x1 x2
+
+    @classmethod
+    def of(cls, value: Any) -> Polynomial:
+        """Return a polynomial unchanged; a number is a constant."""
+        if type(value) is cls:
+            return value
+        constant = number(value)
+        return cls({(): constant} if constant else {})
+
+    def __add__(self, other: Any) -> Polynomial:
+        """Return the sum; adding few terms to many takes hardly longer than a copy."""
+        few, sums = self.terms, Polynomial.of(other).terms
+        if len(few) > len(sums):
+            few, sums = sums, few
+        sums = sums.copy()
+        for indices, c in few.items():
             total = sums.get(indices, 0) + c
             if total:
                 sums[indices] = total
             else:
                 del sums[indices]
-        result = object.__new__(Polynomial)
-        result.terms = sums
-        return result
-
-    @classmethod
-    def of(cls, value: Any) -> Polynomial:
-        """Return a polynomial unchanged; a number is a constant, a column a variable."""
-        if isinstance(value, Column):
-            return cls([((value.symbol(),), Fraction(1))])
-        return value if isinstance(value, cls) else cls([((), exact("coefficients", value))])
-
-    def __add__(self, other: Any) -> Polynomial:
-        pair = self, self.of(other)
-        few, many = sorted(pair, key=lambda polynomial: len(polynomial.terms))
-        return many._plus(few.terms)
+        return Polynomial(sums)
 
     def __sub__(self, other: Any) -> Polynomial:
-        return self._plus({indices: -c for indices, c in self.of(other).terms.items()})
+        return self + -Polynomial.of(other)
 
     def __neg__(self) -> Polynomial:
-        return Polynomial((indices, -c) for indices, c in self.terms.items())
+        return Polynomial({indices: -c for indices, c in self.terms.items()})
 
     def __mul__(self, other: Any) -> Polynomial:
-        a, b = self.terms, self.of(other).terms
-        return Polynomial((i + j, a[i] * b[j]) for i, j in product(a, b))
+        few, many = self.terms, Polynomial.of(other).terms
+        if len(few) > len(many):
+            few, many = many, few
+        if len(few) == 1:  # for speed: no two products are alike
+            ((i, c),) = few.items()
+            if not i:
+                return Polynomial({j: c * d for j, d in many.items()})
+            return Polynomial({tuple(sorted(i + j)): c * d for j, d in many.items()})
+        sums = defaultdict[tuple[int, ...], Number](int)
+        for (i, c), (j, d) in product(few.items(), many.items()):
+            sums[tuple(sorted(i + j))] += c * d
+        return Polynomial({indices: c for indices, c in sums.items() if c})
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -190,7 +207,7 @@ class Polynomial:
         if not self.terms:
             raise ZeroDivisionError("division by zero")
         if self.terms.keys() == {()}:
-            return Polynomial([((), 1 / self.terms[()])])
+            return Polynomial({(): 1 / Fraction(self.terms[()])})
         raise NoPolynomial("divides by an expression of x")
 
     def __pow__(self, power: Any) -> Polynomial:
@@ -198,7 +215,7 @@ class Polynomial:
             return self.inverse() ** -power
         if power not in range(100):
             raise ValueError(f"raises an expression of x to the power {short(power)}")
-        return math.prod([self] * int(power), start=Polynomial([((), Fraction(1))]))
+        return math.prod([self] * int(power), start=Polynomial({(): 1}))
 
     def __repr__(self) -> str:
         return self.text(labels(max((i for m in self.terms for i in m), default=0) + 1))
@@ -207,9 +224,8 @@ class Polynomial:
         """Return the polynomial as text in variables with these names."""
         text = ""
         for indices, c in sorted(self.terms.items(), key=lambda term: (-len(term[0]), term[0])):
-            size = abs(c)
-            number = spelled(size)
-            factors = [] if indices and size == 1 else [number]
+            size = -c if c < 0 else c
+            factors = [] if indices and size == 1 else [spelled(size)]
             for i in dict.fromkeys(indices):
                 power = indices.count(i)
                 factors.append(f"{names[i]}^{power}" if power > 1 else names[i])

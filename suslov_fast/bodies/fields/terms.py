@@ -204,7 +204,7 @@ def components_of(terms: Terms, D: int) -> list[dict[tuple[int, ...], Any]]:
 
 def polynomial_in(places: dict[tuple[int, ...], Any], D: int) -> Polynomial:
     """Return the polynomial with these values at indices, of which D stands for the factor 1."""
-    return Polynomial(([i for i in place if i < D], v) for place, v in places.items())
+    return Polynomial({tuple(i for i in place if i < D): v for place, v in places.items() if v})
 
 
 class Hamiltonian:

@@ -119,8 +119,6 @@ def test_arrays_begin_at_rows_and_share_numbers():
 def test_a_name_is_not_a_value_of_python():
     text = Code(4)
     a = text.array("%x")[0]
-    for misuse in (lambda: bool(a > 1.0), lambda: a < "1" and 1, lambda: 1 if a else 0):
-        with pytest.raises(TypeError, match="when"):
+    for misuse in (lambda: bool(a > 1.0), lambda: 1 if a else 0, lambda: not a, lambda: a**2):
+        with pytest.raises(TypeError):
             misuse()
-    with pytest.raises(TypeError, match="unsupported"):
-        a**2

@@ -31,15 +31,15 @@ class _Name:
     """What has a name in a text. `str()` is that name, so it may stand in any instruction."""
 
     __array_ufunc__ = None  # numbers of NumPy leave their operators to this class
+    __bool__ = (
+        None  # a text has no values yet: `if` is an error, `Code.when` and `select` are meant
+    )
 
     def __init__(self, text, name):
         self.text, self.name = text, name
 
     def __str__(self):
         return str(self.name)
-
-    def __bool__(self):
-        raise TypeError("a text has no values yet: write `text.when`, or `truth.select`")
 
     def _number(self, other):
         """Return what stands for the other operand."""

@@ -7,8 +7,6 @@ they are whole steps from the state before, with errors of their own, because a 
 within the step.
 """
 
-from operator import ge, gt
-
 from ..code.text import Carried, Integers, Shared, Value, bits_of
 from . import rules
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors, weights_of_few
@@ -24,16 +22,16 @@ def save_states(lines):
         accepted = work.accepted[0] > 0.0
         return accepted & how(after, next_)
 
-    with text.when(passed(ge).any(), likely=False):
-        with text.when(passed(gt).any()):
+    with text.when(passed(Value.__ge__).any(), likely=False):
+        with text.when(passed(Value.__gt__).any()):
             few = None if lines.half.is_implicit else _ratios_of_few(lines)
             for now in text.rounds(Carried()):
                 if lines.half.is_implicit:
                     _shorter_implicit_step(lines)
                 else:
                     _shorter_step(lines, few)
-                _save(lines, passed(gt).bits(), work.start)
-                now.goes_on = passed(gt).any()
+                _save(lines, passed(Value.__gt__).bits(), work.start)
+                now.goes_on = passed(Value.__gt__).any()
         _save(lines, passed(Value.equals).bits(), work.new)
 
 

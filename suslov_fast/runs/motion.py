@@ -46,7 +46,7 @@ class Motion(States):
     -----
     ``motion.ok`` is True if all solutions reach the last time. ``len(motion)``, ``motion[k]`` and
     iteration are those of `states`. Two motions are equal if all attributes are equal; NaN equals
-    NaN. Arrays are read-only: change a copy.
+    NaN. Arrays are read-only, so that a motion stays what was computed: change a copy.
 
     Examples
     --------

@@ -53,7 +53,7 @@ class Trajectories(States):
     -----
     ``len(run)``, ``run[k]`` and iteration are those of `states`; ``dir(run)`` lists the quantities
     that the run has. Two runs are equal if all attributes are equal; NaN equals NaN. Arrays are
-    read-only: change a copy, such as ``run.states.copy()``.
+    read-only, so that a run stays what was computed: change a copy, ``run.states.copy()``.
 
     Examples
     --------

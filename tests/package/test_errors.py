@@ -256,7 +256,7 @@ TABLE = [
     (TypeError, "I3", lambda: sf.step_full(BODY, [1, 2, 3], 0.1)),
     (ValueError, "I3", body(I3=9e-51)),
     (IndexError, "index", lambda: BATCH[2], lambda: BATCH[1, 3], lambda: BATCH[0, 0, 0],
-     lambda: BATCH[[True]]),
+     lambda: BATCH[[True]], lambda: BATCH[[[0, 1]]]),
     (TypeError, "index", lambda: BATCH["a"], lambda: BATCH[None]),
     (TypeError, "indices", terms([[0.0], [0], [0]])),
     (ValueError, "indices", changed(dimension=1), terms([[0], [0], [3]]), terms([[2], [0], [0]]),

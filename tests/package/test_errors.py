@@ -241,6 +241,7 @@ TABLE = [
      changed(HENON, H={**LISTS, "values": [[1e70]]}), changed(HENON, H={"values": [1.0]}),
      hamiltonian(lambda x: x[0] ** 4)),
     (ValueError, "I", lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2.0, -0.1]), [1, 2, 3]),
+     lambda: SuslovND.from_mass_tensor([[1.0]]), lambda: SuslovND.from_mass_tensor([]),
      inertia(np.eye(2)), inertia(np.triu(np.ones((3, 3)))),
      inertia(np.diag([1, 1, 1e-17]), [1, 2, 3]), inertia(np.diag([1, 2, 4])),
      lambda: Suslov3D.from_inertia(np.triu(ID + 0.1), [0, 0, 1]),

@@ -1,11 +1,21 @@
 """Kahan maps of the Suslov problem and of quadratic ODEs, and solutions of any ODEs, in batches.
 
-Iterate the orbits of a body from two initial angular velocities::
+Solve the equations of a pendulum for three values of its friction::
+
+    import numpy as np
+    from suslov_fast import Field, flow
+
+    pendulum = Field.from_function(
+        lambda x, c: (x[1], -np.sin(x[0]) - c * x[1]), "angle velocity", c=[0, 0.1, 0.2]
+    )
+    motion = flow(pendulum, [2.5, 0.0], time=np.linspace(0, 20, 201))
+
+Iterate the map of a body from two initial angular velocities::
 
     from suslov_fast import Suslov3D, iterate
 
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    trajectories = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=1000)
+    run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=1000)
 
 The map of the Suslov problem is that of V. Dragovic and B. Gajic, arXiv:0807.2966.
 """

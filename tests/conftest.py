@@ -32,7 +32,7 @@ def pytest_collection():
 # files that compile little; else both would compile the same kernels at the same time. Of slow
 # tests those come first that take longest, so that both processes end at about one time.
 FIRST = (
-    "promises integrability planar locus implicit levels right_hand_sides functions motion_engine "
+    "promises integrability planar implicit levels right_hand_sides functions motion_engine "
     "field strangers errors terms kernels"
 )
 SLOWEST = "first_calls cases docs promises integrability numba hashes flows"

@@ -15,7 +15,7 @@ The files, in an order in which each uses only those before it:
 - `growth`: degrees of iterates. `reducible`: reducible polynomials of a space. `contracted`,
   `orbits`, `planar`: the entropy of maps of the plane, from the curves that they contract, and of
   monomial maps. `surfaces`: maps on levels of integrals, which may be maps of the plane.
-- `relations`: linear relations along orbits, and integrals by them. `locus`: parameters with more.
+- `relations`: linear relations along orbits, and integrals by them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them, in normal form. `symmetries`: reversing ones.
 - `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `process`: a search
@@ -38,7 +38,6 @@ from .functions import RationalFunction
 from .growth import Growth, degrees, growth
 from .kahan import KahanMap, kahan
 from .levels import on_level
-from .locus import Locus, Special, locus
 from .maps import RationalMap, rational_map
 from .planar import Contraction, PlanarEntropy, planar_entropy
 from .relations import ImplicitIntegral
@@ -53,20 +52,17 @@ __all__ = [
     "ImplicitIntegral",
     "KahanMap",
     "Level",
-    "Locus",
     "PlanarEntropy",
     "QuadraticField",
     "RationalFunction",
     "RationalMap",
     "Report",
-    "Special",
     "cofactors",
     "darboux_polynomials",
     "degrees",
     "growth",
     "hk_bases",
     "kahan",
-    "locus",
     "on_level",
     "planar_entropy",
     "rational_map",

@@ -339,8 +339,7 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
         note = "No inverse was given: it is not checked that the map is birational."
         return field, [] if field.inverse else [note]
     if callable(field) and not isinstance(field, Body):
-        how = "QuadraticField.from_function(f, names), with numbers as parameters; for symbols "
-        how += "see integrability.locus, which finds the values of one with more integrals"
+        how = "QuadraticField.from_function(f, names), with numbers as parameters"
         raise wrong("field", "a field, a body or a map", f"{kind_of(field)}: pass {how}", TypeError)
     map, notes = kahan(field, eps, decimals=decimals), []
     if hasattr(field, "reduced") and (count := field.reduced()[0].dimension) < field.dimension:

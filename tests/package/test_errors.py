@@ -220,7 +220,6 @@ TABLE = [
      field(lambda t, y: y), field(lambda y, t: y), field(lambda x, y, z: (x, y, z), 3),
      field(njit(lambda t, u: u)), field(lambda x, p: (p[0], 1), p=[1, 2]),
      field(lambda x, *, a: x), field(lambda x, eps: x), field(lambda x: ("1", 1)), field(None),
-     lambda: sf.integrability.locus(FIELD, 1),
      field(lambda x, rho: (rho, x[0])), field(lambda x, rho=1: (x[0], x[1]), roh=1)),
     (ValueError, "f", field(lambda x: (x[0] * x[1], x[0]), 3),
      field(lambda x: (x[0] * x[2], x[0])), field(lambda x: (x[0] / 0, 1)),

@@ -285,9 +285,8 @@ def test_the_reference_imports_nothing_from_the_package():
 
 
 WITH_EXAMPLES = [name for name, path in FILES.items() if ">>>" in TEXTS[path]]
-# Long reports, and loops and steps of users that take long to compile.
-LONG = [f"suslov_fast.{name}" for name in ("compiled", "maps.base")]
-LONG += [f"suslov_fast.integrability.{name}" for name in ("relations", "locus")]
+# A long report, and loops of users that take long to compile.
+LONG = "suslov_fast.compiled", "suslov_fast.integrability.relations"
 
 
 @pytest.mark.sampled(10)

@@ -294,7 +294,6 @@ def orientations(what, n, size):
 
 for key, label, what in (
     ("all", "`iterate(..., attitude=True)`", lambda *run, states: iterate(*run, attitude=True)),
-    ("along", "`attitude`", lambda body, _, eps, n, states: sf.attitude(body, states, eps)),
     ("exponents", "`lyapunov_exponents`", lambda *run, states: sf.lyapunov_exponents(*run)),
 ):
     for n in (3, 4):

@@ -106,9 +106,7 @@ def table():
         functions = ", ".join(f"`{name}`" for name in names)
         lines.append([f"{title}: {functions}" if title else functions, *cells])
     records = [map_of(body) for body, *_ in BODIES.values()]
-    lines.append(
-        ["`attitude=True`", *("yes" if each.has("attitude") else "no" for each in records)]
-    )
+    lines.append(["`attitude=True`", *("yes" if each.attitude else "no" for each in records)])
     methods = {}
     for name in dict.fromkeys(record.body.__name__ for record in records):
         maps = [map for map in MAPS.values() if map.body.__name__ == name]

@@ -13,7 +13,6 @@ from .engine.status import (
     Status as Status,
 )
 from .errors import SuslovError as SuslovError
-from .plots.animation import animate_body as animate_body
 from .plots.explore.server import explore as explore
 from .plots.phase import plot_phase as plot_phase
 from .quantities.conserved import (
@@ -49,7 +48,6 @@ from .runs.periodic import PeriodicOrbit as PeriodicOrbit, periodic_orbit as per
 from .runs.solution import exact as exact, limits as limits
 from .runs.trajectories import Trajectories as Trajectories
 from .space import (
-    attitude as attitude,
     momentum as momentum,
     scattering_angle as scattering_angle,
     to_matrix as to_matrix,

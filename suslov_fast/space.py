@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -11,18 +10,9 @@ from numpy.typing import ArrayLike
 from . import checks
 from .bodies.classes import AnyBody, BodyIn3D
 from .bodies.rigid import Suslov3D
-from .checks import FloatArray, Reals, common_shape, first_index, spell, wrong
-from .core.suslov import orientations
-from .engine.arguments import flat_arrays, flat_parameter
-from .engine.problem import Problem
-from .engine.stretches import states_after
-from .engine.threads import call_kernel
+from .checks import FloatArray, common_shape
 from .keywords import public
 from .maps import map_of, problem
-
-# Tolerances for consecutive states, relative to the step and to the states: above rounding errors,
-# and below the difference that another method or step size makes.
-_OF_THE_STEP, _OF_THE_STATE = 1e-6, 1e-10
 
 
 @public
@@ -169,96 +159,6 @@ def _shown(
     if value_axes == 1:
         return np.asarray((R @ values[..., np.newaxis])[..., 0])
     return np.asarray(R @ values @ R.swapaxes(-2, -1))
-
-
-@public
-def attitude(
-    body: AnyBody,
-    omega: ArrayLike,
-    /,
-    eps: Reals,
-    R0: ArrayLike | None = None,
-    *,
-    threads: int | None = None,
-) -> FloatArray:
-    """Orientation of the body along saved trajectories, as rotation matrices R.
-
-    R_next = R cay(eps (Omega + Omega_next) / 2), with the Cayley map: a discretization of
-    R' = R Omega of order 2, which keeps R orthogonal. ``iterate(..., attitude=True)`` computes the
-    same during a run, also if it saves only every k-th state.
-
-    Parameters
-    ----------
-    body, omega, eps
-        As in :func:`iterate`, without fields; omega is all consecutive states of a run,
-        (N + 1, ..., D).
-    R0 : array_like(float, shape=(..., n, n)), optional
-        Rotation matrix: the orientation at the first state; by default the identity.
-    threads
-        As in :func:`iterate`.
-
-    Returns
-    -------
-    ndarray(float, shape=(N + 1, ..., n, n))
-        R takes components in the body to components in space. Dimensionless, orthogonal to
-        rounding; NaN from the first NaN state on.
-
-    Raises
-    ------
-    ValueError
-        If the states are not consecutive states of a run with this eps or -eps (tolerance 1e-6 of
-        the step and 1e-10 of the states), for example if only every k-th state was saved.
-
-    Examples
-    --------
-    >>> from suslov_fast import Suslov3D, attitude, iterate
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> R = attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2)
-    >>> R[-1].round(3)
-    array([[ 0.441, -0.668, -0.6  ],
-           [-0.72 , -0.662,  0.207],
-           [-0.536,  0.341, -0.773]])
-    """
-    map_of(body).require("attitude", body)
-    path, D = checks.states("omega", omega, body.labels), body.dimension
-    if path.ndim < 2 or len(path) == 0:
-        raise wrong("omega", f"have the shape (N + 1, ..., {D})", path.shape)
-    first = problem("attitude", body, path[0], eps, threads)
-    R0 = np.eye(D + 1) if R0 is None else checks.rotations("R0", R0, D + 1)
-    batch = common_shape({"omega and eps": first.batch, "R0": R0.shape[:-2]})
-    path = np.expand_dims(path, tuple(range(1, len(batch) + 3 - path.ndim)))
-    path = np.broadcast_to(path, (len(path), *batch, D))
-    _check_that_states_follow(first, path)
-    flat = flat_arrays(path.reshape(len(path), math.prod(batch), D), (len(path),), 2)
-    turns = np.empty((*flat.shape[:2], D + 1, D + 1))
-    turns[0] = flat_arrays(R0, batch, 2)
-    turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
-    arrays = flat, flat_parameter(first.eps, batch), first.map.attitude == "axial", turns[0].copy()
-    start, every, row = 0, 1, 1
-    threads = first.threads
-    call_kernel(orientations.turn_along, turns.size, threads, *arrays, start, every, row, turns)
-    return turns.reshape((len(path), *batch, D + 1, D + 1))
-
-
-def _check_that_states_follow(first: Problem, states: FloatArray) -> None:
-    """Raise ValueError if states (N + 1, ..., D) are not consecutive states of the map."""
-    before, after, eps = states[:-1], states[1:], first.eps
-    with np.errstate(all="ignore"):
-        step, size = abs(after - before).max(axis=-1), (abs(after) + abs(before)).max(axis=-1)
-        strays = ~np.isnan(step)
-        for start, last, h in ((before, after, eps), (after, before, -eps)):
-            batch = start.shape[:-1]
-            image = states_after(first._replace(omega=start, eps=h, batch=batch, threads=None))
-            error = abs(image - last).max(axis=-1)
-            strays &= ~(error <= _OF_THE_STEP * step + _OF_THE_STATE * size)
-    if strays.any():
-        row, *place = first_index(strays)
-        where = f" of trajectory {spell(tuple(place))}" if place else ""
-        text = (
-            f"omega: a step of the map with this eps does not take state {row}{where} to the next"
-        )
-        how = "pass all states of iterate, or call it with attitude=True; flow has no attitude"
-        raise ValueError(f"{text}: {how}")
 
 
 @public

@@ -103,7 +103,7 @@ class Suslov3D(_In3D):
         Products of inertia, 0 or between 1e-60 and 1e60 in modulus. Where both are 0 every angular
         velocity is constant.
     I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, which only :func:`step_full` and :func:`animate_body` use: it
+        The third moment of inertia, which only :func:`step_full` uses: it
         drops out of the map. If no rigid body has it, a warning says so: see :meth:`admissible_I3`.
 
     Raises

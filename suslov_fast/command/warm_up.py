@@ -21,7 +21,7 @@ from ..maps import MAPS
 FEW, MANY = 3, 256  # states of calls in one thread, and in parallel: blocks for two threads
 # Names of the second argument, which is positional only.
 _STATES = "omega", "omega0", "xy", "x", "x0"
-_NO_KERNELS = "animate_body", "compiled", "explore", "integrability", "show_versions"
+_NO_KERNELS = "compiled", "explore", "integrability", "show_versions"
 
 
 def call_all() -> None:

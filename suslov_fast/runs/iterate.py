@@ -125,8 +125,8 @@ def iterate(
         vary. For bodies in n dimensions "gauss" eliminates the matrix A at every step; "auto" uses
         that A is diagonal plus rank two, and eliminates only where digits would be lost.
     attitude : bool or array_like(float, shape=(..., n, n))
-        True, or rotation matrices at state 0, to compute the orientation of a body as well:
-        :func:`attitude`.
+        True, or rotation matrices at state 0, to compute the orientation R of a body as well, from
+        the body to space: R_next = R cay(eps (Omega + Omega_next) / 2), with the Cayley map.
     out : ndarray(float64, shape=(n_saved, ..., D)), optional
         C-contiguous array that receives the saved states, in place of a new one.
     threads : int, optional

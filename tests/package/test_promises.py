@@ -93,11 +93,6 @@ def first_crossings(body, omega, eps, **options):
     return points.count, points.status, points.failed_at, points.final
 
 
-def orientations(body, omega, eps, **options):
-    run = sf.iterate(body, omega, eps, STEPS, on_singular="ignore")
-    return sf.attitude(body, run.omega, eps, **options)
-
-
 def solutions(body, omega, eps, **options):
     return tuple(sf.exact(body, omega, eps, n, **options) for n in (7, TIMES))
 
@@ -133,7 +128,6 @@ ROWS = {
         eps=False,
         threads=True,
     ),
-    "attitude": Row(orientations, timed=(0,), threads=True),
     "lyapunov_exponents": Row(
         lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o), threads=True
     ),
@@ -155,7 +149,7 @@ def has(kind, name):
     if function == "step_full":
         return map.has(function) and body.I3 is not None
     if of == "attitude":
-        return map.has(of)
+        return map.attitude is not None
     return function in ("step", "iterate", "crossings") or function in map.functions(body)
 
 

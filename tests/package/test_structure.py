@@ -85,7 +85,7 @@ ARROWS = {
     "engine": "core checks keywords bodies",
     "maps": "core checks bodies engine",
     "quantities": "checks keywords bodies engine maps",
-    "space": "core checks keywords bodies engine maps",
+    "space": "checks keywords bodies maps",
     "runs": "core checks keywords errors bodies engine maps quantities",
     "plots": "checks keywords bodies engine maps quantities space runs",
     "integrability": "checks keywords bodies",

@@ -8,7 +8,6 @@ import pytest
 from matplotlib import colors
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.proj3d import proj_transform
 from systems import LORENZ, lorenz
 
 import suslov_fast as sf
@@ -215,66 +214,6 @@ def test_crossings_are_drawn():
             points.plot(color=wrong)
     wells = sf.crossings(WELL, [[0.5, 0.0], [-0.5, 0.0]], 0.1, 500, lambda x: x[..., 1])
     assert "modified energy" in wells.plot().figure.axes[1].get_ylabel()
-
-
-def test_animation_of_a_run():
-    """With the orientations that it holds, or those along its states; from it, not a new one."""
-    body, start = sf.Suslov3D(4, 3, -0.4, -0.2, 2.5), [1.0, 0.5]
-    run = sf.iterate(body, start, 0.1, 6, attitude=True, save_every=2)
-    bare = sf.iterate(body, start, 0.1, 6)
-    titles, ends = [], []
-    for given in (run, bare):
-        animation = sf.animate_body(given)
-        animation._draw_was_started = True
-        animation._func(len(given) - 1)
-        axes = animation._fig.axes[0]
-        titles.append(axes.get_title())
-        assert [text.get_text() for text in axes.texts] == ["$e_1$", "$e_2$", "$a$"]
-        [*_, end] = np.array(axes.get_lines()[-1].get_data_3d()).T
-        ends.append(end)
-        assert [*animation.new_frame_seq()] == [*range(0, len(given), 2)]
-    assert titles[0] == titles[1]
-    np.testing.assert_allclose(*ends, rtol=1e-12)
-    assert titles[0].startswith("time 0.60")
-    wrong = [
-        (lambda: sf.animate_body(sf.iterate(body, [start] * 2, 0.1, 6)), r"run.*batch \(2,\)"),
-        (lambda: sf.animate_body(sf.iterate(body, start, 0.1, 6, save_every=3)), "omega: "),
-    ]
-    for call, words in wrong:
-        with pytest.raises(ValueError, match=f"^{words}") as found:
-            call()
-        assert len(str(found.value)) < 200
-    pole = sf.iterate(sf.Suslov3D(2, 2, 0.5, 0, 2.0), [2, -9], 1.0, 6, on_singular="ignore")
-    with pytest.raises(ValueError, match=f"^this orbit has no state at step {pole.failed_at}"):
-        sf.animate_body(pole)
-    for other in (sf.QuadraticField([[[1.0]]]), sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])):
-        run = sf.iterate(other, np.full(other.dimension, 0.1), 0.1, 6)
-        with pytest.raises(TypeError, match=rf"^(body|system).*not {type(other).__name__}"):
-            sf.animate_body(run)
-
-
-def test_animation():
-    body = sf.Suslov3D(4, 2, -0.5, -0.3, 3)
-    animation = sf.animate_body(sf.iterate(body, [1.0, 0.5], 0.05, 6), every=3)
-    frames = list(animation.new_frame_seq())
-    assert frames == [0, 3, 6]
-    animation._draw_was_started = True  # prevents a warning about an unsaved animation
-    for number in frames:
-        animation._func(number)
-    figure, axes = animation._fig, animation._fig.axes[0]
-    front = np.array(axes.get_lines()[-1].get_data_3d())
-    assert front.shape == (3, 7)
-    length = np.linalg.norm(front, axis=0)
-    np.testing.assert_allclose(length[np.isfinite(length)], 1.15, rtol=1e-12)
-    figure.draw_without_rendering()
-    assert np.ptp(axes.get_box_aspect()) == 0.0
-    ends = [proj_transform(*text.get_position_3d(), axes.get_proj())[:2] for text in axes.texts]
-    assert figure.bbox.count_contains(axes.transData.transform(ends)) == 3  # nothing is cut
-    with pytest.warns(UserWarning, match="I3 = "), pytest.raises(ValueError, match="I3"):
-        sf.animate_body(sf.iterate(sf.Suslov3D(4, 1, -0.5, -0.3, I3=0.01), [1, 1], 0.1, 2))
-    # No rigid body has the parameters of the first picture, but there is an ellipsoid.
-    for body in (BODY, GYROSTAT, sf.Suslov3D(4, 2, 0, 0)):
-        sf.animate_body(sf.iterate(body, [1, 1], 0.1, 1))._draw_was_started = True
 
 
 # ------------------------------------------------------------------ time, space, colours, titles

@@ -47,8 +47,8 @@ def test_momentum_by_definition(rng):
 
 def test_in_space(case):
     body, omega0 = case
-    run = sf.iterate(body, [omega0, np.negative(omega0)], 0.1, 20)
-    R = sf.attitude(body, run.omega, 0.1)
+    run = sf.iterate(body, [omega0, np.negative(omega0)], 0.1, 20, attitude=True)
+    R = run.attitude
     Rt = R.swapaxes(-2, -1)
     vector = len(omega0) == 2
     cases = (sf.to_matrix, False), (sf.momentum, vector), (sf.to_vector, True)

@@ -22,7 +22,6 @@ from ...runs.flow import flow
 from ...runs.iterate import iterate
 from ...runs.solution import limits
 from ...space import scattering_angle
-from ..animation import ellipsoid
 from ..phase import Plane
 
 # Folder of the files of the page, which may be in an archive.
@@ -122,7 +121,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "energy": Plane(body, 0.0).level(plane.radius(start))[0],
         },
         "portrait": _portrait(plane, parameters),
-        "ellipsoid": ellipsoid(body),
+        "ellipsoid": _ellipsoid(body),
         "regime": _regime(body, start, eps, t, status),
         "status": {"name": status.name, "message": status.message, "failed_at": failed_at},
         "numbers": {
@@ -145,6 +144,25 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             f"run = iterate(body, {start}, eps={eps}, steps={steps}, attitude=True)\n"
         ),
     }
+
+
+def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
+    """Return the ellipsoid of inertia; None if the inertia tensor is not positive definite.
+
+    `radii` are the semi-axes, the largest is 1; columns of `axes` are their directions; `matter` is
+    whether a rigid body can have this I3. If `body.I3` is not set, `I3` is the middle of the
+    admissible interval; if that is empty, one of a positive definite tensor.
+    """
+    I1, I2, I13, I23, _ = body.constants
+    low, high = Suslov3D(I1, I2, I13, I23).admissible_I3()
+    definite = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
+    middle = float(np.nan_to_num(0.5 * (low + high), nan=definite))
+    I3 = middle if body.I3 is None else body.I3
+    moments, axes = np.linalg.eigh(body._inertia(I3))
+    if not moments[0] > 0:
+        return None
+    radii, is_realizable = np.sqrt(moments[0] / moments), bool(low < I3 < high)
+    return {"radii": radii, "axes": axes, "I3": I3, "matter": is_realizable}
 
 
 def _regime(body: BodyIn3D, start: list[float], eps: float, t: float, status: Status) -> str:

@@ -13,7 +13,7 @@ from suslov_fast.core.lists.conditions import with_intervals
 from suslov_fast.core.lists.dense import DenseRightHandSide
 from suslov_fast.core.lists.step import evaluate
 from suslov_fast.core.lists.variational import Variational
-from suslov_fast.core.motion import functions, rules
+from suslov_fast.core.motion import engine, functions, rules
 from suslov_fast.core.motion.arguments import COMPONENT, NUMBER, Component, Numbers
 from suslov_fast.core.motion.columns import (
     EXPLICIT,
@@ -469,3 +469,12 @@ class Passed:
         self.before, self.taken, self.x, self.f = before, taken, x, f
         self.new, self.f_new, self.inverse, self.ends = new, f_new, inverse, ends
         self.accepted = accepted
+
+
+def take_in_numpy(monkeypatch):
+    """Have this program take the steps of all motions."""
+
+    def taker(self, half, rows, table, W):
+        return StepsInNumPy(half, self, rows, table).take
+
+    monkeypatch.setattr(engine.Motion, "_taker", taker)

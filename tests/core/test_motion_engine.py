@@ -5,7 +5,7 @@ import itertools
 import children
 import numpy as np
 import pytest
-from steps_in_numpy import StepsInNumPy
+from steps_in_numpy import take_in_numpy
 from systems import SPRING
 
 import suslov_fast as sf
@@ -109,15 +109,6 @@ def motion(f, x0, times, rtol=1e-6, *, atol=None, sign=1.0, stiff=None):
     found = engine.Motion(f, np.zeros(0), x0, np.array(times), sign, settings, states)
     found.run()
     return states, found.t, found.steps, found.state
-
-
-def take_in_numpy(monkeypatch):
-    """Have the second opinion take all steps."""
-
-    def taker(self, half, rows, table, W):
-        return StepsInNumPy(half, self, rows, table).take
-
-    monkeypatch.setattr(engine.Motion, "_taker", taker)
 
 
 def assert_equal(first, second):

@@ -32,10 +32,10 @@ from .bodies.base import Body
 from .checks import MOMENTS, FloatArray, Reals, instance, real_number, within, wrong
 from .core.compiling.arrays import uncounted
 from .core.compiling.numba import for_users, of_kind
+from .core.fields.system import FieldSystem
 from .core.suslov import map as map_3d, quantities
 from .core.suslov.n_dimensions import GaussSystem, NDSystem
 from .core.suslov.system import BodySystem
-from .core.users.system import FieldSystem
 from .keywords import public
 from .maps import map_of
 

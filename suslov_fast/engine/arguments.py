@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, require
 from ..core.fields.stages import WHOLE, Stages
 from ..core.fields.steps import scheme_of
+from ..core.fields.system import FieldSystem, system_of
 from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
 from ..core.suslov.system import BodySystem
-from ..core.users.system import FieldSystem, system_of
 from .problem import MANY
 
 

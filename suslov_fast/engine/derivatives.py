@@ -1,6 +1,6 @@
 """Derivatives of Kahan's map at states, and the growth of tangent vectors along orbits.
 
-These are the calls of `core.fields.tangent`, and `growth_by_jacobian` for other maps.
+These are the calls of `core.fields.tangent`.
 """
 
 import math
@@ -14,10 +14,9 @@ from ..checks import FloatArray, common_shape
 from ..core.fields import tangent
 from ..core.fields.density import densities
 from ..core.fields.driver import WIDTH
-from ..core.users.products import growth_of_products
 from .arguments import ALL, by_zeros, flat_arrays, in_stages
 from .problem import Problem
-from .stretches import March, Report
+from .stretches import Report
 from .threads import available, call_kernel
 
 # Operations of one call of a kernel, some tenths of a second; Python handles Ctrl-C in between.
@@ -225,38 +224,3 @@ def _grow(
                     n += 1
                 return max(n - transient, 0)
     return n - transient
-
-
-def growth_by_jacobian(
-    problem: Problem, steps: int, transient: int, report: Report | None = None
-) -> Growth:
-    """Return the sums of `growth` for any map, from products of its "jacobian"."""
-    compute = problem.map.formulas["jacobian"].compute
-    start = np.broadcast_to(problem.omega, (*problem.batch, problem.body.dimension)).copy()
-    march = March(problem._replace(omega=start))
-    march.to(transient + steps)
-    notes = march.status, march.failed_at, march.told_by_signs
-    status, failed_at, by_signs = (np.broadcast_to(each, problem.batch).ravel() for each in notes)
-    start[march.status < 0] = np.nan  # where an orbit fails, the formula may overflow or raise
-    march = March(problem._replace(omega=start))
-    B, D = march.omega0.shape
-    sums, of_det, Q = np.zeros((B, D)), np.zeros(B), np.tile(np.eye(D), (B, 1, 1))
-    # 64: NumPy is slower than a kernel, most of all where arrays do not fit into the caches.
-    rows = max(_STRETCH // max(B * D**3, 1) // 64, 1)
-    n = 0
-    for states, _ in march.pieces(transient + steps - 1, 1, rows):
-        piece = problem._replace(omega=states, batch=(len(states), *problem.batch))
-        slopes = np.ascontiguousarray(compute(piece), float).reshape(len(states), B, D, D)
-        before = min(max(transient - n, 0), len(slopes))
-        for some in (slopes[:before], slopes[before:]):
-            if n == transient:  # sums over the transient do not count
-                sums[:], of_det[:] = 0.0, 0.0
-            work = len(some) * B * D**3
-            call_kernel(growth_of_products, work, problem.threads, some, Q, sums, of_det)
-            n += len(some)
-        if report is not None and not report(n):
-            break
-    done = max(n - transient, 0)
-    if done == 0:
-        sums[:] = np.nan
-    return Growth(sums, of_det, status, failed_at, by_signs, done)

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, extra, is_false, kind_of, require, short, wrong
 from ..core.compiling import codes
 from ..core.compiling.numba import Kernel
+from ..core.fields.system import FieldSystem
 from ..core.suslov import orientations
 from ..core.suslov.n_dimensions import NDSystem
 from ..core.suslov.system import BodySystem
-from ..core.users.system import FieldSystem
 from .arguments import ALL, Arguments, flat_arrays, flat_parameter
 from .problem import MANY, Problem
 from .threads import call_kernel

@@ -103,7 +103,6 @@ IN_CORE = {
     "code": "lists compiling",
     "fields": "lists compiling code",
     "motion": "lists compiling code fields",
-    "users": "compiling code fields",
 }
 
 

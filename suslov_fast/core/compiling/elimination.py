@@ -113,10 +113,10 @@ def memory_of_one(m):
 
 
 @formula
-def exchange(a, k, sign):
+def exchange(a, k):
     """Exchange row k for that with the largest entry in column k; return the number of that row.
 
-    Row k is multiplied by `sign` there.
+    Row k changes its sign there, which keeps the determinant.
     """
     m, columns = a.shape
     pivot = k
@@ -125,7 +125,7 @@ def exchange(a, k, sign):
             pivot = i
     if pivot != k:
         for j in range(columns):
-            a[k, j], a[pivot, j] = a[pivot, j], sign * a[k, j]
+            a[k, j], a[pivot, j] = a[pivot, j], -a[k, j]
     return pivot
 
 
@@ -161,7 +161,7 @@ def solve(system, units):
             undefined += 0.0 * a[i, j]
             a[i, j] /= largest
     for k in range(m):
-        pivot = exchange(a, k, -1.0)  # a change of sign keeps the determinant
+        pivot = exchange(a, k)
         weights[k], weights[pivot] = weights[pivot], weights[k]
         terms = weights[k] + abs(a[k, k])  # the scaled 1 of the identity, the pivot, and products
         for j in range(k):

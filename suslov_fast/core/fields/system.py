@@ -8,9 +8,9 @@ from ..code.compiler import code_of
 from ..compiling.codes import OK, PASSED_POLE
 from ..compiling.llvm import call_code, with_address
 from ..compiling.numba import function
-from ..fields.careful import changes_sign, solve_lane
-from ..fields.stage_code import text_of_stage
-from ..fields.steps import scheme_of
+from .careful import changes_sign, solve_lane
+from .stage_code import text_of_stage
+from .steps import scheme_of
 
 
 @with_address

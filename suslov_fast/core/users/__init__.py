@@ -1,1 +1,0 @@
-"""Loops of users by compiled systems, and growth by products of jacobians."""

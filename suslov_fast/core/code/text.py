@@ -31,15 +31,13 @@ class _Name:
     """What has a name in a text. `str()` is that name, so it may stand in any instruction."""
 
     __array_ufunc__ = None  # numbers of NumPy leave their operators to this class
-    __bool__ = (
-        None  # a text has no values yet: `if` is an error, `Code.when` and `select` are meant
-    )
+    __bool__ = None  # `if` is an error, because there are no values yet: write `when` or `select`
 
     def __init__(self, text, name):
-        self.text, self.name = text, name
+        self.text, self.name = text, str(name)
 
     def __str__(self):
-        return str(self.name)
+        return self.name
 
     def _number(self, other):
         """Return what stands for the other operand."""
@@ -164,6 +162,9 @@ class Array:
 
     def at(self, i=0):
         """Return the address of a row."""
+        return Index(self.text, self._place(i))
+
+    def _place(self, i):
         return self.text.place(self.base, self.first, i)
 
     def after(self, k):
@@ -175,14 +176,14 @@ class Array:
         return type(self)(self.text, self.at(i))
 
     def __getitem__(self, i):
-        return Value(self.text, self.text.load(self.text.V, self.at(i)))
+        return Value(self.text, self.text.load(self.text.V, self._place(i)))
 
     def __setitem__(self, i, value):
-        self.text.store(self.text.V, self.text.value(value), self.at(i))
+        self.text.store(self.text.V, self.text.value(value), self._place(i))
 
     def put_chosen(self, i, value):
         """Write a row that is a choice between this one and others, see `Text.store_chosen`."""
-        self.text.store_chosen(self.text.value(value), self.at(i))
+        self.text.store_chosen(self.text.value(value), self._place(i))
 
     def choose(self, truth, i, value):
         """Write a row in the lanes where `truth` holds."""
@@ -192,21 +193,21 @@ class Array:
 class Shared(Array):
     """Numbers of 8 bytes from an address on, each of which all lanes share."""
 
-    def at(self, i=0):
+    def _place(self, i):
         return self.text.at(self.text.plus(self.base, 8 * self.first), i)
 
     def __getitem__(self, i):
-        return Value(self.text, self.text.shared(self.at(i)))
+        return Value(self.text, self.text.shared(self._place(i)))
 
 
 class Integers(Shared):
     """Integers of 8 bytes from an address on."""
 
     def __getitem__(self, i):
-        return Index(self.text, self.text.load("i64", self.at(i)))
+        return Index(self.text, self.text.load("i64", self._place(i)))
 
     def __setitem__(self, i, value):
-        self.text.store("i64", value, self.at(i))
+        self.text.store("i64", value, self._place(i))
 
 
 class Carried:
@@ -498,11 +499,10 @@ class Code(Text):
 
     def place(self, base, first, i=0):
         """Return the address of row first + i from an address on."""
-        base = base if isinstance(base, Index) else Index(self, base)
         if isinstance(i, int):
-            return base + self.size * (first + i)
-        offset = Index(self, i) * self.size
-        return base + self.size * first + offset
+            return self.plus(base, self.size * (first + i))
+        offset = self.integer("mul", i, self.size)
+        return self.integer("add", self.plus(base, self.size * first), offset)
 
     def row(self, base, first, i=0):
         return self.load(self.V, self.place(base, first, i))

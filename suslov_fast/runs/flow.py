@@ -72,7 +72,8 @@ def flow(
         the largest component's if that is more.
     atol : float or array_like(float, shape=(D,)), optional
         Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
-        below ``atol[i] + rtol * abs(x[i])``, so that small components have digits of their own.
+        below ``atol[i] + rtol * abs(x[i])``, or the rounding error of the step if that is more, so
+        that small components have digits of their own.
     max_step : float, optional
         The longest step in time, for pulses that are short beside the steps.
     stiff : bool, optional

@@ -12,7 +12,7 @@ a = a + 2 s f(b),     b = b + 2 s f(a),     at the end of the column b = b + s f
 so that a column ends at (a + b) / 2. The forms have the same bits. Of a line of lanes columns are
 carried out
 
-- in turn: a loop over pairs of sub-steps, in chains of columns that do not wait for each other;
+- in turn: a loop over pairs of sub-steps, one column after the other;
 - side by side: straight-line code of all columns, where f is short.
 
 Of one trajectory columns are the lanes. Ends less x stand in the row `ends` of `Work`, y_N of the
@@ -23,7 +23,7 @@ import numpy as np
 
 from ..code.compiler import numbers_in_register
 from ..code.text import Code, Index, Shared, Value
-from .columns import CHAINS, EXPLICIT, ONE_CHAIN, in_turn
+from .columns import CHAINS, EXPLICIT, in_turn
 from .functions import INLINED
 from .scope import Scope
 
@@ -94,39 +94,36 @@ class ExplicitColumns(Scope):
     def in_turn(self, inner):
         """Add the first `count` columns, pair by pair of sub-steps."""
         text, work, D = self.text, self.half.work, self.D
-        rounds = in_turn(CHAINS if self.is_inlined else ONE_CHAIN)
-        pairs = [pair for each in rounds for pair in each]
+        pairs = [pair for [pair] in in_turn((EXPLICIT,))]
         columns = self.constants("column", [EXPLICIT.index(pair.N) for pair in pairs])
         inverses = self.constants("inverse", [1.0 / pair.N for pair in pairs])
-        rows = self.constants("rows", [pair.chain * (work.chains - work.a) for pair in pairs])
         begins = self.constants("begins", [int(pair.begins) for pair in pairs])
         ends = self.constants("ends", [int(pair.ends) for pair in pairs])
         for k in text.each(len(pairs), most=0):
-            column, begin, end, row = columns[k], begins[k], ends[k], rows[k]
+            column, begin, end = columns[k], begins[k], ends[k]
             inverse = Shared(inner, inverses.base)[k]
             is_end = end.differs(0)
             with text.when(column < "%count"):
                 for x, f, lanes, table in self.parts(inner):
-                    chain = inner.arrays(text.place(lanes, 0, row), work)
                     of_work = inner.arrays(lanes, work)
                     s = of_work.signed[0] * inverse
                     double = s + s
                     factor = is_end.select(s, double)
                     with text.when(begin.differs(0)):
                         for i in text.each(D):
-                            chain.a[i] = start = x[i]
-                            chain.b[i] = start + s * f[i]
-                    of_a = self.pair(chain, table, double, factor)
+                            of_work.a[i] = start = x[i]
+                            of_work.b[i] = start + s * f[i]
+                    of_a = self.pair(of_work, table, double, factor)
                     with text.when(is_end):
                         to = inner.array(of_work.ends.at(column * D))
                         for i in text.each(D):
-                            to[i] = end_of_column(chain.a[i], chain.b[i], x[i])
+                            to[i] = end_of_column(of_work.a[i], of_work.b[i], x[i])
                         for i, value in enumerate(of_a):
-                            chain.f_last[i] = value
+                            of_work.f_last[i] = value
 
-    def pair(self, chain, table, double, factor):
+    def pair(self, work, table, double, factor):
         """Add two sub-steps; return f at the state after the first, [] if it is in its rows."""
-        a, b, f = chain.a, chain.b, chain.f_last
+        a, b, f = work.a, work.b, work.f_last
         if self.is_inlined:
             return self.pair_of_rows(a, b, table, double, factor)
         for of, to, length in ((b, a, double), (a, b, factor)):

@@ -9,7 +9,7 @@ from ..lists.right_hand_side import List
 from ..lists.step import Values
 from ..lists.variational import Variational
 from . import rules
-from .columns import CHAINS, EXPLICIT, IMPLICIT
+from .columns import EXPLICIT, IMPLICIT
 from .functions import (
     Blocks,
     DenseFactors,
@@ -76,9 +76,8 @@ class Half:
             columns, entries = len(IMPLICIT), f.entries + 1 + D + self.couplings
             factors = self._add_implicit()
         scratch = max(function.scratch for function in self.functions.values())
-        chains = 1 if is_implicit else len(CHAINS)
         self.numbers = len(self.table_of(np.zeros(len(f.table))))
-        sizes = D, extended, chains, columns, entries, factors, self.couplings * is_implicit
+        sizes = D, extended, columns, entries, factors, self.couplings * is_implicit
         others = self.watched, len(self.kinks), scratch
         self.work = work_of(self.rows.size, self.numbers, *sizes, *others)
 

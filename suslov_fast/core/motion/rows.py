@@ -73,7 +73,6 @@ class Work(NamedTuple):
     a: int  # states of a column, and y_N after it (D)
     b: int  # another one, or f of it (D + denominators)
     f_last: int  # f(y_N) (D + denominators)
-    chains: int  # a, b and f_last of columns that take turns with this one
     ends: int  # y_c - x at the ends of columns (columns D)
     new: int  # the next state (D)
     f_new: int  # f there (D + denominators)
@@ -93,13 +92,12 @@ class Work(NamedTuple):
 
 
 def work_of(
-    rows, numbers, D, denominators, chains, columns, entries, factors, couplings, watched, kinks,
+    rows, numbers, D, denominators, columns, entries, factors, couplings, watched, kinks,
     scratch,
 ):  # fmt: skip
     """Return the rows of `Work`."""
     extended = D + denominators
-    others = (chains - 1) * (D + 2 * extended)
-    sizes = [rows, 1, numbers, D, extended, D, extended, extended, others, columns * D,
+    sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D,
              D, extended, D, entries, factors, D + couplings, *[1] * 5, 2 * watched, 3 + kinks,
              scratch]  # fmt: skip
     firsts = [0]

@@ -140,7 +140,7 @@ def folder(tmp_path_factory):
 
 # Pages of long reports, of many orbits, and of loops that take long to compile; other tests have
 # shorter forms.
-LONG = "report.md", "discretization.md", "compiled.md", "families.md", "potentials.md"
+LONG = "report.md", "discretization.md", "compiled.md", "families.md", "further.md"
 LONG += "crossings.md", "diagrams.md", "many.md", "motion.md", "large.md"
 
 

@@ -124,7 +124,7 @@ def test_exact_numbers_stay_exact():
     third = of_terms([[0, 0], [0, 0], [0, 0]], [F(1, 3), F(1, 3)], 1)
     assert third([F(1, 2)]) == (F(1, 6),)
     near = [1.0, 2.0**-53], [-(2.0**-53), 1.0], [1.0, -(2.0**-54)], [0.5, 2.0**-52], [3.0, -3.0]
-    for numbers in ([0.1, 0.2], [0.1, 0.2, 1e-30], [1e16, 1.0, 1.0], *near):
+    for numbers in ([0.1, 0.2], [0.1, 0.2, 1e-30], [1e16, 1.0, 1.0], [1.0, 1e16], *near):
         sums = of_terms([[0] * len(numbers)] * 3, numbers, 1)  # not the double 0.1 + 0.2
         assert sums([1]) == (sum(map(F, numbers)),)
     assert of_terms([[0], [0], [1]], [2**70 + 1], 1)([1]) == (2**70 + 1,)

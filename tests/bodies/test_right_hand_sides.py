@@ -57,6 +57,11 @@ def test_files_and_copies_are_equal(name):
     assert len(repr(field)) < 310
 
 
+def test_a_long_equation_is_left_out_of_the_text():
+    field = Field.from_function(lambda x: (sum(np.sin(x[0] + k) for k in range(99)),), "x")
+    assert repr(field) == "Field(x' = ...)"
+
+
 # ------------------------------------------------------------------------------------ bits of NumPy
 BITS = {
     "arithmetic": lambda a, b: (a * b - a / b + 3.0 * b, (a - 0.1) / (b + 7) * a),

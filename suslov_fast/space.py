@@ -36,7 +36,7 @@ def to_matrix(
         The rotation that `from_inertia` or `from_mass_tensor` returned. With it, the result is in
         the basis of the tensor given there, not in the adapted basis.
     attitude : array_like(float, shape=(..., n, n)), optional
-        Orientations of the body from :func:`attitude`. With them, the result is in space.
+        Orientations of the body, such as ``run.attitude``. With them, the result is in space.
 
     Returns
     -------

@@ -4,7 +4,7 @@
 """
 
 from ..code.compiler import numbers_in_register
-from ..code.text import Code
+from ..code.text import Carried, Code, Index, Truth, Value
 from ..compiling.codes import CHANGED as OF_CHANGED
 from ..lists.step import length_of
 from .stage_code import Stage, loader
@@ -60,79 +60,60 @@ def text_of_tangent(tangent, name, W, for_each):
     that is not accurate. Bits in `ignored` mark lanes that do not stop it.
     """
     text, D, all_lanes = Code(W), tangent.D, (1 << W) - 1
-    integer, V = text.integer, text.V
     text.begin(name, "line", "table", "kept", "plan", "ignored", "steps")
     of_columns = {*tangent.column, *(number for _, number, _ in tangent.columns)}
     operands = (number for *_, operands in tangent.columns for number in operands)
-    load = loader(text, tangent, for_each, "%line", "%table")
-    last = {}
-
-    def step(n):
-        carried = [text.row("%line", D + k) for k in range(LENGTHS)]
-        x, stage = [text.row("%line", i) for i in range(D)], Stage(text, tangent, load)
+    needed = [
+        number
+        for number in dict.fromkeys([*operands, *tangent.scaled])
+        if isinstance(number, int) and number not in of_columns
+    ]
+    line, load = text.array("%line"), loader(text, tangent, for_each, "%line", "%table")
+    for now in text.rounds(Carried(n=0)):
+        carried = [line[D + k] for k in range(LENGTHS)]
+        x, stage = [line[i] for i in range(D)], Stage(text, tangent, load)
         usual = stage.take(x, enumerate(carried, D + tangent.T))
-        for number in dict.fromkeys([*operands, *tangent.scaled]):
-            needed = isinstance(number, int) and number not in of_columns
-            if needed and number not in stage.values:
+        for number in needed:
+            if number not in stage.values:
                 stage.values[number] = load(number)
-        others = integer("xor", "%ignored", all_lanes)
+        others = Index(text, "%ignored") ^ all_lanes
 
-        def rare():
+        def rare(n=now.n, stage=stage, others=others):
             after, _, good, told, values = stage.take_rare()
-            alive = integer("mul", integer("and", good, others), 1 | 1 << OF_CHANGED)
-            told = integer("and", told, alive)
-            negative = integer("shl", integer("and", told, all_lanes), NEGATIVE)
-            changed = integer("shl", integer("lshr", told, OF_CHANGED), CHANGED)
-            told = integer("or", negative, changed)
-            both = good, text.bits(values[tangent.derived])
-            bad = [integer("and", integer("xor", bits, all_lanes), others) for bits in both]
-            with text.when(text.compare_integers("ne", integer("or", *bad), 0)):
-                flags = integer("or", n, told)
-                for bits, shift in zip(bad, (STEP, DERIVATIVE), strict=True):
-                    flags = integer("or", flags, integer("shl", bits, shift))
-                text.leave(f"i64 {flags}")
+            good, told = Index(text, good), Index(text, told)
+            told = told & (good & others) * (1 | 1 << OF_CHANGED)
+            told = (told & all_lanes) << NEGATIVE | told >> OF_CHANGED << CHANGED
+            both = good, Truth(text, values[tangent.derived]).bits()
+            step, derivative = ((bits ^ all_lanes) & others for bits in both)
+            with text.when((step | derivative).differs(0)):
+                text.leave(f"i64 {n | told | step << STEP | derivative << DERIVATIVE}")
             return [*after, told]
 
-        kinds = [V] * D + ["i64"]
+        kinds = [text.V] * D + ["i64"]
         *after, flags = text.otherwise(stage.is_good(), [*usual, 0], rare, kinds)
         length = _columns(text, tangent, stage.values)
-        mean, power = text.operate("fmul", text.constant(1.0 / D), length), text.constant(1.0)
+        mean, power = (1.0 / D) * length, 1.0
         for _ in range(D):
-            power = text.operate("fmul", power, mean)
-        scaled = [stage.values[number] for number in tangent.scaled]
-        most = text.operate("fmul", text.constant(LIMIT), scaled[VOLUME])
-        fine = [
-            text.compare("ogt", length, text.constant(LEAST_SIZE)),
-            text.compare("olt", length, text.constant(LARGEST_SIZE)),
-            text.compare("olt", power, text.operate("fmul", most, most)),
-        ]
+            power = power * mean
+        scaled = [Value(text, stage.values[number]) for number in tangent.scaled]
+        volume, near_1, far = scaled
+        most = LIMIT * volume
+        fine = [length > LEAST_SIZE, length < LARGEST_SIZE, power < most * most]
         outside = [
-            text.compare(how, scaled[k], text.constant(limit))
-            for k, how, limit in (
-                (NEAR_1, "ole", NEAR_1_LEAST),
-                (NEAR_1, "oge", NEAR_1_LARGEST),
-                (FAR_FROM_1, "ole", LEAST_LENGTH),
-                (FAR_FROM_1, "oge", LARGEST_LENGTH),
-            )
+            *(near_1 <= NEAR_1_LEAST, near_1 >= NEAR_1_LARGEST),
+            *(far <= LEAST_LENGTH, far >= LARGEST_LENGTH),
         ]
-        due = integer("xor", text.bits(text.joined("and", fine)), all_lanes)
-        for bits, shift in ((due, DUE), (text.bits(text.joined("or", outside)), OUTSIDE)):
-            bits = integer("and", bits, others)
-            flags = integer("or", flags, integer("shl", bits, shift))
+        due = (fine[0] & fine[1] & fine[2]).bits() ^ all_lanes
+        outside = (outside[0] | outside[1] | outside[2] | outside[3]).bits()
+        flags = Index(text, flags) | (due & others) << DUE
+        flags = flags | (outside & others) << OUTSIDE
         for k, value in enumerate([*after, *scaled]):
-            text.put(value, "%line", k)
-        less = text.operate("fmul", most, scaled[VOLUME])  # the square root of LIMIT for LIMIT
-        n = integer("add", n, 1)
-        last.update(n=n, flags=flags, power=power, less=less)
-        is_clear = text.compare_integers("eq", flags, 0)
-        has_more = text.compare_integers("ult", n, "%steps")
-        return {"n": n}, text.new(f"and i1 {is_clear}, {has_more}")
-
-    text.cycle({"n": ("i64", "0")}, step)
-    soon = text.bits(text.compare("olt", last["power"], last["less"]))
-    soon = integer("shl", integer("xor", soon, all_lanes), SOON)
-    flags = integer("or", last["flags"], soon)
-    text.add(f"  ret i64 {integer('or', last['n'], flags)}")
+            line[k] = value
+        less = most * volume  # the square root of LIMIT for LIMIT
+        now.n = now.n + 1
+        now.goes_on = flags.equals(0) & (now.n < "%steps")
+    soon = ((power < less).bits() ^ all_lanes) << SOON
+    text.add(f"  ret i64 {now.n | (flags | soon)}")
     return text.finished()
 
 
@@ -145,38 +126,30 @@ def _columns(text, tangent, values):
         used = {operand for _, _, operands in tangent.columns for operand in operands}
         for number in sorted(used & values.keys() - {*tangent.column}):
             values[number] = text.splat(values[number], width)
-    inner, first = Code(width, text), text.plus("%line", text.size * (2 * D + LENGTHS))
-
-    def multiply(r, length):
-        begin = text.integer("add", first, text.integer("mul", r, text.size))
+    inner = Code(width, text, text.size * room)  # from component to component of a column
+    first = text.array("%line").at(2 * D + LENGTHS)
+    for now in text.rounds(Carried(r=0, length=0.0)):
+        begin = first + now.r * text.size
         columns = []
         for c in range(at_once if text.W > 1 else 1):
-            places = [text.plus(begin, text.size * (i * room + c)) for i in range(D)]
-            columns.append((places, dict(values)))
+            columns.append((inner.array(begin + text.size * c), dict(values)))
         # Columns take turns, because an operation waits for the one before it of the same column.
         for operation in tangent.columns:
-            for places, own in columns:
-                inner.carry_out(
-                    [operation],
-                    own,
-                    lambda n, p=places: inner.load(inner.V, p[n - tangent.column[0]]),
-                )
-        for places, own in columns:
+            for q, own in columns:
+                inner.carry_out([operation], own, lambda n, q=q: q[n - tangent.column[0]])
+        for q, own in columns:
             square = None
             for i, number in enumerate(tangent.products):
-                inner.store(inner.V, own[number], places[i])
-                product = inner.operate("fmul", own[number], own[number])
-                square = product if square is None else inner.operate("fadd", square, product)
+                q[i] = value = Value(inner, own[number])
+                square = value * value if square is None else square + value * value
             if width == text.W:
-                length = text.operate("fadd", length, square)
+                now.length = now.length + square
             for k in range(width if width > text.W else 0):
                 element = text.new(f"extractelement {inner.V} {square}, i32 {k}")
-                length = text.operate("fadd", length, element)
-        r = text.integer("add", r, at_once)
-        return {"r": r, "length": length}, text.compare_integers("ult", r, D)
-
-    carried = {"r": ("i64", "0"), "length": (text.V, text.constant(0.0))}
-    return text.cycle(carried, multiply)["length"]
+                now.length = now.length + Value(text, element)
+        now.r = now.r + at_once
+        now.goes_on = now.r < D
+    return now.length
 
 
 def text_of_orthonormalise(D, name, W):
@@ -188,61 +161,49 @@ def text_of_orthonormalise(D, name, W):
     """
     # With a function of Numba instead, exponents take 1.05 to 1.65 times as long. Its loops over
     # lanes are no SIMD, because the compiler does not know that rows do not overlap.
-    text, zero, one = Code(W), *map(Code(W).constant, (0.0, 1.0))
-    integer, V, room = text.integer, text.V, room_of(D, W)
+    text = Code(W)
+    columns = Code(W, text, text.size * room_of(D, W))  # from component to component
     text.begin(name, "columns", "carried", "due", "kept", "plan")  # two for `long_tangent`
-    due = text.new(f"trunc i64 %due to i{W}")
-    due = text.new(f"bitcast i{W} {due} to {text.M}") if W > 1 else due
-    is_due = text.select(due, one, zero)
+    bits = text.new(f"trunc i64 %due to i{W}")
+    due = Truth(text, text.new(f"bitcast i{W} {bits} to {text.M}") if W > 1 else bits)
+    is_due, carried = due.select(1.0, 0.0), text.array("%carried")
 
-    def at(r):
-        """Return the addresses of the components of column r."""
-        first = integer("add", "%columns", integer("mul", r, text.size))
-        return [text.plus(first, text.size * room * i) for i in range(D)]
+    def column(r):
+        return columns.array(Index(text, "%columns") + r * text.size)
 
-    def total(pairs):
-        """Return the sum of products of values in pairs, in this order."""
-        result, *products = [text.operate("fmul", a, b) for a, b in pairs]
-        for product in products:
-            result = text.operate("fadd", result, product)
+    def total(products):
+        result, *others = products
+        for product in others:
+            result = result + product
         return result
 
-    def column(r, volume):
-        places, first = at(r), at("0")
-        product = total(
-            [(text.load(V, a), text.load(V, b)) for a, b in zip(first, places, strict=True)]
-        )
+    for now in text.rounds(Carried(r=0, volume=due.select(1.0, carried[VOLUME]))):
+        q, first = column(now.r), column(Index(text, 0))
+        product = total([first[i] * q[i] for i in range(D)])
 
-        def subtract(s, product):
-            part, pairs = text.operate("fmul", product, is_due), []
-            following = integer("add", s, 1)
-            for place, earlier, later in zip(places, at(s), at(following), strict=True):
-                x = text.operate("fmul", part, text.load(V, earlier))
-                x = text.operate("fsub", text.load(V, place), x)
-                text.store(V, x, place)
-                pairs.append((text.load(V, later), x))
-            found = {"s": following, "product": total(pairs)}
-            return found, text.compare_integers("ult", following, r)
+        def subtract_all(r=now.r, q=q, product=product):
+            for at in text.rounds(Carried(s=0, product=product)):
+                part, earlier, products = at.product * is_due, column(at.s), []
+                at.s = at.s + 1
+                later = column(at.s)
+                for i in range(D):
+                    q[i] = x = q[i] - part * earlier[i]
+                    products.append(later[i] * x)
+                at.product = total(products)
+                at.goes_on = at.s < r
+            return [at.product]
 
-        def subtract_all():
-            carried = {"s": ("i64", "0"), "product": (V, product)}
-            return [text.cycle(carried, subtract)["product"]]
-
-        is_first = text.compare_integers("eq", r, 0)
-        [square] = text.otherwise(is_first, [product], subtract_all, likely=None)
-        length = text.select(due, text.root(square), one)
-        place = text.place("%carried", LENGTHS, r)
-        text.store(V, text.operate("fmul", text.load(V, place), length), place)
-        is_0 = text.compare("oeq", length, zero)
-        volume = text.operate("fmul", volume, text.select(is_0, zero, one))
-        inverse = text.select(is_0, zero, text.operate("fdiv", one, length))
-        for place in places:
-            text.store(V, text.operate("fmul", text.load(V, place), inverse), place)
-        r = integer("add", r, 1)
-        return {"r": r, "volume": volume}, text.compare_integers("ult", r, D)
-
-    volume = text.select(due, one, text.load(V, "%carried"))
-    volume = text.cycle({"r": ("i64", "0"), "volume": (V, volume)}, column)["volume"]
-    text.store(V, volume, "%carried")
+        [square] = text.otherwise(now.r.equals(0), [product], subtract_all, likely=None)
+        length = due.select(Value(text, square).root(), 1.0)
+        lengths = carried.from_here(LENGTHS)
+        lengths[now.r] = lengths[now.r] * length
+        is_0 = length.equals(0.0)
+        now.volume = now.volume * is_0.select(0.0, 1.0)
+        inverse = is_0.select(0.0, 1.0 / length)
+        for i in range(D):
+            q[i] = q[i] * inverse
+        now.r = now.r + 1
+        now.goes_on = now.r < D
+    carried[VOLUME] = now.volume
     text.add("  ret i64 0")
     return text.finished()

@@ -22,6 +22,7 @@ from .shooting import OfMap, OfMotion, Shooting
 _AT_REST = 1e-6  # part of its size that a state at rest moves in a period
 _DIVISORS = 2, 3, 5, 7, 11, 13
 _SMALL = 1e-4  # a residual that a larger tolerance may make one of a solution
+_NOISES = 30.0  # the residual, at most, that errors of steps explain, in units of such an error
 _MOST_ARCS = 32
 _ROUGH = 1e-8  # tolerance of the search for a near return
 _OF_FORCE = 1e-6  # part of the rates by which those a period later may differ
@@ -74,7 +75,9 @@ def periodic_orbit(
     computes it, with its derivatives, by steps of least norm. If derivatives grow much within a
     period, the orbit is divided into arcs that are solved for together (multiple shooting). A
     system with an integral has families of periodic orbits, of which it finds a member near
-    `start`.
+    `start`. The state that is returned is where the motion is slow if it is much faster at `start`,
+    as on the jump of a relaxation cycle. A rest state of a forced system is found, too: its
+    multipliers say whether it is stable.
 
     Parameters
     ----------
@@ -238,7 +241,7 @@ def _check_return(field: Any) -> None:
 def _at_rest(search: Shooting, given: float) -> str | None:
     """Return what was found, if it does not move."""
     x, own = search.nodes[0], ~search.drifts
-    size, T, state = abs(x[own]).max(initial=0.0), search.T, short(x.tolist())
+    size, T, state = search.largest, search.T, short(x.tolist())
     rate = abs(search.arcs.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period
     if search.flow.is_forced or not rate <= _AT_REST * size:
         return None
@@ -271,12 +274,19 @@ def _advice(
     """Return why there is no orbit, and arguments with which there is one, because it was found."""
     rtol = search.rtol
     is_near = search.residual < _SMALL and not _at_rest(search, T)
-    if is_near and (enough := _larger(field, x, T, rtol)) is not None:
+    is_noise = is_near and search.residual <= _NOISES * _noise(field, search)
+    if is_noise and (enough := _larger(field, x, T, rtol)) is not None:
         return f", because rtol = {rtol:g} is too tight for this orbit: pass rtol={enough:g}"
     if period is None:
         return ": start is too far from an orbit"
     far = f": start or period = {T:g} is too far from an orbit"
     return far if other is None else f"{far}: pass period={other.T:.10g}"
+
+
+def _noise(field: Any, search: Shooting) -> float:
+    """Return by how much the ends of arcs differ with the steps of another tolerance."""
+    other = OfMotion(field, search.nodes[0], 2.0 * search.rtol)
+    return search.differs_from(other.arcs(search.nodes, search.T))
 
 
 def _larger(field: Any, x: FloatArray, T: float, rtol: float) -> float | None:

@@ -41,8 +41,11 @@ _ARCS = 1, 4, 16  # that are tried
 _GROWTH, _GROWTH_OF_ARC = 1e3, 30.0
 # The residual that is a solution, in units of rtol and of how much derivatives grow.
 _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
+_LEAST_SIZE = 2.0**-20  # of the largest size, in which residuals are measured
 _ROUNDING = 2.0**-49  # of T, which shows where states change fast
 _STEP = 1e-6  # of log T, for the difference quotient of a map
+_FAST = 10.0  # how much faster a start is than the state at which a search begins instead
+_AROUND = 1 / 16  # of the period before and after a state, in which it is the slowest
 
 
 @dataclass
@@ -61,17 +64,21 @@ class Flow(Protocol):
 
     drifts: NDArray[np.bool_]  # (D,) components of constant rates
     is_forced: bool  # whether others depend on one of them, and T is fixed
+    has_slow_parts: bool  # whether a search may begin at a state that is slower than the start
     rate: FloatArray  # (D,) f at the start
+    field: Any
 
     def arcs(self, nodes: FloatArray, T: float) -> Arcs: ...
 
     def states(self, x: FloatArray, times: Any) -> FloatArray: ...
 
-    def visited(self, x: FloatArray, T: float) -> list[FloatArray]: ...
+    def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]: ...
 
 
 class OfMotion:
     """Arcs of the motion of a field, to a tolerance."""
+
+    has_slow_parts = True
 
     def __init__(self, field: Any, start: FloatArray, rtol: float) -> None:
         self.field, self.settings = field, Settings(rtol, None, np.inf, None)
@@ -96,10 +103,6 @@ class OfMotion:
         """Return the states (n, D) at times, all 0 or later."""
         return self._solved(self.field, x[np.newaxis], times, self.settings).states[:, 0]
 
-    def visited(self, x: FloatArray, T: float) -> list[FloatArray]:
-        """Return states (n, D) at the ends of all steps, which are short where x changes fast."""
-        return [states for _, states in self.steps(x, T)]
-
     def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield times and states (n, D) at the ends of steps; the first are the last of before."""
         (_, f, table), *_ = self.field.right_hand_sides
@@ -121,18 +124,18 @@ class OfMotion:
 class OfMap:
     """One arc, of N steps of a map."""
 
-    is_forced = False
+    is_forced = has_slow_parts = False
 
     def __init__(self, field: Any, rate: FloatArray, steps: int, method: Method) -> None:
-        self.field, self.steps, self.method, self.rate = field, steps, method, rate
+        self.field, self.count, self.method, self.rate = field, steps, method, rate
         self.drifts = np.zeros(len(rate), bool)
 
     def _run(self, x: FloatArray, eps: Any, **options: Any) -> Any:
         options |= {"method": self.method, "on_singular": "ignore"}
-        return iterate(self.field, x, eps, self.steps, **options)
+        return iterate(self.field, x, eps, self.count, **options)
 
     def arcs(self, nodes: FloatArray, T: float) -> Arcs:
-        eps, (x,) = T / self.steps, nodes
+        eps, (x,) = T / self.count, nodes
         states = self._run(x, eps).states
         near = self._run(x, eps * np.array([1 + _STEP, 1 - _STEP]), save_every=None).final
         factors = jacobian(self.field, states[:-1], eps, method=self.method)
@@ -144,12 +147,12 @@ class OfMap:
 
     def states(self, x: FloatArray, times: Any) -> FloatArray:
         """Return the states (n, D) after N steps each."""
-        found: FloatArray = self._run(x, times / self.steps, save_every=None).final
+        found: FloatArray = self._run(x, times / self.count, save_every=None).final
         return found
 
-    def visited(self, x: FloatArray, T: float) -> list[FloatArray]:
-        """Return the states (n, D) after all steps."""
-        return [self._run(x, T / self.steps).states]
+    def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield times and states (n, D) after all steps."""
+        yield np.linspace(0.0, last, self.count + 1), self._run(x, last / self.count).states
 
 
 class Shooting:
@@ -169,8 +172,10 @@ class Shooting:
         gaps = arcs.ends - np.roll(arcs.nodes, -1, axis=0)
         gaps[:, self.drifts] = 0.0
         self.gaps = gaps
-        self.largest = abs(arcs.nodes[:, ~self.drifts]).max(initial=0.0)
-        residual = abs(gaps).max() / self.largest if self.largest else np.inf
+        largest = float(abs(arcs.nodes[:, ~self.drifts]).max(initial=0.0))
+        # At rest in 0, as parametric forces allow, only the sizes say what is small.
+        self.largest = max(largest, _LEAST_SIZE * float(self.sizes[~self.drifts].max(initial=0.0)))
+        residual = abs(gaps).max() / self.largest
         self.residual = float(residual) if np.isfinite(residual) else np.inf
         distance = np.linalg.norm(gaps / self.sizes)  # what a short enough step reduces
         self.distance = float(distance) if np.isfinite(distance) else np.inf
@@ -194,6 +199,10 @@ class Shooting:
     @property
     def is_found(self) -> bool:
         return self.residual <= self.allowed
+
+    def differs_from(self, other: Arcs) -> float:
+        """By how much other ends of the arcs differ from these, as a residual."""
+        return float(abs(other.ends - self.arcs.ends)[:, ~self.drifts].max() / self.largest)
 
     def _step(self) -> tuple[FloatArray, float]:
         """Return the step of the nodes and of log T."""
@@ -261,8 +270,26 @@ class Shooting:
 
 
 def found(flow: Flow, start: FloatArray, T: float, rtol: float, most: int) -> Shooting:
-    """Return the search that found an orbit with at most so many arcs, or came nearest."""
-    best, sizes = None, _sizes(flow, start, T)
+    """Return the search that found an orbit with at most so many arcs, or came nearest.
+
+    Where states change fast, the rounding of T alone is a residual, and Newton's steps turn the
+    phase. So a search begins at the slowest state of the motion if that is far slower, and at the
+    start itself if nothing is found so, or an orbit elsewhere.
+    """
+    sizes, slowest = _sizes_and_slowest(flow, start, T)
+    if slowest is None:
+        return _found(flow, start, T, rtol, most, sizes)
+    first = _found(flow, slowest, T, rtol, most, sizes)
+    if first.is_found and _passes(first, start):
+        return first
+    second = _found(flow, start, T, rtol, most, sizes)
+    return second if second.is_found or second.residual < first.residual else first
+
+
+def _found(
+    flow: Flow, start: FloatArray, T: float, rtol: float, most: int, sizes: FloatArray
+) -> Shooting:
+    best = None
     for M in _ARCS:
         if most < M:
             break
@@ -289,48 +316,83 @@ def found(flow: Flow, start: FloatArray, T: float, rtol: float, most: int) -> Sh
     return best
 
 
-def _sizes(flow: Flow, start: FloatArray, T: float) -> FloatArray:
-    """Return by how much components vary, for the units in which steps are short."""
-    states = np.vstack([start, *flow.visited(start, T)])
-    states = states[np.isfinite(states).all(axis=1)]
-    sizes = np.ptp(states, axis=0)
-    if not sizes[~flow.drifts].any():
+def _sizes_and_slowest(
+    flow: Flow, start: FloatArray, T: float
+) -> tuple[FloatArray, FloatArray | None]:
+    """Return by how much components vary, for the units in which steps are short.
+
+    The other array is the state around which the motion is slowest, None if the start is nearly as
+    slow, or the phase is given.
+    """
+    parts = [*flow.steps(start, T)]
+    times = np.concatenate([each for each, _ in parts])
+    states = np.concatenate([each for _, each in parts])
+    finite = np.isfinite(states).all(axis=1)
+    own = ~flow.drifts
+    sizes = np.ptp(np.vstack([start, states[finite]]), axis=0)
+    if not sizes[own].any():
         sizes = abs(start)
-    largest = sizes[~flow.drifts].max(initial=0.0) or 1.0
-    return np.maximum(np.where(flow.drifts, 0.0, sizes), 2.0**-20 * largest)
+    largest = sizes[own].max(initial=0.0) or 1.0
+    sizes = np.maximum(np.where(own, sizes, 0.0), _LEAST_SIZE * largest)
+    if flow.is_forced or not flow.has_slow_parts or not finite.all():
+        return sizes, None
+    speeds = (abs(vector_field(flow.field, states)) / sizes)[:, own].max(axis=1)
+    # As if the motion were periodic, the largest speed within a part of the period.
+    around = np.concatenate([speeds, speeds, speeds])
+    places = np.concatenate([times - T, times, times + T])
+    first = np.searchsorted(places, times - _AROUND * T)
+    last = np.searchsorted(places, times + _AROUND * T, "right")
+    fastest = np.array([around[i:j].max() for i, j in zip(first, last, strict=True)])
+    k = int(fastest.argmin())
+    return sizes, states[k] if fastest[k] < fastest[0] / _FAST else None
+
+
+def _passes(search: Shooting, start: FloatArray) -> bool:
+    """Return whether the orbit that was found passes near to a state."""
+    own = ~search.drifts
+    states = np.vstack([each for _, each in search.flow.steps(search.nodes[0], search.T)])
+    way = ((states - start) / search.sizes)[:, own]
+    chord = np.diff(way, axis=0)
+    length = (chord**2).sum(axis=1)
+    with np.errstate(all="ignore"):
+        part = np.clip(-(way[:-1] * chord).sum(axis=1) / length, 0.0, 1.0)
+    nearest = way[:-1] + np.where(length > 0.0, part, 0.0)[:, np.newaxis] * chord
+    return bool(np.sqrt((nearest**2).mean(axis=1)).min() < _NEAR)
 
 
 # ------------------------------------------------------------------------------------ near returns
 # Steps of the first look, and those of all looks; the longest time, in units of |x / f(x)|.
 _STEPS, _MOST, _LAST = 64, 2**14, 2.0**30
 _INSIDE = np.arange(33) / 32  # parts of a step, where a return is looked for
-_FAR, _NEAR = 1.0, 0.1  # of the extent of an orbit: what is not looked at, and what is near
-_NEAREST = 4  # returns from the first near one on, of which the nearest is taken
+# Of the extent of an orbit: what is not looked at, what is near, and what is far from the start.
+_FAR, _NEAR, _AWAY = 1.0, 0.1, 0.5
+_LATEST = 4.0  # times of the first near return until which the nearest one is looked for
 
 
 def near_return(flow: OfMotion, start: FloatArray) -> tuple[float | None, float]:
     """Return the time after which the motion of the start returns near to it, or None.
 
-    The other number is the time until which it was looked for.
-
-    A return passes the plane through the start that is normal to f, in the direction of f.
+    The other number is the time until which it was looked for. A return is a state that is nearer
+    to the start than those before and after it, after the motion was far away. (The plane through
+    the start that is normal to f need not be crossed: a start may lie beyond the orbit.)
     """
     own = ~flow.drifts
-    rate, size = flow.rate[own], abs(start[own]).max()
-    if not rate.any():
+    fastest, size = float(abs(flow.rate[own]).max()), abs(start[own]).max()
+    if fastest == 0.0:
         return None, 0.0
-    longest = _LAST * float(size or 1.0) / float(abs(rate).max())
-    extent, left = np.zeros(own.sum()), _NEAREST
+    longest = _LAST * float(size or 1.0) / fastest
+    extent, last, until = np.zeros(own.sum()), 0.0, np.inf
     best: tuple[float, float | None] = _NEAR, None
-    last = 0.0
     for times, states in flow.steps(start, longest):
         ways, last = states[:, own] - start[own], float(times[-1])
-        extent = np.maximum(extent, abs(ways).max(axis=0))
+        before = np.maximum(extent, np.maximum.accumulate(abs(ways)))
+        extent = before[-1]
         scale = np.where(extent > 0.0, extent, 1.0)
-        heights = ways @ (rate / scale**2)
+        was_away = (before / scale).max(axis=1) > _AWAY
+        recedes = (ways / scale**2 * vector_field(flow.field, states)[:, own]).sum(axis=1) >= 0.0
         near = np.sqrt(((ways / scale) ** 2).mean(axis=1)) < _FAR
-        rises = (heights[:-1] < 0.0) & (heights[1:] >= 0.0) & (near[:-1] | near[1:])
-        for k in np.flatnonzero(rises):
+        returns = ~recedes[:-1] & recedes[1:] & (near[:-1] | near[1:]) & was_away[:-1]
+        for k in np.flatnonzero(returns):
             first, length = 0.0, times[k + 1] - times[k]
             for _ in range(2):  # closer around the nearest point
                 inside = first + length * _INSIDE
@@ -338,9 +400,13 @@ def near_return(flow: OfMotion, start: FloatArray) -> tuple[float | None, float]
                 distances = np.sqrt((found**2).mean(axis=1))
                 nearest = int(distances.argmin())
                 first, length = inside[max(nearest - 1, 0)], length / 16
-            if distances[nearest] < 0.7 * best[0]:
-                best = float(distances[nearest]), float(times[k] + inside[nearest])
-            left -= best[1] is not None
-            if left == 0 or best[0] < _NEAR / 10:
+            t = float(times[k] + inside[nearest])
+            if t > until:
                 return best[1], last
+            if distances[nearest] < (0.7 if best[1] else 1.0) * best[0]:
+                best, until = (float(distances[nearest]), t), min(until, _LATEST * t)
+            if best[0] < _NEAR / 10:
+                return best[1], last
+        if last > until:
+            break
     return best[1], last

@@ -8,7 +8,7 @@ from systems import LORENZ, lorenz
 
 import suslov_fast as sf
 from suslov_fast import Field, QuadraticField, flow, periodic_orbit
-from suslov_fast.runs import shooting
+from suslov_fast.runs import periodic, shooting
 
 VOLTERRA = QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
 VAN_DER_POL = Field.from_function(lambda x: (x[1], (1 - x[0] ** 2) * x[1] - x[0]), 2)
@@ -240,6 +240,17 @@ def test_a_tolerance_that_works_is_named():
     assert orbit.period == pytest.approx(2 * np.pi, rel=1e-9)
 
 
+def test_a_tolerance_is_not_to_blame_for_what_drifts():
+    """Within a larger tolerance the motion would pass for an orbit."""
+    field = Field.from_function(lambda x: (x[1], (1 - x[0] ** 2) * x[1] - x[0], x[0] + 1e-6), 3)
+    start, T = np.array([*periodic_orbit(VAN_DER_POL, [2.0, 0.0]).state, 0.0]), 6.6632868593231
+    motion = shooting.OfMotion(field, start, 1e-12)
+    search = shooting.Shooting(motion, start[np.newaxis], T, 1e-12, np.ones(3))
+    assert 1e-6 < search.residual < 1e-5
+    assert periodic._larger(field, start, T, 1e-12) is not None
+    assert "rtol" not in periodic._advice(field, start, T, T, search, None)
+
+
 @pytest.mark.parametrize(
     ("field", "start", "period", "right"),
     [
@@ -292,6 +303,101 @@ def test_starts_on_the_fast_part_of_a_cycle(start, period, rtol):
     field = Field.from_function(lambda x: (x[1], 1e3 * (1 - x[0] ** 2) * x[1] - x[0]), 2)
     orbit = periodic_orbit(field, start, period, rtol=rtol)
     assert orbit.period == pytest.approx(1614.4011258, rel=max(10 * rtol, 1e-9))
+
+
+def van_der_pol(mu):
+    return Field.from_function(lambda x: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2)
+
+
+def fitzhugh_nagumo(e):
+    return Field.from_function(
+        lambda s: ((s[0] - s[0] ** 3 / 3 - s[1] + 0.5) / e, s[0] + 0.7 - 0.8 * s[1]), 2
+    )
+
+
+def brusselator(b):
+    return Field.from_function(
+        lambda s: (1 + s[0] ** 2 * s[1] - (b + 1) * s[0], b * s[0] - s[0] ** 2 * s[1]), 2
+    )
+
+
+# A field, its parameter, a time in which it settles from (1, 0.5), and the level of the first
+# component at which the start is on the jump, or None.
+RELAXATION = [
+    (van_der_pol, 12.0, 200.0, 0.3),
+    (van_der_pol, 484.202163, 3e3, -0.7),
+    (van_der_pol, 2000.0, 1e4, 0.9),
+    (van_der_pol, 1038.02, 6e3, None),
+    (fitzhugh_nagumo, 1e-4, 20.0, 0.4),
+    (fitzhugh_nagumo, 0.05, 20.0, -0.3),
+    (fitzhugh_nagumo, 2e-3, 20.0, None),
+    (brusselator, 12.0, 300.0, 4.0),
+    (brusselator, 6.0, 300.0, None),
+]
+
+
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12])
+@pytest.mark.parametrize(("of", "parameter", "time", "level"), RELAXATION)
+def test_relaxation_cycles(of, parameter, time, level, rtol):
+    """The period is that between sections; the state returned is slow."""
+    field = of(parameter)
+    settled = flow(field, [1.0, 0.5], time=time, rtol=1e-10).x[0]
+    middle = {van_der_pol: 0.0, fitzhugh_nagumo: 0.0, brusselator: 1.0}[of]
+    section = sf.crossings(
+        field, settled, surface=lambda x: x[..., 0] - middle, time=time, rtol=1e-12, most=3
+    )
+    start = settled * 1.0001
+    if level is not None:
+        jump = sf.crossings(
+            field, settled, surface=lambda x: x[..., 0] - level, time=time, most=1, direction=1
+        )
+        start = jump.states[0]
+    orbit = periodic_orbit(field, start, rtol=rtol)
+    assert orbit.period == pytest.approx(section.time[2] - section.time[1], rel=1e3 * rtol)
+    assert orbit.residual < 10 * rtol
+    around = flow(field, orbit.state, time=np.linspace(0, orbit.period, 2000)).x
+    speeds = abs(field(around)).max(axis=1)
+    assert abs(field(orbit.state)).max() < 0.2 * speeds.max()
+
+
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12])
+@pytest.mark.parametrize(
+    ("mu", "start", "period"),
+    [
+        (1075.597107, [0.8281067262227219, -30.18114435450839], 1736.4174),
+        (484.202163, [-1.9825836799509253, -27.753642669524144], 782.3475),
+        # Beyond the largest x of the cycle, off the slow manifold, and on it.
+        (1151.398804, [2.000063921668133, -0.0005789789995359393], 1858.7417),
+        (1952.882047, [2.0000613328115775, -0.001289537739784978], 3152.0245),
+        (50.0, [2.1, 0.0], 82.5),
+    ],
+)
+def test_starts_beside_a_relaxation_cycle(mu, start, period, rtol):
+    assert periodic_orbit(van_der_pol(mu), start, rtol=rtol).period == pytest.approx(
+        period, rel=1e-2
+    )
+
+
+REST = {
+    "Mathieu": (lambda x, v, t: -x * (1 + 0.5 * np.cos(2 * t)), np.pi, 0.0),
+    "damped": (lambda x, v, t: -x * (1 + 0.5 * np.cos(2 * t)) - 0.3 * v, np.pi, 0.0),
+    "shaken": (lambda x, v, t: -(1 + 3 * np.cos(5 * t)) * np.sin(x), 0.4 * np.pi, 0.0),
+    "inverted": (lambda x, v, t: (1 + 99 * np.cos(20 * t)) * np.sin(x), 0.1 * np.pi, 0.0),
+    "elsewhere": (lambda x, v, t: -(x - 5) * (1 + 0.5 * np.cos(2 * t)) - 0.1 * v, np.pi, 5.0),
+}
+
+
+@pytest.mark.parametrize("way", [0.0, 0.01])
+@pytest.mark.parametrize("name", REST)
+def test_rest_states_of_forced_systems(name, way):
+    """Their multipliers are the question; Newton's method comes to them, too."""
+    force, period, rest = REST[name]
+    field = Field.from_function(lambda s: (s[1], force(*s), 1.0), "x v t")
+    orbit = periodic_orbit(field, [rest + way, 0.0, 0.25], period)
+    np.testing.assert_allclose(orbit.state, [rest, 0.0, 0.25], atol=1e-9)
+    motion = flow(field, [rest, 0.0, 0.25], time=period, rtol=1e-12, derivatives="x0")
+    expected = np.linalg.eigvals(motion.derivative("x0")[0, :2, :2])
+    np.testing.assert_allclose(sorted(abs(orbit.multipliers)), sorted(abs(expected)), rtol=1e-7)
 
 
 def test_an_orbit_far_from_the_origin():

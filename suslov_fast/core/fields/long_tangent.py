@@ -11,7 +11,7 @@ from numba import types
 
 from ..code.runs import program_of
 from ..code.runs_code import add_runs, truth_of
-from ..code.text import Code
+from ..code.text import Carried, Code, Index, Integers, Truth, Value
 from ..compiling.arrays import array_at
 from ..compiling.elimination import simd_max
 from ..compiling.llvm import lesser
@@ -101,7 +101,6 @@ class Lists:
         self.step, self.numbers = program_of(rows, tangent.table, operations, results)
         self.column, numbers = program_of(tangent.column, shared, columns, tangent.products)
         self.gather = self.step.results[len(results) - len(shared) :][numbers.order]
-        self.has_signs = tangent.changed is not None
 
     def plan(self, D):
         """Return the array that the code takes, and the numbers of memory that it needs."""
@@ -122,106 +121,62 @@ def text_of_runs(_, name, *_others):
     It takes steps of a trajectory as that of `generated_tangent.text_of_tangent`.
     """
     text, columns = Code(1), Code(LANES)
-    inner, integer = Code(LANES, text), text.integer
+    inner = Code(LANES, text)
     add_runs(text, f"{name}_runs", False)
     add_runs(columns, f"{name}_columns", False, only_sums=True)
     text.begin(name, "line", "table", "kept", "plan", "ignored", "steps")
-    a = Plan(*(text.load("i64", text.at("%plan", k)) for k in SLOT))
-    last = text.memory(1)
-    text.store("i64", 0, last)
-
-    def of_line(k):
-        """Return the address of number D + k of the line."""
-        return text.at("%line", integer("add", a.D, k))
-
-    def result(k):
-        row = text.load("i64", text.at(a.results, integer("add", a.D, k)))
-        return text.row("%kept", 0, row)
-
-    with text.when(text.compare_integers("ne", integer("and", "%ignored", 1), 0)):
+    plan, line, kept = Integers(text, "%plan"), text.array("%line"), text.array("%kept")
+    a = Plan(*(plan[k] for k in SLOT))
+    results, of_column = Integers(text, a.results), Integers(text, a.column_results)
+    gathered, numbers = Integers(text, a.gather), text.array(kept.at() + a.numbers)
+    of_columns, numbers_of_line = inner.array(kept.at() + a.columns), line.from_here(a.D)
+    first = line.at(a.D + a.D) + 8 * LENGTHS
+    with text.when((Index(text, "%ignored") & 1).differs(0)):
         text.leave("i64 %steps")
-    with text.repeat() as goes_on:
-        n = text.load("i64", last)
-        text.copy("%line", "%kept", text.plus(a.D, LENGTHS))
-        numbers = ", ".join(f"i64 {x}" for x in ("%kept", "%table", a.heads, a.places, a.runs))
-        text.add(f"  call void @{name}_runs({numbers})")
-        near_1, far = result(0), result(1)
-        accurate, derived, negative, changed = (truth_of(text, result(2 + k)) for k in range(4))
-        is_good = text.new(f"and i1 {accurate}, {derived}")
-        with text.when(text.new(f"xor i1 {is_good}, true")):
-            text.leave(f"i64 {integer('or', n, 1 << STEP)}")
-        own, of_columns = integer("add", "%kept", a.numbers), integer("add", "%kept", a.columns)
+    for now in text.rounds(Carried(n=0)):
+        text.copy(line, kept, a.D + LENGTHS)
+        text.invoke(f"{name}_runs", kept, "%table", a.heads, a.places, a.runs)
+        others = [kept[results[a.D + k]] for k in range(6)]
+        near_1, far = others[:2]
+        accurate, derived, negative, changed = (Truth(text, truth_of(text, x)) for x in others[2:])
+        with text.when(~(accurate & derived)):
+            text.leave(f"i64 {now.n | 1 << STEP}")
+        for k in text.each(a.gathered):
+            numbers[k] = kept[gathered[k]]
+        squares = Carried(of_lanes=inner.value(0.0))
+        for k in text.each((a.D + (LANES - 1)) // LANES, squares):
+            begin = first + k * (8 * LANES)
 
-        def gather(k):
-            row = text.load("i64", text.at(a.gather, k))
-            text.put(text.row("%kept", 0, row), own, 0, k)
+            def part_of_row(i, begin=begin):
+                return inner.array(begin + i * a.width * 8)
 
-        text.fold(a.gathered, {}, gather)
-        first = of_line(text.plus(a.D, LENGTHS))
-        zero = inner.constant(0.0)
-
-        def multiply(k, squares):
-            begin = integer("add", first, integer("mul", k, 8 * LANES))
-
-            def place(i):
-                return text.at(begin, integer("mul", i, a.width))
-
-            def copy(i):
-                inner.put(inner.load(inner.V, place(i)), of_columns, 0, i)
-
-            inner.fold(a.D, {}, copy)
-            numbers = of_columns, own, a.column_heads, a.column_places, a.column_runs
-            text.add(f"  call void @{name}_columns({', '.join(f'i64 {x}' for x in numbers)})")
-
-            def put(i, total):
-                row = text.load("i64", text.at(a.column_results, i))
-                value = inner.row(of_columns, 0, row)
-                inner.store(inner.V, value, place(i))
-                return {"total": inner.operate("fadd", total, inner.operate("fmul", value, value))}
-
-            return {"squares": inner.fold(a.D, {"total": squares}, put)["total"]}
-
-        count = integer("udiv", text.plus(a.D, LANES - 1), LANES)
-        squares = inner.fold(count, {"squares": zero}, multiply)["squares"]
-        length = text.constant(0.0)
+            for i in text.each(a.D):
+                of_columns[i] = part_of_row(i)[0]
+            given = numbers, a.column_heads, a.column_places, a.column_runs
+            text.invoke(f"{name}_columns", of_columns, *given)
+            for i in text.each(a.D, squares):
+                value = of_columns[of_column[i]]
+                part_of_row(i)[0] = value
+                squares.of_lanes = squares.of_lanes + value * value
+        length = text.value(0.0)
         for k in range(LANES):
-            square = text.new(f"extractelement {inner.V} {squares}, i32 {k}")
-            length = text.operate("fadd", length, square)
-
-        def put_state(i):
-            row = text.load("i64", text.at(a.results, i))
-            text.put(text.row("%kept", 0, row), "%line", 0, i)
-
-        text.fold(a.D, {}, put_state)
-        since = text.operate("fadd", text.load("double", of_line(VOLUME)), text.constant(1.0))
+            lane = text.new(f"extractelement {inner.V} {squares.of_lanes}, i32 {k}")
+            length = length + Value(text, lane)
+        for i in text.each(a.D):
+            line[i] = kept[results[i]]
+        since = numbers_of_line[VOLUME] + 1.0
         for k, value in ((VOLUME, since), (NEAR_1, near_1), (FAR_FROM_1, far)):
-            text.store("double", value, of_line(k))
-        pace = text.operate("fmul", since, text.constant(1.0 / PACE))
-        pace = text.floor(pace)
-        since = text.operate("fsub", since, text.operate("fmul", pace, text.constant(PACE)))
-        fine = [
-            text.compare("olt", since, pace),
-            text.compare("ogt", length, text.constant(LEAST_SIZE)),
-            text.compare("olt", length, text.constant(LARGEST_SIZE)),
-        ]
-        inside = [
-            text.compare("ogt", near_1, text.constant(NEAR_1_LEAST)),
-            text.compare("olt", near_1, text.constant(NEAR_1_LARGEST)),
-            text.compare("ogt", far, text.constant(LEAST_LENGTH)),
-            text.compare("olt", far, text.constant(LARGEST_LENGTH)),
-        ]
-        flags = 0
-        for truths, place in ((fine, DUE), (inside, OUTSIDE)):
-            is_not = integer("xor", text.bits(text.joined("and", truths)), 1)
-            flags = integer("or", flags, integer("shl", is_not, place))
-        for truth, place in ((negative, NEGATIVE), (changed, CHANGED)):
-            flags = integer("or", flags, integer("shl", text.bits(truth), place))
-        taken = integer("add", n, 1)
-        text.store("i64", taken, last)
-        is_clear = text.compare_integers("eq", flags, 0)
-        has_more = text.compare_integers("ult", taken, "%steps")
-        goes_on.append(text.new(f"and i1 {is_clear}, {has_more}"))
-    text.add(f"  ret i64 {integer('or', taken, flags)}")
+            numbers_of_line[k] = value
+        pace = (since * (1.0 / PACE)).floor()
+        fine = since - pace * PACE < pace
+        fine = fine & (length > LEAST_SIZE) & (length < LARGEST_SIZE)
+        inside = (near_1 > NEAR_1_LEAST) & (near_1 < NEAR_1_LARGEST)
+        inside = inside & (far > LEAST_LENGTH) & (far < LARGEST_LENGTH)
+        flags = (~fine).bits() << DUE | (~inside).bits() << OUTSIDE
+        flags = flags | negative.bits() << NEGATIVE | changed.bits() << CHANGED
+        now.n = now.n + 1
+        now.goes_on = flags.equals(0) & (now.n < "%steps")
+    text.add(f"  ret i64 {now.n | flags}")
     return "\n".join([*columns.lines, text.finished()])
 
 

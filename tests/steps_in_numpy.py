@@ -164,7 +164,8 @@ class StepsInNumPy:
         with np.errstate(all="ignore"):
             if (self.row("state") < 0.0).any():
                 self._begin()
-            length = self._apply(rules.LENGTH, mode=self.mode, **self._apply(rules.NEAR))
+            own = {"second": np.inf} if self.half.is_implicit else {}
+            length = self._apply(rules.LENGTH, mode=self.mode, **self._apply(rules.NEAR), **own)
             if is_taken := (length["taken"] > 0.0).any():
                 self._step(**length)
         return not is_taken
@@ -221,6 +222,7 @@ class StepsInNumPy:
     def _ends(self, x, f, signed, count):
         """Return y_c - x at the ends of the first columns; the last y_N and f there are kept."""
         column = self._implicit_column if self.half.is_implicit else self._explicit_column
+        self.apart = [] if not self.half.is_implicit else np.zeros_like(x)
         return [column(x, f, signed * (1.0 / N), N) for N in self.columns[:count]]
 
     def _explicit_column(self, x, f, s, N):
@@ -230,14 +232,20 @@ class StepsInNumPy:
             self.f_last = self._value(a)[: self.D]
             b = b + (s if m == N // 2 else double) * self.f_last
         self.last = a
+        self.apart.append(a - b)
         return (a + b) * 0.5 - x
 
     def _implicit_column(self, x, f, s, N):
         factors = carried_out(self.half.functions["factor"], [*self.entries, s])
         change = self._solve(factors, s * f[: self.D])
-        for _ in range(N - 1):
+        weight = N * self.own[self.columns.index(N)]
+        for m in range(N - 1):
             right = s * self._value(x + change)[: self.D]
-            change = change + self._solve(factors, right)
+            if m == 0:
+                self.apart = self.apart + weight * (right - change)
+            last = self._solve(factors, right)
+            change = change + last
+        self.apart, self.factors = self.apart + weight * 0.5 * last, factors
         return change
 
     def _solve(self, factors, right):
@@ -255,7 +263,7 @@ class StepsInNumPy:
         return total
 
     # ------------------------------------------------------------------------------------ one step
-    def _step(self, taken, signed):
+    def _step(self, taken, signed, aside):
         is_implicit, D = self.half.is_implicit, self.D
         x, f = self._rows("x", D).copy(), self._rows("f", self.extended).copy()
         if is_implicit:
@@ -285,7 +293,11 @@ class StepsInNumPy:
         f_new = self._value(new)
         for k in range(D, self.extended):
             kept = self._apply(rules.SAME_SIGN, x=f[k], new=f_new[k], kept=kept)["kept"]
-        names = ["ratio", "total"] + ([] if is_implicit else ["rates", "states"])
+        names = ["ratio", "total", "apart"] + ([] if is_implicit else ["rates", "states"])
+        if is_implicit:
+            apart = self._solve(self.factors, self.apart - signed * 0.5 * f_new[:D])
+        else:
+            apart = self._sum(self.own, self.apart)
         sums, inverse = dict.fromkeys(names, 0.0), np.empty_like(x)
         noise = self._sum([abs(w) for w in self.own], [abs(end) for end in ends])
         last_of = [first + count - 1 for first, count in self.half.parts for _ in range(count)]
@@ -299,12 +311,14 @@ class StepsInNumPy:
             if not is_implicit:
                 own |= {"last": self.last[i], "f_last": self.f_last[i]}
                 found |= self._apply(rules.DIFFERENCES, **own, **sums)
-            sums = found
-        sums |= {"taken": taken, "kept": kept}
+            own = {"error": apart[i], "inverse": inverse[i], "ratio": sums["apart"]}
+            sums = found | {"apart": self._apply(rules.LARGER_RATIO, **own)["ratio"]}
+        sums |= {"taken": taken, "kept": kept, "aside": aside}
         before = self.row("t").copy()
         near = self._apply(rules.NEAR)
         found = self._apply(rules.AFTER, **near, **sums)
         sums["accepted"] = accepted = found.pop("accepted")
+        served = found.pop("served")
         self._keep(found)
         if is_implicit:
             sums["rate"] = rate
@@ -312,9 +326,12 @@ class StepsInNumPy:
         self._keep(self._apply(rule, **near, **sums))
         if self.half.watched:
             own = {"before": before, "accepted": accepted, "total": sums["total"]}
-            found, kinks = self._cut((x, new, f, f_new), taken, signed, **own)
+            found, kinks = self._cut((x, new, f, f_new), taken, signed, served=served, **own)
             at_surface, accepted = found.pop("at_surface"), found.pop("accepted")
+            served = found.pop("served")
             self._keep(found)
+        for lane in np.flatnonzero(served > 0.0):
+            self._save(lane, new[:, lane])
         passed = Passed(before, taken, x, f, new, f_new, inverse, ends, accepted)
         self._save_inside(passed)
         is_taken = passed.accepted > 0.0
@@ -383,13 +400,13 @@ class StepsInNumPy:
     # ----------------------------------------------------------------------------------- the times
     def _save_inside(self, passed):
         """Save the states at times that the step has passed."""
-        if self._passed(passed, np.greater).any() and not self.half.is_implicit:
-            ratios = self._ratios_of_few(passed)
+        if self._passed(passed, np.greater).any():
+            nodes, signed = self._nodes(passed)
         while self._passed(passed, np.greater).any():
-            if self.half.is_implicit:
-                states = self._shorter_implicit_step(passed)
-            else:
-                states = self._shorter_step(passed, ratios)
+            of_step = {"t": passed.before, "taken": passed.taken}
+            weights = self._apply(rules.BETWEEN, **of_step)
+            states = passed.x + self._between(passed, nodes, signed, weights)
+            states = self._with_signs(states, passed)
             for lane in np.flatnonzero(self._passed(passed, np.greater)):
                 self._save(lane, states[:, lane])
         for lane in np.flatnonzero(self._passed(passed, np.equal)):
@@ -401,41 +418,52 @@ class StepsInNumPy:
 
     def _save(self, lane, state):
         place, trajectory = (self.row(name).view(np.int64) for name in ("place", "trajectory"))
-        times = self.motion.times
         self.motion.states[place[lane], trajectory[lane]] = state
         place[lane] += 1
-        following = place[lane]
-        self.row("next")[lane] = times[following] if following < len(times) else np.inf
+        following = self.motion.times[place[lane] :]
+        self.row("next")[lane], self.row("second")[lane] = following[:2]
         self.row("tries")[lane] = 0.0
 
-    def _ratios_of_few(self, passed):
-        table, ratios = weights_of_few(EXPLICIT, 2), {}
-        for k in range(3):
-            factors = [few - w for few, w in zip(table[k], self.own, strict=True)]
-            error, ratio = self._sum(factors, passed.ends), 0.0
-            for i in range(self.D):
-                ratio = self._apply(
-                    rules.LARGER_RATIO, error=error[i], inverse=passed.inverse[i], ratio=ratio
-                )["ratio"]
-            ratios[f"ratio{k + 1}"] = ratio
-        return ratios
+    def _nodes(self, passed):
+        """Return states and rates at the ends of quarters, and their length; refuse steps."""
+        of_step, D, zero = {"t": passed.before, "taken": passed.taken}, self.D, 0.0
+        own = {"after": self.row("t"), "accepted": passed.accepted}
+        signed = self._apply(rules.QUARTER, **of_step, **own)["signed"]
+        few, more = weights_of_few(EXPLICIT, 2)[rules.FEW - 1 : rules.FEW + 1]
+        error, ratio = self._sum(few - self.own, passed.ends), zero
+        for i in range(D):
+            inputs = {"error": error[i], "inverse": passed.inverse[i], "ratio": ratio}
+            ratio = self._apply(rules.LARGER_RATIO, **inputs)["ratio"]
+        needs, x, f, nodes = ratio > rules.OF_FEW, passed.x, passed.f[:D], []
+        for _ in range(3):
+            ends = self._ends(x, f, signed, rules.FEW + 1)
+            ends[rules.FEW] = np.where(needs, ends[rules.FEW], 0.0)
+            factors = np.where(needs, more[:, np.newaxis], few[:, np.newaxis])[: rules.FEW + 1]
+            x = x + self._sum(factors, ends)
+            f = self._value(x)[:D]
+            nodes.append((x, f))
+        sums = {"ratio": zero, "total": zero}
+        for v in rules.TESTS:
+            of_value, of_slope = rules.weights_of_test(v)
+            states = passed.x + self._between(passed, nodes, signed, of_value)
+            rates = self._value(self._with_signs(states, passed))
+            slopes = self._between(passed, nodes, signed, of_slope)
+            for i in range(D):
+                inputs = {"slope": slopes[i], "f": rates[i], "inverse": passed.inverse[i]}
+                sums = self._apply(rules.DEFECT, signed=signed, **inputs, **sums)
+        found = self._apply(rules.FAILS, signed=signed, **of_step, **sums)
+        fails = found.pop("fails") > 0.0
+        for name, value in found.items():
+            self.row(name)[:] = np.where(fails, value, self.row(name))
+        passed.accepted = np.where(fails, 0.0, passed.accepted)
+        return nodes, signed
 
-    def _inside(self, rule, passed):
-        return self._apply(rule, t=passed.before, after=self.row("t"), taken=passed.taken,
-                           accepted=passed.accepted)  # fmt: skip
-
-    def _shorter_step(self, passed, ratios):
-        found = self._inside(rules.INSIDE, passed)
-        few = self._apply(rules.FEW, part=found["part"], **ratios)["few"]
-        forward = found["forward"] > 0.0
-        start = np.where(forward, passed.x, passed.new)
-        ends = self._ends(start, np.where(forward, passed.f, passed.f_new), found["signed"], 4)
-        table, total = weights_of_few(EXPLICIT, 2), None
-        for c, end in enumerate(ends):
-            factor = table[few.astype(int) - 1, c]
-            end = end if c == 0 else np.where(few > c, end, 0.0)
-            total = factor * end if total is None else total + factor * end
-        return self._with_signs(start + total, passed)
+    def _between(self, passed, nodes, signed, weights):
+        """Return the polynomial with these weights, less x."""
+        inputs = {"x": passed.x, "f": passed.f[: self.D], "signed": signed}
+        for k, (x, f) in enumerate([*nodes, (passed.new, passed.f_new[: self.D])], 1):
+            inputs |= {f"x{k}": x, f"f{k}": f}
+        return rules.carried_out(rules.INTERPOLATED, **inputs, **weights)["value"]
 
     def _with_signs(self, states, passed):
         if self.f.of_one_sign:
@@ -443,22 +471,6 @@ class StepsInNumPy:
                 keeps = self.of_component("keeps", i)
                 found = self._apply(rules.WITH_SIGN, value=states[i], x=x, keeps=keeps)
                 states[i] = found["value"]
-        return states
-
-    def _shorter_implicit_step(self, passed):
-        found = self._inside(rules.INSIDE_IMPLICIT, passed)
-        ends = self._ends(passed.x, passed.f, found["signed"], len(self.columns))
-        is_inside, total, ratio = found["length"] > 0.0, 0.0, 0.0
-        states = self._with_signs(passed.x + self._sum(self.own, ends), passed)
-        errors = abs(self._sum(self.of_error, ends)) * passed.inverse
-        for own in errors:
-            ratio = self._apply(rules.LARGER_RATIO, error=own, inverse=1.0, ratio=ratio)["ratio"]
-            total = total + own
-        fails = is_inside & ~((ratio <= 1.0) & (total < np.inf))
-        for name, value in (("wanted", found["length"]), ("t", passed.before),
-                            ("state", float(State.IMPLICIT)), ("longer", 1.0)):  # fmt: skip
-            self.row(name)[:] = np.where(fails, value, self.row(name))
-        passed.accepted = np.where(fails, 0.0, passed.accepted)
         return states
 
 

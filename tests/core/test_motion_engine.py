@@ -132,7 +132,8 @@ def test_weights_cancel_the_powers_of_the_length(lengths, p):
 @pytest.mark.parametrize("case", CASES)
 def test_machine_code_has_the_bits_of_numpy(case, monkeypatch):
     function, x0, last = CASES[case]
-    f, times = right_hand_side(function, x0.shape[1]), [0.01 * last, 0.013 * last, last]
+    f = right_hand_side(function, x0.shape[1])
+    times = [0.0, 0.01 * last, 0.013 * last, *np.linspace(0.4, 0.45, 7) * last, last]
     options = {"sign": -1.0, "atol": (1e-10,) * f.D} if case in BACKWARDS else {}
     by_code = motion(f, x0, times, **options)
     take_in_numpy(monkeypatch)

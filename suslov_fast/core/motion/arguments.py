@@ -15,8 +15,7 @@ class Arguments(NamedTuple):
     work: int  # address of the rows of `Work`
     numbers: int  # address of `Numbers`
     components: int  # address of the rows of `Component` (4, D)
-    times: int  # address of the moduli of times, ascending (times_count,)
-    times_count: int
+    times: int  # address of the moduli of times, ascending, and two infinite ones
     states: int  # address of the states at these times (count, trajectories, D)
     state_bytes: int  # of one time
 
@@ -41,6 +40,7 @@ class Numbers(NamedTuple):
     limit: float  # see `rules.limit_of`
     switches: float  # 1 if lanes may change to the other half, else 0
     first_next: float  # the first time
+    second_next: float  # the second one
     first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
     most: float  # steps, also refused ones, from one time to the next
     stops: float  # 1 if steps end on surfaces, else 0

@@ -54,7 +54,7 @@ class Choices:
             self.often[own] = np.where(is_at_once, self.often[own] + 1, 0)
             self.at[own] = t
             self._choose(flat, k, own, np.zeros(len(k)))
-            ahead = _AHEAD * np.where(t > 0.0, t, self.motion.times[-1])
+            ahead = _AHEAD * np.where(t > 0.0, t, self.motion.last)
             back = self._jumps_ahead(flat, k, own, ahead)  # the step after this one is short then
             flat[k[back], rows.wanted] = 16.0 * ahead[back]
             slides = self.often[own] >= _BACK_AND_FORTH
@@ -68,7 +68,7 @@ class Choices:
         """Let solutions go on that end just before a surface, because f has no value beyond it."""
         rows, jumps = self.motion.rows, self.conditions.jumps
         now = self._choices_ahead(flat, k, which, np.zeros(len(k)))[jumps:]
-        whole = np.where(flat[k, rows.t] > 0.0, flat[k, rows.t], self.motion.times[-1])
+        whole = np.where(flat[k, rows.t] > 0.0, flat[k, rows.t], self.motion.last)
         differ, ahead = np.zeros(len(k), bool), _NEAR * whole
         while True:
             choices = self._choices_ahead(flat, k, which, ahead)
@@ -100,11 +100,11 @@ class Choices:
             states = self._ahead(flat, i, flat[i, rows.next] - flat[i, rows.t])
             motion.states[places[i], numbers[i]] = states
             places[i] += 1
-            flat[i, rows.next] = np.append(motion.times, np.inf)[places[i]]
+            flat[i, rows.next], flat[i, rows.second] = motion.times[places[i] + [[0], [1]]]
             flat[i, rows.tries] = 0.0
         flat[k, :D], flat[k, rows.t] = self._ahead(flat, k, ahead), after
-        is_last = (after >= motion.times[-1]) & (flat[k, rows.state] < State.DONE)
-        flat[k[is_last], rows.state], flat[k[is_last], rows.t] = State.DONE, motion.times[-1]
+        is_last = (after >= motion.last) & (flat[k, rows.state] < State.DONE)
+        flat[k[is_last], rows.state], flat[k[is_last], rows.t] = State.DONE, motion.last
 
     def _jumps_ahead(self, flat, k, which, ahead):
         """Return whether choices of jumps are others a time later than those that rows k have."""

@@ -1,6 +1,7 @@
 """The motion of trajectories at given times: blocks of lines, and which code takes them."""
 
 import functools
+from math import inf
 from threading import get_ident
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ from .text import text_of_half
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
-
+NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
 
 half_of = functools.lru_cache(64)(Half)
 
@@ -47,8 +48,8 @@ def components_of(f, atol):
     return found
 
 
-def numbers_of(f, settings, sign, first, last):
-    """Return `Numbers`, for the moduli of the first and the last time."""
+def numbers_of(f, settings, sign, first, second, last):
+    """Return `Numbers`, for the moduli of the first two times and the last one."""
     return Numbers(
         settings.rtol,
         last,
@@ -58,6 +59,7 @@ def numbers_of(f, settings, sign, first, last):
         limit_of(settings.rtol),
         float(settings.stiff is None),
         first,
+        second,
         float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
         MOST_STEPS,
         1.0,
@@ -96,10 +98,10 @@ class Motion:
 
     def __init__(self, f, table, x0, times, sign, settings, states):
         self.f, self.table, self.x0, self.states = f, table, x0, states
-        self.settings, self.times = settings, np.ascontiguousarray(times, np.float64)
-        first, last = float(self.times[0]), float(self.times[-1])
+        self.settings, self.times = settings, np.append(times, NO_TIMES)
+        first, second, self.last = (float(self.times[k]) for k in (0, 1, len(times) - 1))
         self.components = components_of(f, settings.atol)
-        self.numbers = np.array(numbers_of(f, settings, sign, first, last))
+        self.numbers = np.array(numbers_of(f, settings, sign, first, second, self.last))
         self.has_atol = settings.atol is not None
         self.t = np.zeros(len(x0))
         self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
@@ -188,7 +190,7 @@ class Motion:
             rows=rows.ctypes.data, count=len(rows), following=0, budget=0, table=table.ctypes.data,
             table_bytes=table.strides[0], work=work.ctypes.data, numbers=self.numbers.ctypes.data,
             components=self.components.ctypes.data, times=self.times.ctypes.data,
-            times_count=len(self.times), states=self.states.ctypes.data,
+            states=self.states.ctypes.data,
             state_bytes=self.states.strides[0],
         ), np.int64)  # fmt: skip
 

@@ -9,14 +9,17 @@ turns: a is y_m for even m, and b for odd m. A pair of sub-steps is
 
 a = a + 2 s f(b),     b = b + 2 s f(a),     at the end of the column b = b + s f(a),
 
-so that a column ends at (a + b) / 2. The forms have the same bits. Of a line of lanes columns are
-carried out
+so that a column ends at (a + b) / 2. What a and b lie apart has an expansion as the end has, and is
+0 in the limit. But f alone joins both: where it has a layer thinner than a sub-step, they may stay
+at its two sides, and all columns agree on a false end. The weighted sum of a - b shows that.
+
+The forms have the same bits. Of a line of lanes columns are carried out
 
 - in turn: a loop over pairs of sub-steps, one column after the other;
 - side by side: straight-line code of all columns, where f is short.
 
-Of one trajectory columns are the lanes. Ends less x stand in the row `ends` of `Work`, y_N of the
-last column and f there in `a` and `f_last`.
+Of one trajectory columns are the lanes. Ends less x stand in the row `ends` of `Work`, a - b in
+`apart`, y_N of the last column and f there in `a` and `f_last`.
 """
 
 import numpy as np
@@ -35,7 +38,7 @@ LANES = 1 + len(CHAINS)  # of columns of one trajectory: a chain each, and the f
 
 def lane_numbers(half):
     """Return how many numbers columns in lanes need, after the rows of `Work` of one trajectory."""
-    own = (3 + len(in_turn(CHAINS))) * half.f.D + len(half.f.denominators)
+    own = (3 + 2 * len(in_turn(CHAINS))) * half.f.D + len(half.f.denominators)
     return LANES * (own + half.functions["f"].scratch)
 
 
@@ -115,9 +118,12 @@ class ExplicitColumns(Scope):
                             of_work.b[i] = start + s * f[i]
                     of_a = self.pair(of_work, table, double, factor)
                     with text.when(is_end):
-                        to = inner.array(of_work.ends.at(column * D))
+                        ends, apart = (
+                            inner.array(rows.at(column * D))
+                            for rows in (of_work.ends, of_work.apart)
+                        )
                         for i in text.each(D):
-                            to[i] = end_of_column(of_work.a[i], of_work.b[i], x[i])
+                            ends[i], apart[i] = end_of_column(of_work.a[i], of_work.b[i], x[i])
                         for i, value in enumerate(of_a):
                             of_work.f_last[i] = value
 
@@ -175,7 +181,7 @@ class ExplicitColumns(Scope):
                 if is_end:
                     first = EXPLICIT.index(N) * D
                     for i, each in enumerate(zip(*states[N], x, strict=True)):
-                        work.ends[first + i] = end_of_column(*each)
+                        work.ends[first + i], work.apart[first + i] = end_of_column(*each)
             for i, (a, f) in enumerate(zip(states[N][0], of_a, strict=True)):
                 work.a[i] = a
                 work.f_last[i] = f
@@ -194,11 +200,12 @@ class ExplicitColumns(Scope):
             "last", [[1.0 if pair.ends else 2.0 for pair in each] for each in rounds]
         )
         begin = self.constants("begin", [[float(pair.begins) for pair in each] for each in rounds])
-        rows = work.size.at()  # a, b and f of all lanes, then ends
-        first_ends = 2 * D + self.extended
+        rows = work.size.at()  # a, b and f of all lanes, then ends, and how far they lie apart
+        first_ends, rounds_D = 2 * D + self.extended, len(rounds) * D
         a, b, f, ends = (inner.array(rows, k) for k in (0, D, 2 * D, first_ends))
+        apart = ends.after(rounds_D)
         parts, last, begin = (inner.array(each.base) for each in (parts, last, begin))
-        scratch = ends.at(len(rounds) * D)
+        scratch = apart.at(rounds_D)
         signed = in_all_lanes(inner, work.signed[0])
         x_of_one, f_of_one = text.array("%x"), text.array("%f")
         for m in text.each(len(rounds), most=0):
@@ -220,16 +227,18 @@ class ExplicitColumns(Scope):
                     for i in text.each(D):
                         product = length * f[i]
                         to[i] = to[i] + product
-            of_pair = first_ends + m * D
+            of_pair = m * D
             for i in text.each(D):
-                change = end_of_column(a[i], b[i], in_all_lanes(inner, x_of_one[i]))
-                inner.array(rows)[of_pair + i] = change
+                found = end_of_column(a[i], b[i], in_all_lanes(inner, x_of_one[i]))
+                ends[of_pair + i], apart[of_pair + i] = found
         for i in text.each(D):
             for m, each in enumerate(rounds):
                 for lane, pair in enumerate(each[:-1]):
                     if pair.ends:
-                        end = text.array(ends.after(m * D).at(i), lane)[0]
-                        work.ends.after(EXPLICIT.index(pair.N) * D)[i] = end
+                        of_column = EXPLICIT.index(pair.N) * D
+                        for source, target in ((ends, work.ends), (apart, work.apart)):
+                            number = text.array(source.after(m * D).at(i), lane)[0]
+                            target.after(of_column)[i] = number
             work.a[i] = text.array(a.at(i))[0]
             work.f_last[i] = text.array(f.at(i))[0]
 
@@ -246,5 +255,5 @@ def added(x, factor, change):
 
 
 def end_of_column(a, b, x):
-    """Return the end of a column, less x, of a component."""
-    return (a + b) * 0.5 - x
+    """Return the end of a column, less x, of a component, and how far its two halves lie apart."""
+    return (a + b) * 0.5 - x, a - b

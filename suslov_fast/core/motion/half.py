@@ -76,9 +76,10 @@ class Half:
             columns, entries = len(IMPLICIT), f.entries + 1 + D + self.couplings
             factors = self._add_implicit()
         scratch = max(function.scratch for function in self.functions.values())
+        apart, nodes = (1, 0) if is_implicit else (columns, 6)
         self.numbers = len(self.table_of(np.zeros(len(f.table))))
-        sizes = D, extended, columns, entries, factors, self.couplings * is_implicit
-        others = self.watched, len(self.kinks), scratch
+        sizes = D, extended, columns, apart, nodes, entries, factors
+        others = self.couplings * is_implicit, self.watched, len(self.kinks), scratch
         self.work = work_of(self.rows.size, self.numbers, *sizes, *others)
 
     def _add_implicit(self):

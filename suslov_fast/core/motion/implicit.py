@@ -5,7 +5,16 @@ With s = h / N and A = 1 - s J, where J is f' at x, a column is
 c = A**-1 s f(x),     N - 1 times c = c + A**-1 s f(x + c),
 
 and ends at x + c: the states are y_m+1 = y_m + A**-1 s f(y_m). The expansion of the ends holds for
-every J. The power iteration on f' shows the largest rate |mu| of the motion: with
+every J. With J at x alone, a column does not see a layer of f that its first or its last sub-step
+crosses. Of the second and of the last increment, c_2 and c_N,
+
+N (s f(x + c_1) - c_1)    and    N c_N - h f(x_next)
+
+tell, because they vanish on true steps after extrapolation: c_1 is s f(x) + s J c_1. A step is
+tested by A**-1, of the last column, times the first and half of the second, so that layers at both
+of its ends do not cancel.
+
+The power iteration on f' shows the largest rate |mu| of the motion: with
 components z_i measured by their largest moduli S_i,
 
 w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
@@ -13,7 +22,7 @@ w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
 
 from ..code.text import Carried, Index
 from . import rules
-from .columns import IMPLICIT
+from .columns import IMPLICIT, weights
 from .scope import Scope
 
 
@@ -32,34 +41,51 @@ class ImplicitColumns(Scope):
         with text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
             lengths = self.constants("lengths", IMPLICIT)
             inverses = self.constants("inverses", [1.0 / N for N in IMPLICIT])
+            of_rates = [N * w for N, w in zip(IMPLICIT, weights(IMPLICIT, 1), strict=True)]
+            of_rates = self.constants("of_rates", of_rates)
+            for i in text.each(self.D):
+                work.apart[i] = 0.0
             for c in text.each(Index(text, "%count"), most=0):
                 N = lengths[c]
                 s = work.signed[0] * inverses[c]
-                self.column(N, s, work.ends.from_here(c * self.D))
+                self.column(N, s, of_rates[c], work.ends.from_here(c * self.D))
 
-    def column(self, N, s, ends):
+    def column(self, N, s, weight, ends):
         """Add a column of N sub-steps; its increments c are added up in `ends`."""
         text, work, D = self.text, self.work, self.D
         x, f = text.array("%x"), text.array("%f")
-        a, b, right = work.a, work.b, work.right
+        a, b, right, apart = work.a, work.b, work.right, work.apart
         work.jacobian[self.f.entries] = s
         self.call("factor", work.jacobian, "%table", work.factors)
-
-        def solve(rates):
-            for i in text.each(D):
-                right[i] = s * rates[i]
-            self.call("solve", work.factors, "%table", right)
-
-        solve(f)
+        for i in text.each(D):
+            right[i] = s * f[i]
+        self.call("solve", work.factors, "%table", right)
         for i in text.each(D):
             ends[i] = right[i]
-        for _ in text.each(N - 1, most=0):
+        for m in text.each(N - 1, most=0):
             for i in text.each(D):
                 a[i] = x[i] + ends[i]
             self.call("f", a, "%table", b)
-            solve(b)
+            for i in text.each(D):
+                right[i] = s * b[i]
+            with text.when(m.equals(0)):
+                for i in text.each(D):
+                    apart[i] = apart[i] + weight * (right[i] - ends[i])
+            self.call("solve", work.factors, "%table", right)
             for i in text.each(D):
                 ends[i] = ends[i] + right[i]
+        half = weight * 0.5
+        for i in text.each(D):
+            apart[i] = apart[i] + half * right[i]
+
+
+def find_apart(lines):
+    """Write what shows false steps to `right`, after f at the next state."""
+    text, work = lines.text, lines.work
+    half = work.signed[0] * 0.5
+    for i in text.each(lines.D):
+        work.right[i] = work.apart[i] - half * work.f_new[i]
+    lines.call("solve", work.factors, lines.table, work.right)
 
 
 def derive(lines):

@@ -1,126 +1,116 @@
 """States inside a step, at times that were asked for.
 
-The times that a step has passed are reached by shorter steps. In the explicit half these start at
-the nearer end of the step, with the first k columns, whose error is that of k columns over the
-whole step times u**(2 k + 1), where u is the part of its length (`rules.FEW`). In the implicit half
-they are whole steps from the state before, with errors of their own, because a fast mode may decay
-within the step.
+A step aside has reached its time: its end is the state (`rules.LENGTH`). An explicit step that has
+passed several times is taken once more as three quarters with few columns, which end at x_1, x_2,
+x_3, and x_4 is the next state. With v = 4 (t - t_0) / h, the states inside are the polynomial p of
+degree 9 with p(j) = x_j and p'(j) = h / 4 f(x_j), j = 0 ... 4,
+
+p(v) = sum_j L_j(v)**2 ((1 - 2 L_j'(j) (v - j)) x_j + (v - j) h / 4 f(x_j)),
+
+where L_j are Lagrange's polynomials. Its error is C prod_j (v - j)**2 at first order, and the
+defect p' - h / 4 f(p) shows C and the errors of the nodes. If it is too large the step is taken
+again, to the next time.
 """
 
-from ..code.text import Carried, Integers, Shared, Value, bits_of
+from ..code.text import Carried, Integers, Shared, Value
 from . import rules
-from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors, weights_of_few
-from .rows import State
+from .columns import EXPLICIT, weights, weights_of_few
+from .scope import weighted
 
 
 def save_states(lines):
-    """Save the states at times that the step has passed."""
+    """Save the states at times that the step has passed, or reached aside."""
     text, line, work = lines.text, lines.line, lines.work
+    served = work.served[0] > 0.0
 
     def passed(how):
         next_, after = line.next[0], line.t[0]
         accepted = work.accepted[0] > 0.0
         return accepted & how(after, next_)
 
+    with text.when(served.any(), likely=False):
+        _save(lines, served.bits(), work.new)
     with text.when(passed(Value.__ge__).any(), likely=False):
-        with text.when(passed(Value.__gt__).any()):
-            few = None if lines.half.is_implicit else _ratios_of_few(lines)
-            for now in text.rounds(Carried()):
-                if lines.half.is_implicit:
-                    _shorter_implicit_step(lines)
-                else:
-                    _shorter_step(lines, few)
-                _save(lines, passed(Value.__gt__).bits(), work.start)
-                now.goes_on = passed(Value.__gt__).any()
+        if not lines.half.is_implicit:
+            with text.when(passed(Value.__gt__).any()):
+                _find_nodes(lines)
+                for now in text.rounds(Carried()):
+                    _put_between(lines, lines.apply(rules.BETWEEN, **_of_step(lines)))
+                    _save(lines, passed(Value.__gt__).bits(), work.start)
+                    now.goes_on = passed(Value.__gt__).any()
         _save(lines, passed(Value.equals).bits(), work.new)
 
 
-def _ratios_of_few(lines):
-    """Return the errors of the first 1, 2 and 3 columns by what is allowed."""
-    table, own = weights_of_few(EXPLICIT, 2), weights(EXPLICIT, 2)
-    factors = [[few - w for few, w in zip(table[k], own, strict=True)] for k in range(3)]
-    ratios = Carried(ratio1=0.0, ratio2=0.0, ratio3=0.0)
-    for i in lines.text.each(lines.D, ratios):
-        inverse = lines.work.error[i]
-        for (name, ratio), of_few in zip(vars(ratios).items(), factors, strict=True):
-            error = lines.sum_of_ends(of_few, i)
-            found = lines.apply(rules.LARGER_RATIO, error=error, inverse=inverse, ratio=ratio)
-            setattr(ratios, name, found["ratio"])
-    return vars(ratios)
+def _of_step(lines):
+    """Return the inputs of rules for the time before a step, and its length."""
+    return {"t": lines.work.t[0], "taken": lines.work.taken[0]}
 
 
-def _shorter_step(lines, ratios):
-    """Compute the states at the next times, in `start`, by steps from the nearer end."""
+def _find_nodes(lines):
+    """Find states and rates at the ends of quarters; refuse steps whose inside is not known."""
     text, line, work, D = lines.text, lines.line, lines.work, lines.D
-    found = lines.apply(rules.INSIDE, **_ends_of_step(lines))
-    lines.keep(work, {"signed": found["signed"]})
-    forward = found["forward"] > 0.0
-    few = lines.apply(rules.FEW, part=found["part"], **ratios)["few"]
-    for i in text.each(D):
-        for to, before, after in ((work.start, line.x, work.new), (work.f, line.f, work.f_new)):
-            to.put_chosen(i, forward.select(before[i], after[i]))
-    count, needs = text.value(1), [few > float(k) for k in (1, 2, 3)]
-    for need in needs:
-        count = count + need.any().bits()
-    lines.columns(work.start, work.f, count)
-    table, factors = weights_of_few(EXPLICIT, 2), []
-    for c in range(4):
-        factor = text.value(table[3, c])
-        for k in (2, 1, 0):
-            factor = needs[k].select(factor, table[k, c])
-        factors.append(factor)
-    for i in text.each(D):
-        total = factors[0] * work.ends[i]
-        for c in (1, 2, 3):  # columns that a lane does not need may not be there
-            end = work.ends.after(c * D)[i]
-            end = needs[c - 1].select(end, 0.0)
-            total = total + factors[c] * end
-        value = work.start[i] + total
-        work.start.put_chosen(i, _with_sign(lines, value, i))
+    lines.keep(work, lines.apply(rules.QUARTER, after=line.t[0], **_of_step(lines)))
+    few, more = weights_of_few(EXPLICIT, 2)[rules.FEW - 1 : rules.FEW + 1]
+    of_few, largest = few - weights(EXPLICIT, 2), Carried(ratio=0.0)
+    for i in text.each(D, largest):
+        inputs = {"error": weighted(of_few, lines.of_columns(work.ends, i))}
+        inputs |= {"inverse": work.error[i], "ratio": largest.ratio}
+        largest.update(lines.apply(rules.LARGER_RATIO, **inputs))
+    needs = largest.ratio > rules.OF_FEW
+    count = needs.any().bits() + rules.FEW
+    factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
+    factors = factors[: rules.FEW + 1]
+    x, f = line.x, line.f
+    for k in range(3):
+        lines.columns(x, f, count)
+        node = work.nodes.after(2 * k * D)
+        for i in text.each(D):
+            ends = lines.of_columns(work.ends, i)[: rules.FEW + 1]
+            ends[rules.FEW] = needs.select(ends[rules.FEW], 0.0)  # it may not be there
+            node[i] = x[i] + weighted(factors, ends)
+        lines.call("f", node, lines.table, work.f)
+        x, f = node, node.after(D)
+        text.copy(work.f, f, D)
+    sums = Carried(ratio=0.0, total=0.0)
+    for v in rules.TESTS:
+        of_value, of_slope = rules.weights_of_test(v)
+        _put_between(lines, of_value)
+        lines.call("f", work.start, lines.table, work.f)
+        for i in text.each(D, sums):
+            inputs = {"slope": _between(lines, of_slope, i), "f": work.f[i]}
+            inputs |= {"signed": work.signed[0], "inverse": work.error[i]}
+            sums.update(lines.apply(rules.DEFECT, **inputs, **vars(sums)))
+    found = lines.apply(rules.FAILS, signed=work.signed[0], **_of_step(lines), **vars(sums))
+    fails = found.pop("fails") > 0.0
+    with text.when(fails.any(), likely=False):
+        for name, value in found.items():
+            getattr(line, name).choose(fails, 0, value)
+        work.accepted.choose(fails, 0, 0.0)
 
 
-def _ends_of_step(lines):
-    """Return the inputs of rules for shorter steps."""
-    line, work = lines.line, lines.work
-    ends = {"t": work.t[0], "after": line.t[0]}
-    return ends | {"taken": work.taken[0], "accepted": work.accepted[0]}
+def _between(lines, weights, i):
+    """Return a component of the polynomial with these weights, less x."""
+    work, inputs = lines.work, {}
+    for k in range(3):
+        node = work.nodes.after(2 * k * lines.D)
+        inputs |= {f"x{k + 1}": node[i], f"f{k + 1}": node.after(lines.D)[i]}
+    inputs |= {"x4": work.new[i], "f4": work.f_new[i], "signed": work.signed[0]}
+    return lines.apply(rules.INTERPOLATED, i, **inputs, **weights)["value"]
+
+
+def _put_between(lines, weights):
+    """Write the state inside the step with these weights to `start`."""
+    for i in lines.text.each(lines.D):
+        value = lines.line.x[i] + _between(lines, weights, i)
+        lines.work.start.put_chosen(i, _with_sign(lines, value, i))
 
 
 def _with_sign(lines, value, i):
     """Return a component inside a step, with its sign if the motion keeps it."""
     if not lines.f.of_one_sign:
         return value
-    return lines.apply(rules.WITH_SIGN, i, value=value)["value"]
-
-
-def _shorter_implicit_step(lines):
-    """Compute the states at the next times by shorter steps; refuse the step if they fail.
-
-    Then it is taken again, to that time.
-    """
-    text, line, work = lines.text, lines.line, lines.work
-    found = lines.apply(rules.INSIDE_IMPLICIT, **_ends_of_step(lines))
-    lines.keep(work, {"signed": found["signed"]})
-    lines.columns(line.x, line.f, len(IMPLICIT))
-    own, of_error = weights(IMPLICIT, 1), weights_of_errors(IMPLICIT, 1)
-    is_inside = found["length"] > 0.0
-    sums = Carried(total=0.0, ratio=0.0)
-    for i in text.each(lines.D, sums):
-        value = line.x[i] + lines.sum_of_ends(own, i)
-        work.start.put_chosen(i, _with_sign(lines, value, i))
-        ratio = abs(lines.sum_of_ends(of_error, i)) * work.error[i]
-        larger = lines.apply(rules.LARGER_RATIO, error=ratio, inverse=1.0, ratio=sums.ratio)
-        sums.total, sums.ratio = sums.total + ratio, larger["ratio"]
-    is_right = text.value(1.0) >= sums.ratio
-    is_right = is_right & (sums.total < float("inf"))
-    fails = ~is_right & is_inside
-    with text.when(fails.any()):
-        for rows, value in (
-            (line.wanted, found["length"]), (line.t, work.t[0]),
-            (line.state, float(State.IMPLICIT)), (line.longer, 1.0),
-        ):  # fmt: skip
-            rows.choose(fails, 0, value)
-        work.accepted.choose(fails, 0, 0.0)
+    x, keeps = lines.line.x[i], lines.component("keeps", i)
+    return lines.text.apply(rules.WITH_SIGN, value=value, x=x, keeps=keeps)["value"]
 
 
 def _save(lines, bits, states):
@@ -140,8 +130,6 @@ def _save(lines, bits, states):
         text.prefetch(to + of.state_bytes * 2)
         following = place + 1
         place_at[0] = following
-        next_at = line.next.at()
-        text.store("double", bits_of(float("inf")), next_at)
-        with text.when(following < of.times_count):
-            one.array(next_at)[0] = Shared(one, of.times)[following]
+        times = Shared(one, of.times)
+        line.next[0], line.second[0] = times[following], times[following + 1]
         line.tries[0] = 0.0

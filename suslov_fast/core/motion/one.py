@@ -10,7 +10,7 @@ from array import array
 import numpy as np
 
 from .arguments import NUMBER, SLOT, Arguments
-from .engine import BUDGET, code_of_half, components_of, half_of, numbers_of
+from .engine import BUDGET, NO_TIMES, code_of_half, components_of, half_of, numbers_of
 from .explicit import lane_numbers
 from .rows import BEGINS, State
 
@@ -32,10 +32,10 @@ def _plan(f, table, settings, sign):
     components = components_of(f, settings.atol)
     arguments = Arguments(
         rows=0, count=1, following=0, budget=0, table=own.ctypes.data, table_bytes=0, work=0,
-        numbers=0, components=components.ctypes.data, times=0, times_count=0, states=0,
+        numbers=0, components=components.ctypes.data, times=0, states=0,
         state_bytes=_SIZE * f.D,
     )  # fmt: skip
-    numbers = array("d", numbers_of(f, settings, sign, 1.0, 1.0))
+    numbers = array("d", numbers_of(f, settings, sign, 1.0, 1.0, 1.0))
     rows = array("d", bytes(_SIZE * half.rows.size))
     rows[half.rows.state] = BEGINS
     rows = rows[f.D :]  # those after x
@@ -54,15 +54,17 @@ def motion_of_one(f, table, x, times, sign, settings):
     code, arguments, numbers, rows, work, places, budget, _ = plan
     arguments, numbers, work = arguments[:], numbers[:], work[:]
     rows, times = array("d", x) + rows, array("d", times)
-    last = times[-1]
-    numbers[NUMBER.last], numbers[NUMBER.first_next] = last, times[0]
+    count, last = len(times), times[-1]
+    times.extend(NO_TIMES)
+    numbers[NUMBER.last] = last
+    numbers[NUMBER.first_next], numbers[NUMBER.second_next] = times[:2]
     if f.clocks:
         numbers[NUMBER.longest] = min(settings.longest, last / 32.0)
-    states = array("d", bytes(len(times) * len(x)))
+    states = array("d", bytes(count * len(x)))
     arguments[SLOT.rows] = rows.buffer_info()[0]
     arguments[SLOT.work] = work.buffer_info()[0]
     arguments[SLOT.numbers] = numbers.buffer_info()[0]
-    arguments[SLOT.times], arguments[SLOT.times_count] = times.buffer_info()
+    arguments[SLOT.times] = times.buffer_info()[0]
     arguments[SLOT.states] = states.buffer_info()[0]
     at = arguments.buffer_info()[0]
     while True:

@@ -37,6 +37,7 @@ class Rows(NamedTuple):
     wanted: int  # length of the next step
     longer: int  # the largest factor between this length and the one after it
     next: int  # modulus of the next time that is asked for, infinity after the last
+    second: int  # of the one after it
     state: int  # a `State`
     stiff: int  # steps that look stiff; explicit steps that would do, of an implicit lane
     easy: int  # steps in a row that do not look stiff
@@ -68,12 +69,14 @@ class Work(NamedTuple):
     own: int  # their numbers, integers
     table: int  # their tables, if each has one
 
-    start: int  # the state that columns start from, where it is not that of the line (D)
+    start: int  # a state inside a step (D)
     f: int  # f there (D + denominators)
     a: int  # states of a column, and y_N after it (D)
     b: int  # another one, or f of it (D + denominators)
     f_last: int  # f(y_N) (D + denominators)
     ends: int  # y_c - x at the ends of columns (columns D)
+    apart: int  # what shows false steps, of each explicit column or of all implicit ones (- D)
+    nodes: int  # states at the ends of the first three quarters of an explicit step, and f (6 D)
     new: int  # the next state (D)
     f_new: int  # f there (D + denominators)
     error: int  # (D)
@@ -82,7 +85,9 @@ class Work(NamedTuple):
     right: int  # (D), and products of s and the couplings of a `Variational`
     taken: int  # length of this step
     signed: int  # the same with the sign of time
+    aside: int  # 1 where it is a step aside
     accepted: int  # 1 where the step is taken, else 0
+    served: int  # 1 where a step aside has reached its time, else 0
     t: int  # time before the step
     at_surface: int  # 1 where the step ends on a surface, else 0
     between: int  # two states, between which surfaces are crossed or not (2 watched)
@@ -92,14 +97,14 @@ class Work(NamedTuple):
 
 
 def work_of(
-    rows, numbers, D, denominators, columns, entries, factors, couplings, watched, kinks,
-    scratch,
+    rows, numbers, D, denominators, columns, apart, nodes, entries, factors, couplings, watched,
+    kinks, scratch,
 ):  # fmt: skip
     """Return the rows of `Work`."""
     extended = D + denominators
-    sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D,
-             D, extended, D, entries, factors, D + couplings, *[1] * 5, 2 * watched, 3 + kinks,
-             scratch]  # fmt: skip
+    sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
+             nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 7, 2 * watched,
+             3 + kinks, scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

@@ -16,6 +16,15 @@ The next length is 0.75 ratio**(-7/64) times this one, within 3.4 percent, by th
 the estimate of an explicit step is of order 9. A step that is refused is taken again with it, and a
 step after that is not longer.
 
+All columns may agree on a false end, because f changes between their sub-steps within a layer that
+is thinner than they are. Each half has sums over its columns that vanish on true steps, to the
+order of the method, and stay on false ones (`columns`): a step is refused where these exceed
+MOST_APART times what is allowed.
+
+A time that was asked for, and that the next step would pass alone, is reached first by a step aside
+from the same state: it is tested as every step, and its end is saved, but the trajectory stays. In
+the implicit half each time is. Where an explicit step passes several, they lie on a polynomial.
+
 The explicit half is stable where h |mu| < 6 for eigenvalues mu of f' on the left. The difference
 quotient of f between the next state and the end of the last column shows the largest |mu| for
 nothing. After `patience` steps with h |mu| above `limit` a lane becomes implicit; it leaves this
@@ -33,7 +42,7 @@ Each rule below is a list of operations on the numbers of one lane.
 """
 
 import inspect
-from math import inf, sqrt
+from math import inf, prod, sqrt
 from typing import NamedTuple
 
 from ..lists.functions import from_bits
@@ -55,6 +64,9 @@ PARTS = 4
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
+# Sums that vanish on true steps, beside the allowed error: 30 and less on all true ones tried; and
+# the next length after a step that they refuse.
+MOST_APART, OF_APART = 50.0, 0.5
 TINY = 2.0**-1000  # in place of an allowed error of 0
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
 MOST_STEPS = 250_000  # between two times that are asked for
@@ -191,7 +203,7 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, rates, states):
 
 # -------------------------------------------------------------------------------- one for each lane
 @_rule
-def BEGIN(size, rate, total, part, last, longest, first_next, first_state):
+def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
     """Of the first step: |x| changes by a part of itself, or x at rest by a part of the time."""
     relative = size / rate
     guess = (size > 0.0).select(larger(relative, FIRST_OF_TIME * last), FIRST_AT_REST * last)
@@ -201,6 +213,7 @@ def BEGIN(size, rate, total, part, last, longest, first_next, first_state):
         "wanted": smaller(smaller(wanted, last), longest),
         "longer": AT_FIRST,
         "next": first_next,
+        "second": second_next,
         "state": has_value.select(first_state, float(State.NO_VALUE)),
         "stiff": 0.0,
         "easy": 0.0,
@@ -225,12 +238,18 @@ def NEAR(outer):
 
 
 @_rule
-def LENGTH(t, wanted, state, reach, mode, last, sign):
-    """Of this step, 0 in lanes that do not take it."""
+def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
+    """Of this step, 0 in lanes that do not take it, and whether it is a step aside.
+
+    It is where it would pass the time `next` and not that of `second`.
+    """
     rest = last - t
-    taken = (wanted < reach * rest).select(wanted, rest)
+    is_within = wanted < reach * rest
+    end = is_within.select(t + wanted, last)
+    is_aside = (next < end) & (second >= end)
+    taken = is_aside.select(larger(next - t, LEAST), is_within.select(wanted, rest))
     taken = state.equals(mode).select(taken, 0.0)
-    return {"taken": taken, "signed": sign * taken}
+    return {"taken": taken, "signed": sign * taken, "aside": is_aside.select(1.0, 0.0)}
 
 
 def _root(ratio):
@@ -240,24 +259,33 @@ def _root(ratio):
 
 
 @_rule
-def AFTER(t, taken, wanted, longer, state, steps, tries, ratio, total, kept, reach, last, longest):
-    """Whether a step is taken, and the length of the next one."""
+def AFTER(
+    t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, reach, last,
+    longest,
+):  # fmt: skip
+    """Whether a step is taken, or has reached its time aside, and the length of the next one."""
     is_finite = total < inf
     factor = larger(smaller(SAFETY * _root(ratio), longer), SHORTER)
     is_active = taken > 0.0
     sees = is_finite & (kept > 0.0)  # the estimate means something
-    accepted = is_active & sees & (ratio <= 1.0)
+    is_exact = ratio <= 1.0
+    accepted = is_active & sees & is_exact & (apart <= MOST_APART)
     factor = sees.select(factor, OF_NAN)
+    factor = (is_exact & (apart > MOST_APART)).select(smaller(factor, OF_APART), factor)
     factor = accepted.select(factor, smaller(factor, REFUSED))
+    served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
+    changes = served.select(0.0, taken) > 0.0
     reaches = (wanted < reach * (last - t)).select(t + taken, last)
-    after = accepted.select(reaches, t)
+    after = moved.select(reaches, t)
+    after_this = accepted.select(LONGER, AFTER_REFUSED)
     return {
-        "accepted": accepted.select(1.0, 0.0),
+        "accepted": moved.select(1.0, 0.0),
+        "served": served.select(1.0, 0.0),
         "t": after,
-        "wanted": is_active.select(smaller(factor * taken, longest), wanted),
-        "longer": is_active.select(accepted.select(LONGER, AFTER_REFUSED), longer),
+        "wanted": changes.select(smaller(factor * taken, longest), wanted),
+        "longer": changes.select(after_this, longer),
         "state": (is_active & (after >= last)).select(float(State.DONE), state),
-        "steps": steps + accepted.select(1.0, 0.0),
+        "steps": steps + moved.select(1.0, 0.0),
         "tries": tries + is_active.select(1.0, 0.0),
     }
 
@@ -360,13 +388,13 @@ def LOOK(crossed, place, end, part, crosses, u, taken, inner):
 
 @_rule
 def CUT(
-    before, t, taken, accepted, state, wanted, steps, tries, total, crossed, place, end, crosses,
-    jumps, whole_part, part, inner, outer, weight, rounds, whole, stops, mode, most, last,
+    before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
+    crosses, jumps, whole_part, part, inner, outer, weight, rounds, whole, stops, mode, most, last,
 ):  # fmt: skip
     """A step that crosses a surface: is it taken, and how long is the next one?
 
     A straight line to the end of this step crosses the surface at `whole_part`, one from there to
-    the state at `outer` at `part`.
+    the state at `outer` at `part`. A step aside on the way to a surface counts as all others.
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last
@@ -374,7 +402,8 @@ def CUT(
     seen = seen & (stops > 0.0) & (taken > 0.0) & (total < inf)
     is_last = is_near & (taken - inner <= sought)
     cut = seen & (is_last.select(0.0, 1.0) > 0.0)
-    holds = is_near & (seen.select(0.0, accepted) > 0.0) & (taken < larger(outer, 0.25 * whole))
+    is_right = seen.select(0.0, accepted + served) > 0.0
+    holds = is_near & is_right & (taken < larger(outer, 0.25 * whole))
     misses = holds & (taken >= outer)  # the surface lies farther
     searches = cut | holds
     moved = searches.select(0.0, accepted) > 0.0
@@ -398,6 +427,7 @@ def CUT(
     after = (moved & seen & (jumps > 0.0) & (t < last)).select(mode + float(State.CHANGED), state)
     return {
         "accepted": moved.select(1.0, 0.0),
+        "served": cut.select(0.0, served),
         "t": searches.select(before, t),
         "steps": searches.select(steps - accepted, steps),
         "state": searches.select(stopped, after),
@@ -413,34 +443,81 @@ def CUT(
 
 
 # ---------------------------------------------------------- states at times inside an explicit step
-# A step with the first k columns from the nearer end, of the part u of its length: its error is
-# that of k columns over the whole step times u**(2 k + 1).
-OF_ALLOWED = 0.25
+# The defect of the polynomial (`inside`) at both TESTS, as parts of a quarter, times OF_DEFECT is
+# its largest error. FEW columns reach its nodes, or one more where the error of FEW over the whole
+# step is above OF_FEW times the allowed one. A time within AT_END of a step is its end.
+FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = 3, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
+_NODES = range(5)
+_SCALES = [prod(j - k for k in _NODES if k != j) for j in _NODES]
+_SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 
 
 @_rule
-def INSIDE(t, after, taken, next, accepted, sign):
-    """Of the shorter step to the next time: from which end, and its length."""
-    offset = next - t
+def QUARTER(t, after, taken, next, accepted, sign):
+    """The length of a quarter of a step that has passed a time, else 0."""
     is_inside = (accepted > 0.0) & (next < after)
-    is_forward = offset <= 0.5 * taken
-    length = is_inside.select(is_forward.select(offset, offset - taken), 0.0)
-    return {
-        "forward": (is_inside & is_forward).select(1.0, 0.0),
-        "signed": sign * length,
-        "part": abs(length) / larger(taken, LEAST),
-    }
+    return {"signed": is_inside.select(0.25 * (sign * taken), 0.0)}
+
+
+def _weights_at(v):
+    """Return the weights of states less x, and of rates times the length of a quarter, by name."""
+    of_states, of_rates = {}, {}
+    for j in _NODES:
+        product = prod((v - float(k) for k in _NODES if k != j), start=1.0 / _SCALES[j])
+        square, own = product * product, v - float(j)
+        of_rates[f"rate{j}"] = own * square
+        if j:
+            of_states[f"state{j}"] = (1.0 - _SLOPES[j] * own) * square
+    return of_states | of_rates
 
 
 @_rule
-def FEW(part, ratio1, ratio2, ratio3):
-    """How many columns such a step needs."""
-    square = part * part
-    cube = square * part
-    fifth = cube * square
-    more = (ratio3 * (fifth * square) <= OF_ALLOWED).select(3.0, 4.0)
-    more = (ratio2 * fifth <= OF_ALLOWED).select(2.0, more)
-    return {"few": (ratio1 * cube <= OF_ALLOWED).select(1.0, more)}
+def BETWEEN(t, taken, next):
+    """The weights at the next time."""
+    return _weights_at(4.0 * ((next - t) / taken))
+
+
+def weights_of_test(v):
+    """Return the weights of the polynomial at v quarters, and those of its derivative by v."""
+    weights = _weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
+    return (
+        {name: weight.real for name, weight in weights},
+        {name: weight.imag * 2.0**60 for name, weight in weights},
+    )
+
+
+@_rule
+def INTERPOLATED(
+    x, x1, x2, x3, x4, f, f1, f2, f3, f4, signed, state1, state2, state3, state4,
+    rate0, rate1, rate2, rate3, rate4,
+):  # fmt: skip
+    """A component of the polynomial, or of its derivative, less x."""
+    rates = rate0 * f + rate1 * f1 + rate2 * f2 + rate3 * f3 + rate4 * f4
+    states = state1 * (x1 - x) + state2 * (x2 - x) + state3 * (x3 - x) + state4 * (x4 - x)
+    return {"value": states + signed * rates}
+
+
+@_rule
+def DEFECT(slope, f, signed, inverse, ratio, total):
+    """The largest error of the polynomial by what is allowed, as far as f tells."""
+    ratio = larger(OF_DEFECT * abs(slope - signed * f) * inverse, ratio)
+    return {"ratio": ratio, "total": total + abs(f)}
+
+
+@_rule
+def FAILS(t, taken, next, signed, ratio, total, steps):
+    """Whether a step is taken again, to the next time, because its inside is not known."""
+    length = next - t
+    is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)
+    is_known = (ratio <= 1.0) & (total < inf)
+    return {
+        "fails": is_inside.select(is_known.select(0.0, 1.0), 0.0),
+        "wanted": length,
+        "t": t,
+        "steps": steps - 1.0,
+        "state": float(State.EXPLICIT),
+        "longer": AFTER_REFUSED,
+    }
 
 
 @_rule
@@ -455,14 +532,7 @@ def LARGER_RATIO(error, inverse, ratio):
     return {"ratio": larger(abs(error) * inverse, ratio)}
 
 
-# ------------------------------------------- states at times inside an implicit step, and its rates
-@_rule
-def INSIDE_IMPLICIT(t, after, taken, next, accepted, sign):
-    """Of the shorter step from the state before the step to the next time."""
-    length = ((accepted > 0.0) & (next < after)).select(next - t, 0.0)
-    return {"length": length, "signed": sign * length}
-
-
+# ---------------------------------------------------------------- f' and its rate, implicit half
 @_rule
 def FINITE(entry):
     """An entry of f' that is not finite counts as 0: J may be any matrix."""

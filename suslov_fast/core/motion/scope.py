@@ -8,6 +8,7 @@ import numpy as np
 from ..code.text import Integers, Shared, Truth
 from . import rules
 from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Component, Numbers
+from .columns import EXPLICIT, IMPLICIT
 from .rows import State
 
 
@@ -93,13 +94,10 @@ class Lines(Scope):
             return self.apply(rules.NEAR)
         return {"reach": rules.REACH, "shortest": rules.SHORTEST}
 
-    def sum_of_ends(self, factors, i):
-        """Return the sum of factors times y_c - x of component i, in the order of columns."""
-        total = None
-        for c, factor in enumerate(factors):
-            product = factor * self.work.ends.after(c * self.D)[i]
-            total = product if total is None else total + product
-        return total
+    def of_columns(self, rows, i):
+        """Return what rows such as `work.ends` have of component i, of each column."""
+        columns = IMPLICIT if self.half.is_implicit else EXPLICIT
+        return [rows.after(c * self.D)[i] for c in range(len(columns))]
 
     def lanes_with(self, bits):
         """Add a loop over lanes; the body is carried out for those with bits, at their offsets."""
@@ -112,3 +110,12 @@ class Lines(Scope):
         """Write results of a rule to the rows of `line` or of `work` with their names."""
         for name, value in found.items():
             getattr(rows, name).put_chosen(0, value)
+
+
+def weighted(factors, values):
+    """Return the sum of factors times values, in their order."""
+    total = None
+    for factor, value in zip(factors, values, strict=True):
+        product = factor * value
+        total = product if total is None else total + product
+    return total

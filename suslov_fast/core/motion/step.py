@@ -6,21 +6,27 @@ x_next = x + sum_c w_c (y_c - x),     e = sum_c (w_c - v_c) (y_c - x),
 
 where v_c are the weights without the first column. The step is taken if
 
-max_i |e_i| / allowed_i <= 1,
+max_i |e_i| / allowed_i <= 1,     max_i |d_i| / allowed_i <= MOST_APART,
 
-and `rules` say what is allowed, how long the next step is, and which half takes it. Lanes that take
-no step in this half have length 0 and stay as they are.
+where d = sum_c w_c (a_c - b_c), see `explicit`, or what `implicit` says. `rules` say what is
+allowed, how long the next step is, and which half takes it. Lanes that take no step in this half
+have length 0 and stay as they are.
 """
+
+import numpy as np
 
 from ..code.text import Carried
 from . import inside, rules, surfaces
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors
-from .implicit import derive
+from .implicit import derive, find_apart
+from .scope import weighted
 
 
 def choose_length(lines):
     """Choose the length of the next step in each lane."""
-    found = lines.apply(rules.LENGTH, mode=lines.mode, **lines.near())
+    # An implicit step aside goes to each time, because a fast mode may decay within a step.
+    second = np.inf if lines.half.is_implicit else lines.line.second[0]
+    found = lines.apply(rules.LENGTH, mode=lines.mode, second=second, **lines.near())
     lines.keep(lines.work, found)
 
 
@@ -32,12 +38,14 @@ def take_step(lines):
     rate = derive(lines) if half.is_implicit else None
     lines.columns(line.x, line.f, len(columns))
     kept, sizes = _next_states(lines, own, of_error)
+    if half.is_implicit:
+        find_apart(lines)
     sums = _errors(lines, own, sizes)
     sums |= {"kept": kept, "taken": work.taken[0], "rate": rate, **lines.near()}
     before = line.t[0]
     found = lines.apply(rules.AFTER, **sums)
-    sums["accepted"] = found.pop("accepted")
-    lines.keep(work, {"accepted": sums["accepted"], "t": before})
+    sums["accepted"], served = found.pop("accepted"), found.pop("served")
+    lines.keep(work, {"accepted": sums["accepted"], "served": served, "t": before})
     lines.keep(line, found)
     if half.is_implicit:
         lines.keep(line, lines.apply(rules.TURN_IMPLICIT, **sums))
@@ -46,7 +54,7 @@ def take_step(lines):
         with text.when(looks.any(), likely=False):
             lines.keep(line, lines.apply(rules.TURN_EXPLICIT, **sums))
     if half.watched:
-        surfaces.cut(lines, before, sums["accepted"], sums["total"])
+        surfaces.cut(lines, before, sums["total"])
     inside.save_states(lines)
     if half.kinks:
         surfaces.choose(lines)
@@ -60,8 +68,8 @@ def _next_states(lines, own, of_error):
     for first, count in half.parts:
         for i in text.each(count, sums):
             i = i + first
-            x = line.x[i]
-            new = x + lines.sum_of_ends(own, i)
+            x, ends = line.x[i], lines.of_columns(work.ends, i)
+            new = x + weighted(own, ends)
             if lines.f.clocks:
                 signed = {"f": line.f[i], "signed": work.signed[0]}
                 new = lines.apply(rules.CLOCK, i, x=x, new=new, **signed)["new"]
@@ -70,7 +78,7 @@ def _next_states(lines, own, of_error):
                 found = lines.apply(rules.KEPT, i, x=x, new=new, kept=sums.kept, size=size)
                 new, sums.kept = found["new"], found["kept"]
             work.new.put_chosen(i, new)
-            work.error[i] = lines.sum_of_ends(of_error, i)
+            work.error[i] = weighted(of_error, ends)
             sums.update(lines.apply(half.largest, i, **vars(sums) | {"new": new}))
         sizes.append({name: getattr(sums, name) for name in half.largest.results})
     kept = sums.kept
@@ -86,7 +94,7 @@ def _errors(lines, own, sizes):
     The inverse of what is allowed takes the place of the error.
     """
     text, half, work = lines.text, lines.half, lines.work
-    names = ["ratio", "total"] + ([] if half.is_implicit else ["rates", "states"])
+    names = ["ratio", "total", "apart"] + ([] if half.is_implicit else ["rates", "states"])
     sums, allowed = Carried(**dict.fromkeys(names, 0.0)), half.allowed
     for (first, count), of_part in zip(half.parts, sizes, strict=True):
         for i in text.each(count, sums):
@@ -95,9 +103,13 @@ def _errors(lines, own, sizes):
                 inputs["noise"] = _noise(lines, own, i)
             inverse = lines.apply(allowed, i, **inputs)["inverse"]
             found = lines.apply(rules.RATIO, i, inverse=inverse, **vars(sums))
+            apart = work.right[i]
             if not half.is_implicit:
                 inputs = {"last": work.a[i], "inverse": inverse}
                 found |= lines.apply(rules.DIFFERENCES, i, **vars(sums) | inputs)
+                apart = weighted(own, lines.of_columns(work.apart, i))
+            inputs = {"error": apart, "inverse": inverse, "ratio": sums.apart}
+            found["apart"] = lines.apply(rules.LARGER_RATIO, **inputs)["ratio"]
             sums.update(found)
             work.error[i] = inverse
     return vars(sums)
@@ -105,11 +117,8 @@ def _errors(lines, own, sizes):
 
 def _noise(lines, own, i):
     """Return the sum of moduli of what is added up for the next state."""
-    total = None
-    for c, factor in enumerate(own):
-        product = abs(factor) * abs(lines.work.ends.after(c * lines.D)[i])
-        total = product if total is None else total + product
-    return total
+    ends = lines.of_columns(lines.work.ends, i)
+    return weighted([abs(factor) for factor in own], [abs(end) for end in ends])
 
 
 def _move(lines):

@@ -22,7 +22,7 @@ class Stepping(Motion):
     def __init__(self, f, table, x0, times, sign, settings, states, threads):
         super().__init__(f, table, x0, times, sign, settings, states)
         self.numbers[NUMBER.most], self.threads, self.report = 0.0, threads, None
-        self.last, self.W = float(self.times[-1]), 1 if len(x0) == 1 else WIDTH
+        self.W = 1 if len(x0) == 1 else WIDTH
         self.flat = np.zeros((len(x0), self.rows.size))
         self.flat[:, : f.D] = x0
         self.flat[:, self.rows.trajectory].view(np.int64)[:] = np.arange(len(x0))

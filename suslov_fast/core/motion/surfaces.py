@@ -16,7 +16,7 @@ from ..lists.tables import Table, is_table
 from . import rules
 
 
-def cut(lines, before, accepted, total):
+def cut(lines, before, total):
     """Take a step again that crosses a surface, or is on the way to one, with a better length."""
     text, line, work, watched = lines.text, lines.line, lines.work, lines.half.watched
     taken = work.taken[0]
@@ -45,7 +45,7 @@ def cut(lines, before, accepted, total):
         parts = lines.apply(rules.LOOK, **inputs)
         keep_far((parts.pop("is_first") > 0.0) & is_far)
         text.copy(point, pair, watched)
-    inputs = {"accepted": accepted, "total": total, "before": before, "taken": taken}
+    inputs = {"total": total, "before": before, "taken": taken}
     inputs |= parts | {"mode": lines.mode}
     text.copy(far, point, watched)
     inputs |= look("part")
@@ -54,7 +54,7 @@ def cut(lines, before, accepted, total):
     inputs |= look("whole_part", "crosses", "jumps")
     found = lines.apply(rules.CUT, **inputs)
     keep_far(found.pop("beyond") > 0.0)
-    lines.keep(work, {name: found.pop(name) for name in ("at_surface", "accepted")})
+    lines.keep(work, {name: found.pop(name) for name in ("at_surface", "accepted", "served")})
     lines.keep(line, found)
 
 

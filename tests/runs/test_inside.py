@@ -1,0 +1,202 @@
+"""States at times inside steps, and layers of f thinner than sub-steps: to the tolerance."""
+
+import numpy as np
+import pytest
+from scipy.special import expit
+
+import suslov_fast as sf
+
+
+def field(f, names, **parameters):
+    return sf.Field.from_function(f, names, **parameters)
+
+
+# ---------------------------------------------------------------------------------- thin layers
+def oscillator(s, a, w):
+    return s[1], -s[0] - a * np.tanh(s[1] / w)
+
+
+def belt(s, a, w, b, c):
+    slip = s[1] - c
+    return s[1], -s[0] - a * np.tanh(slip / w) / (1 + b * slip**2)
+
+
+def sliding(s, a, w, b, c, d):
+    return s[1], d * np.sin(b * s[2]) - a * np.tanh((s[1] + c * s[0]) / w), 1.0
+
+
+def relay(s, a, w, b, c, d):
+    return s[1], -b * s[1] - d * s[0] - a * (2 * expit((s[0] + c * s[1]) / w) - 1)
+
+
+# Parameters, start and state at the time, by Radau IIA of order 5 with steps below the layer: two
+# such computations differ by 1e-11 and less.
+LAYERS = {
+    "oscillator": (oscillator, "x v", 20.0, [
+        ((0.342, 1.4e-7), (1.0, 0.0), (-0.315996187096, 2.26166917147e-07)),
+        ((0.327, 1.94e-7), (1.0, 0.0), (-0.307995331074, 3.40366497545e-07)),
+        ((0.0974, 2.35e-7), (1.0, 0.0), (-0.0259997240751, 6.42874391403e-08)),
+        ((0.127, 8.36e-7), (1.0, 0.0), (-0.0159992128984, 1.0588016651e-07)),
+        ((0.324, 6.71e-7), (1.0, 0.0), (-0.295985746397, 1.0390378135e-06)),
+        ((0.499, 9.45e-6), (1.0, 0.0), (-0.00199936177788, 3.78638675677e-08)),
+    ]),
+    "belt": (belt, "x v", 20.0, [
+        ((0.595, 1.09e-4, 2.65, 0.425), (0.0582, 0.0121), (0.569609336918, -0.713500179732)),
+        ((0.538, 5.13e-6, 2.02, 0.261), (0.0148, 0.0462), (0.672706254661, -0.291064575738)),
+        ((0.293, 3.76e-5, 1.5, 0.4), (0.0169, 0.039), (-0.209122708176, 0.400033669848)),
+        ((0.431, 2.1e-5, 1.73, 0.452), (0.0732, 0.0256), (-0.54902026584, -0.0409153973362)),
+        ((0.434, 2.9e-5, 1.38, 0.475), (0.175, 0.0353), (-0.41273341132, 0.475053653352)),
+        ((0.469, 3.75e-6, 2.98, 0.169), (0.109, 0.0466), (0.594665792909, -0.133346948712)),
+    ]),
+    "sliding": (sliding, "x v t", 10.0, [
+        ((2.75, 4.23e-5, 0.642, 0.805, 0.298), (0.548, -0.126, 0.0),
+         (0.000178149773956, -0.000142787161749)),
+        ((2.23, 1.39e-6, 1.08, 0.701, 0.603), (1.07, 0.334, 0.0),
+         (0.00124540863363, -0.000873409589504)),
+        ((1.47, 7.28e-5, 0.852, 0.638, 0.159), (0.621, 0.484, 0.0),
+         (0.00162790510804, -0.00103242965985)),
+        ((2.48, 6e-6, 1.86, 0.509, 0.335), (1.34, 0.406, 0.0),
+         (0.00991643090536, -0.00504766979996)),
+    ]),
+    "relay": (relay, "x v", 20.0, [
+        ((1.85, 2.67e-5, 0.576, 0.0, 0.951), (0.568, 0.413), (-0.000252024583455, 0.0161346600444)),
+        ((1.89, 8.8e-5, 0.222, -0.0245, 0.363), (0.547, -0.22), (0.25706149618, -0.507187656232)),
+        ((0.666, 2.37e-5, 0.364, -0.0701, 0.487), (1.19, -0.418),
+         (-0.193761577302, 0.0801060680364)),
+        ((0.911, 3.31e-6, 0.141, 0.0, 0.373), (0.819, 0.319), (0.113855304889, -0.246746210098)),
+    ]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("kind", LAYERS)
+def test_layers_thinner_than_sub_steps(kind, stiff):
+    f, names, time, cases = LAYERS[kind]
+    parameters, starts, ends = zip(*cases, strict=True)
+    family = field(f, names, **dict(zip("awbcd", np.transpose(parameters), strict=False)))
+    for rtol in (1e-9, 1e-12):
+        motion = sf.flow(family, starts, time=time, rtol=rtol, stiff=stiff)
+        np.testing.assert_allclose(motion.x[0, :, :2], ends, rtol=0, atol=1e-5)
+
+
+def test_smooth_equations_take_no_step_more():
+    def energy(x):
+        return (x[2:] ** 2).sum() / 2 + (x[:2] ** 2).sum() / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
+
+    henon_heiles = sf.QuadraticField.from_hamiltonian(energy, "x y px py")
+    motion = sf.flow(henon_heiles, [0.1, 0.2, 0.3, 0.1], time=100.0)
+    assert motion.steps <= 250
+
+
+# ------------------------------------------------------------------------------- times inside steps
+RTOLS = [1e-2, 1e-3, 1e-6, 1e-9]
+
+
+@pytest.mark.parametrize("rtol", RTOLS)
+def test_a_decay_at_many_times(rtol):
+    times = np.linspace(0, 30, 1501)[1:]
+    motion = sf.flow(field(lambda s: (-s[0],), "x"), [1.0], time=times, rtol=rtol)
+    assert abs(motion.x[:, 0] - np.exp(-times)).max() < rtol
+
+
+@pytest.mark.parametrize("rtol", RTOLS)
+def test_absorption_and_elimination_at_many_times(rtol):
+    absorbed, eliminated = 1.9, 0.165
+    dose = field(lambda s: (-absorbed * s[0], absorbed * s[0] - eliminated * s[1]), "gut blood")
+    times = np.linspace(0, 100, 501)
+    motion = sf.flow(dose, [100.0, 0.0], time=times, rtol=rtol)
+    part = absorbed / (absorbed - eliminated)
+    blood = 100 * part * (np.exp(-eliminated * times) - np.exp(-absorbed * times))
+    assert abs(motion.x[:, 1] - blood).max() < 3 * 100 * rtol
+
+
+def test_a_time_in_the_second_half_of_a_long_step():
+    lorenz = field(
+        lambda s: (10 * (s[1] - s[0]), s[0] * (28 - s[2]) - s[1], s[0] * s[1] - 8 / 3 * s[2]),
+        "x y z",
+    )
+    motion = sf.flow(lorenz, [1, 1, 20], time=[0.2, 5.0], rtol=1e-3)
+    np.testing.assert_allclose(motion.x[0], [2.5235, 4.3592, 12.3682], rtol=0, atol=0.03)
+    fast = field(lambda s: (-1000 * (s[0] - s[1]), -s[1]), "x y")
+    motion = sf.flow(fast, [2.0, 1.0], time=[0.0234, 10.0], rtol=1e-2)
+    np.testing.assert_allclose(motion.x[0], [0.97785, 0.97687], rtol=0, atol=0.02)
+
+
+def test_a_time_on_a_kink_beyond_which_a_root_begins():
+    root = field(lambda s: (np.sqrt(abs(s[1] - 1)), 1.0), "x t")
+    for before in np.random.default_rng(0).uniform(0, 3.5, 20):
+        for times in ([1 + before, 2.5 + before], [1 + before]):
+            motion = sf.flow(root, [0.5, -before], time=times)
+            exact = 0.5 + 2 / 3 * (1 + before) ** 1.5
+            np.testing.assert_allclose(motion.x[0, 0], exact, rtol=1e-7)
+
+
+def forced(s):
+    return s[1], s[0] - s[0] ** 3 - 0.3 * s[1] + 0.5 * np.cos(1.2 * s[2]), 1.0
+
+
+def robertson(s):
+    slow, back, fast = 0.04 * s[0], 1e4 * s[1] * s[2], 3e7 * s[1] ** 2
+    return back - slow, slow - back - fast, fast
+
+
+def kepler(s):
+    cube = (s[0] ** 2 + s[1] ** 2) ** 1.5
+    return s[2], s[3], -s[0] / cube, -s[1] / cube
+
+
+def doses(s):
+    return np.interp(s[1], [0, 1, 2, 12, 13, 24], [0, 50, 0, 0, 80, 0]) - 0.1 * s[0], 1.0
+
+
+SYSTEMS = {
+    "clock": (forced, "q p t", [0.5, 0.0, 0.0], 20.0),
+    "stiff": (robertson, "a b c", [1.0, 0.0, 0.0], 4e5),
+    "near passage": (kepler, "x y u v", [0.4, 0.0, 0.0, 2.0], 2.0),
+    "driven fast": (lambda s: (-50 * (s[0] - np.cos(s[1])), 1.0), "x t", [0.0, 0.0], 10.0),
+    "decays": (lambda s: tuple(-(10.0**k) * s[k] for k in range(4)), 4, [1.0] * 4, 10.0),
+    "table": (doses, "amount t", [0.0, 0.0], 24.0),
+    "jump": (lambda s: (s[1], np.where(s[0] > 0.5, -4 * s[0], -s[0])), "x v", [1.0, 0.0], 20.0),
+    "kink": (lambda s: (s[1], -abs(s[0]) * s[0] - np.minimum(s[0], 0.3)), "x v", [1.0, 0.0], 6.0),
+    "backwards": (lambda s: (s[1], -np.sin(s[0])), "q p", [1.0, 0.5], -10.0),
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_later_times_change_nothing(name):
+    f, names, start, last = SYSTEMS[name]
+    system, times = field(f, names), last * np.random.default_rng(5).uniform(size=6)
+    for rtol in (1e-2, 1e-3, 1e-6, 1e-9, 1e-12):
+        motion = sf.flow(system, start, time=[*times, *times[:3] * (1 + 1e-9), last], rtol=rtol)
+        for time, state in zip(times, motion.x, strict=False):
+            alone = sf.flow(system, start, time=time, rtol=rtol).x[0]
+            sizes = np.maximum(abs(alone), abs(np.array(start)))
+            sizes = np.maximum(sizes, 1e-6 * sizes.max())
+            assert (abs(alone - state) <= 10 * rtol * sizes).all(), (rtol, time)
+
+
+def test_later_times_change_no_derivative():
+    pendulum = field(lambda s, a: (s[1], -a * np.sin(s[0])), "q p", a=1.0)
+    times = np.random.default_rng(5).uniform(0, 10, 5)
+    for rtol in (1e-3, 1e-6, 1e-9):
+        options = {"rtol": rtol, "derivatives": ("x0", "a")}
+        motion = sf.flow(pendulum, [1.0, 0.5], time=[*times, 10.0], **options)
+        for k, time in enumerate(times):
+            alone = sf.flow(pendulum, [1.0, 0.5], time=time, **options)
+            for name in ("x0", "a"):
+                one, other = (each.derivative(name) for each in (alone, motion))
+                assert abs(one[0] - other[k]).max() < 10 * rtol * abs(one).max()
+
+
+def test_times_inside_steps_have_the_same_bits_in_any_batch():
+    system = field(kepler, "x y u v")
+    starts = [0.4, 0.0, 0.0, 2.0] + 0.02 * np.random.default_rng(2).normal(size=(19, 4))
+    for count in (11, 60, 400):
+        times = np.linspace(0, 12, count)
+        motion = sf.flow(system, starts, time=times, threads=2)
+        for k in (0, 8, 18):
+            alone = sf.flow(system, starts[k], time=times)
+            np.testing.assert_array_equal(alone.x, motion.x[:, k])
+            np.testing.assert_array_equal(alone.steps, motion.steps[k])
+        part = sf.flow(system, starts[5:9], time=times)
+        np.testing.assert_array_equal(part.x, motion.x[:, 5:9])

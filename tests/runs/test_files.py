@@ -148,7 +148,7 @@ def test_damaged_files(path):
 FORCED = sf.Field.from_function(lambda x, a: (x[1], -a * x[0]), "q p", a=2.0)
 OF_EACH_KIND = {
     "Trajectories": lambda: sf.iterate(BODY, [[1.0, 0.5]] * 2, 0.1, 5, attitude=True),
-    "Crossings": lambda: sf.crossings(BODY, [1.0, 0.5], 0.1, 5, lambda x: x[..., 0] - 0.9),
+    "Crossings": lambda: sf.crossings(BODY, [1.0, 0.5], 0.5, 99, "Omega2", direction=0),
     "Motion": lambda: sf.flow(FORCED, [1.0, 0.5], time=[0.5, 1.0], derivatives=("x0", "a")),
     "MotionCrossings": lambda: sf.crossings(FORCED, [1.0, 0.5], surface="p", time=5.0),
 }
@@ -174,6 +174,27 @@ def test_a_lost_or_renamed_entry_is_told(kind, path):
         for k in range(len(name)):
             flipped = bytes([whole[place + k] ^ 4])
             path.write_bytes(whole[: place + k] + flipped + whole[place + k + 1 :])
+            with pytest.raises(ValueError, match=r"run\.npz "):
+                load(path)
+
+
+@pytest.mark.parametrize("kind", OF_EACH_KIND)
+def test_arrays_that_do_not_belong_together(kind, path):
+    result = OF_EACH_KIND[kind]()
+    result.save(path)
+    load = getattr(sf, kind.removeprefix("Motion") or kind).load
+    found = entries(path)
+    for name, array in found.items():
+        if array.dtype.kind == "U":
+            continue
+        others = [array.astype("c16")] if name != "eps" else []
+        others += [array[..., np.newaxis]] if array.ndim else []
+        others += [array[:-1]] if array.ndim and name != "_carry" else []  # of any length
+        others += [np.full(array.shape, x) for x in (np.inf, np.nan) if name == "eps"]
+        if name == "time":
+            others += [np.where(np.arange(len(array)) == 0, x, array) for x in (np.inf, np.nan)]
+        for other in others:
+            np.savez(path, **found | {name: other})
             with pytest.raises(ValueError, match=r"run\.npz "):
                 load(path)
 

@@ -6,7 +6,7 @@ import os
 import secrets
 import shutil
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +18,7 @@ from ... import checks
 from ...bodies.classes import body_from_dict, class_named
 from ...checks import kind_of, require, short, wrong
 from ...maps import named
-from ..columns import ARGUMENTS, FORMAT, OF_KIND, OtherFormat
+from ..columns import ARGUMENTS, FORMAT, OF_KIND, Column, OtherFormat, sizes_of
 
 PathLike = str | os.PathLike[str]
 
@@ -133,13 +133,34 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:
         is_there = column.name in about["entries"] or not column.when
         attributes[column.name] = _entry(entries, column.name) if is_there else None
     attributes["body"] = body_from_dict(json.loads(str(_entry(entries, "body"))))
+    _check(OF_KIND[kind], attributes)
     if kind in _OF_MAPS:
         eps = _entry(entries, "eps")
+        if not np.isfinite(eps).all():
+            raise wrong("eps", "finite", short(eps.tolist()))
         attributes |= {"map": named(about["map"]), "eps": eps if eps.ndim else float(eps)}
     if "count" in attributes:  # of crossings
         count = attributes["count"].ravel()
         attributes["trajectory"] = np.repeat(np.arange(len(count)), count)
     return attributes
+
+
+def _check(columns: Iterable[Column], attributes: Mapping[str, Any]) -> None:
+    """Raise an error unless arrays have the types and lengths that belong together."""
+    sizes = dict(sizes_of(attributes["status"].shape, attributes["body"].dimension))
+    if "count" in attributes:
+        sizes["crossing"] = (int(attributes["count"].sum()),)
+    for column in columns:
+        if (array := attributes[column.name]) is None:
+            continue
+        expected: tuple[int, ...] = ()
+        for axis in column.axes.split():  # the first column with an axis has its length
+            expected += sizes.setdefault(axis, array.shape[len(expected) : len(expected) + 1])
+        if array.shape != expected or array.dtype != column.type:
+            received = f"{array.dtype} of shape {array.shape}"
+            raise wrong(column.name, f"{column.type} of shape {expected}", received)
+    if "rtol" in attributes and not np.isfinite(attributes["time"]).all():
+        raise wrong("time", "finite", short(attributes["time"].tolist()))
 
 
 def _entry(entries: zipfile.ZipFile, name: str) -> Any:

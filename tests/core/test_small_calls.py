@@ -64,6 +64,7 @@ CALLS = {
     "jacobian of a field": call(sf.jacobian, LORENZ, X3, 0.01),
     "density of a field": call(sf.invariant_density, CUBIC, X2, 0.1),
     "exponents": call(sf.lyapunov_exponents, LORENZ, X3, 0.01, 50),
+    "many exponents": call(sf.lyapunov_exponents, BODY, RNG.uniform(-1, 1, (99, 2)), 0.2, 20),
     "exponents beyond poles": call(sf.lyapunov_exponents, SQUARES, X2, 3.0, 20),
 }
 

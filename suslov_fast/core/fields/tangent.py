@@ -18,6 +18,7 @@ sums[:, -1] / N.)
 """
 
 import functools
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -264,7 +265,9 @@ def take_logarithms(g, sums, of_det, begin, of_all):
         low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST_LENGTH, LARGEST_LENGTH)
         for l in range(lesser(g.shape[1], len(of_det) - begin)):
             if of_all or g[row, l] <= low or g[row, l] >= high:
-                logarithm = np.log1p(g[row, l]) if near else np.log(g[row, l])
+                # By `math`, because the logarithms of NumPy have other digits; it raises at 0.
+                x = g[row, l]
+                logarithm = math.log1p(x) if near else math.log(x) if x != 0.0 else -np.inf
                 g[row, l] = 0.0 if near else 1.0
                 if row < LENGTHS:
                     of_det[begin + l] += logarithm

@@ -9,7 +9,7 @@ from ..compiling.codes import CHANGED
 from ..lists.step import OF_NUMBERS, Step
 from .compiler import code_of
 from .runs import CALLED, JOINING, KINDS, REGULAR, operand_kinds
-from .text import Code
+from .text import Carried, Code, Index, Integers, Truth, Value
 
 
 class StagePlan(NamedTuple):
@@ -42,49 +42,40 @@ def text_of_stage_by_runs(_, name, W, for_each):
     where it needs the rare runs while they are not there.
     """
     text, all_lanes = Code(W), (1 << W) - 1
-    integer = text.integer
     add_runs(text, f"{name}_runs", for_each)
     text.begin(name, "x", "tables", "plan")
-    a = StagePlan(*(text.load("i64", text.at("%plan", k)) for k in SLOT))
+    x, tables, plan = text.array("%x"), Integers(text, "%tables"), Integers(text, "%plan")
+    a = StagePlan(*(plan[k] for k in SLOT))
+    rows = text.array(a.rows)
 
     def run(program, heads, places, count):
-        text.copy("%x", a.rows, a.D)
-        table = text.load("i64", text.at("%tables", program))
-        numbers = ", ".join(f"i64 {value}" for value in (a.rows, table, heads, places, count))
-        text.add(f"  call void @{name}_runs({numbers})")
+        text.copy(x, rows, a.D)
+        text.invoke(f"{name}_runs", rows, tables[program], heads, places, count)
 
     def result(results, k):
-        return text.row(a.rows, 0, text.load("i64", text.at(results, k)))
+        return rows[Integers(text, results)[k]]
 
     def truth(results, k):
-        return truth_of(text, result(results, integer("add", a.D, k)))
+        return Truth(text, truth_of(text, result(results, a.D + k)))
 
-    def put_is_rare(value):
-        text.store("i64", value, text.at("%plan", SLOT.is_rare))
-
-    with text.when(text.compare_integers("eq", a.is_rare, 0), likely=True):
+    with text.when(a.is_rare.equals(0), likely=True):
         run(0, a.heads, a.places, a.runs)
-        with text.when(text.all_true(truth(a.results, 0)), likely=True):
-            text.fold(a.D, {}, lambda k: text.put(result(a.results, k), "%x", 0, k))
+        with text.when(truth(a.results, 0).all(), likely=True):
+            for k in text.each(a.D):
+                x[k] = result(a.results, k)
             text.leave("i64 0")
-        put_is_rare(1)
-    with text.when(text.compare_integers("eq", a.rare_heads, 0)):
+        plan[SLOT.is_rare] = 1
+    with text.when(a.rare_heads.equals(0)):
         text.leave("i64 -1")
     run(1, a.rare_heads, a.rare_places, a.rare_runs)
-    is_usual, accurate = text.all_true(truth(a.rare_results, 0)), truth(a.rare_results, 1)
-    put_is_rare(text.new(f"select i1 {is_usual}, i64 0, i64 1"))
-    good, told = text.bits(accurate), text.bits(truth(a.rare_results, 2))
-    changed = text.bits(truth(a.rare_results, a.changed))
-    told = integer("and", integer("or", told, integer("shl", changed, CHANGED)),
-                   integer("mul", good, 1 | 1 << CHANGED))  # fmt: skip
-
-    def replace(k):
-        value = text.select(accurate, result(a.rare_results, k), text.row("%x", 0, k))
-        text.put(value, "%x", 0, k)
-
-    text.fold(a.D, {}, replace)
-    bits = integer("or", integer("xor", good, all_lanes), integer("shl", told, 8))
-    text.add(f"  ret i64 {bits}")
+    is_usual, accurate = truth(a.rare_results, 0).all(), truth(a.rare_results, 1)
+    plan[SLOT.is_rare] = is_usual.select(0, 1)
+    good, told = accurate.bits(), truth(a.rare_results, 2).bits()
+    changed = truth(a.rare_results, a.changed).bits()
+    told = (told | changed << CHANGED) & good * (1 | 1 << CHANGED)
+    for k in text.each(a.D):
+        x[k] = accurate.select(result(a.rare_results, k), x[k])
+    text.add(f"  ret i64 {good ^ all_lanes | told << 8}")
     return text.finished()
 
 
@@ -101,47 +92,38 @@ def add_runs(text, name, for_each, called=(), only_sums=False):
     Of the functions in CALLED it has these alone, because each takes longer to compile than all
     others; with `only_sums` it has sums and copies alone.
     """
-    integer = text.integer
     own_kinds = [k for k, kind in enumerate(KINDS) if kind[0] in called or kind[0] not in CALLED]
     if only_sums:
         own_kinds = [k for k in own_kinds if KINDS[k][0].rstrip("0123") in ("sum", "copy")]
     regular = [k for k in REGULAR if k in own_kinds]
-    text.add(f"define internal void @{name}(i64 %rows, i64 %table, i64 %heads, i64 %places, "
-             "i64 %count) #0 {")  # fmt: skip
-    text.label("entry")
-    end = integer("add", "%heads", integer("mul", "%count", 24))
-
-    def take(head, places):
-        kind, own, size = (text.load("i64", text.at(head, k)) for k in range(3))
-        last, cases = integer("add", places, size), {}
-        for k in own_kinds:
-            cases[k] = functools.partial(_add_run, text, k, own, for_each, places, last)
-        for k in regular:
-            at = functools.partial(_add_regular_run, text, k, own, for_each, places, last)
-            cases[len(KINDS) + k] = at
-        text.switch(kind, cases)
-        head = text.plus(head, 24)
-        return {"head": head, "places": last}, text.compare_integers("ult", head, end)
-
-    text.cycle({"head": ("i64", "%heads"), "places": ("i64", "%places")}, take)
-    text.add("  ret void")
-    text.add("}")
+    with text.function(name, ("rows", "table", "heads", "places", "count")):
+        first, places, count = (Index(text, f"%{key}") for key in ("heads", "places", "count"))
+        end = first + count * 24
+        for now in text.rounds(Carried(head=first, places=places)):
+            head = Integers(text, now.head)
+            kind, own, size = (head[k] for k in range(3))
+            last, cases = now.places + size, {}
+            given = own, for_each, now.places, last
+            for k in own_kinds:
+                cases[k] = functools.partial(_add_run, text, k, *given)
+            for k in regular:
+                cases[len(KINDS) + k] = functools.partial(_add_regular_run, text, k, *given)
+            text.switch(kind, cases)
+            now.head, now.places = now.head + 24, last
+            now.goes_on = now.head < end
 
 
 def _add_run(text, number, size, for_each, begin, end):
     """Add the loop of a run of a kind, whose operations have places of this size in bytes."""
-
-    def operation(place):
-        following = text.integer("add", place, size)
+    for now in text.rounds(Carried(place=begin)):
+        place, following = now.place, now.place + size
 
         def operand(k, kind, at=place):
             return _load(text, kind, _address(text, kind, at, k, for_each), for_each)
 
         value = _value(text, number, operand, place, following)
         text.store(text.V, value, _address(text, "r", place, 0, for_each))
-        return {"place": following}, text.compare_integers("ult", following, end)
-
-    text.cycle({"place": ("i64", begin)}, operation)
+        now.place, now.goes_on = following, following < end
 
 
 def _add_regular_run(text, number, count, for_each, begin, end):
@@ -149,17 +131,16 @@ def _add_regular_run(text, number, count, for_each, begin, end):
 
     It takes four operations of a single lane at once, and some of the last four twice.
     """
-    integer, at_once = text.integer, 4 if text.W == 1 else 1
+    at_once = 4 if text.W == 1 else 1
     inner, kinds = Code(max(text.W, at_once), text), f"r{operand_kinds(number)}"
     firsts = [_address(text, kind, begin, k, for_each) for k, kind in enumerate(kinds)]
-    last = integer("sub", count, at_once)
-    times = integer("udiv", text.plus(count, at_once - 1), at_once)
-    with text.times(times) as n:
-        n = integer("mul", n, at_once)
-        n = text.choice("i64", text.compare_integers("ult", n, last), n, last)
+    last = count - at_once
+    for n in text.each((count + (at_once - 1)) // at_once):
+        first = n * at_once
+        first = (first < last).select(first, last)
 
-        def following(kind, address):
-            return integer("add", address, integer("mul", n, _size(text, kind, for_each)))
+        def following(kind, address, first=first):
+            return address + first * _size(text, kind, for_each)
 
         def operand(k, kind, at=None):
             first = firsts[k] if at is None else _address(text, kind, at, k, for_each)
@@ -177,15 +158,15 @@ def _size(text, kind, for_each):
 def _address(text, kind, at, k, for_each):
     """Return the address of an operand, whose place is the k-th number at an address."""
     place = text.new(f"zext i32 {text.load('i32', text.plus(at, 4 * k), 4)} to i64")
-    base = "%rows" if kind == "r" else "%table"
-    return text.integer("add", base, text.integer("mul", place, _size(text, kind, for_each)))
+    base = Index(text, "%rows" if kind == "r" else "%table")
+    return base + Index(text, place) * _size(text, kind, for_each)
 
 
 def _load(text, kind, address, for_each):
     """Return a row at an address, or a number of the table for all lanes."""
     if kind == "r" or for_each or text.target.W == 1:
-        return text.load(text.V, address)
-    return text.splat(text.load("double", address), text.W)
+        return Value(text, text.load(text.V, address))
+    return Value(text, text.splat(text.load("double", address), text.W))
 
 
 def _value(text, number, operand, begin, end):
@@ -218,19 +199,16 @@ def _sum(text, number, operand, begin, end):
     start, (one, other) = kinds[:-2], kinds[-2:]
     total, first = operand(1, start) if start else None, 1 + len(start)
     for k in range(first, first + 2 * (int(instruction[-1]) or not start), 2):
-        term = text.operate("fmul", operand(k, one), operand(k + 1, other))
-        total = term if total is None else text.operate("fadd", total, term)
+        term = operand(k, one) * operand(k + 1, other)
+        total = term if total is None else total + term
     if instruction != "sum0":
         return total
-
-    def add(at, total):  # a long sum has more products
-        term = text.operate("fmul", operand(0, one, at), operand(1, other, at))
-        at = text.plus(at, 8)
-        found = {"at": at, "total": text.operate("fadd", total, term)}
-        return found, text.compare_integers("ult", at, end)
-
     at = text.plus(begin, 4 * (first + 2 * (not start)))
-    return text.cycle({"at": ("i64", at), "total": (text.V, total)}, add)["total"]
+    for now in text.rounds(Carried(at=Index(text, at), total=total)):  # it has more products
+        term = operand(0, one, now.at) * operand(1, other, now.at)
+        now.at, now.total = now.at + 8, now.total + term
+        now.goes_on = now.at < end
+    return now.total
 
 
 ANY = Step(np.empty((3, 0), np.int64), 1)  # the code does not depend on it

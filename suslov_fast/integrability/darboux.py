@@ -36,11 +36,13 @@ from .polynomials import (
 
 @public
 def darboux_polynomials(map: RationalMap, degree: int, cofactor: Any = None) -> Polynomials:
-    """Find the polynomials P with P(map(x)) = C(x) P(x), by default of the cofactor C = det DPhi.
+    """Find the polynomials P with P(map(x)) = C(x) P(x) of one cofactor C, by default det DPhi.
 
     For that cofactor, 1 / P is the density of an invariant measure (arXiv:1902.04715). For any,
-    quotients of two such polynomials are first integrals. The equations are those of random points
-    modulo a prime, 10 more than unknowns; the solution is confirmed modulo another prime.
+    quotients of two such polynomials are first integrals. If there are none with this cofactor,
+    there may be others: :func:`cofactors` finds their cofactors, and `report` lists all. The
+    equations are those of random points modulo a prime, 10 more than unknowns; the solution is
+    confirmed modulo another prime.
 
     Parameters
     ----------
@@ -71,6 +73,16 @@ def darboux_polynomials(map: RationalMap, degree: int, cofactor: Any = None) -> 
     ...     print(P.factor())
     (1, [(2*x1 + x2, 1), (4*x1^2 + x2^2, 1)])
     (1, [(2*x1 + x2, 1), (x1*x2 + 1024, 1)])
+
+    Euler's top has none of degree 1 with the cofactor det DPhi, but two with others:
+
+    >>> top = QuadraticField.from_function(lambda x: (x[1]*x[2], -2*x[0]*x[2], x[0]*x[1]), 3)
+    >>> map = kahan(top, eps=1)
+    >>> darboux_polynomials(map, 1)
+    ()
+    >>> from suslov_fast.integrability import cofactors
+    >>> [P for C in cofactors(map, 1)[1:] for P in darboux_polynomials(map, 1, C)]
+    [x1 + x3, x1 - x3]
     """
     check_map(map)
     degree = integer("degree", degree, 0)

@@ -378,6 +378,22 @@ def test_starts_beside_a_relaxation_cycle(mu, start, period, rtol):
     )
 
 
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12])
+@pytest.mark.parametrize(("mu", "A", "w"), [(5.0, 25.0, 0.7), (20.0, 100.0, 0.6)])
+def test_a_forced_relaxation_cycle_from_its_jump(mu, A, w, rtol):
+    field = Field.from_function(
+        lambda s: (s[1], mu * (1 - s[0] ** 2) * s[1] - s[0] + A * np.cos(w * s[2]), 1.0), "x v t"
+    )
+    period = 2 * np.pi / w
+    settled = flow(field, [1.0, 0.0, 0.0], time=400 * period, rtol=1e-12).x[0]
+    states = flow(field, settled, time=np.linspace(0, period, 2000), rtol=1e-12).x
+    start = states[abs(field(states)[:, :2]).max(axis=1).argmax()]
+    orbit = periodic_orbit(field, start, period, rtol=rtol)
+    assert (orbit.state[2], orbit.period) == (start[2], period)
+    scale = np.ptp(states[:, :2], axis=0)
+    assert (abs(orbit.state - start)[:2] / scale).max() < 1e4 * rtol
+
+
 REST = {
     "Mathieu": (lambda x, v, t: -x * (1 + 0.5 * np.cos(2 * t)), np.pi, 0.0),
     "damped": (lambda x, v, t: -x * (1 + 0.5 * np.cos(2 * t)) - 0.3 * v, np.pi, 0.0),

@@ -6,8 +6,6 @@ from typing import Any
 
 import suslov_fast as sf
 
-# Attributes of stores that are not in a summary: names of arrays.
-_NAMES_OF_ARRAYS = "tiled", "shared"
 # Attributes of stores of fields: the number of variables and their terms, and those of H.
 _TERMS = "dimension", "indices", "values"
 _LISTS = *_TERMS, "indices of H", "H", "K"
@@ -18,7 +16,7 @@ def facts_in(path: Path) -> dict[str, Any]:
     if path.suffix == ".zarr":
         data = sf.open_ensemble(path)
         attributes = data.attrs.items()
-        facts = {name: _value(text) for name, text in attributes if name not in _NAMES_OF_ARRAYS}
+        facts = {name: _value(text) for name, text in attributes if name != "tiled"}
         first_pole = data.first_pole.to_numpy() if "first_pole" in data else None
         return {**facts, **_counts(data.status.to_numpy(), first_pole)}
     from ..runs.files.storage import load

@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
-from uuid import uuid4
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,9 +25,9 @@ from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
 from .columns import FORMAT, in_stores, shape_of, sizes_of
-from .files import access, metadata, stores
+from .files import stores
 from .files.datasets import to_xarray, with_time
-from .files.tiles import Steps, Task, Times, count_in, finish, place_of
+from .files.tiles import Steps, Task, Times, count_in, finish
 from .iterate import checked_counts
 from .motion import Motion, variable_of
 from .trajectories import Trajectories
@@ -39,7 +37,7 @@ if TYPE_CHECKING:
     import xarray
 
 # Modules of the extra `large`.
-_NEEDED = "zarr", "xarray", "dask", "google_crc32c"
+_NEEDED = "zarr", "xarray", "dask"
 # Bytes of states in a chunk.
 _CHUNK = 2**24
 
@@ -168,18 +166,20 @@ def ensemble(
     whole, store = whole._replace(omega=x0, batch=batch), stores.resolved(store)
     data = _template(whole, task, dims)
     reports = reporter(progress, math.prod(batch) * task.work)
-    missing, contents = stores.prepare(store, data, _sizes(data, task, chunk))
-    arrays, status = contents.arrays, contents.arrays["status"]
-    tiles = {tile: place_of(tile, status.shape, status.chunks) for tile in missing}
-    done = math.prod(batch) - sum(count_in(where) for where in tiles.values())
-    finished = finish(tiles, whole, task, arrays, client, store)
+    group, missing = stores.prepare(store, data, _sizes(data, task, chunk))
+    status = group["status"]
+    tiles = [stores.place_of(tile, status.shape, status.chunks) for tile in missing]
+    done = math.prod(batch) - sum(count_in(where) for where in tiles)
+    finished = finish(tiles, whole, task, client, store)
     with reports as report, closing(finished):
         goes_on = report is None or report(done * task.work)
         while goes_on and (tile := next(finished, None)) is not None:
             done += count_in(tile)
             goes_on = report is None or report(done * task.work)
-    is_finished = done == math.prod(batch)
-    return _dataset(store, is_finished, is_known=is_finished and (client is None or not tiles))
+    if client is not None and done == math.prod(batch) and stores.tiles_in(store, group)[1]:
+        received = f"{store} without tiles that were computed"
+        raise wrong("client", "have workers that write to the store", received)
+    return with_time(stores.opened(store))
 
 
 @public
@@ -221,49 +221,7 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     """
     for module in _NEEDED:
         checks.extra(module, "large")
-    return _dataset(stores.resolved(store))
-
-
-def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> xarray.Dataset:
-    """Return the dataset of a store, or raise an error if chunks are missing.
-
-    With `is_finished`, missing tiles are an error, too. With `is_known`, the caller has just found
-    that nothing is missing, which takes long for large stores.
-    """
-    import xarray
-
-    contents = metadata.read_contents(store)
-    if contents is None or not contents.arrays:
-        raise FileNotFoundError(f"store: there is no store of ensemble at {store}")
-    lost = stores.Lost({}, set(), set()) if is_known else stores.lost(store, contents)
-    if lost.chunks:
-        received = f"{store} without {lost}: ensemble, called again, computes them anew"
-        raise wrong("store", "have whole chunks of all its tiles", received)
-    if is_finished and lost.pending:
-        received = f"{store} without {len(lost.pending)} of the tiles that were computed"
-        raise wrong("client", "have workers that write to the store", received)
-    source = access.reader(store)
-    data = xarray.open_zarr(source, consolidated=True, zarr_format=3, chunks=None)
-    lazy = {
-        name: data.variables[name].chunk(_parts(array), name=f"{name}-{uuid4().hex}")
-        for name, array in contents.arrays.items()
-        if array.shape and name not in data.indexes
-    }
-    return with_time(data.assign(lazy))
-
-
-def _parts(array: metadata.Stored) -> dict[Any, int]:
-    """Return the lengths of Dask's chunks, each of which holds many small chunks of the store.
-
-    Dask then needs few tasks, and each of them makes several requests at a time.
-    """
-    parts: dict[Any, int] = {}
-    left = _CHUNK // (array.nbytes or _CHUNK)
-    for dim, length, chunk in reversed([*zip(array.dims, array.shape, array.chunks, strict=True)]):
-        count = max(1, min(left, math.ceil(length / chunk)))
-        parts[dim] = count * chunk
-        left //= count
-    return parts
+    return with_time(stores.opened(stores.resolved(store)))
 
 
 def _template(whole: Problem, task: Task, dims: Any) -> xarray.Dataset:
@@ -301,10 +259,7 @@ def _template(whole: Problem, task: Task, dims: Any) -> xarray.Dataset:
     identity["x0"] = stores.described("x0", x0, few=0)
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
     variable = map.variable if map else variable_of(type(body))  # the name of states in the dataset
-    tiled = sorted({*filled, variable} - {"states", "time"})
-    shared = sorted({*data.variables} - {*tiled})
-    lists = {"tiled": tiled, "shared": shared}
-    identity |= {name: json.dumps(value) for name, value in lists.items()}
+    identity["tiled"] = sorted({*filled, variable} - {"states", "time"})
     return data.assign_attrs(identity, format=FORMAT)
 
 
@@ -327,8 +282,8 @@ def _sizes(data: Any, task: Task, chunk: Any) -> dict[str, int]:
     width = 8 * max(data.sizes["component"], data.sizes.get("space", 0) ** 2)
     default = min(_CHUNK // (width * max(task.rows, 1)), task.most)
     by_axis = chunk if isinstance(chunk, Mapping) else {}
-    arrays = len(json.loads(data.attrs["tiled"]))
-    fewest = max(task.fewest, 4 * data.status.size * arrays // metadata.MOST_CHUNKS)
+    arrays = len(data.attrs["tiled"])
+    fewest = max(task.fewest, 4 * data.status.size * arrays // stores.MOST_CHUNKS)
     left = max(fewest, default) if chunk is None or by_axis else chunk
     if unknown := by_axis.keys() - lengths:
         raise wrong("chunk", expected, ", ".join(repr(name) for name in unknown))
@@ -341,7 +296,7 @@ def _sizes(data: Any, task: Task, chunk: Any) -> dict[str, int]:
         sizes[name] = math.ceil(length / parts) or 1
         left = max(1, left // sizes[name])
     chunks = math.prod(math.ceil(length / sizes[name]) for name, length in lengths.items())
-    if chunk is not None and chunks * arrays > metadata.MOST_CHUNKS:
-        expected = f"so large that a store has at most {metadata.MOST_CHUNKS} chunks"
+    if chunk is not None and chunks * arrays > stores.MOST_CHUNKS:
+        expected = f"so large that a store has at most {stores.MOST_CHUNKS} chunks"
         raise wrong("chunk", expected, f"{chunk}, for {chunks} tiles")
     return sizes

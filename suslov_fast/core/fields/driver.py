@@ -9,7 +9,7 @@ dense field, is a function that the driver calls; then one text serves all field
 
 from typing import NamedTuple
 
-from ..code.text import Code
+from ..code.text import Carried, Code, Index, Integers, Shared, Truth, Value
 from ..compiling.codes import CHANGED
 from ..lists.step import SIGNIFICANT
 from .stage_code import Stage, add_table, loader
@@ -90,103 +90,93 @@ class _Driver:
         """Return the whole text."""
         text = self.text
         text.begin(self.name, "arguments")
-        self.of = of = DriverArguments(*(text.load("i64", self.slot(k)) for k in SLOT))
+        self.slots = Integers(text, "%arguments")
+        self.of = of = DriverArguments(*(self.slots[k] for k in SLOT))
         self.begin()
-        at = {"lo": of.line, "n": of.n, "stage": of.stage, "until": of.until, "row": of.row}
-        last = text.cycle({key: ("i64", value) for key, value in at.items()}, self.block)
-        text.store("i64", last["lo"], self.slot(SLOT.line))
+        at = Carried(lo=of.line, n=of.n, stage=of.stage, until=of.until, row=of.row)
+        for _ in text.rounds(at):
+            self.block(at)
+        self.slots[SLOT.line] = at.lo
         text.add(f"  ret i64 {DONE}")
         return text.finished()
 
     def begin(self):
         """Add what comes before all lines."""
 
-    def slot(self, k):
-        return self.text.plus("%arguments", 8 * k)
-
     def leave_at(self, result, **at):
         """Return; the next call goes on at this place."""
         for key, value in at.items():
-            self.text.store("i64", value, self.slot(getattr(SLOT, key)))
+            self.slots[getattr(SLOT, key)] = value
         self.text.leave(f"i64 {result}")
 
-    def block(self, lo, **at):
-        """Add all steps of a block of lines; return where the next one begins, if there is one."""
-        text, of = self.text, self.of
-        end = text.integer("add", lo, of.block)
-        hi = text.choice("i64", text.compare_integers("ult", end, of.lines), end, of.lines)
-        carried = {key: ("i64", value) for key, value in at.items()}
+    def block(self, at):
+        """Add all steps of a block of lines, and where the next one begins, if there is one."""
+        text, of, lo = self.text, self.of, at.lo
+        end = lo + of.block
+        hi = (end < of.lines).select(end, of.lines)
+        now = Carried(n=at.n, stage=at.stage, until=at.until, row=at.row)
         for i, key in enumerate(self.single):
-            carried[key] = text.V, text.row(of.x, i)
-        text.cycle(carried, lambda **at: self.steps_of(lo, hi, **at))
-        begin = {"n": "0", "stage": "0", "until": of.first_until, "row": of.first_row}
-        return {"lo": hi, **begin}, text.compare_integers("ult", hi, of.lines)
+            setattr(now, key, text.array(of.x)[i])
+        for _ in text.rounds(now):
+            self.step_of(lo, hi, now)
+        at.lo, at.n, at.stage, at.until, at.row = hi, 0, 0, of.first_until, of.first_row
+        at.goes_on = hi < of.lines
 
-    def steps_of(self, lo, hi, n, stage, until, row, **single):
-        """Add a step of all lines of a block; return what the next one begins with, if any."""
-        text, of = self.text, self.of
-        self.at = {"line": lo, "n": n, "stage": stage, "until": until, "row": row}
-        saves = text.compare_integers("eq", until, 0)
-        plan = text.integer("add", of.plan, text.integer("mul", stage, 16))
-        following = text.integer("add", stage, 1)
-        is_last = text.compare_integers("eq", following, of.stages)
+    def step_of(self, lo, hi, now):
+        """Add a step of all lines of a block, and what the next one begins with, if any."""
+        text, of, n, row = self.text, self.of, now.n, now.row
+        self.at = {"line": lo, "n": n, "stage": now.stage, "until": now.until, "row": row}
+        saves, plan = now.until.equals(0), of.plan + now.stage * 16
+        following = now.stage + 1
+        is_last = following.equals(of.stages)
         self.begin_stage(plan)
-        x = [single[key] for key in self.single]
-        final = []
-
-        def take_line(line):
-            bytes_of_line = text.integer("mul", self.D, text.size)
-            state = text.integer("add", of.x, text.integer("mul", line, bytes_of_line))
-            final[:] = self.take_stage(state, line, n, x)
+        x = [getattr(now, key) for key in self.single]
+        for at in text.rounds(Carried(line=lo)):
+            line, offset = at.line, at.line * (Index(text, self.D) * text.size)
+            state = of.x + offset
+            final = self.take_stage(state, line, n, x)
             if self.tells_signs:
                 with text.when(is_last):
-                    bases = text.integer("mul", line, bytes_of_line)
-                    self.tell_changes(text.integer("add", of.bases, bases), state, line, n, final)
+                    self.tell_changes(of.bases + offset, state, line, n, final)
             if self.align:
                 with text.when(saves):
                     self.save(line, row, state, final)
-            line = text.integer("add", line, 1)
-            return {"line": line}, text.compare_integers("ult", line, hi)
-
-        text.cycle({"line": ("i64", lo)}, take_line)
-        n = text.integer("add", n, 1)
-        stage = text.choice("i64", is_last, 0, following)
-        until = text.choice("i64", saves, of.between, text.integer("sub", until, 1))
-        row = text.choice("i64", saves, text.integer("add", row, of.row_bytes), row)
-        has_more = text.compare_integers("ult", n, of.steps)
-        with text.when(has_more, likely=True):
-            left = text.load("i64", self.slot(SLOT.budget))
-            with text.when(text.new(f"icmp sle i64 {left}, 0"), likely=False):
-                self.leave_at(DONE, line=lo, n=n, stage=stage, until=until, row=row)
-        following = {"n": n, "stage": stage, "until": until, "row": row}
-        return following | dict(zip(self.single, final, strict=False)), has_more
+            at.line = line + 1
+            at.goes_on = at.line < hi
+        now.n, now.stage = n + 1, is_last.select(0, following)
+        now.until = saves.select(of.between, now.until - 1)
+        now.row = saves.select(row + of.row_bytes, row)
+        now.update(dict(zip(self.single, final, strict=False)))
+        now.goes_on = now.n < of.steps
+        with text.when(now.goes_on, likely=True):
+            is_spent = text.compare_integers("sle", self.slots[SLOT.budget], 0)
+            with text.when(is_spent, likely=False):
+                places = {"n": now.n, "stage": now.stage, "until": now.until, "row": now.row}
+                self.leave_at(DONE, line=lo, **places)
 
     # ----------------------------------------------------------------------------- careful lanes
     def others(self, bits, line, marks):
         """Return the bits of lanes that are neither in `bits` nor marked."""
-        text = self.text
-        marked = text.load("i8", text.integer("add", marks, line), 1)
-        both = text.integer("or", bits, text.new(f"zext i8 {marked} to i64"))
-        return text.integer("xor", both, self.all_lanes)
+        marked = self.text.load("i8", marks + line, 1)
+        marked = Index(self.text, self.text.new(f"zext i8 {marked} to i64"))
+        return (bits | marked) ^ self.all_lanes
 
     def lanes_to_tell(self, good, told, line):
         """Return the bits of lanes that `careful` steps, and those that it notes, after a stage.
 
         Lanes in `good` took the stage, those in `told` from det A < 0 or with a changed sign.
         """
-        text, of = self.text, self.of
-        bad = self.others(good, line, of.ended)
-        alive = text.integer("and", good, self.others(0, line, of.passed))
-        return bad, text.integer("and", told, text.integer("mul", alive, 1 | 1 << CHANGED))
+        bad = self.others(good, line, self.of.ended)
+        alive = good & self.others(0, line, self.of.passed)
+        return bad, told & alive * (1 | 1 << CHANGED)
 
     def call_careful(self, line, bad, told, n):
         """Call `careful` for bits of lanes; leave if it is not ready."""
         text, of = self.text, self.of
-        with text.when(text.compare_integers("eq", of.careful, 0)):
+        with text.when(of.careful.equals(0)):
             text.leave(f"i64 {NOT_READY}")
         text.call("void", of.careful, of.careful_arguments, line, bad, told, n)
-        left = text.load("i64", self.slot(SLOT.budget))
-        text.store("i64", text.integer("sub", left, 1), self.slot(SLOT.budget))
+        self.slots[SLOT.budget] = self.slots[SLOT.budget] - 1
 
     # --------------------------------------------------------------------------------- whole steps
     def tell_changes(self, bases, state, line, n, final):
@@ -194,45 +184,39 @@ class _Driver:
 
         These are components that keep their signs along the motion.
         """
-        text = self.text
-        zero, significant, minus = map(text.constant, (0.0, SIGNIFICANT, -SIGNIFICANT))
 
         def keeps(base, after):
             """Return where a component has its sign."""
-            signs = text.compare("olt", base, zero), text.compare("oge", after, zero)
-            return text.joined("xor", signs)
+            return (base < 0.0) ^ (after >= 0.0)
 
         def changes(base, after):
             """Return where it has the other one, by more than rounding may make."""
-            rises = text.compare("olt", base, zero), text.compare("ogt", after, significant)
-            falls = text.compare("ogt", base, zero), text.compare("olt", after, minus)
-            return text.joined("or", [text.joined("and", rises), text.joined("and", falls)])
+            rises = (base < 0.0) & (after > SIGNIFICANT)
+            return rises | (base > 0.0) & (after < -SIGNIFICANT)
 
-        is_kept = text.all_true(self.over_signs("and", keeps, bases, state, final))
-        with text.when(text.new(f"xor i1 {is_kept}, true"), likely=False):
+        text = self.text
+        bases, state = text.array(bases), text.array(state)
+        is_kept = self.over_signs("and", keeps, bases, state, final).all()
+        with text.when(~is_kept, likely=False):
             # Lanes that have passed a pole have nothing more to tell.
-            changed = text.bits(self.over_signs("or", changes, bases, state, final))
-            changed = text.integer("and", changed, self.others(0, line, self.of.passed))
-            with text.when(text.compare_integers("ne", changed, 0)):
-                self.call_careful(line, 0, text.integer("shl", changed, CHANGED), n)
+            changed = self.over_signs("or", changes, bases, state, final).bits()
+            changed = changed & self.others(0, line, self.of.passed)
+            with text.when(changed.differs(0)):
+                self.call_careful(line, 0, changed << CHANGED, n)
         self.keep_bases(bases, state, final)
 
     # -------------------------------------------------------------------------------------- saving
     def save_by_lane(self, line, row, state):
         """Write the states of the trajectories of a line to the row, number by number."""
-        text, W, D, of = self.text, self.text.W, self.D, self.of
-        first = text.integer("mul", line, W)
-        for l in range(W):
-            number = text.plus(first, l)
-            with text.when(text.compare_integers("ult", number, of.trajectories)):
-                place = text.at(row, text.integer("mul", number, D))
-                from_lane = text.plus(state, 8 * l)
-
-                def copy(k, place=place, from_lane=from_lane):
-                    value = text.load("double", text.place(from_lane, 0, k))
-                    text.store("double", value, text.at(place, k))
-
-                text.fold(D, {}, copy)
+        text, one = self.text, self.text.lanes(1)
+        first = line * text.W
+        for l in range(text.W):
+            number = first + l
+            with text.when(number < self.of.trajectories):
+                place = Shared(one, row + number * self.D * 8)
+                x = one.array(state + 8 * l)
+                for k in text.each(self.D):
+                    place[k] = x[k]
 
 
 class _Inlined(_Driver):
@@ -247,59 +231,59 @@ class _Inlined(_Driver):
         self.single = [f"x{i}" for i in range(step.D if W == 1 else 0)]
 
     def begin_stage(self, plan):
-        text = self.text
-        self.table, self.fraction = text.load("i64", plan), None
+        plan = Integers(self.text, plan)
+        self.table, self.fraction = plan[0], None
         if self.for_each == OF_HALVES:
-            self.fraction = text.load("double", text.plus(plan, 8))
+            self.fraction = self.text.load("double", plan.at(1))
 
     def take_stage(self, state, line, n, x):
         """Add a stage of a line; return its next state."""
         text, step, table, fixed = self.text, self.step, self.table, {}
         if self.for_each:
             numbers = step.T if self.for_each == OF_HALVES else len(step.table)
-            table = text.integer("add", table, text.integer("mul", line, numbers * text.size))
-        x = x or [text.row(state, i) for i in range(step.D)]
+            table = table + line * (numbers * text.size)
+        rows = text.array(state)
+        x = x or [rows[i] for i in range(step.D)]
         if self.for_each == OF_HALVES:
             fixed = add_table(text, step, table, self.fraction)
         stage = Stage(text, step, loader(text, step, self.for_each, state, table, fixed))
         usual = stage.take(x)
         final = text.otherwise(
-            stage.is_good(), usual, lambda: self.take_rare_stage(stage, state, line, n, x)
+            stage.is_good(), usual, lambda: self.take_rare_stage(stage, rows, line, n, x)
         )
+        final = [Value(text, value) for value in final]
         for k, number in enumerate(step.after):
             if number != k:
-                text.put(final[k], state, k)
+                rows[k] = final[k]
         return final
 
-    def take_rare_stage(self, stage, state, line, n, x):
+    def take_rare_stage(self, stage, rows, line, n, x):
         """Add the rare operations, and `careful` where they do not suffice; return the state."""
-        text = self.text
+        text, components = self.text, range(self.D)
         if not self.single:
             # Loaded and computed anew, so that the registers of usual lines need not be stored.
-            x = [text.row(state, i) for i in range(self.D)]
+            x = [rows[i] for i in components]
             stage.take(x)
         after, accurate, good, told, _ = stage.take_rare()
         after = [text.select(accurate, *both) for both in zip(after, x, strict=True)]
         for k, value in enumerate(after):
-            text.put(value, state, k)
-        bad, told = self.lanes_to_tell(good, told, line)
-        is_clear = text.compare_integers("eq", text.integer("or", bad, told), 0)
+            rows[k] = value
+        bad, told = self.lanes_to_tell(Index(text, good), Index(text, told), line)
 
         def carefully():
             self.call_careful(line, bad, told, n)
-            return [text.row(state, k) for k in range(self.D)]
+            return [rows[k] for k in components]
 
-        return text.otherwise(is_clear, after, carefully)
+        return text.otherwise((bad | told).equals(0), after, carefully)
 
     def over_signs(self, instruction, truth_of, bases, state, final):
         """Return truth_of(base, after) of all components that keep their signs, joined."""
-        signs = sorted(self.step.of_one_sign)
-        truths = [truth_of(self.text.row(bases, k), final[k]) for k in signs]
-        return self.text.joined(instruction, truths)
+        truths = [truth_of(bases[k], final[k]) for k in sorted(self.step.of_one_sign)]
+        return Truth(self.text, self.text.joined(instruction, truths))
 
     def keep_bases(self, bases, state, final):
         for k in sorted(self.step.of_one_sign):
-            self.text.put(final[k], bases, k)
+            bases[k] = final[k]
 
     def save(self, line, row, state, final):
         """Write the states of a line to the row, one trajectory after the other.
@@ -307,13 +291,12 @@ class _Inlined(_Driver):
         From registers: plain loops take 1.57 times as long. The last line has fewer trajectories.
         """
         text, W, D = self.text, self.text.W, self.D
-        place = text.integer("add", row, text.integer("mul", line, 8 * W * D))
+        place = row + line * (8 * W * D)
         if W == 1:
             for k in range(D):
-                text.store("double", final[k], text.plus(place, 8 * k))
+                text.store("double", final[k], place + 8 * k)
             return
-        last = text.integer("mul", text.integer("add", line, 1), W)
-        is_whole = text.compare_integers("ule", last, self.of.trajectories)
+        is_whole = (line + 1) * W <= self.of.trajectories
         mark = ", !nontemporal !1" if self.align > 8 else ""
         with text.when(is_whole, likely=True):
             for first in range(0, W * D, W):
@@ -324,8 +307,8 @@ class _Inlined(_Driver):
                         for n, (lane, component) in enumerate(sources)
                     ]
                     vector = text.shuffled(vector, final[k], order)
-                text.store(text.V, vector, text.plus(place, 8 * first), self.align, mark)
-        with text.when(text.new(f"xor i1 {is_whole}, true")):
+                text.store(text.V, vector, place + 8 * first, self.align, mark)
+        with text.when(~is_whole):
             self.save_by_lane(line, row, state)
 
 
@@ -339,33 +322,29 @@ class _Called(_Driver):
         self.D = self.of.D
 
     def begin_stage(self, plan):
-        self.table = self.text.load("i64", plan)
+        self.table = Integers(self.text, plan)[0]
 
     def take_stage(self, state, line, n, x):
         """Add a stage of a line, and `careful` for its bits; the state is in memory alone."""
         text, of = self.text, self.of
-        bits = text.call("i64", of.stage_code, state, self.table, of.stage_plan)
-        with text.when(text.compare_integers("ne", bits, 0), likely=False):
+        bits = Index(text, text.call("i64", of.stage_code, state, self.table, of.stage_plan))
+        with text.when(bits.differs(0), likely=False):
             with text.when(text.compare_integers("slt", bits, 0)):
                 self.leave_at(STOPPED, **self.at)
-            good = text.integer("xor", text.integer("and", bits, self.all_lanes), self.all_lanes)
-            bad, told = self.lanes_to_tell(good, text.integer("lshr", bits, 8), line)
-            is_clear = text.compare_integers("eq", text.integer("or", bad, told), 0)
-            with text.when(text.new(f"xor i1 {is_clear}, true")):
+            good = (bits & self.all_lanes) ^ self.all_lanes
+            bad, told = self.lanes_to_tell(good, bits >> 8, line)
+            with text.when((bad | told).differs(0)):
                 self.call_careful(line, bad, told, n)
         return []
 
     def over_signs(self, instruction, truth_of, bases, state, final):
-        text = self.text
-
-        def join(i, value):
-            k = text.load("i64", text.at(self.of.signs, i))
-            truth = truth_of(text.row(bases, 0, k), text.row(state, 0, k))
-            value, i = text.joined(instruction, [value, truth]), text.integer("add", i, 1)
-            return {"i": i, "value": value}, text.compare_integers("ult", i, self.of.sign_count)
-
-        start = text.truth(instruction == "and")
-        return text.cycle({"i": ("i64", "0"), "value": (text.M, start)}, join)["value"]
+        text, signs = self.text, Integers(self.text, self.of.signs)
+        now = Carried(truth=Truth(text, text.truth(instruction == "and")))
+        for i in text.each(self.of.sign_count, now):
+            k = signs[i]
+            truth = truth_of(bases[k], state[k])
+            now.truth = now.truth & truth if instruction == "and" else now.truth | truth
+        return now.truth
 
     def keep_bases(self, bases, state, final):
         self.text.copy(state, bases, self.D)

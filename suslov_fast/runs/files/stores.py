@@ -1,22 +1,25 @@
-"""Zarr stores of runs: how they are created, and which tiles and chunks they lack.
+"""Zarr stores of runs: how they are created, and which tiles they lack.
 
-A store is complete once its metadata are consolidated, a tile once its `status` is written. Every
-chunk is written, even one of fill values only, so a chunk that does not exist was lost. There are
-no shards, because a writer replaces a whole shard, and so would lose what other tiles write to it
-at the same time.
+A tile is done once its `status` is written, after all else; until then it is PENDING. Every chunk
+is written, even one of fill values only, so a chunk that does not exist was lost.
 """
 
 from __future__ import annotations
 
+import asyncio
 import errno
 import hashlib
 import json
 import math
 import os
 import shutil
-from collections.abc import Mapping
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from tempfile import TemporaryDirectory
+from typing import Any
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
@@ -25,90 +28,177 @@ import numpy as np
 from ... import checks
 from ...checks import in_units, short, wrong
 from ...engine.random_starts import RandomStarts
-from ..columns import MOTION, RUN
-from . import access
-from .metadata import Contents, Stored, Tile, read_contents, stored_in
+from ...engine.status import PENDING
+from ..columns import FORMAT, MOTION, RUN, OtherFormat
 
-# Values that unwritten chunks show, by the name of a column; others are NaN, or Zarr's default.
+Tile = tuple[int, ...]  # position of a tile along each axis of the batch
+MOST_CHUNKS = 2**21  # of a store
+_CHECKSUM = 4  # bytes, which follow the numbers of a chunk
+_AT_A_TIME = 64  # simultaneous requests
+# Values that unwritten chunks show, by the name of a column; others are NaN.
 _FILLS = {column.name: column.fill for column in (*RUN, *MOTION)}
-# Attributes that only some runs have.
+# Attributes that only some runs have, and those that identify no run.
 _OPTIONAL = "map save_every attitude names H K atol max_step stiff".split()
-# Attributes that identify no run, or follow from others.
-_NOT_COMPARED = "version", "coordinates", "title", "tiled", "shared"
-# Suffixes of files, which no store has: of runs, of datasets, and of archives.
-_OF_FILES = ".npz", ".nc", ".h5", ".hdf5", ".csv", ".zip"
-# What to do with a folder of others.
-_NEW = "pass a new name"
-
-
-# The indices and keys of the chunks of each array.
-Expected = Mapping[str, list[tuple[tuple[int, ...], str]]]
-
-
-class Lost(NamedTuple):
-    """Lost chunks of a store, and tiles to compute."""
-
-    chunks: dict[str, int]  # number of lost chunks, by the name of their array
-    tiles: set[Tile]  # computed tiles with a lost chunk
-    pending: set[Tile]  # tiles that are not computed yet
-
-    def __str__(self) -> str:
-        counts = self.chunks.items()
-        return ", ".join(f"{count} chunk{'s' * (count > 1)} of {name}" for name, count in counts)
+_NOT_COMPARED = "version", "coordinates", "title", "tiled"
+_OF_FILES = ".npz", ".nc", ".h5", ".hdf5", ".csv", ".zip"  # suffixes, which no store has
 
 
 def resolved(store: Any) -> Any:
     """Return a store in a form that other processes can open: folders as absolute paths."""
-    Store = checks.extra("zarr.abc.store", "large").Store
-    if isinstance(store, Store):
-        return access.opened(store)
+    if isinstance(store, checks.extra("zarr.abc.store", "large").Store):
+        return store
     folder = "the name of a folder, such as 'runs.zarr'"
     if not isinstance(store, (str, os.PathLike)):
         raise wrong("store", folder, short(store), TypeError)
     store = os.path.expanduser(store)
     if Path(store).suffix.lower() in _OF_FILES:
         raise wrong("store", folder, repr(store))
-    if store.startswith("file://"):  # fsspec makes no folders
+    if store.startswith("file://"):
         return Path(url2pathname(urlsplit(store).path)).absolute()
     return store if "://" in store else Path(store).absolute()
 
 
-def lost(store: Any, contents: Contents) -> Lost:
-    """Return the chunks and tiles that a store lacks."""
-    is_folder, arrays = isinstance(store, Path), contents.arrays
-    expected = {name: list(array.keys(name)) for name, array in arrays.items()}
-    keys = _whole(store, arrays, expected) if is_folder else _listed(store, expected)
-    dims = arrays["status"].dims
-    done = {tile for tile, key in expected["status"] if key in keys}
-    absent: dict[str, tuple[str, Tile | None]] = {}  # by key: the array, and the tile if any
-    for name in [name for name in expected if name != "status"]:
-        axes = [arrays[name].dims.index(dim) for dim in dims] if name in contents.tiled else None
-        for index, key in expected[name]:
-            tile = None if axes is None else tuple(index[axis] for axis in axes)
-            if key not in keys and (tile is None or tile in done):
-                absent[key] = name, tile
-    if not is_folder:  # ask for each, because listings of remote stores may lack new keys
-        for key in access.run(access.existing(access.reader(store), list(absent))):
-            del absent[key]
-    chunks: dict[str, int] = {}
-    for name, _ in absent.values():
-        chunks[name] = chunks.get(name, 0) + 1
-    damaged = {tile for _, tile in absent.values() if tile is not None}
-    return Lost(chunks, damaged, {tile for tile, _ in expected["status"]} - done)
+def group_of(store: Any, mode: Any = "r") -> Any:
+    """Return the Zarr group of a store of this format; None if there is no store."""
+    import zarr
+
+    try:
+        group = zarr.open_group(store, mode=mode, zarr_format=3)
+    except FileNotFoundError:
+        return None
+    except (ValueError, LookupError, TypeError) as error:
+        if "read-only" in str(error) or "read_only" in str(error):
+            raise
+        raise _foreign(store, f"damaged metadata: {error}") from error
+    number, version = group.attrs.get("format"), group.attrs.get("version")
+    if number != FORMAT and version:
+        raise ValueError(f"store: {store} is {OtherFormat(number, version)}")
+    if number != FORMAT:
+        raise _foreign(store, "other data: pass a new name; xarray.open_zarr reads them")
+    if _is_complete(group) and (absent := _names_in(group.attrs) - {*group}):
+        raise _foreign(store, f"damaged metadata: no {', '.join(sorted(absent))}")
+    return group
 
 
-def _whole(folder: Path, arrays: Mapping[str, Stored], expected: Expected) -> set[str]:
-    """Return the keys of the chunks in a folder whose files have the right size.
-
-    Those of `status` come first, because it is written last: a tile that is finished meanwhile is
-    then pending, not damaged.
-    """
+def _names_in(attributes: Any) -> set[str]:
+    """Return the names of the arrays of a run with these attributes."""
+    tiled, labels = attributes.get("tiled", ["tiled"]), attributes.get("coordinates", "")
     return {
-        key
-        for name in sorted(expected, key=lambda name: name != "status")
-        for _, key in expected[name]
-        if _is_whole(f"{folder}/{key}", arrays[name].nbytes)
+        *tiled,
+        *labels.split(),
+        "component",
+        *(("n", "eps") if "map" in attributes else ("time",)),
     }
+
+
+def _foreign(store: Any, data: str) -> Any:
+    """Return the error of a store that holds other data."""
+    return wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {data}")
+
+
+def _is_complete(group: Any) -> bool:
+    """Return whether all arrays were created: then their metadata were consolidated."""
+    return group is not None and group.metadata.consolidated_metadata is not None
+
+
+def opened(store: Any) -> Any:
+    """Return the lazy dataset of a store, or raise an error if chunks are missing."""
+    import dask.array
+    import xarray
+
+    if not _is_complete(group := group_of(store)):
+        raise FileNotFoundError(f"store: there is no store of ensemble at {store}")
+    done, _ = tiles_in(store, group)  # first, because another process may finish a tile meanwhile
+    _refuse(store, _lost(store, group, done))
+    data = xarray.open_zarr(store, chunks=None, consolidated=True, zarr_format=3)
+    lazy = {
+        name: data.variables[name].copy(
+            data=dask.array.from_array(Stored(store, array), chunks="auto", name=False)
+        )
+        for name, array in group.arrays()
+        if array.shape and name in group.attrs["tiled"]
+    }
+    return data.assign(lazy)
+
+
+class Stored:
+    """An array of a store, whose error on reading says what to delete."""
+
+    def __init__(self, store: Any, array: Any) -> None:
+        self._store, self._array = store, array
+        self.shape, self.dtype, self.ndim = array.shape, array.dtype.newbyteorder("="), array.ndim
+        self.chunks = array.chunks  # to which Dask aligns its own
+
+    def __getitem__(self, index: Any) -> Any:
+        try:
+            values = np.asarray(self._array[index])
+        except ValueError as error:  # of a checksum, or of a length
+            raise _damaged(self._store, self._array.path, error) from error
+        return values.astype(self.dtype, copy=False).view(self.dtype)  # in the order of the machine
+
+
+def _damaged(store: Any, name: str, error: Exception) -> ValueError:
+    what = "status/c" if name == "status" else f"the chunk, in {name}/c, and status/c"
+    how = f"delete {what}, and call ensemble again, which computes the tiles anew"
+    return ValueError(f"store: a chunk of {name} in {store} is damaged ({error}): {how}")
+
+
+def tiles_in(store: Any, group: Any) -> tuple[list[Tile], list[Tile]]:
+    """Return the tiles of a store that are done, and those that are not."""
+    status = group["status"]
+    try:
+        values = np.asarray(status[...])
+    except ValueError as error:
+        raise _damaged(store, "status", error) from error
+    done: list[Tile] = []
+    pending: list[Tile] = []
+    for tile in product(*map(range, status.cdata_shape)):
+        is_done = (values[place_of(tile, values.shape, status.chunks)] != PENDING).all()
+        (done if is_done else pending).append(tile)
+    return done, pending
+
+
+def _refuse(store: Any, lost: dict[str, Tile | None]) -> None:
+    """Raise an error if chunks are lost, which says what to delete."""
+    if not lost:
+        return
+    (key, tile), *_ = lost.items()
+    how = "ensemble, called again, writes parameters and labels anew"
+    if tile is not None:
+        is_one = len({*lost.values()}) == 1
+        what = "/".join(["status/c", *map(str, tile)]) if is_one else "status/c"
+        how = f"delete {what} there, and ensemble, called again, computes its tiles anew"
+    more = f" and {len(lost) - 1} more" * (len(lost) > 1)
+    received = f"{store} without the chunk {key}{more}: {how}"
+    raise wrong("store", "have whole chunks of all its tiles", received)
+
+
+def place_of(tile: Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> tuple[slice, ...]:
+    """Return the slices of the batch that a tile covers."""
+    axes = zip(tile, shape, chunks, strict=True)
+    return tuple(slice(k * m, min(k * m + m, n)) for k, n, m in axes)
+
+
+def _lost(store: Any, group: Any, done: list[Tile]) -> dict[str, Tile | None]:
+    """Return the keys of chunks that are not there whole, each with its tile if it has one."""
+    expected: dict[str, tuple[Tile | None, int | None]] = {}  # with their numbers of bytes
+    batch = group["status"].metadata.dimension_names or ()
+    for name, array in group.arrays():
+        counts, dims = array.cdata_shape, array.metadata.dimension_names or ()
+        fixed = array.dtype.kind in "fiu" and math.prod(array.chunks) > 0
+        size = array.dtype.itemsize * math.prod(array.chunks) + _CHECKSUM if fixed else None
+        tiles: list[Tile | None] = [*done] if name in group.attrs["tiled"] else [None]
+        for tile in tiles:
+            at = {} if tile is None else dict(zip(batch, tile, strict=True))
+            axes = ([at[d]] if d in at else range(n) for d, n in zip(dims, counts, strict=True))
+            for index in product(*axes):
+                key = f"{name}/{array.metadata.encode_chunk_key(index)}"
+                expected[key] = tile, size
+    if isinstance(store, Path):
+        missing = [key for key, (_, n) in expected.items() if not _is_whole(f"{store}/{key}", n)]
+    else:
+        missing = _absent(store, [*expected])
+    return {key: expected[key][0] for key in missing}
 
 
 def _is_whole(path: str, nbytes: int | None) -> bool:
@@ -120,44 +210,125 @@ def _is_whole(path: str, nbytes: int | None) -> bool:
     return nbytes is None or size == nbytes
 
 
-def _listed(store: Any, expected: Expected) -> set[str]:
-    """Return the keys of a store; if it cannot list them, such as one by HTTP, ask for each."""
-    source = access.reader(store)
-    keys = access.run(access.keys_of(source))
-    if "zarr.json" in keys:
-        return keys
-    return access.run(
-        access.existing(source, [key for pairs in expected.values() for _, key in pairs])
-    )
+def _absent(store: Any, keys: list[str]) -> list[str]:
+    """Return the keys that a store does not have.
+
+    It is asked in a thread, because a notebook has a loop of events of its own.
+    """
+    from zarr.storage import FsspecStore
+
+    async def ask() -> list[str]:
+        source = FsspecStore.from_url(store, read_only=True) if isinstance(store, str) else store
+        if isinstance(source, FsspecStore):
+            source.fs.invalidate_cache()  # cached listings lack chunks of other processes
+        try:
+            found = {key async for key in source.list_prefix("")}
+        except Exception:  # of any class, because each kind of server has its own
+            found = set()
+        turn = asyncio.Semaphore(_AT_A_TIME)
+
+        async def has(key: str) -> bool:
+            async with turn:
+                return bool(await source.exists(key))
+
+        left = [key for key in keys if key not in found]
+        there = await asyncio.gather(*map(has, left))
+        return [key for key, is_there in zip(left, there, strict=True) if not is_there]
+
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, ask()).result()
 
 
-def has_tile(store: Any, tile: Tile) -> bool:
-    """Return whether this process finds the status of a tile in a store."""
-    key = "/".join(["status", "c", *map(str, tile)])
-    return bool(access.run(access.existing(access.reader(store), [key])))
+def prepare(store: Any, data: Any, sizes: dict[str, int]) -> tuple[Any, list[Tile]]:
+    """Return the group of a run, created or found, and its tiles to compute.
 
-
-def prepare(store: Any, data: Any, sizes: dict[str, int]) -> tuple[list[Tile], Contents]:
-    """Create the store of a run, or check that it holds this run.
-
-    Return the tiles to compute, and the metadata.
+    Raise an error if the store holds another run.
     """
     if not getattr(store, "supports_deletes", True):  # in a ZIP file no entry can be rewritten
         received = f"{type(store).__name__}: write into a folder, and open_ensemble reads a copy"
         raise wrong("store", "a store that is written in parts, in any order", received)
-    contents = read_contents(store)
-    if contents is None:
+    group = group_of(store)
+    if group is None:
         _check_new(store, data)
     else:
-        _require_same(store, data, contents.attributes)
-    if contents is not None and contents.arrays:
-        _restore_shared(store, data, contents)
-    else:
-        create(store, data, sizes)
-        contents = read_contents(store)
-        assert contents is not None
-    lacks = lost(store, contents)
-    return sorted(lacks.tiles | lacks.pending), contents
+        _require_same(store, data, dict(group.attrs))
+    if not _is_complete(group):
+        is_new = group is None and isinstance(store, Path)
+        (_create if is_new else _fill)(store, data, sizes)
+        group = group_of(store)
+        _require_same(store, data, dict(group.attrs))  # another process may have begun another run
+    done, pending = tiles_in(store, group)
+    lost = _lost(store, group, done)
+    _write_shared(store, group, data, {key.partition("/")[0] for key in lost})
+    _refuse(store, {key: tile for key, tile in lost.items() if tile is not None})
+    return group, pending
+
+
+def _create(store: Path, data: Any, sizes: dict[str, int]) -> None:
+    """Create the arrays of a run elsewhere, so that a folder appears as a whole."""
+    target = Path(os.path.realpath(store))
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(".partial", f"{target.name}.", target.parent) as folder:
+        made = Path(folder) / "made"
+        _fill(made, data, sizes)
+        with suppress(OSError):
+            target.rmdir()  # if it is empty
+        try:
+            made.rename(target)
+        except OSError:
+            if not (target / "zarr.json").exists():  # else another process made it
+                raise
+
+
+def _fill(target: Any, data: Any, sizes: dict[str, int]) -> None:
+    """Create the arrays that are not there; those of states first, whose chunks tell the tiles."""
+    import zarr
+    from zarr.errors import ContainsArrayError
+
+    labels = " ".join(str(name) for name in data.coords if name not in data.dims)
+    attributes = {**data.attrs, "coordinates": labels}  # by which xarray knows coordinates
+    group = zarr.open_group(target, mode="a", zarr_format=3, attributes=attributes)
+    _require_same(target, data, dict(group.attrs))
+    batch = data["status"].dims
+    first = next(name for name in data if data[name].dims[1:] == (*batch, "component"))
+    for name in (first, *(each for each in data.variables if each != first)):
+        variable, is_tiled = data.variables[name], name in data.attrs["tiled"]
+        lengths = {**data.sizes, **sizes} if is_tiled else data.sizes
+        kind = variable.dtype.kind
+        with suppress(ContainsArrayError):
+            group.create_array(
+                name,
+                shape=variable.shape,
+                dtype=str if kind in "OU" else variable.dtype,
+                chunks=tuple(max(1, lengths[dim]) for dim in variable.dims),
+                fill_value=_FILLS.get(str(name), math.nan if kind == "f" else None),
+                compressors=zarr.codecs.Crc32cCodec(),
+                dimension_names=variable.dims,
+                attributes=variable.attrs,
+            )
+        if name == first:
+            sizes = dict(zip(variable.dims, group[name].chunks, strict=True))
+    _write_shared(target, group, data, {*map(str, data.variables)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that consolidated metadata are not part of the format
+        zarr.consolidate_metadata(target, zarr_format=3)
+
+
+def _write_shared(store: Any, group: Any, data: Any, lost: set[str]) -> None:
+    """Write the arrays that all tiles share where they are lost, or are not those of the run."""
+    for name, variable in data.variables.items():
+        if name in data.attrs["tiled"]:
+            continue
+        if name in lost or not _has_values(group[name], variable.values):
+            array = group_of(store, "r+")[name] if group.read_only else group[name]
+            array.with_config({"write_empty_chunks": True})[...] = variable.values
+
+
+def _has_values(array: Any, values: Any) -> bool:
+    try:
+        return np.array_equal(array[...], values, equal_nan=values.dtype.kind == "f")
+    except ValueError:  # of a checksum
+        return False
 
 
 def _require_same(store: Any, data: Any, theirs: dict[str, Any]) -> None:
@@ -175,27 +346,19 @@ def _require_same(store: Any, data: Any, theirs: dict[str, Any]) -> None:
 
 
 def _check_new(store: Any, data: Any) -> None:
-    """Check that a store is new, and that its folder has no other files and space for the run."""
-    if (
-        access.run(access.keys_of(access.reader(store), "status/c/"))
-        and read_contents(store) is None
-    ):
-        received = f"{store} with tiles, but without zarr.json: {_NEW}"
-        raise wrong("store", "a new name or a store", received)
+    """Check that the folder of a new store has no other files, and space for the run."""
     if not isinstance(store, Path):
         return
     if os.path.lexists(store) and not store.is_dir():
         message = "the name of a file, or of a link without a target: pass a new name"
         raise FileExistsError(errno.EEXIST, message, str(store))
-    names = {path.name for path in store.glob("*") if path.suffix != ".partial"}
-    ours = {"zarr.json", *map(str, data.variables)}  # another process may have begun this run
-    if others := names - ours:
-        raise wrong("store", "a new name or a store", f"{store} with {min(others)} in it: {_NEW}")
+    if others := {path.name for path in store.glob("*") if path.suffix != ".partial"}:
+        received = f"{store} with {min(others)} in it: pass a new name"
+        raise wrong("store", "a new name or a store", received)
     free = shutil.disk_usage(next(parent for parent in store.parents if parent.exists())).free
     if data.nbytes > free:
-        sizes = in_units(free), in_units(data.nbytes)
         how = "choose another disk, or save fewer states"
-        message = f"{sizes[0]} are free, the run takes {sizes[1]}: {how}"
+        message = f"{in_units(free)} are free, the run takes {in_units(data.nbytes)}: {how}"
         raise OSError(errno.ENOSPC, message, str(store))
 
 
@@ -221,70 +384,3 @@ def _in_words(value: Any) -> str:
         value = json.loads(value)
     text = str(described("store", np.array(value), 0) if isinstance(value, list) else value)
     return text.partition(", sha256")[0]
-
-
-def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
-    """Create the arrays of a store, except those that an earlier call or another process made."""
-    target, made = access.reader(store, read_only=False), _made(data, sizes)
-    group = access.run(access.put_new(target, "zarr.json", made["zarr.json"]))
-    # Another process may have begun another run meanwhile.
-    _require_same(store, data, json.loads(group)["attributes"])
-    # The array of states is made first: its chunks tell the tiles, which all arrays share.
-    batch = data["status"].dims
-    states = next(name for name in data if data[name].dims[1:] == (*batch, "component"))
-    key = f"{states}/zarr.json"
-    if (found := access.run(access.put_new(target, key, made[key]))) != made[key]:
-        array = stored_in(states, json.loads(found))
-        made = _made(data, dict(zip(array.dims, array.chunks, strict=True)))
-    there = access.run(access.existing(target, list(made)))
-    access.run(access.put(target, {key: [made[key]] for key in made if key not in there}))
-    access.run(_consolidate(target, sorted(key for key in made if key.endswith("/zarr.json"))))
-
-
-def _made(data: Any, sizes: dict[str, int]) -> dict[str, bytes]:
-    """Return the keys and values of a new store: all metadata, and the chunks of shared arrays.
-
-    Zarr makes them in memory, because it takes many requests one after the other.
-    """
-    import zarr
-
-    made: dict[str, Any] = {}
-    labels = " ".join(str(name) for name in data.coords if name not in data.dims)
-    attributes = {**data.attrs, "coordinates": labels}  # by which xarray knows coordinates
-    memory, shared = zarr.storage.MemoryStore(made), json.loads(data.attrs["shared"])
-    root = zarr.create_group(memory, zarr_format=3, attributes=attributes)
-    for name, variable in data.variables.items():
-        lengths = data.sizes if name in shared else {**data.sizes, **sizes}
-        kind = variable.dtype.kind
-        array = root.create_array(
-            name,
-            shape=variable.shape,
-            dtype=str if kind in "OU" else variable.dtype,
-            chunks=tuple(max(1, lengths[dim]) for dim in variable.dims),
-            fill_value=_FILLS.get(str(name), math.nan if kind == "f" else None),
-            compressors=zarr.codecs.Crc32cCodec(),
-            dimension_names=variable.dims,
-            attributes=variable.attrs,
-            config={"write_empty_chunks": True},
-        )
-        if name in shared:
-            array[...] = variable.values
-    return {key: value.to_bytes() for key, value in made.items()}
-
-
-async def _consolidate(target: Any, keys: list[str]) -> None:
-    """Write consolidated metadata, as Zarr does, with which a store is complete."""
-    texts = await access.texts(target, ["zarr.json", *keys])
-    group, *documents = (json.loads(text or "") for text in texts)
-    arrays = {key.partition("/")[0]: each for key, each in zip(keys, documents, strict=True)}
-    metadata = {"kind": "inline", "must_understand": False, "metadata": arrays}
-    text = json.dumps(group | {"consolidated_metadata": metadata}, indent=2)
-    await access.put(target, {"zarr.json": [text.encode()]})
-
-
-def _restore_shared(store: Any, data: Any, contents: Contents) -> None:
-    """Write the arrays that all tiles share anew where they are not those of the run."""
-    made = _made(data, {})
-    keys = [key for name in contents.shared for _, key in contents.arrays[name].keys(name)]
-    target = access.reader(store, read_only=False)
-    access.run(access.put_where_different(target, {key: made[key] for key in keys}))

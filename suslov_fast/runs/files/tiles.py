@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator
 from dataclasses import asdict, dataclass
 from itertools import islice
 from typing import Any, ClassVar
@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ... import checks
-from ...checks import FloatArray, require, wrong
+from ...checks import FloatArray, require
 from ...core.motion.engine import Settings
 from ...engine.arguments import flat_arrays
 from ...engine.motions import Asked
@@ -22,8 +22,7 @@ from ...engine.stretches import March
 from ..columns import RUN
 from ..flow import motion_of
 from ..motion import variable_of
-from . import access, stores
-from .metadata import Stored, Tile
+from .stores import group_of
 
 # Tiles that are queued per thread of a Dask worker.
 _QUEUED = 4
@@ -33,7 +32,6 @@ _LARGE_TASK = 2**28
 # states cost less, one thread computes them, because others would spin while it writes.
 _WRITING_COST = 8.0
 
-Arrays = Mapping[str, Stored]  # of a store, by their names
 Piece = dict[str, Any]  # values of columns
 
 
@@ -124,99 +122,58 @@ Task = Steps | Times
 
 
 def finish(
-    tiles: dict[Tile, Where],
-    whole: Problem,
-    task: Task,
-    arrays: Arrays,
-    client: Any,
-    store: Any,
+    tiles: list[Where], whole: Problem, task: Task, client: Any, store: Any
 ) -> Generator[Where, None, None]:
-    """Compute tiles of a batch, here or by a Dask client, and write them to the arrays of a store.
-
-    Yield the place of each when done.
-    """
-    target = access.reader(store, read_only=False)
+    """Compute tiles of a batch, here or by a Dask client, and write them; yield each when done."""
     if client is None:
-        for tile, where in tiles.items():
-            part = _problem_of(whole, where)
-            _compute(part, task, tile, where, arrays, target)
+        for where in tiles:
+            _compute(_problem_of(whole, where), task, where, store)
             yield where
         return
     from dask import config
     from distributed import as_completed
 
     settings = {"distributed.admin.large-graph-warning-threshold": _LARGE_TASK}
-    waiting = iter(tiles.items())
-    under_way: dict[Any, tuple[Tile, Where]] = {}
-    jobs, known_workers = as_completed(loop=client.loop), set()
+    waiting, jobs = iter(tiles), as_completed(loop=client.loop)
+    under_way: dict[Any, Where] = {}
 
     def submit() -> None:
         """Queue tiles for all workers, of which there may be more by now."""
         most = _QUEUED * max(1, sum(client.nthreads().values()))
-        for tile, where in islice(waiting, max(0, most - len(under_way))):
+        for where in islice(waiting, max(0, most - len(under_way))):
             part = _problem_of(whole, where)
-            arguments = part, task, tile, where, arrays, target
             with config.set(settings):
-                job = client.submit(_compute_on_worker, *arguments, pure=False)
-            under_way[job] = tile, where
+                job = client.submit(_compute, part, task, where, store, pure=False)
+            under_way[job] = where
             jobs.add(job)
 
     try:
         submit()
         for job in jobs:
-            tile, where = under_way.pop(job)
-            worker = job.result()
-            if worker not in known_workers and not stores.has_tile(store, tile):
-                received = f"{worker}, whose tile is not at {store}"
-                raise wrong("client", "have workers that write to the store", received)
-            known_workers.add(worker)
-            yield where
+            job.result()
+            yield under_way.pop(job)
             submit()
     finally:
         client.cancel([*under_way])
 
 
-def _compute_on_worker(*arguments: Any) -> str:
-    """Compute a tile; return the address of the worker."""
-    from distributed import get_worker
-
-    _compute(*arguments)
-    return str(get_worker().address)
-
-
-def _compute(
-    part: Problem,
-    task: Task,
-    tile: Tile,
-    where: Where,
-    arrays: Arrays,
-    target: Any,
-) -> None:
+def _compute(part: Problem, task: Task, where: Where, store: Any) -> None:
     """Compute a tile in pieces that fill a chunk, and write them; `status`, last, marks it done."""
-    from .chunks import encoded
-
     if isinstance(part.omega, RandomStarts):  # drawn here, so that no process holds all states
         drawn = part.omega._part(along(part.omega.shape, where), part.body.dimension)
         part = part._replace(omega=drawn)
-    position = dict(zip(arrays["status"].dims, tile, strict=True))
     variable = part.map.variable if part.map else variable_of(type(part.body))
-
-    def write(columns: Mapping[str, Any]) -> None:
-        """Write the values of columns to their chunks at `position`."""
-        made = {}
-        for name, values in columns.items():
-            array = arrays[name]
-            made[array.key(name, position)] = encoded(values, array.chunks, array.dtype)
-        access.run(access.put(target, made))
-
-    for k, piece in enumerate(task.pieces(part, arrays[variable].chunks[0])):
-        position[task.axis] = k
-        if (states := piece.pop("states", None)) is not None:
-            write({variable: states} | piece)
-            continue
-        status = piece.pop("status")
-        write(piece)
-        write({"status": status})
+    # A chunk that is not there was lost.
+    kept = {"write_empty_chunks": True}
+    arrays = {name: array.with_config(kept) for name, array in group_of(store, "r+").arrays()}
+    batch, rows = arrays["status"].metadata.dimension_names or (), arrays[variable].chunks[0]
+    place: dict[str, Any] = dict(zip(batch, where, strict=True))
+    for k, piece in enumerate(task.pieces(part, rows)):
+        place[task.axis] = slice(k * rows, k * rows + len(piece.get("states", ())))
+        for name in sorted(piece, key=lambda name: name == "status"):
+            array = arrays[variable if name == "states" else name]
+            index = tuple(place.get(d, slice(None)) for d in array.metadata.dimension_names or ())
+            array[index] = piece[name]
 
 
 def _problem_of(whole: Problem, where: Where) -> Problem:
@@ -225,12 +182,6 @@ def _problem_of(whole: Problem, where: Where) -> Problem:
     if isinstance(tile.omega, RandomStarts):
         return tile
     return tile._replace(omega=checks.states("x0", np.asarray(tile.omega), tile.body.labels))
-
-
-def place_of(tile: Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> Where:
-    """Return the slices of the batch that a tile covers."""
-    axes = zip(tile, shape, chunks, strict=True)
-    return tuple(slice(k * m, min(k * m + m, n)) for k, n, m in axes)
 
 
 def count_in(where: Where) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.motion.engine import Motion as Engine, Settings, prepare
+from ..core.motion.engine import Motion as Engine, Settings, Stops, prepare
 from ..core.motion.one import motion_of_one
 from ..core.motion.rows import State
 from .arguments import ALL
@@ -24,6 +24,7 @@ DONE = int(State.DONE)
 _STATUS = np.full(len(State), Status.TOO_MANY_STEPS, np.int8)  # also of a run that was ended
 _STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
 _STATUS[State.NO_VALUE], _STATUS[State.SLIDING] = Status.NONFINITE, Status.SLIDING
+_STATUS[State.STOPPED], _STATUS[State.ACCUMULATES] = Status.STOPPED, Status.ACCUMULATES
 
 
 class Asked(NamedTuple):
@@ -34,6 +35,17 @@ class Asked(NamedTuple):
     settings: Settings
     threads: int | None = None
     report: Callable[[int], bool] | None = None  # takes the number of states that are done
+    stops: Stops | None = None  # times of changes, if the right-hand side has changes
+
+
+class Records(NamedTuple):
+    """What changes of the state did, ordered by trajectory and time."""
+
+    trajectory: NDArray[np.int64]  # (K,)
+    which: NDArray[np.int64]  # (K,), numbers of changes in the order of code
+    time: FloatArray  # (K,)
+    before: FloatArray  # (K, D)
+    states: FloatArray  # (K, D), after the change
 
 
 class Found(NamedTuple):
@@ -44,6 +56,7 @@ class Found(NamedTuple):
     steps: NDArray[np.int64]  # (B,)
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
+    records: Records | None = None  # of changes, if there are any
 
 
 def nothing_found(starts: FloatArray, count: int) -> Found:
@@ -83,9 +96,9 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
 
     If `report` returns False, states that are not done stay NaN.
     """
-    times, sign, settings, threads, report = asked
+    times, sign, settings, threads, report, stops = asked
     B = len(starts)
-    if B == 1 and report is None:
+    if B == 1 and report is None and stops is None:
         alone = _of_one(field, starts, times, sign, settings)
         if alone is not None:
             return alone
@@ -97,7 +110,7 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
         prepare(f, settings, count, table.ndim > 1, starts.size * len(times) > _LARGE)
     found = nothing_found(starts, len(times))
     count = threads_for(B, threads)
-    done = 0
+    done, records = 0, []
     for where, f, table in groups:
         x0, states = starts, found.states
         if where is not ALL:
@@ -106,15 +119,36 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
         before = done
         own = None if report is None else lambda now, before=before: report(before + now)
         arguments = f, table, x0, times, sign, settings, states
-        is_stopped, t, steps, status = call_engine(*arguments, count, own)
+        own_stops = stops if stops is None or where is ALL else stops.of(where)
+        engine = Engine(*arguments, own_stops)
+        engine.run(count, own)
+        t, status = sign * engine.t, status_of(engine.state)
+        records += [(where, each) for each in engine.records]
         if where is not ALL:
             found.states[:, where] = states
         found.t[where] = np.where(status == Status.OK, np.nan, t)
-        found.steps[where], found.status[where] = steps, status
+        found.steps[where], found.status[where] = engine.steps, status
         done += len(times) * len(x0)
-        if is_stopped:
-            return found._replace(is_stopped=True)
-    return found
+        if engine.is_stopped:
+            found = found._replace(is_stopped=True)
+            break
+    return found if stops is None else found._replace(records=_in_order(records, sign, starts))
+
+
+def _in_order(records: list[tuple[Any, FloatArray]], sign: int, starts: FloatArray) -> Records:
+    """Return records in order, from those of the engine and the trajectories they belong to."""
+    D = starts.shape[1]
+    rows = np.concatenate([np.empty((0, 3 + 2 * D)), *(rows for _, rows in records)])
+    trajectory, which = rows[:, :2].view(np.int64).T
+    first = 0
+    for where, part in records:
+        own = slice(first, first := first + len(part))
+        if where is not ALL:
+            trajectory[own] = where[trajectory[own]]
+    order = np.argsort(trajectory, kind="stable")
+    rows, trajectory, which = rows[order], trajectory[order], which[order]
+    before, states = rows[:, 3 : 3 + D].copy(), rows[:, 3 + D :].copy()
+    return Records(trajectory, which, sign * rows[:, 2], before, states)
 
 
 def call_engine(

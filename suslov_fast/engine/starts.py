@@ -34,6 +34,9 @@ _CAUSES = {
         f"take more than {MOST_STEPS:,} steps from one time to the next (pass more times, or a "
         "larger rtol)"
     ),
+    Status.ACCUMULATES: (
+        "have changes that follow one another without end, as a ball that comes to rest"
+    ),
     Status.NONFINITE: "have no value: f is NaN or infinite, as 0/0 and log of a negative number",
 }
 

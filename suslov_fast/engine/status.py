@@ -23,9 +23,10 @@ class Status(IntEnum):
     no next state, or none in the range of float64. `SUPERCRITICAL` and `PASSED_POLE` are positive:
     the orbit need not follow the continuous motion. `SUPERCRITICAL` is for bodies in three
     dimensions, where the :func:`criticality` is 1 or more; `PASSED_POLE` is for all others, see
-    :class:`PoleWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING` and `TOO_MANY_STEPS` are
-    solutions that stop before the last time, and `NONFINITE` those without a value at the start.
-    `message` explains the status.
+    :class:`PoleWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING`, `ACCUMULATES` and
+    `TOO_MANY_STEPS` are solutions that stop before the last time, `NONFINITE` those without a value
+    at the start, and `STOPPED`, which is positive, those that a change of the state ends. `message`
+    explains the status.
 
     Examples
     --------
@@ -46,6 +47,8 @@ class Status(IntEnum):
     ENDED = codes.ENDED
     SLIDING = codes.SLIDING
     TOO_MANY_STEPS = codes.TOO_MANY_STEPS
+    ACCUMULATES = codes.ACCUMULATES
+    STOPPED = codes.STOPPED
 
     @property
     def message(self) -> str:
@@ -77,6 +80,8 @@ _MESSAGES = {
         "stopped before the last time: too many steps from one time to the next, or progress "
         "returned False"
     ),
+    Status.ACCUMULATES: "changes of the state follow one another without end",
+    Status.STOPPED: "finished: a change of the state ended it",
 }
 
 

@@ -13,12 +13,12 @@ from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..bodies.fields.general import Field
+from ..bodies.fields.general import Field, with_changes
 from ..bodies.nd import NotIntegrableError
 from ..checks import FloatArray, Reals, short, wrong
 from ..engine.motions import Asked, Found, nothing_found, solve
 from ..engine.problem import Problem
-from ..engine.sensitivity import Columns
+from ..engine.sensitivity import Columns, WithColumns
 from ..engine.starts import (
     checked_settings,
     checked_starts,
@@ -31,6 +31,7 @@ from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
+from .changes import Change, acts_of, changes_of_records, checked_changes, stops_of
 from .motion import Motion
 from .solution import states_at
 
@@ -46,6 +47,7 @@ def flow(
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
+    changes: Change | Sequence[Change] = (),
     derivatives: str | Sequence[str] = (),
     threads: int | None = None,
     progress: Progress = None,
@@ -79,6 +81,9 @@ def flow(
     stiff : bool, optional
         True or False takes all steps by the method for stiff equations, or by the other one. By
         default each trajectory chooses, from step to step.
+    changes : Change or sequence of Change
+        Changes of the state at times or on surfaces, see :class:`Change`; ``motion.changes`` holds
+        what they did.
     derivatives : str or sequence of str
         "x0", and names of parameters of the field: ``motion.derivative(name)`` then returns the
         derivative with respect to it. The variational equations are solved to the same tolerance,
@@ -129,10 +134,15 @@ def flow(
     directions = sum(system.dimension if name == "x0" else 1 for name in names)
     copies = 2 if names else 1  # derivatives are taken out of columns beside the states
     x, batch = checked_starts(system, x0, len(times) * (1 + directions) * copies)
-    of_columns = None
+    of_columns, changes, stops = None, checked_changes(changes), None
+    if changes:
+        field = field or (system if isinstance(system, FieldOfFunction) else system.field())
+        stops = stops_of(changes, sign, batch)
     with reporter(progress, len(times) * math.prod(batch)) as report:
-        asked = Asked(times, sign, settings, thread_count(threads), report)
-        if names:
+        asked = Asked(times, sign, settings, thread_count(threads), report, stops)
+        if changes:
+            found, of_columns = _with_changes(field, x, batch, changes, names, asked)
+        elif names:
             found, of_columns = _with_derivatives(field, x, batch, names, asked)
         else:
             found = motion_of(system, x, batch, asked)
@@ -148,6 +158,9 @@ def flow(
             **tolerances_of(settings),
             "derivatives": names,
             "_derivatives": of_columns,
+            "changes": changes_of_records(found.records, changes, batch, system.dimension)
+            if changes
+            else None,
         }
     )
 
@@ -191,6 +204,22 @@ def _with_derivatives(
     states, derivatives = columns.parted(found.states)
     shape = len(asked.times), *batch, *derivatives.shape[2:]
     return found._replace(states=states), derivatives.reshape(shape)
+
+
+def _with_changes(
+    field: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    changes: tuple[Change, ...],
+    names: tuple[str, ...],
+    asked: Asked,
+) -> tuple[Found, FloatArray | None]:
+    """Return the motion with changes, and its derivatives, if there are names."""
+    acts = acts_of(field, changes)
+    if not names:
+        changed = WithColumns(field.shape, with_changes(field, acts))
+        return to_tolerance(changed, x, batch, asked), None
+    raise NotImplementedError
 
 
 # ------------------------------------------------------------------------------------------ motions
@@ -255,14 +284,14 @@ def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked
     """Return the motion of a field at times in any order."""
     if asked.sign < 0:
         asked = asked._replace(times=abs(asked.times))
-    moduli = asked.times
+    moduli, is_changed = asked.times, asked.stops is not None
     ascends = len(moduli) == 1 or not np.count_nonzero(moduli[1:] <= moduli[:-1])
-    if len(moduli) and moduli[-1] > 0.0 and ascends:
+    if len(moduli) and moduli[-1] > 0.0 and ascends and not is_changed:
         found = solve(field, x, batch, asked)
         if moduli[0] == 0.0:
             found.states[0] = x
         return found
-    later = moduli > 0.0
+    later = moduli >= 0.0 if is_changed else moduli > 0.0  # a change at time 0 acts
     ascending, places = np.unique(moduli[later], return_inverse=True)
     if not len(ascending):
         found = nothing_found(x, len(moduli))
@@ -273,4 +302,7 @@ def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked
     states = np.empty((len(moduli), *x.shape))
     states[later] = found.states[places]
     states[~later] = x
+    if is_changed:  # the engine saves no state at time 0 of a solution without a value
+        has_none = found.status == Status.NONFINITE
+        states[:, has_none] = np.where(moduli[:, np.newaxis, np.newaxis] > 0.0, np.nan, x[has_none])
     return found._replace(states=states)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, one_of, short, wrong
 from ..keywords import public
+from .changes import Changes
 from .results import QUANTITIES, States
 
 # Quantities that take a step size, which is 0 along the motion.
@@ -39,6 +40,8 @@ class Motion(States):
         last time.
     steps : ndarray(int, shape=(...))
         Number of steps that were taken; 0 where the solution is exact.
+    changes : Changes or None
+        What changes of the state did, in the order of trajectories and times.
     body, rtol, atol, max_step, stiff, derivatives
         The arguments of :func:`flow`.
 
@@ -74,6 +77,7 @@ class Motion(States):
     stiff: bool | None
     derivatives: tuple[str, ...] = ()
     _derivatives: FloatArray | None = None  # (n, ..., D, C) those by x0 first
+    changes: Changes | None = None
 
     def __call__(self, *_: Any) -> Any:
         raise TypeError("a motion cannot be called: pass the times t to flow(system, x0, time=t)")

@@ -136,7 +136,7 @@ def operands_of_function(
 def _operands(argument: str, f: Any, tracer: Tracer) -> list[Any]:
     result = called(argument, f, tracer.state, tracer.parameters)
     try:
-        parts = [result] if argument == "H" else components(result, len(tracer.state))
+        parts = [result] if argument in ("H", "surface") else components(result, len(tracer.state))
         return [tracer.result(alone(part)) for part in parts]
     except (TypeError, ValueError) as error:
         raise type(error)(f"{argument}: {error}") from None

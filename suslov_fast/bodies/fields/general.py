@@ -12,6 +12,7 @@ import numpy as np
 
 from ... import checks
 from ...checks import FloatArray
+from ...core.lists.changes import Act
 from ...core.lists.conditions import with_fixed_choices
 from ...core.lists.derivative import gradients
 from ...core.lists.right_hand_side import RightHandSide, in_order
@@ -328,15 +329,62 @@ class Field(FieldOfFunction):
 
 
 @lru_cache(64)
-def _for_motion(equations: Equations, names: tuple[str, ...], twice: bool) -> RightHandSide:
+def _for_motion(
+    equations: Equations, names: tuple[str, ...], twice: bool, acts: tuple[Act, ...] = ()
+) -> RightHandSide:
     """Return f with choices that are fixed within a step, and its derivatives by parameters.
 
-    `twice` asks for the second derivative.
+    `twice` asks for the second derivative, and `acts` are changes of the state.
     """
     values, results = in_order(equations.values, equations.results)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
-    fixed: RightHandSide = with_fixed_choices(values, results, len(equations.parameters), by, twice)
+    P = len(equations.parameters)
+    fixed: RightHandSide = with_fixed_choices(values, results, P, by, twice, acts)
     return fixed
+
+
+def with_changes(
+    field: Any, acts: tuple[Act, ...], names: tuple[str, ...] = (), twice: bool = False
+) -> list[OfMembers]:
+    """Return the right-hand sides of members of any field, with changes of the state.
+
+    `acts` are in the order of code. `names` are those of parameters to differentiate by, and
+    `twice` asks for what variational equations need.
+    """
+    equations, inputs = _lists_of(field)
+    f = _for_motion(equations, names, twice, acts)
+    choices = np.zeros((f.P - len(inputs), *field.shape))  # of no state yet
+    return FieldOfFunction._of_members(field, f, np.concatenate([inputs, choices]))
+
+
+def _lists_of(field: Any) -> tuple[Equations, FloatArray]:
+    """Return the equations of any field, and their parameters (P, ...) of all members.
+
+    Of a quadratic field the values of terms are parameters after those with names.
+    """
+    if isinstance(field, Field):
+        return field._equations, field._inputs
+    indices, values = field._terms
+    rows = [*field.arrays.values(), *np.moveaxis(values, -1, 0)]
+    inputs = np.array([np.broadcast_to(row, field.shape) for row in rows])
+    return _equations_of_terms(indices.tobytes(), field.names, tuple(field.arrays)), inputs
+
+
+@lru_cache(64)
+def _equations_of_terms(
+    indices: bytes, names: tuple[str, ...], parameters: tuple[str, ...]
+) -> Equations:
+    places = np.frombuffer(indices, np.int64).reshape(3, -1).T.tolist()
+    coefficients = [f"value of term {k}" for k in range(len(places))]
+    tracer = Tracer(names, [*parameters, *coefficients])
+    rows: list[Any] = [0.0] * len(names)
+    for name, (i, *factors) in zip(coefficients, places, strict=True):
+        product = tracer.parameters[name]
+        for k in factors:
+            product = product * tracer.state[k] if k < len(names) else product
+        rows[i] = product + rows[i]
+    results = [tracer.number(row) for row in rows]
+    return Equations(names, [*parameters, *coefficients], tracer.values, results)
 
 
 class Energy:

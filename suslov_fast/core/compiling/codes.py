@@ -9,6 +9,8 @@ NONFINITE = -2  # the next state is out of the range of float64, or state 0 is N
 ENDED = -3  # the solution ends: a pole or an escape
 SLIDING = -4  # it slides along a condition
 TOO_MANY_STEPS = -5  # it takes too many steps from one time to the next
+ACCUMULATES = -6  # changes of the state follow one another without end
+STOPPED = 3  # finished; a change of the state ended it
 
 # In integers that tell of lanes, one bit each: the place of the bits of those in which a component
 # changed its sign, after the bits of those with det A < 0.

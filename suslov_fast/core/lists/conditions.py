@@ -13,6 +13,7 @@ import itertools
 
 import numpy as np
 
+from .changes import changes_of
 from .grouped import Groups
 from .numbers import Number, larger, smaller
 from .records import same
@@ -122,13 +123,15 @@ def watch_of(f, kinds, jumps):
     return List(values.operations, [part.number, some(changes), some(changes[:jumps]), *of_kinks])
 
 
-def with_fixed_choices(values, results, P, by=(), twice=False):
+def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     """Return the `RightHandSide` whose choices are its last parameters, after the P others.
 
     Where f chooses it has `surfaces`, `watch` and `conditions`. `by` are numbers of parameters to
-    differentiate by, `twice` asks for the second derivative.
+    differentiate by, `twice` asks for the second derivative. `acts` are changes of the state, in
+    the order of `Changes`.
     """
     D = len(results)
+    changes = changes_of(acts, D, P) if acts else None
     operations = needed_for(values.operations, results)
     varying = [each for each in operations if any(_varies(values, a) for a in each[2])]
     jumps = {
@@ -147,7 +150,10 @@ def with_fixed_choices(values, results, P, by=(), twice=False):
     }
     kinds = jumps | kinks
     if not kinds:
-        return RightHandSide(values, results, P, by, twice=twice)
+        kept = range(D, D + P) if acts else ()
+        f = RightHandSide(values, results, P, by, kept=kept, twice=twice)
+        f.changes = changes
+        return f
     first = D + P
     counts = [choices_of(kind) for kind in kinds.values()]
     places = [first, *(first + count for count in itertools.accumulate(counts))]
@@ -202,6 +208,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False):
     f.watch = watch_of(f, kinds, len(jumps))
     tested = List(needed_for(tests.operations, tested), tested)
     f.conditions = Conditions(tested, kinds, len(jumps), D, P)
+    f.changes = changes
     return f
 
 

@@ -182,6 +182,7 @@ class RightHandSide:
     slopes       `List` of derivatives of the surfaces on which f jumps, by components j, and by the
                  parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
     conditions, watch   see `conditions`; None where f has none
+    changes      `Changes` of the state along the motion, or None
     key          what tells this right-hand side from others
     """
 
@@ -235,7 +236,7 @@ class RightHandSide:
         self.fixed = needed_for(of_parameters, self.table)
         self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
 
-    is_dense, conditions, watch = False, None, None
+    is_dense, conditions, watch, changes = False, None, None, None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 
@@ -244,7 +245,7 @@ class RightHandSide:
         """What tells the lists of this right-hand side from those of others."""
         lists = self.f, self.fixed, self.derivative, self.pattern, self.watch, self.second
         kinds = None if self.conditions is None else self.conditions.kinds
-        return repr((self.D, self.table, kinds, *lists))
+        return repr((self.D, self.table, kinds, *lists, self.changes))
 
     def _differentiate_again(self, values, entries):
         """Return the pattern, directions, and results of the two lists of `Second`."""

@@ -35,7 +35,7 @@ class Variational:
         self.D = f.D * (1 + columns) + 2 * has_trace
         self.clocks, self.of_one_sign = f.clocks, f.of_one_sign
         self.denominators, self.entries = f.denominators, f.entries
-        self.conditions, self.watch = f.conditions, f.watch
+        self.conditions, self.watch, self.changes = f.conditions, f.watch, f.changes
         self.q = len(f.by) // f.D
         lists = f.f, f.derivative, f.of_parameters
         operations = {each[1]: each for list_ in lists for each in list_.operations}

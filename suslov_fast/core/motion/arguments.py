@@ -18,6 +18,11 @@ class Arguments(NamedTuple):
     times: int  # address of the moduli of times, ascending, and two infinite ones
     states: int  # address of the states at these times (count, trajectories, D)
     state_bytes: int  # of one time
+    stops: int = 0  # address of times and numbers of changes (count or 1, n + 1, 2)
+    stop_bytes: int = 0  # from trajectory to trajectory
+    records: int = 0  # address of records of changes (-, 3 + 2 D)
+    recorded: int = 0  # how many there are; the code changes it
+    full: int = 0  # the number of records after which the code returns
 
 
 class Component(NamedTuple):

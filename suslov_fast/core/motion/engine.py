@@ -14,12 +14,13 @@ from .arguments import COMPONENT, SLOT, Arguments, Numbers
 from .choosing import Choices
 from .explicit import lane_numbers
 from .half import Half
-from .rows import BEGINS, State
-from .rules import MOST_STEPS, first_part, limit_of
+from .rows import BEGINS, OF_CHANGES, State
+from .rules import MOST_AT_ONCE, MOST_STEPS, first_part, limit_of
 from .text import text_of_half
 
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
+RECORDS = 4096  # of changes, after which Python takes them
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
 NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
 
@@ -86,6 +87,33 @@ def prepare(f, settings, B, for_each, both):
         code_of_half(half, 1 if B == 1 else WIDTH, for_each or f.conditions is not None)
 
 
+class Stops(NamedTuple):
+    """The times of changes of the state, ascending, in a row for all trajectories or for each."""
+
+    times: np.ndarray  # moduli (1 or B, n), infinity for none
+    which: np.ndarray  # numbers of the changes (1 or B, n)
+
+    def of(self, trajectories):
+        """Return the times of some trajectories."""
+        if len(self.times) == 1:
+            return self
+        return Stops(self.times[trajectories], self.which[trajectories])
+
+    def array(self):
+        """Return `Arguments.stops` (1 or B, n + 1, 2), and how many times at most are equal."""
+        rows, n = self.times.shape
+        found = np.full((rows, n + 1, 2), np.inf)
+        found[:, :-1, 0], found[..., 1] = self.times, 0.0
+        found[:, :-1, 1] = self.which
+        most = row = 1
+        if n > 1:
+            for k in range(1, n):
+                is_same = self.times[:, k] == self.times[:, k - 1]
+                row = np.where(is_same & np.isfinite(self.times[:, k]), row + 1, 1)
+                most = max(most, int(np.max(row)))
+        return found, most
+
+
 class Motion:
     """Trajectories x0 (B, D) of x' = f(x) at ascending moduli of times, forward or backward.
 
@@ -94,9 +122,12 @@ class Motion:
     states   (count, B, D), to which the states are written; where a solution has ended they stay
     t, steps, implicit_steps, state   of each trajectory: modulus of the time at which it ended, the
              numbers of its steps and of those by the implicit half, and its `State`
+    stops    `Stops` of changes, if f has them; times may then begin with 0
+    records  arrays (-, 3 + 2 D) of what changes did: the trajectory and the number of the change,
+             two integers, the modulus of the time, and the states before and after
     """
 
-    def __init__(self, f, table, x0, times, sign, settings, states):
+    def __init__(self, f, table, x0, times, sign, settings, states, stops=None):
         self.f, self.table, self.x0, self.states = f, table, x0, states
         self.settings, self.times = settings, np.append(times, NO_TIMES)
         first, second, self.last = (float(self.times[k]) for k in (0, 1, len(times) - 1))
@@ -108,6 +139,10 @@ class Motion:
         self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
         self.places, self.is_stopped = np.zeros(len(x0), np.int64), False
         self.rows = half_of(f, False, self.has_atol).rows
+        self.records, self.stops = [], None
+        if f.changes:
+            none = Stops(np.empty((1, 0)), np.empty((1, 0)))
+            self.stops, self.equal_stops = (stops or none).array()
         self.choices = None if f.conditions is None else Choices(self)
 
     def run(self, threads=1, report=None):
@@ -135,6 +170,10 @@ class Motion:
         flat[:, rows.state] = BEGINS
         numbers = np.arange(block.start, block.stop)
         flat[:, rows.trajectory].view(np.int64)[:] = numbers
+        if self.stops is not None:
+            first = self.stops[block if len(self.stops) > 1 else slice(None), 0]
+            of_changes = flat[:, rows.of_changes :]
+            of_changes[:, OF_CHANGES.stop], of_changes[:, OF_CHANGES.stop_which] = first.T
         which, mode, W = slice(None), int(bool(self.settings.stiff)), 1 if B == 1 else WIDTH
         while len(own) and not abandoned:
             half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
@@ -193,11 +232,26 @@ class Motion:
             states=self.states.ctypes.data,
             state_bytes=self.states.strides[0],
         ), np.int64)  # fmt: skip
+        buffer = None
+        if self.stops is not None:
+            buffer = self._point_to_changes(arguments, W)
 
         def take(kept=(rows, table, work)):  # the arguments point there
             arguments[SLOT.budget] = max(BUDGET // half.f.work, 1) if budget is None else budget
             if is_done := call(code, arguments):
                 arguments[SLOT.following] = 0
+            if count := arguments[SLOT.recorded]:
+                self.records.append(buffer[:count].copy())
+                arguments[SLOT.recorded] = 0
             return is_done
 
         return take
+
+    def _point_to_changes(self, arguments, W):
+        """Let arguments point to the times of changes; return an array for records."""
+        at_once = 2 * (self.equal_stops + self.f.changes.surfaces + int(MOST_AT_ONCE)) * W
+        buffer = np.empty((max(RECORDS, 4 * at_once), 3 + 2 * self.f.D))
+        arguments[SLOT.stops] = self.stops.ctypes.data
+        arguments[SLOT.stop_bytes] = self.stops.strides[0] if len(self.stops) > 1 else 0
+        arguments[SLOT.records], arguments[SLOT.full] = buffer.ctypes.data, len(buffer) - at_once
+        return buffer

@@ -38,6 +38,7 @@ class Half:
     largest, allowed   rules for the size of all components, and for the error that one may have
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
+    changes      `Changes` of the state, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
     """
@@ -59,7 +60,9 @@ class Half:
         self.watched = self.block.D if f.conditions else 0
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
         self.couplings = 0 if self.block is f else f.columns * f.coupling
-        self.rows = rows_of(D, extended, self.watched)
+        self.changes = f.changes
+        counts = (f.changes.surfaces, len(f.changes.most)) if f.changes else ()
+        self.rows = rows_of(D, extended, self.watched, *counts)
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
         elif self.block is not f:
@@ -71,6 +74,8 @@ class Half:
         if self.watched:
             places = {2 * self.block.D + k: k for k in range(len(self.block.table))}
             self.functions["watch"] = of_list(f.watch, 2 * self.block.D, places)
+        if f.changes:
+            self._add_changes()
         columns, entries, factors = len(EXPLICIT), 0, 0
         if is_implicit:
             columns, entries = len(IMPLICIT), f.entries + 1 + D + self.couplings
@@ -79,8 +84,22 @@ class Half:
         apart, nodes = (1, 0) if is_implicit else (columns, 6)
         self.numbers = len(self.table_of(np.zeros(len(f.table))))
         sizes = D, extended, columns, apart, nodes, entries, factors
-        others = self.couplings * is_implicit, self.watched, len(self.kinks), scratch
+        others = self.couplings * is_implicit, self.watched, len(self.kinks)
+        others = *others, self._sizes_of_changes(), scratch
         self.work = work_of(self.rows.size, self.numbers, *sizes, *others)
+
+    def _add_changes(self):
+        """Add the functions of changes."""
+        P = self.changes.P
+        for name, (list_, rows) in self.changes.parts.items():
+            self.functions[name] = of_list(list_, rows, {rows + p: p for p in range(P)})
+
+    def _sizes_of_changes(self):
+        """Return how many rows of `Work` changes need, from `changed` to `tau`."""
+        if not self.changes:
+            return [0] * 8
+        D, surfaces = self.f.D, self.changes.surfaces
+        return [D, D, D, 4 * D + 1, 2 * surfaces, surfaces, 1, self.f.D // self.block.D]
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""

@@ -20,13 +20,11 @@ from .scope import weighted
 
 def save_states(lines):
     """Save the states at times that the step has passed, or reached aside."""
-    text, line, work = lines.text, lines.line, lines.work
+    text, work = lines.text, lines.work
     served = work.served[0] > 0.0
 
     def passed(how):
-        next_, after = line.next[0], line.t[0]
-        accepted = work.accepted[0] > 0.0
-        return accepted & how(after, next_)
+        return _passed(lines, how)
 
     with text.when(served.any(), likely=False):
         _save(lines, served.bits(), work.new)
@@ -38,7 +36,22 @@ def save_states(lines):
                     _put_between(lines, lines.apply(rules.BETWEEN, **_of_step(lines)))
                     _save(lines, passed(Value.__gt__).bits(), work.start)
                     now.goes_on = passed(Value.__gt__).any()
-        _save(lines, passed(Value.equals).bits(), work.new)
+        if not lines.half.changes:
+            _save(lines, passed(Value.equals).bits(), work.new)
+
+
+def save_at_end(lines):
+    """Save the states at times at which the step ends, after changes there."""
+    ends = _passed(lines, Value.equals)
+    with lines.text.when(ends.any(), likely=False):
+        _save(lines, ends.bits(), lines.work.new)
+
+
+def _passed(lines, how):
+    """Return which lanes have passed their next time."""
+    next_, after = lines.line.next[0], lines.line.t[0]
+    accepted = lines.work.accepted[0] > 0.0
+    return accepted & how(after, next_)
 
 
 def _of_step(lines):

@@ -4,6 +4,7 @@ A row has one number of each lane: in memory a line is (rows, W). What a step ne
 stands in rows of its own, which all lines share (`Work`).
 """
 
+import itertools
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -18,8 +19,10 @@ class State(IntEnum):
     TOO_MANY = 4  # steps from one time to the next
     NO_VALUE = 5  # f has none at the start
     SLIDING = 6  # a condition of f changes back and forth
-    CHANGED = 7  # a condition of f has changed in an explicit step
-    CHANGED_IMPLICIT = 8
+    STOPPED = 7  # a change ends it
+    ACCUMULATES = 8  # changes follow one another at once, without end
+    CHANGED = 9  # a condition of f has changed in an explicit step
+    CHANGED_IMPLICIT = 10
 
 
 BEGINS = -1.0  # in place of a `State` before the first step
@@ -33,6 +36,10 @@ class Rows(NamedTuple):
     largest: int  # moduli of components so far (D)
     mode: int  # a vector of the power iteration on f' (D)
     far: int  # the state after a step of length `outer` (watched)
+    side: int  # of surfaces of changes: 1 where the state is at the level or above, else 0, and
+    #            the level, which is 0 but for rounding (2 surfaces)
+    counts: int  # how often each change has acted (changes)
+    of_changes: int  # numbers of `OfChanges`, if there are changes
     t: int  # modulus of the time
     wanted: int  # length of the next step
     longer: int  # the largest factor between this length and the one after it
@@ -55,11 +62,29 @@ class Rows(NamedTuple):
     size: int  # number of all rows
 
 
-def rows_of(D, denominators, watched):
-    """Return the rows of a line; surfaces are functions of the first `watched` components."""
-    first = [0, D, 2 * D + denominators, 3 * D + denominators, 4 * D + denominators]
-    scalars = first[-1] + watched
-    return Rows(*first, *range(scalars, scalars + len(Rows._fields) - 5))
+class OfChanges(NamedTuple):
+    """The rows of a trajectory that has changes of its state."""
+
+    stop: int  # modulus of the next time of a change, infinity after the last
+    stop_which: int  # number of that change
+    stop_place: int  # the place of the time, an integer
+    at: int  # time of the last change
+    often: int  # changes in a row that followed the one before at once
+
+
+OF_CHANGES = OfChanges(*range(len(OfChanges._fields)))
+
+
+def rows_of(D, denominators, watched, surfaces=0, changes=0):
+    """Return the rows of a line; surfaces are functions of the first `watched` components.
+
+    `surfaces` and `changes` are the numbers of surfaces of changes, and of all changes.
+    """
+    parts = [D, D + denominators, D, D, watched, 2 * surfaces, changes]
+    parts += [len(OF_CHANGES) * (changes > 0)]
+    firsts = [0, *itertools.accumulate(parts)]
+    scalars = firsts.pop()
+    return Rows(*firsts, *range(scalars, scalars + len(Rows._fields) - len(firsts)))
 
 
 class Work(NamedTuple):
@@ -92,19 +117,27 @@ class Work(NamedTuple):
     at_surface: int  # 1 where the step ends on a surface, else 0
     between: int  # two states, between which surfaces are crossed or not (2 watched)
     seen: int  # what `watch` finds there (3 + kinks)
+    changed: int  # what functions of changes return (changed)
+    before: int  # the state before a change (D)
+    f_before: int  # f there (D)
+    pair: int  # a state and f there, and what derivatives need beside them (pair)
+    toward: int  # surfaces of changes at that state, and their rates (2 surfaces)
+    fired: int  # 1 where the change at a surface acts at this instant (surfaces)
+    noted: int  # number of changes of this instant, if there are any
+    tau: int  # how much later columns reach this instant (columns of a `Variational`)
     scratch: int  # rows that functions need
     size: int
 
 
 def work_of(
     rows, numbers, D, denominators, columns, apart, nodes, entries, factors, couplings, watched,
-    kinks, scratch,
+    kinks, of_changes, scratch,
 ):  # fmt: skip
-    """Return the rows of `Work`."""
+    """Return the rows of `Work`; `of_changes` are the sizes of those from `changed` to `tau`."""
     extended = D + denominators
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
              nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 7, 2 * watched,
-             3 + kinks, scratch]  # fmt: skip
+             3 + kinks, *of_changes, scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

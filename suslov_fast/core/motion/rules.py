@@ -442,6 +442,54 @@ def CUT(
     }
 
 
+# ------------------------------------------------------------------------ changes of the state
+# A trajectory ends whose changes follow one another so often within so small a part of the time, or
+# so often at one instant.
+CHANGES_AT_ONCE, AT_ONCE, MOST_AT_ONCE = 12.0, 2.0**-36, 64.0
+
+
+@_rule
+def GOAL(last, stop):
+    """The time beyond which no step goes."""
+    return {"last": smaller(last, stop)}
+
+
+@_rule
+def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
+    """After `AFTER`, where a step ends at a time of a change, which shortens no step after it."""
+    is_there = (accepted > 0.0) & (t >= stop)
+    return {
+        "wanted": is_there.select(larger(wanted, before), wanted),
+        "state": (t < last).select(state_before, state),
+    }
+
+
+@_rule
+def CHANGED_STATE(
+    size, rate, total, number, endless, t, wanted, longer, state, stiff, easy, tries, at, often,
+    part, last, longest,
+):  # fmt: skip
+    """The next length after changes of the state, which is that of a first step if that is more."""
+    is_changed = number > 0.0
+    guess = (size > 0.0).select(part * (size / rate), 0.0)
+    guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), wanted), last), longest)
+    is_at_once = t - at <= AT_ONCE * larger(t, wanted)
+    often_now = is_at_once.select(often + 1.0, 0.0)
+    piles_up = ((often_now >= CHANGES_AT_ONCE) & (state < State.DONE)) | (endless > 0.0)
+    after = piles_up.select(float(State.ACCUMULATES), state)
+    after = (total < inf).select(after, float(State.ENDED))
+    return {
+        "wanted": is_changed.select(guess, wanted),
+        "longer": is_changed.select(AT_FIRST, longer),
+        "state": is_changed.select(after, state),
+        "stiff": is_changed.select(0.0, stiff),
+        "easy": is_changed.select(0.0, easy),
+        "tries": is_changed.select(0.0, tries),
+        "at": is_changed.select(t, at),
+        "often": is_changed.select(often_now, often),
+    }
+
+
 # ---------------------------------------------------------- states at times inside an explicit step
 # The defect of the polynomial (`inside`) at both TESTS, as parts of a quarter, times OF_DEFECT is
 # its largest error. FEW columns reach its nodes, or one more where the error of FEW over the whole

@@ -9,7 +9,7 @@ from ..code.text import Integers, Shared, Truth
 from . import rules
 from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Component, Numbers
 from .columns import EXPLICIT, IMPLICIT
-from .rows import State
+from .rows import OF_CHANGES, State
 
 
 class Scope:
@@ -38,6 +38,7 @@ class Lines(Scope):
     of        the arguments of the code, see `Arguments`
     line      an array for each part of `Rows`
     work      one for each part of `Work`
+    of_changes   one for each part of `OfChanges`, if there are changes
     table     the address of the table
     """
 
@@ -47,6 +48,9 @@ class Lines(Scope):
         super().__init__(text, half, name, for_each, self.of.work)
         self.line = text.arrays(self.work.line.at(), half.rows)
         self.table = self.work.table.at() if for_each else self.of.table
+        self.of_changes = None
+        if half.changes:
+            self.of_changes = text.arrays(self.line.of_changes.at(), OF_CHANGES)
 
     def has_trajectories(self):
         """Return whether some lane has one: the rows `own` are their numbers plus 1, 0 without."""
@@ -84,7 +88,8 @@ class Lines(Scope):
             elif name in Component._fields:
                 inputs[name] = self.component(name, i)
             else:
-                rows = self.line if hasattr(self.line, name) else self.work
+                places = self.line, self.work, self.of_changes
+                rows = next(each for each in places if hasattr(each, name))
                 inputs[name] = getattr(rows, name)[i]
         return self.text.apply(rule, **inputs)
 
@@ -98,6 +103,10 @@ class Lines(Scope):
         """Return what rows such as `work.ends` have of component i, of each column."""
         columns = IMPLICIT if self.half.is_implicit else EXPLICIT
         return [rows.after(c * self.D)[i] for c in range(len(columns))]
+
+    def goal(self):
+        """Return what rules take for the last time: that of the next change, if it is earlier."""
+        return self.apply(rules.GOAL) if self.half.changes else {}
 
     def lanes_with(self, bits):
         """Add a loop over lanes; the body is carried out for those with bits, at their offsets."""

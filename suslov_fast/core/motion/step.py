@@ -16,7 +16,7 @@ have length 0 and stay as they are.
 import numpy as np
 
 from ..code.text import Carried
-from . import inside, rules, surfaces
+from . import changes, inside, rules, surfaces
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors
 from .implicit import derive, find_apart
 from .scope import weighted
@@ -26,7 +26,8 @@ def choose_length(lines):
     """Choose the length of the next step in each lane."""
     # An implicit step aside goes to each time, because a fast mode may decay within a step.
     second = np.inf if lines.half.is_implicit else lines.line.second[0]
-    found = lines.apply(rules.LENGTH, mode=lines.mode, second=second, **lines.near())
+    inputs = lines.near() | lines.goal()
+    found = lines.apply(rules.LENGTH, mode=lines.mode, second=second, **inputs)
     lines.keep(lines.work, found)
 
 
@@ -43,9 +44,13 @@ def take_step(lines):
     sums = _errors(lines, own, sizes)
     sums |= {"kept": kept, "taken": work.taken[0], "rate": rate, **lines.near()}
     before = line.t[0]
-    found = lines.apply(rules.AFTER, **sums)
+    found = lines.apply(rules.AFTER, **sums, **lines.goal())
     sums["accepted"], served = found.pop("accepted"), found.pop("served")
     lines.keep(work, {"accepted": sums["accepted"], "served": served, "t": before})
+    if half.changes:
+        own = {"before": line.wanted[0], "state_before": line.state[0]}
+        own |= {name: found[name] for name in ("t", "wanted", "state")}
+        found |= lines.apply(rules.AT_STOP, accepted=sums["accepted"], **own)
     lines.keep(line, found)
     if half.is_implicit:
         lines.keep(line, lines.apply(rules.TURN_IMPLICIT, **sums))
@@ -58,7 +63,10 @@ def take_step(lines):
     inside.save_states(lines)
     if half.kinks:
         surfaces.choose(lines)
-    _move(lines)
+    if half.changes:
+        changes.change(lines)
+        inside.save_at_end(lines)
+    move(lines)
 
 
 def _next_states(lines, own, of_error):
@@ -121,7 +129,7 @@ def _noise(lines, own, i):
     return weighted([abs(factor) for factor in own], [abs(end) for end in ends])
 
 
-def _move(lines):
+def move(lines):
     """Move the lanes whose step is taken to their next state."""
     text, line, work = lines.text, lines.line, lines.work
     accepted = work.accepted[0] > 0.0

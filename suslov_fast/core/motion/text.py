@@ -13,6 +13,7 @@ The two halves share everything but their columns and the rule for the next step
 """
 
 from ..code.text import Carried, Code
+from .changes import add_change
 from .explicit import ExplicitColumns
 from .implicit import ImplicitColumns
 from .scope import Lines
@@ -32,6 +33,8 @@ def text_of_half(half, name, W, for_each):
         function.add(text, f"{name}_{key}", for_each, firsts[key])
     columns = ImplicitColumns if half.is_implicit else ExplicitColumns
     columns(text, half, name, for_each).add()
+    if half.changes:
+        add_change(text, half, name, for_each)
     text.begin(name, "arguments")
     lines = Lines(text, half, name, for_each)
     taken = lines.work.taken

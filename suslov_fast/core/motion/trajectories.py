@@ -4,9 +4,11 @@ A lane whose trajectory ends writes it back, and takes the next one that waits. 
 of a trajectory follow each other; those of a lane are W numbers apart.
 """
 
-from ..code.text import Carried, Integers
-from . import rules
+from ..code.text import Carried, Integers, Truth
+from . import changes, inside, rules
 from .arguments import SLOT
+from .rows import State
+from .step import move
 
 
 def take_next(lines, free):
@@ -47,7 +49,10 @@ def _write_back(lines, offset, own):
 def pause_if_spent(lines):
     """Return 0 where the budget is spent."""
     text, left = lines.text, lines.arguments[SLOT.budget]
-    with text.when(text.compare_integers("sle", left, 0), likely=False):
+    is_spent = Truth(text, text.compare_integers("sle", left, 0), "i1")
+    if lines.half.changes:
+        is_spent = is_spent | changes.is_full(lines)
+    with text.when(is_spent, likely=False):
         for lane in text.each(text.W, most=0):
             offset = lane * 8
             _write_back(lines, offset, Integers(text, lines.work.own.at() + offset)[0])
@@ -69,3 +74,19 @@ def _begin(lines, begins):
         sums.update(lines.apply(rules.BEGIN_COMPONENT, i, x=x, f=f, **vars(sums)))
     for name, value in lines.apply(rules.BEGIN, **vars(sums)).items():
         getattr(line, name).choose(begins, 0, value)
+    if lines.half.changes:
+        _begin_with_changes(lines, begins)
+
+
+def _begin_with_changes(lines, begins):
+    """Let changes at time 0 act, and save the states at that time."""
+    text, line, work = lines.text, lines.line, lines.work
+    running = begins & line.state[0].equals(lines.mode)
+    work.accepted[0] = running.select(1.0, 0.0)
+    work.at_surface[0] = 0.0
+    is_over = running & (lines.number("last") <= 0.0)
+    line.state.choose(is_over, 0, float(State.DONE))
+    text.copy(line.x, work.new, lines.D)
+    changes.change(lines)
+    inside.save_at_end(lines)
+    move(lines)

@@ -106,7 +106,7 @@ _TABLE = (
     ("message error failed failedat", "status", ""),
     ("last end final finalstate laststate", "final states[-1]", ""),
     ("resume restart continue extend", "extend",
-     "the same call again, which goes on with a store, or states[-1] as x0"),
+     "the same call again, which goes on with a store, or its last states as x0"),
     ("tonetcdf tozarr sel isel", "to_xarray", ""),
     ("savefig figure", "figures plot", "plot().figure.savefig(path)"),
     ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),

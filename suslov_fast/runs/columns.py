@@ -61,8 +61,6 @@ CROSSINGS = (
     Column("over_pole", "bool", "crossing", "the step has a pole within its length"),
     Column("count", "int64", "batch"),
     *(column for column in RUN if column.name in ("final", "failed_at", "first_pole", "status")),
-    Column("_carry", "float64", "carried trajectory"),
-    Column("_last", "float64", "trajectory", when="surface"),
 )
 MOTION = (
     Column("time", "float64", "time", "time"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -10,17 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray, integer, one_of
+from ..checks import FloatArray
 from ..engine.problem import Problem
 from ..engine.status import first_beyond
-from ..engine.stretches import Checkpoint, March, Progress, reporter
-from ..engine.threads import thread_count
-from ..keywords import public
+from ..engine.stretches import March
 from ..maps import Map
-from .failures import ON_SINGULAR, OnSingular, report_failures
+from .failures import OnSingular, report_failures
 from .points import Points
 from .results import in_short, read_only
-from .search import Search, Surface, checked_surface
+from .search import Search
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,7 +58,7 @@ class Crossings(Points):
         True where no pole was passed before the state `after`. The other crossings are crossings of
         the map, not necessarily of the motion.
     body, eps, steps, transient, direction, most, method
-        The arguments of :func:`crossings`; `steps` includes those of :meth:`extend`.
+        The arguments of :func:`crossings`.
 
     Notes
     -----
@@ -101,13 +99,6 @@ class Crossings(Points):
     transient: int
     direction: int
     most: int | None
-    # What `extend` needs besides the last states: their number, the numbers (C, B) that steps
-    # carry, the values of the surface, (B,), if they are known, and the surface. A copy by
-    # `dataclasses.replace` lacks them.
-    _n: int = field(init=False, default=0, compare=False)
-    _carry: FloatArray | None = field(init=False, default=None, compare=False)
-    _last: FloatArray | None = field(init=False, default=None, compare=False)
-    _surface: Surface | None = field(init=False, default=None, compare=False)
 
     @cached_property
     def states(self) -> FloatArray:
@@ -143,10 +134,6 @@ class Crossings(Points):
         first = first_beyond(self.failed_at, self.first_pole).ravel()
         return read_only((self.n + 1 < first[self.trajectory]) & ~self.over_pole)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out the surface, because most functions cannot be pickled."""
-        return super().__getstate__() | {"_surface": None}
-
     @property
     def _heading(self) -> str:
         from .plot import titled
@@ -156,64 +143,6 @@ class Crossings(Points):
     @property
     def _on_orbits(self) -> FloatArray:
         return self.before
-
-    @public
-    def extend(
-        self,
-        steps: int,
-        surface: Surface | str | None = None,
-        *,
-        threads: int | None = None,
-        on_singular: OnSingular = "warn",
-        progress: Progress = None,
-    ) -> Crossings:
-        """Return the crossings of the run continued by some steps, as if found by one call.
-
-        Trajectories that ended at their crossing number `most` stay ended.
-
-        Parameters
-        ----------
-        steps : int
-            Number of additional steps, 0 or more. A run that ended in its transient completes it
-            first.
-        surface : callable, optional
-            The surface of this run; required after `load` and unpickling.
-        threads, on_singular, progress
-            As in :func:`crossings`.
-
-        Returns
-        -------
-        Crossings
-            Those of this object, and the new ones.
-
-        Raises
-        ------
-        ValueError
-            If `surface` is required; if this is a copy by `dataclasses.replace`, which lacks what a
-            next step needs.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField, crossings
-        >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
-        >>> half = crossings(oscillator, [1.0, 0.0], 1 / 8, 100, lambda x: x[..., 0])
-        >>> half.extend(100).n
-        array([ 37,  88, 138, 188])
-        """
-        if self._carry is None:
-            raise ValueError("extend: this is a copy: extend the result of crossings itself")
-        given: Any = self._surface if surface is None else surface
-        if given is None:
-            raise ValueError("surface: files and pickles do not keep it: extend(steps, surface)")
-        total, batch = self.steps + integer("steps", steps, 0), self.count.shape
-        one_of("on_singular", on_singular, ON_SINGULAR)
-        reports = reporter(progress, self.transient + total - self._n)
-        along = checked_surface(given, self.body.labels)
-        problem = Problem(self.map, self.body, self.final, self.eps, batch, thread_count(threads))
-        reached = Checkpoint(self._n, self.final, self.status, self.failed_at, self._carry, None)
-        march = March(problem, self.method, reached)
-        search = Search(march, along, self.direction, self.most, self)
-        return searched(search, total, self.transient, self.method, on_singular, reports)
 
     def __repr__(self) -> str:
         n = self.n
@@ -233,7 +162,6 @@ def searched(
 ) -> Crossings:
     """Carry out a search, report its failures, and return the crossings."""
     march = search.march
-    since = 0 if search.earlier is None else march.n + 1
     with reports as report:
         search.run(transient, transient + steps, report)
     if search.is_stopped:
@@ -248,11 +176,7 @@ def searched(
         "transient": transient,
         "direction": search.direction,
         "most": search.most,
-        "_n": march.n,
-        "_carry": march.carry,
-        "_last": search.last,
-        "_surface": search.surface,
     }
     points = Crossings._of(attributes)
-    report_failures(points, march, on_singular, since, name="crossings")
+    report_failures(points, march, on_singular, 0, name="crossings")
     return points

@@ -132,9 +132,8 @@ def crossings(
     on_singular : {"warn", "raise", "ignore"}
         As in :func:`iterate`; the error holds the result as `crossings`.
     progress : bool or callable, optional
-        As in :func:`iterate`, called with the steps of the transient included;
-        :meth:`Crossings.extend` continues a run that it ended. Along motions it is called with
-        the number of trajectories that have ended.
+        As in :func:`iterate`, called with the steps of the transient included.
+        Along motions it is called with the number of trajectories that have ended.
 
     Returns
     -------

@@ -120,24 +120,22 @@ def _crossings_at(
 
 
 class Search:
-    """A search for crossings along a march, from its state on.
+    """A search for crossings along a march.
 
     Attributes
     ----------
     counts : ndarray(int, shape=(B,))
-        Number of crossings of each trajectory, those of an earlier search included.
-    last : ndarray(float, shape=(B,)) or None
-        Values of the surface at the state of the march, if they are known.
+        Number of crossings of each trajectory.
+    last : ndarray(float, shape=(B,))
+        Values of the surface at the state of the march, after the transient.
     alive : ndarray(int8, shape=(B,))
         Statuses after the transient, which trajectories keep that end at their last crossing.
     is_stopped : bool
         Whether `progress` ended the run.
     """
 
-    def __init__(
-        self, march: March, surface: Surface, direction: int, most: int | None, earlier: Any = None
-    ) -> None:
-        self.march, self.surface, self.earlier = march, surface, earlier
+    def __init__(self, march: March, surface: Surface, direction: int, most: int | None) -> None:
+        self.march, self.surface = march, surface
         self.changed: Any = {1: np.greater, -1: np.less, 0: np.not_equal}[direction]
         self.direction, self.most = direction, most
         self.limit = most or _WITHOUT_END
@@ -145,14 +143,8 @@ class Search:
         B, D = march.omega0.shape
         self.batch, self.is_stopped = march.problem.batch, False
         self.pieces: list[_Found] = []
-        if earlier is None:
-            self.last = self.values_of(march.omega0.reshape(1, *self.batch, D))[0]
-            self.counts, self.alive = np.zeros(B, np.int64), march.status.ravel()
-            return
-        self.last = earlier._last
-        self.counts = earlier.count.ravel().copy()
-        self.alive = earlier.status.ravel()
-        self._end()
+        self.last = self.values_of(march.omega0.reshape(1, *self.batch, D))[0]
+        self.counts, self.alive = np.zeros(B, np.int64), march.status.ravel()
 
     def _end(self) -> None:
         """Mark trajectories that have ended as failed, so that kernels leave them out."""
@@ -170,8 +162,8 @@ class Search:
 
     def run(self, transient: int, end: int, report: Report | None) -> None:
         """March to state `end`, and search among the states from `transient` on."""
-        march, n = self.march, self.march.n
-        (B, D), begin, report_steps = march.omega0.shape, n, None
+        march, n = self.march, transient
+        (B, D), report_steps = march.omega0.shape, None
 
         if report is not None:
 
@@ -179,17 +171,14 @@ class Search:
                 self.is_stopped = not report(done)
                 return not self.is_stopped
 
-        if n <= transient:
-            march.to(transient, report=report_steps if n < transient else None)
-            self.alive = march.status.ravel().copy()
-            if n < transient:
-                self.last, n = None, march.n
+        march.to(transient, report=report_steps if transient else None)
+        self.alive = march.status.ravel().copy()
         width = max(B * D, 1)
         most = min(max(_PIECE // width, min(_STATES, _LARGE // width), 1), end - transient)
         require(8 * (most + 1) * B * (D + 1), "divide the batch")
         states = np.empty((most + 1, *self.batch, D))  # of a piece, and the last one before it
         states[0] = march.final
-        if self.last is None and transient <= n < end and not self.is_stopped:
+        if transient and n < end and not self.is_stopped:
             self.last = self.values_of(states[:1])[0]
         longest = most if self.most is None else min(_FIRST, most)
         while n < end and not self.is_stopped and (march.status >= 0).any():
@@ -202,7 +191,7 @@ class Search:
             self._end()
             n += rows
             if report_steps is not None:
-                report_steps(n - begin)
+                report_steps(n)
 
     def _keep_crossings(self, n: int, states: FloatArray, values: FloatArray) -> None:
         """Keep the crossings among states (rows + 1, ..., D), of which the first is state n.
@@ -262,20 +251,13 @@ class Search:
                 march.note_pole(i, n + 1)
 
     def result(self) -> dict[str, Any]:
-        """Return the arrays of all crossings, in order, with those of the earlier search."""
-        march, counts, earlier = self.march, self.counts, self.earlier
+        """Return the arrays of all crossings, in order."""
+        march, counts = self.march, self.counts
         ends = np.cumsum(counts)
         starts, K, D = ends - counts, int(counts.sum()), march.omega0.shape[1]
         n, fraction, over_pole = np.empty(K, np.int64), np.empty(K), np.empty(K, bool)
         before, after = np.empty((K, D)), np.empty((K, D))
         trajectory = np.repeat(np.arange(len(counts)), counts)
-        if earlier is not None:
-            earlier_counts = earlier.count.ravel()
-            shift = starts - (np.cumsum(earlier_counts) - earlier_counts)
-            places = np.arange(len(earlier)) + shift[earlier.trajectory]
-            n[places], fraction[places] = earlier.n, earlier.fraction
-            over_pole[places] = earlier.over_pole
-            before[places], after[places] = earlier.before, earlier.after
         self.pieces.reverse()
         while self.pieces:  # popped, so that their memory is freed on the way
             found = self.pieces.pop()

@@ -149,7 +149,6 @@ def test_the_name_of_a_component_is_the_surface_where_it_is_0():
     expected = sf.crossings(OSCILLATOR, starts, 1 / 16, 300, lambda x: x[..., 1])
     found = sf.crossings(OSCILLATOR, starts, 1 / 16, 300, "x2")
     assert found == expected
-    assert found.extend(100) == expected.extend(100)
     both = sf.crossings(OSCILLATOR, starts, surface=["x1", lambda x: x[..., 1]], time=20.0)
     one = sf.crossings(OSCILLATOR, starts, surface="x1", time=20.0)
     assert (both.time[both.surface == 0] == one.time).all()
@@ -187,8 +186,6 @@ def test_a_start_on_the_surface_is_no_crossing(direction, method):
     points = sf.crossings(OSCILLATOR, starts, 1 / 16, 80, first, **options)
     assert points.count.tolist() == {1: [0, 1], -1: [1, 0], 0: [1, 1]}[direction]
     np.testing.assert_allclose(points.time, np.pi, rtol=1e-3)
-    begun = sf.crossings(OSCILLATOR, starts, 1 / 16, 0, first, **options)
-    assert begun.extend(80) == points
 
 
 def test_bits_do_not_depend_on_pieces_threads_and_batch(rng, monkeypatch):
@@ -355,25 +352,18 @@ def test_progress_stops_where_the_run_ends():
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("stop", [1, 40, 99, 100, 101])
 def test_a_run_that_ended_in_its_transient(monkeypatch, stop, tmp_path):
-    """It has no crossings, and `extend` finishes the transient first."""
+    """It has no crossings."""
     monkeypatch.setattr("suslov_fast.engine.stretches._BETWEEN", 1)
     monkeypatch.setattr("suslov_fast.engine.stretches._STRETCH", 1)
     monkeypatch.setattr(module, "_PIECE", 1)
     monkeypatch.setattr(module, "_STATES", 1)
-    whole = sf.crossings(LORENZ, TWO, 1 / 64, 300, plane, transient=100)
     points = sf.crossings(
         LORENZ, TWO, 1 / 64, 300, plane, transient=100, progress=lambda done, total: done < stop
     )
     np.testing.assert_array_equal(points.final, sf.iterate(LORENZ, TWO, 1 / 64, stop).final)
     assert (len(points), points.steps) == (0, max(stop - 100, 0))
-    assert points.extend(300 - points.steps) == whole
     points.save(tmp_path / "p.npz")
-    again = sf.Crossings.load(tmp_path / "p.npz")
-    assert again == points
-    seen = []
-    more = again.extend(5, plane, progress=lambda *given: seen.append(given))
-    assert more.extend(300 - points.steps - 5, plane) == whole
-    assert seen[-1] == (max(105, stop + 5) - stop,) * 2
+    assert sf.Crossings.load(tmp_path / "p.npz") == points
 
 
 TWO = np.array([[1.0, 1.0, 20.0], [-2.0, 1.0, 20.0]])
@@ -381,66 +371,3 @@ TWO = np.array([[1.0, 1.0, 20.0], [-2.0, 1.0, 20.0]])
 
 def plane(x):
     return x[..., 2] - 27
-
-
-@pytest.mark.sampled(4)
-@pytest.mark.parametrize("most", [None, 1, 3])
-@pytest.mark.parametrize("name", MAPS)
-def test_extended_crossings_are_those_of_one_call(name, most, tmp_path):
-    """For every map, cut anywhere, from files too; the value at the cut is not asked for again."""
-    body, pole = sample_of(MAPS[name])
-    starts = np.vstack([sf.RandomStarts(12, 1.0, seed=3).states(12, dimension=len(pole)), pole])
-    arguments = {"direction": 0, "transient": 3, "most": most, "on_singular": "ignore"}
-    whole = sf.crossings(body, starts, 0.9, 60, first, **arguments)
-    seen = []
-
-    def surface(x):
-        seen.append(x.copy())
-        return first(x)
-
-    for cuts in ((60,), (0, 60), (1, 2, 57), (30, 30), (7, 0, 53), (59, 1)):
-        seen.clear()
-        points = sf.crossings(body, starts, 0.9, cuts[0], surface, **arguments)
-        for steps in cuts[1:]:
-            points = points.extend(steps, on_singular="ignore")
-        assert points == whole
-        assert points.steps == 60
-        states = np.concatenate(seen[1:])  # of the first call those of the beginning
-        assert len(states) <= 61
-        points = sf.crossings(body, starts, 0.9, cuts[0], first, **arguments)
-        for number, steps in enumerate(cuts[1:]):
-            path = tmp_path / f"{number}.npz"
-            points.save(path, overwrite=True)
-            points = sf.Crossings.load(path).extend(steps, first, on_singular="ignore")
-        assert points == whole
-    pickled = pickle.loads(pickle.dumps(sf.crossings(body, starts, 0.9, 20, first, **arguments)))
-    assert pickled.extend(40, first, on_singular="ignore") == whole
-
-
-def test_what_extend_needs(tmp_path):
-    points = sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 99, first)
-    with pytest.raises(ValueError, match=r"^surface\b"):
-        pickle.loads(pickle.dumps(points)).extend(1)
-    with pytest.raises(ValueError, match=r"^extend\b"):
-        replace(points, eps=0.2).extend(1)
-    for steps, options, message in (
-        (-1, {}, "steps must"),
-        (1, {"surface": 3}, "surface must"),
-        (1, {"on_singular": "stop"}, "on_singular must"),
-        (1, {"progress": 3}, "progress must"),
-        (1, {"threads": 0}, "threads must"),
-    ):
-        with pytest.raises((TypeError, ValueError), match=f"^{message}"):
-            points.extend(steps, **options)
-    with pytest.raises(ValueError, match=r"^save\b"):
-        replace(points, eps=0.2).save(tmp_path / "p.npz")
-    with pytest.warns(sf.SingularStepWarning, match="first: 1 at step 0"):
-        begin = sf.crossings(OSCILLATOR, [[1.0, 0.0], [np.nan, 0.0]], 0.1, 0, first)
-    begin.extend(9)  # without a warning
-    # Failures are told by the call in which they happen.
-    field = sf.QuadraticField.from_function(lambda x: (x[0] ** 2,), 1)
-    start = sf.iterate(field, [2.0], -0.5, 10).final  # a pole after ten steps
-    begin = sf.crossings(field, start, 0.5, 5, first)
-    with pytest.warns(sf.SingularStepWarning, match="first: 0 at step 11"):
-        failed = begin.extend(20)
-    assert failed.extend(3) == sf.crossings(field, start, 0.5, 28, first, on_singular="ignore")

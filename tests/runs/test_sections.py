@@ -143,12 +143,10 @@ def test_a_surface_without_values_within_a_step():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_bits_depend_on_no_cut(rng, monkeypatch, tmp_path, method):
-    """Threads, pieces, batches, `extend`, files."""
+    """Threads and files."""
     starts, arguments = rng.uniform(-0.25, 0.25, (9, 4)), {"method": method, "direction": 0}
     whole = sf.crossings(HENON_HEILES, starts, 1 / 8, 200, plane, threads=TWO_THREADS, **arguments)
     assert whole == sf.crossings(HENON_HEILES, starts, 1 / 8, 200, plane, threads=1, **arguments)
-    half = sf.crossings(HENON_HEILES, starts, 1 / 8, 77, plane, **arguments)
-    assert half.extend(123) == whole
     whole.save(tmp_path / "section.npz")
     loaded = sf.Crossings.load(tmp_path / "section.npz")
     assert loaded == whole
@@ -195,14 +193,10 @@ def test_a_pole_within_a_step_gives_the_chord_and_a_status(tmp_path):
     for _ in range(6):
         field = sf.QuadraticField(*(rng.normal(size=(3,) * k) for k in (3, 2, 1)))
         x, c = rng.normal(size=(64, 3)), rng.normal(size=3)
-        found = [
-            sf.crossings(
-                field, x, 0.3, steps, lambda x, c=c: x @ c - 0.3, direction=0, method="order4",
-                on_singular="ignore",
-            )
-            for steps in (6, 2)
-        ]  # fmt: skip
-        points = found[0]
+        points = sf.crossings(
+            field, x, 0.3, 6, lambda x, c=c: x @ c - 0.3, direction=0, method="order4",
+            on_singular="ignore",
+        )  # fmt: skip
         before, after, there = (x @ c - 0.3 for x in (points.before, points.after, points.states))
         assert (abs(there) <= np.maximum(abs(before), abs(after)) * (1 + 1e-12)).all()
         over = points.over_pole
@@ -214,7 +208,6 @@ def test_a_pole_within_a_step_gives_the_chord_and_a_status(tmp_path):
         first, status = points.first_pole[points.trajectory], points.status[points.trajectory]
         assert ((first > 0) & (first <= points.n + 1))[over].all()
         assert {*status[over]} <= {*sf.Status} - {sf.Status.OK}
-        assert found[1].extend(4, on_singular="ignore") == points
         points.save(tmp_path / "points.npz", overwrite=True)
         assert sf.Crossings.load(tmp_path / "points.npz") == points
         seen += over.sum()

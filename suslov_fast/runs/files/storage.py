@@ -22,8 +22,6 @@ from ..columns import ARGUMENTS, FORMAT, OF_KIND, Column, OtherFormat, sizes_of
 
 PathLike = str | os.PathLike[str]
 
-# Numbers and texts of results: their arguments, and of crossings the number of states so far.
-_NUMBERS = ARGUMENTS | {"Crossings": (*ARGUMENTS["Crossings"], "_n")}
 _OF_MAPS = "Trajectories", "Crossings"
 
 
@@ -40,13 +38,13 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     if target.exists() and not overwrite:
         raise _exists(path)
     kind, described = type(result).__name__, result.body.to_dict()
-    if kind in _OF_MAPS and result._carry is None:
+    if kind == "Trajectories" and result._carry is None:
         raise ValueError(
             "save: this is a part or a copy of a result: save the result of the run itself"
         )
     about = {"format": FORMAT, "version": __version__, "kind": kind}
     about |= {"map": result.map.name} if kind in _OF_MAPS else {}
-    about |= {name: getattr(result, name) for name in _NUMBERS[kind]}
+    about |= {name: getattr(result, name) for name in ARGUMENTS[kind]}
     if class_named(described["body"]) is not type(result.body):
         raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
     names = *["eps"] * (kind in _OF_MAPS), *(column.name for column in OF_KIND[kind])
@@ -124,7 +122,7 @@ def load(path: PathLike, *kinds: str) -> Any:
 
 def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:
     """Return the attributes of a result."""
-    values = {name: about[name] for name in _NUMBERS[kind]}
+    values = {name: about[name] for name in ARGUMENTS[kind]}
     # JSON has no tuples.
     attributes: dict[str, Any] = {
         k: tuple(value) if type(value) is list else value for k, value in values.items()

@@ -290,11 +290,6 @@ class Code(Text):
         self.target.constants.append(f"@{name} = private constant {array} [{values}]{mark}")
         return Index(self, self.new(f"ptrtoint {pointer(array)} @{name} to i64"))
 
-    def memory(self, count):
-        """Return the address of memory for so many numbers, on the stack."""
-        place = self.new(f"alloca double, i64 {count}")
-        return self.new(f"ptrtoint {pointer('double')} {place} to i64")
-
     def prefetch(self, address):
         """Let the cache load what stands at an address, if it exists: it is written soon."""
         kind = pointer("i8")
@@ -355,31 +350,6 @@ class Code(Text):
             )
         ]
 
-    def choice(self, kind, truth, a, b):
-        """Return one of two values of a kind, which are both there."""
-        return self.new(f"select i1 {truth}, {kind} {a}, {kind} {b}")
-
-    def cycle(self, carried, body):
-        """Add a loop that carries on values, given with their kinds by name; return the last ones.
-
-        `body(**values)` returns the next values, and whether the loop goes on.
-        """
-        name, before = self._name("cycle"), self.target.block
-        self.jump(name)
-        self.label(name)
-        place, phis = len(self.target.lines), {key: f"%{name}_{key}" for key in carried}
-        found, goes_on = body(**phis)
-        # The next values have names only now.
-        self.target.lines[place:place] = [
-            f"  {phi} = phi {kind} [ {value}, %{before} ], [ {found[key]}, %{name}_end ]"
-            for (key, phi), (kind, value) in zip(phis.items(), carried.values(), strict=True)
-        ]
-        self.jump(f"{name}_end")
-        self.label(f"{name}_end")
-        self.branch(goes_on, name, f"{name}_after")
-        self.label(f"{name}_after")
-        return found
-
     def switch(self, value, cases):
         """Add a block for each of some integers, which `cases[integer]()` writes."""
         name = self._name("switch")
@@ -390,42 +360,6 @@ class Code(Text):
             body()
             self.jump(f"{name}_after")
         self.label(f"{name}_after")
-
-    @contextmanager
-    def times(self, count):
-        """Add a loop over 1 or more indices."""
-        with self.loop(self._name("loop"), count) as index:
-            yield index
-
-    @contextmanager
-    def repeat(self):
-        """Add a loop that goes on while the truth value is true that the block appends."""
-        name, goes_on = self._name("repeat"), []
-        self.jump(name)
-        self.label(name)
-        yield goes_on
-        self.branch(goes_on[0], name, f"{name}_after")
-        self.label(f"{name}_after")
-
-    def fold(self, count, carried, body):
-        """Add a loop over 1 or more indices; return the values that it carries on, by name.
-
-        `body(index, **carried)` adds the block and returns the next values, or None without any.
-        """
-        if isinstance(count, int) and count <= WRITTEN_OUT:
-            found = carried
-            for i in range(count):
-                found = body(i, **found) or {}
-            return found
-
-        def step(index, **values):
-            found, following = body(index, **values) or {}, self.integer("add", index, 1)
-            goes_on = self.compare_integers("ult", following, count)
-            return found | {"index": following}, goes_on
-
-        kinds = {key: (self.V, value) for key, value in carried.items()}
-        last = self.cycle({"index": ("i64", "0")} | kinds, step)
-        return {key: last[key] for key in carried}
 
     # --------------------------------------------------------------------------------------- loops
     def rounds(self, carried, *others):
@@ -503,16 +437,6 @@ class Code(Text):
             return self.plus(base, self.size * (first + i))
         offset = self.integer("mul", i, self.size)
         return self.integer("add", self.plus(base, self.size * first), offset)
-
-    def row(self, base, first, i=0):
-        return self.load(self.V, self.place(base, first, i))
-
-    def put(self, value, base, first, i=0):
-        self.store(self.V, value, self.place(base, first, i))
-
-    def put_chosen(self, value, base, first, i=0):
-        """See `Text.store_chosen`."""
-        self.store_chosen(value, self.place(base, first, i))
 
     def shared(self, address):
         """Return a number at an address, in all lanes."""

@@ -7,7 +7,7 @@ line, for steps (`driver`), for users' loops and for derivatives.
 
 from typing import NamedTuple
 
-from ..code.text import Code
+from ..code.text import Code, Shared
 from ..compiling.codes import CHANGED
 
 
@@ -61,14 +61,12 @@ def loader(text, step, for_each, state, table, fixed=()):
     `state` and `table` are the addresses of their rows for one line. Values in the dict `fixed` are
     there already.
     """
+    x, values = text.array(state), text.array(table) if for_each else Shared(text, table)
 
     def load(number):
         if number in fixed:
             return fixed[number]
-        if number < step.D:
-            return text.row(state, number)
-        place = step.places[number]
-        return text.row(table, place) if for_each else text.shared(text.plus(table, 8 * place))
+        return x[number] if number < step.D else values[step.places[number]]
 
     return load
 
@@ -79,9 +77,10 @@ def add_table(text, step, halves, fraction):
     `halves` is the address of h v for one line, `fraction` the one of a stage.
     """
     fraction, fixed = fraction if text.W == 1 else text.splat(fraction, text.W), {}
+    halves = text.array(halves)
 
     def half_of(number):
-        return text.operate("fmul", text.row(halves, number - step.D), fraction)
+        return halves[number - step.D] * fraction
 
     text.carry_out(step.fixed, fixed, half_of)
     for number in step.table:
@@ -98,7 +97,8 @@ def text_of_stage(step, name, *_):
     text = Code(1)
     text.begin(name, "x", "table")
     stage = Stage(text, step, loader(text, step, False, "%x", "%table"))
-    usual = stage.take([text.row("%x", i) for i in range(step.D)])
+    x = text.array("%x")
+    usual = stage.take([x[i] for i in range(step.D)])
 
     def rare():
         after, accurate, _, told, _ = stage.take_rare()
@@ -110,6 +110,6 @@ def text_of_stage(step, name, *_):
     *final, bits = text.otherwise(stage.is_good(), [*usual, 0], rare, kinds)
     for k, number in enumerate(step.after):
         if number != k:
-            text.put(final[k], "%x", k)
+            x[k] = final[k]
     text.add(f"  ret i64 {bits}")
     return text.finished()

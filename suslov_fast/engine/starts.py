@@ -22,6 +22,9 @@ _LEAST, _MOST = 1e-13, 1e-2  # of rtol
 # The default of rtol. A number that is typed is another object, also if it is 1e-9, so that `is`
 # tells whether rtol is given where it means nothing.
 RTOL = float("1e-9")
+# The defaults of arguments that only maps have, and of those that only motions have.
+_OF_MAPS = {"method": "auto", "save_every": None, "attitude": False}
+_OF_MOTIONS = {"rtol": RTOL, "atol": None, "max_step": None, "stiff": None}
 _FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
 # What solutions do that stop.
 _CAUSES = {
@@ -39,6 +42,22 @@ _CAUSES = {
     ),
     Status.NONFINITE: "have no value: f is NaN or infinite, as 0/0 and log of a negative number",
 }
+
+
+def either_map_or_motion(name: str, eps: Any, steps: Any, time: Any, **others: Any) -> bool:
+    """Return whether a call is one of a motion, with `time`, or of a map, with `eps` and `steps`.
+
+    `others` are arguments of one of them alone; TypeError if the call has some of the other one.
+    """
+    is_motion = time is not None
+    if not is_motion and (eps is None or steps is None):
+        raise TypeError(f"{name} takes time=T along a motion, or eps and steps along a map")
+    given = {"eps": eps is not None, "steps": steps is not None} if is_motion else {}
+    for argument, default in (_OF_MAPS if is_motion else _OF_MOTIONS).items():
+        value = others.get(argument, default)
+        given[argument] = value is not default and not (isinstance(value, str) and value == default)
+    checks.left_out("time" if is_motion else "eps and steps", **given)
+    return is_motion
 
 
 def checked_times(value: Any) -> tuple[FloatArray, int]:

@@ -16,7 +16,13 @@ from ..engine.derivatives import growth
 from ..engine.motion_growth import exponents_of
 from ..engine.motions import threads_for
 from ..engine.problem import warn_of_times
-from ..engine.starts import RTOL, checked_settings, checked_starts, warn_of_ends
+from ..engine.starts import (
+    RTOL,
+    checked_settings,
+    checked_starts,
+    either_map_or_motion,
+    warn_of_ends,
+)
 from ..engine.status import report_poles
 from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
@@ -100,13 +106,9 @@ def lyapunov_exponents(
     >>> exponents.round(1) + 0.0
     array([  0.9,   0. , -14.6])
     """
-    if time is not None:
-        given = {"eps": eps is not None, "steps": steps is not None}
-        checks.left_out("time", **given, method=method != "auto")
+    others = {"method": method, "rtol": rtol}
+    if either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
         return _of_motion(system, x0, time, transient, rtol, threads, progress)
-    if eps is None or steps is None:
-        raise TypeError("lyapunov_exponents takes eps and steps of a map, or time= of a motion")
-    checks.left_out("eps and steps", rtol=rtol is not RTOL)
     checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)

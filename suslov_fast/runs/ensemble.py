@@ -18,7 +18,7 @@ from ..bodies.base import Body
 from ..checks import Reals, require, wrong
 from ..engine.problem import Problem, check, warn_of_times
 from ..engine.random_starts import RandomStarts
-from ..engine.starts import RTOL, checked_settings, checked_times
+from ..engine.starts import RTOL, checked_settings, checked_times, either_map_or_motion
 from ..engine.status import PENDING
 from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
@@ -133,26 +133,17 @@ def ensemble(
     if client is not None and client.status in ("closing", "closed"):
         raise wrong("client", "an open client", "one that is closed")
     checks.instance("system", system, Body)
-    steps_given = {"eps": eps is not None, "steps": steps is not None}
-    tolerances = {
-        "rtol": rtol is not RTOL,
-        "atol": atol is not None,
-        "max_step": max_step is not None,
-    }
-    if time is None:
-        checks.left_out("eps and steps", **tolerances, stiff=stiff is not None)
-    else:
-        of_map = {"save_every": save_every is not None, "method": method != "auto"}
-        checks.left_out("time", **steps_given, **of_map, attitude=attitude is not False)
+    of_map = {"save_every": save_every, "method": method, "attitude": attitude}
+    tolerances = {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
+    is_motion = either_map_or_motion("ensemble", eps, steps, time, **of_map, **tolerances)
     task: Task
     threads = None if client is None else 1
-    if time is None:
-        if eps is None or steps is None:
-            raise TypeError("ensemble takes eps and steps of a map, or time= of a motion")
+    if not is_motion:
         map = map_of(system, method)
         whole = check(map, system, RandomStarts((), 1.0), eps, threads, attitude=attitude)
         warn_of_times(whole)
-        task = Steps(method, *checked_counts(steps, save_every))
+        counts: Any = steps, save_every
+        task = Steps(method, *checked_counts(*counts))
     else:
         task = Times(*checked_times(time), checked_settings(system, rtol, atol, max_step, stiff))
         whole = Problem(None, system, np.empty(0), 0.0, system.shape, thread_count(threads))

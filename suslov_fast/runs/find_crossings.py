@@ -8,7 +8,6 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
@@ -16,7 +15,14 @@ from ..checks import FloatArray, Reals, instance, integer, one_of, real_number, 
 from ..core.motion.engine import Settings
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
-from ..engine.starts import RTOL, checked_settings, checked_starts, ends_in_words, tolerances_of
+from ..engine.starts import (
+    RTOL,
+    checked_settings,
+    checked_starts,
+    either_map_or_motion,
+    ends_in_words,
+    tolerances_of,
+)
 from ..engine.status import PoleWarning
 from ..engine.stretches import March, Progress, reporter
 from ..engine.threads import thread_count
@@ -186,22 +192,13 @@ def crossings(
     if surface is None:
         how = "time=T along a motion, or eps and steps, and surface=lambda x: x[..., 0]"
         raise TypeError(f"surface is missing: pass {how}, for component 0")
-    if time is not None:
-        given = {"eps": eps is not None, "steps": steps is not None}
-        checks.left_out("time", **given, method=method != "auto")
+    tolerances = {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
+    if either_map_or_motion("crossings", eps, steps, time, method=method, **tolerances):
         settings = checked_settings(system, rtol, atol, max_step, stiff)
         return _along_motion(
             system, x0, surface, time, settings, direction, transient, most, threads, on_singular,
             progress,
         )  # fmt: skip
-    if eps is None or steps is None:
-        raise TypeError("crossings takes time=T along a motion, or eps and steps along a map")
-    tolerances = {
-        "rtol": rtol is not RTOL,
-        "atol": atol is not None,
-        "max_step": max_step is not None,
-    }
-    checks.left_out("eps and steps", **tolerances, stiff=stiff is not None)
     map = map_of(system, method)
     problem = check(map, system, x0, eps, threads, name="x0")
     steps, transient = integer("steps", steps, 0), integer("transient", transient, 0)

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from ...bodies.classes import BodyOrField
 from ...bodies.fields.general import Field
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
-from ...checks import left_out, states, wrong
-from ...engine.starts import RTOL
+from ...checks import states, wrong
+from ...engine.starts import RTOL, either_map_or_motion
 from ...keywords import public
 from ...maps import map_of
 from .fields import FieldScene
@@ -198,15 +198,17 @@ def explore(
     """
     if field is None:
         field = Suslov3D(4, 2, -0.5, -0.3)
-    if isinstance(field, Field) or time is not None:
-        given = {"eps": eps is not None, "steps": steps is not None}
-        left_out("time", **given, method=method != "auto")
-        scene = FieldScene(field, x0, time=20.0 if time is None else time, rtol=rtol)
-        return Page(scene.query, scene)
-    left_out("eps and steps", rtol=rtol is not RTOL)
-    if not isinstance(field, (Suslov3D, SuslovGyrostat)):
+    is_plane = isinstance(field, (Suslov3D, SuslovGyrostat))
+    if isinstance(field, Field):
+        time = 20.0 if time is None else time
+    elif time is None:
         map_of(field)  # raises an error for anything else
-        eps, steps = 0.01 if eps is None else eps, 2000 if steps is None else steps
+        defaults = (0.1, 300) if is_plane else (0.01, 2000)
+        eps, steps = defaults[0] if eps is None else eps, defaults[1] if steps is None else steps
+    if either_map_or_motion("explore", eps, steps, time, method=method, rtol=rtol):
+        scene = FieldScene(field, x0, time=time, rtol=rtol)
+        return Page(scene.query, scene)
+    if not is_plane:
         scene = FieldScene(field, x0, eps=eps, steps=steps, method=method)
         return Page(scene.query, scene)
     if method != "auto":
@@ -217,7 +219,6 @@ def explore(
         received = f"a body of shape {field.shape} and states of shape {state.shape}"
         raise wrong("body, omega0", "a single body and a single state", received)
     extent = 1.5 * float(abs(state).max()) or 1.0
-    eps, steps = 0.1 if eps is None else eps, 300 if steps is None else steps
     parameters = *map(float, constants), eps, *state.tolist(), steps, extent
     query = urlencode(Parameters(*parameters)._asdict())
     parse_query(query)  # raises an error if a number is wrong

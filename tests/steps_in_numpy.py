@@ -305,11 +305,12 @@ class StepsInNumPy:
             own = {"x": x[i], "new": new[i], "error": error[i], "largest": largest[i]}
             own |= {"noise": noise[i], "f_new": f_new[i]}
             sizes = sizes_of[last_of[i]]
-            inverse[i] = self._apply_to(self.half.allowed, i, **own, **sizes)["inverse"]
+            allowed = self.half.allowed[i >= self.half.parts[0][1]]
+            inverse[i] = self._apply_to(allowed, i, **own, **sizes)["inverse"]
             own["inverse"] = inverse[i]
             found = self._apply(rules.RATIO, **own, **sums)
             if not is_implicit:
-                own |= {"last": self.last[i], "f_last": self.f_last[i]}
+                own |= {"last": self.last[i], "f_last": self.f_last[i], "taken": taken}
                 found |= self._apply(rules.DIFFERENCES, **own, **sums)
             own = {"error": apart[i], "inverse": inverse[i], "ratio": sums["apart"]}
             sums = found | {"apart": self._apply(rules.LARGER_RATIO, **own)["ratio"]}

@@ -35,7 +35,8 @@ class Half:
                  end on surfaces; in the implicit half also `j`, the entries of f'; `factor`, from
                  these and s; `solve`; and `power`, f' times a vector after the entries and s
     numbers      how many numbers the table of a trajectory has
-    largest, allowed   rules for the size of all components, and for the error that one may have
+    largest      the rule for the size of all components
+    allowed      the rules for the error that one may have, for each of `parts`
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
     changes      `Changes` of the state, or None
@@ -47,11 +48,12 @@ class Half:
         self.f, self.is_implicit, self.has_atol = f, is_implicit, has_atol
         D, extended = f.D, len(f.denominators)
         if has_atol:
-            self.largest, self.allowed = rules.NO_SIZE, rules.ALLOWED_WITH_ATOL
+            self.largest, self.allowed = rules.NO_SIZE, [rules.ALLOWED_WITH_ATOL] * 2
         elif f.clocks:
-            self.largest, self.allowed = rules.LARGEST_WITH_CLOCKS, rules.ALLOWED_WITH_CLOCKS
+            self.largest = rules.LARGEST_WITH_CLOCKS
+            self.allowed = rules.ALLOWED_WITH_CLOCKS, rules.ALLOWED_OF_COLUMNS_WITH_CLOCKS
         else:
-            self.largest, self.allowed = rules.LARGEST, rules.ALLOWED
+            self.largest, self.allowed = rules.LARGEST, [rules.ALLOWED, rules.ALLOWED_OF_COLUMNS]
         # What the derivative has a block of for x, and the same for each column beside it.
         self.block = f.of if isinstance(f, Variational) else f
         self.parts = [(0, self.block.D)]

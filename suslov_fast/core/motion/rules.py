@@ -5,9 +5,9 @@ A step has the estimated error e_i in component i. It is taken if
 ratio = max_i e_i / allowed_i <= 1,
 
 if f has a value at the next state, and if no component changes a sign that the motion keeps. By
-default the allowed error is rtol max(s_i, 2**-20 max_j s_j), where s_i is the largest |x_i| so far:
+default the allowed error is rtol max(s_i, 2**-60 max_j s_j), where s_i is the largest |x_i| so far:
 a component that is reached through m others begins as t**m, and no step has relative digits of it
-for m > 10. Clocks, which have constant rates, have no error, and count there with their change in
+for m > 10. For columns of derivatives it is 2**-20. Clocks, which have constant rates, have no error, and count there with their change in
 the step, because time may be large where all others are small. With `atol` it is
 atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the weighted sum of columns, if
 that is more.
@@ -51,7 +51,7 @@ from ..lists.step import Values, evaluate
 from .rows import State
 
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
-SMALLEST, OF_ROUNDING, OF_CLOCK = 2.0**-20, 2.0**-52, 2.0**-50
+SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 # OF_NAN has many digits: steps that met a time without a value of f should not meet it again.
 SAFETY, SHORTER, LONGER, AT_FIRST, AFTER_REFUSED, OF_NAN = 0.75, 0.2, 4.0, 10.0, 1.0, 0.2371
 # Less 7/64 of the bits of a number they are those of its root, the error in both directions.
@@ -165,20 +165,24 @@ def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
     return {"top": larger(size, top), "moved": larger(change, moved)}
 
 
-def _by_largest(new, largest, top, rtol):
-    return rtol * larger(larger(abs(new), largest), SMALLEST * top)
+def _by_largest(smallest):
+    """Return the rules for the inverse of the allowed error of a component, without and with clocks."""
+
+    def allowed(new, largest, top, rtol):
+        return rtol * larger(larger(abs(new), largest), smallest * top)
+
+    def without(new, largest, top, rtol):
+        return {"inverse": 1.0 / larger(allowed(new, largest, top, rtol), TINY)}
+
+    def with_clocks(new, largest, top, moved, extra, rtol):
+        own = larger(extra + allowed(new, largest, top, rtol), OF_CLOCK * moved)
+        return {"inverse": 1.0 / larger(own, TINY)}
+
+    return _rule(without), _rule(with_clocks)
 
 
-@_rule
-def ALLOWED(new, largest, top, rtol):
-    """The inverse of the allowed error of a component."""
-    return {"inverse": 1.0 / larger(_by_largest(new, largest, top, rtol), TINY)}
-
-
-@_rule
-def ALLOWED_WITH_CLOCKS(new, largest, top, moved, extra, rtol):
-    allowed = larger(extra + _by_largest(new, largest, top, rtol), OF_CLOCK * moved)
-    return {"inverse": 1.0 / larger(allowed, TINY)}
+ALLOWED, ALLOWED_WITH_CLOCKS = _by_largest(SMALLEST)
+ALLOWED_OF_COLUMNS, ALLOWED_OF_COLUMNS_WITH_CLOCKS = _by_largest(SMALLEST_OF_COLUMNS)
 
 
 @_rule
@@ -195,9 +199,9 @@ def RATIO(error, inverse, f_new, ratio, total):
 
 
 @_rule
-def DIFFERENCES(new, f_new, last, f_last, inverse, rates, states):
-    """The squared differences of f and of states, between the next state and the last column."""
-    of_f, of_states = (f_new - f_last) * inverse, (new - last) * inverse
+def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
+    """The squared differences of h f and of states, between the next state and the last column."""
+    of_f, of_states = taken * (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 
 
@@ -298,14 +302,14 @@ def _ends(t, taken, wanted, state, tries, shortest, most):
     return runs, state, runs & (tries > most) & (state < State.DONE)
 
 
-def _is_stiff(taken, rates, states, limit):
-    return (taken * taken * rates > limit * limit * states) & (states > 0.0)
+def _is_stiff(rates, states, limit):
+    return (rates > limit * limit * states) & (states > 0.0)
 
 
 @_rule
 def LOOKS(t, taken, wanted, tries, rates, states, stiff, shortest, limit, most):
     """Whether `TURN_EXPLICIT` changes anything."""
-    is_stiff = _is_stiff(taken, rates, states, limit) | (stiff > 0.0)
+    is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0)
     is_over = (wanted < larger(shortest * t, LEAST)) | (tries > most)
     return {"looks": (taken > 0.0) & (is_stiff | is_over)}
 
@@ -317,7 +321,7 @@ def TURN_EXPLICIT(
 ):  # fmt: skip
     """Whether the motion ends, or a lane becomes implicit, after `AFTER`."""
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
-    is_stiff, accepted = _is_stiff(taken, rates, states, limit), accepted > 0.0
+    is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
     easy_now = is_stiff.select(0.0, (stiff > 0.0).select(easy + 1.0, 0.0))
     stiff_now = is_stiff.select(stiff + 1.0, (easy_now < FORGET).select(stiff, 0.0))
     easy = accepted.select((stiff_now > 0.0).select(easy_now, 0.0), easy)

@@ -103,8 +103,8 @@ def _errors(lines, own, sizes):
     """
     text, half, work = lines.text, lines.half, lines.work
     names = ["ratio", "total", "apart"] + ([] if half.is_implicit else ["rates", "states"])
-    sums, allowed = Carried(**dict.fromkeys(names, 0.0)), half.allowed
-    for (first, count), of_part in zip(half.parts, sizes, strict=True):
+    sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
+    for (first, count), of_part, allowed in zip(half.parts, sizes, half.allowed, strict=False):
         for i in text.each(count, sums):
             i, inputs = i + first, dict(of_part)
             if "noise" in allowed.inputs:
@@ -113,7 +113,7 @@ def _errors(lines, own, sizes):
             found = lines.apply(rules.RATIO, i, inverse=inverse, **vars(sums))
             apart = work.right[i]
             if not half.is_implicit:
-                inputs = {"last": work.a[i], "inverse": inverse}
+                inputs = {"last": work.a[i], "inverse": inverse, "taken": taken}
                 found |= lines.apply(rules.DIFFERENCES, i, **vars(sums) | inputs)
                 apart = weighted(own, lines.of_columns(work.apart, i))
             inputs = {"error": apart, "inverse": inverse, "ratio": sums.apart}

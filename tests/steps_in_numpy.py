@@ -314,6 +314,9 @@ class StepsInNumPy:
                 found |= self._apply(rules.DIFFERENCES, **own, **sums)
             own = {"error": apart[i], "inverse": inverse[i], "ratio": sums["apart"]}
             sums = found | {"apart": self._apply(rules.LARGER_RATIO, **own)["ratio"]}
+        sums["on_trial"] = 0.0
+        if self.half.beside is not None:
+            sums |= self._second_trial(sums, (x, f, new, f_new, error, apart, inverse), signed)
         sums |= {"taken": taken, "kept": kept, "aside": aside}
         before = self.row("t").copy()
         near = self._apply(rules.NEAR)
@@ -345,6 +348,34 @@ class StepsInNumPy:
         self._rows("f", self.extended)[:] = np.where(is_taken, f_new, f)
         modulus = abs(new)
         largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
+
+    def _second_trial(self, sums, states, signed):
+        x, f, new, f_new, error, apart, inverse = states
+        again = self.row("longer") <= rules.AFTER_TRIAL
+        refused = (sums["ratio"] > 1.0) | (sums["apart"] > rules.MOST_APART)
+        refused = refused & (sums["total"] < np.inf) & again
+        if not refused.any():
+            return {}
+        f_beside, change = [
+            self._value(np.array([
+                self._apply_to(self.half.beside, i, state=state[i], f=f[i])["beside"]
+                for i in range(self.D)
+            ]))
+            for state in (new, x)
+        ]  # fmt: skip
+        change = change - f
+        second = 0.0, 0.0
+        for i in range(self.D):
+            own = {"f_new": f_new[i], "f_beside": f_beside[i], "signed": signed}
+            own["change"] = change[i]
+            own |= {"error": error[i], "inverse": inverse[i], "ratio": second[0]}
+            found = self._apply(rules.SECOND, **own)
+            own = {"error": apart[i], "inverse": found["inverse"], "ratio": second[1]}
+            second = found["ratio"], self._apply(rules.LARGER_RATIO, **own)["ratio"]
+            inverse[i] = np.where(refused, found["inverse"], inverse[i])
+        pairs = zip(("ratio", "apart"), second, strict=True)
+        found = {name: np.where(refused, value, sums[name]) for name, value in pairs}
+        return found | {"on_trial": np.where(refused, 1.0, 0.0)}
 
     def _cut(self, states, taken, signed, **found):
         """Return what changes in lanes whose step crosses a surface, or is on the way to one.

@@ -1,5 +1,7 @@
 """Components of very different sizes, and rates near the ends of the range of numbers."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -28,3 +30,56 @@ def test_decay_at_rates_whose_squares_overflow(rate):
     np.testing.assert_allclose(motion.x[:, 1], np.exp([-1.0, -2.0]), rtol=1e-8)
     assert (abs(motion.x[:, 0]) < 1e-9).all()
     assert motion.steps < 2000
+
+
+# ------------------------------------------------------ f that is rounded as coarsely as its clocks
+@pytest.mark.parametrize("width", 10.0 ** -np.arange(1, 16))
+@pytest.mark.parametrize("stiff", [None, True])
+def test_ramps_of_any_width(width, stiff):
+    """x' = ramp - x from rest, where the ramp goes from 0 to 1 around t = 1."""
+    f = field(lambda s: (np.clip((s[1] - 1 + width) / (2 * width), 0, 1) - s[0], 1.0), "x t")
+    table = field(lambda s: (np.interp(s[1], [1 - width, 1 + width], [0, 1]) - s[0], 1.0), "x t")
+    exact = 1 - np.exp(-2.0) * np.sinh(width) / width
+    for each in (f, table):
+        for start in (0.0, 0.3, -7.0):
+            motion = sf.flow(each, [0.0, start], time=3.0 - start, stiff=stiff)
+            np.testing.assert_allclose(motion.x[0, 0], exact, rtol=3e-8)
+            assert motion.steps < 150
+
+
+@pytest.mark.parametrize(
+    ("rate", "exact"),
+    [
+        (lambda s: np.sqrt(s), 2 / 3),
+        (lambda s: s**0.9, 1 / 1.9),
+        (lambda s: s**0.3, 1 / 1.3),
+        (lambda s: np.where(s > 0, -s * np.log(s + (s <= 0)), 0), 1 / 4),
+        (lambda s: 0.7 * s**-0.3 * np.exp(-(s**0.7)), 1 - np.exp(-1.0)),  # Weibull's density
+    ],
+)
+@pytest.mark.parametrize("atol", [None, 1e-12])
+def test_a_component_that_begins_like_a_root(rate, exact, atol):
+    """From exactly 0, in the middle of the time."""
+    with np.errstate(all="ignore"):
+        f = field(lambda s: (np.where(s[1] > 1, rate(np.maximum(s[1] - 1, 0)), 0), 1.0), "x t")
+    motion = sf.flow(f, [0.0, 0.0], time=2.0, atol=atol)
+    np.testing.assert_allclose(motion.x[0, 0], exact, rtol=1e-7)
+    assert motion.steps < 3000
+
+
+def test_components_that_are_differences_of_larger_ones():
+    """Springs at rest, but for the ends: those between stay within rounding for a while."""
+    n = 8
+
+    def chain(s):
+        q = [0.0, *s[:n], 0.0]
+        stretch = [b - a for a, b in pairwise(q)]
+        force = [d + 0.25 * d * d for d in stretch]
+        return [*s[n:], *(b - a for a, b in pairwise(force))]
+
+    f = field(chain, 2 * n)
+    start = np.repeat([0.5, 0.0], n) * (1 + 1e-4 * np.cos(np.arange(2 * n)))
+    motion = sf.flow(f, [start, start * (1 + 1e-9)], time=20.0)
+    assert (motion.steps < 150).all()
+    exact = sf.flow(f, start, time=20.0, rtol=1e-12)
+    np.testing.assert_allclose(motion.x[0, 0], exact.x[0], atol=1e-7)

@@ -37,6 +37,7 @@ class Half:
     numbers      how many numbers the table of a trajectory has
     largest      the rule for the size of all components
     allowed      the rules for the error that one may have, for each of `parts`
+    beside       the rule for a state that differs by rounding, None without a second trial
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
     changes      `Changes` of the state, or None
@@ -54,6 +55,9 @@ class Half:
             self.allowed = rules.ALLOWED_WITH_CLOCKS, rules.ALLOWED_OF_COLUMNS_WITH_CLOCKS
         else:
             self.largest, self.allowed = rules.LARGEST, [rules.ALLOWED, rules.ALLOWED_OF_COLUMNS]
+        self.beside = rules.CLOCK_BESIDE if is_implicit else rules.BESIDE
+        if is_implicit and not f.clocks:
+            self.beside = None
         # What the derivative has a block of for x, and the same for each column beside it.
         self.block = f.of if isinstance(f, Variational) else f
         self.parts = [(0, self.block.D)]

@@ -114,6 +114,7 @@ class Work(NamedTuple):
     accepted: int  # 1 where the step is taken, else 0
     served: int  # 1 where a step aside has reached its time, else 0
     t: int  # time before the step
+    ratios: int  # the largest error and the largest `apart` of it, by what is allowed (2)
     at_surface: int  # 1 where the step ends on a surface, else 0
     between: int  # two states, between which surfaces are crossed or not (2 watched)
     seen: int  # what `watch` finds there (3 + kinks)
@@ -136,8 +137,8 @@ def work_of(
     """Return the rows of `Work`; `of_changes` are the sizes of those from `changed` to `tau`."""
     extended = D + denominators
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
-             nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 7, 2 * watched,
-             3 + kinks, *of_changes, scratch]  # fmt: skip
+             nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 2, 1,
+             2 * watched, 3 + kinks, *of_changes, scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

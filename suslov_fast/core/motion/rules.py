@@ -7,10 +7,16 @@ ratio = max_i e_i / allowed_i <= 1,
 if f has a value at the next state, and if no component changes a sign that the motion keeps. By
 default the allowed error is rtol max(s_i, 2**-60 max_j s_j), where s_i is the largest |x_i| so far:
 a component that is reached through m others begins as t**m, and no step has relative digits of it
-for m > 10. For columns of derivatives it is 2**-20. Clocks, which have constant rates, have no error, and count there with their change in
-the step, because time may be large where all others are small. With `atol` it is
-atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the weighted sum of columns, if
-that is more.
+for m > 10. For columns of derivatives it is 2**-20. Clocks, which have constant rates, have no
+error, and count there with their change in the step, because time may be large where all others are
+small. With `atol` it is atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the
+weighted sum of columns, if that is more.
+
+The state is rounded, and f with it, which shows where components cancel, where f is steep in time
+or begins at 0. So a step that would be refused has a second trial, where |h (f(x') - f(x))| is
+allowed, for states x' beside those at both ends of the step, whichever is less. There clocks are
+2**-50 of their values later, and in an explicit step others differ by some 2**-51 of theirs. It
+takes time, and so it is for steps after one that was refused, or that was taken by such a trial.
 
 The next length is 0.75 ratio**(-7/64) times this one, within 3.4 percent, by the bits of the ratio:
 the estimate of an explicit step is of order 9. A step that is refused is taken again with it, and a
@@ -52,7 +58,9 @@ from .rows import State
 
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
+OF_SEED = 2.0**-41  # of `Component.seeds`, which are below 2**-10
 # OF_NAN has many digits: steps that met a time without a value of f should not meet it again.
+AFTER_TRIAL = 3.875  # less than LONGER, so that it tells
 SAFETY, SHORTER, LONGER, AT_FIRST, AFTER_REFUSED, OF_NAN = 0.75, 0.2, 4.0, 10.0, 1.0, 0.2371
 # Less 7/64 of the bits of a number they are those of its root, the error in both directions.
 _ROOT = from_bits(round((1023 * 71 / 64 - 0.05) * 2**52))
@@ -166,7 +174,7 @@ def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
 
 
 def _by_largest(smallest):
-    """Return the rules for the inverse of the allowed error of a component, without and with clocks."""
+    """Return the rules for the inverse of the allowed error of a component, one with clocks."""
 
     def allowed(new, largest, top, rtol):
         return rtol * larger(larger(abs(new), largest), smallest * top)
@@ -189,6 +197,31 @@ ALLOWED_OF_COLUMNS, ALLOWED_OF_COLUMNS_WITH_CLOCKS = _by_largest(SMALLEST_OF_COL
 def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
     allowed = larger(extra + rtol * larger(abs(x), abs(new)), OF_ROUNDING * noise)
     return {"inverse": 1.0 / larger(allowed, TINY)}
+
+
+@_rule
+def BESIDE(t, state, f, counts, seeds):
+    """A component beside its value, within some units in its last place; a clock is later."""
+    later = state + OF_CLOCK * larger(abs(state), t * abs(f))
+    return {"beside": (counts > 0.0).select(state + OF_SEED * seeds * state, later)}
+
+
+@_rule
+def CLOCK_BESIDE(t, state, f, counts):
+    """The same where only clocks differ."""
+    later = state + OF_CLOCK * larger(abs(state), t * abs(f))
+    return {"beside": (counts > 0.0).select(state, later)}
+
+
+@_rule
+def SECOND(error, inverse, signed, change, f_new, f_beside, ratio):
+    """The largest ratio of a second trial, and the inverse of what it allows.
+
+    `change` is that of f beside the beginning of the step.
+    """
+    of_rounding = abs(signed) * smaller(abs(f_beside - f_new), abs(change))
+    own = (of_rounding < inf).select(smaller(1.0 / of_rounding, inverse), inverse)
+    return {"ratio": larger(abs(error) * own, ratio), "inverse": own}
 
 
 @_rule
@@ -264,8 +297,8 @@ def _root(ratio):
 
 @_rule
 def AFTER(
-    t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, reach, last,
-    longest,
+    t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
+    reach, last, longest,
 ):  # fmt: skip
     """Whether a step is taken, or has reached its time aside, and the length of the next one."""
     is_finite = total < inf
@@ -281,7 +314,8 @@ def AFTER(
     changes = served.select(0.0, taken) > 0.0
     reaches = (wanted < reach * (last - t)).select(t + taken, last)
     after = moved.select(reaches, t)
-    after_this = accepted.select(LONGER, AFTER_REFUSED)
+    longer_now = (on_trial > 0.0).select(AFTER_TRIAL, LONGER)
+    after_this = accepted.select(longer_now, AFTER_REFUSED)
     return {
         "accepted": moved.select(1.0, 0.0),
         "served": served.select(1.0, 0.0),

@@ -13,6 +13,8 @@ allowed, how long the next step is, and which half takes it. Lanes that take no 
 have length 0 and stay as they are.
 """
 
+from math import inf
+
 import numpy as np
 
 from ..code.text import Carried
@@ -42,6 +44,9 @@ def take_step(lines):
     if half.is_implicit:
         find_apart(lines)
     sums = _errors(lines, own, sizes)
+    sums["on_trial"] = text.value(0.0)
+    if half.beside is not None:
+        sums |= _second_trial(lines, own, of_error, sums)
     sums |= {"kept": kept, "taken": work.taken[0], "rate": rate, **lines.near()}
     before = line.t[0]
     found = lines.apply(rules.AFTER, **sums, **lines.goal())
@@ -121,6 +126,41 @@ def _errors(lines, own, sizes):
             sums.update(found)
             work.error[i] = inverse
     return vars(sums)
+
+
+def _second_trial(lines, own, of_error, sums):
+    """Return ratios, those of a second trial where there is one (see `rules`), and 1 there."""
+    text, line, work, half = lines.text, lines.line, lines.work, lines.half
+    again = text.value(rules.AFTER_TRIAL) >= line.longer[0]
+    refused = (sums["ratio"] > 1.0) | (sums["apart"] > rules.MOST_APART)
+    refused = refused & (sums["total"] < inf) & again
+    for k, name in enumerate(("ratio", "apart")):
+        work.ratios.put_chosen(k, sums[name])
+    with text.when(refused.any(), likely=False):
+        for states in (line.x, work.new):
+            if states is work.new:
+                for i in text.each(lines.D):
+                    work.a.put_chosen(i, work.f[i] - line.f[i])
+            for i in text.each(lines.D):
+                of_line = {"t": line.t[0], "f": line.f[i], "state": states[i]}
+                found = lines.apply(half.beside, i, **of_line)
+                work.start.put_chosen(i, found["beside"])
+            lines.call("f", work.start, lines.table, work.f)
+        trial = Carried(ratio=0.0, apart=0.0)
+        for i in text.each(lines.D, trial):
+            inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i))}
+            inputs |= {"inverse": work.error[i], "change": work.a[i], "f_beside": work.f[i]}
+            found = lines.apply(rules.SECOND, i, signed=work.signed[0], ratio=trial.ratio, **inputs)
+            work.error.choose(refused, i, found["inverse"])
+            trial.ratio, apart = found["ratio"], work.right[i]
+            if not half.is_implicit:
+                apart = weighted(own, lines.of_columns(work.apart, i))
+            inputs = {"error": apart, "inverse": found["inverse"], "ratio": trial.apart}
+            trial.apart = lines.apply(rules.LARGER_RATIO, **inputs)["ratio"]
+        for k, value in enumerate((trial.ratio, trial.apart)):
+            work.ratios.choose(refused, k, value)
+    on_trial = refused.select(1.0, 0.0)
+    return {"ratio": work.ratios[0], "apart": work.ratios[1], "on_trial": on_trial}
 
 
 def _noise(lines, own, i):

@@ -316,7 +316,7 @@ class StepsInNumPy:
             sums = found | {"apart": self._apply(rules.LARGER_RATIO, **own)["ratio"]}
         sums["on_trial"] = 0.0
         if self.half.beside is not None:
-            sums |= self._second_trial(sums, (x, f, new, f_new, error, apart, inverse), signed)
+            sums |= self._second_trial(sums, (x, f, new, f_new, error, apart, inverse), taken)
         sums |= {"taken": taken, "kept": kept, "aside": aside}
         before = self.row("t").copy()
         near = self._apply(rules.NEAR)
@@ -349,7 +349,7 @@ class StepsInNumPy:
         modulus = abs(new)
         largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
 
-    def _second_trial(self, sums, states, signed):
+    def _second_trial(self, sums, states, taken):
         x, f, new, f_new, error, apart, inverse = states
         again = self.row("longer") <= rules.AFTER_TRIAL
         refused = (sums["ratio"] > 1.0) | (sums["apart"] > rules.MOST_APART)
@@ -364,17 +364,16 @@ class StepsInNumPy:
             for state in (new, x)
         ]  # fmt: skip
         change = change - f
-        second = 0.0, 0.0
+        trial = {"ratio": 0.0, "of_apart": 0.0}
         for i in range(self.D):
-            own = {"f_new": f_new[i], "f_beside": f_beside[i], "signed": signed}
-            own["change"] = change[i]
-            own |= {"error": error[i], "inverse": inverse[i], "ratio": second[0]}
-            found = self._apply(rules.SECOND, **own)
-            own = {"error": apart[i], "inverse": found["inverse"], "ratio": second[1]}
-            second = found["ratio"], self._apply(rules.LARGER_RATIO, **own)["ratio"]
-            inverse[i] = np.where(refused, found["inverse"], inverse[i])
-        pairs = zip(("ratio", "apart"), second, strict=True)
+            own = {"f_new": f_new[i], "f_beside": f_beside[i], "change": change[i], "taken": taken}
+            own |= {"error": error[i], "apart": apart[i], "inverse": inverse[i]}
+            trial = self._apply(rules.SECOND, **own, **trial)
+            inverse[i] = np.where(refused, trial.pop("inverse"), inverse[i])
+        pairs = zip(("ratio", "apart"), trial.values(), strict=True)
         found = {name: np.where(refused, value, sums[name]) for name, value in pairs}
+        if not self.half.is_implicit:
+            found["rates"] = np.where(refused, 0.0, sums["rates"])
         return found | {"on_trial": np.where(refused, 1.0, 0.0)}
 
     def _cut(self, states, taken, signed, **found):

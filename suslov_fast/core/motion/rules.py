@@ -59,6 +59,7 @@ from .rows import State
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 OF_SEED = 2.0**-41  # of `Component.seeds`, which are below 2**-10
+TINY_STEP = 2.0**-40  # part of the time
 # OF_NAN has many digits: steps that met a time without a value of f should not meet it again.
 AFTER_TRIAL = 3.875  # less than LONGER, so that it tells
 SAFETY, SHORTER, LONGER, AT_FIRST, AFTER_REFUSED, OF_NAN = 0.75, 0.2, 4.0, 10.0, 1.0, 0.2371
@@ -214,14 +215,21 @@ def CLOCK_BESIDE(t, state, f, counts):
 
 
 @_rule
-def SECOND(error, inverse, signed, change, f_new, f_beside, ratio):
-    """The largest ratio of a second trial, and the inverse of what it allows.
+def SECOND(t, taken, error, apart, inverse, change, f_new, f_beside, ratio, of_apart):
+    """The largest ratios of a second trial, and the inverse of what it allows.
 
-    `change` is that of f beside the beginning of the step.
+    `change` is that of f beside the beginning of the step. Of a step that is not much longer than
+    what time is rounded to only that counts, because its sub-steps see little but rounding.
     """
-    of_rounding = abs(signed) * smaller(abs(f_beside - f_new), abs(change))
+    is_short = taken <= TINY_STEP * t
+    at_end = is_short.select(inf, abs(f_beside - f_new))
+    of_rounding = taken * smaller(at_end, abs(change))
     own = (of_rounding < inf).select(smaller(1.0 / of_rounding, inverse), inverse)
-    return {"ratio": larger(abs(error) * own, ratio), "inverse": own}
+    return {
+        "ratio": larger(abs(error) * own, ratio),
+        "of_apart": larger(is_short.select(0.0, abs(apart) * own), of_apart),
+        "inverse": own,
+    }
 
 
 @_rule

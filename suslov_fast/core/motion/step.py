@@ -146,21 +146,22 @@ def _second_trial(lines, own, of_error, sums):
                 found = lines.apply(half.beside, i, **of_line)
                 work.start.put_chosen(i, found["beside"])
             lines.call("f", work.start, lines.table, work.f)
-        trial = Carried(ratio=0.0, apart=0.0)
+        trial = Carried(ratio=0.0, of_apart=0.0)
         for i in text.each(lines.D, trial):
             inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i))}
             inputs |= {"inverse": work.error[i], "change": work.a[i], "f_beside": work.f[i]}
-            found = lines.apply(rules.SECOND, i, signed=work.signed[0], ratio=trial.ratio, **inputs)
-            work.error.choose(refused, i, found["inverse"])
-            trial.ratio, apart = found["ratio"], work.right[i]
+            inputs |= {"t": line.t[0], "taken": work.taken[0], "apart": work.right[i]}
             if not half.is_implicit:
-                apart = weighted(own, lines.of_columns(work.apart, i))
-            inputs = {"error": apart, "inverse": found["inverse"], "ratio": trial.apart}
-            trial.apart = lines.apply(rules.LARGER_RATIO, **inputs)["ratio"]
-        for k, value in enumerate((trial.ratio, trial.apart)):
+                inputs["apart"] = weighted(own, lines.of_columns(work.apart, i))
+            found = lines.apply(rules.SECOND, i, **inputs, **vars(trial))
+            work.error.choose(refused, i, found.pop("inverse"))
+            trial.update(found)
+        for k, value in enumerate((trial.ratio, trial.of_apart)):
             work.ratios.choose(refused, k, value)
-    on_trial = refused.select(1.0, 0.0)
-    return {"ratio": work.ratios[0], "apart": work.ratios[1], "on_trial": on_trial}
+    found = {"ratio": work.ratios[0], "apart": work.ratios[1]}
+    if not half.is_implicit:  # rounding does not make equations stiff
+        found["rates"] = refused.select(0.0, sums["rates"])
+    return found | {"on_trial": refused.select(1.0, 0.0)}
 
 
 def _noise(lines, own, i):

@@ -273,13 +273,6 @@ class Body(Members, metaclass=_Answering):
         body
             An instance of this class.
 
-        Raises
-        ------
-        TypeError
-            If `parameters` is not a dictionary.
-        ValueError
-            If the dictionary is that of another class, or its parameters are not those of this one.
-
         Examples
         --------
         >>> from suslov_fast import Suslov3D

@@ -72,8 +72,10 @@ class Members:
 
         Raises
         ------
+        KeyError
+            If no member has the value.
         TypeError, ValueError
-            If no member has the value, or the parameter does not vary along exactly one axis.
+            If the parameter does not vary along exactly one axis, or the value is no number.
 
         Examples
         --------
@@ -91,13 +93,10 @@ class Members:
             wanted = checks.real_number(name, value)
             if not isinstance(wanted, float):
                 raise wrong(name, "a number", checks.short(value))
-            index = int(np.argmin(abs(choices - wanted)))
-            if (nearest := choices[index]) != wanted:
-                advice = f"pass one of them, such as {nearest}"
-                raise ValueError(
-                    f"{name}: {wanted} is not one of its {choices.size} values: {advice}"
-                )
-            self = self._part(axis, index)
+            found = np.flatnonzero(choices == wanted)
+            if not found.size:
+                raise KeyError(f"no member has {name} = {wanted}")
+            self = self._part(axis, int(found[0]))
         return self
 
     @property

@@ -38,16 +38,6 @@ class _In3D(Body):
 
     positive: ClassVar[dict[str, int]] = dict.fromkeys(("I1", "I2", "I3"), checks.MOMENTS)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if "I3" in self.arrays:
-            tensors = self._inertia(self.arrays["I3"])
-            # Twice the tolerance of from_inertia, because the rotation to its basis rounds, too.
-            if not (fits := _excess(tensors) >= -2 * _ROUNDING).all():
-                text = "no body has I3 = {} with these I1, I2, I13 and I23: see admissible_I3()"
-                how = ", which is nan where none has, whatever I3; maps do without it"
-                checks.warn(text.format(tensors[~fits][0, 2, 2]) + how)
-
     @property
     def constants(self) -> tuple[Any, ...]:
         """I1 in the shape of the batch, which I3 alone may have; I2, I13, I23; k or 0."""
@@ -103,8 +93,8 @@ class Suslov3D(_In3D):
         Products of inertia, 0 or between 1e-60 and 1e60 in modulus. Where both are 0 every angular
         velocity is constant.
     I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, which only :func:`step_full` uses: it
-        drops out of the map. If no rigid body has it, a warning says so: see :meth:`admissible_I3`.
+        The third moment of inertia, which only :func:`step_full` uses: it drops out of the map.
+        :meth:`admissible_I3` tells which of them rigid bodies have.
 
     Raises
     ------
@@ -168,11 +158,6 @@ class Suslov3D(_In3D):
         body : Suslov3D
         eps : float
             Unit: that of time.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If k is not 1, 2, 3 or 4.
 
         Examples
         --------
@@ -283,11 +268,6 @@ class SuslovGyrostat(_In3D):
         -------
         body, rotation : SuslovGyrostat, ndarray(float, shape=(..., 3, 3))
             As in :meth:`Suslov3D.from_inertia`.
-
-        Raises
-        ------
-        ValueError
-            As :meth:`Suslov3D.from_inertia`.
 
         Examples
         --------

@@ -106,12 +106,6 @@ class RandomStarts:
         -------
         ndarray(float, shape=(count, dimension))
 
-        Raises
-        ------
-        TypeError, ValueError
-            If an argument is not an integer from 0 (`dimension` from 1), or `low` and `high` have
-            another number of components.
-
         Examples
         --------
         >>> from suslov_fast import RandomStarts

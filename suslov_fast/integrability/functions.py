@@ -73,13 +73,6 @@ class WithLetter:
         -------
         KahanMap, RationalMap or RationalFunction
 
-        Raises
-        ------
-        TypeError, ValueError
-            If this is no number, or there is no letter of this name.
-        ArithmeticError
-            If there is no map, or the function has no value, for this number.
-
         Examples
         --------
         >>> from suslov_fast import QuadraticField

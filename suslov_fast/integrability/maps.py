@@ -207,13 +207,6 @@ class RationalMap(WithLetter):
         -------
         tuple of tuple of Fraction
 
-        Raises
-        ------
-        TypeError, ValueError
-            If eps is symbolic, or the point does not have D numbers.
-        ZeroDivisionError
-            If the point is a pole of the map.
-
         Examples
         --------
         >>> from suslov_fast import QuadraticField
@@ -236,11 +229,6 @@ class RationalMap(WithLetter):
         Returns
         -------
         Fraction
-
-        Raises
-        ------
-        TypeError, ValueError, ZeroDivisionError
-            If eps is symbolic, the point does not have D numbers, or it is a pole of the map.
 
         Examples
         --------

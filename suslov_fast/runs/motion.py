@@ -97,11 +97,6 @@ class Motion(States):
             At [..., i, j] that of component i with respect to component j of x0; for a parameter,
             at [..., i] that of component i.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If :func:`flow` was not called with this name in `derivatives`.
-
         Examples
         --------
         How does a decay depend on its rate, and on its start?

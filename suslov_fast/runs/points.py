@@ -59,11 +59,6 @@ class Points(Result):
             "crossing": `trajectory`, `time`, `n` and `eps` or `surface`, and each parameter of the
             body that varies.
 
-        Raises
-        ------
-        ImportError
-            If xarray is not installed.
-
         Examples
         --------
         >>> data = points.to_xarray()  # doctest: +SKIP
@@ -108,11 +103,6 @@ class Points(Result):
         Returns
         -------
         matplotlib.axes.Axes
-
-        Raises
-        ------
-        TypeError, ValueError
-            If there is no such component or colour, or `ax` has the wrong kind.
 
         Examples
         --------

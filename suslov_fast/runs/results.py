@@ -318,11 +318,6 @@ class States(Result):
         -------
         matplotlib.axes.Axes
 
-        Raises
-        ------
-        TypeError, ValueError
-            If there is no such component or colour, or `ax` has the wrong kind.
-
         Examples
         --------
         >>> from suslov_fast import QuadraticField, iterate

@@ -311,7 +311,7 @@ def documented():
 
 SECTIONS = "Parameters Attributes Returns Raises Warns Notes Examples".split()
 # No call of these fails.
-WITHOUT_ERRORS = {"admissible_I3", "reduced", "show_versions", "symbols", "to_dict", "zoo"}
+WITHOUT_ERRORS = {"show_versions", "zoo"}
 
 
 @pytest.mark.parametrize(
@@ -328,8 +328,8 @@ def test_public_docstrings(name, thing):
     if not inspect.isfunction(thing) or name == "LiftedField.field":
         return
     assert "Examples" in found
-    short = name.rpartition(".")[-1]
-    assert ("Raises" in found) == (short not in WITHOUT_ERRORS), found
+    if "." not in name:  # methods name errors that are not obvious
+        assert ("Raises" in found) == (name not in WITHOUT_ERRORS), found
     signature = inspect.signature(thing)
     assert ("Returns" in found) == (signature.return_annotation not in (None, "None"))
     parameters = [each for each in signature.parameters if each not in ("self", "cls")]

@@ -143,12 +143,6 @@ class QuadraticField(_FieldOfTerms):
         QuadraticField
             Its coefficients are the sums of the terms, rounded once in a batch.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If indices are no integers in their range, shapes do not match, or a value is not a
-            number in the range of coefficients.
-
         Examples
         --------
         A lattice of 1000 variables, with the derivative x_(i-1) (x_(i+1) - x_(i-2)) - x_i + 8:

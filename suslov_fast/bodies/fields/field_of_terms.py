@@ -260,11 +260,6 @@ class FieldOfFunction(Body):
             The derivative of component i with respect to variable j at [..., i, j]. Where f
             chooses, as ``np.where`` does, it is that of the branch.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If x has another shape, or numbers that are infinite or not real.
-
         Examples
         --------
         >>> from suslov_fast import QuadraticField

@@ -32,7 +32,7 @@ from ...engine.status import PENDING
 from ..columns import FORMAT, MOTION, RUN, OtherFormat
 
 Tile = tuple[int, ...]  # position of a tile along each axis of the batch
-MOST_CHUNKS = 2**21  # of a store
+MOST_CHUNKS, _MOST_COMPONENTS = 2**21, 2**20  # of a store, and of a state
 _CHECKSUM = 4  # bytes, which follow the numbers of a chunk
 _AT_A_TIME = 64  # simultaneous requests
 # Values that unwritten chunks show, by the name of a column; others are NaN.
@@ -75,9 +75,21 @@ def group_of(store: Any, mode: Any = "r") -> Any:
         raise ValueError(f"store: {store} is {OtherFormat(number, version)}")
     if number != FORMAT:
         raise _foreign(store, "other data: pass a new name; xarray.open_zarr reads them")
-    if _is_complete(group) and (absent := _names_in(group.attrs) - {*group}):
-        raise _foreign(store, f"damaged metadata: no {', '.join(sorted(absent))}")
+    if _is_complete(group) and (what := _damage(group)):
+        raise _foreign(store, f"damaged metadata: {what}")
     return group
+
+
+def _damage(group: Any) -> str:
+    """Return what is wrong with the arrays of a store, if anything, before chunks are sought."""
+    arrays = dict(group.arrays())
+    if absent := _names_in(group.attrs) - {*arrays}:
+        return f"no {', '.join(sorted(absent))}"
+    if (total := sum(math.prod(array.cdata_shape) for array in arrays.values())) > MOST_CHUNKS:
+        return f"{total} chunks, more than {MOST_CHUNKS}"
+    if (D := math.prod(arrays["component"].shape)) > _MOST_COMPONENTS:
+        return f"{D} components, more than {_MOST_COMPONENTS}"
+    return ""
 
 
 def _names_in(attributes: Any) -> set[str]:

@@ -21,11 +21,6 @@ from .compiler import Text, pointer
 WRITTEN_OUT = 4  # indices of which loops are written out
 
 
-def bits_of(number):
-    """Return a number as LLVM's text has it."""
-    return f"0x{np.float64(number).view(np.uint64):016X}"
-
-
 # -------------------------------------------------------------------------------------- the names
 class _Name:
     """What has a name in a text. `str()` is that name, so it may stand in any instruction."""

@@ -523,31 +523,6 @@ def pick(parameter, i):
     return parameter[i if i < parameter.size else 0]
 
 
-def _row(array, i):
-    """Return row i of an array of float64, or its only row; return any other array as it is."""
-    is_float = getattr(array, "dtype", None) == np.float64
-    return array[i % len(array)] if is_float else array
-
-
-@overload(_row, jit_options=_FORMULA)
-def _row_of_type(array, i):
-    if getattr(array, "dtype", None) == types.float64:
-        return lambda array, i: array[i % len(array)]
-    return lambda array, i: array
-
-
-def rows_of(arrays, i):
-    """Return the tuple of the rows of trajectory i."""
-    return tuple(_row(array, i) for array in arrays)
-
-
-@overload(rows_of, jit_options=_FORMULA)
-def _rows_of_types(arrays, i):
-    if len(arrays) == 0:
-        return lambda arrays, i: ()
-    return lambda arrays, i: (_row(arrays[0], i), *rows_of(arrays[1:], i))
-
-
 @formula
 def are_common(parameters):
     """True if all trajectories have the same body and step size."""

@@ -152,7 +152,6 @@ def test_compiled_after_a_second(as_in_an_empty_process, monkeypatch):
     def count(part, parts, numbers):
         numbers[0] += 1
 
-    monkeypatch.setattr(core_numba, "is_foreign", lambda _: False)
     monkeypatch.setattr(core_numba, "as_python", lambda _: lambda *_: in_python.append(1))
     monkeypatch.setattr(count, "compiled", lambda *_: in_code.append(1))
     monkeypatch.setattr(core_numba, "perf_counter", iter(np.arange(0, 2, 0.04)).__next__)

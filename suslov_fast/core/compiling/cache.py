@@ -1,8 +1,8 @@
 """The cache of compiled functions on disk: which files are those of a function, and where they are.
 
 Numba checks a file of its cache only against its own version and the source file of one function.
-Here the name of a function contains a digest of all sources of the package that are compiled, and
-the key of a function of others a digest of all that it names, so that every edit makes new files.
+Here the name of a function contains a digest of all sources of the package that are compiled, so
+that every edit makes new files.
 The folder must be as trusted as the code.
 """
 
@@ -11,9 +11,6 @@ import hashlib
 import importlib.resources
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import CodeType, ModuleType
-
-import numpy as np
 
 # Private names of Numba: without them each process compiles for itself.
 try:
@@ -53,69 +50,6 @@ def _delete_stale_files(folder):
             path.unlink(missing_ok=True)
 
 
-# ------------------------------------------------------------------------------ functions of others
-def is_foreign(py_function):
-    """True for functions of others, and for those that the package makes from them."""
-    return not _is_known(py_function) or py_function.__closure__ is not None
-
-
-def _is_known(thing):
-    """True for what `_digest` has read, and for packages that Numba knows by their names."""
-    module = getattr(thing, "__module__", None) or getattr(thing, "__name__", "")
-    return module.partition(".")[0] in (_PACKAGE, "numba", "numpy", "math")
-
-
-def _digest_of(py_function):
-    """Return a digest of a function, and of all functions and numbers that it names, in any file.
-
-    Names have their values of the moment, those that the compiler would take.
-    """
-    return _hash("\n".join(_described(py_function, {})).encode())
-
-
-def _described(thing, seen):
-    """Yield texts that differ where code that uses a thing may differ."""
-    function = getattr(thing, "py_func", thing)
-    if isinstance(thing, (tuple, list, frozenset)):
-        yield f"{type(thing).__name__} {len(thing)}"
-        for each in sorted(thing, key=repr) if isinstance(thing, frozenset) else thing:
-            yield from _described(each, seen)
-    elif isinstance(thing, np.ndarray):
-        yield f"{thing.dtype} {thing.shape} {_hash(thing.tobytes())}"
-    elif not hasattr(function, "__code__"):
-        fields = getattr(thing, "_fields", "")  # of the class of a named tuple
-        yield repr(thing) if np.isscalar(thing) else f"{type(thing).__name__} {fields}"
-    elif function in seen:
-        yield f"{seen[function]}"
-    elif not seen or is_foreign(function):
-        seen[function] = len(seen)
-        yield repr(sorted(getattr(thing, "targetoptions", {}).items(), key=repr))
-        cells = [cell.cell_contents for cell in function.__closure__ or ()]
-        for each in (*cells, *(function.__defaults__ or ())):
-            yield from _described(each, seen)
-        yield from _described_code(function.__code__, function.__globals__, seen)
-
-
-def _described_code(code, module, seen):
-    yield f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars}"
-    for each in code.co_consts:
-        of_code = isinstance(each, CodeType)
-        yield from _described_code(each, module, seen) if of_code else _described(each, seen)
-    yield from _described_names(code.co_names, module, seen)
-
-
-def _described_names(names, module, seen):
-    """Yield texts of what a module has by these names, and modules in it."""
-    for name in names:
-        if name in module:
-            yield name
-            if not isinstance(value := module[name], ModuleType):
-                yield from _described(value, seen)
-            elif not _is_known(value) and (value, names) not in seen:
-                seen[value, names] = len(seen)
-                yield from _described_names(names, vars(value), seen)
-
-
 # -------------------------------------------------------------------------------------------- files
 @functools.cache
 def _locators():
@@ -147,7 +81,6 @@ def named_folder():
 
 def _files_of(py_function):
     """Return what reads and writes the files of a function; RuntimeError if there is no folder."""
-    of_others = is_foreign(py_function)
 
     class Files(FunctionCache):
         """Files of a function. If one cannot be read or written, the process compiles."""
@@ -171,18 +104,12 @@ def _files_of(py_function):
                 super().save_overload(signature, data)
                 _delete_stale_files(self.cache_path)
 
-        def _index_key(self, signature, codegen):
-            if not of_others:
-                return super()._index_key(signature, codegen)
-            return signature, codegen.magic_tuple(), _digest_of(py_function)
-
     return Files(py_function)
 
 
 def use_cache(compiled, py_function):
     """Give a compiled function its files: `caching`, `FunctionCache`, `_cache`."""
-    # Without a key of its own a function of others might be stale.
-    if hasattr(FunctionCache, "_index_key") and hasattr(compiled, "_cache"):
+    if FunctionCache is not None and hasattr(compiled, "_cache"):
         with suppress(RuntimeError, TypeError, AttributeError, ValueError):  # no folder
             compiled._cache = _files_of(py_function)
 
@@ -209,11 +136,6 @@ def folder_of(compiled):
     return files.cache_path if isinstance(files, FunctionCache or ()) else None
 
 
-def name_with_digest(py_function, of_all=False):
-    """Give a function the name that the names of its files contain.
-
-    With `of_all` it contains the digest of a function of others, where the key cannot.
-    """
-    if of_all and is_foreign(py_function):
-        py_function.__qualname__ += f"_{_digest_of(py_function)}"
+def name_with_digest(py_function):
+    """Give a function the name that the names of its files contain."""
     py_function.__qualname__ += f"_{_digest()}"

@@ -42,7 +42,6 @@ from .arrays import array_at, pack
 from .cache import (
     folder_of,
     has_files,
-    is_foreign,
     is_kept,
     name_with_digest,
     named_folder,
@@ -177,7 +176,7 @@ class Patient:
     def has_patience(self, seconds):
         """Return whether a call that takes so many seconds in Python may run there."""
         settings = config.DISABLE_JIT or config.BOUNDSCHECK
-        return not settings and self.seconds + seconds < PATIENCE and not is_foreign(self.py_func)
+        return not settings and self.seconds + seconds < PATIENCE
 
     def in_python(self, function, *arguments):
         """Call a function that runs as Python."""
@@ -334,9 +333,9 @@ class Kernel(Patient):
     def parallel(self, threads, *arguments):
         """Call the kernel for one part of the work in each thread."""
         addresses = None
-        # Kernels of others, and those that check indices or are interpreted, may raise, which a
+        # Kernels that check indices or are interpreted may raise, which a
         # parallel loop of Numba ignores.
-        may_raise = config.BOUNDSCHECK or config.DISABLE_JIT or is_foreign(self.py_func)
+        may_raise = config.BOUNDSCHECK or config.DISABLE_JIT
         if not may_raise:
             kind = self.compiled, _kind(arguments)
             if kind not in _found:
@@ -435,7 +434,7 @@ class Universal(Patient):
     @functools.cached_property
     def _named(self):
         """The Python function, with the name of its files."""
-        name_with_digest(self.py_func, of_all=True)
+        name_with_digest(self.py_func)
         return self.py_func
 
     @functools.cached_property

@@ -18,6 +18,8 @@ field = QuadraticField.from_hamiltonian(
     lambda x: x[1] ** 2 / 2 + x[0] ** 2 / 2 - x[0] ** 3 / 3, dimension=2
 )
 starts = np.stack([np.linspace(0.1, 0.95, 8), np.zeros(8)], axis=-1)
-iterate(field, starts, eps=0.4, steps=400).plot(ax=right, lines=False)
+run = iterate(field, starts, eps=0.4, steps=400)
+run.plot(ax=right, lines=False, color=run.modified_energy()[0])
+figure.axes[-1].set_ylabel("modified energy")
 right.set_title(r"$x' = K\,\nabla H$, $H$ cubic")
 right.set_aspect("equal")

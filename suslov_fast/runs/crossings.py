@@ -140,10 +140,6 @@ class Crossings(Points):
 
         return titled(self)
 
-    @property
-    def _on_orbits(self) -> FloatArray:
-        return self.before
-
     def __repr__(self) -> str:
         n = self.n
         steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n))

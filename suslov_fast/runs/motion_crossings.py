@@ -85,20 +85,6 @@ class MotionCrossings(Points):
     def _heading(self) -> str:
         return f"Motion of a {type(self.body).__name__}"
 
-    @property
-    def _on_orbits(self) -> FloatArray:
-        return self.states
-
-    @property
-    def _conserved(self) -> str | None:
-        return "energy" if getattr(self.body, "H", None) is not None else None
-
-    def _value(self, name: str, states: FloatArray) -> FloatArray:
-        from .. import energy  # the only one
-
-        values: FloatArray = energy(self.body, states)
-        return values
-
     def __repr__(self) -> str:
         time = self.time
         times = f"{time.min():g} to {time.max():g}" if time.size else "none"

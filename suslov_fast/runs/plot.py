@@ -36,17 +36,12 @@ _MOST_DOTS = 1_000_000
 _MOST_VECTORS = 10_000
 # Most dots on lines, because more hide the lines.
 _MOST_ON_LINES, _MOST_OVER_TIME = 2000, 200
-# Most states joined by lines.
+# Most states joined by lines by default.
 _MOST_JOINED = 100_000
-# Where not all states can be drawn: least number of states of an orbit, if it has so many; most
-# pieces of an orbit, and least number of states in a piece.
-_FEWEST_OF_ORBIT, _PIECES, _SHORTEST = 2000, 10, 500
 # Most values of a parameter in a legend; for more there is a colour bar.
 _IN_LEGEND = 6
 # Most components in the key of a figure over time.
 _IN_KEY = 12
-# Levels of a conserved quantity that differ by less are rounding errors, or one energy.
-_LEAST_SPREAD = 0.02
 
 
 def axes_for(ax: Any, size: tuple[float, float], count: int = 2) -> Any:
@@ -99,17 +94,13 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: A
         raise wrong("lines", "True, False or None", repr(lines))
     B = math.prod(run.status.shape)
     colours = _colours(run, color, run.status.shape)
-    if colours.values is None and color is None:
-        colours = _levels(run, run.states[0])
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
     states = _drawn(run, run.states, chosen).reshape(len(run), B, len(chosen))
-    pieces, orbits = _pieces(states)
     if lines is None:
-        lines = run._is_whole and (_are_near(pieces) or _TIME in chosen)
-    if not lines:
-        pieces, orbits = states, np.arange(B)
+        are_few = len(run) * B <= _MOST_JOINED
+        lines = are_few and run._is_whole and (_are_near(states) or _TIME in chosen)
     most = _MOST_OVER_TIME if _TIME in chosen else _MOST_ON_LINES
-    drawn, count = _draw(axes, pieces, colours, orbits, lines, most)
+    drawn, count = _draw(axes, states, colours, lines, most)
     colours.explain(axes, drawn)
     _label(axes, run, chosen)
     what, reach, total = run._heading
@@ -154,8 +145,6 @@ def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any
     chosen = _components(points, _varying(points) if components is None else components)
     of_crossings = {name: getattr(points, name) for name in points.coordinates}
     colours = _colours(points, color, (K,), of_crossings)
-    if colours.values is None and color is None:
-        colours = _levels(points, points._on_orbits)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
     drawn, count = _dots(axes, _drawn(points, points.states, chosen), colours, np.arange(K))
     colours.explain(axes, drawn)
@@ -259,72 +248,40 @@ def _colours(
     return _Colours(values.ravel())
 
 
-def _levels(run: Any, states: FloatArray) -> _Colours:
-    """Return the values of the conserved quantity as colours; one colour if all are equal."""
-    name = run._conserved
-    if name and states.size:
-        values = run._value(name, states).ravel()
-        finite = values[np.isfinite(values)]
-        if finite.size and np.ptp(finite) > _LEAST_SPREAD * abs(finite).max():
-            return _Colours(values, f"level of the {name.replace('_', ' ')}")
-    return _Colours()
-
-
-def _pieces(states: FloatArray) -> tuple[FloatArray, NDArray[Any]]:
-    """Return at most _MOST_JOINED states as pieces (n, pieces, c), and the orbit of each piece.
-
-    If orbits (N, B, c) are short, pieces are whole orbits, of which some may be left out; else they
-    are spread evenly from the beginning of an orbit to its end.
-    """
-    N, B, _ = states.shape
-    orbits = np.arange(B)
-    if N * B > _MOST_JOINED:
-        count = min(B, max(_MOST_JOINED // min(N, _FEWEST_OF_ORBIT), 1))
-        orbits = np.linspace(0, B - 1, count).round().astype(np.int64)
-    of_orbit = min(N, max(_MOST_JOINED // max(len(orbits), 1), 1))
-    parts = 1 if of_orbit == N else max(min(_PIECES, of_orbit // _SHORTEST), 1)
-    length = of_orbit // parts
-    begins = np.linspace(0, N - length, parts).round().astype(np.int64)
-    pieces = [states[begin : begin + length, orbits] for begin in begins]
-    return np.concatenate(pieces, axis=1), np.tile(orbits, parts)
-
-
-def _are_near(pieces: FloatArray) -> bool:
-    """Return whether the median step is below 1/20 of the extent of all states (n, pieces, c)."""
-    lengths = np.linalg.norm(np.diff(pieces, axis=0), axis=-1)
+def _are_near(states: FloatArray) -> bool:
+    """Return whether the median step is below 1/20 of the extent of all states (N, B, c)."""
+    lengths = np.linalg.norm(np.diff(states, axis=0), axis=-1)
     lengths = lengths[~np.isnan(lengths)]
-    existing = pieces[~np.isnan(pieces).any(axis=-1)]
+    existing = states[~np.isnan(states).any(axis=-1)]
     return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(existing, axis=0).max())
 
 
 def _draw(
-    axes: Any, pieces: FloatArray, colours: _Colours, orbits: NDArray[Any], lines: bool, most: int
+    axes: Any, states: FloatArray, colours: _Colours, lines: bool, most: int
 ) -> tuple[Any, int]:
-    """Draw pieces (n, pieces, c) of orbits; return the coloured artist and the number of states.
+    """Draw orbits (N, B, c); return the coloured artist and the number of states.
 
     Lines have dots at the states if there are at most so many.
     """
-    n, count = len(pieces), pieces[..., 0].size
-    drawn = None
+    (N, B, c), drawn = states.shape, None
+    count, orbits = N * B, np.arange(B)
     if lines:
         style: dict[str, Any] = {"linewidths": 0.7, "joinstyle": "round", "capstyle": "round"}
         if colours.values is None:
             style["color"] = colours.single
         else:
             style |= {"array": colours.of(orbits), "cmap": COLOURS, "norm": colours.norm}
-        collection = LineCollection if pieces.shape[-1] == 2 else Line3DCollection
-        drawn = collection(list(np.moveaxis(pieces, 1, 0)), **style)
-        if pieces.shape[-1] == 2:
+        collection = LineCollection if c == 2 else Line3DCollection
+        drawn = collection(list(np.moveaxis(states, 1, 0)), **style)
+        if c == 2:
             axes.add_collection(drawn)
             axes.autoscale_view()  # Matplotlib before 3.11 does not do so itself
         else:
             axes.add_collection3d(drawn)
-            axes.auto_scale_xyz(*pieces.reshape(-1, 3).T)
+            axes.auto_scale_xyz(*states.reshape(-1, 3).T)
     if not lines or count <= most:
         size = 4.0 if lines else None
-        drawn, count = _dots(
-            axes, pieces.reshape(-1, pieces.shape[-1]), colours, np.tile(orbits, n), size
-        )
+        drawn, count = _dots(axes, states.reshape(-1, c), colours, np.tile(orbits, N), size)
     return drawn, count
 
 

@@ -36,7 +36,6 @@ class Points(Result):
     kinds = "Crossings", "MotionCrossings"
     coordinates: ClassVar[tuple[str, ...]]  # attributes of crossings that label them
     _heading: Any  # what the points are, for plots
-    _on_orbits: Any  # states of orbits near them, at which conserved quantities are evaluated
 
     def _at_crossings(self, values: Any, axes: int = 0) -> Any:
         """Return for each crossing the value (...) of its trajectory, an array of `axes` axes."""
@@ -92,8 +91,7 @@ class Points(Result):
         color : str or array_like(float, shape=(K,) or (...)), optional
             A parameter that varies, "trajectory" or "time", along maps also "eps" or "n", and along
             motions "surface"; a number for each crossing, or each trajectory; or a colour of
-            Matplotlib. By default the parameter of a family, else the level of the conserved
-            quantity, if it differs by more than 2 %.
+            Matplotlib. By default the parameter of a family.
         title : str or bool, optional
             True: the system and the number of crossings. By default none, unless crossings are
             left out.

@@ -289,9 +289,8 @@ class States(Result):
     ) -> Any:
         """Draw the states over two components, over time, or in space (extra `plots`).
 
-        Of more than 100,000 states, joined by lines, it draws pieces of orbits; of more than
-        1,000,000 dots as many, chosen at random. A space-time picture of a chain of many variables
-        is ``ax.imshow(run.x, aspect="auto")``.
+        Of more than 1,000,000 dots it draws as many, chosen at random. A space-time picture of a
+        chain of many variables is ``ax.imshow(run.x, aspect="auto")``.
 
         Parameters
         ----------
@@ -304,10 +303,10 @@ class States(Result):
             space.
         lines : bool, optional
             Whether to join consecutive states, those of a motion in the order of time; by default
-            if all states of a run are saved, and they lie close together.
+            if all states of a run are saved, at most 100,000, and they lie close together.
         color : str or array_like(float, shape=(...)), optional
             A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
-            default the parameter of a family, else the level of the conserved quantity.
+            default the parameter of a family; ``color=run.energy()[0]`` shows levels.
         title : str or bool, optional
             True: the map, the number of orbits and how many states are drawn. By default none,
             unless states are left out.

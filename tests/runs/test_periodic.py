@@ -336,6 +336,7 @@ RELAXATION = [
 ]
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("rtol", [1e-9, 1e-12])
 @pytest.mark.parametrize(("of", "parameter", "time", "level"), RELAXATION)
 def test_relaxation_cycles(of, parameter, time, level, rtol):
@@ -360,6 +361,7 @@ def test_relaxation_cycles(of, parameter, time, level, rtol):
     assert abs(field(orbit.state)).max() < 0.2 * speeds.max()
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("rtol", [1e-9, 1e-12])
 @pytest.mark.parametrize(
     ("mu", "start", "period"),
@@ -378,6 +380,7 @@ def test_starts_beside_a_relaxation_cycle(mu, start, period, rtol):
     )
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("rtol", [1e-9, 1e-12])
 @pytest.mark.parametrize(("mu", "A", "w"), [(5.0, 25.0, 0.7), (20.0, 100.0, 0.6)])
 def test_a_forced_relaxation_cycle_from_its_jump(mu, A, w, rtol):

@@ -457,6 +457,12 @@ def test_orbits_of_maps(method, digits):
     assert abs(motion.period / orbit.period - 1) < digits
 
 
+def test_a_map_without_an_orbit():
+    rising = QuadraticField.from_function(lambda x: (1 + x[1] ** 2, x[0]), 2)
+    with pytest.raises(RuntimeError, match="no orbit"):
+        periodic_orbit(rising, [0.1, 0.2], 2.0, steps=20)
+
+
 def test_a_clock_has_no_orbit_of_a_map():
     forced = QuadraticField.from_function(lambda s: (s[1], -s[0] - s[1] + s[2], 1), "q p t")
     with pytest.raises(ValueError, match="system"):

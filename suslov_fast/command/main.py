@@ -18,7 +18,7 @@ from typing import Any
 import suslov_fast as sf
 
 from .options import PARAMETERS, parsed
-from .summary import facts_in, facts_of, lines_of
+from .summary import facts_in, facts_of
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
 
@@ -79,7 +79,7 @@ def _about(subject: object) -> Iterator[None]:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Compute a batch of trajectories of a map, or of the motion, and print a summary.
+    """Compute a batch of trajectories of a map, or of the motion, and print a summary, in JSON.
 
     By default it takes 1000 steps from 65,536 random states, with the body and the step size of
     figure 2 of the paper. A run into FILE.zarr is written in parts; if it is interrupted, the same
@@ -130,7 +130,7 @@ def run(options: argparse.Namespace) -> None:
         kept = "keeps its tiles; the same command goes on" if is_stored else "was not written"
         raise KeyboardInterrupt(f": {path} {kept}" if path else "") from None
     facts["threads"] = numba.get_num_threads()
-    print(lines_of(facts, options.json), flush=True)
+    print(json.dumps(facts), flush=True)
     if facts["trajectories"] and not any(sf.Status[name] >= 0 for name in facts["status"]):
         raise ArithmeticError("run: all trajectories failed")
 
@@ -287,7 +287,7 @@ def _require_new(paths: Sequence[Path], force: bool) -> None:
 
 
 def info(options: argparse.Namespace) -> int:
-    """Print summaries of saved runs, with the largest relative drift of a conserved quantity."""
+    """Print a JSON object for each saved run, with the largest relative drift of an integral."""
     failed = 0
     for path in options.file:
         try:
@@ -296,7 +296,7 @@ def info(options: argparse.Namespace) -> int:
             _tell(_text_of(error, path))
             failed = 1
         else:
-            print(lines_of(facts, options.json), flush=True)
+            print(json.dumps(facts), flush=True)
     return failed
 
 

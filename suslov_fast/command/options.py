@@ -181,13 +181,11 @@ def _run(parser: Any) -> None:
     add("--threads", type=integer, metavar="N", help="number of threads (default: all)")
     add("-o", "--output", type=path, metavar="FILE", help="write the run to a .npz or .zarr file")
     add("--force", action="store_true", help=_FORCE)
-    add("--json", action="store_true", help="print one JSON object")
 
 
 def _info(parser: Any) -> None:
-    add = parser.add_argument
-    add("file", type=path, nargs="+", metavar="FILE", help="a .npz file or a .zarr store of a run")
-    add("--json", action="store_true", help="print a JSON object for each file, in one line")
+    about = "a .npz file or a .zarr store of a run"
+    parser.add_argument("file", type=path, nargs="+", metavar="FILE", help=about)
 
 
 def _plot(parser: Any) -> None:

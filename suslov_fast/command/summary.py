@@ -1,14 +1,10 @@
-"""Summaries of runs, crossings and stores, as the command prints them: as lines, or as JSON."""
+"""Summaries of runs, crossings and stores, as the command prints them in JSON."""
 
 import json
 from pathlib import Path
 from typing import Any
 
 import suslov_fast as sf
-
-# Attributes of stores of fields: the number of variables and their terms, and those of H.
-_TERMS = "dimension", "indices", "values"
-_LISTS = *_TERMS, "indices of H", "H", "K"
 
 
 def facts_in(path: Path) -> dict[str, Any]:
@@ -86,71 +82,3 @@ def _largest_change(result: Any, name: str | None, first: Any, last: Any) -> dic
         change = np.asarray(abs(result._value(name, last) / result._value(name, first) - 1))
     finite = change[np.isfinite(change)]
     return {name: float(finite.max())} if finite.size else {}
-
-
-# Most numbers of a list that are printed.
-_FEW = 6
-# Measured numbers, which are printed with four digits; others are printed with all of theirs.
-_MEASURED = "drift", "seconds", "steps_per_second"
-
-
-def lines_of(facts: dict[str, Any], as_json: bool) -> str:
-    """Return a summary as a text: a line for each fact, or one JSON object."""
-    if as_json:
-        return json.dumps(facts)
-    rows = []
-    for name, value in _for_people(facts).items():
-        text = _spelled(value, ".4g" if name in _MEASURED else "")
-        rows.append((name.replace("_", " "), text))
-    for name, count in facts["status"].items():
-        meaning = sf.Status[name].message if name in sf.Status.__members__ else "not computed yet"
-        rows.append(("status", f"{count:,} {name}: {meaning}"))
-    width = max(17, *(len(name) + 1 for name, _ in rows))
-    return "\n".join(f"{name:<{width}}{text}" for name, text in rows if text)
-
-
-def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
-    """Return the facts to print: fields as formulas, and the method only if there are others."""
-    from ..maps import MAPS
-
-    shown, record = dict(facts), MAPS.get(facts.get("map", ""))  # none of a motion
-    for name in {"map", "status"} & shown.keys():
-        del shown[name]
-    if shown.get("saved_states") == 1 and record:
-        shown["saved_states"] = "1, the last; --save-every K saves more"
-    same_body = [other for other in MAPS.values() if record and other.body is record.body]
-    if sum(len(other.methods) for other in same_body) == 1:
-        del shown["method"]
-    if record is None or record.variable == "x":
-        body = facts["body"]
-        lists = [n for n in _LISTS if n in facts]
-        if not isinstance(body, dict) and "dimension" in facts:  # the attributes of a store
-            body = {"body": body} | {k: facts[k] for k in (*_TERMS, "names") if k in facts}
-            # For a long list a store has a text, size and range, in place of numbers.
-            if any(isinstance(body[name], str) for name in _TERMS):
-                body = body["body"]
-        if isinstance(body, dict):
-            values = body.get("parameters", {}).items()
-            named = [f"{name} = {_spelled(value)}" for name, value in values]
-            shown["body"] = ", ".join([repr(sf.body_from_dict(body)), *named])
-        for name in lists:
-            del shown[name]
-    return shown
-
-
-def _spelled(value: Any, form: str = "") -> str:
-    """Return the text of a number, a list of numbers, or the parameters of a body."""
-    if isinstance(value, dict):
-        names = [name for name in value if name != "body"]
-        return ", ".join(f"{name} = {_spelled(value[name], form)}" for name in names)
-    if isinstance(value, float):
-        return f"{value:{form}}" if form else repr(value).removesuffix(".0")
-    if isinstance(value, int):
-        return f"{value:,}"
-    if isinstance(value, list):
-        flat = value
-        while flat and isinstance(flat[0], list):
-            flat = [item for row in flat for item in row]
-        if len(flat) > _FEW:
-            return f"{len(flat):,} values from {min(flat):g} to {max(flat):g}"
-    return str(value).partition(", sha256")[0]

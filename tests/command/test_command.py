@@ -50,7 +50,7 @@ def succeed(line):
 
 
 def facts_of(line):
-    return json.loads(succeed(f"{line} --json"))
+    return json.loads(succeed(line))
 
 
 def start(line, **pipes):
@@ -80,15 +80,14 @@ UNIT = "run --I1 1 --I2 1 --I13 1 --I23 0 --eps 1 --steps 20"
 def test_failures_are_counted():
     """The rate is that of the steps computed; it is an error that no trajectory is left."""
     line = f"{UNIT} --omega0 .3,.1 --omega0 1,-3 --omega0 .5,-40"
-    text, facts = succeed(line), facts_of(line)
-    for status in sf.Status.OK, sf.Status.SUPERCRITICAL, sf.Status.SINGULAR:
-        assert f"1 {status.name}: {status.message}" in text
+    facts = facts_of(line)
+    assert facts["status"] == {"OK": 1, "SUPERCRITICAL": 1, "SINGULAR": 1}
     assert facts["steps_per_second"] * facts["seconds"] == pytest.approx(20 + 1 + 20)
     assert 0 < facts["drift"]["first_integral"] < 1e-12
     done = run(f"{UNIT} --omega0 1,-3")
     assert (done.code, done.err) == (1, "suslov-fast: run: all trajectories failed\n")
-    assert "1 SINGULAR" in done.out
-    assert "drift" not in done.out
+    assert '"status": {"SINGULAR": 1}' in done.out
+    assert json.loads(done.out)["drift"] == {}
 
 
 @pytest.mark.parametrize("suffix", ["npz", "zarr"])
@@ -97,7 +96,7 @@ def test_run_and_info(suffix):
     facts = facts_of(f"run --trajectories 1e2 --steps 2e1 --save-every 10 -o {name}")
     expected = {"trajectories": 100, "steps": 20, "written": name, "status": {"OK": 100}}
     assert {**facts, **expected} == facts
-    found = [json.loads(line) for line in succeed(f"info {name} {name} --json").splitlines()]
+    found = [json.loads(line) for line in succeed(f"info {name} {name}").splitlines()]
     assert [{**facts, "file": name, **each} for each in found] == [{**facts, "file": name}] * 2
     mixed = run(f"info {name} missing.npz {name} text.txt")
     assert (mixed.code, mixed.out) == (1, succeed(f"info {name} {name}"))
@@ -174,7 +173,6 @@ def test_a_motion_is_flow():
     assert facts["status"] == {"OK": 6}
     found = facts_of("info m.npz")
     assert {**facts, **found} == facts | {"file": "m.npz"}
-    assert "Field of shape (2, 1)" in succeed("info m.npz")
     points = sf.crossings(pendulum(), [1.0, 0.5], surface=lambda x: x[..., 0], time=9.0)
     points.save("c.npz")
     assert sf.Crossings.load("c.npz") == points
@@ -182,7 +180,7 @@ def test_a_motion_is_flow():
     assert succeed("plot m.npz -o m.png --components time,q") == "m.png\n"
     assert facts_of(f"{line} -o m.zarr")["status"] == {"OK": 6}
     np.testing.assert_array_equal(sf.open_ensemble("m.zarr").x, expected.x)
-    assert "6 OK" in succeed("info m.zarr")
+    assert facts_of("info m.zarr")["status"] == {"OK": 6}
 
 
 def test_a_motion_of_a_body_keeps_its_energy():
@@ -193,7 +191,7 @@ def test_a_motion_of_a_body_keeps_its_energy():
     Path("b.json").write_text(json.dumps(sf.QuadraticField([[[1]]]).to_dict()))
     done = run("run --body b.json --time 2 --omega0 1 --omega0 .1")
     assert done.code == 0
-    assert "1 ENDED" in done.out
+    assert json.loads(done.out)["status"]["ENDED"] == 1
 
 
 @pytest.mark.slow
@@ -205,7 +203,6 @@ def test_info_and_plot_of_crossings():
     expected = {"crossings": len(points), "trajectories": 2, "direction": 1, "transient": 0}
     assert {**facts, **expected, "status": {"OK": 2}, "steps": 3000} == facts
     assert "most" not in facts
-    assert f"crossings        {len(points)}\n" in succeed("info p.npz")
     sf.iterate(BODY, [1.0, 0.5], 0.2, 30).save("r.npz")
     for name, suffix, start in (
         ("p", "png", b"\x89PNG"),
@@ -244,7 +241,7 @@ def test_a_store_is_finished_or_refused():
     line = "run --trajectories 100 --steps 40 --save-every 4 -o run.zarr"
     succeed(line)
     Path("run.zarr/status/c/0").unlink()
-    assert "100 PENDING: not computed yet" in succeed("info run.zarr")
+    assert facts_of("info run.zarr")["status"] == {"PENDING": 100}
     assert facts_of(line)["status"] == {"OK": 100}
     refused = run(f"{line} --eps 0.3")
     assert (refused.code, refused.err.count("\n")) == (1, 1)
@@ -278,7 +275,7 @@ MISTAKES = """
 2 | report x*(1-y) | --body FILE.json
 2 | flow --time 3 | run
 2 | run good.json | good.json
-2 | --json run | --json comes after the command
+2 | --steps run | --steps comes after the command
 2 | run --steps 1.5 | --steps
 2 | run --steps 1e-99999999 | --steps
 2 | run --omega0 1,x | --omega0
@@ -390,7 +387,7 @@ def test_report():
     Path("b.json").write_text(json.dumps(lotka().to_dict()))
     assert "degree" in succeed("report --body b.json --eps 1/3 --degree 1")
     lemma = "25*(4*x1^2 + x2^2)/(25*x1^2 + 30*x1*x2 + 9*x2^2 + 40000)"
-    found = facts_of("report --figure 1 --eps 0.2 --degree 2")
+    found = facts_of("report --figure 1 --eps 0.2 --degree 2 --json")
     assert [each["formula"] for each in found["integrals"]] == [lemma]
 
 

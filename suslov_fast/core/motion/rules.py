@@ -33,7 +33,8 @@ the implicit half each time is. Where an explicit step passes several, they lie 
 
 The explicit half is stable where h |mu| < 6 for eigenvalues mu of f' on the left. The difference
 quotient of f between the next state and the end of the last column shows the largest |mu| for
-nothing. After `patience` steps with h |mu| above `limit` a lane becomes implicit; it leaves this
+nothing. After `patience` steps with h |mu| above `limit` a lane becomes implicit, and false steps
+count OF_FALSE of these, because the shorter step after them looks less stiff; it leaves this
 half if h |mu| stays below twice the limit for EASY steps, with |mu| by the power iteration on f'.
 
 Steps end on surfaces where f jumps or has a kink. Where one is crossed between the ends of PARTS of
@@ -73,8 +74,8 @@ PARTS = 4
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
-# Sums that vanish on true steps, beside the allowed error: 30 and less on all true ones tried; and
-# the next length after a step that they refuse.
+# Largest sum that vanishes on true steps, beside the allowed error, and the next length after a
+# step that it refuses. With 30 some true steps are refused, with 100 more false ones are taken.
 MOST_APART, OF_APART = 50.0, 0.5
 TINY = 2.0**-1000  # in place of an allowed error of 0
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
@@ -82,6 +83,7 @@ MOST_STEPS = 250_000  # between two times that are asked for
 # Steps that look stiff before a lane becomes implicit, those in between that make it forget them;
 # implicit steps that are a trial, those that explicit ones would do as well, and the most patience.
 PATIENCE, FORGET, TRIAL, EASY, MOST_PATIENCE = 5.0, 6.0, 8.0, 3.0, 100.0
+OF_FALSE = 2.0  # steps that look stiff, for one that is false
 
 
 def first_part(rtol):
@@ -303,6 +305,11 @@ def _root(ratio):
     return ratio._of("bits_sub", _ROOT, eighth.then("bits_sub", back))
 
 
+def _is_false(ratio, apart):
+    """Return whether all columns agree on a false end."""
+    return (ratio <= 1.0) & (apart > MOST_APART)
+
+
 @_rule
 def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
@@ -313,10 +320,9 @@ def AFTER(
     factor = larger(smaller(SAFETY * _root(ratio), longer), SHORTER)
     is_active = taken > 0.0
     sees = is_finite & (kept > 0.0)  # the estimate means something
-    is_exact = ratio <= 1.0
-    accepted = is_active & sees & is_exact & (apart <= MOST_APART)
+    accepted = is_active & sees & (ratio <= 1.0) & (apart <= MOST_APART)
     factor = sees.select(factor, OF_NAN)
-    factor = (is_exact & (apart > MOST_APART)).select(smaller(factor, OF_APART), factor)
+    factor = _is_false(ratio, apart).select(smaller(factor, OF_APART), factor)
     factor = accepted.select(factor, smaller(factor, REFUSED))
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
     changes = served.select(0.0, taken) > 0.0
@@ -349,9 +355,9 @@ def _is_stiff(rates, states, limit):
 
 
 @_rule
-def LOOKS(t, taken, wanted, tries, rates, states, stiff, shortest, limit, most):
+def LOOKS(t, taken, wanted, tries, rates, states, stiff, ratio, apart, shortest, limit, most):
     """Whether `TURN_EXPLICIT` changes anything."""
-    is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0)
+    is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | _is_false(ratio, apart)
     is_over = (wanted < larger(shortest * t, LEAST)) | (tries > most)
     return {"looks": (taken > 0.0) & (is_stiff | is_over)}
 
@@ -359,7 +365,7 @@ def LOOKS(t, taken, wanted, tries, rates, states, stiff, shortest, limit, most):
 @_rule
 def TURN_EXPLICIT(
     t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
-    shortest, limit, switches, most,
+    ratio, apart, shortest, limit, switches, most,
 ):  # fmt: skip
     """Whether the motion ends, or a lane becomes implicit, after `AFTER`."""
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
@@ -367,7 +373,8 @@ def TURN_EXPLICIT(
     easy_now = is_stiff.select(0.0, (stiff > 0.0).select(easy + 1.0, 0.0))
     stiff_now = is_stiff.select(stiff + 1.0, (easy_now < FORGET).select(stiff, 0.0))
     easy = accepted.select((stiff_now > 0.0).select(easy_now, 0.0), easy)
-    stiff = accepted.select(stiff_now, stiff)
+    is_false = (taken > 0.0) & _is_false(ratio, apart)
+    stiff = accepted.select(stiff_now, is_false.select(stiff + OF_FALSE, stiff))
     turns = (stiff >= patience) & (switches > 0.0) & (state < State.IMPLICIT)
     return {
         "longer": turns.select(AT_FIRST, longer),

@@ -95,3 +95,164 @@ def test_other_systems():
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     motion = flow(body, [1.0, 0.5], time=2.0, changes=Change(times=[1.0]))
     np.testing.assert_allclose(motion.omega, flow(body, [1.0, 0.5], time=2.0).omega, rtol=1e-9)
+
+
+# ----------------------------------------------------------------------------------- surfaces
+BALL = Field.from_function(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
+BOUNCE = Change("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
+FALL = np.sqrt(2.0 / 9.81)  # the time from height 1
+CLOCK = Field.from_function(lambda x: (1.0, 0.0), "t n")
+
+
+def height(e, t):
+    """Return the height at time t of a ball that falls from 1."""
+    first, v = FALL, e * 9.81 * FALL
+    while t >= first + 2.0 * v / 9.81:
+        first, v = first + 2.0 * v / 9.81, e * v
+    s = t - first
+    return 1.0 - 9.81 * t * t / 2.0 if s < 0.0 else v * s - 9.81 * s * s / 2.0
+
+
+@pytest.mark.parametrize("stiff", [False, True])
+def test_bouncing_balls(stiff):
+    time = np.linspace(0.1, 5.0, 20)
+    motion = flow(BALL.with_parameters(e=[0.9, 0.95]), [1.0, 0.0], time=time, changes=BOUNCE,
+                  rtol=1e-11, stiff=stiff, max_step=1.0)  # fmt: skip
+    np.testing.assert_allclose(motion.x[:, 0, 0], [height(0.9, t) for t in time], atol=1e-9)
+    assert motion.changes.count.ravel().tolist() == [8, 7]
+    assert motion.changes.before[:, 0].min() > -1e-13
+
+
+@pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+@pytest.mark.parametrize("e", [0.0, 1e-16, 1e-12, 1e-8, 1e-4, 0.01, 0.1, 0.5, 0.9, 0.97])
+def test_balls_that_come_to_rest(e):
+    motion = flow(BALL.with_parameters(e=e), [1.0, 0.0], time=100.0, changes=BOUNCE)
+    assert motion.status == Status.ACCUMULATES
+    assert abs(motion.end - FALL * (1.0 + 2.0 * e / (1.0 - e))) < 1e-10
+    assert motion.changes.states[:, 0].min() > -1e-12
+
+
+def test_spikes():
+    """Of leaky neurons, whose period is log(I / (I - 1))."""
+    current = np.linspace(1.2, 3.0, 5)
+    neuron = Field.from_function(lambda x, I: (I - x[0],), "v", I=current)
+    spike = Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0,))
+    found = flow(neuron, [0.0], time=20.0, changes=spike).changes
+    period = np.log(current / (current - 1.0))
+    assert found.count[:, 0].tolist() == np.floor(20.0 / period).tolist()
+    number = np.concatenate([np.arange(1, 1 + n) for n in found.count[:, 0]])
+    np.testing.assert_allclose(found.time, number * period[found.trajectory], rtol=3e-9)
+
+
+@pytest.mark.parametrize("directions", [(1, -1), (0, 0)])
+def test_relay_with_hysteresis(directions):
+    relay = Field.from_function(lambda x: (x[1] - x[0], 0.0), "x s")
+    changes = [
+        Change(lambda x: x[0] - 0.5, direction=directions[0], to=lambda x: (x[0], -1)),
+        Change(lambda x: x[0] + 0.5, direction=directions[1], to=lambda x: (x[0], 1)),
+    ]
+    found = flow(relay, [0.0, 1.0], time=20.0, changes=changes).changes
+    assert found.which.tolist() == [0, 1] * 9
+    np.testing.assert_allclose(found.time, np.log(2) + np.log(3) * np.arange(18), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("v", "direction", "times"),
+    [(1, 0, [0.2038736]), (-1, 0, []), (1, -1, [0.2038736]), (-1, 1, []), (1, 1, [])],
+)
+def test_a_start_on_a_surface_is_no_change(v, direction, times):
+    change = Change("h", direction=direction, to=BOUNCE.to)
+    found = flow(BALL, [0.0, v], time=0.3, changes=change).changes
+    np.testing.assert_allclose(found.time, times, atol=1e-7)
+
+
+def test_order_at_surfaces():
+    """Both act, in the order of the list, each with the state that the other one has left."""
+    changes = [
+        Change(lambda x: x[0] - 1, to=lambda x: (x[0], x[1] + 1)),
+        Change(lambda x: 2 * x[0] - 2, to=lambda x: (x[0], 10 * x[1])),
+    ]
+    for own, n in ((changes, 10.0), (changes[::-1], 1.0)):
+        motion = flow(CLOCK, [0.0, 0.0], time=2.0, changes=own)
+        np.testing.assert_allclose(motion.x, [[2.0, n]], rtol=1e-12)
+
+
+def test_a_dose_over_a_threshold_acts_at_once():
+    rest = Field.from_function(lambda x: (-x[0], 0.0), "x n")
+    spike = Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0.5, x[1] + 1))
+    dose = Change(times=[0.0, 1.0], to=lambda x: (x[0] + 2, x[1]))
+    motion = flow(rest, [0.0, 0.0], time=1.0, changes=[spike, dose])
+    assert motion.x.tolist() == [[0.5, 2.0]]
+    assert motion.changes.which.tolist() == [1, 0, 1, 0]
+
+
+def test_resets_fill_the_buffer_of_records():
+    reset = Change(lambda x: x[0] - 0.01, direction=1, to=lambda x: (0, x[1] + 1))
+    found = flow(CLOCK, np.zeros((20, 2)), time=10.0, changes=reset, threads=2).changes
+    assert found.count.ravel().tolist() == [999] * 20
+    assert found.trajectory.tolist() == [k for k in range(20) for _ in range(999)]
+    right = np.tile(0.01 * np.arange(1, 1000), 20)
+    np.testing.assert_allclose(found.time, right, atol=1e-10)
+
+
+def test_surfaces_and_new_states_with_conditions():
+    change = Change(lambda x: np.abs(x[0] - 2) - 1, to=lambda x: (x[0], np.where(x[1] > 0, 7, 1)))
+    found = flow(CLOCK, [0.0, 0.0], time=5.0, changes=change).changes
+    np.testing.assert_allclose(found.time, [1.0, 3.0], rtol=1e-12)
+    assert found.states[:, 1].tolist() == [1.0, 7.0]
+
+
+@pytest.mark.parametrize("f", [np.sign, lambda x: np.abs(x) / x, lambda x: np.floor(x / 8) * 2 + 1,
+                               lambda x: np.interp(x, [-3, -2, 2, 3], [-1, -1, 1, 1])])  # fmt: skip
+def test_changes_over_surfaces_of_f(f):
+    """A state that changes over a jump or a kink of f goes on with the other choice."""
+    switched = Field.from_function(lambda x: (-f(x[0]), 0.0), "x n")
+    turn = Change(lambda x: np.abs(x[0]) - 4, direction=-1, to=lambda x: (-x[0] - 1, x[1] + 1))
+    motion = flow(switched, [4.5, 0.0], time=[0.25, 1.0], changes=turn)
+    np.testing.assert_allclose(motion.x, [[4.25, 0.0], [-4.5, 1.0]], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("keywords", "n"), [({"ends": True}, 1), ({"most": 3}, 3)])
+def test_surfaces_that_end(keywords, n):
+    change = Change(lambda x: x[0] - 2, direction=1, to=lambda x: (0, x[1] + 1), **keywords)
+    motion = flow(CLOCK, [[0.0, 0.0], [1.0, 0.0]], time=20.0, changes=change)
+    np.testing.assert_allclose(motion.end, [2 * n, 2 * n - 1], rtol=1e-12)
+    assert motion.status.tolist() == [Status.STOPPED] * 2
+    assert motion.changes.count.ravel().tolist() == [n, n]
+    assert np.isnan(motion.x).all()
+
+
+@pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+def test_endless_changes_at_one_instant():
+    changes = [
+        Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1])),
+        Change(lambda x: x[0] - 0.5, direction=-1, to=lambda x: (2, x[1])),
+    ]
+    motion = flow(CLOCK, [0.0, 0.0], time=3.0, changes=changes)
+    assert (motion.status, motion.end) == (Status.ACCUMULATES, pytest.approx(1.0))
+
+
+def test_bits_depend_on_nobody_else():
+    rng = np.random.default_rng(1)
+    f = Field.from_function(lambda x, g: (x[1], -g - 0.1 * np.sign(x[1]) * x[1] ** 2), "h v",
+                            g=rng.uniform(8, 11, 37))  # fmt: skip
+    x = rng.uniform(0.5, 2.0, (37, 2))
+    kick = np.where(rng.random((37, 3)) < 0.2, np.nan, rng.uniform(0, 3, (37, 3)))
+    changes = [
+        Change("h", direction=-1, to=lambda x: (x[0], -0.8 * x[1])),
+        Change(times=kick, to=lambda x: (x[0], x[1] + 1)),
+        Change(lambda x: x[0] - 1),
+    ]
+    time = np.linspace(0.2, 3.0, 8)
+    whole = flow(f, x, time=time, changes=changes, threads=2)
+    order = rng.permutation(37)
+    for part in (order, order[:9], order[5:6]):
+        own = [*changes]
+        own[1] = Change(times=kick[part], to=changes[1].to)
+        found = flow(f[part], x[part], time=time, changes=own, threads=1)
+        np.testing.assert_array_equal(found.x, whole.x[:, part])
+        np.testing.assert_array_equal(found.changes.count, whole.changes.count[part])
+        first = whole.changes.trajectory == part[0]
+        own = found.changes.trajectory == 0
+        np.testing.assert_array_equal(found.changes.time[own], whole.changes.time[first])
+        np.testing.assert_array_equal(found.changes.states[own], whole.changes.states[first])

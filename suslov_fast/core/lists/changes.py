@@ -1,12 +1,20 @@
 """Changes of the state, as lists of operations on a state and parameters.
 
-A change acts on a surface, where a function of the state is 0, or at given times; it may make a new
-state, and it may end the trajectory.
+A change acts on a surface, where a function s of the state is 0, or at given times; it may make a
+new state to(x), and it may end the trajectory.
+
+A solution that starts dx away reaches the surface a time tau dx earlier, and a column v, the
+derivative of the state by a parameter p or by the start, becomes
+
+to' v + dto/dp + (f_after - to' f_before) tau,     tau = (grad s . v + ds/dp) / (grad s . f_before).
+
+At given times tau is 0; a change that another one has caused at the same instant has its tau.
 """
 
 from typing import NamedTuple
 
-from .right_hand_side import List, needed_for
+from .derivative import gradients
+from .right_hand_side import Expressions, List, needed_for, renumbered
 
 
 class Act(NamedTuple):
@@ -41,9 +49,15 @@ class Changes(NamedTuple):
 
     directions   of the changes on surfaces
     most         of all changes
-    parts        `Part`s by name: `to{k}`, the components of change k that differ from x
+    parts        `Part`s by name, see below
     components   the numbers of these components, for each change
     P            number of parameters
+
+    The parts are `to{k}`, of the state: the components of change k that differ from x; `toward`, of
+    the state and f there: each surface and its rate; and for columns, where they are wanted,
+    `tau{k}` of the state, a column and f before the change, `column{k}` of these, f after it and
+    tau. Columns by the parameter number q of those to differentiate by have `tau{k}_{q}` and
+    `column{k}_{q}`, which read the scale of the column, too.
     """
 
     directions: tuple
@@ -61,8 +75,11 @@ def in_order_of_code(acts):
     return sorted(range(len(acts)), key=lambda k: acts[k].surface is None)
 
 
-def changes_of(acts, D, P):
-    """Return the `Changes` of acts in the order of code."""
+def changes_of(acts, D, P, by=(), with_columns=False):
+    """Return the `Changes` of acts in the order of code.
+
+    `by` are numbers of parameters, by which last columns are derivatives.
+    """
     parts, components = {}, []
     for k, act in enumerate(acts):
         results = range(D) if act.to is None else act.to.results
@@ -71,6 +88,73 @@ def changes_of(acts, D, P):
         if own:
             results = [act.to.results[i] for i in own]
             parts[f"to{k}"] = Part(List(needed_for(act.to.operations, results), results), D)
+        if with_columns:
+            for q in (None, *range(len(by))):
+                parts |= _of_columns(k, act, D, P, by, q)
+    if acts[0].surface is not None:
+        parts["toward"] = _toward([act.surface for act in acts if act.surface is not None], D, P)
     directions = tuple(act.direction for act in acts if act.surface is not None)
     most = tuple(act.most for act in acts)
     return Changes(directions, most, parts, tuple(components), P)
+
+
+def emitted(values, list_):
+    """Add the operations of a `List` on the same first values; return its results there."""
+    new = {}
+    for name, number, operands in list_.operations:
+        of = (a if isinstance(a, float) else new.get(a, a) for a in operands)
+        new[number] = values.emit(name, *of)
+    return [a if isinstance(a, float) else new.get(a, a) for a in list_.results]
+
+
+def _toward(surfaces, D, P):
+    """Return the `Part` of all surfaces and their rates, one after the other."""
+    values = Expressions(D + P, range(D, D + P))
+    of_surfaces = [a for surface in surfaces for a in emitted(values, surface)]
+    slopes = gradients(values, [*values.operations], of_surfaces, D)
+    rates, results = [values.given() for _ in range(D)], []
+    for a, row in zip(of_surfaces, slopes, strict=True):
+        results += [a, _product(values.emit, row, dict(enumerate(rates)))]
+    given = {D + p: 2 * D + p for p in range(P)} | {i: i for i in range(D)}
+    given |= {a: D + j for j, a in enumerate(rates)}
+    return Part(renumbered(List(needed_for(values.operations, results), results), given), 2 * D)
+
+
+def _of_columns(k, act, D, P, by, q):
+    """Return the `Part`s for columns by the starts, or by parameter q of `by`."""
+    values = Expressions(D + P, range(D, D + P))
+    results = [*range(D)] if act.to is None else emitted(values, act.to)
+    results += [] if act.surface is None else emitted(values, act.surface)
+    rows = gradients(values, [*values.operations], results, D, by)
+    v, before, after = ([values.given() for _ in range(D)] for _ in range(3))
+    tau, scale, emit = values.given(), values.given(), values.emit
+    place = {D + p: 4 * D + 1 + p for p in range(P)} | {i: i for i in range(D)}
+    place |= {a: D + j for j, a in enumerate([*v, *before, *after, tau])}
+    place[scale] = 4 * D + 1 + P + (q or 0)
+    directions = dict(enumerate(v)) | ({} if q is None else {by[q]: scale})
+    end, found = "" if q is None else f"_{q}", {}
+
+    def add(name, results):
+        own = List(needed_for(values.operations, results), results)
+        found[f"{name}{k}{end}"] = Part(renumbered(own, place), 4 * D + 1)
+
+    if act.surface is not None:
+        reach = _product(emit, rows[D], directions)
+        add("tau", [emit("fdiv", reach, _product(emit, rows[D], dict(enumerate(before))))])
+    columns = []
+    for row, rate in zip(rows[:D], after, strict=True):
+        jump = emit("fsub", rate, _product(emit, row, dict(enumerate(before))))
+        columns.append(emit("fadd", _product(emit, row, directions), emit("fmul", jump, tau)))
+    add("column", columns)
+    return found
+
+
+def _product(emit, row, vector):
+    """Return the sum of the entries of a row times those of a vector, both dicts of operands."""
+    total = 0.0
+    for j, slope in row.items():
+        if j in vector:
+            part = emit("fmul", slope, vector[j])
+            is_first = isinstance(total, float) and total == 0.0
+            total = part if is_first else emit("fadd", total, part)
+    return total

@@ -13,7 +13,7 @@ import itertools
 
 import numpy as np
 
-from .changes import changes_of
+from .changes import changes_of, emitted
 from .grouped import Groups
 from .numbers import Number, larger, smaller
 from .records import same
@@ -79,10 +79,14 @@ def watch_of(f, kinds, jumps):
     none is crossed; 1 where one is crossed, else 0; 1 where f jumps there; and the choices of kinks
     at y, for a table its argument. `kinds` are those of `Conditions`, and `jumps` the number of
     surfaces where f jumps.
+
+    The last surfaces of f are those of changes, whose sides and levels, see `Rows`, follow y.
     """
     D, choice_number = f.D, f.D + f.P - sum(map(choices_of, kinds))
-    of_table = {number: 2 * D + place for number, place in f.places.items()}
-    values = Values(2 * D + len(f.table), ())
+    side, of_changes = 2 * D, f.changes.surfaces if f.changes else 0
+    first = side + 2 * of_changes
+    of_table = {number: first + place for number, place in f.places.items()}
+    values = Values(first + len(f.table), ())
     ends = []
     for begin in (0, D):
         new = {i: begin + i for i in range(D)} | of_table
@@ -92,7 +96,15 @@ def watch_of(f, kinds, jumps):
         results = (a if isinstance(a, float) else new[a] for a in f.surfaces.results)
         ends.append([Number(values.emit, a) for a in results])
     changes, now, part = [], [], 1.0
-    for kind, a, b in zip(kinds, *ends, strict=True):
+    for kind, a, b in zip([*kinds, *["side"] * of_changes], *ends, strict=True):
+        if kind == "side":
+            above, level = (Number(values.emit, side + k) for k in (0, 1))
+            a, b, side = a - level, b - level, side + 2
+            change = (b >= 0.0) ^ (above > 0.5)
+            own = larger(smaller(a / (a - b), 1.0), 0.0)
+            part = smaller(change.select(own, 1.0), part)
+            changes.append(change)
+            continue
         choice = Number(values.emit, of_table[choice_number])
         if is_table(kind):
             low, high = choice, Number(values.emit, of_table[choice_number + 1])
@@ -131,8 +143,9 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     the order of `Changes`.
     """
     D = len(results)
-    changes = changes_of(acts, D, P) if acts else None
-    operations = needed_for(values.operations, results)
+    changes = changes_of(acts, D, P, by, twice) if acts else None
+    on_surfaces = [emitted(values, act.surface)[0] for act in acts if act.surface is not None]
+    operations = needed_for(values.operations, [*results, *on_surfaces])
     varying = [each for each in operations if any(_varies(values, a) for a in each[2])]
     jumps = {
         number: name
@@ -151,8 +164,10 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     kinds = jumps | kinks
     if not kinds:
         kept = range(D, D + P) if acts else ()
-        f = RightHandSide(values, results, P, by, kept=kept, twice=twice)
+        f = RightHandSide(values, results, P, by, on_surfaces, kept=kept, twice=twice)
         f.changes = changes
+        if on_surfaces:
+            f.watch = watch_of(f, [], 0)
         return f
     first = D + P
     counts = [choices_of(kind) for kind in kinds.values()]
@@ -197,7 +212,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
         own,
         given - D,
         by,
-        surfaces=[surfaces[number] for number in kinds],
+        surfaces=[*(surfaces[number] for number in kinds), *(new[a] for a in on_surfaces)],
         jumps=len(jumps),
         kept=range(D, given),
         twice=twice,
@@ -205,11 +220,22 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
     f.steady, f.clocks = plain.steady, plain.clocks
     tested, kinds = [truths[number] for number in kinds], [*kinds.values()]
+    f.changes = changes
     f.watch = watch_of(f, kinds, len(jumps))
+    if changes is not None:
+        f.choices = _as_numbers(tests, kinds, tested)
     tested = List(needed_for(tests.operations, tested), tested)
     f.conditions = Conditions(tested, kinds, len(jumps), D, P)
-    f.changes = changes
     return f
+
+
+def _as_numbers(tests, kinds, tested):
+    """Return the `List` of the choices of a state: 1 or 0, of `floor` its value, of tables x."""
+    found = [
+        a if is_table(kind) or kind == "floor" else tests.emit("select", a, 1.0, 0.0)
+        for kind, a in zip(kinds, tested, strict=True)
+    ]
+    return List(needed_for(tests.operations, found), found)
 
 
 def _finite(values, argument):

@@ -1,13 +1,15 @@
 """Changes of the state at which steps end, at given times and on surfaces.
 
-At an instant changes at times act first, in the order of their list. The code is a function of its
-own, because changes at time 0 act before the first step.
+At an instant changes at times act first, in the order of their list, then those at surfaces that
+the state has crossed, by the motion or by another change. A trajectory keeps on which side of each
+surface it is. The code is a function of its own, because changes at time 0 act before the first
+step.
 """
 
 import numpy as np
 
 from ..code.text import Carried, Integers, Shared
-from . import rules
+from . import rules, surfaces
 from .arguments import SLOT
 from .rows import OF_CHANGES, State
 from .scope import Lines
@@ -25,8 +27,20 @@ def add_change(text, half, name, for_each):
 
 def change(lines):
     """Let changes act on the next states of lanes whose step is taken."""
-    with lines.text.when(_is_at_stop(lines).any(), likely=False):
+    with lines.text.when(_is_there(lines).any(), likely=False):
         lines.text.invoke(f"{lines.name}_change", lines.arguments)
+
+
+def find_sides(lines, begins):
+    """Find on which sides of surfaces the trajectories of these lanes begin."""
+    if not lines.half.changes.surfaces:
+        return
+    toward, side = lines.work.toward, lines.line.side
+    _look(lines)
+    for k in lines.text.each(lines.half.changes.surfaces):
+        values = {"value": toward[k * 2], "rate": toward.after(1)[k * 2]}
+        side.choose(begins, k * 2, lines.apply(rules.FIRST_SIDE, **values)["side"])
+        side.after(1).choose(begins, k * 2, 0.0)
 
 
 def _is_at_stop(lines):
@@ -35,45 +49,147 @@ def _is_at_stop(lines):
     return accepted & (lines.line.t[0] >= lines.of_changes.stop[0])
 
 
+def _is_there(lines):
+    """Return in which lanes changes may act."""
+    is_at_stop = _is_at_stop(lines)
+    if not lines.half.changes.surfaces:
+        return is_at_stop
+    at_surface = lines.work.at_surface[0] > 0.0
+    return is_at_stop | ((lines.work.accepted[0] > 0.0) & at_surface)
+
+
+def _look(lines):
+    """Find the values of surfaces at the new state, and their rates."""
+    work, D = lines.work, lines.half.block.D
+    lines.text.copy(work.new, work.pair, D)
+    lines.text.copy(work.f_new, work.pair.after(D), D)
+    lines.call("toward", work.pair, lines.table, work.toward)
+
+
 def _change(lines):
-    text, work = lines.text, lines.work
+    text, work, changes = lines.text, lines.work, lines.half.changes
+    is_there, is_at_stop = _is_there(lines), _is_at_stop(lines)
     work.noted[0] = 0.0
-    _keep_largest(lines, work.accepted[0] > 0.0)
-    surfaces = lines.half.changes.surfaces
-    with text.when(_is_at_stop(lines).any()):
+    _keep_largest(lines, is_there)
+    if lines.half.block is not lines.f:
+        for c in text.each(lines.f.columns):
+            work.tau[c] = 0.0
+    if changes.at_times:
+        with text.when(is_at_stop.any()):
+            _act_at_times(lines)
+    if changes.surfaces:
+        by_motion = is_there & ~is_at_stop
+        _act_at_surfaces(lines, is_there, by_motion)
+    _go_on(lines, is_at_stop)
+
+
+def _act_at_times(lines):
+    """Let changes act whose times have come, in the order of the list."""
+    text, changes = lines.text, lines.half.changes
+    for now in text.rounds(Carried()):
+        acts = _is_at_stop(lines)
+        for k in range(changes.surfaces, len(changes.most)):
+            own = acts & lines.of_changes.stop_which[0].equals(float(k))
+            with text.when(own.any()):
+                _act(lines, k, own)
+        _next_stop(lines, acts.bits())
+        now.goes_on = _is_at_stop(lines).any()
+
+
+def _act_at_surfaces(lines, is_there, by_motion):
+    """Let changes act at the surfaces that a state has crossed, again and again until none does.
+
+    `by_motion` are the lanes whose step has crossed one; another change may have crossed others.
+    """
+    text, work, changes = lines.text, lines.work, lines.half.changes
+    for k in text.each(changes.surfaces):
+        work.fired[k] = 0.0
+    _look(lines)
+    if len(changes.most) == 1:
+        _cross(lines, 0, is_there, by_motion)
+    else:
         for now in text.rounds(Carried()):
-            acts = _is_at_stop(lines)
-            for k in range(surfaces, len(lines.half.changes.most)):
-                own = acts & lines.of_changes.stop_which[0].equals(float(k))
-                with text.when(own.any()):
-                    _act(lines, k, own)
-            _next_stop(lines, acts.bits())
-            now.goes_on = _is_at_stop(lines).any()
-        lines.call("f", work.new, lines.table, work.f_new)
-    _go_on(lines)
+            noted = work.noted[0]
+            few = is_there & (noted < rules.MOST_AT_ONCE)
+            for k in range(changes.surfaces):
+                _cross(lines, k, few, by_motion & work.noted[0].equals(0.0))
+            now.goes_on = (work.noted[0] > noted).any()
+    for k in text.each(changes.surfaces):
+        levels = lines.line.side.after(1)
+        levels.choose(work.fired[k] > 0.0, k * 2, 0.0)
 
 
-def _act(lines, k, truth):
-    """Let change k act in these lanes."""
+def _cross(lines, k, is_there, by_motion):
+    """Let the change at surface k act in lanes whose state is on another side of it now."""
+    text, work, line, half = lines.text, lines.work, lines.line, lines.half
+    place, value = 2 * k, work.toward[2 * k]
+    by_motion = by_motion.select(1.0, 0.0)
+    inputs = {"value": value, "rate": work.toward[place + 1], "by_motion": by_motion}
+    inputs |= {"side": line.side[place], "level": line.side[place + 1]}
+    found = lines.apply(rules.CROSSED, is_here=is_there.select(1.0, 0.0), **inputs)
+    line.side.put_chosen(place, found["side"])
+    line.side.put_chosen(place + 1, found["level"])
+    up, direction = found["up"], half.changes.directions[k]
+    fires = up if direction > 0 else found["down"] if direction < 0 else up | found["down"]
+    with text.when(fires.any()):
+        work.fired.choose(fires, k, 1.0)
+        work.noted[0] = work.noted[0] + fires.select(1.0, 0.0)
+        _act(lines, k, fires, by_motion)
+        if half.changes.components[k]:
+            _look(lines)
+            after = {"value": work.toward[place], "rate": work.toward[place + 1]}
+            after |= {"before": value, "up": up.select(1.0, 0.0), "by_motion": by_motion}
+            own = lines.apply(rules.AFTER_OWN, **after)
+            line.side.choose(fires, place, own["side"])
+            line.side.choose(fires, place + 1, own["level"])
+
+
+def _act(lines, k, truth, by_motion=None):
+    """Let change k act in these lanes, in some because of the motion."""
     text, work, half = lines.text, lines.work, lines.half
-    own = half.changes.components[k]
+    own, D = half.changes.components[k], half.block.D
     text.copy(work.new, work.before, lines.D)
+    text.copy(work.f_new, work.f_before, D)
     if own:
         lines.call(f"to{k}", work.new, lines.table, work.changed)
-        if own == tuple(range(lines.D)):
-            for i in text.each(lines.D):
+        if own == tuple(range(D)):
+            for i in text.each(D):
                 work.new.choose(truth, i, work.changed[i])
         else:
             for n, i in enumerate(own):
                 work.new.choose(truth, i, work.changed[n])
-    one = truth.select(1.0, 0.0)
-    work.noted[0] = work.noted[0] + one
-    counts = lines.line.counts[k] + one
+        if half.f.conditions:
+            surfaces.choose_all(lines, truth)
+        else:
+            lines.call("f", work.new, lines.table, work.f_new)
+        if half.block is not half.f:
+            _change_columns(lines, k, truth, by_motion)
+            lines.call("f", work.new, lines.table, work.f_new)
+    counts = lines.line.counts[k] + truth.select(1.0, 0.0)
     lines.line.counts[k] = counts
     if half.changes.most[k] < np.inf:
         is_over = truth & (counts >= float(half.changes.most[k]))
         lines.line.state.choose(is_over, 0, float(State.STOPPED))
     _record(lines, truth, k)
+
+
+def _change_columns(lines, k, truth, by_motion):
+    """Change the columns of a `Variational` with the state."""
+    text, work, f, D = lines.text, lines.work, lines.f, lines.half.block.D
+    parts = work.before, None, work.f_before, work.f_new
+    for c in range(f.columns):
+        q = c - (f.columns - f.q)
+        end, column = f"_{q}" if q >= 0 else "", D * (1 + c)
+        for n, part in enumerate(parts):
+            source = work.before.after(column) if part is None else part
+            text.copy(source, work.pair.after(n * D), D)
+        if by_motion is not None:
+            lines.call(f"tau{k}{end}", work.pair, lines.table, work.changed)
+            work.tau.choose(truth & (by_motion > 0.0), c, work.changed[0])
+        work.pair[4 * D] = work.tau[c]
+        lines.call(f"column{k}{end}", work.pair, lines.table, work.changed)
+        for i in text.each(D):
+            work.new.after(column).choose(truth, i, work.changed[i])
 
 
 def _record(lines, truth, k):
@@ -118,15 +234,17 @@ def _keep_largest(lines, truth):
         lines.line.largest.choose(truth, i, larger)
 
 
-def _go_on(lines):
+def _go_on(lines, is_at_stop):
     """Choose the next length in lanes with changes, as that of a first step."""
-    work = lines.work
+    work, conditions = lines.work, lines.f.conditions
     sums = Carried(size=0.0, rate=0.0, total=0.0)
     for i in lines.text.each(lines.D, sums):
         inputs = {"x": work.new[i], "f": work.f_new[i]}
         sums.update(lines.apply(rules.BEGIN_COMPONENT, i, **inputs, **vars(sums)))
-    inputs = {"number": work.noted[0], "endless": 0.0, **vars(sums)}
-    for name, value in lines.apply(rules.CHANGED_STATE, **inputs).items():
+    endless = (work.noted[0] >= rules.MOST_AT_ONCE).select(1.0, 0.0)
+    inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless}
+    inputs |= {"jumps": float(bool(conditions and conditions.jumps)), "mode": lines.mode}
+    for name, value in lines.apply(rules.CHANGED_STATE, **inputs, **vars(sums)).items():
         rows = lines.of_changes if hasattr(lines.of_changes, name) else lines.line
         getattr(rows, name).put_chosen(0, value)
 

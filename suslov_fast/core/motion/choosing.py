@@ -8,7 +8,7 @@ import numpy as np
 
 from ..lists.variational import Variational
 from .arguments import NUMBER
-from .rows import State
+from .rows import OF_CHANGES, State
 
 # A solution slides that changes its choices so often within so small a part of the time.
 _BACK_AND_FORTH, AT_ONCE = 12, 2.0**-36
@@ -51,6 +51,7 @@ class Choices:
         if k.size:
             own, t = which[k], flat[k, rows.t]
             is_at_once = t - self.at[own] <= AT_ONCE * np.maximum(t, flat[k, rows.wanted])
+            is_at_once &= ~self._are_changed(flat, k)  # whose changes are counted elsewhere
             self.often[own] = np.where(is_at_once, self.often[own] + 1, 0)
             self.at[own] = t
             self._choose(flat, k, own, np.zeros(len(k)))
@@ -106,6 +107,13 @@ class Choices:
         is_last = (after >= motion.last) & (flat[k, rows.state] < State.DONE)
         flat[k[is_last], rows.state], flat[k[is_last], rows.t] = State.DONE, motion.last
 
+    def _are_changed(self, flat, k):
+        """Return whether changes of the state have acted just now, which take care of columns."""
+        if not self.f.changes:
+            return np.zeros(len(k), bool)
+        rows = self.motion.rows
+        return flat[k, rows.of_changes + OF_CHANGES.at] == flat[k, rows.t]
+
     def _jumps_ahead(self, flat, k, which, ahead):
         """Return whether choices of jumps are others a time later than those that rows k have."""
         choices, P = self._choices_ahead(flat, k, which, ahead), self.conditions.P
@@ -133,7 +141,7 @@ class Choices:
         x, table = flat[k, : f.D].T, motion.table[which].T
         rates = f.value_and_denominators(x, table)
         if isinstance(f, Variational) and self.conditions.jumps:
-            differ = (choices != old)[: self.conditions.jumps]
+            differ = (choices != old)[: self.conditions.jumps] & ~self._are_changed(flat, k)
             surfaces = np.array(self.conditions.surfaces, int)
             first = np.where(differ.any(axis=0), surfaces[differ.argmax(axis=0)], -1)
             x = f.after_jump(x, flat[k, rows.f : rows.f + f.D].T, rates, tables, first)

@@ -193,6 +193,10 @@ class Motion:
             own = flat[which]
         self.t[block], self.steps[block] = flat[:, rows.t], flat[:, rows.steps]
         self.state[block] = flat[:, rows.state]
+        if self.stops is not None:
+            limit = flat[:, rows.of_changes + OF_CHANGES.at]
+            is_limit = flat[:, rows.state] == State.ACCUMULATES
+            self.t[block] = np.where(is_limit, limit, self.t[block])
 
     def _table(self, half, rows, which):
         """Return the numbers that functions read: for all trajectories, or for each (K, n)."""

@@ -63,7 +63,7 @@ class Half:
         self.parts = [(0, self.block.D)]
         if self.block is not f:
             self.parts.append((self.block.D, D - self.block.D))
-        self.watched = self.block.D if f.conditions else 0
+        self.watched = self.block.D if f.watch else 0
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
         self.couplings = 0 if self.block is f else f.columns * f.coupling
         self.changes = f.changes
@@ -78,8 +78,9 @@ class Half:
                 "f": of_list(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
             }
         if self.watched:
-            places = {2 * self.block.D + k: k for k in range(len(self.block.table))}
-            self.functions["watch"] = of_list(f.watch, 2 * self.block.D, places)
+            rows = 2 * self.block.D + 2 * (f.changes.surfaces if f.changes else 0)
+            places = {rows + k: k for k in range(len(self.block.table))}
+            self.functions["watch"] = of_list(f.watch, rows, places)
         if f.changes:
             self._add_changes()
         columns, entries, factors = len(EXPLICIT), 0, 0
@@ -96,16 +97,27 @@ class Half:
 
     def _add_changes(self):
         """Add the functions of changes."""
-        P = self.changes.P
+        P, block = self.changes.P, self.block
         for name, (list_, rows) in self.changes.parts.items():
-            self.functions[name] = of_list(list_, rows, {rows + p: p for p in range(P)})
+            if self.f is block and name.startswith(("tau", "column")):
+                continue  # there are no columns
+            places = {rows + p: p for p in range(P)}
+            if self.f is not block:  # whose scales follow the table of f
+                places |= {rows + P + q: len(block.table) + q for q in range(self.f.q)}
+            self.functions[name] = of_list(list_, rows, places)
+        if block.conditions:
+            self.functions["choices"] = of_list(
+                block.choices, block.D, {block.D + p: p for p in range(P)}
+            )
 
     def _sizes_of_changes(self):
-        """Return how many rows of `Work` changes need, from `changed` to `tau`."""
+        """Return how many rows of `Work` changes need, from `sides` to `tau`."""
         if not self.changes:
-            return [0] * 8
-        D, surfaces = self.f.D, self.changes.surfaces
-        return [D, D, D, 4 * D + 1, 2 * surfaces, surfaces, 1, self.f.D // self.block.D]
+            return [0] * 10
+        D, surfaces, conditions = self.block.D, self.changes.surfaces, self.f.conditions
+        chosen = len(conditions.kinds) if conditions else 0
+        return [2 * surfaces, D, self.f.D, D, 4 * D + 1, 2 * surfaces, surfaces, 1, chosen,
+                self.f.D // D]  # fmt: skip
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""

@@ -68,7 +68,8 @@ class OfChanges(NamedTuple):
     stop: int  # modulus of the next time of a change, infinity after the last
     stop_which: int  # number of that change
     stop_place: int  # the place of the time, an integer
-    at: int  # time of the last change
+    at: int  # time of the last change; of changes that accumulate their limit
+    pause: int  # how much later it is than the one before
     often: int  # changes in a row that followed the one before at once
 
 
@@ -117,14 +118,16 @@ class Work(NamedTuple):
     ratios: int  # the largest error and the largest `apart` of it, by what is allowed (2)
     at_surface: int  # 1 where the step ends on a surface, else 0
     between: int  # two states, between which surfaces are crossed or not (2 watched)
+    sides: int  # what `Rows.side` holds (2 surfaces)
     seen: int  # what `watch` finds there (3 + kinks)
-    changed: int  # what functions of changes return (changed)
+    changed: int  # what functions of changes return (D)
     before: int  # the state before a change (D)
     f_before: int  # f there (D)
-    pair: int  # a state and f there, and what derivatives need beside them (pair)
+    pair: int  # a state and f there, and what columns need beside them (4 D + 1)
     toward: int  # surfaces of changes at that state, and their rates (2 surfaces)
     fired: int  # 1 where the change at a surface acts at this instant (surfaces)
-    noted: int  # number of changes of this instant, if there are any
+    noted: int  # number of changes at surfaces at this instant, if there are changes
+    chosen: int  # choices of f at the new state (surfaces of f)
     tau: int  # how much later columns reach this instant (columns of a `Variational`)
     scratch: int  # rows that functions need
     size: int
@@ -134,11 +137,11 @@ def work_of(
     rows, numbers, D, denominators, columns, apart, nodes, entries, factors, couplings, watched,
     kinks, of_changes, scratch,
 ):  # fmt: skip
-    """Return the rows of `Work`; `of_changes` are the sizes of those from `changed` to `tau`."""
+    """Return the rows of `Work`; `of_changes` are the sizes of those from `sides` to `tau`."""
     extended = D + denominators
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
              nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 2, 1,
-             2 * watched, 3 + kinks, *of_changes, scratch]  # fmt: skip
+             2 * watched, of_changes[0], 3 + kinks, *of_changes[1:], scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

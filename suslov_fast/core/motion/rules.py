@@ -498,7 +498,7 @@ def CUT(
 # ------------------------------------------------------------------------ changes of the state
 # A trajectory ends whose changes follow one another so often within so small a part of the time, or
 # so often at one instant.
-CHANGES_AT_ONCE, AT_ONCE, MOST_AT_ONCE = 12.0, 2.0**-36, 64.0
+CHANGES_AT_ONCE, AT_ONCE, MOST_AT_ONCE, ROUNDING = 12.0, 2.0**-36, 64.0, 2.0**-50
 
 
 @_rule
@@ -518,18 +518,71 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 
 
 @_rule
+def FIRST_SIDE(value, rate, sign):
+    """On which side of a surface a trajectory starts, on the surface that to which it goes."""
+    is_above = (value > 0.0) | (value.equals(0.0) & (sign * rate > 0.0))
+    return {"side": is_above.select(1.0, 0.0)}
+
+
+@_rule
+def CROSSED(value, rate, side, level, is_here, by_motion, sign):
+    """Whether a state is on another side of a surface, up or down.
+
+    A change may leave the state beyond the surface by rounding, on its way back. A step ends there,
+    too, but a crossing by the motion whose rate contradicts it is none: then the surface lies where
+    the state is, until its next change.
+    """
+    is_above = value >= level
+    differs = (is_here > 0.0) & (is_above ^ (side > 0.5))
+    ahead = is_above.select(sign * rate, -(sign * rate))
+    is_back = differs & (by_motion > 0.0) & (ahead < 0.0)
+    crosses = is_back.select(0.0, differs.select(1.0, 0.0)) > 0.0
+    return {
+        "side": crosses.select(is_above.select(1.0, 0.0), side),
+        "level": is_back.select(value, level),
+        "up": crosses & is_above,
+        "down": is_above.select(0.0, crosses.select(1.0, 0.0)) > 0.0,
+    }
+
+
+@_rule
+def AFTER_OWN(value, rate, before, up, by_motion, sign):
+    """The side and the level of a surface after its own change; `before` is its value before.
+
+    A state that lies as near the surface as the crossing left it is on it: its side is that to
+    which the rate leads, and within this instant the level is where it is not crossed again.
+    """
+    is_near = (by_motion > 0.0) & (abs(before) + abs(before) >= abs(value))
+    is_on = value.equals(0.0) | is_near
+    ahead = sign * rate
+    goes_up = ahead.equals(0.0).select(1.0 - up, (ahead > 0.0).select(1.0, 0.0))
+    beyond = larger(value, 0.0) + (ROUNDING * abs(value) + TINY)
+    level = (goes_up > 0.5).select(smaller(value, 0.0), beyond)
+    return {
+        "side": is_on.select(goes_up, (value >= 0.0).select(1.0, 0.0)),
+        "level": is_on.select(level, 0.0),
+    }
+
+
+@_rule
 def CHANGED_STATE(
     size, rate, total, number, endless, t, wanted, longer, state, stiff, easy, tries, at, often,
-    part, last, longest,
+    pause, jumps, mode, part, last, longest,
 ):  # fmt: skip
-    """The next length after changes of the state, which is that of a first step if that is more."""
+    """The next length after changes of the state, which is that of a first step if that is more.
+
+    Where changes accumulate, their limit follows from the last three times as by Aitken.
+    """
     is_changed = number > 0.0
     guess = (size > 0.0).select(part * (size / rate), 0.0)
     guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), wanted), last), longest)
-    is_at_once = t - at <= AT_ONCE * larger(t, wanted)
+    own = t - at
+    is_at_once = own <= AT_ONCE * larger(t, wanted)
+    limit = smaller(t + (pause > own).select(own * own / (pause - own), 0.0), last)
     often_now = is_at_once.select(often + 1.0, 0.0)
     piles_up = ((often_now >= CHANGES_AT_ONCE) & (state < State.DONE)) | (endless > 0.0)
-    after = piles_up.select(float(State.ACCUMULATES), state)
+    after = (state.equals(mode) & (jumps > 0.0)).select(mode + float(State.CHANGED), state)
+    after = piles_up.select(float(State.ACCUMULATES), after)
     after = (total < inf).select(after, float(State.ENDED))
     return {
         "wanted": is_changed.select(guess, wanted),
@@ -538,7 +591,8 @@ def CHANGED_STATE(
         "stiff": is_changed.select(0.0, stiff),
         "easy": is_changed.select(0.0, easy),
         "tries": is_changed.select(0.0, tries),
-        "at": is_changed.select(t, at),
+        "at": is_changed.select(piles_up.select(limit, t), at),
+        "pause": is_changed.select(own, pause),
         "often": is_changed.select(often_now, often),
     }
 

@@ -32,6 +32,8 @@ def cut(lines, before, total):
             far.put_chosen(i, truth.select(point[i], far[i]))
 
     text.copy(x, pair, watched)
+    if lines.half.changes and lines.half.changes.surfaces:
+        text.copy(line.side, work.sides, 2 * lines.half.changes.surfaces)
     parts = dict.fromkeys(("crossed", "place", "end"), text.value(0.0))
     outer = line.outer[0]
     is_far = ~(outer < np.inf)
@@ -72,19 +74,32 @@ def choose(lines):
 
     A table may be so steep that f changes much where it is continuous.
     """
-    text, work, conditions = lines.text, lines.work, lines.f.conditions
+    work, conditions = lines.work, lines.f.conditions
     accepted, at_surface = work.accepted[0], work.at_surface[0]
     ends = (accepted > 0.0) & (at_surface > 0.0)
-    with text.when(ends.any(), likely=False):
+    with lines.text.when(ends.any(), likely=False):
         place = conditions.P + conditions.jumps
-        for k, kind in enumerate(lines.half.kinks, 3):
-            if is_table(kind):
-                _put_interval(lines, kind, ends.bits(), k, place)
-            else:
-                now = work.seen[k]
-                text.array(lines.table, place).choose(ends, 0, now)
-            place += choices_of(kind)
-        lines.call("f", work.new, lines.table, work.f_new)
+        _put_choices(lines, ends, lines.half.kinks, work.seen.after(3), place)
+
+
+def choose_all(lines, truth):
+    """Make all choices anew at the new state of these lanes, and f with them."""
+    work, conditions = lines.work, lines.f.conditions
+    lines.call("choices", work.new, lines.table, work.chosen)
+    _put_choices(lines, truth, conditions.kinds, work.chosen, conditions.P)
+
+
+def _put_choices(lines, truth, kinds, found, place):
+    """Write choices, which rows have, or arguments of tables, to the table of lanes; renew f."""
+    text = lines.text
+    for k, kind in enumerate(kinds):
+        if is_table(kind):
+            _put_interval(lines, kind, truth.bits(), found.after(k), place)
+        else:
+            now = found[k]
+            text.array(lines.table, place).choose(truth, 0, now)
+        place += choices_of(kind)
+    lines.call("f", lines.work.new, lines.table, lines.work.f_new)
 
 
 def _put_interval(lines, table, bits, argument, place):
@@ -97,9 +112,9 @@ def _put_interval(lines, table, bits, argument, place):
     half = max(2 ** (count - 1).bit_length() // 2, 1)
     numbers = np.full((Table.ROWS, 2 * half), np.inf)
     numbers[:, :count] = table.rows
-    numbers = text.numbers(f"{lines.name}_interval_{place}", numbers)
+    numbers = text.numbers(f"{lines.name}_interval_{len(text.target.constants)}", numbers)
     for offset in lines.lanes_with(bits):
-        x = one.array(lines.work.line.at() + offset, lines.work.seen.first)[argument]
+        x = one.array(lines.work.line.at() + offset, argument.first)[0]
         for now in text.rounds(Carried(at=numbers.base, half=half)):
             above = now.at + now.half * 8
             is_above = x >= one.array(above)[0]

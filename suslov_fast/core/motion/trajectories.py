@@ -37,7 +37,7 @@ def _write_back(lines, offset, own):
     """Write the rows of a lane, and its table, to those of its trajectory, if it has one."""
     text, of, half = lines.text, lines.of, lines.half
     parts = [(lines.line.x.at(), of.rows, 8 * half.rows.size, half.rows.size)]
-    if half.kinks:  # whose choices stand in the table
+    if half.kinks or (half.changes and half.f.conditions):  # whose choices stand in the table
         parts.append((lines.table, of.table, of.table_bytes, half.numbers))
     with text.when(own.differs(0)):
         number = own - 1
@@ -87,6 +87,7 @@ def _begin_with_changes(lines, begins):
     is_over = running & (lines.number("last") <= 0.0)
     line.state.choose(is_over, 0, float(State.DONE))
     text.copy(line.x, work.new, lines.D)
+    changes.find_sides(lines, begins)
     changes.change(lines)
     inside.save_at_end(lines)
     move(lines)

@@ -273,7 +273,8 @@ def report(
         If False, they are binary numbers.
     time_limit : float, optional
         Limit in seconds; the report then contains the results found so far. With a limit the search
-        runs in a separate process from its start.
+        runs in a separate process, so a script calls it below ``if __name__ == "__main__":``, as
+        `multiprocessing` needs.
     progress : callable, optional
         Called as ``progress(done, parts)`` after each part of the search; where it returns False
         the search ends, as at Ctrl-C.

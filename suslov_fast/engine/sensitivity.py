@@ -31,6 +31,8 @@ class Columns:
 
     field, settings  to compute the motion with, in place of the field and its settings
     starts           (B, D + D C) for C columns
+
+    `groups` are the right-hand sides of members, if they are not those of the field itself.
     """
 
     def __init__(
@@ -41,9 +43,11 @@ class Columns:
         by_starts: bool,
         parameters: tuple[str, ...],
         settings: Settings,
+        groups: list[OfMembers] | None = None,
     ) -> None:
         B, self.D = x.shape
-        groups = field.derived_by(parameters) if parameters else field.listed_right_hand_sides
+        if groups is None:
+            groups = field.derived_by(parameters) if parameters else field.listed_right_hand_sides
         self.count = self.D * by_starts + len(parameters)
         values = [field.arrays[name] for name in parameters]
         sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]

@@ -16,6 +16,7 @@ from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.fields.general import Field, with_changes
 from ..bodies.nd import NotIntegrableError
 from ..checks import FloatArray, Reals, short, wrong
+from ..core.lists.changes import Act
 from ..engine.motions import Asked, Found, nothing_found, solve
 from ..engine.problem import Problem
 from ..engine.sensitivity import Columns, WithColumns
@@ -134,16 +135,19 @@ def flow(
     directions = sum(system.dimension if name == "x0" else 1 for name in names)
     copies = 2 if names else 1  # derivatives are taken out of columns beside the states
     x, batch = checked_starts(system, x0, len(times) * (1 + directions) * copies)
-    of_columns, changes, stops = None, checked_changes(changes), None
+    of_columns, changes, stops, acts = None, checked_changes(changes), None, ()
     if changes:
         field = field or (system if isinstance(system, FieldOfFunction) else system.field())
         stops = stops_of(changes, sign, batch)
     with reporter(progress, len(times) * math.prod(batch)) as report:
         asked = Asked(times, sign, settings, thread_count(threads), report, stops)
         if changes:
-            found, of_columns = _with_changes(field, x, batch, changes, names, asked)
-        elif names:
-            found, of_columns = _with_derivatives(field, x, batch, names, asked)
+            acts = acts_of(field, changes)
+        if names:
+            found, of_columns = _with_derivatives(field, x, batch, names, asked, acts)
+        elif changes:
+            changed = WithColumns(field.shape, with_changes(field, acts))
+            found = to_tolerance(changed, x, batch, asked)
         else:
             found = motion_of(system, x, batch, asked)
     warn_of_ends(found, x, batch)
@@ -194,32 +198,22 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
 
 
 def _with_derivatives(
-    field: Any, x: FloatArray, batch: tuple[int, ...], names: tuple[str, ...], asked: Asked
+    field: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    names: tuple[str, ...],
+    asked: Asked,
+    acts: tuple[Act, ...] = (),
 ) -> tuple[Found, FloatArray]:
     """Return the motion, and its derivatives (n, ..., D, C), those by x0 first."""
     parameters = tuple(name for name in names if name != "x0")
-    columns = Columns(field, x, batch, "x0" in names, parameters, asked.settings)
+    groups = with_changes(field, acts, parameters, True) if acts else None
+    columns = Columns(field, x, batch, "x0" in names, parameters, asked.settings, groups)
     asked = asked._replace(settings=columns.settings)
     found = to_tolerance(columns.field, columns.starts, batch, asked)
     states, derivatives = columns.parted(found.states)
     shape = len(asked.times), *batch, *derivatives.shape[2:]
     return found._replace(states=states), derivatives.reshape(shape)
-
-
-def _with_changes(
-    field: Any,
-    x: FloatArray,
-    batch: tuple[int, ...],
-    changes: tuple[Change, ...],
-    names: tuple[str, ...],
-    asked: Asked,
-) -> tuple[Found, FloatArray | None]:
-    """Return the motion with changes, and its derivatives, if there are names."""
-    acts = acts_of(field, changes)
-    if not names:
-        changed = WithColumns(field.shape, with_changes(field, acts))
-        return to_tolerance(changed, x, batch, asked), None
-    raise NotImplementedError
 
 
 # ------------------------------------------------------------------------------------------ motions

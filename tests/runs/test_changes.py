@@ -256,3 +256,88 @@ def test_bits_depend_on_nobody_else():
         own = found.changes.trajectory == 0
         np.testing.assert_array_equal(found.changes.time[own], whole.changes.time[first])
         np.testing.assert_array_equal(found.changes.states[own], whole.changes.states[first])
+
+
+# -------------------------------------------------------------------------------- derivatives
+def by_complex_steps(f, values):
+    """Return the derivatives of f(*values) by each value, in the last axis."""
+    columns = []
+    for k in range(len(values)):
+        own = [value + 1e-30j * (j == k) for j, value in enumerate(values)]
+        columns.append(np.imag(f(*own)) / 1e-30)
+    return np.stack(columns, -1)
+
+
+def state_of_ball(h, v, g, e, t):
+    """Return the state at time t of a ball that bounces."""
+    first = (v + np.sqrt(v * v + 2.0 * g * h)) / g
+    up = e * (g * first - v)
+    while np.real(first + 2.0 * up / g) <= t:
+        first, up = first + 2.0 * up / g, e * up
+    s = t - first
+    return np.array([up * s - g * s * s / 2.0, up - g * s])
+
+
+@pytest.mark.parametrize(("count", "stiff"), [(1, None), (9, False), (9, True)])
+def test_derivatives_through_bounces(count, stiff):
+    values, time = (1.0, 0.3, 9.81, 0.9), [1.0, 2.0, 5.0]
+    motion = flow(BALL, [values[:2]] * count, time=time, changes=BOUNCE, stiff=stiff,
+                  derivatives=("x0", "g", "e"))  # fmt: skip
+    right = [by_complex_steps(lambda *a, t=t: state_of_ball(*a, t), values) for t in time]
+    found = [motion.derivative("x0"), *(motion.derivative(p)[..., None] for p in "ge")]
+    found = np.concatenate(found, axis=-1)[:, -1]
+    np.testing.assert_allclose(found, right, rtol=1e-10)
+
+
+def test_derivatives_of_spikes_by_the_current_and_the_threshold():
+    def potential(I, threshold):
+        period = np.log(I / (I - threshold))
+        return I * (1.0 - np.exp(np.floor(np.real(7.3 / period)) * period - 7.3))
+
+    neuron = Field.from_function(lambda x, I, threshold: (I - x[0],), "v", I=1.5, threshold=1.0)
+    spike = Change(lambda x, threshold: x[0] - threshold, direction=1, to=lambda x: (0,))
+    motion = flow(neuron, [0.0], time=7.3, changes=spike, derivatives=("I", "threshold"))
+    found = [motion.derivative(name)[0, 0] for name in ("I", "threshold")]
+    np.testing.assert_allclose(found, by_complex_steps(potential, (1.5, 1.0)), rtol=3e-9)
+
+
+def test_derivatives_of_doses_at_time_0_and_later():
+    def amounts(k, dose):
+        s = 6.0 - np.array([0.0, 1.0, 5.0])
+        first = np.exp(-k * s)
+        return dose * np.array([first.sum(), (k / (0.1 - k) * (first - np.exp(-0.1 * s))).sum()])
+
+    dose = Change(times=[0, 1, 5], **DOSE)
+    motion = flow(GUT, [0.0, 0.0], time=[0.0, 6.0], changes=dose, derivatives=("k", "dose"))
+    found = np.stack([motion.derivative(name) for name in ("k", "dose")], -1)
+    np.testing.assert_array_equal(found[0], [[0.0, 1.0], [0.0, 0.0]])
+    np.testing.assert_allclose(found[1], by_complex_steps(amounts, (1.0, 100.0)), rtol=1e-8)
+
+
+def test_a_second_change_at_an_instant_has_the_time_of_the_first():
+    """A crossing makes the clock cross another surface: its columns move with the first one."""
+    clock = Field.from_function(lambda x, a: (1.0 + 0.5 * x[1], 0.0), "t r", a=1.0)
+    changes = [
+        Change(lambda x, a: x[0] - a, direction=1, to=lambda x: (x[0] + 1, 1)),
+        Change(lambda x: x[0] - 1.5, direction=1, to=lambda x: (2 * x[0], 3 * x[1])),
+    ]
+    motion = flow(clock, [0.0, 0.0], time=2.0, changes=changes, derivatives=("x0", "a"))
+    # x(2) = 2 (a + 1) + 2.5 (2 - (a - t_0)), with r = 3
+    np.testing.assert_allclose(motion.x, [[6.5, 3.0]], rtol=1e-12)
+    np.testing.assert_allclose(motion.derivative("a"), [[-0.5, 0.0]], rtol=1e-12)
+    np.testing.assert_allclose(motion.derivative("x0")[0, :, 0], [2.5, 0.0], rtol=1e-12)
+
+
+def test_derivatives_where_f_jumps_at_a_change():
+    """Friction and a bounce: f has the other sign after it."""
+    f = Field.from_function(lambda x, mu: (x[1], -1 - mu * np.sign(x[1])), "h v", mu=0.25)
+    bounce = Change("h", direction=-1, to=lambda x: (x[0], -x[1]))
+
+    def state(h, mu):  # at t = 3: falls with 1 - mu, and rises with 1 + mu
+        fall = np.sqrt(2 * h / (1 - mu))
+        v, s = (1 - mu) * fall, 2.0 - fall
+        return np.array([v * s - (1 + mu) * s * s / 2, v - (1 + mu) * s])
+
+    motion = flow(f, [1.0, 0.0], time=2.0, changes=bounce, derivatives=("x0", "mu"))
+    found = np.stack([motion.derivative("x0")[0, :, 0], motion.derivative("mu")[0]], -1)
+    np.testing.assert_allclose(found, by_complex_steps(state, (1.0, 0.25)), rtol=1e-9)

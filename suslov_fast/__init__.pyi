@@ -36,6 +36,7 @@ from .quantities.derivatives import (
 )
 from .quantities.fixed_points import fixed_points as fixed_points
 from .quantities.lyapunov import lyapunov_exponents as lyapunov_exponents
+from .runs.change import Change as Change
 from .runs.crossings import Crossings as Crossings
 from .runs.ensemble import ensemble as ensemble, open_ensemble as open_ensemble
 from .runs.failures import SingularStepError as SingularStepError

@@ -86,10 +86,13 @@ def warn(message: str, category: type[Warning] = UserWarning) -> None:
     warnings.warn(message, category, level)
 
 
-def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
-    """Return any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
+def real_array(
+    name: str, value: ArrayLike, allow_nan: bool = False, allow_infinite: bool = False
+) -> FloatArray:
+    """Return any array-like of finite real numbers as float64; if allowed also NaN, or infinity."""
     array = _floats(name, value)
-    _all_finite(name, array, allow_nan)
+    if not allow_infinite:
+        _all_finite(name, array, allow_nan)
     return array
 
 

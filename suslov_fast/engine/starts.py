@@ -101,8 +101,13 @@ def tolerances_of(settings: Settings) -> dict[str, Any]:
     return {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
 
 
-def checked_starts(system: Any, x0: Any, n: int) -> tuple[FloatArray, tuple[int, ...]]:
-    """Return the initial states (B, D) and the batch shape, if memory holds n states of each."""
+def checked_starts(
+    system: Any, x0: Any, n: int, others: tuple[int, ...] = ()
+) -> tuple[FloatArray, tuple[int, ...]]:
+    """Return the initial states (B, D) and the batch shape, if memory holds n states of each.
+
+    `others` is the shape of a batch that changes have.
+    """
     labels, how = system.labels, "compute fewer states at a time"
     if isinstance(x0, RandomStarts):
         size = math.prod(x0.shape)
@@ -112,7 +117,7 @@ def checked_starts(system: Any, x0: Any, n: int) -> tuple[FloatArray, tuple[int,
         if type(x0) is np.ndarray and x0.size > MANY:
             require(8 * x0.size * (n + 2), how)
         x = checks.states("x0", x0, labels)
-    batch = common_shape({"system": system.shape, "x0": x.shape[:-1]})
+    batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of changes": others})
     size = math.prod(batch) * len(labels)
     if n * size > MANY:
         require(8 * (n + 2) * size, how)

@@ -1,84 +1,65 @@
-"""Changes of the state along motions: `Change`, which `flow` takes, and what `Changes` did."""
+"""Changes of the state along motions: what the engine takes of them, and what `Changes` did."""
 
 from __future__ import annotations
 
-import inspect
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ..bodies.fields.calls import operands_of_function
-from ..checks import FloatArray, short, wrong
+from ..checks import FloatArray, common_shape, kind_of, short, wrong
 from ..core.lists.changes import Act, in_order_of_code
 from ..core.motion.engine import Stops
-from ..engine.motions import Records
+from .change import Change, field_of, traced
+from .points import Points, span
 
 
-class Change:
-    """A change of the state, where the motion meets a surface or at given times.
+@dataclass(frozen=True, eq=False, repr=False)
+class Changes(Points):
+    """What changes of the state did along motions: :attr:`Motion.changes`.
 
-    Parameters
+    There are K of them, ordered by trajectory, then along the motion; at one instant in the order
+    in which they acted.
+
+    Attributes
     ----------
-    surface : str or callable, optional
-        The name of a component, or a function of the state, which is traced as those of
-        ``Field.from_function``; it may take parameters of the field by name. The change acts where
-        it is 0.
-    to : callable, optional
-        Takes the state, and parameters of the field by name, and returns the new state. Without
-        it the state stays as it is.
-    direction : int
-        1 or -1 if the change acts only where the surface increases or decreases along the motion.
-    times : array_like(float, shape=(k,) or (..., k)), optional
-        Times at which it acts, for all trajectories or for each; NaN for none.
-    ends : bool
-        Whether it ends the trajectory.
-    most : int, optional
-        How often it acts; after that it ends the trajectory.
+    trajectory : ndarray(int, shape=(K,))
+        Index of the trajectory, in the batch flattened in C order.
+    which : ndarray(int, shape=(K,))
+        The number of the change in the list that :func:`flow` was given; 0 if there is one.
+    time : ndarray(float, shape=(K,))
+        Times at which they acted.
+    before, states : ndarray(float, shape=(K, D))
+        The states before and after; equal for a record, a change without `to`.
+    count : ndarray(int, shape=(..., C))
+        How often each of the C changes acted on each trajectory.
+    given : tuple of Change
+        The changes, with equations as text.
+    body
+        The system.
+
+    Notes
+    -----
+    ``len(changes)`` is K; iteration and indexing are those of `states`. Files and stores of the
+    motion have them.
+
+    Examples
+    --------
+    >>> from suslov_fast import Change, Field, flow
+    >>> cell = Field.from_function(lambda x: (0.1 * x[0],), "mass")
+    >>> division = Change(lambda x: x[0] - 2, to=lambda x: (x[0] / 2,))
+    >>> changes = flow(cell, [1.0], time=20.0, changes=division).changes
+    >>> changes
+    Changes(x: (2, 1), time: 6.93147 to 13.8629, count: 2)
+    >>> changes.given
+    (Change('mass - 2', to=('mass/2',)),)
     """
 
-    def __init__(
-        self,
-        surface: str | Callable[..., Any] | None = None,
-        *,
-        to: Callable[..., Any] | None = None,
-        direction: int = 0,
-        times: ArrayLike | None = None,
-        ends: bool = False,
-        most: int | None = None,
-    ) -> None:
-        if (surface is None) == (times is None):
-            raise wrong("surface, times", "one of them", "both" if times is not None else "none")
-        self.surface, self.to, self.direction = surface, to, direction
-        self.times = None if times is None else np.array(times, np.float64)
-        self.ends, self.most = ends, most
-
-    def act(self, names: Sequence[str], parameters: Sequence[str]) -> Act:
-        """Return what the engine takes, for a field with these variables and parameters."""
-        surface = to = None
-        if isinstance(self.surface, str):
-            place = [*names].index(self.surface)
-            surface = _traced("surface", lambda x: x[place], names, parameters)
-        elif self.surface is not None:
-            surface = _traced("surface", self.surface, names, parameters)
-        if self.to is not None:
-            to = _traced("to", self.to, names, parameters)
-        most = math.inf if self.most is None else float(self.most)
-        return Act(surface, to, self.direction, 1.0 if self.ends else most)
-
-
-@dataclass(frozen=True, eq=False)
-class Changes:
-    """What changes did along motions, K times, ordered by trajectory, then along the motion.
-
-    trajectory, which  (K,), the number of the trajectory, and of the change in the list
-    time               (K,)
-    before, states     (K, D), states before and after
-    count              (..., C), how often each of C changes acted on each trajectory
-    """
+    called = "changes of a motion"
+    coordinates = "trajectory", "which", "time"
+    what = "changes"
 
     trajectory: NDArray[np.int64]
     which: NDArray[np.int64]
@@ -86,24 +67,59 @@ class Changes:
     before: FloatArray
     states: FloatArray
     count: NDArray[np.int64]
+    body: Any
+    _given: tuple[Change, ...] = field(default=(), compare=False)
 
-    def __len__(self) -> int:
-        return len(self.trajectory)
+    @property
+    def given(self) -> tuple[Change, ...]:
+        """The changes, with equations as text."""
+        own = field_of(self.body)
+        return tuple(change.of(own) for change in self._given)
+
+    def __eq__(self, other: Any) -> bool:
+        are_equal = super().__eq__(other)
+        return are_equal and self.given == other.given if are_equal is True else are_equal
+
+    def __getstate__(self) -> dict[str, Any]:
+        return super().__getstate__() | {"_given": self.given}
+
+    @property
+    def _batch(self) -> tuple[int, ...]:
+        return self.count.shape[:-1]
+
+    def __repr__(self) -> str:
+        count = ", ".join(map(str, self.count.reshape(-1, len(self._given)).sum(axis=0).tolist()))
+        states = f"{self._variable}: {self.states.shape}"
+        return f"Changes({states}, time: {span(self.time)}, count: {count})"
 
 
 def checked_changes(changes: Any) -> tuple[Change, ...]:
     """Return changes as a tuple."""
+    if type(changes) is tuple and not changes:  # as in most calls
+        return ()
     changes = (changes,) if isinstance(changes, Change) else changes
-    if not isinstance(changes, (tuple, list)) or not all(isinstance(c, Change) for c in changes):
-        raise wrong("changes", "a Change, or a list of them", short(changes), TypeError)
+    if not isinstance(changes, (tuple, list)):
+        how = f"{kind_of(changes)}: pass Change(surface, to=...)" if callable(changes) else ""
+        raise wrong("changes", "a Change, or a list of them", how or short(changes), TypeError)
+    for each in changes:
+        if not isinstance(each, Change):
+            received = (
+                f"{kind_of(each)}: pass Change(surface, to=...), or Change(times=..., to=...)"
+            )
+            raise wrong("changes", "a Change, or a list of them", received, TypeError)
     return tuple(changes)
 
 
 def acts_of(field: Any, changes: tuple[Change, ...]) -> tuple[Act, ...]:
     """Return the acts of changes, in the order of code."""
-    parameters = [*field.arrays]
-    acts = [change.act(field.names, parameters) for change in changes]
+    acts = [traced(change, field).act for change in changes]
     return tuple(acts[k] for k in in_order_of_code(acts))
+
+
+def batch_of(changes: tuple[Change, ...]) -> tuple[int, ...]:
+    """Return the shape of the batch of the times of changes."""
+    shapes = [change.times.shape[:-1] for change in changes if change.times is not None]
+    return common_shape({f"times {k}": shape for k, shape in enumerate(shapes)})
 
 
 def stops_of(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -> Stops:
@@ -126,27 +142,21 @@ def stops_of(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -> 
 
 
 def changes_of_records(
-    records: Records, changes: tuple[Change, ...], batch: tuple[int, ...], D: int
+    records: Any, system: Any, changes: tuple[Change, ...], batch: tuple[int, ...]
 ) -> Changes:
-    """Return what changes did, with their numbers in the list of the user."""
+    """Return what `Records` of changes say, with their numbers in the list of the user."""
     numbers = np.array(in_order_of_code(changes), np.int64)
-    which, C = numbers[records.which], len(changes)
+    which, C, D = numbers[records.which], len(changes), system.dimension
     count = np.bincount(records.trajectory * C + which, minlength=math.prod(batch) * C)
-    states = records.before[:, :D], records.states[:, :D]
-    return Changes(records.trajectory, which, records.time, *states, count.reshape(*batch, C))
-
-
-def _traced(argument: str, f: Any, names: Sequence[str], parameters: Sequence[str]) -> Any:
-    """Return the list of a function of the state, and of parameters that it names."""
-    if not callable(f):
-        raise wrong(argument, "a function of the state", short(f), TypeError)
-    own = inspect.signature(f).parameters.values()
-    takes_all = any(each.kind == each.VAR_KEYWORD for each in own)
-    named = {each.name for each in own}
-    known = [name for name in parameters if takes_all or name in named]
-
-    def of_all(x: Any, **values: Any) -> Any:
-        return f(x, **{name: values[name] for name in known})
-
-    tracer, operands = operands_of_function(argument, of_all, names, dict.fromkeys(parameters, 0.0))
-    return Act.list_of(tracer.values, operands)
+    return Changes._of(
+        {
+            "trajectory": records.trajectory,
+            "which": which,
+            "time": records.time,
+            "before": records.before[:, :D],
+            "states": records.states[:, :D],
+            "count": count.reshape(*batch, C),
+            "body": system,
+            "_given": changes,
+        }
+    )

@@ -80,6 +80,14 @@ MOTION_CROSSINGS = (
     Column("final", "float64", "batch component"),
     Column("steps", "int64", "batch"),
 )
+CHANGES = (
+    Column("which", "int64", "changed"),
+    Column("time", "float64", "changed"),
+    Column("before", "float64", "changed component", "state before"),
+    Column("states", "float64", "changed component", "state after"),
+    Column("trajectory", "int64", "changed"),
+    Column("count", "int64", "batch change"),
+)
 OF_KIND = {
     "Trajectories": RUN,
     "Crossings": CROSSINGS,

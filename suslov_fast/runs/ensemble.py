@@ -29,7 +29,8 @@ from .files import stores
 from .files.datasets import to_xarray, with_time
 from .files.tiles import Steps, Task, Times, count_in, finish
 from .iterate import checked_counts
-from .motion import Motion, variable_of
+from .motion import Motion
+from .results import variable_of
 from .trajectories import Trajectories
 
 if TYPE_CHECKING:

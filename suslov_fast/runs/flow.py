@@ -32,7 +32,8 @@ from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
-from .changes import Change, acts_of, changes_of_records, checked_changes, stops_of
+from .change import Change
+from .changes import acts_of, batch_of, changes_of_records, checked_changes, field_of, stops_of
 from .motion import Motion
 from .solution import states_at
 
@@ -134,18 +135,20 @@ def flow(
     names, field = checked_derivatives(system, derivatives)
     directions = sum(system.dimension if name == "x0" else 1 for name in names)
     copies = 2 if names else 1  # derivatives are taken out of columns beside the states
-    x, batch = checked_starts(system, x0, len(times) * (1 + directions) * copies)
-    of_columns, changes, stops, acts = None, checked_changes(changes), None, ()
-    if changes:
-        field = field or (system if isinstance(system, FieldOfFunction) else system.field())
-        stops = stops_of(changes, sign, batch)
+    count, acting = len(times) * (1 + directions) * copies, checked_changes(changes)
+    acts: tuple[Act, ...] = ()
+    stops, of_columns = None, None
+    if acting:
+        field = field or field_of(system)
+        acts = acts_of(field, acting)
+    x, batch = checked_starts(system, x0, count, batch_of(acting))
+    if acting:
+        stops = stops_of(acting, sign, batch)
     with reporter(progress, len(times) * math.prod(batch)) as report:
         asked = Asked(times, sign, settings, thread_count(threads), report, stops)
-        if changes:
-            acts = acts_of(field, changes)
         if names:
             found, of_columns = _with_derivatives(field, x, batch, names, asked, acts)
-        elif changes:
+        elif acting:
             changed = WithColumns(field.shape, with_changes(field, acts))
             found = to_tolerance(changed, x, batch, asked)
         else:
@@ -162,9 +165,7 @@ def flow(
             **tolerances_of(settings),
             "derivatives": names,
             "_derivatives": of_columns,
-            "changes": changes_of_records(found.records, changes, batch, system.dimension)
-            if changes
-            else None,
+            "changes": changes_of_records(found.records, system, acting, batch) if acting else None,
         }
     )
 

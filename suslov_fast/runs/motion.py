@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,6 @@ from ..checks import FloatArray, one_of, short, wrong
 from ..keywords import public
 from .changes import Changes
 from .results import QUANTITIES, States
-
-# Quantities that take a step size, which is 0 along the motion.
-_OF_STEPS = {"first_integral"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,10 +121,6 @@ class Motion(States):
         return tuple(self.body.labels)
 
     @property
-    def _variable(self) -> str:
-        return variable_of(type(self.body))
-
-    @property
     def _functions(self) -> list[str]:
         from ..maps import map_of, methods_of
 
@@ -155,12 +147,6 @@ class Motion(States):
         last = max(self.time, key=abs, default=0.0)
         return self._titles["title"], f"to t = {last:g}", len(self.time)
 
-    def _value(self, name: str, states: FloatArray) -> FloatArray:
-        """Return the values of a public function for states of this motion."""
-        function = getattr(import_module("suslov_fast"), name)
-        values: FloatArray = function(self.body, states, *[0.0] * (name in _OF_STEPS))
-        return values
-
     def _in_order(self) -> Motion:
         order = np.argsort(self.time, kind="stable")
         return replace(self, states=self.states[order], time=self.time[order])
@@ -173,11 +159,3 @@ class Motion(States):
         states = f"{self._variable}: {self.states.shape}"
         ended = f"{np.count_nonzero(self.status < 0)} of {self.status.size}"
         return f"Motion({states}, time: {times}, rtol: {self.rtol:g}, ended: {ended})"
-
-
-def variable_of(kind: type[Any]) -> str:
-    """Return the name of the states of a class of systems, "omega" or "x"."""
-    from ..maps import methods_of
-
-    records = methods_of(kind)
-    return next(iter(records.values())).variable if records else "x"

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray
-from .motion import variable_of
-from .points import Points
+from .points import Points, span
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,17 +76,8 @@ class MotionCrossings(Points):
     max_step: float | None
     stiff: bool | None
 
-    @property
-    def _variable(self) -> str:
-        return variable_of(type(self.body))
-
-    @property
-    def _heading(self) -> str:
-        return f"Motion of a {type(self.body).__name__}"
-
     def __repr__(self) -> str:
-        time = self.time
-        times = f"{time.min():g} to {time.max():g}" if time.size else "none"
         ended = f"{np.count_nonzero(self.status < 0)} of {self.status.size}"
         states = f"{self._variable}: {self.states.shape}"
-        return f"MotionCrossings({states}, time: {times}, rtol: {self.rtol:g}, ended: {ended})"
+        about = f"time: {span(self.time)}, rtol: {self.rtol:g}, ended: {ended}"
+        return f"MotionCrossings({states}, {about})"

@@ -150,7 +150,7 @@ def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any
     colours.explain(axes, drawn)
     _label(axes, points, chosen)
     shown = f"{count:,} of {K:,}" if count < K else f"{K:,}"
-    text = f"{points._heading}\n{shown} crossings by {_orbits(points.count.size)}"
+    text = f"{points._heading}\n{shown} {points.what} by {_orbits(math.prod(points._batch))}"
     _entitle(axes, title, text, count < K)
     return axes
 
@@ -237,7 +237,7 @@ def _colours(
     if is_color_like(color) and np.shape(color) != shape:  # an RGB or RGBA tuple
         return _Colours(single=color)
     values = real_array("color", color, allow_nan=True)
-    if of_crossings and values.shape == run.count.shape != shape:
+    if of_crossings and values.shape == run._batch != shape:
         values = run._at_crossings(values)
     if values.shape != shape:
         expected = f"have the shape {shape}, one number for each orbit"

@@ -1,4 +1,4 @@
-"""The base of crossings of maps and of motions: points on a surface, and their trajectories."""
+"""The base of crossings and of changes: points on orbits, and their trajectories."""
 
 from __future__ import annotations
 
@@ -24,8 +24,6 @@ class Points(Result):
     states: Any
     time: Any
     count: NDArray[np.int64]
-    status: NDArray[np.int8]
-    final: FloatArray
     body: BodyOrField
 
     called = "a result of crossings"
@@ -35,13 +33,23 @@ class Points(Result):
     )
     kinds = "Crossings", "MotionCrossings"
     coordinates: ClassVar[tuple[str, ...]]  # attributes of crossings that label them
-    _heading: Any  # what the points are, for plots
+    what: ClassVar[str] = "crossings"
 
     def _at_crossings(self, values: Any, axes: int = 0) -> Any:
         """Return for each crossing the value (...) of its trajectory, an array of `axes` axes."""
         inner = values.shape[values.ndim - axes :]
-        by_trajectory = np.broadcast_to(values, (*self.count.shape, *inner)).reshape(-1, *inner)
+        by_trajectory = np.broadcast_to(values, (*self._batch, *inner)).reshape(-1, *inner)
         return by_trajectory[self.trajectory]
+
+    @property
+    def _batch(self) -> tuple[int, ...]:
+        """The shape of the batch."""
+        return self.count.shape
+
+    @property
+    def _heading(self) -> str:
+        """What the points are, for plots."""
+        return f"Motion of a {type(self.body).__name__}"
 
     def __len__(self) -> int:
         return len(self.trajectory)
@@ -110,3 +118,8 @@ class Points(Result):
 
         chosen = names[0] if len(names) == 1 else names or components
         return plot.plot_crossings(self, chosen, color, title, ax)
+
+
+def span(times: FloatArray) -> str:
+    """Return the range of times, as text."""
+    return f"{times.min():g} to {times.max():g}" if times.size else "none"

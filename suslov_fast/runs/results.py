@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
@@ -21,6 +22,8 @@ T = TypeVar("T", bound=np.generic)
 
 # Names of the methods of `quantity`; `dir(run)` hides those that its map does not have.
 QUANTITIES: set[str] = set()
+# Quantities that take a step size, which is 0 along the motion.
+_OF_STEPS = {"first_integral"}
 _DOCUMENTED = """Return :func:`suslov_fast.{name}` of the states.
 
 Returns
@@ -55,8 +58,7 @@ def quantity(name: str) -> Callable[[Any], FloatArray]:
 class Result:
     """The base of the results of runs, frozen dataclasses whose arrays are read-only.
 
-    Subclasses have the attributes `states`, `body` and `status`. `_variable`, `_conserved` and
-    `_value` are those of results of a map.
+    Subclasses have the attributes `states` and `body`, those of a map also `map` and `eps`.
     """
 
     states: Any
@@ -85,20 +87,25 @@ class Result:
     @property
     def _variable(self: Any) -> str:
         """The name of the states, "omega" or "x"."""
-        name: str = self.map.variable
-        return name
+        return variable_of(type(self.body))
 
     @property
     def _conserved(self: Any) -> str | None:
-        """The name of a conserved, or nearly conserved, quantity."""
-        name: str | None = self.map.conserves(self.body)
+        """The name of a conserved, or nearly conserved, quantity; along motions the energy."""
+        if (map := vars(self).get("map")) is None:
+            return "energy" if getattr(self.body, "H", None) is not None else None
+        name: str | None = map.conserves(self.body)
         return name
 
     def _value(self: Any, name: str, states: FloatArray) -> FloatArray:
         """Return the values of a public function of the system for states."""
+        if (map := vars(self).get("map")) is None:
+            function = getattr(import_module("suslov_fast"), name)
+            values: FloatArray = function(self.body, states, *[0.0] * (name in _OF_STEPS))
+            return values
         from ..quantities.evaluation import evaluate
 
-        return evaluate(name, self.body, states, self.eps, map=self.map)
+        return evaluate(name, self.body, states, self.eps, map=map)
 
     def __post_init__(self) -> None:
         """Make arrays read-only: views of them, because a caller may go on writing to their own."""
@@ -370,6 +377,14 @@ class States(Result):
         from .files.datasets import to_xarray
 
         return to_xarray(self, dims)
+
+
+def variable_of(kind: type[Any]) -> str:
+    """Return the name of the states of a class of systems, "omega" or "x"."""
+    from ..maps import methods_of
+
+    records = methods_of(kind)
+    return next(iter(records.values())).variable if records else "x"
 
 
 def read_only(array: NDArray[T]) -> NDArray[T]:

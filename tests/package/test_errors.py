@@ -11,6 +11,7 @@ import json
 import math
 import pickle
 import platform
+import random
 import re
 from decimal import Decimal
 from fractions import Fraction
@@ -126,6 +127,11 @@ def exponents(**given):
     return lambda: sf.lyapunov_exponents(SMOOTH, [1.0, 0.5], **given)
 
 
+def changed_by(*surface, **given):
+    """A motion with a change."""
+    return lambda: sf.flow(SMOOTH, [1.0, 0.5], time=1.0, changes=sf.Change(*surface, **given))
+
+
 def orbit(start=(1.0, 2.0), period=6.5, **given):
     return lambda: sf.periodic_orbit(FIELD, [*start], period, **given)
 
@@ -182,6 +188,8 @@ TABLE = [
     (AttributeError, "I1=", lambda: setattr(BODY, "I1", 3)),
     (AttributeError, "rho=", lambda: setattr(NAMED, "rho", 3)),
     (ImportError, "flow", lambda: exec("from suslov_fast import solve_ivp")),
+    (TypeError, "changes", motion(changes=3), motion(changes=None), motion(changes=[len]),
+     motion(changes={"x": 1}), motion(changes=len)),
     (ValueError, "color", lambda: RUN.plot(color=[1, 2])),
     (ValueError, "components",
      lambda: RUN.plot(components=(0, 2)),
@@ -202,7 +210,8 @@ TABLE = [
      terms(*NONE, 0), terms(*NONE, "u u")),
     (TypeError, "dims", lambda: RUN.to_xarray(3)),
     (ValueError, "dims", lambda: RUN.to_xarray("a")),
-    (ValueError, "direction", section(direction=2)),
+    (ValueError, "direction", section(direction=2), changed_by("x1", direction=2),
+     changed_by(times=[1.0], direction=1)),
     (TypeError, "eps", exponents(), exponents(time=1.0, eps=0.1), section(time=None),
      run(eps=[0.2, True]), run(eps=Decimal("0.01")), run(eps=np.timedelta64(1, "s")),
      lambda: COFACTOR.subs({"x": 1})),
@@ -288,7 +297,9 @@ TABLE = [
     (ValueError, "method", orbit(steps=60, method="order9"), lambda: BATCH.sel(I2=2, method="pad"),
      hamiltonian(lambda x, method: 1, method=1), run(method="rk4"), run(method=["auto"])),
     (TypeError, "monomials", lambda: sf.integrability.hk_bases(sf.integrability.kahan(FIELD), "2")),
-    (ValueError, "most", section(most=0)),
+    (TypeError, "ends", changed_by("x1", ends=1)),
+    (ValueError, "most", section(most=0), changed_by("x1", most=0),
+     changed_by("x1", ends=True, most=2)),
     (ValueError, "n", field(lambda x, **n: (1, 2), n=1),
      lambda: sf.exact(BODY, [1, 0], 0.1, np.inf),
      lambda: sf.exact(BODY, [1.0, 0.5], 0.2, [[1, 2]])),
@@ -383,6 +394,21 @@ TABLE = [
      crossings(lambda x: [a for a, b, c in [x]]), section(surface=()),
      section(surface=lambda x: x[0])),
     (ValueError, "threads", motion(threads=0)),
+    (ValueError, "surface or times", changed_by(), changed_by("x1", times=[1.0])),
+    (ValueError, "surface", changed_by("x9"), changed_by("x1 +"), changed_by(lambda x: 1.0),
+     lambda: sf.flow(SMOOTH_FAMILY, [1.0, 0.5], time=1.0, changes=sf.Change(lambda x, mu: mu))),
+    (TypeError, "surface", changed_by(3.0), changed_by(lambda t, y: y[0]),
+     changed_by(lambda x: (x[0], x[1])), changed_by(lambda x: math.sin(x[0])),
+     changed_by(lambda x: x[0] if x[0] > 1 else 2), changed_by(lambda x, a: x[0] - a),
+     changed_by(surface_with(terminal=True))),
+    (TypeError, "times", changed_by(times=["a"]), changed_by(times=[1j])),
+    (ValueError, "times of changes", lambda: sf.flow(
+        SMOOTH, np.zeros((3, 2)), time=1.0, changes=sf.Change(times=np.ones((4, 2))))),
+    (TypeError, "to", changed_by("x1", to=3), changed_by("x1", to=lambda x, a: (x[0], a))),
+    (ValueError, "to", changed_by("x1", to=lambda x: (x[0],)), changed_by("x1", to=("x1",)),
+     changed_by("x1", to=("x1", "y")), changed_by("x1", to=lambda x: x * random.random())),
+    (TypeError, "to_dict", lambda: sf.Change(lambda x: x[0]).to_dict()),
+    (ValueError, "description", lambda: sf.Change.from_dict({"surface": "x1", "at": 1})),
     (TypeError, "time", lambda: sf.flow(FIELD, (0, 15), [10.0, 1.0]),
      lambda: sf.flow(FIELD, [1.0, 2.0]), section(steps=4), section(eps=0.1, steps=4),
      section(method="order4")),
@@ -431,6 +457,16 @@ KEYWORDS = [
     (sf.iterate, (NAMED, [1, 0], 0.1, 9), "rho", "with_parameters"),
     (sf.periodic_orbit, (NAMED, [1, 0], 6.0), "dt", "steps"),
     (sf.flow, (BODY, [1, 0]), "tol RelTol steps", "rtol"),
+    (
+        sf.flow,
+        (BODY, [1, 0]),
+        "events event callback terminal dose_times tstops affect reset",
+        r"changes=Change\(",
+    ),
+    (sf.Change, (), "condition event", "surface"),
+    (sf.Change, (), "affect action", "to"),
+    (sf.Change, (), "terminal stop", "ends"),
+    (sf.Change, (), "dose_times tstops", "times"),
     (sf.flow, (BODY,), "x0 y0", "second argument"),
     (sf.crossings, (BODY, [1, 0], 0.1, 10), "events section", "surface"),
     (sf.crossings, (BODY, [1, 0], 0.1, 10, sum), "terminal", "most"),
@@ -561,8 +597,8 @@ SECOND_TRIES = [
      lambda: sf.flow(HALF, [3.0], time=2.0).x, 3 * math.exp(-1)),
     (lambda: sf.flow(HALF, [3.0], time=2, dt=0.5), r"time=np\.arange",
      lambda: sf.flow(HALF, [3.0], time=np.arange(0, 2.5, 0.5)).x, 3 * math.exp(-1)),
-    (lambda: sf.flow(HALF, [3.0], time=2, jumps=[(1, 1.0)]), r"x = flow\(.*\)\.x\[-1\] \+",
-     lambda: sf.flow(HALF, sf.flow(HALF, [3.0], time=1).x[-1] + 1, time=1).x,
+    (lambda: sf.flow(HALF, [3.0], time=2, jumps=[(1, 1.0)]), r"changes=Change\(times=.*, to=",
+     lambda: sf.flow(HALF, [3.0], time=2, changes=sf.Change(times=1, to=lambda x: x + 1)).x,
      3 * math.exp(-1) + math.exp(-0.5)),
     (lambda: sf.flow(PAIR, [1, 0], time=9, events=len), r"surface=.*direction=0\)",
      lambda: sf.crossings(PAIR, [1, 0], time=9, surface=lambda x: x[..., 0], direction=0).time,

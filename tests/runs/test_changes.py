@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from suslov_fast import Field, QuadraticField, Status, Suslov3D, flow
-from suslov_fast.runs.changes import Change
+from suslov_fast import Change, Field, QuadraticField, Status, Suslov3D, flow
 
 DECAY = Field.from_function(lambda x: (-x[0],), "x")
 GUT = Field.from_function(lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood",

@@ -124,10 +124,14 @@ def check_same(argument: str, first: Any, second: Any) -> None:
 
 
 def operands_of_function(
-    argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any]
+    argument: str,
+    f: Any,
+    names: Sequence[str],
+    parameters: Mapping[str, Any],
+    tracer: Tracer | None = None,
 ) -> tuple[Tracer, list[Any]]:
     """Return the tracer with which f was called, and the operands that are f, or [H]."""
-    tracer = Tracer(names, [*parameters])
+    tracer = tracer or Tracer(names, [*parameters])
     first, second = (_operands(argument, f, tracer) for _ in range(2))
     check_same(argument, [*map(repr, first)], [*map(repr, second)])  # equal operations are one
     return tracer, first

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...checks import extra, short, wrong
 from ...engine.status import Status
-from ..columns import ARGUMENTS, MOTION, OF_KIND, RUN, dims_of, in_stores
+from ..columns import ARGUMENTS, CHANGES, MOTION, OF_KIND, RUN, dims_of, in_stores
 
 # Names that an axis of the batch may not have.
 TAKEN = (
@@ -64,7 +64,7 @@ def _inner(name: str, axes: int) -> tuple[str, ...]:
 
 def _arguments_of(result: Any) -> dict[str, Any]:
     """Return the attributes of a dataset for the arguments of a run or of crossings."""
-    arguments = {name: getattr(result, name) for name in ARGUMENTS[type(result).__name__]}
+    arguments = {name: getattr(result, name) for name in ARGUMENTS.get(type(result).__name__, ())}
     return {
         # NetCDF has no truth values, and JSON no tuples.
         name: {bool: int, tuple: list}.get(type(value), lambda same: same)(value)
@@ -123,14 +123,15 @@ def crossings_to_xarray(points: Any) -> Any:
 
     body, of_steps = points.body, {}
     variables: dict[str, Any] = {}
-    for column in OF_KIND[type(points).__name__]:
-        if column.axes.startswith("crossing") and column.name not in points.coordinates:
+    dim = "crossing" if points.what == "crossings" else "changed"
+    for column in OF_KIND.get(type(points).__name__, CHANGES):
+        if column.axes.startswith(dim) and column.name not in points.coordinates:
             name = points._variable if column.name == "states" else column.name
             meaning = {"long_name": column.meaning} if column.meaning else {}
             variables[name] = dims_of(column, ()), getattr(points, column.name), meaning
     coords: dict[str, Any] = {"component": np.array(body.labels, object)}
-    coords |= {name: ("crossing", getattr(points, name)) for name in points.coordinates}
-    attributes = {"title": f"Crossings by motions of a {type(body).__name__}"}
+    coords |= {name: (dim, getattr(points, name)) for name in points.coordinates}
+    attributes = {"title": f"{points.what.capitalize()} of motions of a {type(body).__name__}"}
     if type(points).__name__ == "Crossings":
         map = points.map
         there = {"long_name": f"{map.meaning} there"}
@@ -139,6 +140,6 @@ def crossings_to_xarray(points: Any) -> Any:
         attributes = {"title": map.title, "map": map.name}
     for name, values in (of_steps | varying(body)).items():
         axes = body.axes.get(name, 0)
-        coords[name] = ("crossing", *_inner(name, axes)), points._at_crossings(values, axes)
+        coords[name] = (dim, *_inner(name, axes)), points._at_crossings(values, axes)
     attributes |= {"version": __version__, **_arguments_of(points)}
     return extra("xarray", "xarray").Dataset(variables, coords, attributes)

@@ -21,7 +21,7 @@ from ...engine.starts import tolerances_of
 from ...engine.stretches import March
 from ..columns import RUN
 from ..flow import motion_of
-from ..motion import variable_of
+from ..results import variable_of
 from .stores import group_of
 
 # Tiles that are queued per thread of a Dask worker.

@@ -1,0 +1,421 @@
+"""`Change`, which acts on the states of motions: what it is given, traced, and written as text."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..bodies.base import Body
+from ..bodies.fields.calls import (
+    arguments_of,
+    called_by_name,
+    check_function,
+    operands_of_function,
+)
+from ..bodies.fields.field_of_terms import FieldOfFunction
+from ..bodies.fields.names import TIME
+from ..bodies.fields.symbolic import Tracer
+from ..bodies.fields.texts import values_of, written
+from ..checks import (
+    FloatArray,
+    either,
+    instance,
+    integer,
+    kind_of,
+    real_array,
+    short,
+    wrong,
+)
+from ..core.lists.changes import Act
+from ..keywords import public, public_class
+from .results import read_only
+
+_ON_SURFACE = "a function of the state, such as lambda x: x[0] - 1, or the name of a component"
+_NEW_STATE = "a function that returns the new state, such as lambda x: (x[0] + 1, x[1])"
+_MOST_TRACED = 64  # fields, for which a change keeps what was traced
+
+
+@public_class
+@dataclass(frozen=True, eq=False, repr=False)
+class Change:
+    """A change of the state along motions, on a surface or at given times: for :func:`flow`.
+
+    Doses, resets, bounces, spikes, switches, ends: ``flow(system, x0, time=t, changes=[...])``
+    takes one or more, and :attr:`Motion.changes` holds what they did. Functions are traced, as
+    those of :meth:`Field.from_function`, and carried out as machine code; besides the state they
+    may take parameters of the system by name.
+
+    Parameters
+    ----------
+    surface : str or callable, optional
+        The name of a component, or a function s of the state, ``lambda x: x[0] - 30``: the change
+        acts where s becomes positive, or stops being so, by the motion or by another change. A
+        start on the surface is no such event.
+    to : callable, optional
+        A function that takes the state and returns the new one, ``lambda x: (x[0], -x[1])``.
+        Without it the state stays, and the change is a record.
+    direction : {0, 1, -1}
+        Both (the default), only where s increases, or only where it decreases, along the motion as
+        it is computed, backwards in time if the times of :func:`flow` are negative.
+    times : array_like(float, shape=(k,) or (..., k)), optional
+        In place of a surface: the times at which the change acts, of all trajectories, or of each,
+        padded with NaN. ``...`` broadcasts with the batch.
+    ends : bool
+        Whether it ends the trajectory, which then has the status STOPPED.
+    most : int, optional
+        The number of times it acts, 1 or more: the last one ends the trajectory.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has the wrong type or value, or both `surface` and `times` are given, or
+        neither. :func:`flow` raises those that depend on its system: functions that cannot be
+        traced, parameters that the system lacks, the wrong number of components.
+
+    Notes
+    -----
+    At one instant times act first, in the order of the list, then surfaces in the order of the
+    list, each on the state that the one before it has left, again and again until none acts. The
+    state at a time that is asked for is the one after the changes there. A trajectory whose changes
+    follow one another without end, such as a ball that comes to rest, ends with the status
+    ACCUMULATES. Where they are defined the states have the tolerance of :func:`flow`. Two changes
+    are equal if all attributes are equal, functions only if they are the same; after :meth:`of`
+    they are text.
+
+    Examples
+    --------
+    A ball that keeps 9/10 of its speed at each bounce:
+
+    >>> from suslov_fast import Change, Field, flow
+    >>> ball = Field.from_function(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
+    >>> bounce = Change("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
+    >>> motion = flow(ball, [1.0, 0.0], time=[1.0, 2.0], changes=bounce)
+    >>> motion.changes.time.round(6), motion.x[:, 0].round(6)
+    (array([0.451524, 1.264266, 1.995734]), array([0.711223, 0.013752]))
+
+    A dose of 100 at times 0, 24 and 48:
+
+    >>> body = Field.from_function(lambda x, k: (-k * x[0],), "c", k=0.1)
+    >>> dose = Change(times=[0, 24, 48], to=lambda x: (x[0] + 100,))
+    >>> flow(body, [0.0], time=[0, 47, 48], changes=dose).x[:, 0].round(3)
+    array([100.   ,  10.935, 109.895])
+    """
+
+    surface: str | Callable[..., Any] | None = None
+    _: KW_ONLY
+    to: Callable[..., Any] | Sequence[str] | None = None
+    direction: int = 0
+    times: Any = None  # so that type checkers ask for no test of None
+    ends: bool = False
+    most: int | None = None
+    _definitions: Mapping[str, str] = field(init=False, default_factory=dict)
+    _traced: dict[Any, Traced] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if (self.surface is None) == (self.times is None):
+            received = "neither" if self.times is None else "both"
+            how = "Change('h', to=...) acts where h is 0, Change(times=[1, 2], to=...) at times"
+            raise wrong("surface or times", "given, one of them", f"{received}: {how}")
+        if self.surface is not None:
+            _check_surface(self.surface)
+        to = self.to
+        if isinstance(to, (tuple, list)) and all(isinstance(text, str) for text in to):
+            to = tuple(to)
+        elif to is not None and not callable(to):
+            raise wrong("to", _NEW_STATE, f"{short(to)}", TypeError)
+        expected = "0 (both), 1 (upwards) or -1 (downwards)"
+        direction, most = integer("direction", self.direction, -1, expected, 1), self.most
+        if direction and self.surface is None:
+            raise wrong("direction", "left out beside times")
+        if not isinstance(self.ends, (bool, np.bool_)):
+            raise wrong("ends", "True or False", short(self.ends), TypeError)
+        if most is not None:
+            most = integer("most", most, 1, "None or an integer of at least 1")
+        if self.ends and most is not None:
+            raise wrong("most", "left out beside ends=True, which ends at the first")
+        vars(self).update(to=to, direction=direction, most=most, ends=bool(self.ends))
+        if self.times is not None:
+            times = real_array("times", self.times, allow_nan=True, allow_infinite=True)
+            vars(self)["times"] = read_only(np.array(times, ndmin=1))
+
+    @public
+    def of(self, system: Any) -> Change:
+        """Return this change with equations as text, in the names of a system.
+
+        Parameters
+        ----------
+        system : QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
+            The system that :func:`flow` takes.
+
+        Returns
+        -------
+        Change
+            It can be pickled and compared, and :meth:`to_dict` describes it.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a function cannot be traced for this system.
+
+        Examples
+        --------
+        >>> from suslov_fast import Change, Field
+        >>> ball = Field.from_function(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
+        >>> Change("h", direction=-1, to=lambda x, e: (x[0], -e * x[1])).of(ball)
+        Change('h', to=('h', '-e*v'), direction=-1)
+        """
+        found = traced(self, field_of(system))
+        return self if self._is_text else found.text
+
+    @public
+    def to_dict(self) -> dict[str, Any]:
+        """Return a description of plain numbers and texts, for JSON; :meth:`from_dict` reads it.
+
+        Returns
+        -------
+        dict
+            Functions have to be text before, by :meth:`of`.
+
+        Examples
+        --------
+        >>> from suslov_fast import Change, Field
+        >>> cell = Field.from_function(lambda x: (0.1 * x[0],), "mass")
+        >>> Change(lambda x: x[0] - 2, to=lambda x: (x[0] / 2,), most=10).of(cell).to_dict()
+        {'surface': 'mass - 2', 'to': ['mass/2'], 'most': 10}
+        """
+        if not self._is_text:
+            raise TypeError("to_dict: functions have no text before they are traced: of(system)")
+        times = None if self.times is None else _listed(self.times)
+        found = {
+            "surface": self.surface,
+            "to": None if self.to is None else [*self.to],
+            "definitions": dict(self._definitions),
+            "direction": self.direction,
+            "times": times,
+            "ends": self.ends,
+            "most": self.most,
+        }
+        return {name: value for name, value in found.items() if value not in (None, False, 0, {})}
+
+    @classmethod
+    @public
+    def from_dict(cls, description: Mapping[str, Any]) -> Change:
+        """Return the change that :meth:`to_dict` describes.
+
+        Parameters
+        ----------
+        description : dict
+            As by :meth:`to_dict`.
+
+        Returns
+        -------
+        Change
+
+        Raises
+        ------
+        TypeError, ValueError
+            If an entry is wrong.
+
+        Examples
+        --------
+        >>> from suslov_fast import Change
+        >>> Change.from_dict({"surface": "v - 30", "to": ["-65", "u + d"], "direction": 1})
+        Change('v - 30', to=('-65', 'u + d'), direction=1)
+        """
+        instance("description", description, Mapping)
+        entries = dict(description)
+        definitions = entries.pop("definitions", {})
+        instance("definitions", definitions, Mapping)
+        if unknown := sorted({*entries} - {"surface", "to", "direction", "times", "ends", "most"}):
+            raise wrong("description", "one of to_dict", f"one with {unknown[0]!r}")
+        if (times := entries.get("times")) is not None:
+            entries["times"] = np.array(times, np.float64)  # None is NaN
+        change = cls(**entries)
+        vars(change)["_definitions"] = dict(definitions)
+        return change
+
+    @property
+    def _is_text(self) -> bool:
+        return not (callable(self.surface) or callable(self.to))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Change):
+            return NotImplemented
+        mine, theirs = self.times, other.times
+        if mine is None or theirs is None:
+            are_same = mine is theirs
+        else:
+            are_same = np.array_equal(mine, theirs, equal_nan=True)
+        return are_same and self._compared == other._compared
+
+    def __hash__(self) -> int:
+        return hash(self._compared[:-1])
+
+    @property
+    def _compared(self) -> tuple[Any, ...]:
+        own = self.surface, self.to, self.direction, self.ends, self.most
+        return *own, dict(self._definitions)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"_traced": {}}
+
+    def __setstate__(self, attributes: dict[str, Any]) -> None:
+        vars(self).update(attributes)
+
+    def __repr__(self) -> str:
+        parts = [] if self.surface is None else [_shown(self.surface)]
+        if self.times is not None:
+            shape = self.times.shape
+            few = self.times.ndim == 1 and self.times.size <= 4
+            text = ", ".join(f"{t:g}" for t in self.times.ravel()) if few else ""
+            parts.append(f"times=[{text}]" if few else f"times: {shape}")
+        parts += [] if self.to is None else [f"to={_shown(self.to)}"]
+        parts += [f"direction={self.direction}"] if self.direction else []
+        parts += ["ends=True"] if self.ends else []
+        parts += [] if self.most is None else [f"most={self.most}"]
+        return f"Change({', '.join(parts)})"
+
+
+def field_of(system: Any) -> Any:
+    """Return the field whose equations are those of a system."""
+    instance("system", system, Body)
+    return system if isinstance(system, FieldOfFunction) else system.field()
+
+
+def traced(change: Change, system: Any) -> Traced:
+    """Return what a change is for a field, which has names and parameters."""
+    key, known = (tuple(system.names), tuple(system.arrays)), change._traced
+    if key not in known:
+        if len(known) >= _MOST_TRACED:
+            known.clear()
+        known[key] = Traced(change, *key)
+    return known[key]
+
+
+def _shown(function: Any) -> str:
+    """Return a function or texts in short."""
+    return (
+        getattr(function, "__name__", type(function).__name__)
+        if callable(function)
+        else short(function)
+    )
+
+
+def _listed(times: FloatArray) -> Any:
+    """Return times as lists, with None for NaN, which JSON has not."""
+    return np.where(np.isfinite(times), times, np.array(None)).tolist()
+
+
+def _check_surface(surface: Any) -> None:
+    """Raise an error unless a surface is a function of the state, or a text."""
+    names = [name for name in ("terminal", "direction") if hasattr(surface, name)]
+    if names and not isinstance(surface, str):  # the surface is an event of `solve_ivp`
+        received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
+        how = "pass ends=True to end there, direction=-1 for downwards"
+        raise wrong(
+            "surface",
+            "a function without attributes of SciPy's events",
+            f"{received}: {how}",
+            TypeError,
+        )
+    if isinstance(surface, str) or callable(surface):
+        return
+    is_number = isinstance(surface, (int, float))
+    how = f": pass lambda x: x[k] - {surface}, for component k" if is_number else ""
+    raise wrong("surface", _ON_SURFACE, f"{kind_of(surface)}{how}", TypeError)
+
+
+class Traced:
+    """A change for a field with these variables and parameters, all names."""
+
+    def __init__(self, change: Change, names: tuple[str, ...], parameters: tuple[str, ...]) -> None:
+        self.change, self.names, self.tracer = change, names, Tracer(names, parameters)
+        self.surface = None if change.surface is None else self._surface(change.surface)
+        self.to = None if change.to is None else self._results("to", change.to)
+        if self.to is not None and len(self.to) != len(names):
+            raise wrong("to", f"{len(names)} texts, one for each component", f"{len(self.to)}")
+        most = math.inf if change.most is None else float(change.most)
+        at = None if self.surface is None else self._list_of([self.surface])
+        to = None if self.to is None else self._list_of(self.to)
+        self.act = Act(at, to, change.direction, 1.0 if change.ends else most)
+
+    def _list_of(self, results: Sequence[Any]) -> Any:
+        return Act.list_of(self.tracer.values, results)
+
+    def _surface(self, surface: Any) -> Any:
+        """Return the operand of a surface, which depends on the state."""
+        if isinstance(surface, str) and surface.isidentifier() and surface not in self.names:
+            expected = f"a function of the state, or the name of a component, {either(self.names)}"
+            raise wrong("surface", expected, short(surface))
+        (operand,) = self._results("surface", surface)
+        list_ = self._list_of([operand])
+        read = {operand}.union(a for _, _, operands in list_.operations for a in operands)
+        if not any(type(a) is int and a < len(self.names) for a in read):
+            how = f"it is {self.tracer.text(operand)}: Change(times=[...]) acts at given times"
+            raise ValueError(f"surface: it must depend on the state, {how}")
+        return operand
+
+    def _results(self, argument: str, f: Any) -> list[Any]:
+        """Return the operands that a function returns, or that texts are."""
+        if not callable(f):
+            return self._read(argument, [f] if isinstance(f, str) else f)
+        f, known = getattr(f, "py_func", f), self._parameters_of(argument, f)
+        check_function(argument, f, self.names, dict.fromkeys(known, 1.0))
+
+        def of_known(x: Any, **values: Any) -> Any:
+            return f(x, **{name: values[name] for name in known})
+
+        given = argument, of_known, self.names, self.tracer.parameters
+        return operands_of_function(*given, self.tracer)[1]
+
+    def _parameters_of(self, argument: str, f: Any) -> list[str]:
+        """Return the parameters of the system that a function takes; TypeError if it has others."""
+        try:
+            own = [*inspect.signature(f).parameters.values()]
+        except (TypeError, ValueError):
+            return []
+        others = [name for name in arguments_of(f)[1:] if name not in self.tracer.parameters]
+        if others and not TIME & {each.name for each in own}:
+            expected = "a function of the state, and of parameters of the system by name"
+            has = either([*self.tracer.parameters] or ["none"])
+            raise wrong(
+                argument, expected, f"one of {others[0]!r}: the system has {has}", TypeError
+            )
+        takes_all = any(each.kind is each.VAR_KEYWORD for each in own)
+        named = {each.name for each in own[1:]}
+        return [name for name in self.tracer.parameters if takes_all or name in named]
+
+    def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
+        """Return the operands that texts are."""
+        tracer = self.tracer
+        known = dict(zip(self.names, tracer.state, strict=True)) | tracer.parameters
+        each = [*self.change._definitions.items(), *enumerate(texts)]
+        try:
+            found = values_of(each, known, called_by_name)
+            return [tracer.result(found[k]) for k in range(len(texts))]
+        except (TypeError, ValueError) as error:
+            names = either(tracer.names)
+            raise ValueError(f"{argument}: {error}; names of this system are {names}") from None
+
+    @cached_property
+    def text(self) -> Change:
+        """The change with texts in place of functions."""
+        change, surfaces = self.change, [] if self.surface is None else [self.surface]
+        results = [*surfaces, *(self.to or ())]
+        definitions, texts = written(self.tracer.values, results, self.tracer.names)
+        found = Change(
+            texts[0] if surfaces else None,
+            to=None if self.to is None else texts[len(surfaces) :],
+            direction=change.direction,
+            times=change.times,
+            ends=change.ends,
+            most=change.most,
+        )
+        vars(found)["_definitions"] = definitions
+        return found

@@ -1,0 +1,117 @@
+"""The class `Change` and the results of changes: text, equality, pickles, datasets, batches."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast import Change, Field, flow
+
+PK = Field.from_function(
+    lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood", k=1.0, dose=100.0
+)
+DOSES = Change(times=[0.0, 24.0, np.nan], to=lambda x, dose: (x[0] + dose, x[1]))
+SHARED = Change(
+    lambda x, k: k * np.exp(x[1]) - np.exp(x[1]) ** 2 - 1,
+    to=lambda x: (np.exp(x[1]) * np.exp(x[1]), np.where(x[0] > 1, x[1], np.exp(x[1]))),
+    direction=-1,
+    most=3,
+)
+
+
+@pytest.mark.parametrize("change", [DOSES, SHARED, Change("gut", ends=True), Change(times=[])])
+def test_text(change):
+    """Changes as text are read, compared and traced as they were."""
+    text = change.of(PK)
+    again = Change.from_dict(json.loads(json.dumps(text.to_dict())))
+    assert again == text == pickle.loads(pickle.dumps(text)) == again.of(PK)
+    assert hash(again) == hash(text)
+    assert "\n" not in repr(text)
+    assert len(repr(change)) < 200
+    assert change == change
+    assert (change == text) != (callable(change.surface) or callable(change.to))
+    for at in np.array([[0.5, 0.2], [2.0, -1.0]]):
+        names = dict(zip(PK.names, at, strict=True)) | PK.parameters
+        names |= {"exp": np.exp, "where": np.where}
+        for name, definition in text.to_dict().get("definitions", {}).items():
+            names[name] = eval(definition, names)
+        if change.to is not None:
+            known = {"dose": 100.0} if change is DOSES else {}
+            right = change.to(at, **known)
+            np.testing.assert_allclose([eval(each, names) for each in text.to], right, 1e-14)
+
+
+def test_changes_differ():
+    first = Change(times=[1.0, np.nan])
+    assert first == Change(times=[1.0, np.nan])
+    assert first != Change(times=[1.0, 2.0])
+    assert first != Change("x")
+    assert Change("x", most=1) != Change("x", most=2)
+    assert Change("x").from_dict({"surface": "x"}) == Change("x")
+    assert first != 3
+
+
+def test_results():
+    own = PK.with_parameters(dose=[50.0, 100.0, 200.0])
+    motion = flow(own, [0.0, 0.0], time=[10.0, 72.0], changes=[Change(times=[5.0]), DOSES])
+    changes = motion.changes
+    assert len(changes) == 9
+    assert changes.trajectory.tolist() == [0] * 3 + [1] * 3 + [2] * 3
+    assert changes.which.tolist() == [1, 0, 1] * 3
+    assert changes.time.tolist() == [0.0, 5.0, 24.0] * 3
+    assert changes.count.tolist() == [[1, 2]] * 3
+    is_record = changes.which == 0
+    np.testing.assert_array_equal(changes.before[is_record], changes.states[is_record])
+    np.testing.assert_array_equal(changes["gut"], changes.x[:, 0])
+    assert [each.times is None for each in changes.given] == [False, False]
+    again = pickle.loads(pickle.dumps(motion))
+    assert again == motion
+    assert again.changes == changes
+    other = flow(own, [0.0, 0.0], time=[10.0, 72.0], changes=[Change(times=[5.5]), DOSES])
+    assert other != motion
+    assert flow(PK, [0.0, 0.0], time=1.0).changes is None
+    with pytest.raises(ValueError, match="read-only"):
+        changes.time[0] = 1.0
+
+
+def test_dataset_and_plot():
+    pytest.importorskip("xarray")
+    own = PK.with_parameters(dose=[50.0, 100.0])
+    changes = flow(own, [0.0, 0.0], time=30.0, changes=DOSES).changes
+    data = changes.to_xarray()
+    assert data.dose.values.tolist() == [50.0, 50.0, 100.0, 100.0]
+    np.testing.assert_array_equal(data.x, changes.states)
+    np.testing.assert_array_equal(data.before, changes.before)
+    assert dict(data.sizes) == {"changed": 4, "component": 2}
+    pytest.importorskip("matplotlib")
+    dots = changes.plot("time", "gut", color="which").collections[0].get_offsets()
+    np.testing.assert_allclose(dots, np.stack([changes.time, changes["gut"]], axis=1))
+
+
+def test_times_broadcast_with_the_batch():
+    """Times of each trajectory make a batch, as states and parameters do."""
+    times = np.array([[1.0, np.nan], [1.0, 2.0], [3.0, 5.0]])
+    add = {"to": lambda x: (x[0] + 1, x[1])}
+    motion = flow(PK, [0.0, 0.0], time=4.0, changes=Change(times=times, **add))
+    assert motion.x.shape == (1, 3, 2)
+    assert motion.changes.count[:, 0].tolist() == [1, 2, 1]
+    columns = flow(PK, np.zeros((2, 1, 2)), time=4.0, changes=Change(times=times, **add))
+    np.testing.assert_array_equal(columns.x, np.stack([motion.x] * 2, axis=1))
+    for k, own in enumerate(times):
+        alone = flow(PK, [0.0, 0.0], time=4.0, changes=Change(times=own, **add))
+        np.testing.assert_array_equal(alone.x, motion.x[:, k])
+
+
+def test_a_change_serves_several_systems():
+    """It is traced for the names of each, and `changes` takes one or a list."""
+    double = Change(times=1.0, to=lambda x: 2 * x)
+    for dimension in (1, 2, 3):
+        still = Field.from_function(lambda x: 0 * x, dimension)
+        for given in (double, [double], (double,)):
+            motion = flow(still, np.ones(dimension), time=2.0, changes=given)
+            assert motion.x.tolist() == [[2.0] * dimension]
+    body = sf.Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    motion = flow(body, [1.0, 0.5], time=1.0, changes=double)
+    np.testing.assert_allclose(motion.omega, 2 * flow(body, [1.0, 0.5], time=1.0).omega, rtol=1e-8)

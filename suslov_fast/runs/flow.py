@@ -32,8 +32,8 @@ from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
-from .change import Change
-from .changes import acts_of, batch_of, changes_of_records, checked_changes, field_of, stops_of
+from .change import Change, field_of
+from .changes import acts_of, batch_of, changes_of_records, checked_changes, stops_of
 from .motion import Motion
 from .solution import states_at
 

@@ -194,7 +194,7 @@ class Change:
         times = None if self.times is None else _listed(self.times)
         found = {
             "surface": self.surface,
-            "to": None if self.to is None else [*self.to],
+            "to": None if self.to is None else list(self.to),  # type: ignore[arg-type]
             "definitions": dict(self._definitions),
             "direction": self.direction,
             "times": times,

@@ -149,11 +149,12 @@ def flow(
         if names:
             found, of_columns = _with_derivatives(field, x, batch, names, asked, acts)
         elif acting:
-            changed = WithColumns(field.shape, with_changes(field, acts))
-            found = to_tolerance(changed, x, batch, asked)
+            own = WithColumns(field.shape, with_changes(field, acts))
+            found = to_tolerance(own, x, batch, asked)
         else:
             found = motion_of(system, x, batch, asked)
     warn_of_ends(found, x, batch)
+    changed = changes_of_records(found.records, system, acting, batch) if acting else None
     return Motion._of(
         {
             "states": found.states.reshape(len(times), *batch, system.dimension),
@@ -165,7 +166,7 @@ def flow(
             **tolerances_of(settings),
             "derivatives": names,
             "_derivatives": of_columns,
-            "changes": changes_of_records(found.records, system, acting, batch) if acting else None,
+            "changes": changed,
         }
     )
 

@@ -145,18 +145,22 @@ def changes_of_records(
     records: Any, system: Any, changes: tuple[Change, ...], batch: tuple[int, ...]
 ) -> Changes:
     """Return what `Records` of changes say, with their numbers in the list of the user."""
-    numbers = np.array(in_order_of_code(changes), np.int64)
-    which, C, D = numbers[records.which], len(changes), system.dimension
-    count = np.bincount(records.trajectory * C + which, minlength=math.prod(batch) * C)
-    return Changes._of(
-        {
-            "trajectory": records.trajectory,
-            "which": which,
-            "time": records.time,
-            "before": records.before[:, :D],
-            "states": records.states[:, :D],
-            "count": count.reshape(*batch, C),
-            "body": system,
-            "_given": changes,
-        }
-    )
+    numbers, D = np.array(in_order_of_code(changes), np.int64), system.dimension
+    columns = {
+        "trajectory": records.trajectory,
+        "which": numbers[records.which],
+        "time": records.time,
+        "before": records.before[:, :D],
+        "states": records.states[:, :D],
+    }
+    return changes_of(columns, system, changes, batch)
+
+
+def changes_of(
+    columns: dict[str, Any], system: Any, changes: tuple[Change, ...], batch: tuple[int, ...]
+) -> Changes:
+    """Return a result with these columns; ValueError if their numbers are none of the batch."""
+    B, C = math.prod(batch), len(changes)
+    numbers = columns["trajectory"] * C + columns["which"]
+    count = np.bincount(numbers, minlength=B * C).reshape(*batch, C)
+    return Changes._of(columns | {"count": count, "body": system, "_given": changes})

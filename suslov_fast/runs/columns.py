@@ -62,6 +62,13 @@ CROSSINGS = (
     Column("count", "int64", "batch"),
     *(column for column in RUN if column.name in ("final", "failed_at", "first_pole", "status")),
 )
+CHANGES = (
+    Column("trajectory", "int64", "changed"),
+    Column("which", "int64", "changed"),
+    Column("time", "float64", "changed"),
+    Column("before", "float64", "changed component", "state before"),
+    Column("states", "float64", "changed component", "state after"),
+)
 MOTION = (
     Column("time", "float64", "time", "time"),
     Column("states", "float64", "time batch component"),
@@ -69,6 +76,7 @@ MOTION = (
     Column("steps", "int64", "batch", "number of steps", fill=PENDING),
     Column("status", "int8", "batch", fill=PENDING, is_last=True),
     Column("_derivatives", "float64", "time batch component direction", when="derivatives"),
+    *(column._replace(name=f"changes.{column.name}", when="changes") for column in CHANGES),
 )
 MOTION_CROSSINGS = (
     Column("surface", "int64", "crossing"),
@@ -79,14 +87,6 @@ MOTION_CROSSINGS = (
     Column("end", "float64", "batch"),
     Column("final", "float64", "batch component"),
     Column("steps", "int64", "batch"),
-)
-CHANGES = (
-    Column("which", "int64", "changed"),
-    Column("time", "float64", "changed"),
-    Column("before", "float64", "changed component", "state before"),
-    Column("states", "float64", "changed component", "state after"),
-    Column("trajectory", "int64", "changed"),
-    Column("count", "int64", "batch change"),
 )
 OF_KIND = {
     "Trajectories": RUN,

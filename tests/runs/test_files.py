@@ -150,8 +150,22 @@ OF_EACH_KIND = {
     "Trajectories": lambda: sf.iterate(BODY, [[1.0, 0.5]] * 2, 0.1, 5, attitude=True),
     "Crossings": lambda: sf.crossings(BODY, [1.0, 0.5], 0.5, 99, "Omega2", direction=0),
     "Motion": lambda: sf.flow(FORCED, [1.0, 0.5], time=[0.5, 1.0], derivatives=("x0", "a")),
+    "Motion with changes": lambda: sf.flow(
+        FORCED,
+        [1.0, 0.5],
+        time=3.0,
+        changes=[
+            sf.Change("p", to=lambda x, a: (a, x[1]), direction=1),
+            sf.Change(times=[1.0, np.nan]),
+        ],
+    ),
     "MotionCrossings": lambda: sf.crossings(FORCED, [1.0, 0.5], surface="p", time=5.0),
 }
+
+
+def loader_of(kind):
+    """Crossings of both kinds have one."""
+    return getattr(sf, "Motion" if " " in kind else kind.removeprefix("Motion") or kind).load
 
 
 @pytest.mark.parametrize("kind", OF_EACH_KIND)
@@ -159,7 +173,7 @@ def test_a_lost_or_renamed_entry_is_told(kind, path):
     """Renamed by a single bit in the directory of the archive, or everywhere."""
     result = OF_EACH_KIND[kind]()
     result.save(path)
-    load = getattr(sf, kind.removeprefix("Motion") or kind).load
+    load = loader_of(kind)
     assert load(path) == result
     whole, found = path.read_bytes(), entries(path)
     for name in found:
@@ -182,7 +196,7 @@ def test_a_lost_or_renamed_entry_is_told(kind, path):
 def test_arrays_that_do_not_belong_together(kind, path):
     result = OF_EACH_KIND[kind]()
     result.save(path)
-    load = getattr(sf, kind.removeprefix("Motion") or kind).load
+    load = loader_of(kind)
     found = entries(path)
     for name, array in found.items():
         if array.dtype.kind == "U":

@@ -23,6 +23,7 @@ from suslov_fast.core.motion.columns import (
     weights_of_few,
 )
 from suslov_fast.core.motion.rows import State
+from suslov_fast.core.motion.surfaces import shift_of
 
 
 def of_list(list_, rows):
@@ -341,7 +342,13 @@ class StepsInNumPy:
         is_taken = passed.accepted > 0.0
         if self.half.kinks:
             first = self.f.conditions.P + self.f.conditions.jumps
-            for k, now in enumerate(with_intervals(self.half.kinks, kinks), first):
+            kinds = self.f.conditions.kinds
+            numbers = range(len(kinds) - len(self.half.kinks), len(kinds))
+            places = [shift_of(self.half.block, number) for number in numbers]
+            shifts = [k for k, place in enumerate(places) if place is not None]
+            kinks = [*kinks, *(self.table[places[k]] for k in shifts)]
+            kinks = with_intervals(self.half.kinks, kinks, shifts)
+            for k, now in enumerate(kinks, first):
                 self.table[k] = np.where(is_taken & (at_surface > 0.0), now, self.table[k])
             f_new = self._value(new)
         self._rows("x", D)[:] = np.where(is_taken, new, x)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.motion.engine import Motion as Engine, Settings, Stops, prepare
+from ..core.motion.engine import Motion as Engine, Settings, Stops, counted_from_start, prepare
 from ..core.motion.one import motion_of_one
 from ..core.motion.rows import State
 from .arguments import ALL
@@ -186,11 +186,16 @@ def _of_one(
     _, f, table = field.right_hand_sides[0]
     if f.conditions is not None:
         return None
+    clocks, of_clocks = [*f.offsets], None
+    if clocks:
+        table, starts, of_clocks = counted_from_start(f, table, starts)
     result = motion_of_one(f, table.tobytes(), starts.tobytes(), times.tobytes(), sign, settings)
     if result is None:
         return None
     states, t, steps, state = result
     states = np.frombuffer(states).reshape(len(times), *starts.shape)
+    if of_clocks is not None:
+        states[..., clocks] += of_clocks
     if state != DONE:
         states[~(times <= t)] = np.nan
     end = np.nan if state == DONE else sign * t

@@ -14,6 +14,7 @@ import itertools
 import numpy as np
 
 from .changes import changes_of, emitted
+from .elapsed import Elapsed
 from .grouped import Groups
 from .numbers import Number, larger, smaller
 from .records import same
@@ -32,14 +33,18 @@ class Conditions:
     surfaces       the surface of each choice of jumps
     jumps, kinks   numbers of their choices
     P              number of parameters before them
+    shifts         numbers of tables whose arguments are sums, of which one part is the shift
     """
 
-    def __init__(self, truths, kinds, jumps, D, P):
-        """Take the `List` of the choices, of tables their arguments, those of `jumps` first."""
+    def __init__(self, truths, kinds, jumps, D, P, shifts):
+        """Take the `List` of the choices, of tables their arguments, those of `jumps` first.
+
+        After them come what arguments of tables with numbers in `shifts` are less by.
+        """
         self.D, self.P, self.kinds, self.kinds_of_kinks = D, P, kinds, kinds[jumps:]
         self.surfaces = [k for k, kind in enumerate(kinds[:jumps]) for _ in range(choices_of(kind))]
         self.jumps, self.kinks = len(self.surfaces), sum(map(choices_of, self.kinds_of_kinks))
-        self._all = Groups(truths, range(D + P))
+        self._all, self.shifts = Groups(truths, range(D + P)), shifts
         of_kinks = truths.results[jumps:]
         self._of_kinks = Groups(
             List(needed_for(truths.operations, of_kinks), of_kinks), range(D + P)
@@ -49,13 +54,15 @@ class Conditions:
         """Return the choices (jumps + kinks, ...) at states (D, ...), for parameters (P, ...)."""
         with np.errstate(all="ignore"):
             found = self._all.carried_out([*x, *parameters], x.shape[1:])
-        return with_intervals(self.kinds, found)
+        return with_intervals(self.kinds, found, self.shifts)
 
     def kinks_at(self, x, parameters):
         """Return the choices (kinks, ...) at states (D, ...), for parameters (P, ...)."""
         with np.errstate(all="ignore"):
             found = self._of_kinks.carried_out([*x, *parameters], x.shape[1:])
-        return with_intervals(self.kinds_of_kinks, found)
+        jumps = len(self.kinds) - len(self.kinds_of_kinks)
+        shifts = [k - jumps for k in self.shifts]  # those of jumps have no interval here
+        return with_intervals(self.kinds_of_kinks, found, shifts)
 
 
 def choices_of(kind):
@@ -63,12 +70,18 @@ def choices_of(kind):
     return Table.ROWS if is_table(kind) else 1
 
 
-def with_intervals(kinds, found):
-    """Return the choices (-, ...) of surfaces, with the intervals of tables for their arguments."""
+def with_intervals(kinds, found, shifts=()):
+    """Return the choices (-, ...) of surfaces, with the intervals of tables for their arguments.
+
+    Rows of `found` after those of the surfaces are the shifts of those with numbers in `shifts`.
+    """
     if not any(map(is_table, kinds)):
-        return found
-    pairs = zip(kinds, found, strict=True)
-    return np.concatenate([a.interval_of(x) if is_table(a) else x[np.newaxis] for a, x in pairs])
+        return found[: len(kinds)]
+    of = dict(zip(shifts, found[len(kinds) :], strict=True))
+    return np.concatenate([
+        kind.interval_of(x, of.get(k, 0.0)) if is_table(kind) else x[np.newaxis]
+        for k, (kind, x) in enumerate(zip(kinds, found, strict=False))
+    ])  # fmt: skip
 
 
 def watch_of(f, kinds, jumps):
@@ -93,7 +106,8 @@ def watch_of(f, kinds, jumps):
         for name, number, operands in f.surfaces.operations:
             of = (a if isinstance(a, float) else new[a] for a in operands)
             new[number] = values.emit(name, *of)
-        results = (a if isinstance(a, float) else new[a] for a in f.surfaces.results)
+        results = f.surfaces.results[: len(kinds) + of_changes]
+        results = (a if isinstance(a, float) else new[a] for a in results)
         ends.append([Number(values.emit, a) for a in results])
     changes, now, part = [], [], 1.0
     for kind, a, b in zip([*kinds, *["side"] * of_changes], *ends, strict=True):
@@ -142,7 +156,11 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     differentiate by, `twice` asks for the second derivative. `acts` are changes of the state, in
     the order of `Changes`.
     """
-    D = len(results)
+    D, offsets, shifted = len(results), {}, {}
+    if not acts:  # they read clocks as these are
+        elapsed = Elapsed(values, results, P)
+        values, results, P = elapsed.values, elapsed.results, elapsed.P
+        offsets, shifted = elapsed.offsets, elapsed.shifts
     changes = changes_of(acts, D, P, by, twice) if acts else None
     on_surfaces = [emitted(values, act.surface)[0] for act in acts if act.surface is not None]
     operations = needed_for(values.operations, [*results, *on_surfaces])
@@ -163,9 +181,9 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     }
     kinds = jumps | kinks
     if not kinds:
-        kept = range(D, D + P) if acts else ()
+        kept = range(D, D + P) if acts or offsets else ()
         f = RightHandSide(values, results, P, by, on_surfaces, kept=kept, twice=twice)
-        f.changes = changes
+        f.changes, f.offsets = changes, offsets
         if on_surfaces:
             f.watch = watch_of(f, [], 0)
         return f
@@ -174,7 +192,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     places = [first, *(first + count for count in itertools.accumulate(counts))]
     choices, given = dict(zip(kinds, places, strict=False)), places[-1]
     fixed = Expressions(given, range(D, places[len(jumps)]))
-    new, surfaces, truths = {a: a for a in range(first)}, {}, {}
+    new, surfaces, truths, shifts = {a: a for a in range(first)}, {}, {}, {}
     tests = Expressions(first, values.fixed)  # the choices themselves
     old = {a: a for a in range(first)}
     for name, number, operands in operations:
@@ -186,6 +204,10 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
             continue
         kind, choice = kinds[number], choices[number]
         if is_table(kind):
+            if number in shifted:  # of choices rows `low` and `high` are less by q
+                p, q = shifted[number]
+                of, others = [new.get(p, p)], [old.get(p, p)]
+                shifts[number] = new.get(q, q), old.get(q, q)
             surfaces[number] = a = _finite(fixed, *of)
             truths[number] = _finite(tests, *others)
             low, _, height, slope = range(choice, choice + Table.ROWS)
@@ -212,20 +234,25 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
         own,
         given - D,
         by,
-        surfaces=[*(surfaces[number] for number in kinds), *(new[a] for a in on_surfaces)],
+        surfaces=[
+            *(surfaces[number] for number in kinds),
+            *(new[a] for a in on_surfaces),
+            *(q for q, _ in shifts.values()),
+        ],
         jumps=len(jumps),
         kept=range(D, given),
         twice=twice,
     )
     plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
     f.steady, f.clocks = plain.steady, plain.clocks
-    tested, kinds = [truths[number] for number in kinds], [*kinds.values()]
-    f.changes = changes
+    tested = [*(truths[number] for number in kinds), *(q for _, q in shifts.values())]
+    places, kinds = [k for k, number in enumerate(kinds) if number in shifts], [*kinds.values()]
+    f.changes, f.offsets = changes, offsets
     f.watch = watch_of(f, kinds, len(jumps))
     if changes is not None:
         f.choices = _as_numbers(tests, kinds, tested)
     tested = List(needed_for(tests.operations, tested), tested)
-    f.conditions = Conditions(tested, kinds, len(jumps), D, P)
+    f.conditions = Conditions(tested, kinds, len(jumps), D, P, places)
     return f
 
 

@@ -182,6 +182,7 @@ class RightHandSide:
     slopes       `List` of derivatives of the surfaces on which f jumps, by components j, and by the
                  parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
     conditions, watch   see `conditions`; None where f has none
+    offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
     changes      `Changes` of the state along the motion, or None
     key          what tells this right-hand side from others
     """
@@ -236,7 +237,7 @@ class RightHandSide:
         self.fixed = needed_for(of_parameters, self.table)
         self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
 
-    is_dense, conditions, watch, changes = False, None, None, None
+    is_dense, conditions, watch, changes, offsets = False, None, None, None, {}
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 

@@ -10,6 +10,7 @@ import numpy as np
 from ..code.compiler import call, compiled
 from ..compiling.threads import in_parts
 from ..fields.lines import zeros
+from ..lists.variational import Variational
 from .arguments import COMPONENT, SLOT, Arguments, Numbers
 from .choosing import Choices
 from .explicit import lane_numbers
@@ -114,6 +115,23 @@ class Stops(NamedTuple):
         return found, most
 
 
+def counted_from_start(f, table, x0):
+    """Return the table, states x0 (B, D) with clocks at 0, and their starts, None if they are 0."""
+    starts = x0[:, [*f.offsets]]
+    if not starts.any():
+        return table, x0, None
+    of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
+    own = f.of if isinstance(f, Variational) else f
+    count = own.P if f.conditions is None else f.conditions.P  # after them there are choices
+    inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
+    inputs[..., :count] = table[..., :count]
+    inputs[..., [number - own.D for number in f.offsets.values()]] = of_clocks
+    table = np.broadcast_to(table, (*inputs.shape[:-1], table.shape[-1]))
+    x0 = x0.copy()
+    x0[:, [*f.offsets]] = 0.0
+    return np.ascontiguousarray(f.table_with(inputs.T, table.T).T), x0, starts
+
+
 class Motion:
     """Trajectories x0 (B, D) of x' = f(x) at ascending moduli of times, forward or backward.
 
@@ -129,6 +147,9 @@ class Motion:
 
     def __init__(self, f, table, x0, times, sign, settings, states, stops=None):
         self.f, self.table, self.x0, self.states = f, table, x0, states
+        self.starts = None
+        if self.counts_from_start:
+            self.table, self.x0, self.starts = counted_from_start(f, table, x0)
         self.settings, self.times = settings, np.append(times, NO_TIMES)
         first, second, self.last = (float(self.times[k]) for k in (0, 1, len(times) - 1))
         self.components = components_of(f, settings.atol)
@@ -144,6 +165,8 @@ class Motion:
             none = Stops(np.empty((1, 0)), np.empty((1, 0)))
             self.stops, self.equal_stops = (stops or none).array()
         self.choices = None if f.conditions is None else Choices(self)
+
+    counts_from_start = True  # clocks
 
     def run(self, threads=1, report=None):
         """Take all steps of all trajectories.
@@ -161,6 +184,8 @@ class Motion:
                 self._take(block, abandoned)
         else:
             in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned, threads)
+        if self.starts is not None:
+            self.states[..., [*self.f.offsets]] += self.starts
 
     def _take(self, block, abandoned):
         """Take all steps of a block of trajectories."""

@@ -16,8 +16,11 @@ TOGETHER = 512  # steps whose inside is computed at a time, so that it stays in 
 class Stepping(Motion):
     """Trajectories that take the steps of `Motion`; their `Rows` stand in `flat` (B, rows).
 
-    `flat` may be copied, changed and put back: all that a step needs is there.
+    `flat` may be copied, changed and put back: all that a step needs is there. Clocks do not count
+    from the start.
     """
+
+    counts_from_start = False
 
     def __init__(self, f, table, x0, times, sign, settings, states, threads):
         super().__init__(f, table, x0, times, sign, settings, states)

@@ -91,10 +91,11 @@ def choose_all(lines, truth):
 
 def _put_choices(lines, truth, kinds, found, place):
     """Write choices, which rows have, or arguments of tables, to the table of lanes; renew f."""
-    text = lines.text
+    text, f = lines.text, lines.half.block
+    first = len(f.conditions.kinds) - len(kinds)
     for k, kind in enumerate(kinds):
         if is_table(kind):
-            _put_interval(lines, kind, truth.bits(), found.after(k), place)
+            _put_interval(lines, kind, truth.bits(), found.after(k), place, shift_of(f, first + k))
         else:
             now = found[k]
             text.array(lines.table, place).choose(truth, 0, now)
@@ -102,7 +103,15 @@ def _put_choices(lines, truth, kinds, found, place):
     lines.call("f", lines.work.new, lines.table, lines.work.f_new)
 
 
-def _put_interval(lines, table, bits, argument, place):
+def shift_of(f, number):
+    """Return the place of the shift of a table, see `Table.interval_of`, None without one."""
+    conditions = f.conditions
+    if number not in conditions.shifts:
+        return None
+    return f.places[f.surfaces.results[len(conditions.kinds) + conditions.shifts.index(number)]]
+
+
+def _put_interval(lines, table, bits, argument, place, shift):
     """Write the interval of a table that holds an argument to the table of lanes with bits.
 
     The interval is found by bisection among a number of knots that is a power of 2.
@@ -115,11 +124,16 @@ def _put_interval(lines, table, bits, argument, place):
     numbers = text.numbers(f"{lines.name}_interval_{len(text.target.constants)}", numbers)
     for offset in lines.lanes_with(bits):
         x = one.array(lines.work.line.at() + offset, argument.first)[0]
+        of_lane = one.array(lines.table + offset)
+        less = one.value(0.0) if shift is None else of_lane[shift]
         for now in text.rounds(Carried(at=numbers.base, half=half)):
             above = now.at + now.half * 8
-            is_above = x >= one.array(above)[0]
+            is_above = x >= one.array(above)[0] - less
             now.half = now.half >> 1
             now.at = is_above.select(above, now.at)
             now.goes_on = now.half.differs(0)
         to = text.place(lines.table + offset, place)
         text.copy_numbers(now.at, 16 * half, to, text.size, Table.ROWS)
+        if shift is not None:
+            for k in range(2):  # low and high
+                of_lane[place + k] = of_lane[place + k] - less

@@ -1,0 +1,137 @@
+"""Right-hand sides whose clocks count from the start: the start of each is one more parameter.
+
+A clock is c = c0 + e with the elapsed e. At c0 = 1.7e9, a date in seconds, c is rounded to 2e-7,
+and f(c) would be a staircase. So sums of clocks and of what does not change along a step are kept
+as pairs p + q, where p is 0 at e = 0 and q does not change: t - t1 is e + (c0 - t1), which has all
+its digits, t >= t1 is e >= t1 - c0, and knots of tables are shifted by c0. Large phases q lose
+whole turns.
+"""
+
+import math
+from typing import NamedTuple
+
+from .right_hand_side import Expressions, needed_for
+from .step import OF_TRUTH_VALUES
+from .tables import is_table
+
+_LARGE = 2.0**20  # phase, beyond which whole turns are taken away
+_COMPARISONS = "olt", "ogt", "oge", "oeq"
+
+
+class _Pair(NamedTuple):
+    """A value p + q; `whole` is its operand where the value itself has more digits, else None."""
+
+    p: object
+    q: object
+    whole: object = None
+
+
+class Elapsed:
+    """`values`, `results` and P for clocks from 0; `offsets`: numbers of starts by clocks.
+
+    shifts   (p, q) by the numbers of the operands of tables that are sums
+    """
+
+    def __init__(self, values, results, P):
+        self.values, self.results, self.P = values, results, P
+        self.offsets, self.shifts = {}, {}
+        operations = needed_for(values.operations, results)
+        read = {a for *_, operands in operations for a in operands if not isinstance(a, float)}
+        clocks = [i for i, a in enumerate(results) if i in read and _is_rate(values, a)]
+        if clocks:
+            self._shift(operations, clocks)
+
+    def _shift(self, operations, clocks):
+        """Write the operations for clocks that count from 0."""
+        D = len(self.results)
+        first, old = D + self.P, self.values
+        self.P += len(clocks)
+        self.values = new = Expressions(D + self.P, range(D, D + self.P))
+        self.offsets = {i: first + k for k, i in enumerate(clocks)}
+        self.known = {a: a for a in range(first)} | {
+            i: _Pair(i, offset) for i, offset in self.offsets.items()
+        }
+        # Values that do not change along a step: `floor` and truth values are choices.
+        self.rigid = {a for a in old.fixed if a < first}
+        for name, number, operands in operations:
+            is_choice = name == "floor" or name in OF_TRUTH_VALUES
+            if is_choice or all(self._is_rigid(a) for a in operands):
+                self.rigid.add(number)
+            self.known[number] = self._value(name, operands)
+        named = {a for _, operands, *_ in old.written.values() for a in operands} | {*old.written}
+        written = {a: self._whole(a) for a in named if a in self.known and a not in self.offsets}
+        self.results = [self._whole(a) for a in self.results]
+        new.take_written(old, written)
+
+    def _is_rigid(self, a):
+        return isinstance(a, float) or a in self.rigid
+
+    def _pair(self, a):
+        """Return the value of an old operand as a pair, None where it is no sum with a clock."""
+        found = None if isinstance(a, float) else self.known[a]
+        if isinstance(found, _Pair):
+            return found
+        return _Pair(0.0, self._whole(a)) if self._is_rigid(a) else None
+
+    def _whole(self, a):
+        """Return the new operand of an old one."""
+        found = a if isinstance(a, float) else self.known[a]
+        if not isinstance(found, _Pair):
+            return found
+        if found.whole is not None:
+            return found.whole
+        return self.values.emit("fadd", found.q, found.p)
+
+    def _value(self, name, operands):
+        """Return the new operand or the pair of an operation."""
+        emit, wholes = self.values.emit, [self._whole(a) for a in operands]
+        is_sum = any(isinstance(self.known.get(a), _Pair) for a in operands if type(a) is int)
+        pairs = [self._pair(a) for a in operands]
+        if not is_sum:
+            return emit(name, *wholes)
+        if name in ("fadd", "fsub") and None not in pairs:
+            a, b = pairs
+            return _Pair(_joined(emit, name, a.p, b.p), emit(name, a.q, b.q))
+        if name in ("fmul", "fdiv") and None not in pairs and self._scales(name, operands):
+            a, b = pairs
+            p = [x.p if x.p != 0.0 else x.q for x in pairs]
+            offsets = self.offsets.values()
+            is_plain = any(x.q in offsets and x.whole is None for x in (a, b) if x.p != 0.0)
+            whole = None if is_plain else emit(name, *wholes)
+            return _Pair(emit(name, *p), emit(name, a.q, b.q), whole)
+        if name in _COMPARISONS and None not in pairs:
+            a, b = pairs
+            if None is a.whole is b.whole:
+                if a.p == 0.0:
+                    return emit(name, emit("fsub", a.q, b.q), b.p)
+                return emit(name, _joined(emit, "fsub", a.p, b.p), emit("fsub", b.q, a.q))
+        if name in ("sin", "cos", "tan") and pairs[0].whole is None:
+            return emit(name, emit("fadd", self._without_turns(pairs[0].q), pairs[0].p))
+        number = emit(name, *wholes)
+        if is_table(name) and pairs[0].whole is None:
+            self.shifts[number] = pairs[0][:2]
+        return number
+
+    def _scales(self, name, operands):
+        """Return whether one operand does not change: of a quotient the divisor."""
+        rigid = [self._is_rigid(a) for a in operands]
+        return rigid[1] if name == "fdiv" else any(rigid)
+
+    def _without_turns(self, q):
+        emit, turn = self.values.emit, 2.0 * math.pi
+        turns = emit("floor", emit("fmul", 1.0 / turn, q))
+        rest = emit("fsub", q, emit("fmul", turn, turns))
+        return emit("select", emit("ogt", emit("fabs", q), _LARGE), rest, q)
+
+
+def _is_rate(values, a):
+    return a != 0.0 if isinstance(a, float) else a in values.fixed
+
+
+def _joined(emit, name, a, b):
+    """Return the sum or difference of two parts, either of which may be 0."""
+    if b == 0.0:
+        return a
+    if a == 0.0:
+        return b if name == "fadd" else emit("fmul", -1.0, b)
+    return emit(name, a, b)

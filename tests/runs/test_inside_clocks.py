@@ -1,0 +1,88 @@
+"""Clocks count from the start of a motion: dates in seconds cost what times from 0 cost."""
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+
+DATE = 1.7e9  # a date in seconds is rounded to 2.4e-7
+
+
+def field(f, names="x t", **parameters):
+    return sf.Field.from_function(f, names, **parameters)
+
+
+def rates(at):
+    """Right-hand sides that begin at a time, with the integral of each over the next 5."""
+    knots = at + np.array([0.0, 0.3, 0.30001, 1.7, 4.2, 9.0])
+    heights = np.array([0.1, 0.9, 0.2, 0.7, 0.7, -0.5])
+    of_table = (heights[1:] + heights[:-1]) / 2 * np.diff(knots)
+    left = at + 5.0 - knots[4]
+    rest = left * (0.7 - 0.6 * left / (knots[5] - knots[4]))
+    a, b = at + 1.25, at + 3.5
+    return {
+        "table": (lambda t: np.interp(t, knots, heights), of_table[:4].sum() + rest),
+        "pulse": (lambda t: np.where((t >= a) & (t < b), 2.0, 0.0), 4.5),
+        "late": (lambda t: np.where(t > b, t - b, 0.0), 1.5**2 / 2),
+        "wave": (lambda t: np.cos(3 * (t - at)), np.sin(15.0) / 3),
+        "root": (lambda t: np.sqrt(np.abs(t - a)), (1.25**1.5 + 3.75**1.5) / 1.5),
+        "ramp": (lambda t: np.clip((t - a) / 2, 0, 1), 1.0 + 1.75),
+        "guard": (lambda t: np.where(t < a, 1 / (b - t), 0.0), np.log(3.5 / 2.25)),
+        "day": (lambda t: np.where(np.mod(t - at, 2.0) < 0.5, 1.0, 0.0), 1.5),
+    }
+
+
+@pytest.mark.parametrize("name", rates(0.0))
+@pytest.mark.parametrize("stiff", [None, True])
+def test_dates_cost_what_times_from_0_cost(name, stiff):
+    found = {}
+    for at in (0.0, -3.0, 1e6, DATE):
+        rate, exact = rates(at)[name]
+        motion = sf.flow(field(lambda s, r=rate: (r(s[1]), 1.0)), [2.0, at], time=5.0, stiff=stiff)
+        found[at] = motion
+        assert abs(motion.x[0, 0] - 2.0 - exact) < 1e-8
+        assert motion.x[0, 1] == at + 5.0
+        many = sf.flow(
+            field(lambda s, r=rate: (r(s[1]), 1.0)), [[2.0, at]] * 3, time=[1.0, 5.0], stiff=stiff
+        )
+        np.testing.assert_array_equal(many.x[1], [motion.x[0]] * 3)
+    assert max(motion.steps for motion in found.values()) <= found[0.0].steps + 10
+
+
+def test_dates_of_which_only_differences_matter_give_the_same_bits():
+    def f(s, start):
+        return np.where(s[1] - start > 1.0, 0.0, np.cos(s[1] - start)) - s[0], 1.0
+
+    ends = [
+        sf.flow(field(f, start=at), [0.3, at], time=[0.5, 3.0]).x[:, 0] for at in (0.0, 2.0, DATE)
+    ]
+    np.testing.assert_array_equal(ends[1:], [ends[0]] * 2)
+
+
+def test_large_phases():
+    """The phase of a wave is known to the rounding of the date times its frequency."""
+    for omega in (2 * np.pi / 86400, 1.0, 50.0):
+        f = field(lambda s, w=omega: (np.cos(w * s[1] + 1), 1.0))
+        motion = sf.flow(f, [0.0, DATE], time=10.0)
+        ends = np.sin(omega * (DATE + np.array([10.0, 0.0])) + 1)
+        np.testing.assert_allclose(motion.x[0, 0], (ends[0] - ends[1]) / omega, atol=1e-5)
+        assert motion.steps < 500
+
+
+def test_members_and_derivatives_at_dates():
+    def f(s, begin, k):
+        return np.where(s[1] > begin, 2.0, 0.0) - k * s[0], 1.0
+
+    begin, start = DATE + np.array([1.0, 1.5]), np.array([[0.0, DATE], [0.0, DATE + 1.0]])
+    motion = sf.flow(field(f, begin=begin, k=0.5), start, time=3.0, derivatives=("begin", "x0"))
+    left = DATE + np.array([3.0, 4.0]) - begin
+    np.testing.assert_allclose(motion.x[0, :, 0], 4.0 * -np.expm1(-left / 2), rtol=1e-9)
+    np.testing.assert_allclose(motion.derivative("begin")[0, :, 0], -2 * np.exp(-left / 2))
+    np.testing.assert_allclose(motion.derivative("x0")[0, :, 0, 1], 2 * np.exp(-left / 2))
+
+
+def test_two_clocks_and_a_rate_that_is_a_parameter():
+    f = field(lambda s, r: (np.cos(s[1] - r * s[2]), r, 1.0), "x t u", r=[1.0, 2.0])
+    motion = sf.flow(f, [[1.0, DATE, DATE - 1.0], [1.0, 5.0, 2.0]], time=4.0)
+    np.testing.assert_allclose(motion.x[0, :, 0], 1.0 + 4.0 * np.cos(1.0), rtol=1e-12)
+    np.testing.assert_array_equal(motion.x[0, :, 1], [DATE + 4.0, 13.0])

@@ -68,9 +68,9 @@ KNOWN = {
         1.3960732332950263, 1e-10,
     ),
     "Arenstorf": (
-        ARENSTORF, [0.994, 0, 0, 0, -2.00158510637908252, 0], None, 17.0652165601579625, 1e-9
+        ARENSTORF, [0.994, 0, 0, 0, -2.00158510637908252, 0], None, 17.0652165601579625, 2e-9
     ),
-    "Morris-Lecar": (Field.from_function(morris_lecar, 2), [-35.0, 0.06], None, 102.72716533, 1e-9),
+    "Morris-Lecar": (Field.from_function(morris_lecar, 2), [-35.0, 0.06], None, 102.72716533, 2e-9),
     "figure eight": (
         Field.from_function(of_masses, 12), [*X, *-X, 0, 0, *-V / 2, *-V / 2, *V], 6.3, 6.32591398,
         2e-8,
@@ -302,7 +302,7 @@ def test_starts_on_the_fast_part_of_a_cycle(start, period, rtol):
     """A jump takes a millionth of the period, and y, 1,334 in it, is below 1 elsewhere."""
     field = Field.from_function(lambda x: (x[1], 1e3 * (1 - x[0] ** 2) * x[1] - x[0]), 2)
     orbit = periodic_orbit(field, start, period, rtol=rtol)
-    assert orbit.period == pytest.approx(1614.4011258, rel=max(10 * rtol, 1e-9))
+    assert orbit.period == pytest.approx(1614.4011258, rel=max(20 * rtol, 1e-9))
 
 
 def van_der_pol(mu):

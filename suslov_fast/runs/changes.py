@@ -164,3 +164,16 @@ def changes_of(
     numbers = columns["trajectory"] * C + columns["which"]
     count = np.bincount(numbers, minlength=B * C).reshape(*batch, C)
     return Changes._of(columns | {"count": count, "body": system, "_given": changes})
+
+
+def nothing_changed(
+    system: Any, changes: tuple[Change, ...], batch: tuple[int, ...], count: int
+) -> Changes:
+    """Return a result without any, whose counts are this number."""
+    columns: dict[str, Any] = {name: np.empty(0, np.int64) for name in ("trajectory", "which")}
+    columns |= {
+        "time": np.empty(0),
+        **dict.fromkeys(("before", "states"), np.empty((0, system.dimension))),
+    }
+    found = changes_of(columns, system, changes, batch)
+    return Changes._of(vars(found) | {"count": np.full_like(found.count, count)})

@@ -22,13 +22,19 @@ _PRIVATE = "_"
 class Column(NamedTuple):
     """An array of a result."""
 
-    name: str  # of the attribute; in datasets and stores, states have the name of their map
+    # Of the attribute; in datasets and stores, states have the name of their map, and "a.b" is b.
+    name: str
     type: str
     axes: str  # keys of `Sizes`, of which "batch" stands for all axes of the batch
     meaning: str = ""  # long name in datasets
     fill: float = math.nan  # value in a store where a tile is not computed yet
     when: str = ""  # the condition under which results have it
     is_last: bool = False  # whether tiles write it last, so that it marks them as done
+
+    @property
+    def short(self) -> str:
+        """The name in datasets and stores."""
+        return self.name.rpartition(".")[2]
 
     @property
     def is_public(self) -> bool:
@@ -77,6 +83,7 @@ MOTION = (
     Column("status", "int8", "batch", fill=PENDING, is_last=True),
     Column("_derivatives", "float64", "time batch component direction", when="derivatives"),
     *(column._replace(name=f"changes.{column.name}", when="changes") for column in CHANGES),
+    Column("changes.count", "int64", "batch change", "number of changes", PENDING, "changes"),
 )
 MOTION_CROSSINGS = (
     Column("surface", "int64", "crossing"),
@@ -119,9 +126,17 @@ def present(table: Iterable[Column], conditions: Collection[str]) -> list[Column
     return [column for column in table if not column.when or column.when in conditions]
 
 
-def in_stores(kind: str, turns: bool = False) -> list[Column]:
+def in_stores(kind: str, *conditions: str) -> list[Column]:
     """Return the columns of a kind of results that datasets and stores have."""
-    return [c for c in present(OF_KIND[kind], {"turns"} if turns else ()) if c.is_public]
+    columns = present(OF_KIND[kind], conditions)
+    return [c for c in columns if c.is_public and not c.axes.startswith("changed")]
+
+
+def value_of(result: Any, name: str) -> Any:
+    """Return the value of a column, an attribute or one of an attribute; None if there is none."""
+    for part in name.split("."):
+        result = getattr(result, part, None)
+    return result
 
 
 def sizes_of(batch: tuple[int, ...], D: int, **others: int) -> Sizes:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing
@@ -24,6 +25,8 @@ from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
+from .change import Change
+from .changes import batch_of, checked_changes, nothing_changed
 from .columns import FORMAT, in_stores, shape_of, sizes_of
 from .files import stores
 from .files.datasets import to_xarray, with_time
@@ -60,6 +63,7 @@ def ensemble(
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
+    changes: Change | Sequence[Change] = (),
     dims: str | Sequence[str] | None = None,
     chunk: int | Mapping[str, int] | None = None,
     client: distributed.Client | None = None,
@@ -85,9 +89,9 @@ def ensemble(
         Store states 0, `save_every`, 2 `save_every`, ...; by default only the last states.
     method, attitude
         As in :func:`iterate`.
-    time, rtol, atol, max_step, stiff : optional
+    time, rtol, atol, max_step, stiff, changes : optional
         As in :func:`flow`, in place of `eps`, `steps` and the arguments of maps. All states of a
-        tile are in memory at once.
+        tile are in memory at once. Of changes a store keeps how often each of them acted, `count`.
     dims : optional
         As in :meth:`Trajectories.to_xarray`.
     chunk : int or mapping, optional
@@ -135,7 +139,13 @@ def ensemble(
         raise wrong("client", "an open client", "one that is closed")
     checks.instance("system", system, Body)
     of_map = {"save_every": save_every, "method": method, "attitude": attitude}
-    tolerances = {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
+    tolerances = {
+        "rtol": rtol,
+        "atol": atol,
+        "max_step": max_step,
+        "stiff": stiff,
+        "changes": changes,
+    }
     is_motion = either_map_or_motion("ensemble", eps, steps, time, **of_map, **tolerances)
     task: Task
     threads = None if client is None else 1
@@ -146,8 +156,11 @@ def ensemble(
         counts: Any = steps, save_every
         task = Steps(method, *checked_counts(*counts))
     else:
-        task = Times(*checked_times(time), checked_settings(system, rtol, atol, max_step, stiff))
-        whole = Problem(None, system, np.empty(0), 0.0, system.shape, thread_count(threads))
+        settings = checked_settings(system, rtol, atol, max_step, stiff)
+        acting = tuple(change.of(system) for change in checked_changes(changes))
+        task = Times(*checked_times(time), settings, acting)
+        shape = checks.common_shape({"system": system.shape, "times": batch_of(acting)})
+        whole = Problem(None, system, np.empty(0), 0.0, shape, thread_count(threads))
     is_random = isinstance(x0, RandomStarts)
     if not (is_random or isinstance(x0, np.memmap) or hasattr(x0, "dask")):
         x0 = checks.states("x0", x0, system.labels)
@@ -222,7 +235,7 @@ def _template(whole: Problem, task: Task, dims: Any) -> xarray.Dataset:
     kind: Any = Motion if is_motion else Trajectories
     rows = task.rows
     require(24 * rows, "save fewer states")
-    columns = in_stores(kind.__name__, turns=turns is not None)
+    columns = in_stores(kind.__name__, *["turns"] * (turns is not None))
     sizes = sizes_of(batch, body.dimension, **{task.axis: rows})
     filled: dict[str, Any] = {
         column.name: np.broadcast_to(np.array(column.fill, column.type), shape_of(column, sizes))
@@ -232,6 +245,9 @@ def _template(whole: Problem, task: Task, dims: Any) -> xarray.Dataset:
     run: dict[str, Any] = {"body": body, **task.arguments}
     if isinstance(task, Times):
         arguments["time"], filled["time"] = task.times, task.times.copy()
+        if task.changes:
+            run["changes"] = nothing_changed(body, task.changes, batch, PENDING)
+            arguments["changes"] = json.dumps([_described(each) for each in task.changes])
     else:
         arguments |= {"eps": np.asarray(eps)} | ({} if turns is None else {"attitude": turns})
         run |= {"map": map, "eps": eps}
@@ -251,8 +267,17 @@ def _template(whole: Problem, task: Task, dims: Any) -> xarray.Dataset:
     identity["x0"] = stores.described("x0", x0, few=0)
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
     variable = map.variable if map else variable_of(type(body))  # the name of states in the dataset
-    identity["tiled"] = sorted({*filled, variable} - {"states", "time"})
+    identity["tiled"] = sorted(
+        ({*filled, variable} | {*data.variables} & {"count"}) - {"states", "time"}
+    )
     return data.assign_attrs(identity, format=FORMAT)
+
+
+def _described(change: Change) -> dict[str, Any]:
+    """Return what identifies a change, with its times as they are described."""
+    times = change.times
+    own = {} if times is None else {"times": stores.described("times", times)}
+    return change.to_dict() | own
 
 
 def _is_storable(name: Any) -> bool:

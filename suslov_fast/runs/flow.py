@@ -149,8 +149,7 @@ def flow(
         if names:
             found, of_columns = _with_derivatives(field, x, batch, names, asked, acts)
         elif acting:
-            own = WithColumns(field.shape, with_changes(field, acts))
-            found = to_tolerance(own, x, batch, asked)
+            found = motion_with_changes(field, x, batch, acts, asked)
         else:
             found = motion_of(system, x, batch, asked)
     warn_of_ends(found, x, batch)
@@ -169,6 +168,13 @@ def flow(
             "changes": changed,
         }
     )
+
+
+def motion_with_changes(
+    field: Any, x: FloatArray, batch: tuple[int, ...], acts: tuple[Act, ...], asked: Asked
+) -> Found:
+    """Return the motion of a field with changes of the state."""
+    return to_tolerance(WithColumns(field.shape, with_changes(field, acts)), x, batch, asked)
 
 
 def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...], Any]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...checks import extra, short, wrong
 from ...engine.status import Status
-from ..columns import ARGUMENTS, CHANGES, MOTION, OF_KIND, RUN, dims_of, in_stores
+from ..columns import ARGUMENTS, CHANGES, MOTION, OF_KIND, RUN, dims_of, in_stores, value_of
 
 # Names that an axis of the batch may not have.
 TAKEN = (
@@ -30,13 +30,13 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
     batch = _batch_names(run, dims, parameters)
     special = {"states": {"long_name": run._meaning}, "status": flags()}
     variables: dict[str, Any] = {
-        (run._variable if column.name == "states" else column.name): (
+        (run._variable if column.name == "states" else column.short): (
             dims_of(column, batch),
             values,
             special.get(column.name, {"long_name": column.meaning}),
         )
-        for column in in_stores(type(run).__name__, turns=True)
-        if (values := getattr(run, column.name, None)) is not None
+        for column in in_stores(type(run).__name__, "turns", "changes")
+        if (values := value_of(run, column.name)) is not None
     }
     if is_of_map:
         variables["n"] = "n", run.n, {"long_name": "number of steps"}

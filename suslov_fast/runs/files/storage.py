@@ -20,7 +20,7 @@ from ...checks import kind_of, require, short, wrong
 from ...maps import named
 from ..change import Change
 from ..changes import changes_of
-from ..columns import ARGUMENTS, CHANGES, FORMAT, OF_KIND, Column, OtherFormat, sizes_of
+from ..columns import ARGUMENTS, CHANGES, FORMAT, OF_KIND, Column, OtherFormat, sizes_of, value_of
 
 PathLike = str | os.PathLike[str]
 
@@ -52,7 +52,7 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     if class_named(described["body"]) is not type(result.body):
         raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
     names = *["eps"] * (kind in _OF_MAPS), *(column.name for column in OF_KIND[kind])
-    arrays = {name: _value_of(result, name) for name in names}
+    arrays = {name: value_of(result, name) for name in names}
     arrays = {name: array for name, array in arrays.items() if array is not None}
     about["entries"] = [*arrays]  # some are optional, so that a lost one would not be missed
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
@@ -62,13 +62,6 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
         raise _exists(path) from error
     except OSError as error:  # name the file of the caller, not the one beside it
         raise OSError(error.errno, error.strerror or str(error), os.fspath(path)) from error
-
-
-def _value_of(result: Any, name: str) -> Any:
-    """Return an attribute, or an attribute of one; None if there is none."""
-    for part in name.split("."):
-        result = getattr(result, part, None)
-    return result
 
 
 def _exists(path: PathLike) -> FileExistsError:
@@ -152,9 +145,13 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:
         parts = {each.name: attributes.pop(f"changes.{each.name}") for each in CHANGES}
         given = tuple(Change.from_dict(each) for each in about.get("changes", ()))
         system, batch = attributes["body"], attributes["status"].shape
+        count = attributes.pop("changes.count")
         if (parts["which"] is not None) != bool(given):
             raise wrong("changes", "those of the entries", short(about.get("changes")))
-        attributes["changes"] = changes_of(parts, system, given, batch) if given else None
+        changes = changes_of(parts, system, given, batch) if given else None
+        if changes is not None and not np.array_equal(changes.count, count):
+            raise wrong("count", "that of the changes", short(count.tolist()))
+        attributes["changes"] = changes
     if "count" in attributes:  # of crossings
         count = attributes["count"].ravel()
         attributes["trajectory"] = np.repeat(np.arange(len(count)), count)

@@ -36,9 +36,9 @@ MOST_CHUNKS, _MOST_COMPONENTS = 2**21, 2**20  # of a store, and of a state
 _CHECKSUM = 4  # bytes, which follow the numbers of a chunk
 _AT_A_TIME = 64  # simultaneous requests
 # Values that unwritten chunks show, by the name of a column; others are NaN.
-_FILLS = {column.name: column.fill for column in (*RUN, *MOTION)}
+_FILLS = {column.short: column.fill for column in (*RUN, *MOTION)}
 # Attributes that only some runs have, and those that identify no run.
-_OPTIONAL = "map save_every attitude names H K atol max_step stiff".split()
+_OPTIONAL = "map save_every attitude names H K atol max_step stiff changes".split()
 _NOT_COMPARED = "version", "coordinates", "title", "tiled"
 _OF_FILES = ".npz", ".nc", ".h5", ".hdf5", ".csv", ".zip"  # suffixes, which no store has
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from typing import Any, ClassVar
 
@@ -19,8 +19,10 @@ from ...engine.problem import Problem, Where, along, part_of
 from ...engine.random_starts import RandomStarts
 from ...engine.starts import tolerances_of
 from ...engine.stretches import March
+from ..change import Change, field_of
+from ..changes import acts_of, changes_of_records, stops_of
 from ..columns import RUN
-from ..flow import motion_of
+from ..flow import motion_of, motion_with_changes
 from ..results import variable_of
 from .stores import group_of
 
@@ -66,6 +68,10 @@ class Steps:
         """The number of trajectories that take a few seconds."""
         return 2**31 // (self.steps + 1)
 
+    def of(self, where: Where) -> Steps:
+        """Return the task of a part of the batch."""
+        return self
+
     def pieces(self, part: Problem, rows: int) -> Iterator[Piece]:
         """Yield the saved states, `rows` at a time, and at last the other columns."""
         march, every = March(part, self.method), self.save_every or 0
@@ -85,6 +91,7 @@ class Times:
     times: FloatArray
     sign: int
     settings: Settings
+    changes: tuple[Change, ...] = ()  # as text, which workers can be sent
 
     axis: ClassVar[str] = "time"
     fewest: ClassVar[int] = 2**6
@@ -110,12 +117,33 @@ class Times:
         (body, x, batch), n = (part.body, part.omega, part.batch), len(self.times)
         require(8 * (n + 2) * math.prod(batch) * body.dimension, "pass a smaller chunk")
         asked = Asked(self.times, self.sign, self.settings, part.threads)
-        found = motion_of(body, flat_arrays(x, batch), batch, asked)
+        starts, counts = flat_arrays(x, batch), None
+        if self.changes:
+            field = field_of(body)
+            asked = asked._replace(stops=stops_of(self.changes, self.sign, batch))
+            acts = acts_of(field, self.changes)
+            found = motion_with_changes(field, starts, batch, acts, asked)
+            counts = changes_of_records(found.records, body, self.changes, batch).count
+        else:
+            found = motion_of(body, starts, batch, asked)
         states = found.states.reshape(n, *batch, body.dimension)
         for k in range(0, n, rows):
             yield {"states": states[k : k + rows]}
         last: Piece = {"end": found.t, "steps": found.steps, "status": found.status}
-        yield {name: values.reshape(batch) for name, values in last.items()}
+        last = {name: values.reshape(batch) for name, values in last.items()}
+        yield last if counts is None else last | {"count": counts}
+
+    def of(self, where: Where) -> Times:
+        """Return the task of a part of the batch, with its times of changes."""
+        own = tuple(
+            each if each.times is None else replace(each, times=_part_of(each.times, where))
+            for each in self.changes
+        )
+        return replace(self, changes=own)
+
+
+def _part_of(times: FloatArray, where: Where) -> FloatArray:
+    return times[along(times.shape[:-1], where)]
 
 
 Task = Steps | Times
@@ -127,7 +155,7 @@ def finish(
     """Compute tiles of a batch, here or by a Dask client, and write them; yield each when done."""
     if client is None:
         for where in tiles:
-            _compute(_problem_of(whole, where), task, where, store)
+            _compute(_problem_of(whole, where), task.of(where), where, store)
             yield where
         return
     from dask import config
@@ -143,7 +171,7 @@ def finish(
         for where in islice(waiting, max(0, most - len(under_way))):
             part = _problem_of(whole, where)
             with config.set(settings):
-                job = client.submit(_compute, part, task, where, store, pure=False)
+                job = client.submit(_compute, part, task.of(where), where, store, pure=False)
             under_way[job] = where
             jobs.add(job)
 

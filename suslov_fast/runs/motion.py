@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, one_of, short, wrong
 from ..keywords import public
-from .changes import Changes
+from .change import Change
+from .changes import Changes, changes_of
+from .columns import CHANGES
 from .results import QUANTITIES, States
 
 
@@ -74,6 +76,18 @@ class Motion(States):
     derivatives: tuple[str, ...] = ()
     _derivatives: FloatArray | None = None  # (n, ..., D, C) those by x0 first
     changes: Changes | None = None
+
+    @classmethod
+    def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Motion:
+        parts = {each.name: attributes.pop(f"changes.{each.name}") for each in CHANGES}
+        count = attributes.pop("changes.count")
+        given = tuple(Change.from_dict(each) for each in about.get("changes", ()))
+        changes = None
+        if given or count is not None:
+            changes = changes_of(parts, attributes["body"], given, attributes["status"].shape)
+            if not np.array_equal(changes.count, count):
+                raise wrong("count", "that of the changes", short(count.tolist()))
+        return cls._of(attributes | {"changes": changes})
 
     def __call__(self, *_: Any) -> Any:
         raise TypeError("a motion cannot be called: pass the times t to flow(system, x0, time=t)")

@@ -131,6 +131,11 @@ class Result:
         result.__setstate__(attributes)  # faster than a call of the class
         return result
 
+    @classmethod
+    def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Self:
+        """Return the result in a file, of its arrays and of what it tells about them."""
+        return cls._of(attributes)
+
     def __eq__(self: Any, other: object) -> bool:
         if not isinstance(other, type(self)):
             return NotImplemented

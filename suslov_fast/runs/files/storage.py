@@ -18,9 +18,7 @@ from ... import checks
 from ...bodies.classes import body_from_dict, class_named
 from ...checks import kind_of, require, short, wrong
 from ...maps import named
-from ..change import Change
-from ..changes import changes_of
-from ..columns import ARGUMENTS, CHANGES, FORMAT, OF_KIND, Column, OtherFormat, sizes_of, value_of
+from ..columns import ARGUMENTS, FORMAT, OF_KIND, Column, OtherFormat, sizes_of, value_of
 
 PathLike = str | os.PathLike[str]
 
@@ -113,7 +111,8 @@ def load(path: PathLike, *kinds: str) -> Any:
                 raise OtherFormat(number, about.get("version"))
             kind = checks.one_of("kind", about["kind"], OF_KIND)
             if not kinds or kind in kinds:
-                return getattr(import_module("suslov_fast"), kind)._of(_read(entries, kind, about))
+                own = getattr(import_module("suslov_fast"), kind)
+                return own._restored(_read(entries, kind, about), about)
     except (OSError, MemoryError):
         raise
     except OtherFormat as error:
@@ -141,17 +140,6 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:
         if not np.isfinite(eps).all():
             raise wrong("eps", "finite", short(eps.tolist()))
         attributes |= {"map": named(about["map"]), "eps": eps if eps.ndim else float(eps)}
-    if kind == "Motion":
-        parts = {each.name: attributes.pop(f"changes.{each.name}") for each in CHANGES}
-        given = tuple(Change.from_dict(each) for each in about.get("changes", ()))
-        system, batch = attributes["body"], attributes["status"].shape
-        count = attributes.pop("changes.count")
-        if (parts["which"] is not None) != bool(given):
-            raise wrong("changes", "those of the entries", short(about.get("changes")))
-        changes = changes_of(parts, system, given, batch) if given else None
-        if changes is not None and not np.array_equal(changes.count, count):
-            raise wrong("count", "that of the changes", short(count.tolist()))
-        attributes["changes"] = changes
     if "count" in attributes:  # of crossings
         count = attributes["count"].ravel()
         attributes["trajectory"] = np.repeat(np.arange(len(count)), count)

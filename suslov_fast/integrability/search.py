@@ -1,4 +1,4 @@
-"""The search of a report: facts about a map, each found by a task; the cheapest runs first.
+"""The search of a report: facts about a map, each found by a task, in a fixed order.
 
 Tasks share their results through `Search`: a new Darboux polynomial leads to tasks for the
 cofactors of its products with earlier ones, and to a task for its proof.
@@ -43,13 +43,15 @@ from .surfaces import Level, level_of
 from .symmetries import DEGREES, Reversor, reversors
 
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
-_EPS = 20  # values of a symbolic eps, from which coefficients are interpolated, roughly
-_FEW_MONOMIALS = 0.1  # the least cost of integrals from relations between few monomials
-_SOON = 5.0  # seconds, at most, that formulas from relations wait for Darboux polynomials
-_PLANAR, _LEVELS = 0.2, 5.0  # seconds, roughly, of an entropy in the plane, and on a level
 _ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
 _CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees
-LATE = 1.0  # seconds added to the costs of proofs and normal forms: searches run before them
+# Kinds of tasks in the order in which they run; those of a group run by degree.
+_GROUPS = (
+    ("hamiltonian",), ("relations", "degrees"), ("planar entropy",),
+    ("simple", "implicit", "quotients"), ("factors",), ("products", "all"),
+    ("symmetries",), ("proofs",), ("forms",), ("formulas",), ("levels",),
+)  # fmt: skip
+_ORDER = {kind: k for k, kinds in enumerate(_GROUPS) for kind in kinds}
 
 ONE = RationalFunction(())
 Tasks = Iterable["Task"]
@@ -59,36 +61,39 @@ Tasks = Iterable["Task"]
 class Task:
     """The search for one fact: a degree, the polynomials of a cofactor, a proof.
 
-    `run` does the work, and returns the tasks that follow from its result. The cost is an estimate
-    from the sizes of the problem, never a measured time, so that a search takes the same path on
-    every machine. When all tasks of a `kind` for polynomials of a `degree` are done, the report
-    lists this kind as searched up to this degree. A task that is not `needed` may be left out when
-    tasks of its degree are not expected to find more.
+    `run` does the work, and returns the tasks that follow from its result. When all tasks of a
+    `kind` for polynomials of a `degree` are done, the report lists this kind as searched up to this
+    degree. A task that is not `needed` may be left out when tasks of its degree are not expected to
+    find more. Tasks run by group of kinds, by degree, by `turn`, and as they were added.
     """
 
-    cost: float  # in seconds on a usual machine, roughly
     run: Callable[[], Tasks]
-    kind: str = ""
+    kind: str
     degree: int = 0
     needed: bool = True
+    turn: int = 0
+
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """Where the task stands in the order."""
+        return _ORDER[self.kind], self.degree, self.turn
 
 
 class Queue:
     """Waiting tasks.
 
-    Iteration runs them, the cheapest first, tasks of equal cost in the order in which they were
-    added, and yields each task when it is done. A task that is not `needed` runs only while
-    ``is_wanted(degree)`` is True; until then it is set aside.
+    Iteration runs them in their order, and yields each task when it is done. A task that is not
+    `needed` runs only while ``is_wanted(degree)`` is True; until then it is set aside.
     """
 
     def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[int], bool]) -> None:
         self.done = 0
         self._is_wanted = is_wanted
-        self._heap: list[tuple[float, int, Task]] = []
+        self._heap: list[tuple[tuple[int, int, int], int, Task]] = []
         self._aside: dict[int, list[Task]] = {}  # by degree
         self._open = Counter[tuple[str, int]]()  # tasks that are not done, by kind and degree
         self._degrees: dict[str, set[int]] = {}  # of all tasks so far, by kind
-        self._pushed = 0  # number of tasks that were pushed, which orders those of equal cost
+        self._pushed = 0  # number of tasks that were pushed, which orders those of equal places
         self._add(tasks)
 
     def __len__(self) -> int:
@@ -120,7 +125,7 @@ class Queue:
 
     def _push(self, task: Task) -> None:
         self._pushed += 1
-        heapq.heappush(self._heap, (task.cost, self._pushed, task))
+        heapq.heappush(self._heap, (task.place, self._pushed, task))
 
     @property
     def has_set_aside(self) -> bool:
@@ -226,25 +231,24 @@ class Search:
         if not self._only_integrals:
             yield self._next_degree(agreed_degrees(map))
             if map.is_planar:
-                yield Task(_PLANAR, self._find_planar_entropy, "planar entropy")
+                yield Task(self._find_planar_entropy, "planar entropy")
             is_birational = map.inverse is not None and map.is_invertible
             if map.dimension > 2 and is_birational and not map.is_symbolic:
-                yield Task(LATE + _LEVELS, self._find_entropy_on_level, "levels")
+                yield Task(self._find_entropy_on_level, "levels")
             if isinstance(map, KahanMap) and map.dimension in DEGREES:
-                yield Task(LATE, self._find_symmetries, "symmetries")
+                yield Task(self._find_symmetries, "symmetries")
         if not map.is_invertible:
             return
         if map.hamiltonian is not None:
-            yield Task(0.0, self._modified_energy, "hamiltonian")
+            yield Task(self._modified_energy, "hamiltonian")
         yield from self._relations()
         for cofactor in (ONE, None):
             for sign in (1, -1):
                 yield self._polynomials_of(cofactor, sign, 1, "simple")
-        yield Task(map.cost_of_factors, self._find_factors, "factors")
+        yield Task(self._find_factors, "factors")
 
     def _next_degree(self, following: Iterator[int]) -> Task:
         """Return the task that finds the next degree: as a recurrence needs it, or it is cheap."""
-        n, degree = self.map.dimension, self._expected_degree()
 
         def run() -> Tasks:
             self.degrees = [*self.degrees, next(following)]
@@ -252,7 +256,7 @@ class Search:
             if not self._has_enough_degrees():
                 yield self._next_degree(following)
 
-        return Task(1e-7 * n**3 * degree + 2e-8 * n * degree**2, run, "degrees")
+        return Task(run, "degrees")
 
     def _expected_degree(self) -> float:
         """Return the degree that is expected next, d_n**2 / d_(n - 1)."""
@@ -301,21 +305,17 @@ class Search:
 
     def _relations(self) -> Iterator[Task]:
         for k in range(1, self.degree + 1):
-            n = self._unknowns(k)
-            cost = 1e-8 * n**3 * (1 + self.map.dimension / 2)
-            yield Task(cost, partial(self._count_relations, k), "relations", k)
+            yield Task(partial(self._count_relations, k), "relations", k)
 
     def _count_relations(self, k: int) -> Tasks:
         """Count the integrals that relations up to degree k show."""
         exponents = exponents_up_to(k, self.map.dimension)
         independent = count_relations(self.map, exponents).integrals
         if independent > (self.relations or 0):
-            cost = _FEW_MONOMIALS + 1e-7 * self._unknowns(k) ** 3
-            yield Task(cost, partial(self._integrals_between_few_monomials, k), "implicit", k)
+            yield Task(partial(self._integrals_between_few_monomials, k), "implicit", k)
         self.relations = max(self.relations or 0, independent)
         if independent:
-            cost = 1e-6 * self._unknowns(k) ** 3
-            yield Task(cost, partial(self._quotients_of_relations, k), "quotients of relations", k)
+            yield Task(partial(self._quotients_of_relations, k), "quotients", k)
 
     def _quotients_of_relations(self, k: int) -> Tasks:
         """Add the polynomials of relations of all orbits, if formulas are missing."""
@@ -334,11 +334,9 @@ class Search:
         independent = independent_of(self.known.integrals, candidates, self.map.prime)
         self._of_relations = [*islice(independent, missing)]
         self.version += 1
-        # Darboux polynomials, which come with the factors, give nicer formulas, if they come soon.
-        later = min(2 * self.map.cost_of_factors, _SOON)
+        # Darboux polynomials, which come before, give nicer formulas.
         for integral in filter(is_short, self._of_relations):
-            cost = LATE + later + 2 * self._cost(integral.degree)
-            yield Task(cost, partial(self._write_out, integral), "formulas", integral.degree)
+            yield Task(partial(self._write_out, integral), "formulas", integral.degree)
 
     def _write_out(self, integral: ImplicitIntegral) -> Tasks:
         """Write out the formula of an integral of a relation, if it is still needed."""
@@ -365,28 +363,23 @@ class Search:
     ) -> Task:
         """Return the task that takes the next candidate cofactor, and returns the task after it.
 
-        There may be many candidates, so costs grow with their number: this leaves time to others.
+        There may be many candidates, so each has a turn of its own: this leaves time to others.
         """
 
         def run() -> Tasks:
             for candidate in candidates:
                 if candidate is not None:
                     find = partial(self._find_constants, candidate, k)
-                    yield Task(steps * 4 * self._cost(k), find, "all", k, needed=False)
+                    yield Task(find, "all", k, needed=False, turn=4 * steps)
                 yield self._next_candidate(candidates, k, steps + 1)
                 return
 
-        return Task(steps * self._cost(k), run, "all", k, needed=False)
+        return Task(run, "all", k, needed=False, turn=steps)
 
     def _find_constants(self, candidate: RationalFunction, k: int) -> Tasks:
         """Find the multiples of a candidate that are cofactors of polynomials up to degree k."""
         for cofactor in with_constants(self.map, k, candidate):
             yield self._polynomials_of(cofactor, 1, k, "all", k)
-
-    def _cost(self, degree: int) -> float:
-        """Return the cost of a null space for polynomials of a degree."""
-        n = self._unknowns(degree)
-        return (_EPS if self.map.is_symbolic else 1) * (1e-6 * n**2 + 4e-9 * n**3)
 
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
@@ -398,7 +391,7 @@ class Search:
             if k < (last or self.degree):
                 yield self._polynomials_of(cofactor, sign, k + 1, kind, last)
 
-        return Task(self._cost(k), run, kind, k, needed=False)
+        return Task(run, kind, k, needed=False)
 
     def _find_polynomials(self, cofactor: RationalFunction | None, sign: int, k: int) -> Tasks:
         """Find the polynomials up to degree k of a cofactor; None stands for det DPhi."""
@@ -476,8 +469,7 @@ class Search:
             yield self._proof(g)
             values = {known.value(generator.cofactor) for generator in known.generators}
             for value in values & {value for value, _ in added}:
-                cost = LATE + 20 * self._cost(known.highest(value)) + self.map.cost_of_factors
-                yield Task(cost, partial(self._normal_form, value), "forms")
+                yield Task(partial(self._normal_form, value), "forms")
         lowest: dict[int, int] = {}
         for value, degree in added:
             lowest[value] = min(degree, lowest.get(value, degree))
@@ -502,7 +494,7 @@ class Search:
                 self.version += 1
             return []
 
-        return Task(LATE + cost, run, "proofs")
+        return Task(run, "proofs")
 
     def _proof_of_quotients(self, space: Polynomials) -> Tasks:
         """Yield the task that checks quotients of unknown cofactor as identities."""
@@ -522,7 +514,7 @@ class Search:
                 self.version += 1
             return []
 
-        yield Task(LATE + cost, run, "proofs")
+        yield Task(run, "proofs")
 
     def _searched(self) -> Iterator[str]:
         """Yield what was searched, in words."""

@@ -55,7 +55,7 @@ def __getattr__(name: str) -> object:
     if name in _MODULES:
         return _imported(f".{name}")
     if name not in _MODULE_OF:
-        raise import_module(".keywords", __name__).lacking_in_module(__name__, name)
+        raise import_module(".keywords", __name__).lacking(sys.modules[__name__], name)
     value: object = getattr(_imported(_MODULE_OF[name]), name)
     globals()[name] = value
     return value

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .core.compiling.interrupts import uninterrupted
+from .words import in_place_of
 
 FloatArray = NDArray[np.float64]
 
@@ -349,24 +350,9 @@ def instance(name: str, value: Any, expected: Any) -> None:
         instead = ""
         if expected is Mapping:
             called, instead = "a dictionary", ": a text is read by json.loads"
-        elif all(hasattr(kind, "instead") for kind in classes):
+        elif all(hasattr(kind, "called") for kind in classes):
             instead = in_place_of(value, "Field")
         raise wrong(name, called, kind_of(value) + instead, TypeError)
-
-
-def in_place_of(value: Any, maker: str = "QuadraticField") -> str:
-    """Return advice, for messages, on what to pass in place of a value of the wrong class."""
-    if isinstance(value, type):
-        return ": pass an object of the class"
-    if callable(value) and not hasattr(value, "instead"):
-        return f": pass {maker}.from_function(f, names)"
-    if isinstance(value, tuple) and value and hasattr(value[0], "instead"):
-        return ": pass its first item; Suslov3D.figure returns a body and eps"
-    if isinstance(value, list) and value and hasattr(value[0], "instead"):
-        return ": pass one, with arrays as parameters"
-    known = ": pass a body, or a field such as QuadraticField.from_function(f, names)"
-    instead: str = getattr(value, "instead", known)
-    return instead
 
 
 def either(names: Sequence[str]) -> str:

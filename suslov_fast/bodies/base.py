@@ -18,7 +18,7 @@ Kind = TypeVar("Kind", bound="Body")
 
 # Attributes for other modules, which `dir` hides from users.
 HIDDEN = frozenset(
-    "arrays axes batch_of_one called constants coordinates derived_by described instead labels "
+    "arrays axes batch_of_one called constants coordinates derived_by described labels "
     "has_map listed_right_hand_sides may_escape of_member positive read reduction "
     "remake right_hand_side right_hand_sides steady texts without_value".split()
 )
@@ -35,15 +35,8 @@ class Parameters(dict[str, Any]):
         return dict, (dict(self),)
 
 
-class _Answering(type):
-    """The class of classes whose missing attributes are answered, as those of their objects."""
-
-    def __getattr__(cls, name: str) -> Any:
-        raise lacking(cls, name, f"type object {cls.__name__!r}")
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Body(Members, metaclass=_Answering):
+class Body(Members):
     """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters.
 
     Attributes
@@ -63,8 +56,8 @@ class Body(Members, metaclass=_Answering):
         Parameters that are coordinates of datasets, and that ``==`` ignores.
     steady : str
         The steady states as a formula, for messages.
-    called, instead : str
-        What messages call the class, and what they advise where a function does not accept it.
+    called : str
+        What messages call the class.
     may_escape : bool
         Whether motions may escape to infinity.
     read, texts : callable, tuple of str
@@ -78,7 +71,6 @@ class Body(Members, metaclass=_Answering):
     axes: ClassVar[dict[str, int]] = {}
     positive: ClassVar[dict[str, int]] = {}
     called: ClassVar[str] = "a body or a field"
-    instead: ClassVar[str] = ""
     steady: ClassVar[str] = ""
     if not TYPE_CHECKING:  # type checkers know the property below
         dimension: ClassVar[Any] = 2
@@ -209,7 +201,7 @@ class Body(Members, metaclass=_Answering):
             """Raise an AttributeError that says where a public name is found instead."""
             is_parameter = name in vars(self).get("coordinates", ())
             here = f"parameters[{name!r}]" if is_parameter else ""
-            raise lacking(self, name, f"{type(self).__name__!r} object", here)
+            raise lacking(self, name, here)
 
     @property
     def _key(self) -> tuple[Any, ...]:

@@ -23,6 +23,7 @@ from ..checks import (
 )
 from ..errors import SuslovError
 from ..keywords import public, public_class
+from ..words import answer
 from .base import Body
 from .fields.field import QuadraticField
 from .fields.field_of_terms import parts_of
@@ -34,15 +35,6 @@ from .rigid import adapted
 
 # Relative rounding error of J and I after the rotation by from_mass_tensor.
 _ROUNDING = 1e-14
-# What to use, in place of these functions, for bodies without a known formula.
-_INSTEAD = {
-    "exact": "iterate",
-    "flow": "flow, which computes it to a tolerance",
-    "limits": "iterate",
-    "first_integral": "suslov_fast.integrability.report, which looks for integrals",
-    "criticality": "iterate, and compare with half the step size",
-    "invariant_density": "the determinant of jacobian",
-}
 
 
 @public_class
@@ -276,7 +268,7 @@ class NotIntegrableError(SuslovError, ValueError):
 
 def check_known(body: SuslovND, function: str) -> None:
     """Raise NotIntegrableError unless the formula of a function is known for all bodies."""
-    if function not in _INSTEAD:
+    if not (how := answer(function, (), "no_formula")):
         return
     parts = body.reduction
     known, expected = parts.steady | (parts.count == 2), "two coordinates"
@@ -286,8 +278,7 @@ def check_known(body: SuslovND, function: str) -> None:
     if not known.all():
         which = f"body {spell(first_index(~known))}" if known.ndim else "this body"
         known_for = f"only for bodies that SuslovND.reduced takes to {expected}"
-        how = f"use {_INSTEAD[function]}"
-        text = f"{function} has no known formula for {which}, {known_for}: {how}"
+        text = f"{function} has no known formula for {which}, {known_for}: use {how}"
         error = NotIntegrableError(text)
         error.known = known
         raise error

@@ -247,7 +247,6 @@ class SuslovGyrostat(_In3D):
     k: Any
     I3: Any = None
 
-    instead: ClassVar[str] = ": with a rotor use exact, iterate or flow"
     steady: ClassVar[str] = "0, and the states with I13 Omega1 + I23 Omega2 = -k"
 
     @classmethod

@@ -4,14 +4,13 @@ import argparse
 import os
 import re
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NoReturn
 
 import suslov_fast as sf
 
-from ..keywords import listed
+from ..words import answer
 
 Command = Callable[[argparse.Namespace], int | None]
 
@@ -43,10 +42,7 @@ class _Parser(argparse.ArgumentParser):
         options = r" --?([^\s=]+)" if "unrecognized" in message else "invalid choice: '([^']*)'"
         for word in re.findall(options, message):
             plain = word.replace("-", "_")
-            known = [name for name in (plain, *listed(plain)[0]) if name in names]
-            known += get_close_matches(plain, names, 1, 0.75)
-            if known:
-                here = " or ".join(dict.fromkeys(names[name] for name in known[:2]))
+            if here := names.get(answer(plain, names, "command", "words")):
                 message += f"; for {word} did you mean {here}?"
             elif word in dir(sf):
                 message += f"; call suslov_fast.{word} in Python"

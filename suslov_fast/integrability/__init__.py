@@ -22,9 +22,11 @@ The files, in an order in which each uses only those before it:
   with a time limit. `report`: the results in one object. `levels`: the function of levels.
 """
 
+import sys
+
 from ..bodies.fields.field import QuadraticField
 from ..checks import extra
-from ..keywords import lacking_in_module
+from ..keywords import lacking
 
 try:
     import flint  # noqa: F401
@@ -72,7 +74,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    raise lacking_in_module(__name__, name)
+    raise lacking(sys.modules[__name__], name)
 
 
 def __dir__() -> list[str]:

@@ -20,8 +20,9 @@ from ..bodies.fields.field import QuadraticField
 from ..bodies.fields.field_of_terms import H_VALUES, MATRIX, VALUES
 from ..bodies.fields.names import labels
 from ..bodies.fields.terms import Terms
-from ..checks import in_place_of, kind_of, wrong
+from ..checks import kind_of, wrong
 from ..keywords import public
+from ..words import in_place_of
 from .arithmetic import as_decimal, constant, matrix, moduli
 from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap

@@ -59,7 +59,6 @@ class RationalMap(WithLetter):
     """
 
     letter = ""  # a symbol in the coefficients, such as eps
-    instead = ": pass the field itself; a rational map is only for the functions of integrability"
     names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor

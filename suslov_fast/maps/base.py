@@ -14,7 +14,8 @@ from ..checks import FloatArray
 from ..core.fields.stages import WHOLE, Stages
 from ..engine.problem import Problem, check
 from ..engine.stretches import Steps
-from .formulas import ALWAYS, INSTEAD, SOLVED, Formula, Plane, eigenvalues
+from ..words import answer, in_place_of
+from .formulas import ALWAYS, SOLVED, Formula, Plane, eigenvalues
 
 Method = Literal["auto", "gauss", "order4", "order6", "order8"]
 
@@ -109,7 +110,8 @@ class Map:
             if isinstance(body, tuple(having)):
                 received += f", whose map ({self.title}) has no {name}"
             else:
-                received += INSTEAD.get(name) or body.instead
+                how = answer(name, (), "map")
+                received += f": use {how}" if how else in_place_of(body)
             raise checks.wrong(
                 "system", checks.either(names or ["another one"]), received, TypeError
             )
@@ -146,7 +148,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
         raise TypeError(f"system: {NO_MAP}")
     if not by_method:
         kinds = [record.body.__name__ for record in MAPS.values()]
-        received = checks.kind_of(body) + checks.in_place_of(body)
+        received = checks.kind_of(body) + in_place_of(body)
         raise checks.wrong("system", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
     if f"order{method}" in by_method:
         checks.one_of("method", method, by_method, f": pass 'order{method}'")

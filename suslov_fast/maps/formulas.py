@@ -303,23 +303,3 @@ ALWAYS = "multipliers", "lyapunov_exponents"
 SOLVED = "exact", "flow", "limits"
 OF_BODIES = *ALWAYS, *SOLVED
 OF_BODIES_IN_3D = *OF_BODIES, "plot_phase", "explore"
-
-
-# What errors advise, by the name of the function, if the map of a body does not support it.
-INSTEAD = {
-    "exact": ", which has no closed form: use iterate or flow",
-    **dict.fromkeys(("flow", "limits"), ", which has no closed form: use iterate"),
-    "closed_form": ": use exact, or iterate where there is no closed form",
-    "matrix": ", whose step is not the solution of one linear system: use jacobian",
-    "first_integral": ": suslov_fast.integrability.report looks for integrals",
-    "criticality": ": run.status and run.first_pole tell of steps that are too long",
-    **dict.fromkeys(("momentum", "reaction", "to_matrix"), ", whose states rotate no body"),
-    "rotation_number": ": use np.unwrap(np.arctan2(x[:, 1], x[:, 0])) / (2 * np.pi) of a run x",
-    "to_vector": ": in n dimensions use to_matrix",
-    **dict.fromkeys(("explore", "plot_phase"), ": use iterate(...).plot() or flow(...).plot()"),
-    "step_full": ": use step, iterate or flow",
-    "scattering_angle": (
-        ": no formula is known; where states have an orientation, "
-        "iterate(..., attitude=True) computes it"
-    ),
-}

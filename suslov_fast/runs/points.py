@@ -27,10 +27,6 @@ class Points(Result):
     body: BodyOrField
 
     called = "a result of crossings"
-    words = Result.words | dict.fromkeys(
-        "t t_events y_events events times stop_time time_stop first step return_map".split(),
-        "time and states, of all trajectories: time[trajectory == k] are those of trajectory k",
-    )
     kinds = "Crossings", "MotionCrossings"
     coordinates: ClassVar[tuple[str, ...]]  # attributes of crossings that label them
     what: ClassVar[str] = "crossings"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
+from difflib import get_close_matches
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
@@ -64,23 +65,7 @@ class Result:
     states: Any
     body: Any
     status: Any
-    instead: ClassVar[str] = ": pass its body, run.body"
     called: ClassVar[str] = "a run"  # in messages
-    # What is used in place of words of other packages.
-    words: ClassVar[dict[str, str]] = {
-        "H": "energy()",
-        "message": "suslov_fast.Status(run.status).message",
-        "orientation": "attitude of iterate(..., attitude=True); flow has none",
-        **dict.fromkeys(("parameters", "params"), "body.parameters"),
-        **dict.fromkeys(("statistics", "stats", "info"), "steps, status and ok"),
-        **dict.fromkeys(("field", "system"), "body"),
-        **dict.fromkeys(("stopped", "stop_time"), "ok, status and end"),
-        **dict.fromkeys(
-            "df dataframe to_df to_dataframe to_pandas to_csv to_excel".split(),
-            "pandas.DataFrame(run.states, run.time, run.body.labels), of one orbit, and of many "
-            "run.to_xarray().{x}.to_dataset('component').to_dataframe()",
-        ),
-    }
     kinds: ClassVar[tuple[str, ...]] = ()  # names of classes that `load` accepts, if more than one
     _functions: Any = ()  # the names of the quantities that the system has
 
@@ -164,17 +149,19 @@ class Result:
             """Raise an AttributeError that names the attribute to use instead, if there is one."""
             if "body" not in vars(self):
                 raise AttributeError(name)
-            x, labels = self._variable, self.body.labels
-            here = f"run[{name!r}], or run.{x} for all" if name in labels else ""
-            here = "time" if name in ("t", "time") else here or self.words.get(name, "").format(x=x)
-            here = f"run.{x}" if name in ("omega", "x") else here
+            x, here = self._variable, ""
+            labels = {label.lower(): label for label in self.body.labels}
+            for near in get_close_matches(name.lower(), labels, 1, 0.75):
+                here = f"run[{labels[near]!r}], or run.{x} for all"
+            if name in ("omega", "x"):
+                here = f"run.{x}"
             if name in self.body.parameters:
                 here = f"run.body.parameters[{name!r}]"
-            raise lacking(self, name, self.called, here)
+            raise lacking(self, name, here)
 
     def __dir__(self) -> list[str]:
         other = "x" if self._variable == "omega" else "omega"
-        hidden = {other, "called", "instead", "kinds", "words", *(QUANTITIES - {*self._functions})}
+        hidden = {other, "called", "kinds", *(QUANTITIES - {*self._functions})}
         return [name for name in super().__dir__() if name not in hidden]
 
     def __len__(self) -> int:

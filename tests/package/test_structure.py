@@ -77,20 +77,21 @@ def defining(name):
 # Rooms from the bottom up, and those from which each imports: all below it, and no others.
 ARROWS = {
     "core": "",
-    "checks": "core",
-    "keywords": "",
+    "words": "",
+    "checks": "core words",
+    "keywords": "words",
     "errors": "",
     "versions": "keywords",
-    "bodies": "core checks keywords errors",
+    "bodies": "core words checks keywords errors",
     "engine": "core checks keywords bodies",
-    "maps": "core checks bodies engine",
+    "maps": "core words checks bodies engine",
     "quantities": "checks keywords bodies engine maps",
     "space": "checks keywords bodies maps",
     "runs": "core checks keywords errors bodies engine maps quantities",
     "plots": "checks keywords bodies engine maps quantities space runs",
-    "integrability": "checks keywords bodies",
+    "integrability": "words checks keywords bodies",
     "compiled": "core checks keywords bodies maps",
-    "command": "core checks keywords bodies engine maps runs plots integrability compiled",
+    "command": "core words checks bodies engine maps runs plots integrability compiled",
     "__main__": "command",
 }
 

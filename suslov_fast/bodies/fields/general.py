@@ -390,8 +390,6 @@ def _equations_of_terms(
 class Energy:
     """The Hamiltonian of a field, or of a family; H(x) is its value (...) at states x (..., D)."""
 
-    instead = ": pass the field, whose Hamiltonian this is"
-
     def __init__(self, field: Field) -> None:
         self._of = field
 

@@ -19,32 +19,8 @@ from ...checks import short
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES, interp, not_
 from ...core.lists.right_hand_side import Expressions
 from ...core.lists.step import OF_TRUTH_VALUES
+from ...words import answer
 from .texts import brief
-
-# How to write functions that have no record by those that have one.
-HOW = {
-    "sinc": "np.where(x == 0, 1, np.sin(np.pi*x)/(np.pi*x)) for np.sinc(x)",
-    "logaddexp2": "np.logaddexp(x*np.log(2), y*np.log(2))/np.log(2) for np.logaddexp2(x, y)",
-    "fmax": "np.maximum",
-    "fmin": "np.minimum",
-    "rint": "np.floor(x + 0.5)",
-    "round": "np.floor(x + 0.5)",
-    "around": "np.floor(x + 0.5)",
-    "fmod": "x - y*np.trunc(x/y) for np.fmod(x, y)",
-    "piecewise": "np.where",
-    "isfinite": "np.abs(x) < np.inf",
-    "isnan": "x != x",
-    "nan_to_num": "np.where(x == x, x, 0)",
-    "unwrap": "np.arctan2 of the sine and the cosine",
-    "sort": "np.minimum and np.maximum",
-    **dict.fromkeys(("median", "argmax", "argmin", "argsort"), "np.minimum, np.maximum, np.where"),
-    "count_nonzero": "(x > 0).sum()",
-    **dict.fromkeys(("searchsorted", "digitize"), "np.where(x < knot, a, b)"),
-    "gradient": "(np.roll(x, -1) - np.roll(x, 1))/2, or np.diff(x)",
-    **dict.fromkeys(("fft", "ifft", "rfft", "irfft"), "a product with a matrix of numbers"),
-    **dict.fromkeys(("solve", "det", "inv"), "np.linalg.inv(M) @ b with numbers in M, or formulas"),
-}
-
 
 TABLES = "np.interp for a table, of a fine one for a spline, np.where for steps"
 
@@ -223,7 +199,8 @@ def _function(name: str) -> tuple[Callable[..., Any], int]:
     record = FUNCTIONS.get(OTHER_NAMES.get(own, own))
     if record is None:
         known = [each for each in FUNCTIONS if not FUNCTIONS[each].sign]
-        how = f"write {HOW[name]}" if name in HOW else f"f may call {', '.join(known)}"
+        how = answer(name, (), "f")
+        how = f"write {how}" if how else f"f may call {', '.join(known)}"
         raise Untraceable(f"calls {name}, which has no rule: {how}")
     return functools.partial(applied, own), record.operands
 
@@ -373,7 +350,7 @@ def _of_function(called: Any, args: Sequence[Any], options: Mapping[str, Any]) -
     """Return what a function of NumPy, written in Python, is of arrays of symbolic numbers."""
     if called in _FUNCTIONS:
         return _FUNCTIONS[called](*args, **options)
-    if called.__name__ in HOW or not hasattr(called, "_implementation"):
+    if answer(called.__name__, (), "f") or not hasattr(called, "_implementation"):
         _function(called.__name__)
     return _wrapped(called._implementation(*args, **options))
 
@@ -442,7 +419,7 @@ class Symbol:
 
         def __getattr__(self, name: str) -> Any:
             """Return a method: NumPy calls that of an object for each entry of an array."""
-            if name.startswith("_") or not (name in _METHODS or name in HOW):
+            if name.startswith("_") or not (name in _METHODS or answer(name, (), "f")):
                 raise AttributeError(f"a symbol has no attribute {name!r}: it is a number")
             return functools.partial(_function(name)[0], self)
 

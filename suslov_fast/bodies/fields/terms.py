@@ -213,8 +213,6 @@ class Hamiltonian:
     Values are fractions if all numbers are exact, else floats (...).
     """
 
-    instead = ": pass the field, whose Hamiltonian this is"
-
     def __init__(self, exact: Terms, names: Sequence[str]) -> None:
         self.exact = exact  # with fractions
         self._names = tuple(names)

@@ -1,0 +1,360 @@
+"""Words of other packages and what is used in their place here: one table, and what answers."""
+
+from collections.abc import Collection
+from difflib import get_close_matches
+from typing import Any
+
+# For each place where words are looked up, rows of words, which are compared without underscores
+# and capitals; of names here, of which a function or an object may have one, such as `states` for
+# states[0]; and of what to use where it has none.
+_TABLE = {
+  "argument": (
+    ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition", "states[0] state omega0",
+     "the second argument, without a name, for states"),
+    ("omega x state states", "states state components omega0",
+     "the second argument, without a name, for states"),
+    ("body system field fun rhs model", "body vector_field", "the first argument, without a name"),
+    ("f", "first_integral body", "the first argument, without a name"),
+    ("u", "", "np.interp(t, times, values) in f, with a variable t of the rate 1"),
+  ),
+  "crossings ensemble lyapunov_exponents explore": (
+    ("dt h stepsize deltat", "",
+     "eps= and steps= for the map, counted in steps, or time=T for the motion, in time"),
+  ),
+  "ensemble": (
+    ("n nsteps numsteps iterations maxsteps maxiter samples size", "",
+     "steps= for the map, or RandomStarts(n, extent) as x0 for n trajectories"),
+  ),
+  "periodic_orbit": (
+    ("eps dt h stepsize deltat", "",
+     "period=T and steps=N, of which eps is T / N, and method='auto' for Kahan's map"),
+  ),
+  "report": (
+    ("eps dt h stepsize deltat", "", "kahan(field, eps) as the map"),
+  ),
+  "Change": (
+    ("time t at when", "times", ""),
+  ),
+  # Attributes of results.
+  "Result": (
+    ("t", "time", ""),
+    ("H", "", "energy()"),
+    ("integral firstintegral", "first_integral", ""),
+    ("message", "", "suslov_fast.Status(run.status).message"),
+    ("orientation", "", "attitude of iterate(..., attitude=True); flow has none"),
+    ("parameters params", "", "body.parameters"),
+    ("statistics stats info", "", "steps, status and ok"),
+    ("field system", "body", ""),
+    ("stopped stop_time", "", "ok, status and end"),
+    ("df dataframe to_df to_dataframe to_pandas to_csv to_excel", "",
+     "pandas.DataFrame(run.states, run.time, run.body.labels), of one orbit, and of many "
+     "run.to_xarray().to_dataframe()"),
+  ),
+  "Points": (
+    ("t_events y_events events times stop_time time_stop first step return_map", "",
+     "time and states, of all trajectories: time[trajectory == k] are those of trajectory k"),
+  ),
+  # Functions of arrays that have no record, and how to write them by those that have one.
+  "f": (
+    ("sinc", "", "np.where(x == 0, 1, np.sin(np.pi*x)/(np.pi*x)) for np.sinc(x)"),
+    ("logaddexp2", "", "np.logaddexp(x*np.log(2), y*np.log(2))/np.log(2) for np.logaddexp2(x, y)"),
+    ("fmax", "", "np.maximum"),
+    ("fmin", "", "np.minimum"),
+    ("rint round around", "", "np.floor(x + 0.5)"),
+    ("fmod", "", "x - y*np.trunc(x/y) for np.fmod(x, y)"),
+    ("piecewise", "", "np.where"),
+    ("isfinite", "", "np.abs(x) < np.inf"),
+    ("isnan", "", "x != x"),
+    ("nan_to_num", "", "np.where(x == x, x, 0)"),
+    ("unwrap", "", "np.arctan2 of the sine and the cosine"),
+    ("sort", "", "np.minimum and np.maximum"),
+    ("median argmax argmin argsort", "", "np.minimum, np.maximum, np.where"),
+    ("count_nonzero", "", "(x > 0).sum()"),
+    ("searchsorted digitize", "", "np.where(x < knot, a, b)"),
+    ("gradient", "", "(np.roll(x, -1) - np.roll(x, 1))/2, or np.diff(x)"),
+    ("fft ifft rfft irfft", "", "a product with a matrix of numbers"),
+    ("solve det inv", "", "np.linalg.inv(M) @ b with numbers in M, or formulas"),
+  ),
+  # Public functions, and what to use for a system that has none of its own.
+  "map": (
+    ("exact", "", "iterate or flow, because it has no closed form"),
+    ("flow limits", "", "iterate, because it has no closed form"),
+    ("closed_form", "", "exact, or iterate where there is no closed form"),
+    ("matrix", "", "jacobian, because its step is not the solution of one linear system"),
+    ("first_integral", "", "suslov_fast.integrability.report, which looks for integrals"),
+    ("criticality", "", "run.status and run.first_pole, which tell of steps that are too long"),
+    ("momentum reaction to_matrix", "", "a body, because these states rotate none"),
+    ("rotation_number", "", "np.unwrap(np.arctan2(x[:, 1], x[:, 0])) / (2 * np.pi) of a run x"),
+    ("to_vector", "", "to_matrix, which has n dimensions"),
+    ("explore plot_phase", "", "iterate(...).plot() or flow(...).plot()"),
+    ("step_full", "", "step, iterate or flow"),
+    ("scattering_angle", "", "iterate(..., attitude=True) where states have an orientation"),
+  ),
+  # The same for bodies in n dimensions for which no formula is known.
+  "no_formula": (
+    ("exact limits", "", "iterate"),
+    ("flow", "", "flow, which computes it to a tolerance"),
+    ("first_integral", "", "suslov_fast.integrability.report, which looks for integrals"),
+    ("criticality", "", "iterate, and compare with half the step size"),
+    ("invariant_density", "", "the determinant of jacobian"),
+  ),
+  # What is passed in place of a system.
+  "system": (
+    ("class", "", "pass an object of the class"),
+    ("function", "", "pass QuadraticField.from_function(f, names)"),
+    ("tuple", "", "pass its first item; Suslov3D.figure returns a body and eps"),
+    ("list", "", "pass one, with arrays as parameters"),
+    ("SuslovGyrostat", "", "with a rotor use exact, iterate or flow"),
+    ("Hamiltonian Energy", "", "pass the field, whose Hamiltonian this is"),
+    ("RationalMap", "",
+     "pass the field itself; a rational map is only for the functions of integrability"),
+    ("Result", "", "pass its body, run.body"),
+    ("Body", "", ""),
+    ("object", "", "pass a body, or a field such as QuadraticField.from_function(f, names)"),
+  ),
+  # Options and commands.
+  "command": (
+    ("x0 y0 u0 start state states", "omega0", ""),
+    ("flow iterate ensemble solve integrate", "run", ""),
+    ("n size samples", "trajectories", ""),
+  ),
+  "words": (
+    ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition", "states[0] state", ""),
+    ("omega x state", "states state components", ""),
+    ("body system field fun rhs model", "body vector_field", ""),
+    ("f", "first_integral body", ""),
+    ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
+    ("dt h stepsize deltat firststep", "eps",
+     "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
+    ("t time teval tend tmax tf tfinal duration", "time period steps",
+     "flow(system, x0, time=t), or the steps n of a map"),
+    ("tspan t0", "",
+     "time=np.linspace(0, T, n) of flow, counted from x0; iterate runs to eps * steps"),
+    ("backward reverse inverse", "", "-eps, which undoes a step"),
+    ("tol rtol reltol accuracy precision", "rtol tol",
+     "flow(..., rtol=); steps of a map have no tolerance"),
+    ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
+    ("order integrator solver alg algorithm scheme method", "method",
+     "rtol= of flow, which chooses its steps, and stiff or not unless stiff= says; iterate has "
+     "method="),
+    ("n nsteps numsteps iterations maxsteps maxiter steps samples size", "steps trajectories n J",
+     "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
+    ("denseoutput interp interpolate interpolant resample at sol", "",
+     "flow(system, x0, time=t), at any times t; for a table np.interp(t, times, values) in f"),
+    ("nfev nstep naccepted fulloutput infodict", "steps",
+     "the result, which has steps, status and ok"),
+    ("arg p param parameter", "parameters",
+     "field.with_parameters(a=1), or make a body again; an array makes a family"),
+    ("withparameters setparameters setparams set replace subs update", "with_parameters",
+     "a new system, with the new parameters; arrays make a family"),
+    ("frequencyresponse sweep parametersweep resonance", "",
+     "flow(field.with_parameters(a=array), x0, time=t), all values of a parameter at once"),
+    ("fit curvefit leastsquares estimate", "",
+     "scipy.optimize.least_squares with flow(field.with_parameters(a=a), x0, time=t)"),
+    ("table lookup lookuptable interp1d input control timeseries", "",
+     "np.interp(t, times, values) in f, with a variable t of the rate 1"),
+    ("jac jacsparsity lband uband", "jacobian",
+     "stiff=True, for which flow finds the Jacobian itself; its values are field.jacobian(x)"),
+    ("vectorized vectorize", "", "states (..., D), of which each is a trajectory"),
+    ("mass massmatrix m", "mass", "np.linalg.inv(M) @ ... in f, with numbers in M"),
+    ("delay lag history dde dde23 ddesd", "",
+     "a package for delays, such as DelayDiffEq of Julia: here f has the present state alone"),
+    ("noise sde sdeint sdeproblem stochastic brownian diffusion", "",
+     "a package for noise, such as diffrax: here equations have none"),
+    ("bode transferfunction statespace lti", "",
+     "scipy.signal, with A = field.jacobian(x) of an equilibrium x"),
+    ("event section condition value trigger", "surface",
+     "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0), or "
+     "changes=Change(lambda x: x[0], to=lambda x: ...) of flow, where the state changes there"),
+    ("jump dose impulse dosetime tstop schedule bolus infusion presettime discretecallback",
+     "times",
+     "changes=Change(times=[1, 2], to=lambda x: (x[0] + 1, x[1])) of flow"),
+    ("reset bounce impact affect effect action spike kick", "to",
+     "changes=Change(lambda x: x[0], direction=-1, to=lambda x: (x[0], -x[1])) of flow"),
+    ("callback cb callbackset continuouscallback", "",
+     "changes=Change(lambda x: x[0], to=lambda x: ...) of flow, where the state changes, or "
+     "progress=f, which is told how far a run is"),
+    ("poincare poincaremap poincaresection poincaresos tevents yevents", "crossings", ""),
+    ("maxima peak localmaxima extrema", "",
+     "crossings(field, x0, time=T, surface=lambda x: -field(x)[..., 0]), maxima of component 0"),
+    ("stroboscopic stroboscope stroboscopicmap", "",
+     "flow(field, x0, time=T * np.arange(n)), T the period of the force"),
+    ("limitcycle cycle", "", "periodic_orbit(field, flow(field, x0, time=100).x[-1])"),
+    ("period frequency", "period", "periodic_orbit(field, x0).period"),
+    ("floquet floquetmultipliers", "multipliers", ""),
+    ("monodromy variational", "",
+     "flow(field, x0, time=T, derivatives='x0').derivative('x0'), of which [-1] is that of T"),
+    ("count maxevents maxcrossings", "most", ""),
+    ("terminal stop stopwhen until firstpassage escape escapetime exittime firsthit firstreturn",
+     "ends most",
+     "changes=Change(lambda x: x[0], ends=True) of flow, or crossings(system, x0, time=T, "
+     "surface=lambda x: x[..., 0], direction=0, most=1)"),
+    ("basin basinsofattraction", "", "flow(field, grid, time=T).x[-1], or crossings(..., most=1)"),
+    ("burnin ntransient transienttime ttr discard", "transient", ""),
+    ("every stride thin sample saveat saveeverystep saveall", "save_every",
+     "time=np.arange(0, T, dt), at which states are wanted"),
+    ("njobs nworkers workers numthreads setnumthreads setthreads cores parallel", "threads client",
+     "threads= of each function"),
+    ("timeout maxtime budget timelimit", "time_limit progress", ""),
+    ("verbose", "progress", ""),
+    ("seed rng randomstate", "seed RandomStarts", "RandomStarts(size, seed=...) as states"),
+    ("path filename file", "path store", ""),
+    ("out output csv", "out output", "ensemble(..., store=), which writes to disk"),
+    ("exact rational fractions", "exact",
+     "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
+    ("overwrite mode", "force", "another name, or delete the folder of the store"),
+    ("c color colour colors", "color constant", ""),
+    ("y z", "components", "states, of the shape (times, ..., D)"),
+    ("figsize xlim ylim xlabel ylabel grid legend", "ax", ""),
+    *((f"i{k}{k}", f"I{k}", "") for k in (1, 2, 3)),
+    *((f"i3{k}", f"I{k}3", "") for k in (1, 2)),
+    ("i inertia inertiamatrix tensor i12 i21", "parameters",
+     "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
+    ("u values data trajectories points shape tonumpy select max min mean", "states",
+     "iterate, whose result has states"),
+    ("solution explicitsolution", "states exact", ""),
+    ("k1 k2 closedform", "closed_form", ""),
+    ("index idx orbit member which", "trajectory", "states[:, i], of trajectory i"),
+    ("success retcode", "ok", ""),
+    ("message error failed failedat", "status", ""),
+    ("last end final finalstate laststate", "final states[-1]", ""),
+    ("resume restart continue extend", "extend",
+     "the same call again, which goes on with a store, or its last states as x0"),
+    ("tonetcdf tozarr sel isel", "to_xarray", ""),
+    ("savefig figure", "figures plot", "plot().figure.savefig(path)"),
+    ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
+    ("load", "load", "Trajectories.load, or Crossings.load, or Motion.load"),
+    ("equation", "body", "str(...), the formula"),
+    ("symbolic symbol", "", "eps, which is symbolic if it is left out: all else is numbers"),
+    ("latex tolatex tosympy sympify", "",
+     "str(...), the formula; of an integral F sympy.sympify(F), for sympy.latex"),
+    ("eval evaluate", "", "field(x), the value of the right-hand side"),
+    ("lambdify", "compiled", "field(x), or compiled.system in loops of your own"),
+    ("dim ndim d", "dimension", ""),
+    ("dx derivative linearize", "",
+     "field.jacobian(x), of its right-hand side; for a body QuadraticField.of(body).jacobian(x)"),
+    ("eigenvalues stability stable isstable linearstability", "",
+     "np.linalg.eigvals(field.jacobian(x)), or multipliers(system, x, eps), of a map"),
+    ("parameterjacobian dfdp inputmatrix", "",
+     "(field.with_parameters(a=a + h)(x) - field(x)) / h"),
+    ("quadratic linear constant term coefficient", "quadratic",
+     "QuadraticField.of(body), whose terms they are"),
+    ("variable", "names labels", ""),
+    ("solveivp odeint ode integrate solve exactflow ode45 ode15s ode23 ode23s ode113 odeproblem "
+     "rk45 dop853 radau bdf lsoda quad", "flow", ""),
+    ("odeset opts options", "rtol", "flow(system, x0, time=t, rtol=, atol=, max_step=)"),
+    ("flow iterate ensemble", "run", ""),
+    ("run", "", "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
+    ("trajectory simulate evolve", "run states",
+     "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
+    ("orbitdiagram bifurcationdiagram bifurcation continuation", "",
+     "a family, from_function(f, names, c=array), and c[points.trajectory] of its crossings"),
+    ("phaseportrait plotphaseportrait", "plot", "flow(field, grid, time=t).plot()"),
+    ("plot3d", "", "plot(a, b, c), with the names of three components"),
+    ("plot", "plot",
+     "iterate(...).plot(), or flow(field, x0, time=np.linspace(0, T, 201)).plot()"),
+    ("sensitivity sensitivities", "",
+     "flow(..., derivatives=('x0', 'a')), and derivative('a') of its result"),
+    ("lyapunov lyapunovspectrum sali gali megno ftle", "lyapunov_exponents", ""),
+    ("maxlyapunov largestlyapunov lyapunovexponent", "",
+     "suslov_fast.lyapunov_exponents(system, x0, time=T)[..., 0], the largest"),
+    ("root fsolve fixedpoint equilibria equilibrium steadyline steadystate", "",
+     "suslov_fast.fixed_points(system), points in an array, or of a Field "
+     "scipy.optimize.root(field, x0, jac=field.jacobian), one by one"),
+    ("frominertia frommatrix fromtensor", "from_inertia from_mass_tensor",
+     "from_function(lambda x: A @ x, len(A))"),
+    ("inn iii", "", "J, of J_i = I_ii + I_nn, and I, of I_i = I_in, or from_mass_tensor"),
+    ("hamiltonian", "energy", "QuadraticField.from_hamiltonian"),
+    ("modifiedhamiltonian", "modified_energy", ""),
+    ("plotenergy energydrift energyerror", "", "plot(run.time, run.energy()) of Matplotlib"),
+    ("theorem1 theorem", "exact", ""),
+    ("lemma1", "first_integral", ""),
+    ("xy", "to_xy", ""),
+    ("lambda torque multiplier", "reaction multipliers", ""),
+    ("orientation rotation rotationmatrix", "attitude", "iterate(..., attitude=True)"),
+    ("scattering heteroclinicangle rotationangle turningangle", "scattering_angle", ""),
+    ("gyrostat suslovrotor rotor", "k SuslovGyrostat",
+     "SuslovGyrostat(I1, I2, I13, I23, k), where k is along the constrained axis"),
+    ("suslov", "", "Suslov3D, or Suslov3D.from_inertia(I, a)"),
+    ("from3d fromsuslov3d", "", "SuslovND([I2, I1], [-I13, -I23]), for states (Omega2, -Omega1)"),
+    ("a", "matrix",
+     "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
+    ("residual", "", "matrix(body, x, eps) @ x_next - x, which is 0 along the map"),
+    ("fromsympy fromexpressions", "",
+     "from_function(sympy.lambdify([symbols, *parameters], expressions), names, a=1.0)"),
+    ("fromstring fromtext fromequations fromsecondorder", "",
+     "from_function(lambda x, k: (x[1], -k * x[0]), 'q p', k=1.0)"),
+    ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
+    ("figures picture", "figures figure", "plot_phase(*suslov_fast.Suslov3D.figure(k))"),
+    ("animate animation animatebody", "",
+     "FuncAnimation of Matplotlib, as docs/examples/turning_body.py for a body"),
+    ("darboux darbouxpolynomial", "polynomials darboux_polynomials", ""),
+    ("fromnambu", "", "from_function(lambda x: ..., names), of the product of two gradients"),
+    ("fromsuslov frombody", "", "QuadraticField.of(body)"),
+    ("report integrals firstintegrals conservedquantities countintegrals", "integrals",
+     "suslov_fast.integrability.report(field)"),
+    ("fromarray fromcoefficient frommatrices", "", "QuadraticField(quadratic, linear, constant)"),
+    ("map kahanmap hirotakimura", "",
+     "suslov_fast.step(system, x, eps), or integrability.kahan(field, eps)"),
+    ("zoo example systems pendulum lorenz roessler rossler henonheiles lotkavolterra vanderpol "
+     "eulertop", "",
+     "from_function(f, names), or field, eps = suslov_fast.integrability.zoo()[name]"),
+    ("kahan rationalmap rationalorbit exactmap", "",
+     "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
+    ("algebraicentropy entropy degreegrowth degreesofiterates", "proved_entropy",
+     "suslov_fast.integrability.planar_entropy(kahan(field)), or growth(degrees(map, 6))"),
+    ("singularityconfinement confinement singularities", "",
+     "suslov_fast.integrability.planar_entropy(kahan(field)), whose result has the orbits"),
+    ("invariantmeasure measure density", "measures",
+     "invariant_density(system, x, eps), or suslov_fast.integrability.report(field).measures"),
+    ("hirotakimurabasis hkbasis rankofintegrals rank", "hk_bases",
+     "suslov_fast.integrability.hk_bases(kahan(field), degree)"),
+    ("checkintegral isintegral isconserved verify", "",
+     "F(x) == F(map(x)) for fractions x, of map = suslov_fast.integrability.kahan(field, eps)"),
+    ("lax laxpair", "", "suslov_fast.integrability.report(field), which finds integrals"),
+    ("summary describe", "", "print(...)"),
+    ("warmup compile", "warm_up", "the command suslov-fast warm-up"),
+  ),
+}  # fmt: skip
+
+
+def _plain(word: str) -> str:
+    return word.lower().replace("_", "")
+
+
+_ROWS = {
+    (place, _plain(word)): (names.split(), how)
+    for places, rows in _TABLE.items()
+    for place in places.split()
+    for words, names, how in rows
+    for word in words.split()
+}
+
+
+def answer(word: str, known: Collection[str], *places: str) -> str:
+    """Return what to use for a word in the first place that knows it, or the nearest known name."""
+    for each in known:
+        if each.lower() == word.lower():
+            return each
+    plain = _plain(word)
+    for place in places:
+        row = _ROWS.get((place, plain)) or _ROWS.get((place, plain.removesuffix("s")))
+        names, how = row or ([], "")
+        if found := next((name for name in names if name.partition("[")[0] in known), how):
+            return found
+    return next(iter(get_close_matches(word, known, 1, 0.75)), "")
+
+
+def in_place_of(value: Any, maker: str = "QuadraticField") -> str:
+    """Return advice, for messages, on what to pass in place of a value that is no such system."""
+    kinds = [kind.__name__ for kind in type(value).__mro__]
+    if isinstance(value, type):
+        kinds = ["class"]
+    elif isinstance(value, (tuple, list)) and not (value and hasattr(value[0], "called")):
+        kinds = ["object"]
+    if callable(value):
+        kinds.insert(-1, "function")
+    _, how = next(
+        _ROWS["system", _plain(each)] for each in kinds if ("system", _plain(each)) in _ROWS
+    )
+    return f": {how.replace('QuadraticField', maker)}" if how else ""

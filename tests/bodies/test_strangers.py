@@ -201,11 +201,16 @@ def test_stores_of_strangers(tmp_path):
     pytest.importorskip("zarr")
     store = tmp_path / "runs.zarr"
     sf.ensemble(sf.body_from_dict(BODY), [[1.0, 0.5]], 0.2, 10, store=store)
-    for name, shape in (("status", [10**12]), ("component", [10**12]), ("omega", [1, 10**12, 2])):
+    for name, shape in (
+        ("status", [10**12]), ("component", [10**12]), ("omega", [1, 10**12, 2]), ("final", None),
+    ):  # fmt: skip
         whole = (store / "zarr.json").read_text()
         group = json.loads(whole)
         arrays = group["consolidated_metadata"]["metadata"]
-        arrays[name]["shape"] = shape
+        if shape is None:
+            arrays[name]["codecs"].append({"name": "gzip", "configuration": {"level": 1}})
+        else:
+            arrays[name]["shape"] = shape
         if name == "component":
             arrays[name]["chunk_grid"]["configuration"]["chunk_shape"] = shape
         (store / "zarr.json").write_text(json.dumps(group))

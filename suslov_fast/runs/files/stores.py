@@ -85,6 +85,9 @@ def _damage(group: Any) -> str:
     arrays = dict(group.arrays())
     if absent := _names_in(group.attrs) - {*arrays}:
         return f"no {', '.join(sorted(absent))}"
+    codecs = {type(c).__name__ for a in arrays.values() for c in (*a.filters, *a.compressors)}
+    if others := codecs - {"Crc32cCodec"}:
+        return f"codecs {', '.join(sorted(others))}"
     if (total := sum(math.prod(array.cdata_shape) for array in arrays.values())) > MOST_CHUNKS:
         return f"{total} chunks, more than {MOST_CHUNKS}"
     if (D := math.prod(arrays["component"].shape)) > _MOST_COMPONENTS:

@@ -149,7 +149,7 @@ def mathml(display):
 
 RESULTS = set(
     "Trajectories Crossings Contraction HKBasis ImplicitIntegral KahanMap Locus PlanarEntropy "
-    "RationalFunction RationalMap Report SingularStepError Field Motion MotionCrossings".split()
+    "RationalFunction RationalMap Report SingularStepError Field Motion Changes".split()
 )
 
 

@@ -44,7 +44,6 @@ from .runs.find_crossings import crossings as crossings
 from .runs.flow import flow as flow
 from .runs.iterate import iterate as iterate, step as step, step_full as step_full
 from .runs.motion import Motion as Motion
-from .runs.motion_crossings import MotionCrossings as MotionCrossings
 from .runs.periodic import PeriodicOrbit as PeriodicOrbit, periodic_orbit as periodic_orbit
 from .runs.solution import exact as exact, limits as limits
 from .runs.trajectories import Trajectories as Trajectories

@@ -33,7 +33,7 @@ def facts_of(result: Any, start: Any = None) -> dict[str, Any]:
     from ..runs.columns import ARGUMENTS
 
     body = {"body": _body_of(result)}
-    if hasattr(result, "map"):
+    if vars(result).get("map") is not None:
         eps = result.eps if isinstance(result.eps, float) else f"{result.eps.size} values"
         counts = _counts(result.status, result.first_pole)
         common = {**body, "eps": eps, **counts, "steps": result.steps, "map": result.map.name}
@@ -41,9 +41,11 @@ def facts_of(result: Any, start: Any = None) -> dict[str, Any]:
         last = result.time[-1] if isinstance(result, sf.Motion) else result.last
         counts = {**_counts(result.status), "steps": int(result.steps.sum())}
         common = {**body, **counts, "time": float(last)}
-    if isinstance(result, (sf.Crossings, sf.MotionCrossings)):
-        names = ARGUMENTS[type(result).__name__]
-        arguments = {name: getattr(result, name) for name in names if name != "last"}
+    if isinstance(result, sf.Crossings):
+        names = {*ARGUMENTS["Crossings"]} - {"last", "steps"}
+        arguments = {
+            name: getattr(result, name) for name in ARGUMENTS["Crossings"] if name in names
+        }
         given = {name: value for name, value in arguments.items() if value is not None}
         return {**common, "crossings": len(result), **given}
     saved = {**common, "saved_states": len(result)}

@@ -59,15 +59,6 @@ RUN = (
     Column("_carry", "float64", "carried trajectory"),
     Column("_turned", "float64", "trajectory space body", when="turns"),
 )
-CROSSINGS = (
-    Column("n", "int64", "crossing"),
-    Column("before", "float64", "crossing component", "state n"),
-    Column("after", "float64", "crossing component", "state n + 1"),
-    Column("fraction", "float64", "crossing"),
-    Column("over_pole", "bool", "crossing", "the step has a pole within its length"),
-    Column("count", "int64", "batch"),
-    *(column for column in RUN if column.name in ("final", "failed_at", "first_pole", "status")),
-)
 CHANGES = (
     Column("trajectory", "int64", "changed"),
     Column("which", "int64", "changed"),
@@ -85,7 +76,7 @@ MOTION = (
     *(column._replace(name=f"changes.{column.name}", when="changes") for column in CHANGES),
     Column("changes.count", "int64", "batch change", "number of changes", PENDING, "changes"),
 )
-MOTION_CROSSINGS = (
+CROSSINGS = (
     Column("surface", "int64", "crossing"),
     Column("time", "float64", "crossing"),
     Column("states", "float64", "crossing component"),
@@ -93,29 +84,22 @@ MOTION_CROSSINGS = (
     Column("status", "int8", "batch"),
     Column("end", "float64", "batch"),
     Column("final", "float64", "batch component"),
-    Column("steps", "int64", "batch"),
+    Column("steps", "int64", "batch", when="motion"),
+    Column("n", "int64", "crossing", when="map"),
+    Column("before", "float64", "crossing component", "state n", when="map"),
+    Column("after", "float64", "crossing component", "state n + 1", when="map"),
+    Column("fraction", "float64", "crossing", when="map"),
+    Column("over_pole", "bool", "crossing", "a pole within the step", when="map"),
+    Column("failed_at", "int64", "batch", when="map"),
+    Column("first_pole", "int64", "batch", when="map"),
 )
-OF_KIND = {
-    "Trajectories": RUN,
-    "Crossings": CROSSINGS,
-    "Motion": MOTION,
-    "MotionCrossings": MOTION_CROSSINGS,
-}
+OF_KIND = {"Trajectories": RUN, "Crossings": CROSSINGS, "Motion": MOTION}
+_TOLERANCES = "rtol", "atol", "max_step", "stiff"
 # The arguments of the functions that made a result: texts, numbers or None.
-ARGUMENTS = {
+ARGUMENTS: dict[str, tuple[str, ...]] = {
     "Trajectories": ("method", "steps", "save_every"),
-    "Crossings": ("method", "steps", "transient", "direction", "most"),
-    "Motion": ("rtol", "atol", "max_step", "stiff", "derivatives"),
-    "MotionCrossings": (
-        "last",
-        "transient",
-        "direction",
-        "most",
-        "rtol",
-        "atol",
-        "max_step",
-        "stiff",
-    ),
+    "Crossings": ("method", "steps", "last", "transient", "direction", "most", *_TOLERANCES),
+    "Motion": (*_TOLERANCES, "derivatives"),
 }
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`

@@ -1,9 +1,8 @@
-"""`Crossings`, the result of `crossings`: points, states on both sides, and its methods."""
+"""`Crossings`, the result of `crossings` along maps and motions."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,29 +10,49 @@ from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray
-from ..engine.problem import Problem
+from ..engine.arguments import flat_parameter
 from ..engine.status import first_beyond
 from ..engine.stretches import March
 from ..maps import Map
 from .failures import OnSingular, report_failures
-from .points import Points
+from .points import Points, span
 from .results import in_short, read_only
 from .search import Search
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Crossings(Points):
-    """Points where orbits of a batch cross a surface: the result of :func:`crossings`.
+    """Points where orbits of a batch cross surfaces: the result of :func:`crossings`.
 
-    There are K crossings, ordered by trajectory, then by n.
+    There are K crossings, ordered by trajectory, then along the orbit.
 
     Attributes
     ----------
     trajectory : ndarray(int, shape=(K,))
         Index of the trajectory, in the batch flattened in C order;
         ``points.time[points.trajectory == i]`` are the times of trajectory i.
-    n : ndarray(int, shape=(K,))
-        The orbit crosses between its states n and n + 1, counted from the initial state.
+    time, states : ndarray(float, shape=(K,) and (K, D))
+        Times and states of the crossings. Along a motion they have the digits of the tolerance,
+        and lie on the surface to rounding, on the side to which the motion goes. Along a map the
+        points lie between `before` and `after`, on the straight line for methods of order 2, and
+        for higher orders on a step of the method; times are (n + fraction) eps.
+    surface : ndarray(int, shape=(K,))
+        Which of the surfaces is crossed; 0 if there is one.
+    count : ndarray(int, shape=(...))
+        Number of crossings of each trajectory.
+    status : ndarray(int8, shape=(...))
+        As in :class:`Motion` or :class:`Trajectories`. Of a trajectory that ended at its crossing
+        number `most`, later failures and poles are not reported.
+    end : ndarray(float, shape=(...))
+        The time at which a solution ends, or of the first state that a map lacks; NaN if there is
+        none.
+    final : ndarray(float, shape=(..., D))
+        The state at the last time, or at the crossing number `most`; along a map the state after
+        it. NaN where a solution has ended.
+    steps : int or ndarray(int, shape=(...))
+        Along a map the argument, along motions the number of steps taken.
+    n : ndarray(int, shape=(K,)), or None along motions, as all that follow
+        The orbit of the map crosses between its states n and n + 1, counted from the initial state.
     before, after : ndarray(float, shape=(K, D))
         The states n and n + 1, those of :func:`iterate` bit for bit. Start a return map from
         `after`: rounding may put a point of `states` below the surface, where it crosses again at
@@ -46,91 +65,77 @@ class Crossings(Points):
         True where the surface changes its sign through infinity, because a step of a higher order
         has a pole within its length. Its point lies on the straight line from `before` to `after`,
         and its trajectory has the status `PASSED_POLE`.
-    states, time : ndarray(float, shape=(K, D) and (K,))
-        Points on the surface between `before` and `after`, and times (n + fraction) eps.
-    count : ndarray(int, shape=(...))
-        Number of crossings of each trajectory.
-    status, failed_at, first_pole, final : ndarray, shape=(...), and (..., D) for `final`
-        As in :class:`Trajectories`, after transient + steps steps. For a trajectory that ended at
-        its crossing number `most`, `final` is the state after this crossing, and later failures and
-        poles are not reported.
+    failed_at, first_pole : ndarray(int, shape=(...))
+        As in :class:`Trajectories`.
     valid : ndarray(bool, shape=(K,))
         True where no pole was passed before the state `after`. The other crossings are crossings of
-        the map, not necessarily of the motion.
-    body, eps, steps, transient, direction, most, method
-        The arguments of :func:`crossings`.
+        the map, not necessarily of the motion. True along motions.
+    body, eps, method, transient, direction, most, last, rtol, atol, max_step, stiff
+        The arguments of :func:`crossings`; `last` is the last time of a motion. Those of the other
+        one of map and motion are None.
 
     Notes
     -----
-    ``len(points)`` is K. Two objects are equal if all attributes are equal; NaN equals NaN. Arrays
-    are read-only: change a copy, such as ``points.after.copy()``.
+    ``len(points)`` is K, and ``points.ok`` is True if no orbit ended early. Two objects are equal
+    if all attributes are equal; NaN equals NaN. Arrays are read-only: change a copy, such as
+    ``points.after.copy()``.
 
     Examples
     --------
-    When does x1 of a harmonic oscillator change sign upwards? At 3 pi / 2, then every 2 pi:
+    When does an oscillator pass 0 upwards? At 3 pi / 2, then every 2 pi:
 
     >>> from suslov_fast import QuadraticField, crossings
-    >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
-    >>> points = crossings(oscillator, [1.0, 0.0], 1 / 8, 200, lambda x: x[..., 0])
+    >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
+    >>> points = crossings(oscillator, [1.0, 0.0], surface="q", time=20.0)
     >>> points
+    Crossings(x: (3, 2), time: 4.71239 to 17.2788, rtol: 1e-09, ended: 0 of 1)
+    >>> along_map = crossings(oscillator, [1.0, 0.0], 1 / 8, 200, "q")
+    >>> along_map
     Crossings(x: (4, 2), n: 37, 88, 138, 188, eps: 0.125, failed: 0 of 1)
-    >>> points.time.round(2)
-    array([ 4.72, 11.01, 17.3 , 23.59])
+    >>> points.time.round(4), along_map.time.round(2)
+    (array([ 4.7124, 10.9956, 17.2788]), array([ 4.72, 11.01, 17.3 , 23.59]))
     """
 
-    coordinates = "trajectory", "n", "time"
-
     trajectory: NDArray[np.int64]
-    n: NDArray[np.int64]
-    before: FloatArray
-    after: FloatArray
-    fraction: FloatArray
-    over_pole: NDArray[np.bool_]
+    time: FloatArray
+    states: FloatArray
+    surface: NDArray[np.int64]
     count: NDArray[np.int64]
     status: NDArray[np.int8]
-    failed_at: NDArray[np.int64]
-    first_pole: NDArray[np.int64]
+    end: FloatArray
     final: FloatArray
     body: BodyOrField
-    eps: float | FloatArray
-    map: Map
-    method: str
-    steps: int
-    transient: int
+    steps: Any
+    transient: float
     direction: int
     most: int | None
+    # Of maps; `Any`, so that type checkers ask for no tests of None.
+    n: NDArray[np.int64] | Any = None
+    before: FloatArray | Any = None
+    after: FloatArray | Any = None
+    fraction: FloatArray | Any = None
+    over_pole: NDArray[np.bool_] | Any = None
+    failed_at: NDArray[np.int64] | Any = None
+    first_pole: NDArray[np.int64] | Any = None
+    eps: float | FloatArray | Any = None
+    map: Map | Any = None
+    method: str | None = None
+    # Of motions.
+    last: float | Any = None
+    rtol: float | Any = None
+    atol: float | tuple[float, ...] | None = None
+    max_step: float | None = None
+    stiff: bool | None = None
 
-    @cached_property
-    def states(self) -> FloatArray:
-        """The points, shape (K, D).
-
-        For methods of order 2 they are ``before + fraction * (after - before)``, where the value of
-        the surface, interpolated linearly, is 0. For higher orders they are the states after a step
-        of the length ``fraction * eps`` from `before`, except those over a pole.
-        """
-        if self.map.order == 2:
-            points = self.after - self.before
-            points *= self.fraction[:, np.newaxis]  # in place, in two fifths of the time
-            points += self.before
-        else:
-            problem = Problem(self.map, self.body, self.final, self.eps, self.count.shape)
-            eps = self._at_crossings(np.asarray(self.eps))
-            march = March(problem, self.method)
-            points = march.step_of(self.trajectory, self.before, self.fraction * eps)
-            chords = self.before + self.fraction[:, np.newaxis] * (self.after - self.before)
-            points = np.where(self.over_pole[:, np.newaxis], chords, points)
-        return read_only(points)
-
-    @cached_property
-    def time(self) -> FloatArray:
-        """Times (n + fraction) eps of the crossings, shape (K,), negative for negative eps."""
-        eps = self._at_crossings(np.asarray(self.eps))
-        times: FloatArray = read_only((self.n + self.fraction) * eps)
-        return times
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        return "trajectory", "surface" if self.map is None else "n", "time"
 
     @property
     def valid(self) -> NDArray[np.bool_]:
         """True for crossings before the first failure or pole of their trajectory, shape (K,)."""
+        if self.map is None:
+            return read_only(np.ones(len(self), np.bool_))
         first = first_beyond(self.failed_at, self.first_pole).ravel()
         return read_only((self.n + 1 < first[self.trajectory]) & ~self.over_pole)
 
@@ -138,14 +143,19 @@ class Crossings(Points):
     def _heading(self) -> str:
         from .plot import titled
 
-        return titled(self)
+        return super()._heading if self.map is None else titled(self)
 
     def __repr__(self) -> str:
+        states = f"{self._variable}: {self.states.shape}"
+        if self.map is None:
+            ended = f"{np.count_nonzero(self.status < 0)} of {self.status.size}"
+            about = f"time: {span(self.time)}, rtol: {self.rtol:g}, ended: {ended}"
+            return f"Crossings({states}, {about})"
         n = self.n
         steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n))
         if not n.size:
             steps = {1: "none upwards", -1: "none downwards", 0: "none"}[self.direction]
-        return f"Crossings({self._variable}: {self.before.shape}, n: {steps}, {in_short(self)})"
+        return f"Crossings({states}, n: {steps}, {in_short(self)})"
 
 
 def searched(
@@ -173,6 +183,26 @@ def searched(
         "direction": search.direction,
         "most": search.most,
     }
-    points = Crossings._of(attributes)
+    points = Crossings._of(attributes | _at_points(march, attributes))
     report_failures(points, march, on_singular, 0, name="crossings")
     return points
+
+
+def _at_points(march: March, found: dict[str, Any]) -> dict[str, Any]:
+    """Return times and states on the surface, which surface it is, and times of ends."""
+    batch, which, fraction = found["count"].shape, found["trajectory"], found["fraction"]
+    before, after, eps = found["before"], found["after"], np.asarray(found["eps"])
+    own = eps if eps.ndim == 0 else flat_parameter(eps, batch)[which]
+    states = after - before
+    states *= fraction[:, np.newaxis]  # in place, in two fifths of the time
+    states += before
+    if found["map"].order > 2:
+        steps = march.step_of(which, before, fraction * own)
+        states = np.where(found["over_pole"][:, np.newaxis], states, steps)
+    has_failed = found["status"] < 0
+    return {
+        "time": (found["n"] + fraction) * own,
+        "states": states,
+        "surface": np.zeros(len(which), np.int64),
+        "end": np.where(has_failed, found["failed_at"] * eps, np.nan),
+    }

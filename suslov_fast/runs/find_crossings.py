@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,49 +30,8 @@ from ..keywords import public
 from ..maps import map_of
 from .crossings import Crossings, searched
 from .failures import ON_SINGULAR, OnSingular, SingularStepError
-from .motion_crossings import MotionCrossings
 from .motion_search import MotionSearch
 from .search import Search, Surface, checked_surface
-
-
-@overload
-def crossings(
-    system: BodyOrField,
-    x0: ArrayLike | RandomStarts,
-    /,
-    eps: Reals,
-    steps: int,
-    surface: Surface | str,
-    *,
-    direction: int = 1,
-    transient: int = 0,
-    most: int | None = None,
-    method: str = "auto",
-    threads: int | None = None,
-    on_singular: OnSingular = "warn",
-    progress: Progress = None,
-) -> Crossings: ...
-
-
-@overload
-def crossings(
-    system: BodyOrField,
-    x0: ArrayLike | RandomStarts,
-    /,
-    *,
-    surface: Surface | str | Sequence[Surface | str],
-    time: float,
-    rtol: float = RTOL,
-    atol: ArrayLike | None = None,
-    max_step: float | None = None,
-    stiff: bool | None = None,
-    direction: int = 1,
-    transient: float = 0.0,
-    most: int | None = None,
-    threads: int | None = None,
-    on_singular: OnSingular = "warn",
-    progress: Progress = None,
-) -> MotionCrossings: ...
 
 
 @public
@@ -96,7 +55,7 @@ def crossings(
     threads: int | None = None,
     on_singular: OnSingular = "warn",
     progress: Progress = None,
-) -> Any:
+) -> Crossings:
     """Find where orbits cross a surface s(x) = 0: Poincaré sections, maxima, escapes, basins.
 
     With `time` the orbits are motions: a point where s becomes positive, or stops being so, has the
@@ -143,7 +102,7 @@ def crossings(
 
     Returns
     -------
-    MotionCrossings
+    Crossings
         Along a motion. Each trajectory takes the steps of :func:`flow`, and a crossing is a state
         after a shorter step of the method. Signs of s are compared at the ends of a step and at
         seven points inside it: crossings within an eighth of a step of one another, and points
@@ -223,7 +182,7 @@ def _along_motion(
     threads: int | None,
     on_singular: OnSingular,
     progress: Progress,
-) -> MotionCrossings:
+) -> Crossings:
     """Return the crossings along motions, after checks of the arguments that maps do not have."""
     instance("system", system, Body)
     field = system if isinstance(system, FieldOfFunction) else system.field()
@@ -243,7 +202,7 @@ def _along_motion(
     )  # fmt: skip
     with reporter(progress, len(x)) as report:
         search.run(report)
-    points = MotionCrossings._of(
+    points = Crossings._of(
         search.found()
         | {
             "body": system,
@@ -268,7 +227,7 @@ def _number(name: str, value: Any) -> float:
 
 
 def report_ends(
-    points: MotionCrossings,
+    points: Crossings,
     x: FloatArray,
     batch: tuple[int, ...],
     is_stopped: bool,

@@ -27,8 +27,7 @@ class Points(Result):
     body: BodyOrField
 
     called = "a result of crossings"
-    kinds = "Crossings", "MotionCrossings"
-    coordinates: ClassVar[tuple[str, ...]]  # attributes of crossings that label them
+    coordinates: Any  # attributes of crossings that label them
     what: ClassVar[str] = "crossings"
 
     def _at_crossings(self, values: Any, axes: int = 0) -> Any:

@@ -66,7 +66,6 @@ class Result:
     body: Any
     status: Any
     called: ClassVar[str] = "a run"  # in messages
-    kinds: ClassVar[tuple[str, ...]] = ()  # names of classes that `load` accepts, if more than one
     _functions: Any = ()  # the names of the quantities that the system has
 
     @property
@@ -161,7 +160,7 @@ class Result:
 
     def __dir__(self) -> list[str]:
         other = "x" if self._variable == "omega" else "omega"
-        hidden = {other, "called", "kinds", *(QUANTITIES - {*self._functions})}
+        hidden = {other, "called", *(QUANTITIES - {*self._functions})}
         return [name for name in super().__dir__() if name not in hidden]
 
     def __len__(self) -> int:
@@ -238,8 +237,7 @@ class Result:
         Returns
         -------
         Trajectories, Crossings or Motion
-            An instance of the class whose method this is, or a MotionCrossings from
-            ``Crossings.load``, equal to the saved one.
+            An instance of the class whose method this is, equal to the saved one.
 
         Raises
         ------
@@ -255,7 +253,7 @@ class Result:
         """
         from .files.storage import load
 
-        result: Self = load(path, *(cls.kinds or (cls.__name__,)))
+        result: Self = load(path, cls.__name__)
         return result
 
 

@@ -159,13 +159,12 @@ OF_EACH_KIND = {
             sf.Change(times=[1.0, np.nan]),
         ],
     ),
-    "MotionCrossings": lambda: sf.crossings(FORCED, [1.0, 0.5], surface="p", time=5.0),
+    "Crossings by a motion": lambda: sf.crossings(FORCED, [1.0, 0.5], surface="p", time=5.0),
 }
 
 
 def loader_of(kind):
-    """Crossings of both kinds have one."""
-    return getattr(sf, "Motion" if " " in kind else kind.removeprefix("Motion") or kind).load
+    return getattr(sf, kind.partition(" ")[0]).load
 
 
 @pytest.mark.parametrize("kind", OF_EACH_KIND)

@@ -69,7 +69,7 @@ def _arguments_of(result: Any) -> dict[str, Any]:
         # NetCDF has no truth values, and JSON no tuples.
         name: {bool: int, tuple: list}.get(type(value), lambda same: same)(value)
         for name, value in arguments.items()
-        if value not in (None, ())
+        if not isinstance(value, np.ndarray) and value not in (None, ())
     }
 
 
@@ -121,21 +121,24 @@ def crossings_to_xarray(points: Any) -> Any:
     """Return crossings as a dataset; see `Points.to_xarray`."""
     from ... import __version__
 
-    body, of_steps = points.body, {}
+    body, map = points.body, vars(points).get("map")
+    is_of_map, of_steps = map is not None, {}
     variables: dict[str, Any] = {}
     dim = "crossing" if points.what == "crossings" else "changed"
+    there = f"{map.meaning} there" if is_of_map else ""
     for column in OF_KIND.get(type(points).__name__, CHANGES):
-        if column.axes.startswith(dim) and column.name not in points.coordinates:
-            name = points._variable if column.name == "states" else column.name
-            meaning = {"long_name": column.meaning} if column.meaning else {}
-            variables[name] = dims_of(column, ()), getattr(points, column.name), meaning
+        values = getattr(points, column.name)
+        is_one = column.axes.startswith(dim) and column.name not in points.coordinates
+        if is_one and values is not None and not (is_of_map and column.name == "surface"):
+            name, meaning = column.name, column.meaning
+            if name == "states":
+                name, meaning = points._variable, meaning or there
+            about = {"long_name": meaning} if meaning else {}
+            variables[name] = dims_of(column, ()), values, about
     coords: dict[str, Any] = {"component": np.array(body.labels, object)}
     coords |= {name: (dim, getattr(points, name)) for name in points.coordinates}
     attributes = {"title": f"{points.what.capitalize()} of motions of a {type(body).__name__}"}
-    if type(points).__name__ == "Crossings":
-        map = points.map
-        there = {"long_name": f"{map.meaning} there"}
-        variables[map.variable] = ("crossing", "component"), points.states, there
+    if is_of_map:
         of_steps = {"eps": np.asarray(points.eps)}
         attributes = {"title": map.title, "map": map.name}
     for name, values in (of_steps | varying(body)).items():

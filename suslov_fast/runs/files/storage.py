@@ -22,8 +22,6 @@ from ..columns import ARGUMENTS, FORMAT, OF_KIND, Column, OtherFormat, sizes_of,
 
 PathLike = str | os.PathLike[str]
 
-_OF_MAPS = "Trajectories", "Crossings"
-
 
 def save(result: Any, path: PathLike, overwrite: bool) -> None:
     """Write a result to a .npz file, which appears under its name when it is complete."""
@@ -43,15 +41,22 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
             "save: this is a part or a copy of a result: save the result of the run itself"
         )
     about = {"format": FORMAT, "version": __version__, "kind": kind}
-    about |= {"map": result.map.name} if kind in _OF_MAPS else {}
-    about |= {name: getattr(result, name) for name in ARGUMENTS[kind]}
+    map = vars(result).get("map")
+    about |= {} if map is None else {"map": map.name}
+    arguments = {name: getattr(result, name) for name in ARGUMENTS[kind]}
+    is_array = {name: isinstance(value, np.ndarray) for name, value in arguments.items()}
+    about |= {name: None if is_array[name] else value for name, value in arguments.items()}
     if vars(result).get("changes") is not None:
         about["changes"] = [change.to_dict() for change in result.changes.given]
     if class_named(described["body"]) is not type(result.body):
         raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
-    names = *["eps"] * (kind in _OF_MAPS), *(column.name for column in OF_KIND[kind])
+    names = *["eps"] * (map is not None), *(column.name for column in OF_KIND[kind])
     arrays = {name: value_of(result, name) for name in names}
-    arrays = {name: array for name, array in arrays.items() if array is not None}
+    arrays = {
+        name: array
+        for name, array in arrays.items()
+        if name == "eps" or isinstance(array, np.ndarray)
+    }
     about["entries"] = [*arrays]  # some are optional, so that a lost one would not be missed
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
     try:
@@ -119,8 +124,7 @@ def load(path: PathLike, *kinds: str) -> Any:
         raise ValueError(f"{name} is {error}") from None
     except Exception as error:  # from NumPy, zipfile or json
         raise ValueError(f"{name} is not a complete file of {writers}: {error}") from error
-    by = kind.removeprefix("Motion") or kind  # crossings of both kinds have one `load`
-    raise ValueError(f"{name} is a file of {kind}.save: load it by {by}.load")
+    raise ValueError(f"{name} is a file of {kind}.save: load it by {kind}.load")
 
 
 def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:
@@ -131,11 +135,13 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:
         k: tuple(value) if type(value) is list else value for k, value in values.items()
     }
     for column in OF_KIND[kind]:
-        is_there = column.name in about["entries"] or not column.when
-        attributes[column.name] = _entry(entries, column.name) if is_there else None
+        if column.name in about["entries"] or not column.when:
+            attributes[column.name] = _entry(entries, column.name)
+        else:
+            attributes.setdefault(column.name, None)
     attributes["body"] = body_from_dict(json.loads(str(_entry(entries, "body"))))
     _check(OF_KIND[kind], attributes)
-    if kind in _OF_MAPS:
+    if "eps" in about["entries"]:
         eps = _entry(entries, "eps")
         if not np.isfinite(eps).all():
             raise wrong("eps", "finite", short(eps.tolist()))
@@ -152,7 +158,8 @@ def _check(columns: Iterable[Column], attributes: Mapping[str, Any]) -> None:
     if "count" in attributes:
         sizes["crossing"] = (int(attributes["count"].sum()),)
     for column in columns:
-        if (array := attributes[column.name]) is None:
+        array = attributes[column.name]
+        if not isinstance(array, np.ndarray):
             continue
         expected: tuple[int, ...] = ()
         for axis in column.axes.split():  # the first column with an axis has its length
@@ -160,7 +167,7 @@ def _check(columns: Iterable[Column], attributes: Mapping[str, Any]) -> None:
         if array.shape != expected or array.dtype != column.type:
             received = f"{array.dtype} of shape {array.shape}"
             raise wrong(column.name, f"{column.type} of shape {expected}", received)
-    if "rtol" in attributes and not np.isfinite(attributes["time"]).all():
+    if "time" in attributes and not np.isfinite(attributes["time"]).all():
         raise wrong("time", "finite", short(attributes["time"].tolist()))
 
 

@@ -1,5 +1,6 @@
 """Checks of arguments: most messages read "name must be ..., not ...: what to type"."""
 
+import inspect
 import math
 import numbers
 import operator
@@ -335,6 +336,16 @@ def left_out(beside: str, **given: bool) -> None:
     """Raise TypeError if an argument is given that does not go with another one."""
     for name in filter(given.get, given):
         raise wrong(name, f"left out beside {beside}", error=TypeError)
+
+
+def arguments_of(f: Any) -> list[str]:
+    """Return the names of the required arguments of a function; none if it does not tell them."""
+    try:
+        parameters = inspect.signature(f).parameters.values()
+    except (TypeError, ValueError):
+        return []
+    stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
+    return [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
 
 
 def is_false(answer: object) -> bool:

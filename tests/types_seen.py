@@ -20,6 +20,8 @@ from suslov_fast import (
     flow,
     iterate,
 )
+from suslov_fast.runs.points import Points
+from suslov_fast.runs.results import States
 
 Floats = NDArray[np.float64]
 run = iterate(QuadraticField([[[1.0]]]), [1.0], 0.1, 5)
@@ -37,9 +39,9 @@ try:
     assert_type(points.time, Floats)
     assert_type(points.n, NDArray[np.int64])
 except SingularStepError as error:
-    assert_type(error.trajectories, Trajectories)
+    assert_type(error.trajectories, States)
     assert_type(error.trajectories.x, Floats)
-    assert_type(error.crossings, Crossings)
+    assert_type(error.crossings, Points)
 assert_type(run.first_pole, NDArray[np.int64])
 assert_type(run.failed_at, NDArray[np.int64])
 assert_type(run.final, Floats)

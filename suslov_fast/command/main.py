@@ -306,8 +306,8 @@ def plot(options: argparse.Namespace) -> None:
         ends = "must end in .png, .svg or .pdf"
         options.usage_error(f"argument -o/--output: '{options.output}' {ends}")
     _require_new([options.output], options.force)
+    from ..runs.drawing import plt
     from ..runs.files.storage import load
-    from ..runs.plot import plt
 
     chosen = {"components": options.components} if options.components else {}
     figure = load(options.file).plot(**chosen).figure
@@ -343,7 +343,7 @@ def figures(options: argparse.Namespace) -> None:
     """Draw the four figures of the paper as PNG. The gallery of the documentation has others."""
     from ..bodies.rigid import FIGURES
     from ..plots.phase import plot_phase
-    from ..runs.plot import plt
+    from ..runs.drawing import plt
 
     paths = [options.output / f"figure{number}.png" for number in FIGURES]
     _require_new(paths, options.force)

@@ -28,6 +28,7 @@ class Formula(NamedTuple):
     compute: Callable[[Problem], Any]  # returns the values (...), or an array for each state
     check: Callable[[Any], None] | None = None  # raises an error for a body without the quantity
     poles: bool = False  # True if infinite values are results; else they become NaN
+    axes: int = 0  # of the value at one state, 1 for a vector and 2 for a matrix
 
 
 class Plane(NamedTuple):
@@ -109,9 +110,9 @@ def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
 
 # The formulas of Kahan's map of any field; for a body they use the terms of its field.
 KAHAN = {
-    "vector_field": Formula(partial(values_by_terms, quantities_field.vector_field)),
-    "matrix": Formula(partial(values_by_terms, quantities_field.matrix)),
-    "jacobian": Formula(jacobian),
+    "vector_field": Formula(partial(values_by_terms, quantities_field.vector_field), axes=1),
+    "matrix": Formula(partial(values_by_terms, quantities_field.matrix), axes=2),
+    "jacobian": Formula(jacobian, axes=2),
     "energy": Formula(_energy, _check_hamiltonian),
     "modified_energy": Formula(_modified_energy, _check_hamiltonian),
     "invariant_density": Formula(density, _check_hamiltonian, poles=True),
@@ -174,22 +175,21 @@ SOLVED_ALREADY = Plane(lambda problem: (problem, lambda states: states))  # need
 
 GYROSTAT = {
     **KAHAN,
-    **formulas_named(
-        "first_integral energy modified_energy rotation_number reaction "
-        "vector_field matrix jacobian"
-    ),
+    **formulas_named("first_integral energy modified_energy rotation_number reaction"),
+    **formulas_named("vector_field", axes=1),
+    **formulas_named("matrix jacobian", axes=2),
     "criticality": Formula(partial(values_by_rows, quantities.criticality)),
-    "step": Formula(partial(values_by_rows, quantities.step)),
+    "step": Formula(partial(values_by_rows, quantities.step), axes=1),
     **formulas_named("invariant_density", poles=True),
-    "to_matrix": Formula(_matrix_in_3d),
-    "to_vector": Formula(whole_states),
-    "momentum": Formula(_momentum_in_3d),
+    "to_matrix": Formula(_matrix_in_3d, axes=2),
+    "to_vector": Formula(whole_states, axes=1),
+    "momentum": Formula(_momentum_in_3d, axes=1),
 }
 IN_3D = {
     **GYROSTAT,
-    **formulas_named("to_xy from_xy"),
-    "closed_form": Formula(_closed_form),
-    "step_full": Formula(_step_full),
+    **formulas_named("to_xy from_xy", axes=1),
+    "closed_form": Formula(_closed_form, axes=1),
+    "step_full": Formula(_step_full, axes=1),
 }
 
 
@@ -291,11 +291,11 @@ IN_ND = {
     **_nd("energy"),
     **_nd("modified_energy"),
     **_nd("criticality", _criticality_nd),
-    **_nd("vector_field"),
+    **_nd("vector_field", axes=1),
     **_nd("invariant_density", _density_nd, poles=True),
-    **_nd("reaction", _reaction_nd),
-    "to_matrix": Formula(_matrix_nd),
-    "momentum": Formula(_momentum_nd),
+    **_nd("reaction", _reaction_nd, axes=2),
+    "to_matrix": Formula(_matrix_nd, axes=2),
+    "momentum": Formula(_momentum_nd, axes=2),
 }
 IN_PLANE = Plane(_in_plane, check_known)
 # Public functions that need no formula of their own.

@@ -146,7 +146,7 @@ def plot_phase(
     >>> ax = plot_phase(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), eps=0.2, extent=4.0)
     >>> ax.figure.savefig("phase.png")  # doctest: +SKIP
     """
-    from ..runs.plot import COLOURS, axes_for, spelled
+    from ..runs.drawing import COLOURS, axes_for, spelled
 
     extent = positive("extent", extent)
     if hasattr(body, "plot"):

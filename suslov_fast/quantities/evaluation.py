@@ -15,8 +15,6 @@ from ..maps import Map, map_of
 # Operations on a part of a batch, about 0.1 s: D**3 for each state, as for elimination.
 _PART = 2**27
 _FEW = 64  # numbers
-# Numbers of axes of the value at one state, for functions whose values are not numbers.
-_AXES = {"vector_field": (1,), "to_xy": (1,), "matrix": (2,), "jacobian": (2,), "reaction": (0, 2)}
 
 
 def evaluate(
@@ -34,8 +32,8 @@ def evaluate(
 
     def compute(part: Problem) -> FloatArray:
         values: FloatArray = formula.compute(part)
-        shape, axes = np.shape(values), _AXES.get(name, (0,))
-        if shape[: len(part.batch)] != part.batch or len(shape) - len(part.batch) not in axes:
+        shape = np.shape(values)
+        if shape[: len(part.batch)] != part.batch or len(shape) != len(part.batch) + formula.axes:
             raise _wrong_shape(name, map, part, shape)
         return values[()]  # a number for a single state
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from ..bodies.base import Body
 from ..bodies.fields.calls import (
-    arguments_of,
     called_by_name,
     check_function,
     operands_of_function,
@@ -24,6 +23,7 @@ from ..bodies.fields.symbolic import Tracer
 from ..bodies.fields.texts import values_of, written
 from ..checks import (
     FloatArray,
+    arguments_of,
     either,
     instance,
     integer,

@@ -141,7 +141,7 @@ class Crossings(Points):
 
     @property
     def _heading(self) -> str:
-        from .plot import titled
+        from .drawing import titled
 
         return super()._heading if self.map is None else titled(self)
 

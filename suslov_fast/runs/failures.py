@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ..checks import first_index, spell, warn
 from ..engine.status import SingularStepWarning, Status, report_poles
 from ..errors import SuslovError
-
-if TYPE_CHECKING:  # of users, in whose hands an error is
-    from .crossings import Crossings
-    from .trajectories import Trajectories
+from .points import Points
+from .results import States
 
 OnSingular = Literal["warn", "raise", "ignore"]
 ON_SINGULAR = "warn", "raise", "ignore"
@@ -41,8 +39,8 @@ class SingularStepError(SuslovError, ArithmeticError):
     [0, -1]
     """
 
-    trajectories: Trajectories = None  # type: ignore[assignment]
-    crossings: Crossings = None  # type: ignore[assignment]
+    trajectories: States = None  # type: ignore[assignment]
+    crossings: Points = None  # type: ignore[assignment]
 
     def __init__(self, message: str, result: Any, name: str = "trajectories") -> None:
         super().__init__(message)

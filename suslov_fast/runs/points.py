@@ -109,10 +109,10 @@ class Points(Result):
         --------
         >>> points.plot(color="trajectory").figure.savefig("section.png")  # doctest: +SKIP
         """
-        from . import plot  # which imports Matplotlib
+        from . import drawing  # which imports Matplotlib
 
         chosen = names[0] if len(names) == 1 else names or components
-        return plot.plot_crossings(self, chosen, color, title, ax)
+        return drawing.plot_crossings(self, chosen, color, title, ax)
 
 
 def span(times: FloatArray) -> str:

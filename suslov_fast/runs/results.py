@@ -323,10 +323,10 @@ class States(Result):
         >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
         >>> run.plot("time").figure.savefig("over_time.png")  # doctest: +SKIP
         """
-        from . import plot  # which imports Matplotlib
+        from . import drawing  # which imports Matplotlib
 
         chosen = names[0] if len(names) == 1 else names or components
-        return plot.plot_run(self._in_order(), chosen, lines, color, title, ax)
+        return drawing.plot_run(self._in_order(), chosen, lines, color, title, ax)
 
     def _in_order(self) -> Any:
         """Return the run with its states in the order of time."""

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..bodies.fields.calls import arguments_of
-from ..checks import FloatArray, require, wrong
+from ..checks import FloatArray, arguments_of, require, wrong
 from ..core.motion.refine import crossing_fractions
 from ..engine.arguments import flat_parameter
 from ..engine.status import Status

@@ -150,7 +150,7 @@ class Trajectories(States):
 
     @property
     def _heading(self) -> tuple[str, str, int]:
-        from .plot import titled
+        from .drawing import titled
 
         N = int(self.n[-1])
         return titled(self), f"of {N:,} steps", N + 1

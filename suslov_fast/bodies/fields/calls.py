@@ -9,22 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import either, short, wrong
+from ...checks import arguments_of, either, short, wrong
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES
 from .names import TIME, of_time
 from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
 
 _OF_SYMPY = "of expressions sympy.lambdify([names], expressions) makes one"
-
-
-def arguments_of(f: Any) -> list[str]:
-    """Return the names of the required arguments of a function; none if it does not tell them."""
-    try:
-        parameters = inspect.signature(f).parameters.values()
-    except (TypeError, ValueError):
-        return []
-    stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
-    return [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
 
 
 def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:

@@ -39,8 +39,9 @@ def find_sides(lines, begins):
     _look(lines)
     for k in lines.text.each(lines.half.changes.surfaces):
         values = {"value": toward[k * 2], "rate": toward.after(1)[k * 2]}
-        side.choose(begins, k * 2, lines.apply(rules.FIRST_SIDE, **values)["side"])
-        side.after(1).choose(begins, k * 2, 0.0)
+        found = lines.apply(rules.FIRST_SIDE, **values)
+        side.choose(begins, k * 2, found["side"])
+        side.after(1).choose(begins, k * 2, found["level"])
 
 
 def _is_at_stop(lines):
@@ -115,8 +116,10 @@ def _act_at_surfaces(lines, is_there, by_motion):
                 _cross(lines, k, few, by_motion & work.noted[0].equals(0.0))
             now.goes_on = (work.noted[0] > noted).any()
     for k in text.each(changes.surfaces):
-        levels = lines.line.side.after(1)
-        levels.choose(work.fired[k] > 0.0, k * 2, 0.0)
+        side, place = lines.line.side, k * 2
+        values = {"value": work.toward[place], "rate": work.toward.after(1)[place]}
+        level = lines.apply(rules.LEVEL, side=side[place], **values)["level"]
+        side.after(1).choose(work.fired[k] > 0.0, place, level)
 
 
 def _cross(lines, k, is_there, by_motion):

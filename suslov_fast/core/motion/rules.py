@@ -517,11 +517,23 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
     }
 
 
+def _level(value, rate, is_above):
+    """Return 0, or more below a surface on which a state rests, which counts as above otherwise."""
+    rests = value.equals(0.0) & rate.equals(0.0)
+    return rests.select(is_above.select(0.0, TINY), 0.0)
+
+
 @_rule
 def FIRST_SIDE(value, rate, sign):
     """On which side of a surface a trajectory starts, on the surface that to which it goes."""
     is_above = (value > 0.0) | (value.equals(0.0) & (sign * rate > 0.0))
-    return {"side": is_above.select(1.0, 0.0)}
+    return {"side": is_above.select(1.0, 0.0), "level": _level(value, rate, is_above)}
+
+
+@_rule
+def LEVEL(value, rate, side):
+    """The level of a surface after an instant in which its change has acted."""
+    return {"level": _level(value, rate, side > 0.5)}
 
 
 @_rule

@@ -122,6 +122,17 @@ def test_a_time_in_the_second_half_of_a_long_step():
     np.testing.assert_allclose(motion.x[0], [0.97785, 0.97687], rtol=0, atol=0.02)
 
 
+@pytest.mark.parametrize("T", np.linspace(0.1, 3, 60)[4::8])
+def test_times_just_before_the_last_one(T):
+    """A step goes on to the last time if that is near, also where it is taken again."""
+    oscillator = field(lambda s: (s[1], 5 * (1 - s[0] ** 2) * s[1] - s[0]), "x v")
+    times = T * np.array([0.95, 0.97, 0.99, 1.0])
+    right = sf.flow(oscillator, [2.0, 0.0], time=times, rtol=1e-12).x
+    for rtol in (1e-2, 1e-3, 1e-6):
+        motion = sf.flow(oscillator, [2.0, 0.0], time=times, rtol=rtol)
+        np.testing.assert_allclose(motion.x, right, rtol=0, atol=10 * rtol)
+
+
 def test_a_time_on_a_kink_beyond_which_a_root_begins():
     root = field(lambda s: (np.sqrt(abs(s[1] - 1)), 1.0), "x t")
     for before in np.random.default_rng(0).uniform(0, 3.5, 20):

@@ -672,17 +672,21 @@ def DEFECT(slope, f, signed, inverse, ratio, total):
 
 
 @_rule
-def FAILS(t, taken, next, signed, ratio, total, steps):
-    """Whether a step is taken again, to the next time, because its inside is not known."""
+def FAILS(t, taken, next, signed, ratio, total, steps, state):
+    """Whether a step is taken again, to the next time, because its inside is not known.
+
+    Where that is a long step, which goes on to the last time, a step aside reaches the next time.
+    """
     length = next - t
     is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)
     is_known = (ratio <= 1.0) & (total < inf)
     return {
         "fails": is_inside.select(is_known.select(0.0, 1.0), 0.0),
         "wanted": length,
+        "second": inf,
         "t": t,
         "steps": steps - 1.0,
-        "state": float(State.EXPLICIT),
+        "state": state.equals(float(State.TOO_MANY)).select(state, float(State.EXPLICIT)),
         "longer": AFTER_REFUSED,
     }
 

@@ -353,8 +353,20 @@ class StepsInNumPy:
             f_new = self._value(new)
         self._rows("x", D)[:] = np.where(is_taken, new, x)
         self._rows("f", self.extended)[:] = np.where(is_taken, f_new, f)
+        if self.half.low:
+            self._watch_small(is_taken, new, f_new, inverse)
         modulus = abs(new)
         largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
+
+    def _watch_small(self, is_taken, new, f_new, inverse):
+        watches = 0.0
+        for i, low in enumerate(self._rows("low", self.half.low)):
+            own = {"new": new[i], "largest": self._rows("largest", self.D)[i], "low": low}
+            own |= {"f_new": f_new[i], "inverse": inverse[i], "watches": watches}
+            found = self._apply(rules.LOW, **own)
+            low[:] = np.where(is_taken, found["low"], low)
+            watches = found["watches"]
+        self.row("watches")[:] = np.where(is_taken, watches, self.row("watches"))
 
     def _second_trial(self, sums, states, taken):
         x, f, new, f_new, error, apart, inverse = states

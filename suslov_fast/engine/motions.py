@@ -57,6 +57,7 @@ class Found(NamedTuple):
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
     records: Records | None = None  # of changes, if there are any
+    grown: NDArray[np.int64] | None = None  # (B,), see `core.motion.engine.Motion`; None if -1
 
 
 def nothing_found(starts: FloatArray, count: int) -> Found:
@@ -128,6 +129,10 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
             found.states[:, where] = states
         found.t[where] = np.where(status == Status.OK, np.nan, t)
         found.steps[where], found.status[where] = engine.steps, status
+        if (engine.grown >= 0).any():
+            grown = np.full(B, -1) if found.grown is None else found.grown
+            grown[where] = engine.grown
+            found = found._replace(grown=grown)
         done += len(times) * len(x0)
         if engine.is_stopped:
             found = found._replace(is_stopped=True)
@@ -192,11 +197,12 @@ def _of_one(
     result = motion_of_one(f, table.tobytes(), starts.tobytes(), times.tobytes(), sign, settings)
     if result is None:
         return None
-    states, t, steps, state = result
+    states, t, steps, state, grown = result
     states = np.frombuffer(states).reshape(len(times), *starts.shape)
     if of_clocks is not None:
         states[..., clocks] += of_clocks
     if state != DONE:
         states[~(times <= t)] = np.nan
     end = np.nan if state == DONE else sign * t
-    return Found(states, np.array([end]), np.array([steps]), _STATUS[state : state + 1].copy())
+    found = Found(states, np.array([end]), np.array([steps]), _STATUS[state : state + 1].copy())
+    return found if grown < 0 else found._replace(grown=np.array([grown]))

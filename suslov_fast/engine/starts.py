@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, require, short, spell, wrong
 from ..core.motion.engine import Settings
-from ..core.motion.rules import MOST_STEPS
+from ..core.motion.rules import GROWN, MOST_STEPS
 from .arguments import flat_arrays
 from .motions import Found
 from .problem import MANY
@@ -128,6 +128,20 @@ def warn_of_ends(found: Found, x: FloatArray, batch: tuple[int, ...]) -> None:
     """Warn once of all solutions that stop before the last time, but for starts of NaN."""
     if message := ends_in_words(found.status, found.t, found.is_stopped, x, batch):
         checks.warn(message, PoleWarning)
+
+
+def warn_of_growth(found: Found, names: Any, batch: tuple[int, ...]) -> None:
+    """Warn once of components that fell below their allowed errors, and grew again."""
+    if found.grown is None:
+        return
+    which = found.grown >= 0
+    index = spell(first_index(which.reshape(batch)))
+    name = names[int(found.grown[int(np.argmax(which))])]
+    checks.warn(
+        f"{np.count_nonzero(which)} of {which.size} solutions have a component that fell below "
+        f"its allowed error and grew {GROWN:,.0f} times above it again, perhaps without right "
+        f"digits (first: {name} of trajectory {index}): pass atol=0, or an atol of its own"
+    )
 
 
 def ends_in_words(

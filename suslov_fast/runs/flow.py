@@ -26,6 +26,7 @@ from ..engine.starts import (
     checked_times,
     tolerances_of,
     warn_of_ends,
+    warn_of_growth,
 )
 from ..engine.status import Status
 from ..engine.stretches import Progress, reporter
@@ -153,6 +154,7 @@ def flow(
         else:
             found = motion_of(system, x, batch, asked)
     warn_of_ends(found, x, batch)
+    warn_of_growth(found, system.labels, batch)
     changed = changes_of_records(found.records, system, acting, batch) if acting else None
     return Motion._of(
         {

@@ -264,7 +264,7 @@ def test_one_trajectory_has_the_bits_of_a_batch(case):
             np.testing.assert_array_equal(
                 np.array(found[0]).reshape(states[:, k].shape), states[:, k]
             )
-            assert found[1:] == (t[k], steps[k], state[k])
+            assert found[1:4] == (t[k], steps[k], state[k])
 
 
 def test_dense_fields():

@@ -83,3 +83,40 @@ def test_components_that_are_differences_of_larger_ones():
     assert (motion.steps < 150).all()
     exact = sf.flow(f, start, time=20.0, rtol=1e-12)
     np.testing.assert_allclose(motion.x[0, 0], exact.x[0], atol=1e-7)
+
+
+# ------------------------------------------------------------------------- small, and large again
+PREY = field(lambda s: (s[0] * (1 - s[1]), s[1] * (s[0] - 1)), "x y")
+SEASONS = field(
+    lambda s: (
+        s[0] * (1 - s[1]) * np.where(np.mod(s[2], 1) < 0.5, 1.1, 0.9),
+        s[1] * (s[0] - 1),
+        1.0,
+    ),
+    "rabbits foxes t",
+)
+
+
+@pytest.mark.parametrize(
+    ("f", "start", "name"), [(PREY, [20.0, 20.0], "x"), (SEASONS, [20.0, 20.0, 0.0], "rabbits")]
+)
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-9])
+def test_a_component_that_falls_and_grows_is_told_of_once(f, start, name, rtol):
+    calm = [1.0, 1.0, 0.0][: len(start)]
+    with pytest.warns(UserWarning, match=rf"{name} of trajectory 1\).*atol=0") as caught:
+        sf.flow(f, [calm, start], time=40.0, rtol=rtol)
+    assert len(caught) == 1
+    with pytest.warns(UserWarning, match=rf"{name} of trajectory 0\).*atol=0"):
+        alone = sf.flow(f, start, time=40.0, rtol=rtol)
+    right = sf.flow(f, start, time=40.0, rtol=rtol, atol=0)  # without a warning
+    assert right.steps > alone.steps
+
+
+def test_what_decays_for_good_and_what_flows_in_is_not_told_of():
+    decays = field(lambda s: (-s[0], s[0] - 20 * s[1], -1e4 * s[2]), "x y z")
+    sf.flow(decays, [1.0, 0.0, 1.0], time=[10.0, 100.0])
+    doses = field(
+        lambda s: (np.where(np.mod(s[1], 24.0) < 0.5, 10.0, 0.0) - 1.5 * s[0], 1.0), "c t"
+    )
+    sf.flow(doses, [0.0, 0.0], time=[100.0, 240.0])
+    sf.flow(field(lambda s: (s[1], -s[0]), "x v"), [1.0, 0.0], time=np.linspace(0.0, 50.0, 200))

@@ -9,6 +9,7 @@ import numpy as np
 from ..lists.variational import Variational
 from .arguments import NUMBER
 from .rows import OF_CHANGES, State
+from .rules import GROWN
 
 # A solution slides that changes its choices so often within so small a part of the time.
 _BACK_AND_FORTH, AT_ONCE = 12, 2.0**-36
@@ -54,7 +55,9 @@ class Choices:
             is_at_once &= ~self._are_changed(flat, k)  # whose changes are counted elsewhere
             self.often[own] = np.where(is_at_once, self.often[own] + 1, 0)
             self.at[own] = t
+            before = flat[k, rows.f : rows.f + self.f.D]
             self._choose(flat, k, own, np.zeros(len(k)))
+            self._forget_low(flat, k, before)
             ahead = _AHEAD * np.where(t > 0.0, t, self.motion.last)
             back = self._jumps_ahead(flat, k, own, ahead)  # the step after this one is short then
             flat[k[back], rows.wanted] = 16.0 * ahead[back]
@@ -64,6 +67,15 @@ class Choices:
         (k,) = np.nonzero((state == State.ENDED) & ((t > self.at[which]) | (t == 0.0)))
         if k.size:
             self._go_on(flat, k, which[k])
+
+    def _forget_low(self, flat, k, before):
+        """Forget that components were small to which the jump of f is an inflow of their own."""
+        rows = self.motion.rows
+        low, count = flat[:, rows.low : rows.far], rows.far - rows.low
+        if count and low[k].any():
+            after = flat[k, rows.f : rows.f + count]
+            is_inflow = abs(after - before[:, :count]) > GROWN * abs(before[:, :count])
+            low[k] = np.where(is_inflow & (low[k] < 3.0), 0.0, low[k])
 
     def _go_on(self, flat, k, which):
         """Let solutions go on that end just before a surface, because f has no value beyond it."""

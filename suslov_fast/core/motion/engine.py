@@ -140,6 +140,7 @@ class Motion:
     states   (count, B, D), to which the states are written; where a solution has ended they stay
     t, steps, implicit_steps, state   of each trajectory: modulus of the time at which it ended, the
              numbers of its steps and of those by the implicit half, and its `State`
+    grown    of each trajectory a component that fell and grew, see `rules.LOW`, -1 if none
     stops    `Stops` of changes, if f has them; times may then begin with 0
     records  arrays (-, 3 + 2 D) of what changes did: the trajectory and the number of the change,
              two integers, the modulus of the time, and the states before and after
@@ -159,6 +160,7 @@ class Motion:
         self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
         self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
         self.places, self.is_stopped = np.zeros(len(x0), np.int64), False
+        self.grown = np.full(len(x0), -1)
         self.rows = half_of(f, False, self.has_atol).rows
         self.records, self.stops = [], None
         if f.changes:
@@ -218,6 +220,9 @@ class Motion:
             own = flat[which]
         self.t[block], self.steps[block] = flat[:, rows.t], flat[:, rows.steps]
         self.state[block] = flat[:, rows.state]
+        low = flat[:, rows.low : rows.far] >= 3.0
+        if low.any():
+            self.grown[block] = np.where(low.any(axis=1), low.argmax(axis=1), -1)
         if self.stops is not None:
             limit = flat[:, rows.of_changes + OF_CHANGES.at]
             is_limit = flat[:, rows.state] == State.ACCUMULATES

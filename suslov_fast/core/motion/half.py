@@ -37,6 +37,7 @@ class Half:
     numbers      how many numbers the table of a trajectory has
     largest      the rule for the size of all components
     allowed      the rules for the error that one may have, for each of `parts`
+    low          how many components are told of that fall and grow
     beside       the rule for a state that differs by rounding, None without a second trial
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
@@ -68,7 +69,8 @@ class Half:
         self.couplings = 0 if self.block is f else f.columns * f.coupling
         self.changes = f.changes
         counts = (f.changes.surfaces, len(f.changes.most)) if f.changes else ()
-        self.rows = rows_of(D, extended, self.watched, *counts)
+        self.low = 0 if has_atol else self.block.D
+        self.rows = rows_of(D, extended, self.low, self.watched, *counts)
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
         elif self.block is not f:

@@ -45,7 +45,7 @@ def _plan(f, table, settings, sign):
 
 
 def motion_of_one(f, table, x, times, sign, settings):
-    """Return the states at ascending moduli of times, as an array of numbers, t, steps and state.
+    """Return states at ascending moduli of times, an array of numbers, t, steps, state and `grown`.
 
     `table` of f, `x` and `times` are the bytes of their numbers. The result is None if a step would
     be implicit and the trajectory has to choose: then `engine.Motion` computes the motion.
@@ -74,4 +74,6 @@ def motion_of_one(f, table, x, times, sign, settings):
     state = int(rows[places.state])
     if state < DONE:  # the other half goes on
         return None
-    return states, rows[places.t], int(rows[places.steps]), state
+    low = rows[places.low : places.far]
+    grown = low.index(3.0) if 3.0 in low else -1
+    return states, rows[places.t], int(rows[places.steps]), state, grown

@@ -35,6 +35,7 @@ class Rows(NamedTuple):
     f: int  # f(x), and its denominators of clocks (D + denominators)
     largest: int  # moduli of components so far (D)
     mode: int  # a vector of the power iteration on f' (D)
+    low: int  # of components that have fallen, see `rules.LOW` (none with `atol`, else those of x)
     far: int  # the state after a step of length `outer` (watched)
     side: int  # of surfaces of changes: 1 where the state is at the level or above, else 0, and
     #            the level, which is 0 but for rounding (2 surfaces)
@@ -52,6 +53,7 @@ class Rows(NamedTuple):
     trial: int  # implicit steps that are left of the first ones
     steps: int  # that were taken
     tries: int  # steps, also refused ones, since the last time that was asked for
+    watches: int  # more than 0 while a component is low
     inner: int  # length of a step that crosses no surface, while one is looked for
     outer: int  # and of one that does, infinity if none is looked for
     weight: int  # of the last guess where it is crossed, see `rules.CUT`
@@ -76,12 +78,12 @@ class OfChanges(NamedTuple):
 OF_CHANGES = OfChanges(*range(len(OfChanges._fields)))
 
 
-def rows_of(D, denominators, watched, surfaces=0, changes=0):
+def rows_of(D, denominators, low, watched, surfaces=0, changes=0):
     """Return the rows of a line; surfaces are functions of the first `watched` components.
 
     `surfaces` and `changes` are the numbers of surfaces of changes, and of all changes.
     """
-    parts = [D, D + denominators, D, D, watched, 2 * surfaces, changes]
+    parts = [D, D + denominators, D, D, low, watched, 2 * surfaces, changes]
     parts += [len(OF_CHANGES) * (changes > 0)]
     firsts = [0, *itertools.accumulate(parts)]
     scalars = firsts.pop()
@@ -116,6 +118,7 @@ class Work(NamedTuple):
     served: int  # 1 where a step aside has reached its time, else 0
     t: int  # time before the step
     ratios: int  # the largest error and the largest `apart` of it, by what is allowed (2)
+    fallen: int  # 1 where a component is low, see `rules.LOW`
     at_surface: int  # 1 where the step ends on a surface, else 0
     between: int  # two states, between which surfaces are crossed or not (2 watched)
     sides: int  # what `Rows.side` holds (2 surfaces)
@@ -140,7 +143,7 @@ def work_of(
     """Return the rows of `Work`; `of_changes` are the sizes of those from `sides` to `tau`."""
     extended = D + denominators
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
-             nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 2, 1,
+             nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 2, 1, 1,
              2 * watched, of_changes[0], 3 + kinks, *of_changes[1:], scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:

@@ -18,6 +18,9 @@ allowed, for states x' beside those at both ends of the step, whichever is less.
 2**-50 of their values later, and in an explicit step others differ by some 2**-51 of theirs. It
 takes time, and so it is for steps after one that was refused, or that was taken by such a trial.
 
+A component that has been large, falls below its allowed error in two steps in a row, and grows to
+GROWN times that again may have no digits, and is told of (`LOW`).
+
 The next length is 0.75 ratio**(-7/64) times this one, within 3.4 percent, by the bits of the ratio:
 the estimate of an explicit step is of order 9. A step that is refused is taken again with it, and a
 step after that is not longer.
@@ -61,6 +64,7 @@ from .rows import State
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 OF_SEED = 2.0**-41  # of `Component.seeds`, which are below 2**-10
 TINY_STEP = 2.0**-40  # part of the time
+GROWN, STAYS = 1000.0, 0.125
 # OF_NAN has many digits: steps that met a time without a value of f should not meet it again.
 AFTER_TRIAL = 3.875  # less than LONGER, so that it tells
 SAFETY, SHORTER, LONGER, AT_FIRST, AFTER_REFUSED, OF_NAN = 0.75, 0.2, 4.0, 10.0, 1.0, 0.2371
@@ -234,6 +238,27 @@ def SECOND(t, taken, error, apart, inverse, change, f_new, f_beside, ratio, of_a
     }
 
 
+def _is_low(new, largest, f_new, inverse, last, rtol):
+    """Whether a component that was large is below what is allowed, and does not just cross 0."""
+    stays = abs(f_new) * inverse * (last * rtol) < STAYS
+    return (abs(new) * inverse < 1.0) & (largest * inverse > GROWN) & stays
+
+
+@_rule
+def FALLEN(new, largest, f_new, inverse, last, rtol, fallen):
+    """1 where a component is low."""
+    return {"fallen": _is_low(new, largest, f_new, inverse, last, rtol).select(1.0, fallen)}
+
+
+@_rule
+def LOW(new, largest, f_new, inverse, last, rtol, low, watches):
+    """In how many steps in a row a component is low, 2 at most; 3 if it grew after that."""
+    since = (low >= 2.0).select((abs(new) * inverse > GROWN).select(3.0, low), 0.0)
+    is_low = _is_low(new, largest, f_new, inverse, last, rtol)
+    now = (low >= 3.0).select(low, is_low.select(smaller(low + 1.0, 2.0), since))
+    return {"low": now, "watches": larger((now < 3.0).select(now, 0.0), watches)}
+
+
 @_rule
 def RATIO(error, inverse, f_new, ratio, total):
     """The largest error by what is allowed, and a sum that shows what is not finite."""
@@ -269,6 +294,7 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
         "steps": 0.0,
         "tries": 0.0,
         "t": 0.0,
+        "watches": 0.0,
         "inner": 0.0,
         "outer": inf,
         "weight": 0.0,

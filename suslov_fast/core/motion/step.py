@@ -68,6 +68,8 @@ def take_step(lines):
     inside.save_states(lines)
     if half.kinks:
         surfaces.choose(lines)
+    if half.low:
+        _watch_small(lines)
     if half.changes:
         changes.change(lines)
         inside.save_at_end(lines)
@@ -108,6 +110,7 @@ def _errors(lines, own, sizes):
     """
     text, half, work = lines.text, lines.half, lines.work
     names = ["ratio", "total", "apart"] + ([] if half.is_implicit else ["rates", "states"])
+    names += ["fallen"] if half.low else []
     sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
     for (first, count), of_part, allowed in zip(half.parts, sizes, half.allowed, strict=False):
         for i in text.each(count, sums):
@@ -123,8 +126,13 @@ def _errors(lines, own, sizes):
                 apart = weighted(own, lines.of_columns(work.apart, i))
             inputs = {"error": apart, "inverse": inverse, "ratio": sums.apart}
             found["apart"] = lines.apply(rules.LARGER_RATIO, **inputs)["ratio"]
+            if half.low and first == 0:
+                inputs = {"inverse": inverse, "fallen": sums.fallen}
+                found |= lines.apply(rules.FALLEN, i, **inputs)
             sums.update(found)
             work.error[i] = inverse
+    if half.low:
+        work.fallen.put_chosen(0, sums.fallen)
     return vars(sums)
 
 
@@ -168,6 +176,21 @@ def _noise(lines, own, i):
     """Return the sum of moduli of what is added up for the next state."""
     ends = lines.of_columns(lines.work.ends, i)
     return weighted([abs(factor) for factor in own], [abs(end) for end in ends])
+
+
+def _watch_small(lines):
+    """Note which components have fallen below what is allowed, and grown again."""
+    text, line, work = lines.text, lines.line, lines.work
+    accepted = work.accepted[0] > 0.0
+    looks = accepted & ((work.fallen[0] > 0.0) | (line.watches[0] > 0.0))
+    with text.when(looks.any(), likely=False):
+        largest = Carried(watches=0.0)
+        for i in text.each(lines.half.low, largest):
+            inputs = {"inverse": work.error[i], "watches": largest.watches}
+            found = lines.apply(rules.LOW, i, **inputs)
+            line.low.choose(accepted, i, found["low"])
+            largest.watches = found["watches"]
+        line.watches.choose(accepted, 0, largest.watches)
 
 
 def move(lines):

@@ -97,7 +97,7 @@ class Change:
     >>> bounce = Change("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
     >>> motion = flow(ball, [1.0, 0.0], time=[1.0, 2.0], changes=bounce)
     >>> motion.changes.time.round(6), motion.x[:, 0].round(6)
-    (array([0.451524, 1.264266, 1.995734]), array([0.711223, 0.013752]))
+    (array([0.451524, 1.264266, 1.995734]), array([0.710949, 0.013684]))
 
     A dose of 100 at times 0, 24 and 48:
 

@@ -9,6 +9,10 @@ import pytest
 PAGE = (Path(__file__).parents[2] / "docs" / "howto" / "peers.md").read_text("utf-8")
 ROWS = re.findall(r"^\| (?:(.*) \| )?(.*) \| `(.*)` \|$", PAGE, re.MULTILINE)
 LORENZ = [0.906, 0, -14.572]
+# A ball at time 2, after three bounces.
+SPEED = 0.9**3 * (2 * 9.81) ** 0.5
+AGO = 2 - (2 / 9.81) ** 0.5 * (1 + 2 * (0.9 + 0.9**2))
+BALL = [SPEED * AGO - 9.81 * AGO**2 / 2, SPEED - 9.81 * AGO]
 # What no row of SciPy computes, and the largest error: a number, or an expression of SciPy.
 OTHERS = {
     "crossings(field, x0, time=T, surface=top, direction=-1).states": (
@@ -37,6 +41,8 @@ OTHERS = {
         "solve_ivp(g, (0, T), x0, events=rises, **tight).y_events[0]",
         0.05,
     ),
+    "flow(ball, [1, 0], time=T, changes=bounce).x[0]": (BALL, 1e-9),
+    "flow(drug, [0], time=T, changes=dose).x[0]": ([100 * (1 + np.exp(-1) + np.exp(-2))], 1e-9),
     # 1, and exp of the integral of 1 - q**2 over the period, by DOP853
     "periodic_orbit(van_der_pol, [2, 0], 6.6).multipliers": ([1, 0.0008597], 5e-8),
 }

@@ -181,8 +181,8 @@ class RationalMap(WithLetter):
         It may be called in the function of `rational_map`: ``lambda x: map(map(x))``.
         """
         if isinstance(point, tuple) and any(isinstance(a, RationalFunction) for a in point):
-            x = over_common_denominator(map(as_function, point), self.ring)
-            *numerators, denominator = map(factored, self.homogeneous_image(x))
+            coordinates = over_common_denominator(map(as_function, point), self.ring)
+            *numerators, denominator = map(factored, self.homogeneous_image(coordinates))
             return tuple(a / denominator for a in numerators)
         if not self.is_symbolic:
             return tuple(map(arithmetic.fraction, self.image(self._numbers(point))[:-1]))

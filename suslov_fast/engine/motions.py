@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
+from ..core.motion.arguments import NUMBER
 from ..core.motion.engine import Motion as Engine, Settings, Stops, counted_from_start, prepare
 from ..core.motion.one import motion_of_one
 from ..core.motion.rows import State
@@ -36,6 +37,8 @@ class Asked(NamedTuple):
     threads: int | None = None
     report: Callable[[int], bool] | None = None  # takes the number of states that are done
     stops: Stops | None = None  # times of changes, if the right-hand side has changes
+    most: float = math.inf  # crossings that are recorded, before a trajectory stops
+    since: float = -1.0  # modulus of the time after which they count
 
 
 class Records(NamedTuple):
@@ -97,7 +100,7 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
 
     If `report` returns False, states that are not done stay NaN.
     """
-    times, sign, settings, threads, report, stops = asked
+    times, sign, settings, threads, report, stops, most, since = asked
     B = len(starts)
     if B == 1 and report is None and stops is None:
         alone = _of_one(field, starts, times, sign, settings)
@@ -122,6 +125,7 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
         arguments = f, table, x0, times, sign, settings, states
         own_stops = stops if stops is None or where is ALL else stops.of(where)
         engine = Engine(*arguments, own_stops)
+        engine.numbers[NUMBER.enough], engine.numbers[NUMBER.since] = most, since
         engine.run(count, own)
         t, status = sign * engine.t, status_of(engine.state)
         records += [(where, each) for each in engine.records]

@@ -355,7 +355,7 @@ class Traced:
             raise wrong("surface", expected, short(surface))
         (operand,) = self._results("surface", surface)
         list_ = self._list_of([operand])
-        read = {operand}.union(a for _, _, operands in list_.operations for a in operands)
+        read = [operand, *(a for _, _, operands in list_.operations for a in operands)]
         if not any(type(a) is int and a < len(self.names) for a in read):
             how = f"it is {self.tracer.text(operand)}: Change(times=[...]) acts at given times"
             raise ValueError(f"surface: it must depend on the state, {how}")

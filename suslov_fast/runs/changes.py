@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, common_shape, kind_of, short, wrong
-from ..core.lists.changes import Act, in_order_of_code
+from ..core.lists.changes import Act, in_order_of_code, is_section
 from ..core.motion.engine import Stops
 from .change import Change, field_of, traced
 from .points import Points, span
@@ -125,7 +125,8 @@ def batch_of(changes: tuple[Change, ...]) -> tuple[int, ...]:
 def stops_of(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -> Stops:
     """Return the times of changes."""
     later = [change for change in changes if change.times is not None]
-    first = len(changes) - len(later)  # the number of the first one of these
+    # The number of the first one of these.
+    first = sum(each.times is None and not is_section(each) for each in changes)
     shapes = [change.times.shape[:-1] for change in later]
     is_shared = all(math.prod(shape) == 1 for shape in shapes)
     times, which = [np.empty((1 if is_shared else math.prod(batch), 0))], []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,10 +12,13 @@ from numpy.typing import ArrayLike
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
+from ..bodies.fields.general import with_changes
 from ..checks import FloatArray, Reals, instance, integer, one_of, real_number, short, warn, wrong
 from ..core.motion.engine import Settings
+from ..engine.motions import Asked, solve
 from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
+from ..engine.sensitivity import WithColumns
 from ..engine.starts import (
     RTOL,
     checked_settings,
@@ -23,14 +27,15 @@ from ..engine.starts import (
     ends_in_words,
     tolerances_of,
 )
-from ..engine.status import PoleWarning
+from ..engine.status import PoleWarning, Status
 from ..engine.stretches import March, Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
+from .change import Change
+from .changes import acts_of, stops_of
 from .crossings import Crossings, searched
 from .failures import ON_SINGULAR, OnSingular, SingularStepError
-from .motion_search import MotionSearch
 from .search import Search, Surface, checked_surface
 
 
@@ -191,19 +196,23 @@ def _along_motion(
         raise wrong("transient", "0 or more", short(transient))
     is_many = isinstance(surface, Sequence) and not isinstance(surface, str)
     given = surface if is_many else [surface]
-    surfaces = [checked_surface(each, system.labels) for each in given]
-    if not surfaces:
+    if not given:
         raise wrong("surface", "a function, or one or more", "none")
+    changes = tuple(Change(each, direction=direction) for each in given)
     x, batch = checked_starts(system, x0, 2)
     sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
-    search = MotionSearch(
-        field, x, batch, last, sign, settings, surfaces, direction, most, before,
-        thread_count(threads),
-    )  # fmt: skip
+    acts = acts_of(field, changes)
+    changed = WithColumns(field.shape, with_changes(field, acts))
+    stops = stops_of(changes, sign, batch)
+    limit = math.inf if most is None else most
     with reporter(progress, len(x)) as report:
-        search.run(report)
+        asked = Asked(np.array([last]), sign, settings, thread_count(threads), report, stops,
+                      limit, before)  # fmt: skip
+        found = solve(changed, x, batch, asked)
+        if report is not None and not found.is_stopped:
+            report(len(x))
     points = Crossings._of(
-        search.found()
+        _attributes(found, x, batch, limit)
         | {
             "body": system,
             "last": sign * last,
@@ -213,8 +222,33 @@ def _along_motion(
             **tolerances_of(settings),
         }
     )
-    report_ends(points, x, batch, search.is_stopped, on_singular)
+    report_ends(points, x, batch, found.is_stopped, on_singular)
     return points
+
+
+def _attributes(found: Any, x: FloatArray, batch: tuple[int, ...], limit: float) -> dict[str, Any]:
+    """Return the first `limit` crossings of each trajectory, and what became of trajectories."""
+    trajectory, which, time, _, states = found.records
+    first = np.searchsorted(trajectory, trajectory)
+    number = np.arange(len(trajectory)) - first
+    order = np.lexsort((abs(time), trajectory))  # of several in a step
+    own = order[number < limit]
+    count = np.bincount(trajectory[own], minlength=len(x))
+    final, status = found.states[0], np.where(found.status == Status.STOPPED, 0, found.status)
+    ends = np.flatnonzero(count >= limit)
+    final[ends] = states[own[np.searchsorted(trajectory[own], ends, "right") - 1]]
+    status[ends] = Status.OK
+    return {
+        "trajectory": trajectory[own],
+        "surface": which[own],
+        "time": time[own],
+        "states": states[own],
+        "count": count.reshape(batch),
+        "status": status.astype(np.int8).reshape(batch),
+        "end": np.where(status < 0, found.t, np.nan).reshape(batch),
+        "final": final.reshape(*batch, x.shape[1]),
+        "steps": found.steps.reshape(batch),
+    }
 
 
 def _number(name: str, value: Any) -> float:

@@ -349,8 +349,9 @@ def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
     state = steps.flat[:, steps.rows.state]
     while (k := np.flatnonzero(state < State.DONE)).size:
         some = steps.flat[k]
-        steps.attempt(some, k, T)
-        steps.flat[k] = some
+        for own, rows in steps.attempts(some, k, T, 1):
+            steps.flat[k[own]] = rows[-1]
+        steps.go_on(k)
     rows = steps.rows
     found = states, *(steps.flat[:, row] for row in (rows.t, rows.steps, rows.state))
     assert_equal(found, motion(f, x0, [T]))

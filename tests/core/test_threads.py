@@ -18,7 +18,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.core.compiling import threads as core_threads
-from suslov_fast.core.motion import engine, stepping
+from suslov_fast.core.motion import engine
 from suslov_fast.engine import derivatives, stretches, threads
 
 AT_ONCE = """
@@ -197,8 +197,7 @@ def test_motions_take_the_threads_asked_for(monkeypatch):
         return start(*arguments)
 
     monkeypatch.setattr(core_threads, "start_new_thread", counted_start)
-    for module in (engine, stepping):
-        monkeypatch.setattr(module, "in_parts", counted)
+    monkeypatch.setattr(engine, "in_parts", counted)
     field = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), "x v")
     x0 = np.linspace((0.1, 0.0), (1.0, 0.5), 4096)
     for call, options in ((sf.flow, {}), (sf.crossings, {"surface": "x"})):

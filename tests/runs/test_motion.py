@@ -13,7 +13,7 @@ from test_orders import FLOWS, SQUARE, motion
 
 import suslov_fast as sf
 from suslov_fast import Field, Motion, PoleWarning, QuadraticField, Status, flow
-from suslov_fast.core.motion import engine, stepping
+from suslov_fast.core.motion import engine
 
 
 def of(f, dimension, **parameters):
@@ -239,7 +239,6 @@ def test_bits_depend_neither_on_batch_nor_on_threads(rng, monkeypatch):
             assert alone.steps == whole.steps[k]
         with monkeypatch.context() as patch:
             patch.setattr(engine, "BLOCK", 8)
-            patch.setattr(stepping, "BLOCK", 8)  # of equations that choose
             threaded = flow(field, x, time=[0.3, 1.0], threads=TWO_THREADS)
             assert threaded == whole
             patch.setattr(engine, "BUDGET", 1)

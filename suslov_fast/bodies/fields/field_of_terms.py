@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 
 from ... import checks
 from ...checks import FloatArray
+from ...core.lists.changes import Act
+from ...core.lists.conditions import with_fixed_choices
 from ...core.lists.dense import DenseRightHandSide, dense_parameters
-from ...core.lists.quadratic import parameters_of, right_hand_side_of
+from ...core.lists.quadratic import expressions_of, parameters_of, right_hand_side_of
 from ...keywords import public
 from ..base import Body, Parameters, frozen, summary
 from .calls import check_function
 from .names import labels, variables
 from .polynomials import named_parameters
+from .symbolic import Symbols
 from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
 
 # Names of the parts of a field other than its named parameters. They hold spaces, because a named
@@ -54,6 +57,7 @@ class FieldOfFunction(Body):
     right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
     _shared: ClassVar[dict[str, Any]]  # parts that all members share, beside arrays
     _value_at: ClassVar[Any]  # f(x)
+    _traced_at: ClassVar[Any]  # the same with symbols
     _slopes_at: ClassVar[Any]  # f'(x) (..., D, D) at checked states
     _formulas: ClassVar[Any]  # the texts of f, component by component
 
@@ -226,7 +230,7 @@ class FieldOfFunction(Body):
             if named:
                 how = f"for another value field.with_parameters({next(iter(named))}=...)(x)"
             raise TypeError(f"a field takes the state alone, field(x), one array or a dict: {how}")
-        return self._value_at(x)
+        return self._traced_at(x) if isinstance(x, Symbols) else self._value_at(x)
 
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
@@ -379,8 +383,25 @@ class _FieldOfTerms(FieldOfFunction):
     def listed_right_hand_sides(self) -> list[OfMembers]:
         return self._by_terms(None)
 
-    def _by_terms(self, longest: int | None) -> list[OfMembers]:
-        """Return the right-hand sides of members; dense ones of more terms are no lists."""
+    def with_acts(self, acts: tuple[Act, ...], twice: bool) -> list[OfMembers]:
+        """Return the right-hand sides of members with changes of the state, in order of code."""
+        named = [np.broadcast_to(a, self.shape).ravel() for a in self.arrays.values()]
+
+        def make(indices: NDArray[Any], values: FloatArray, members: NDArray[np.int64]) -> Any:
+            units = (values == 1.0).all(axis=0), (values == -1.0).all(axis=0)
+            texts = (each.tobytes() for each in units)
+            f = _with_acts(indices.tobytes(), self.dimension, *texts, len(named), acts, twice)
+            own = [row[members] for row in named]
+            return f, np.array([*own, *parameters_of(values, *units)]).reshape(-1, len(members))
+
+        return self._by_terms(None, make)
+
+    def _by_terms(self, longest: int | None, make: Any = None) -> list[OfMembers]:
+        """Return the right-hand sides of members; dense ones of more terms are no lists.
+
+        ``make(indices, values, members)`` returns the right-hand side of some members, and its
+        parameters, unless it is that of the terms alone.
+        """
         indices, values = self._terms
         rows = values.reshape(math.prod(self.shape), values.shape[-1])
         exists = rows != 0.0
@@ -391,9 +412,25 @@ class _FieldOfTerms(FieldOfFunction):
         for k, pattern in enumerate(patterns):
             members = np.flatnonzero(which.reshape(-1) == k)
             own = rows[np.ix_(members, pattern)]
-            f, parameters = _quadratic(indices[:, pattern], own, self.dimension, longest)
+            if make is None:
+                f, parameters = _quadratic(indices[:, pattern], own, self.dimension, longest)
+            else:
+                f, parameters = make(indices[:, pattern], own, members)
             found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
         return found
+
+    def _traced_at(self, x: Symbols) -> Any:
+        if self.shape:
+            how = "of a single field, or write the formulas with its parameters"
+            raise TypeError(f"f(x) of a family has no symbols: take that {how}")
+        indices, values = self._terms
+        rows: list[Any] = [0.0 * x[0] for _ in range(self.dimension)]
+        for (i, *factors), value in zip(indices.T.tolist(), values.tolist(), strict=True):
+            part = value
+            for k in factors:
+                part = part * x[k] if k < self.dimension else part
+            rows[i] = rows[i] + part
+        return Symbols.of(rows)
 
     @property
     def _exact(self) -> Terms:
@@ -466,6 +503,17 @@ def _of_terms(indices: bytes, D: int, *units: bytes, twice: bool) -> Any:
     places = np.frombuffer(indices, np.int64).reshape(3, -1)
     is_one, is_minus_one = (np.frombuffer(each, bool) for each in units)
     return right_hand_side_of(places, D, is_one, is_minus_one, twice)
+
+
+@lru_cache(64)
+def _with_acts(
+    indices: bytes, D: int, one: bytes, minus_one: bytes, P: int, acts: tuple[Act, ...], twice: bool
+) -> Any:
+    """Return the same with changes of the state, which may read P parameters with names."""
+    places = np.frombuffer(indices, np.int64).reshape(3, -1)
+    units = (np.frombuffer(each, bool) for each in (one, minus_one))
+    values, results, count = expressions_of(places, D, *units, others=P)
+    return with_fixed_choices(values, results, count, (), twice, acts)
 
 
 def parts_of(terms: Terms | None, names: Sequence[str]) -> dict[str, Any]:

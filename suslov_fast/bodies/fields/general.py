@@ -24,7 +24,7 @@ from .coefficients import structure_matrix
 from .field_of_terms import LONGEST, NAMES, FieldOfFunction, OfMembers
 from .names import variables
 from .polynomials import named_parameters, to_lists
-from .symbolic import Tracer
+from .symbolic import Symbol, Symbols, Tracer
 from .texts import brief, values_of, written
 
 EQUATIONS = "equations"
@@ -233,6 +233,21 @@ class Field(FieldOfFunction):
         found = self._equations.right_hand_side.value(np.moveaxis(x, -1, 0), self._table)
         return np.moveaxis(found, 0, -1)
 
+    def _traced_at(self, x: Symbols) -> Any:
+        tracer, D = x[0].tracer, self.dimension
+        known = {i: x[i].operand for i in range(D)}
+        for k, (name, value) in enumerate(self._parts.items(), D):
+            if self.shape and name not in tracer.parameters:
+                raise TypeError(f"f(x) of a family needs its parameter {name} here")
+            is_given = name in tracer.parameters
+            known[k] = tracer.parameters[name].operand if is_given else float(value)
+        equations = self._equations
+        for instruction, number, operands in equations.values.operations:
+            of = (a if isinstance(a, float) else known[a] for a in operands)
+            known[number] = tracer.values.emit(instruction, *of)
+        results = [a if isinstance(a, float) else known[a] for a in equations.results]
+        return Symbols.of([Symbol(tracer, a) for a in results])
+
     def _slopes_at(self, x: FloatArray) -> FloatArray:
         found = self._equations.right_hand_side.jacobian(np.moveaxis(x, -1, 0), self._table)
         return np.moveaxis(found, (0, 1), (-2, -1))
@@ -348,43 +363,13 @@ def with_changes(
 ) -> list[OfMembers]:
     """Return the right-hand sides of members of any field, with changes of the state.
 
-    `acts` are in the order of code. `names` are those of parameters to differentiate by, and
-    `twice` asks for what variational equations need.
+    `acts` are in the order of code, `names` those of parameters to differentiate by, and `twice`
+    asks for what variational equations need.
     """
-    equations, inputs = _lists_of(field)
-    f = _for_motion(equations, names, twice, acts)
-    choices = np.zeros((f.P - len(inputs), *field.shape))  # of no state yet
-    return FieldOfFunction._of_members(field, f, np.concatenate([inputs, choices]))
-
-
-def _lists_of(field: Any) -> tuple[Equations, FloatArray]:
-    """Return the equations of any field, and their parameters (P, ...) of all members.
-
-    Of a quadratic field the values of terms are parameters after those with names.
-    """
-    if isinstance(field, Field):
-        return field._equations, field._inputs
-    indices, values = field._terms
-    rows = [*field.arrays.values(), *np.moveaxis(values, -1, 0)]
-    inputs = np.array([np.broadcast_to(row, field.shape) for row in rows])
-    return _equations_of_terms(indices.tobytes(), field.names, tuple(field.arrays)), inputs
-
-
-@lru_cache(64)
-def _equations_of_terms(
-    indices: bytes, names: tuple[str, ...], parameters: tuple[str, ...]
-) -> Equations:
-    places = np.frombuffer(indices, np.int64).reshape(3, -1).T.tolist()
-    coefficients = [f"value of term {k}" for k in range(len(places))]
-    tracer = Tracer(names, [*parameters, *coefficients])
-    rows: list[Any] = [0.0] * len(names)
-    for name, (i, *factors) in zip(coefficients, places, strict=True):
-        product = tracer.parameters[name]
-        for k in factors:
-            product = product * tracer.state[k] if k < len(names) else product
-        rows[i] = product + rows[i]
-    results = [tracer.number(row) for row in rows]
-    return Equations(names, [*parameters, *coefficients], tracer.values, results)
+    if not isinstance(field, Field):
+        found: list[OfMembers] = field.with_acts(acts, twice)
+        return found
+    return field._of_members(_for_motion(field._equations, names, twice, acts), field._inputs)
 
 
 class Energy:

@@ -11,6 +11,7 @@ to' v + dto/dp + (f_after - to' f_before) tau,     tau = (grad s . v + ds/dp) / 
 At given times tau is 0; a change that another one has caused at the same instant has its tau.
 """
 
+from math import inf
 from typing import NamedTuple
 
 from .derivative import gradients
@@ -45,34 +46,47 @@ class Part(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """What the code needs of changes; those on surfaces come first.
+    """What the code needs of changes: those that act on surfaces, those at times, and sections.
+
+    Sections are surfaces on which nothing changes, so that steps do not end there.
 
     directions   of the changes on surfaces
+    of_sections  directions of the sections
     most         of all changes
     parts        `Part`s by name, see below
     components   the numbers of these components, for each change
     P            number of parameters
 
     The parts are `to{k}`, of the state: the components of change k that differ from x; `toward`, of
-    the state and f there: each surface and its rate; and for columns, where they are wanted,
+    the state and f there: each surface and its rate; `sections` of the state and `section_rates` of
+    both, the same of sections; and for columns, where they are wanted,
     `tau{k}` of the state, a column and f before the change, `column{k}` of these, f after it and
     tau. Columns by the parameter number q of those to differentiate by have `tau{k}_{q}` and
     `column{k}_{q}`, which read the scale of the column, too.
     """
 
     directions: tuple
+    of_sections: tuple
     most: tuple
     parts: dict
     components: tuple
     P: int
 
     surfaces = property(lambda self: len(self.directions))
-    at_times = property(lambda self: len(self.most) - len(self.directions))
+    sections = property(lambda self: len(self.of_sections))
+    acting = property(lambda self: len(self.most) - len(self.of_sections))
+    at_times = property(lambda self: self.acting - len(self.directions))
 
 
 def in_order_of_code(acts):
     """Return the numbers of changes in the order of `Changes`."""
-    return sorted(range(len(acts)), key=lambda k: acts[k].surface is None)
+    return sorted(range(len(acts)), key=lambda k: (is_section(acts[k]), acts[k].surface is None))
+
+
+def is_section(act):
+    """Return whether a change only records where a surface is crossed."""
+    ends = getattr(act, "ends", False) or act.most not in (None, inf)
+    return act.surface is not None and act.to is None and not ends
 
 
 def changes_of(acts, D, P, by=(), with_columns=False):
@@ -91,11 +105,20 @@ def changes_of(acts, D, P, by=(), with_columns=False):
         if with_columns:
             for q in (None, *range(len(by))):
                 parts |= _of_columns(k, act, D, P, by, q)
-    if acts[0].surface is not None:
-        parts["toward"] = _toward([act.surface for act in acts if act.surface is not None], D, P)
-    directions = tuple(act.direction for act in acts if act.surface is not None)
+    sections = [act for act in acts if is_section(act)]
+    on_surfaces = [act for act in acts if act.surface is not None and not is_section(act)]
+    if on_surfaces:
+        parts["toward"] = _toward(on_surfaces, D, P)
+    if sections:
+        parts["section_rates"] = _toward(sections, D, P)
+        values = Expressions(D + P, range(D, D + P))
+        results = [a for act in sections for a in emitted(values, act.surface)]
+        parts["sections"] = Part(List(needed_for(values.operations, results), results), D)
+    directions, of_sections = (
+        tuple(act.direction for act in each) for each in (on_surfaces, sections)
+    )
     most = tuple(act.most for act in acts)
-    return Changes(directions, most, parts, tuple(components), P)
+    return Changes(directions, of_sections, most, parts, tuple(components), P)
 
 
 def emitted(values, list_):
@@ -107,10 +130,10 @@ def emitted(values, list_):
     return [a if isinstance(a, float) else new.get(a, a) for a in list_.results]
 
 
-def _toward(surfaces, D, P):
+def _toward(acts, D, P):
     """Return the `Part` of all surfaces and their rates, one after the other."""
     values = Expressions(D + P, range(D, D + P))
-    of_surfaces = [a for surface in surfaces for a in emitted(values, surface)]
+    of_surfaces = [a for act in acts for a in emitted(values, act.surface)]
     slopes = gradients(values, [*values.operations], of_surfaces, D)
     rates, results = [values.given() for _ in range(D)], []
     for a, row in zip(of_surfaces, slopes, strict=True):

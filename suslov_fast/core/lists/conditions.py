@@ -13,7 +13,7 @@ import itertools
 
 import numpy as np
 
-from .changes import changes_of, emitted
+from .changes import changes_of, emitted, is_section
 from .elapsed import Elapsed
 from .grouped import Groups
 from .numbers import Number, larger, smaller
@@ -162,7 +162,8 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
         values, results, P = elapsed.values, elapsed.results, elapsed.P
         offsets, shifted = elapsed.offsets, elapsed.shifts
     changes = changes_of(acts, D, P, by, twice) if acts else None
-    on_surfaces = [emitted(values, act.surface)[0] for act in acts if act.surface is not None]
+    on_surfaces = [act for act in acts if act.surface is not None and not is_section(act)]
+    on_surfaces = [emitted(values, act.surface)[0] for act in on_surfaces]
     operations = needed_for(values.operations, [*results, *on_surfaces])
     varying = [each for each in operations if any(_varies(values, a) for a in each[2])]
     jumps = {

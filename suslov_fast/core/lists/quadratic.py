@@ -11,9 +11,18 @@ def right_hand_side_of(indices, D, is_one, is_minus_one, twice):
     `is_one` and `is_minus_one` (T,) say which v are 1 and -1 for all members; the other v are the
     parameters, in the order of terms: see `parameters_of`. `twice` asks for `second`.
     """
-    given = ~(is_one | is_minus_one)
-    numbers = iter(range(D, D + int(given.sum())))
-    values = Expressions(D + int(given.sum()), range(D, D + int(given.sum())))
+    values, results, P = expressions_of(indices, D, is_one, is_minus_one)
+    return RightHandSide(values, results, P, twice=twice)
+
+
+def expressions_of(indices, D, is_one, is_minus_one, others=0):
+    """Return `Expressions`, the operands that are f, and the number of parameters.
+
+    There are `others` before those of terms.
+    """
+    given, first = ~(is_one | is_minus_one), D + others
+    numbers = iter(range(first, first + int(given.sum())))
+    values = Expressions(first + int(given.sum()), range(D, first + int(given.sum())))
     terms = [[] for _ in range(D)]
     for (i, j, k), minus, of_parameter in zip(
         indices.T.tolist(), is_minus_one.tolist(), given.tolist(), strict=True
@@ -25,7 +34,7 @@ def right_hand_side_of(indices, D, is_one, is_minus_one, twice):
             product = values.emit("fmul", product, factor)
         terms[i].append((minus, product))
     results = [_sum(values.emit, each) for each in terms]
-    return RightHandSide(values, results, given.sum().item(), twice=twice)
+    return values, results, others + given.sum().item()
 
 
 def parameters_of(terms, is_one, is_minus_one):

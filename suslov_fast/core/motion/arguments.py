@@ -1,5 +1,6 @@
 """What the code of a half of the motion takes, by name: addresses, and numbers of all lanes."""
 
+from math import inf
 from typing import NamedTuple
 
 
@@ -48,7 +49,8 @@ class Numbers(NamedTuple):
     second_next: float  # the second one
     first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
     most: float  # steps, also refused ones, from one time to the next
-    stops: float  # 1 if steps end on surfaces, else 0
+    enough: float = inf  # crossings of surfaces of records, after which a trajectory stops
+    since: float = -1.0  # modulus of the time after which they count
 
 
 SLOT, NUMBER, COMPONENT = (

@@ -10,9 +10,10 @@ import numpy as np
 
 from ..code.text import Carried, Integers, Shared
 from . import rules, surfaces
-from .arguments import SLOT
+from .records import record
 from .rows import OF_CHANGES, State
 from .scope import Lines
+from .sections import record_jumps
 
 
 def add_change(text, half, name, for_each):
@@ -27,8 +28,9 @@ def add_change(text, half, name, for_each):
 
 def change(lines):
     """Let changes act on the next states of lanes whose step is taken."""
-    with lines.text.when(_is_there(lines).any(), likely=False):
-        lines.text.invoke(f"{lines.name}_change", lines.arguments)
+    if lines.half.changes.acting:
+        with lines.text.when(_is_there(lines).any(), likely=False):
+            lines.text.invoke(f"{lines.name}_change", lines.arguments)
 
 
 def find_sides(lines, begins):
@@ -81,6 +83,8 @@ def _change(lines):
     if changes.surfaces:
         by_motion = is_there & ~is_at_stop
         _act_at_surfaces(lines, is_there, by_motion)
+    if changes.sections:
+        record_jumps(lines, is_there)
     _go_on(lines, is_at_stop)
 
 
@@ -89,7 +93,7 @@ def _act_at_times(lines):
     text, changes = lines.text, lines.half.changes
     for now in text.rounds(Carried()):
         acts = _is_at_stop(lines)
-        for k in range(changes.surfaces, len(changes.most)):
+        for k in range(changes.surfaces, changes.acting):
             own = acts & lines.of_changes.stop_which[0].equals(float(k))
             with text.when(own.any()):
                 _act(lines, k, own)
@@ -106,7 +110,7 @@ def _act_at_surfaces(lines, is_there, by_motion):
     for k in text.each(changes.surfaces):
         work.fired[k] = 0.0
     _look(lines)
-    if len(changes.most) == 1:
+    if changes.acting == 1:
         _cross(lines, 0, is_there, by_motion)
     else:
         for now in text.rounds(Carried()):
@@ -173,7 +177,7 @@ def _act(lines, k, truth, by_motion=None):
     if half.changes.most[k] < np.inf:
         is_over = truth & (counts >= float(half.changes.most[k]))
         lines.line.state.choose(is_over, 0, float(State.STOPPED))
-    _record(lines, truth, k)
+    record(lines, truth, k, lines.line.t, work.before, work.new)
 
 
 def _change_columns(lines, k, truth, by_motion):
@@ -193,26 +197,6 @@ def _change_columns(lines, k, truth, by_motion):
         lines.call(f"column{k}{end}", work.pair, lines.table, work.changed)
         for i in text.each(D):
             work.new.after(column).choose(truth, i, work.changed[i])
-
-
-def _record(lines, truth, k):
-    """Write a record of change k: trajectory, k, time, and the states before and after."""
-    text, of, work, D = lines.text, lines.of, lines.work, lines.D
-    one = text.lanes(1)
-    for offset in lines.lanes_with(truth.bits()):
-        line = one.arrays(lines.line.x.at() + offset, lines.half.rows)
-        of_work = work.line.at() + offset
-        number = lines.arguments[SLOT.recorded]
-        to = of.records + number * (8 * (3 + 2 * D))
-        integers, numbers = Integers(text, to), Shared(one, to)
-        integers[0] = Integers(text, line.trajectory.at())[0]
-        integers[1] = k
-        numbers[2] = line.t[0]
-        for first, states in ((3, work.before), (3 + D, work.new)):
-            source, target = one.array(of_work, states.first), numbers.after(first)
-            for i in text.each(D):
-                target[i] = source[i]
-        lines.arguments[SLOT.recorded] = number + 1
 
 
 def _next_stop(lines, bits):
@@ -253,8 +237,3 @@ def _go_on(lines, is_at_stop):
     for name, value in lines.apply(rules.CHANGED_STATE, **inputs, **vars(sums)).items():
         rows = lines.of_changes if hasattr(lines.of_changes, name) else lines.line
         getattr(rows, name).put_chosen(0, value)
-
-
-def is_full(lines):
-    """Return whether records of a step may have no place any more."""
-    return lines.arguments[SLOT.recorded] > lines.of.full

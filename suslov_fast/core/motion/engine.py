@@ -16,7 +16,7 @@ from .choosing import Choices
 from .explicit import lane_numbers
 from .half import Half
 from .rows import BEGINS, OF_CHANGES, State
-from .rules import MOST_AT_ONCE, MOST_STEPS, first_part, limit_of
+from .rules import MOST_AT_ONCE, MOST_STEPS, SECTION_PARTS, first_part, limit_of
 from .text import text_of_half
 
 WIDTH = 8  # lanes of a line
@@ -64,7 +64,6 @@ def numbers_of(f, settings, sign, first, second, last):
         second,
         float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
         MOST_STEPS,
-        1.0,
     )
 
 
@@ -283,7 +282,9 @@ class Motion:
 
     def _point_to_changes(self, arguments, W):
         """Let arguments point to the times of changes; return an array for records."""
-        at_once = 2 * (self.equal_stops + self.f.changes.surfaces + int(MOST_AT_ONCE)) * W
+        changes = self.f.changes
+        at_once = self.equal_stops + changes.surfaces + int(MOST_AT_ONCE)
+        at_once = 2 * (at_once + (SECTION_PARTS + 1) * changes.sections) * W
         buffer = np.empty((max(RECORDS, 4 * at_once), 3 + 2 * self.f.D))
         arguments[SLOT.stops] = self.stops.ctypes.data
         arguments[SLOT.stop_bytes] = self.stops.strides[0] if len(self.stops) > 1 else 0

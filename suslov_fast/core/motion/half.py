@@ -68,7 +68,8 @@ class Half:
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
         self.couplings = 0 if self.block is f else f.columns * f.coupling
         self.changes = f.changes
-        counts = (f.changes.surfaces, len(f.changes.most)) if f.changes else ()
+        c = f.changes
+        counts = (c.surfaces, c.acting, c.sections) if c else ()
         self.low = 0 if has_atol else self.block.D
         self.rows = rows_of(D, extended, self.low, self.watched, *counts)
         if f.is_dense:
@@ -83,7 +84,7 @@ class Half:
             rows = 2 * self.block.D + 2 * (f.changes.surfaces if f.changes else 0)
             places = {rows + k: k for k in range(len(self.block.table))}
             self.functions["watch"] = of_list(f.watch, rows, places)
-        if f.changes:
+        if c:
             self._add_changes()
         columns, entries, factors = len(EXPLICIT), 0, 0
         if is_implicit:
@@ -115,11 +116,12 @@ class Half:
     def _sizes_of_changes(self):
         """Return how many rows of `Work` changes need, from `sides` to `tau`."""
         if not self.changes:
-            return [0] * 10
+            return [0] * 14
         D, surfaces, conditions = self.block.D, self.changes.surfaces, self.f.conditions
         chosen = len(conditions.kinds) if conditions else 0
-        return [2 * surfaces, D, self.f.D, D, 4 * D + 1, 2 * surfaces, surfaces, 1, chosen,
-                self.f.D // D]  # fmt: skip
+        sections, whole = self.changes.sections, self.f.D
+        return [2 * surfaces, whole, whole, whole, 4 * D + 1, 2 * surfaces, surfaces, 1, chosen,
+                (rules.SECTION_PARTS + 1) * sections, 2 * sections, 1, 1, whole // D]  # fmt: skip
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""

@@ -39,7 +39,9 @@ class Rows(NamedTuple):
     far: int  # the state after a step of length `outer` (watched)
     side: int  # of surfaces of changes: 1 where the state is at the level or above, else 0, and
     #            the level, which is 0 but for rounding (2 surfaces)
-    counts: int  # how often each change has acted (changes)
+    section: int  # surfaces of records at the state; 0 counts as positive (sections)
+    latest: int  # times of their last crossings (sections)
+    counts: int  # how often each change has acted (acting changes)
     of_changes: int  # numbers of `OfChanges`, if there are changes
     t: int  # modulus of the time
     wanted: int  # length of the next step
@@ -71,6 +73,7 @@ class OfChanges(NamedTuple):
     stop_which: int  # number of that change
     stop_place: int  # the place of the time, an integer
     at: int  # time of the last change; of changes that accumulate their limit
+    recorded: int  # crossings of surfaces of records
     pause: int  # how much later it is than the one before
     often: int  # changes in a row that followed the one before at once
 
@@ -78,13 +81,14 @@ class OfChanges(NamedTuple):
 OF_CHANGES = OfChanges(*range(len(OfChanges._fields)))
 
 
-def rows_of(D, denominators, low, watched, surfaces=0, changes=0):
+def rows_of(D, denominators, low, watched, surfaces=0, acting=0, sections=0):
     """Return the rows of a line; surfaces are functions of the first `watched` components.
 
-    `surfaces` and `changes` are the numbers of surfaces of changes, and of all changes.
+    `surfaces`, `acting` and `sections` are the numbers of surfaces of changes, of all changes that
+    act, and of surfaces of records.
     """
-    parts = [D, D + denominators, D, D, low, watched, 2 * surfaces, changes]
-    parts += [len(OF_CHANGES) * (changes > 0)]
+    parts = [D, D + denominators, D, D, low, watched, 2 * surfaces, sections, sections, acting]
+    parts += [len(OF_CHANGES) * (acting + sections > 0)]
     firsts = [0, *itertools.accumulate(parts)]
     scalars = firsts.pop()
     return Rows(*firsts, *range(scalars, scalars + len(Rows._fields) - len(firsts)))
@@ -131,6 +135,10 @@ class Work(NamedTuple):
     fired: int  # 1 where the change at a surface acts at this instant (surfaces)
     noted: int  # number of changes at surfaces at this instant, if there are changes
     chosen: int  # choices of f at the new state (surfaces of f)
+    values: int  # surfaces of records at the ends of parts of a step (- sections)
+    rates: int  # the same at a state, and their rates (2 sections)
+    moment: int  # time of a crossing, and whether it is found
+    ok: int
     tau: int  # how much later columns reach this instant (columns of a `Variational`)
     scratch: int  # rows that functions need
     size: int

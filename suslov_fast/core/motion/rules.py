@@ -468,7 +468,7 @@ def LOOK(crossed, place, end, part, crosses, u, taken, inner):
 @_rule
 def CUT(
     before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
-    crosses, jumps, whole_part, part, inner, outer, weight, rounds, whole, stops, mode, most, last,
+    crosses, jumps, whole_part, part, inner, outer, weight, rounds, whole, mode, most, last,
 ):  # fmt: skip
     """A step that crosses a surface: is it taken, and how long is the next one?
 
@@ -478,7 +478,7 @@ def CUT(
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last
     seen = is_near.select(crosses, crossed) > 0.0
-    seen = seen & (stops > 0.0) & (taken > 0.0) & (total < inf)
+    seen = seen & (taken > 0.0) & (total < inf)
     is_last = is_near & (taken - inner <= sought)
     cut = seen & (is_last.select(0.0, 1.0) > 0.0)
     is_right = seen.select(0.0, accepted + served) > 0.0
@@ -541,6 +541,112 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
         "wanted": is_there.select(larger(wanted, before), wanted),
         "state": (t < last).select(state_before, state),
     }
+
+
+# Of crossings that are recorded: parts of a step at whose ends signs are compared, and part of the
+# step beside a part where its crossing may lie; guesses along the interpolation; steps that look
+# for it; its width, or the part of the step from where Newton's method goes to it at once; parts of
+# the time by which its state goes on, each four times the one before, to lie beyond.
+SECTION_PARTS, MARGIN, GUESSES, MOST_LOOKS = 8, 2.0**-5, 3, 70
+FOUND, WIDTH, NUDGE, NUDGES = 2.0**-29, 2.0**-48, 2.0**-54, 20
+NAN = float("nan")
+
+
+@_rule
+def FIRST_VALUE(value, rate, sign):
+    """The value of a surface at the start, on which a trajectory lies where it goes.
+
+    Where it rests there, the first part of a step tells.
+    """
+    is_on, ahead = value.equals(0.0), sign * rate
+    on = ahead.equals(0.0).select(NAN, (ahead < 0.0).select(-LEAST, 0.0))
+    return {"first": is_on.select(on, value)}
+
+
+@_rule
+def KNOWN(value, before):
+    """A value of a surface, that before it if it is no number, and whether they differ in sign."""
+    is_number = abs(value) < inf
+    before = (abs(before) < inf).select(before, value)
+    value = is_number.select(value, before)
+    differs = is_number & ((value >= 0.0) ^ (before >= 0.0))
+    return {"value": value, "before": before, "differs": differs}
+
+
+@_rule
+def IN_PART(a, b, direction, first, accepted):
+    """Whether a surface with these values at both ends is crossed in a part, and where."""
+    is_above = b >= 0.0
+    crosses = (accepted > 0.0) & (is_above ^ (a >= 0.0)) & (abs(a) < inf) & (abs(b) < inf)
+    crosses = crosses & (is_above.select(1.0, -1.0) * direction >= 0.0)
+    low = larger(first - MARGIN, 0.0)
+    high = smaller(first + (1.0 / SECTION_PARTS + MARGIN), 1.0)
+    part = a / (a - b)
+    part = ((part >= 0.0) & (part <= 1.0)).select(part, 0.5)
+    return {
+        "crosses": crosses,
+        "up": is_above.select(1.0, 0.0),
+        "u": first + part * (1.0 / SECTION_PARTS),
+        "low": low,
+        "high": high,
+        "a": a,
+        "b": b,
+    }
+
+
+def _narrowed(value, up, u, low, high):
+    """Return the bracket, and whether u is its upper end."""
+    is_beyond = (value >= 0.0) ^ (up < 0.5)
+    return is_beyond.select(low, u), is_beyond.select(u, high), is_beyond
+
+
+@_rule
+def NARROWED(value, up, u, low, high, a, b):
+    """A better guess where the interpolation crosses a surface, from that at u."""
+    slope = (b - a) * float(SECTION_PARTS)
+    next_ = u - value / slope
+    low, high, _ = _narrowed(value, up, u, low, high)
+    is_inside = (next_ > low) & (next_ < high)
+    return {"u": is_inside.select(next_, u), "low": low, "high": high}
+
+
+@_rule
+def NEWTON(value, rate, up, a, b, u, low, high, left, taken, start, sign):
+    """Where to look next for a crossing, or the crossing.
+
+    Where the surface has no slope it is the upper end of a bracket, unless values grow there.
+    """
+    ahead = sign * rate
+    is_right = (up > 0.5).select(ahead, -ahead) > 0.0
+    move = -value / ahead
+    low, high, is_beyond = _narrowed(value, up, u, low, high)
+    part = move / taken
+    next_ = u + part
+    is_near = is_right & (abs(part) <= FOUND)
+    is_end = (high - low <= WIDTH) & is_beyond & (abs(value) <= larger(abs(a), abs(b)))
+    is_found = (left > 0.0) & (is_near | is_end)
+    is_inside = (next_ > low) & (next_ < high) & is_right
+    is_narrow = high - low <= 0.5 * WIDTH
+    goes_on = is_narrow.select(0.0, is_found.select(0.0, left))
+    move = is_near.select(move, 0.0)
+    return {
+        "u": is_inside.select(next_, 0.5 * (low + high)),
+        "low": low,
+        "high": high,
+        "left": goes_on,
+        "found": is_found,
+        "move": move,
+        "moment": start + (u * taken + move),
+    }
+
+
+@_rule
+def COUNTS(truth, up, direction, moment, latest, since):
+    """Whether a crossing counts: not one that follows another at once, as where f slides."""
+    way = (up > 0.5).select(1.0, -1.0) * direction
+    counts = (truth > 0.0) & (way >= 0.0) & (moment > since)
+    counts = counts & (moment - latest > AT_ONCE * moment)
+    return {"counts": counts, "latest": (truth > 0.0).select(moment, latest)}
 
 
 def _level(value, rate, is_above):

@@ -18,7 +18,7 @@ from math import inf
 import numpy as np
 
 from ..code.text import Carried
-from . import changes, inside, rules, surfaces
+from . import changes, inside, rules, sections, surfaces
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors
 from .implicit import derive, find_apart
 from .scope import weighted
@@ -71,6 +71,8 @@ def take_step(lines):
     if half.low:
         _watch_small(lines)
     if half.changes:
+        if half.changes.sections:
+            sections.find_crossings(lines)
         changes.change(lines)
         inside.save_at_end(lines)
     move(lines)

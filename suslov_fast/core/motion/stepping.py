@@ -6,11 +6,9 @@ from ..compiling.threads import in_parts
 from .arguments import NUMBER
 from .engine import BLOCK, WIDTH, Motion, half_of
 from .rows import BEGINS, State
-from .rules import POINT, POINT_IMPLICIT, carried_out
 
 # Python 3.11 finds members of an `IntEnum` slowly.
 EXPLICIT, IMPLICIT, TOO_MANY = map(int, (State.EXPLICIT, State.IMPLICIT, State.TOO_MANY))
-TOGETHER = 512  # steps whose inside is computed at a time, so that it stays in the cache
 
 
 class Stepping(Motion):
@@ -83,64 +81,3 @@ class Stepping(Motion):
             flat = self.flat[which]
             self.choices.renew(flat, which)
             self.flat[which] = flat
-
-    def attempt(self, flat, which, last=np.inf):
-        """Let trajectories try one step each, not beyond the time `last`; change their rows."""
-        for k, copies in self.attempts(flat, which, last, 1):
-            flat[k] = copies[-1]
-
-    def inside(self, before, after, parts):
-        """Return the states (K, parts, D) at the ends of equal parts of steps between these rows.
-
-        They are a cubic with the values and rates at both ends, or a straight line in an implicit
-        step, whose rates tell of fast modes.
-        """
-        D, rows = self.f.D, self.rows
-        u = (np.arange(1, parts + 1) / parts)[:, np.newaxis, np.newaxis]
-        states = np.empty((len(before), parts, D))
-        for first in range(0, len(before), TOGETHER):
-            part = slice(first, first + TOGETHER)
-            # Steps are the last axis, because the inner loops of NumPy should be long.
-            x, f, new, f_new = (
-                np.ascontiguousarray(each[part, i : i + D].T)
-                for each in (before, after)
-                for i in (0, D)
-            )
-            h = self.numbers[NUMBER.sign] * (after[part, rows.t] - before[part, rows.t])
-            k = before[part, rows.state] == IMPLICIT
-            with np.errstate(over="ignore", invalid="ignore"):
-                at = {"x": x, "new": new, "f": f, "f_new": f_new, "signed": h, "u": u}
-                found = carried_out(POINT, **at)["point"]
-                if k.any():
-                    of_line = carried_out(POINT_IMPLICIT, x=x[:, k], new=new[:, k], u=u)
-                    found[..., k] = of_line["point"]
-            states[part] = found.transpose(2, 0, 1)
-        states[:, -1] = after[:, :D]
-        return states
-
-    def after(self, flat, which, lengths):
-        """Return the rows of trajectories `which` a time later: after a step of this length.
-
-        Where such a step is refused, there are shorter ones; without any they are NaN.
-        """
-        rows, flat = self.rows, flat.copy()
-        following = flat[:, rows.next].copy()
-        flat[:, rows.next] = flat[:, rows.outer] = np.inf
-        self.numbers[NUMBER.stops] = 0.0
-        goal = flat[:, rows.t] + lengths
-        flat[:, rows.wanted], k = lengths, np.flatnonzero(lengths > 0.0)
-        while k.size:
-            now = flat[k]
-            wanted, taken = now[:, rows.wanted].copy(), now[:, rows.steps].copy()
-            rest = goal[k] - now[:, rows.t]
-            self.attempt(now, which[k])
-            is_taken = now[:, rows.steps] > taken
-            arrives = is_taken & (wanted >= rest)
-            fails = ~is_taken & (now[:, rows.state] > IMPLICIT)
-            now[fails, : self.f.D] = np.nan
-            flat[k] = now
-            rest = goal[k] - now[:, rows.t]
-            flat[k, rows.wanted] = np.minimum(now[:, rows.wanted], rest)
-            k = k[~(arrives | fails | (rest <= 0.0))]
-        flat[:, rows.next], self.numbers[NUMBER.stops] = following, 1.0
-        return flat

@@ -40,7 +40,7 @@ def cut(lines, before, total):
     for k in range(1, rules.PARTS + 1):
         u = text.value(k / rules.PARTS)
         if k < rules.PARTS:
-            _put_point(lines, u, point)
+            put_point(lines, u, point)
         else:
             text.copy(new, point, watched)
         inputs = look("part", "crosses") | parts | {"u": u, "taken": taken}
@@ -60,12 +60,12 @@ def cut(lines, before, total):
     lines.keep(line, found)
 
 
-def _put_point(lines, u, to):
+def put_point(lines, u, to):
     """Write the state at a part u of the step."""
     text, work = lines.text, lines.work
     rule = rules.POINT_IMPLICIT if lines.half.is_implicit else rules.POINT
     signed = work.signed[0]
-    for i in text.each(lines.half.watched):
+    for i in text.each(lines.half.block.D):
         to[i] = lines.apply(rule, i, signed=signed, u=u)["point"]
 
 

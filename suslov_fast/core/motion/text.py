@@ -33,7 +33,7 @@ def text_of_half(half, name, W, for_each):
         function.add(text, f"{name}_{key}", for_each, firsts[key])
     columns = ImplicitColumns if half.is_implicit else ExplicitColumns
     columns(text, half, name, for_each).add()
-    if half.changes:
+    if half.changes and half.changes.acting:
         add_change(text, half, name, for_each)
     text.begin(name, "arguments")
     lines = Lines(text, half, name, for_each)

@@ -5,8 +5,9 @@ of a trajectory follow each other; those of a lane are W numbers apart.
 """
 
 from ..code.text import Carried, Integers, Truth
-from . import changes, inside, rules
+from . import changes, inside, rules, sections
 from .arguments import SLOT
+from .records import is_full
 from .rows import State
 from .step import move
 
@@ -51,7 +52,7 @@ def pause_if_spent(lines):
     text, left = lines.text, lines.arguments[SLOT.budget]
     is_spent = Truth(text, text.compare_integers("sle", left, 0), "i1")
     if lines.half.changes:
-        is_spent = is_spent | changes.is_full(lines)
+        is_spent = is_spent | is_full(lines)
     with text.when(is_spent, likely=False):
         for lane in text.each(text.W, most=0):
             offset = lane * 8
@@ -88,6 +89,7 @@ def _begin_with_changes(lines, begins):
     line.state.choose(is_over, 0, float(State.DONE))
     text.copy(line.x, work.new, lines.D)
     changes.find_sides(lines, begins)
+    sections.begin_sections(lines, begins)
     changes.change(lines)
     inside.save_at_end(lines)
     move(lines)

@@ -1,0 +1,186 @@
+"""Records of crossings: surfaces whose crossings change nothing, so that steps do not end there.
+
+After a step, values of the surfaces at the ends of SECTION_PARTS of it, where `rules.POINT` says
+that the state is, and at its end tell which are crossed. A crossing is then found by Newton's
+method along steps from the same state, as accurate as the step itself, and lies on the side to
+which the motion goes. Steps and states stay those of a motion without the surfaces.
+"""
+
+import numpy as np
+
+from ..code.text import Carried
+from . import rules
+from .columns import EXPLICIT, IMPLICIT, weights
+from .records import record
+from .rows import State
+from .scope import weighted
+from .surfaces import put_point
+
+
+def begin_sections(lines, begins):
+    """Keep the values of surfaces where trajectories of these lanes begin, with their sides."""
+    count, work = lines.half.changes.sections, lines.work
+    if count:
+        _rates(lines, work.new, work.f_new)
+        for k in lines.text.each(count):
+            values = {"value": work.rates[k * 2], "rate": work.rates.after(1)[k * 2]}
+            first = lines.apply(rules.FIRST_VALUE, **values)["first"]
+            lines.line.section.choose(begins, k, first)
+            lines.line.latest.choose(begins, k, -np.inf)
+
+
+def find_crossings(lines):
+    """Record the crossings in steps that are taken."""
+    text, line, work, parts = lines.text, lines.line, lines.work, rules.SECTION_PARTS
+    count, values = lines.half.changes.sections, work.values
+    accepted = work.accepted[0] > 0.0
+    _restore_length(lines)
+    text.copy(line.section, values, count)
+    found = Carried(some=0.0)
+    for part in range(1, parts + 1):
+        if part < parts:
+            put_point(lines, text.value(part / parts), work.start)
+        own, before = values.after(part * count), values.after((part - 1) * count)
+        lines.call("sections", work.start if part < parts else work.new, lines.table, own)
+        for k in text.each(count, found):
+            if part == parts:
+                line.section.choose(accepted, k, own[k])
+            known = lines.apply(rules.KNOWN, value=own[k], before=before[k])
+            own[k], before[k] = known["value"], known["before"]
+            found.some = known["differs"].select(1.0, found.some)
+    crosses = accepted & (found.some > 0.0)
+    with text.when(crosses.any(), likely=False):
+        directions = _directions(lines)
+        first = text.numbers(f"{lines.name}_first_parts", [part / parts for part in range(parts)])
+        for part in text.each(parts, most=0):
+            for k in text.each(count, most=0):
+                inputs = {"a": values[part * count + k], "b": values[(part + 1) * count + k]}
+                # Where a solution slides all its crossings tell which of them count.
+                direction = 0.0 if lines.f.conditions else directions[k]
+                inputs |= {"first": first[part], "accepted": work.accepted[0]}
+                inputs |= {"direction": direction}
+                inside = lines.apply(rules.IN_PART, **inputs)
+                with text.when(inside["crosses"].any(), likely=False):
+                    _find(lines, k, inside)
+
+
+def record_jumps(lines, is_there):
+    """Record the crossings that changes of the state have made in these lanes."""
+    text, line, work, half = lines.text, lines.line, lines.work, lines.half
+    lines.call("sections", work.new, lines.table, work.values)
+    work.moment[0] = line.t[0]
+    text.copy(work.new, work.before, lines.D)
+    for k in text.each(half.changes.sections, most=0):
+        accepted = is_there.select(1.0, 0.0)
+        inputs = {"a": line.section[k], "b": work.values[k], "first": 0.0, "accepted": accepted}
+        inputs |= {"direction": 0.0}
+        found = lines.apply(rules.IN_PART, **inputs)
+        with text.when(found["crosses"].any(), likely=False):
+            _note(lines, k, found["crosses"], found["up"])
+        line.section.choose(is_there, k, work.values[k])
+
+
+def _directions(lines):
+    """Return the directions of surfaces, as numbers that are part of the text."""
+    name = f"{lines.name}_directions_{len(lines.text.target.constants)}"
+    return lines.text.numbers(name, lines.half.changes.of_sections)
+
+
+def _restore_length(lines):
+    """Write the length of the step to `signed`, which shorter steps may have changed."""
+    lines.work.signed[0] = lines.number("sign") * lines.work.taken[0]
+
+
+def _rates(lines, x, f):
+    """Find the values of surfaces at a state, and their rates."""
+    work, D = lines.work, lines.half.block.D
+    lines.text.copy(x, work.pair, D)
+    lines.text.copy(f, work.pair.after(D), D)
+    lines.call("section_rates", work.pair, lines.table, work.rates)
+
+
+def _find(lines, k, found):
+    """Find the crossing of surface k in a part of the step, and record it."""
+    text, line, work = lines.text, lines.line, lines.work
+    columns, p = (IMPLICIT, 1) if lines.half.is_implicit else (EXPLICIT, 2)
+    own, taken = weights(columns, p), work.taken[0]
+    up, sign = found["up"], lines.number("sign")
+    bracket = {name: found[name] for name in ("u", "low", "high")}
+    _restore_length(lines)
+    for now in text.rounds(Carried(**bracket, round=0)):  # where the interpolation says it is
+        put_point(lines, now.u, work.start)
+        lines.call("sections", work.start, lines.table, work.rates)
+        value = work.rates[k]
+        next_ = lines.apply(rules.NARROWED, value=value, up=up, u=now.u, low=now.low,
+                            high=now.high, a=found["a"], b=found["b"])  # fmt: skip
+        now.update(next_)
+        now.round = now.round + 1
+        now.goes_on = now.round < rules.GUESSES
+    bracket["u"], left = now.u, found["crosses"].select(1.0, 0.0)
+    work.moment[0] = 0.0
+    work.ok[0] = 0.0
+    for now in text.rounds(Carried(**bracket, left=left, round=0)):
+        work.signed[0] = (now.left > 0.0).select(sign * (now.u * taken), 0.0)
+        lines.columns(line.x, line.f, len(columns))
+        for i in text.each(lines.D):
+            new = line.x[i] + weighted(own, lines.of_columns(work.ends, i))
+            work.start[i] = new
+        lines.call("f", work.start, lines.table, work.f)
+        _rates(lines, work.start, work.f)
+        value, rate = work.rates[k * 2], work.rates.after(1)[k * 2]
+        inputs = {"value": value, "rate": rate, "up": up, "taken": taken, "start": work.t[0]}
+        inputs |= {"a": found["a"], "b": found["b"]}
+        result = lines.apply(rules.NEWTON, **inputs, **{name: getattr(now, name) for name in
+                             ("u", "low", "high", "left")})  # fmt: skip
+        is_found = result.pop("found")
+        with text.when(is_found.any()):
+            move = result["move"] * sign
+            for i in text.each(lines.D):
+                work.before.choose(is_found, i, work.start[i] + move * work.f[i])
+                work.f_before.choose(is_found, i, work.f[i])
+            work.moment.choose(is_found, 0, result["moment"])
+            work.ok.choose(is_found, 0, 1.0)
+        for name in ("u", "low", "high", "left"):
+            setattr(now, name, result[name])
+        now.round = now.round + 1
+        now.goes_on = (now.left > 0.0).any() & (now.round < rules.MOST_LOOKS)
+    is_found = work.ok[0] > 0.0
+    _go_beyond(lines, k, is_found, up)
+    _note(lines, k, is_found, up)
+
+
+def _go_beyond(lines, k, truth, up):
+    """Let states move on along their rates until they lie beyond the surface."""
+    text, work = lines.text, lines.work
+    step = (work.t[0] + work.taken[0]) * rules.NUDGE
+    for now in text.rounds(Carried(step=step, round=0)):
+        lines.call("sections", work.before, lines.table, work.rates)
+        value = work.rates[k]
+        is_above = value >= 0.0
+        is_short = truth & (is_above ^ (up > 0.5))
+        length = is_short.select(now.step, 0.0)
+        work.moment[0] = work.moment[0] + length
+        signed = length * lines.number("sign")
+        for i in text.each(lines.D):
+            moved = work.before[i] + signed * work.f_before[i]
+            work.before.choose(is_short, i, moved)
+        now.step = now.step * 4.0
+        now.round = now.round + 1
+        now.goes_on = is_short.any() & (now.round < rules.NUDGES)
+
+
+def _note(lines, k, truth, up):
+    """Record a crossing of surface k, and count it; a trajectory with enough of them stops."""
+    text, line, work, changes = lines.text, lines.line, lines.work, lines.half.changes
+    inputs = {"truth": truth.select(1.0, 0.0), "up": up, "direction": _directions(lines)[k]}
+    inputs |= {"moment": work.moment[0], "latest": line.latest[k]}
+    found = lines.apply(rules.COUNTS, **inputs)
+    line.latest.put_chosen(k, found["latest"])
+    counts = found["counts"]
+    with text.when(counts.any()):
+        number = k + (len(changes.most) - changes.sections)
+        record(lines, counts, number, work.moment, work.before, work.before)
+        recorded = lines.of_changes.recorded[0] + counts.select(1.0, 0.0)
+        lines.of_changes.recorded[0] = recorded
+        line.tries.choose(counts, 0, 0.0)
+        line.state.choose(counts & (recorded >= lines.number("enough")), 0, float(State.STOPPED))

@@ -102,8 +102,8 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
     """
     times, sign, settings, threads, report, stops, most, since = asked
     B = len(starts)
-    if B == 1 and report is None and stops is None:
-        alone = _of_one(field, starts, times, sign, settings)
+    if B == 1 and report is None:
+        alone = _of_one(field, starts, asked)
         if alone is not None:
             return alone
     if not B:
@@ -154,7 +154,7 @@ def _in_order(records: list[tuple[Any, FloatArray]], sign: int, starts: FloatArr
         own = slice(first, first := first + len(part))
         if where is not ALL:
             trajectory[own] = where[trajectory[own]]
-    order = np.argsort(trajectory, kind="stable")
+    order = np.lexsort((rows[:, 2], trajectory))  # several in a step may be in another order
     rows, trajectory, which = rows[order], trajectory[order], which[order]
     before, states = rows[:, 3 : 3 + D].copy(), rows[:, 3 + D :].copy()
     return Records(trajectory, which, sign * rows[:, 2], before, states)
@@ -188,25 +188,28 @@ def threads_for(B: int, threads: int | None) -> int:
     return threads or (available() if B > _MANY else 1)
 
 
-def _of_one(
-    field: Any, starts: FloatArray, times: FloatArray, sign: int, settings: Settings
-) -> Found | None:
+def _of_one(field: Any, starts: FloatArray, asked: Asked) -> Found | None:
     """Return the motion of one trajectory, in few microseconds, or None if that is impossible."""
+    times, sign, settings, _, _, stops, most, since = asked
     _, f, table = field.right_hand_sides[0]
     if f.conditions is not None:
         return None
     clocks, of_clocks = [*f.offsets], None
     if clocks:
         table, starts, of_clocks = counted_from_start(f, table, starts)
-    result = motion_of_one(f, table.tobytes(), starts.tobytes(), times.tobytes(), sign, settings)
+    given = f, table.tobytes(), starts.tobytes(), times.tobytes(), sign, settings
+    result = motion_of_one(*given) if stops is None else motion_of_one(*given, stops, most, since)
     if result is None:
         return None
-    states, t, steps, state, grown = result
+    states, t, steps, state, grown, *records = result
     states = np.frombuffer(states).reshape(len(times), *starts.shape)
     if of_clocks is not None:
         states[..., clocks] += of_clocks
-    if state != DONE:
+    if state != DONE and stops is None:
         states[~(times <= t)] = np.nan
     end = np.nan if state == DONE else sign * t
     found = Found(states, np.array([end]), np.array([steps]), _STATUS[state : state + 1].copy())
-    return found if grown < 0 else found._replace(grown=np.array([grown]))
+    found = found if grown < 0 else found._replace(grown=np.array([grown]))
+    if stops is None:
+        return found
+    return found._replace(records=_in_order([(ALL, each) for each in records[0]], sign, starts))

@@ -116,6 +116,9 @@ def acts_of(field: Any, changes: tuple[Change, ...]) -> tuple[Act, ...]:
     return tuple(acts[k] for k in in_order_of_code(acts))
 
 
+_NO_STOPS = Stops(np.empty((1, 0)), np.empty((1, 0)))
+
+
 def batch_of(changes: tuple[Change, ...]) -> tuple[int, ...]:
     """Return the shape of the batch of the times of changes."""
     shapes = [change.times.shape[:-1] for change in changes if change.times is not None]
@@ -125,6 +128,8 @@ def batch_of(changes: tuple[Change, ...]) -> tuple[int, ...]:
 def stops_of(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -> Stops:
     """Return the times of changes."""
     later = [change for change in changes if change.times is not None]
+    if not later:
+        return _NO_STOPS
     # The number of the first one of these.
     first = sum(each.times is None and not is_section(each) for each in changes)
     shapes = [change.times.shape[:-1] for change in later]

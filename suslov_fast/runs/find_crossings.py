@@ -79,13 +79,14 @@ def crossings(
         Along a map: the step size, as in :func:`iterate`, and the number of steps after the
         transient, 0 or more.
     surface : callable or str, or sequence of them along a motion
-        The name of a component, which is 0 there, or the function s: it takes states (..., D) and
-        returns real values (...), each value from its own state alone. It uses NumPy, or is
-        compiled by Numba. A section:
-        ``lambda x: x[..., 2] - 27``; an escape: ``lambda x: (x**2).sum(-1) - 4``. It is called with
-        read-only pieces (rows, ..., D) of the orbits, which later pieces overwrite: copy states
-        that you keep. Between the states of a run it is called with others, NaN where there is
-        none. A value of s that is NaN or infinite makes no crossing.
+        The name of a component, which is 0 there, or the function s. A section:
+        ``lambda x: x[..., 2] - 27``; an escape: ``lambda x: (x**2).sum(-1) - 4``. Along a motion it
+        is traced once, as that of a `Field`, and may take parameters of the system by name. Along a
+        map it takes states (..., D) and returns real values (...), each from its own state alone,
+        by NumPy or compiled by Numba. It is called with read-only pieces (rows, ..., D) of the
+        orbits, which later pieces overwrite: copy states that you keep. Between the states of a run
+        it is called with others, NaN where there is none. A value of s that is NaN or infinite
+        makes no crossing.
     time : float
         Along a motion: the time after the transient; negative backwards in time.
     rtol, atol, max_step, stiff

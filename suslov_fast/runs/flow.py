@@ -17,6 +17,7 @@ from ..bodies.fields.general import Field, with_changes
 from ..bodies.nd import NotIntegrableError
 from ..checks import FloatArray, Reals, short, wrong
 from ..core.lists.changes import Act
+from ..engine.arguments import ALL
 from ..engine.motions import Asked, Found, nothing_found, solve
 from ..engine.problem import Problem
 from ..engine.sensitivity import Columns, WithColumns
@@ -290,10 +291,12 @@ def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked
         asked = asked._replace(times=abs(asked.times))
     moduli, is_changed = asked.times, asked.stops is not None
     ascends = len(moduli) == 1 or not np.count_nonzero(moduli[1:] <= moduli[:-1])
-    if len(moduli) and moduli[-1] > 0.0 and ascends and not is_changed:
+    if len(moduli) and ascends and (is_changed or moduli[-1] > 0.0):
         found = solve(field, x, batch, asked)
         if moduli[0] == 0.0:
-            found.states[0] = x
+            # With changes the engine saves this state, unless a solution has no value.
+            has_none = found.status == Status.NONFINITE if is_changed else ALL
+            found.states[0, has_none] = x[has_none]
         return found
     later = moduli >= 0.0 if is_changed else moduli > 0.0  # a change at time 0 acts
     ascending, places = np.unique(moduli[later], return_inverse=True)
@@ -306,7 +309,7 @@ def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked
     states = np.empty((len(moduli), *x.shape))
     states[later] = found.states[places]
     states[~later] = x
-    if is_changed:  # the engine saves no state at time 0 of a solution without a value
+    if is_changed:
         has_none = found.status == Status.NONFINITE
         states[:, has_none] = np.where(moduli[:, np.newaxis, np.newaxis] > 0.0, np.nan, x[has_none])
     return found._replace(states=states)

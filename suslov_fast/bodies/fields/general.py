@@ -28,6 +28,7 @@ from .symbolic import Symbol, Symbols, Tracer
 from .texts import brief, values_of, written
 
 EQUATIONS = "equations"
+_MOST_CHANGES = 16  # lists of changes, whose right-hand sides a field keeps
 NO_MAP = (
     "a Field has a motion, flow(field, x0, time=T), whose functions take time=T in place of eps "
     "and steps, and no map: for equations of degree 2 use "
@@ -366,10 +367,17 @@ def with_changes(
     `acts` are in the order of code, `names` those of parameters to differentiate by, and `twice`
     asks for what variational equations need.
     """
-    if not isinstance(field, Field):
-        found: list[OfMembers] = field.with_acts(acts, twice)
-        return found
-    return field._of_members(_for_motion(field._equations, names, twice, acts), field._inputs)
+    key, known = (acts, names, twice), vars(field).setdefault("_with_changes", {})
+    if key not in known:
+        if len(known) >= _MOST_CHANGES:
+            known.clear()
+        if isinstance(field, Field):
+            f = _for_motion(field._equations, names, twice, acts)
+            known[key] = field._of_members(f, field._inputs)
+        else:
+            known[key] = field.with_acts(acts, twice)
+    found: list[OfMembers] = known[key]
+    return found
 
 
 class Energy:

@@ -87,6 +87,15 @@ def prepare(f, settings, B, for_each, both):
         code_of_half(half, 1 if B == 1 else WIDTH, for_each or f.conditions is not None)
 
 
+def records_at_once(changes, equal):
+    """Return how many records a trajectory may add to the buffer before there is a pause.
+
+    `equal` is how many times of changes are equal at most.
+    """
+    at_once = equal + changes.surfaces + int(MOST_AT_ONCE)
+    return 2 * (at_once + (SECTION_PARTS + 1) * changes.sections)
+
+
 class Stops(NamedTuple):
     """The times of changes of the state, ascending, in a row for all trajectories or for each."""
 
@@ -102,6 +111,8 @@ class Stops(NamedTuple):
     def array(self):
         """Return `Arguments.stops` (1 or B, n + 1, 2), and how many times at most are equal."""
         rows, n = self.times.shape
+        if not n:
+            return _NO_STOPS, 1
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
         found[:, :-1, 1] = self.which
@@ -112,6 +123,9 @@ class Stops(NamedTuple):
                 row = np.where(is_same & np.isfinite(self.times[:, k]), row + 1, 1)
                 most = max(most, int(np.max(row)))
         return found, most
+
+
+_NO_STOPS = np.array([[[inf, 0.0]]])
 
 
 def counted_from_start(f, table, x0):
@@ -282,9 +296,7 @@ class Motion:
 
     def _point_to_changes(self, arguments, W):
         """Let arguments point to the times of changes; return an array for records."""
-        changes = self.f.changes
-        at_once = self.equal_stops + changes.surfaces + int(MOST_AT_ONCE)
-        at_once = 2 * (at_once + (SECTION_PARTS + 1) * changes.sections) * W
+        at_once = records_at_once(self.f.changes, self.equal_stops) * W
         buffer = np.empty((max(RECORDS, 4 * at_once), 3 + 2 * self.f.D))
         arguments[SLOT.stops] = self.stops.ctypes.data
         arguments[SLOT.stop_bytes] = self.stops.strides[0] if len(self.stops) > 1 else 0

@@ -6,18 +6,27 @@ are those of `engine.Motion`.
 
 import functools
 from array import array
+from math import inf, nan
 
 import numpy as np
 
 from .arguments import NUMBER, SLOT, Arguments
-from .engine import BUDGET, NO_TIMES, code_of_half, components_of, half_of, numbers_of
+from .engine import (
+    BUDGET,
+    NO_TIMES,
+    code_of_half,
+    components_of,
+    half_of,
+    numbers_of,
+    records_at_once,
+)
 from .explicit import lane_numbers
-from .rows import BEGINS, State
+from .rows import BEGINS, OF_CHANGES, State
 
 PLANS = 256  # that are kept
 _SIZE = 8  # bytes of a number
 
-DONE = int(State.DONE)
+DONE, ACCUMULATES = int(State.DONE), int(State.ACCUMULATES)
 
 
 @functools.lru_cache(PLANS)
@@ -44,11 +53,12 @@ def _plan(f, table, settings, sign):
     return code, array("q", arguments), numbers, rows, work, half.rows, budget, (components, own)
 
 
-def motion_of_one(f, table, x, times, sign, settings):
+def motion_of_one(f, table, x, times, sign, settings, stops=None, enough=inf, since=-1.0):
     """Return states at ascending moduli of times, an array of numbers, t, steps, state and `grown`.
 
     `table` of f, `x` and `times` are the bytes of their numbers. The result is None if a step would
-    be implicit and the trajectory has to choose: then `engine.Motion` computes the motion.
+    be implicit and the trajectory has to choose: then `engine.Motion` computes the motion. With
+    `Stops` states are NaN where there are none, and arrays of records come last.
     """
     plan = _plan(f, table, settings, sign)
     code, arguments, numbers, rows, work, places, budget, _ = plan
@@ -60,7 +70,18 @@ def motion_of_one(f, table, x, times, sign, settings):
     numbers[NUMBER.first_next], numbers[NUMBER.second_next] = times[:2]
     if f.clocks:
         numbers[NUMBER.longest] = min(settings.longest, last / 32.0)
-    states = array("d", bytes(count * len(x)))
+    if stops is None:
+        states = array("d", bytes(count * len(x)))
+    else:
+        states = array("d", [nan]) * (count * f.D)
+        of_stops, equal = stops.array()
+        first = places.of_changes
+        rows[first + OF_CHANGES.stop], rows[first + OF_CHANGES.stop_which] = of_stops[0, 0].tolist()
+        numbers[NUMBER.enough], numbers[NUMBER.since] = enough, since
+        at_once, found = records_at_once(f.changes, equal), []
+        buffer = np.empty((4 * at_once, 3 + 2 * f.D))
+        arguments[SLOT.stops], arguments[SLOT.records] = of_stops.ctypes.data, buffer.ctypes.data
+        arguments[SLOT.full] = 3 * at_once
     arguments[SLOT.rows] = rows.buffer_info()[0]
     arguments[SLOT.work] = work.buffer_info()[0]
     arguments[SLOT.numbers] = numbers.buffer_info()[0]
@@ -69,11 +90,18 @@ def motion_of_one(f, table, x, times, sign, settings):
     at = arguments.buffer_info()[0]
     while True:
         arguments[SLOT.budget] = budget
-        if code.call(at):
+        is_done = code.call(at)
+        if stops is not None and (recorded := arguments[SLOT.recorded]):
+            found.append(buffer[:recorded].copy())
+            arguments[SLOT.recorded] = 0
+        if is_done:
             break
     state = int(rows[places.state])
     if state < DONE:  # the other half goes on
         return None
     low = rows[places.low : places.far]
     grown = low.index(3.0) if 3.0 in low else -1
-    return states, rows[places.t], int(rows[places.steps]), state, grown
+    if stops is None:
+        return states, rows[places.t], int(rows[places.steps]), state, grown
+    t = rows[places.t if state != ACCUMULATES else first + OF_CHANGES.at]
+    return states, t, int(rows[places.steps]), state, grown, found

@@ -9,6 +9,7 @@ import re
 from functools import partial
 from pathlib import Path
 
+import events
 import motions
 import numpy as np
 import problem
@@ -274,6 +275,7 @@ for key, (whose, label, function, method, needed) in AT_ERRORS.items():
         add("orders", key, whose, label, *arguments, x=below, one_thread=True)
 
 motions.add_cases(add)
+events.add_cases(add)
 
 for key, whose, label, kept in (
     ("crossings", OURS, "`crossings`", "crossings"),

@@ -31,7 +31,7 @@ except ImportError:  # Windows
 
 # Tables of motions at equal error, on one thread: of the processor's time, and in a file of their
 # own, because they are measured more often than all the others.
-MOTIONS = "orders", "one motion", "more motions", "lattices", "stiff motions"
+MOTIONS = "orders", "one motion", "more motions", "lattices", "stiff motions", "changes"
 # What `conftest` sets for peers that use NumPy in its own process.
 ONE_THREAD = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 OURS, C, NUMPY, OTHERS, MACHINE = "this package", "C", "NumPy", "others", "the machine"

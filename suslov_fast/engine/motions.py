@@ -60,6 +60,7 @@ class Found(NamedTuple):
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
     records: Records | None = None  # of changes, if there are any
+    causes: NDArray[np.int8] | None = None  # (B,), why solutions ended, `Cause`
     grown: NDArray[np.int64] | None = None  # (B,), see `core.motion.engine.Motion`; None if -1
 
 
@@ -133,6 +134,10 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
             found.states[:, where] = states
         found.t[where] = np.where(status == Status.OK, np.nan, t)
         found.steps[where], found.status[where] = engine.steps, status
+        if engine.causes.any():
+            causes = np.zeros(B, np.int8) if found.causes is None else found.causes
+            causes[where] = engine.causes
+            found = found._replace(causes=causes)
         if (engine.grown >= 0).any():
             grown = np.full(B, -1) if found.grown is None else found.grown
             grown[where] = engine.grown

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, require, short, spell, wrong
 from ..core.motion.engine import Settings
+from ..core.motion.rows import Cause
 from ..core.motion.rules import GROWN, MOST_STEPS
 from .arguments import flat_arrays
 from .motions import Found
@@ -26,9 +27,15 @@ RTOL = float("1e-9")
 _OF_MAPS = {"method": "auto", "save_every": None, "attitude": False}
 _OF_MOTIONS = {"rtol": RTOL, "atol": None, "max_step": None, "stiff": None, "changes": ()}
 _FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
+_ENDS = {
+    Cause.UNKNOWN: "end: they escape to infinity, or f or a derivative that is asked for does",
+    Cause.ESCAPE: "end: they escape to infinity",
+    Cause.POLE: "end at a pole, where f or a derivative that is asked for becomes infinite",
+    Cause.NO_VALUE: "end where f has no value beyond, as sqrt and log of a negative number",
+}
 # What solutions do that stop.
 _CAUSES = {
-    Status.ENDED: "end: they escape to infinity, or f or a derivative that is asked for does",
+    Status.ENDED: _ENDS[Cause.UNKNOWN],
     Status.SLIDING: (
         "slide along a condition y = 0 of f, to which f leads back from both sides (smooth it by "
         "np.tanh(y/width) for np.sign(y), or use two thresholds)"
@@ -126,7 +133,8 @@ def checked_starts(
 
 def warn_of_ends(found: Found, x: FloatArray, batch: tuple[int, ...]) -> None:
     """Warn once of all solutions that stop before the last time, but for starts of NaN."""
-    if message := ends_in_words(found.status, found.t, found.is_stopped, x, batch):
+    others = found.t, found.is_stopped, x, batch, found.causes
+    if message := ends_in_words(found.status, *others):
         checks.warn(message, PoleWarning)
 
 
@@ -150,14 +158,20 @@ def ends_in_words(
     is_stopped: bool,
     x: FloatArray,
     batch: tuple[int, ...],
+    causes: NDArray[np.int8] | None = None,
 ) -> str:
     """Return why solutions stop, and when the first ones do; "" if there are none to tell of."""
     if not np.count_nonzero(statuses):  # all but OK are negative
         return ""
     # The closed form has told why it has no state, and then there is no time.
     texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(t))
-    for status, text in _CAUSES.items():
-        which = (statuses == status) & exists
+    parts = [(status, statuses == status, text) for status, text in _CAUSES.items()]
+    if causes is not None:
+        is_end = statuses == Status.ENDED
+        ends = [(Status.ENDED, is_end & (causes == k), text) for k, text in _ENDS.items()]
+        parts = ends + parts[1:]
+    for status, which, text in parts:
+        which = which & exists
         if (status == Status.TOO_MANY_STEPS and is_stopped) or not which.any():
             continue
         first = int(np.argmax(which))

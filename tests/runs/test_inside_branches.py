@@ -165,3 +165,38 @@ def test_a_short_time_of_sliding_is_not_stepped_over(times):
     with pytest.warns(sf.PoleWarning, match="slide"):
         motion = sf.flow(f, [1.0, 0.0], time=times)
     np.testing.assert_allclose(motion.end, 1.0, rtol=1e-10)
+
+
+# ------------------------------------------------------------------------------ why solutions end
+@pytest.mark.parametrize(
+    ("f", "start", "why"),
+    [
+        (lambda x: x**2, 1.0, "escape to infinity"),
+        (lambda x: 1 + x**2, 0.0, "escape to infinity"),
+        (lambda x: np.exp(x), 0.0, "escape to infinity"),
+        (lambda x: -1 / x, 1.0, "pole"),
+        (lambda x: -(x**-3.0), 1.0, "pole"),
+        (lambda x: -np.sqrt(x) - 0.1, 1.0, "no value beyond"),
+        (lambda x: np.log(x) - 1, 0.5, "no value beyond"),
+        (lambda x: np.arcsin(x) + 1, 0.0, "no value beyond"),
+    ],
+)
+def test_the_warning_says_what_ended(f, start, why):
+    for starts in ([start], [[start]] * 9):
+        with pytest.warns(sf.PoleWarning, match=why):
+            assert (sf.flow(field(f, "x"), starts, time=5.0).status == sf.Status.ENDED).all()
+
+
+@pytest.mark.parametrize("rate", [lambda t: 1 / (2 - t), lambda t: np.cos(t) / np.sin(t - 2)])
+def test_a_pole_of_a_clock_is_told_of(rate):
+    with pytest.warns(sf.PoleWarning, match="pole"):
+        sf.flow(field(lambda s: (rate(s[1]), 1.0)), [1.0, 0.0], time=5.0)
+
+
+def test_choices_that_change_twice_within_what_would_be_a_step():
+    """A state passes through a thin slab, of which each side would be seen alone."""
+    f = field(lambda s: (s[1], np.where((s[0] > 1.0) & (s[0] < 1.002), -300.0, 0.0)), "x v")
+    motion = sf.flow(f, [0.0, 2.0], time=20.0)
+    v = np.sqrt(4.0 - 2 * 300 * 0.002)
+    inside = 2 * 0.002 / (2.0 + v)
+    np.testing.assert_allclose(motion.x[0], [1.002 + v * (19.5 - inside), v], rtol=1e-9)

@@ -59,14 +59,23 @@ class Choices:
             self._choose(flat, k, own, np.zeros(len(k)))
             self._forget_low(flat, k, before)
             ahead = _AHEAD * np.where(t > 0.0, t, self.motion.last)
-            back = self._jumps_ahead(flat, k, own, ahead)  # the step after this one is short then
-            flat[k[back], rows.wanted] = 16.0 * ahead[back]
+            back = self._jumps_ahead(flat, k, own, ahead)
+            if back.any():
+                self._seek(flat, k[back], ahead[back])
             slides = self.often[own] >= _BACK_AND_FORTH
             state[k] = np.where(slides, State.SLIDING, state[k] - State.CHANGED)
         t = flat[:, rows.t]
         (k,) = np.nonzero((state == State.ENDED) & ((t > self.at[which]) | (t == 0.0)))
         if k.size:
             self._go_on(flat, k, which[k])
+
+    def _seek(self, flat, k, ahead):
+        """Let the next steps of rows k end on a surface that they cross within a time."""
+        rows, watched = self.motion.rows, self.conditions.D
+        flat[k, rows.far : rows.far + watched] = self._ahead(flat, k, ahead)[:, :watched]
+        flat[k, rows.whole], flat[k, rows.wanted] = flat[k, rows.wanted], ahead
+        flat[k, rows.inner], flat[k, rows.outer] = 0.0, ahead
+        flat[k, rows.weight], flat[k, rows.rounds] = 0.0, 0.0
 
     def _forget_low(self, flat, k, before):
         """Forget that components were small to which the jump of f is an inflow of their own."""

@@ -11,14 +11,17 @@ from ..code.compiler import call, compiled
 from ..compiling.threads import in_parts
 from ..fields.lines import zeros
 from ..lists.variational import Variational
-from .arguments import COMPONENT, SLOT, Arguments, Numbers
+from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Numbers
 from .choosing import Choices
 from .explicit import lane_numbers
 from .half import Half
-from .rows import BEGINS, OF_CHANGES, State
+from .rows import BEGINS, OF_CHANGES, Cause, State
 from .rules import MOST_AT_ONCE, MOST_STEPS, SECTION_PARTS, first_part, limit_of
 from .text import text_of_half
 
+# Parts of the time: within which f has no value where a solution ends, and in which one that goes
+# to infinity doubles.
+_AHEAD, _AT_ONCE = (2.0**-43, 2.0**-40, 2.0**-36), 2.0**-30
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
 RECORDS = 4096  # of changes, after which Python takes them
@@ -50,6 +53,11 @@ def components_of(f, atol):
     return found
 
 
+def is_bounded(f):
+    """Return whether steps are at most a part of the time: f has clocks, or it may jump."""
+    return bool(f.clocks) or (f.conditions is not None and f.conditions.jumps > 0)
+
+
 def numbers_of(f, settings, sign, first, second, last):
     """Return `Numbers`, for the moduli of the first two times and the last one."""
     return Numbers(
@@ -57,7 +65,7 @@ def numbers_of(f, settings, sign, first, second, last):
         last,
         sign,
         first_part(settings.rtol),
-        min(settings.longest, last / 32.0 if f.clocks else np.inf),
+        min(settings.longest, last / 32.0 if is_bounded(f) else np.inf),
         limit_of(settings.rtol),
         float(settings.stiff is None),
         first,
@@ -154,6 +162,7 @@ class Motion:
     t, steps, implicit_steps, state   of each trajectory: modulus of the time at which it ended, the
              numbers of its steps and of those by the implicit half, and its `State`
     grown    of each trajectory a component that fell and grew, see `rules.LOW`, -1 if none
+    causes   why solutions ended, a `Cause`
     stops    `Stops` of changes, if f has them; times may then begin with 0
     records  arrays (-, 3 + 2 D) of what changes did: the trajectory and the number of the change,
              two integers, the modulus of the time, and the states before and after
@@ -173,7 +182,7 @@ class Motion:
         self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
         self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
         self.places, self.is_stopped = np.zeros(len(x0), np.int64), False
-        self.grown = np.full(len(x0), -1)
+        self.grown, self.causes = np.full(len(x0), -1), np.zeros(len(x0), np.int8)
         self.rows = half_of(f, False, self.has_atol).rows
         self.records, self.stops = [], None
         if f.changes:
@@ -233,6 +242,9 @@ class Motion:
             own = flat[which]
         self.t[block], self.steps[block] = flat[:, rows.t], flat[:, rows.steps]
         self.state[block] = flat[:, rows.state]
+        (k,) = np.nonzero(flat[:, rows.state] == State.ENDED)
+        if k.size:
+            self.causes[block.start + k] = self._causes_of_end(flat[k], numbers[k])
         low = flat[:, rows.low : rows.far] >= 3.0
         if low.any():
             self.grown[block] = np.where(low.any(axis=1), low.argmax(axis=1), -1)
@@ -240,6 +252,26 @@ class Motion:
             limit = flat[:, rows.of_changes + OF_CHANGES.at]
             is_limit = flat[:, rows.state] == State.ACCUMULATES
             self.t[block] = np.where(is_limit, limit, self.t[block])
+
+    def _causes_of_end(self, flat, which):
+        """Return a `Cause` for each of these rows of trajectories `which`."""
+        rows, f = self.rows, self.f
+        D = f.of.D if isinstance(f, Variational) else f.D
+        table = self.table if self.table.ndim == 1 else self.table[which]
+        x, t = flat[:, : f.D].T, flat[:, rows.t]
+        rates = flat[:, rows.f : rows.f + f.D + len(f.denominators)].T
+        has_none = has_pole = np.zeros(len(flat), bool)
+        with np.errstate(all="ignore"):
+            for part in _AHEAD:
+                ahead = x + self.numbers[NUMBER.sign] * part * t * rates[: f.D]
+                found = f.value_and_denominators(ahead, table.T)
+                has_none = has_none | np.isnan(found[:D]).any(axis=0)
+                has_pole = has_pole | (found[f.D :] * rates[f.D :] < 0.0).any(axis=0)
+            growth = self.numbers[NUMBER.sign] * x[:D] * rates[:D]
+            doubles = (growth * (_AT_ONCE * t) >= x[:D] ** 2) & (growth > 0.0)
+        escapes = doubles.any(axis=0) | ~np.isfinite(rates[:D]).all(axis=0)
+        of_others = np.where(escapes, Cause.ESCAPE, Cause.POLE)
+        return np.where(has_pole, Cause.POLE, np.where(has_none, Cause.NO_VALUE, of_others))
 
     def _table(self, half, rows, which):
         """Return the numbers that functions read: for all trajectories, or for each (K, n)."""

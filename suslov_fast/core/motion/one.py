@@ -26,7 +26,7 @@ from .rows import BEGINS, OF_CHANGES, State
 PLANS = 256  # that are kept
 _SIZE = 8  # bytes of a number
 
-DONE, ACCUMULATES = int(State.DONE), int(State.ACCUMULATES)
+DONE, ENDED, ACCUMULATES = map(int, (State.DONE, State.ENDED, State.ACCUMULATES))
 
 
 @functools.lru_cache(PLANS)
@@ -57,8 +57,9 @@ def motion_of_one(f, table, x, times, sign, settings, stops=None, enough=inf, si
     """Return states at ascending moduli of times, an array of numbers, t, steps, state and `grown`.
 
     `table` of f, `x` and `times` are the bytes of their numbers. The result is None if a step would
-    be implicit and the trajectory has to choose: then `engine.Motion` computes the motion. With
-    `Stops` states are NaN where there are none, and arrays of records come last.
+    be implicit and the trajectory has to choose, or the solution ends: then `engine.Motion`
+    computes the motion. With `Stops` states are NaN where there are none, and arrays of records
+    come last.
     """
     plan = _plan(f, table, settings, sign)
     code, arguments, numbers, rows, work, places, budget, _ = plan
@@ -97,7 +98,7 @@ def motion_of_one(f, table, x, times, sign, settings, stops=None, enough=inf, si
         if is_done:
             break
     state = int(rows[places.state])
-    if state < DONE:  # the other half goes on
+    if state < DONE or state == ENDED:  # the other half goes on, or looks for the cause
         return None
     low = rows[places.low : places.far]
     grown = low.index(3.0) if 3.0 in low else -1

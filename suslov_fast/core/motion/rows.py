@@ -25,6 +25,15 @@ class State(IntEnum):
     CHANGED_IMPLICIT = 10
 
 
+class Cause(IntEnum):
+    """Why a solution ended."""
+
+    UNKNOWN = 0
+    ESCAPE = 1  # a component would double at once, and again
+    POLE = 2  # f becomes infinite
+    NO_VALUE = 3  # f has none ahead
+
+
 BEGINS = -1.0  # in place of a `State` before the first step
 
 
@@ -122,7 +131,7 @@ class Work(NamedTuple):
     served: int  # 1 where a step aside has reached its time, else 0
     t: int  # time before the step
     ratios: int  # the largest error and the largest `apart` of it, by what is allowed (2)
-    fallen: int  # 1 where a component is low, see `rules.LOW`
+    fallen: int  # 1 where a component may be low, see `rules.LOW`
     at_surface: int  # 1 where the step ends on a surface, else 0
     between: int  # two states, between which surfaces are crossed or not (2 watched)
     sides: int  # what `Rows.side` holds (2 surfaces)

@@ -245,9 +245,9 @@ def _is_low(new, largest, f_new, inverse, last, rtol):
 
 
 @_rule
-def FALLEN(new, largest, f_new, inverse, last, rtol, fallen):
-    """1 where a component is low."""
-    return {"fallen": _is_low(new, largest, f_new, inverse, last, rtol).select(1.0, fallen)}
+def FALLEN(new, largest, rtol, fallen):
+    """1 where a component may be low."""
+    return {"fallen": (abs(new) < rtol * largest).select(1.0, fallen)}
 
 
 @_rule

@@ -129,8 +129,7 @@ def _errors(lines, own, sizes):
             inputs = {"error": apart, "inverse": inverse, "ratio": sums.apart}
             found["apart"] = lines.apply(rules.LARGER_RATIO, **inputs)["ratio"]
             if half.low and first == 0:
-                inputs = {"inverse": inverse, "fallen": sums.fallen}
-                found |= lines.apply(rules.FALLEN, i, **inputs)
+                found |= lines.apply(rules.FALLEN, i, fallen=sums.fallen)
             sums.update(found)
             work.error[i] = inverse
     if half.low:

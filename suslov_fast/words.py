@@ -259,8 +259,7 @@ _TABLE = {
     ("maxlyapunov largestlyapunov lyapunovexponent", "",
      "suslov_fast.lyapunov_exponents(system, x0, time=T)[..., 0], the largest"),
     ("root fsolve fixedpoint equilibria equilibrium steadyline steadystate", "",
-     "suslov_fast.fixed_points(system), points in an array, or of a Field "
-     "scipy.optimize.root(field, x0, jac=field.jacobian), one by one"),
+     "suslov_fast.fixed_points(system, near=x0), or those of a quadratic field without near"),
     ("frominertia frommatrix fromtensor", "from_inertia from_mass_tensor",
      "from_function(lambda x: A @ x, len(A))"),
     ("inn iii", "", "J, of J_i = I_ii + I_nn, and I, of I_i = I_in, or from_mass_tensor"),

@@ -25,8 +25,9 @@ class Status(IntEnum):
     dimensions, where the :func:`criticality` is 1 or more; `PASSED_POLE` is for all others, see
     :class:`PoleWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING`, `ACCUMULATES` and
     `TOO_MANY_STEPS` are solutions that stop before the last time, `NONFINITE` those without a value
-    at the start, and `STOPPED`, which is positive, those that a change of the state ends. `message`
-    explains the status.
+    at the start, and `STOPPED`, which is positive, those that a change of the state ends.
+    `DEGENERATE` and `NOT_FOUND` are for :func:`fixed_points` near states. `message` explains the
+    status.
 
     Examples
     --------
@@ -49,6 +50,8 @@ class Status(IntEnum):
     TOO_MANY_STEPS = codes.TOO_MANY_STEPS
     ACCUMULATES = codes.ACCUMULATES
     STOPPED = codes.STOPPED
+    DEGENERATE = codes.DEGENERATE
+    NOT_FOUND = codes.NOT_FOUND
 
     @property
     def message(self) -> str:
@@ -82,6 +85,8 @@ _MESSAGES = {
     ),
     Status.ACCUMULATES: "changes of the state follow one another without end",
     Status.STOPPED: "finished: a change of the state ended it",
+    Status.DEGENERATE: "an equilibrium is degenerate, as at a fold: f' is singular there",
+    Status.NOT_FOUND: "no equilibrium is found from this state: pass a nearer one",
 }
 
 

@@ -6,14 +6,17 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import count, product
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..bodies.base import Body
+from ..bodies.classes import BodyOrField
 from ..bodies.fields.field import QuadraticField
-from ..checks import FloatArray, OneOrEach, extra, warn, wrong
+from ..checks import FloatArray, OneOrEach, extra, instance, warn, wrong
 from ..keywords import public
+from .equilibria import Equilibria, equilibria
 
 try:
     import flint
@@ -22,29 +25,50 @@ except ImportError:  # not needed for one variable
 
 Points = set[tuple[float, ...]]
 
-_BEYOND = "scipy.optimize.root(lambda x: vector_field(field, x), x0) finds one near x0"
+_BEYOND = "fixed_points(system, near=x0) finds one near x0"
 _SHOWN = 10  # members with infinitely many fixed points that a warning names
 # Bits of the first computation of coordinates, and bits that must be right before rounding.
 _BITS, _LEAST_BITS = 192, 100
 
 
-@public
-def fixed_points(field: Body, /) -> OneOrEach:
-    """All real fixed points of a field, which are those of its Kahan map for every step size.
+@overload
+def fixed_points(system: BodyOrField, /, near: None = None) -> OneOrEach: ...
 
-    They are found by exact elimination (Groebner bases), so none is missed. Kahan's map has no
-    others, because (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x).
+
+@overload
+def fixed_points(system: BodyOrField, /, near: ArrayLike) -> Equilibria: ...
+
+
+@public
+def fixed_points(system: BodyOrField, /, near: ArrayLike | None = None) -> OneOrEach | Equilibria:
+    """Equilibria near given states, or all real ones of a quadratic field of few variables.
+
+    With `near` they are found by Newton's method for f(x) = 0 with the exact f', from all states at
+    once. Without `near` they are found by exact elimination (Groebner bases), so none is missed.
+    The fixed points of Kahan's map are the same for every step size, because
+    (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x).
 
     Parameters
     ----------
-    field : QuadraticField or a body
-        A single field, or a batch, of at most 3 variables; more than one variable needs the extra
-        `algebra`.
+    system : QuadraticField, Field or a body
+        A single one, or a batch. Without `near` a quadratic field of at most 3 variables; more than
+        one variable needs the extra `algebra`.
+    near : array_like(float, shape=(..., D)), optional
+        States near equilibria, which broadcast with the batch. NaN gives NaN.
 
     Returns
     -------
-    ndarray(float, shape=(k, D)), or a list or an array of them
-        Each point once, sorted by components. A batch with one axis gives a
+    Equilibria, ndarray(float, shape=(k, D)), or a list or an array of these
+        With `near`, a named tuple of `states` (..., D), `eigenvalues` of f' (..., k) by decreasing
+        real part, and `status` (...), a :class:`Status`: the equilibrium of each state. Variables
+        with a constant rate, such as time, keep the value that they have in `near`, and count
+        neither in the condition nor in the eigenvalues. On a curve of equilibria a point near the
+        given one is found, and of a body without a rotor the nearest one. If Newton's method does
+        not converge at once, shorter steps begin, and then ``scipy.optimize.root``, by its methods
+        "hybr" and "lm"; what they find may be far. NaN, with a negative status, for a state from
+        which none is found, and where one is degenerate, as at a fold.
+
+        Without `near`, each point once, sorted by components. A batch with one axis gives a
         list, with several an array of objects of its shape: ``points[i, j]`` is the array of a
         member. If a member has as many points as the one before it (to the left, or above at the
         beginning of a row), its points are in the order of those, by the least sum of distances.
@@ -52,11 +76,18 @@ def fixed_points(field: Body, /) -> OneOrEach:
 
     Raises
     ------
+    TypeError
+        If a `Field` is passed without `near`.
     ValueError
-        If there are more than 3 variables, or infinitely many fixed points of a single field, as
-        for all Suslov bodies: the message describes their steady states. For D = 3, curves of
-        complex fixed points count, even without real points, such as the intersection of two
-        ellipsoids.
+        Without `near`, if there are more than 3 variables, or infinitely many fixed points of a
+        single field, as for all Suslov bodies: the message describes their steady states. For
+        D = 3, curves of complex fixed points count, even without real points, such as the
+        intersection of two ellipsoids.
+
+    Warns
+    -----
+    UserWarning
+        Once for all states without an equilibrium.
 
     Examples
     --------
@@ -69,11 +100,27 @@ def fixed_points(field: Body, /) -> OneOrEach:
     array([[-9., -9., 27.],
            [ 0.,  0.,  0.],
            [ 9.,  9., 27.]])
+
+    A pendulum with friction and a torque, for three torques:
+
+    >>> import numpy as np
+    >>> from suslov_fast import Field
+    >>> pendulum = Field.from_function(
+    ...     lambda x, m: (x[1], m - np.sin(x[0]) - 0.1 * x[1]), "q p", m=[0.0, 0.3, 0.6]
+    ... )
+    >>> found = fixed_points(pendulum, near=[0.1, 0.0])
+    >>> found.states[:, 0].round(6)
+    array([0.      , 0.304693, 0.643501])
+    >>> found.eigenvalues.real.max(axis=-1).round(6)
+    array([-0.05, -0.05, -0.05])
     """
-    exact = QuadraticField.of(field)
+    instance("system", system, Body)
+    if near is not None:
+        return equilibria(system, near)
+    exact = QuadraticField.of(system)
     if exact.dimension > 3:
-        raise wrong("field", "have at most 3 variables", f"{exact.dimension}: {_BEYOND}")
-    points: OneOrEach = _in_order(exact, field) if exact.shape else _points_of(exact, field)
+        raise wrong("system", "have at most 3 variables", f"{exact.dimension}: {_BEYOND}")
+    points: OneOrEach = _in_order(exact, system) if exact.shape else _points_of(exact, system)
     return points
 
 

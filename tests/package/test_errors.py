@@ -510,7 +510,7 @@ ATTRIBUTES = [
     (sf, "odeint", "flow"), (sf, "zoo", "integrability"),
     (sf, "pictures", r"plot_phase\(\*suslov_fast.Suslov3D\.figure\(k\)\)"),
     (sf, "nothing", ""), (sf.integrability, "nothing", ""),
-    (sf, "equilibria", r"scipy\.optimize\.root"), (sf, "limit_cycle", "periodic_orbit"),
+    (sf, "equilibria", "fixed_points"), (sf, "limit_cycle", "periodic_orbit"),
     (sf, "bifurcation_diagram", r"c=array"), (RUN, "H", r"energy\(\)"), (POINTS, "first", "states"),
     (sf.integrability, "invariant_measure", r"report\(field\)\.measures"),
     (sf.integrability, "hirota_kimura_basis", "hk_bases"),

@@ -85,8 +85,8 @@ def test_families_with_several_axes():
 
 def test_cases_that_are_refused():
     cases = [
-        (QuadraticField(np.ones((4, 4, 4))), "root"),
-        (QuadraticField([[[0]]]), "infinitely many fixed points: scipy.optimize.root"),
+        (QuadraticField(np.ones((4, 4, 4))), "near=x0"),
+        (QuadraticField([[[0]]]), "infinitely many fixed points: fixed_points"),
         (QuadraticField(np.zeros((2, 2, 2))), "infinitely many fixed points"),
         (QuadraticField.of(sf.Suslov3D(4, 1, -0.5, -0.3)), "infinitely many fixed points"),
         (sf.Suslov3D(4, 1, -0.5, -0.3), r"infinitely many fixed points.* c \(I23, -I13\)"),
@@ -103,7 +103,7 @@ def test_members_with_infinitely_many_fixed_points_are_none():
     """One warning names them; the others keep their points."""
     rows = lambda x, a, b: (a * x[0], x[1] - b)  # noqa: E731
     family = QuadraticField.from_function(rows, 2, a=[1.0, 0.0, 2.0, 0.0], b=[1.0, 2.0, 3.0, 4.0])
-    message = r"fixed points of member 1 \(a=0.0, b=2.0\), of member 3 .*None.*root"
+    message = r"fixed points of member 1 \(a=0.0, b=2.0\), of member 3 .*None.*near=x0"
     with pytest.warns(UserWarning, match=message) as told:
         found = fixed_points(family)
     assert len(told) == 1
@@ -124,3 +124,90 @@ def test_points_beyond_the_range_of_numbers():
     )  # y = 1e120, x = 1e360
     with pytest.raises(ValueError, match="beyond the range of float64: use other units"):
         fixed_points(field)
+
+
+def _near(f, near, **parameters):
+    return fixed_points(sf.Field.from_function(f, np.shape(near)[-1], **parameters), near=near)
+
+
+TORQUES = np.array([0.0, 0.3, 0.6, 1.0, 1.2])
+
+
+def test_equilibria_of_families_and_folds():
+    """Of a pendulum with a torque; at torque 1 two of them meet."""
+    with pytest.warns(UserWarning, match=r"4 of 10 starts.*\(0, 3\) of member 3 \(m=1.0\)") as told:
+        found = _near(
+            lambda x, m: (x[1], m - np.sin(x[0]) - 0.1 * x[1]), [[[0.1, 0]], [[0.2, 0]]], m=TORQUES
+        )
+    assert len(told) == 1
+    q = np.arcsin(TORQUES[:3])
+    np.testing.assert_allclose(found.states[:, :3, 0], [q, q], atol=1e-14)
+    np.testing.assert_allclose(found.states[:, :3, 1], 0.0, atol=1e-14)
+    roots = -0.05 + np.sqrt(0.0025 - np.cos(q) + 0j)
+    np.testing.assert_allclose(found.eigenvalues[1, :3, 0], roots, rtol=1e-12)
+    assert np.isnan(found.states[:, 3:]).all()
+    assert np.isnan(found.eigenvalues[:, 3:]).all()
+    S = sf.Status
+    assert found.status.tolist() == [[S.OK, S.OK, S.OK, S.DEGENERATE, S.NOT_FOUND]] * 2
+
+
+@pytest.mark.parametrize(
+    ("f", "near", "status"),
+    [
+        (lambda x: (x[0] ** 2,), [0.1], sf.Status.DEGENERATE),
+        (lambda x: (x[0] ** 2,), [0.0], sf.Status.DEGENERATE),
+        (lambda x: ((x[0] - 1) ** 2, -x[1]), [0.1, 0.2], sf.Status.DEGENERATE),
+        (lambda x: (-(x[0] ** 3),), [0.1], sf.Status.DEGENERATE),
+        (lambda x: (x[0] ** 2 + 1, -x[1]), [0.1, 0.2], sf.Status.NOT_FOUND),
+        (lambda x: (x[1], x[1] + 1), [0.1, 0.2], sf.Status.NOT_FOUND),
+        (lambda x: (np.log(x[0]),), [-1.0], sf.Status.NONFINITE),
+    ],
+)
+def test_states_without_a_regular_equilibrium(f, near, status):
+    with pytest.warns(UserWarning, match="1 of 1 starts"):
+        found = _near(f, near)
+    assert found.status == status
+    assert np.isnan(found.states).all()
+
+
+def test_equilibria_that_newton_reaches_from_afar():
+    found = _near(lambda x: (np.exp(x[0]) - 1,), [[0.1], [0.0], [5.0], [-3.0], [np.nan]])
+    np.testing.assert_allclose(found.states[:, 0], [0, 0, 0, 0, np.nan], atol=1e-15)
+    assert found.status.tolist() == [0, 0, 0, 0, sf.Status.NONFINITE]
+    assert _near(lambda x: (np.log(x[0]),), [20.0]).states.tolist() == [1.0]
+    lorenz = QuadraticField.from_function(
+        lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - F(8, 3) * x[2]), 3
+    )
+    starts = np.random.default_rng(0).normal(size=(30, 3)) * 20
+    found = fixed_points(lorenz, near=starts)
+    far = abs(found.states[:, np.newaxis] - fixed_points(lorenz)).max(axis=-1).min(axis=-1)
+    assert far.max() < 1e-12
+    assert not found.status.any()
+
+
+def test_clocks_and_curves_of_equilibria():
+    """Clocks keep their values; a conserved sum leaves a curve, of which a near point is found."""
+    found = _near(lambda s: (s[1], -np.sin(s[0]) - 0.1 * s[1] + np.sin(s[2]), 1.0), [0.1, 0.0, 0.5])
+    np.testing.assert_allclose(found.states, [0.5, 0.0, 0.5], atol=1e-14)
+    assert found.eigenvalues.shape == (2,)
+    found = _near(lambda x: (1.0,), [3.0])
+    assert (found.states.tolist(), found.eigenvalues.shape) == ([3.0], (0,))
+    bound = _near(lambda x: (x[2] - 3 * x[0] * x[1],) * 2 + (3 * x[0] * x[1] - x[2],), [1, 1.1, 1])
+    a, b, c = bound.states
+    assert abs(c - 3 * a * b) < 1e-14
+    assert abs(bound.states - [1, 1.1, 1]).max() < 1.0
+    assert (abs(bound.eigenvalues) < 1e-14).sum() == 2
+
+
+def test_steady_states_near_those_of_bodies():
+    bodies = sf.Suslov3D([4, 3], 1, -0.5, [-0.3, -0.25])
+    found = fixed_points(bodies, near=[[[1.0, 0.5]], [[0.3, -0.2]]])
+    assert abs(sf.vector_field(bodies, found.states)).max() < 1e-16
+    np.testing.assert_allclose(found.states[0, 0], -0.05 / 0.34 * np.array([-0.3, 0.5]))
+    body = sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3])
+    assert abs(sf.vector_field(body, fixed_points(body, near=[1, 0.5, 0.2]).states)).max() < 1e-15
+    rotor = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 1)
+    found = fixed_points(rotor, near=[1.0, 0.5])
+    assert abs(sf.vector_field(rotor, found.states)).max() < 1e-15
+    with pytest.raises(TypeError, match="fixed_points"):
+        fixed_points(sf.Field.from_function(lambda x: (np.sin(x[0]),), 1))

@@ -74,8 +74,9 @@ def flow(
         the rate 1: ``Field.from_function(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
-        times the largest absolute value that the component has had on the trajectory, or 2**-20 of
-        the largest component's if that is more.
+        times the largest absolute value that the component has had on the trajectory, or 2**-60 of
+        the largest component's if that is more. One warning names a component that fell below that
+        and grew to 1,000 times it again: pass ``atol=0``.
     atol : float or array_like(float, shape=(D,)), optional
         Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
         below ``atol[i] + rtol * abs(x[i])``, or the rounding error of the step if that is more, so
@@ -103,8 +104,8 @@ def flow(
         The states (n, ..., D), with the status of each trajectory. A solution that ends, because it
         escapes to infinity or reaches a pole, is NaN from there on; so is one that takes more than
         250,000 steps from one time to the next, and a solution of equations without a value at x0.
-        One :class:`PoleWarning` counts them, and says when the first one ends. NaN for a state that
-        contains NaN, without a warning.
+        One :class:`PoleWarning` counts them, and says when the first one ends, and of what. NaN for
+        a state that contains NaN, without a warning.
 
     Raises
     ------

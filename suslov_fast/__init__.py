@@ -33,13 +33,13 @@ __version__ = "1.0.0"
 # The imports in `__init__.pyi` are the list of public names; by the loader, because the package may
 # be in an archive.
 _LIST = __loader__.get_data(str(Path(__file__).with_suffix(".pyi"))).decode()
-_MODULE_OF = {
+MODULE_OF = {
     alias.name: f".{node.module}"
     for node in ast.parse(_LIST).body
     if isinstance(node, ast.ImportFrom)
     for alias in node.names
 }
-__all__ = sorted(_MODULE_OF)
+__all__ = sorted(MODULE_OF)
 _MODULES = ("compiled", "integrability")
 
 
@@ -54,9 +54,9 @@ def __getattr__(name: str) -> object:
     """Import the module of a public name when the name is first used."""
     if name in _MODULES:
         return _imported(f".{name}")
-    if name not in _MODULE_OF:
+    if name not in MODULE_OF:
         raise import_module(".keywords", __name__).lacking(sys.modules[__name__], name)
-    value: object = getattr(_imported(_MODULE_OF[name]), name)
+    value: object = getattr(_imported(MODULE_OF[name]), name)
     globals()[name] = value
     return value
 

@@ -19,8 +19,8 @@ Kind = TypeVar("Kind", bound="Body")
 # Attributes for other modules, which `dir` hides from users.
 HIDDEN = frozenset(
     "arrays axes batch_of_one called constants coordinates derived_by described labels "
-    "has_map listed_right_hand_sides may_escape of_member positive read reduction "
-    "remake right_hand_side right_hand_sides steady texts without_value".split()
+    "has_map listed_right_hand_sides may_escape of_member parts positive read reduction "
+    "remake right_hand_side right_hand_sides steady texts with_parts without_value".split()
 )
 
 
@@ -104,7 +104,7 @@ class Body(Members):
         _ = self.shape  # raises if the parameters do not broadcast
 
     @cached_property
-    def _parts(self) -> dict[str, Any]:
+    def parts(self) -> dict[str, Any]:
         """The parameters that are not None, by name; those of a single field are exact."""
         named = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in named.items() if value is not None}
@@ -120,14 +120,14 @@ class Body(Members):
         self._take(parts)
         return self
 
-    def _with(self: Kind, parts: Mapping[str, Any]) -> Kind:
+    def with_parts(self: Kind, parts: Mapping[str, Any]) -> Kind:
         """Return a copy of the body with these parameters, checked before."""
         return self._of(parts)
 
     @property
     def arrays(self) -> dict[str, FloatArray]:
         """The parameters by name, as arrays of floats."""
-        return {name: np.asarray(each, np.float64) for name, each in self._parts.items()}
+        return {name: np.asarray(each, np.float64) for name, each in self.parts.items()}
 
     @property
     def described(self) -> dict[str, Any]:
@@ -173,7 +173,7 @@ class Body(Members):
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters by name; for a field, the named parameters of its function."""
-        return Parameters(self._parts)
+        return Parameters(self.parts)
 
     @property
     def constants(self) -> tuple[Any, ...]:
@@ -188,7 +188,7 @@ class Body(Members):
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
-        axes, parts = self.axes, self._parts
+        axes, parts = self.axes, self.parts
         shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
         return checks.common_shape(shapes)
 
@@ -206,7 +206,7 @@ class Body(Members):
     @property
     def _key(self) -> tuple[Any, ...]:
         """The values that == and hash compare."""
-        compared = {n: a for n, a in self._parts.items() if n not in self.coordinates}
+        compared = {n: a for n, a in self.parts.items() if n not in self.coordinates}
         return tuple((name, np.shape(a), *np.ravel(a).tolist()) for name, a in compared.items())
 
     def __eq__(self, other: object) -> bool:
@@ -216,7 +216,7 @@ class Body(Members):
         return hash(self._key)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, (self._parts,)
+        return self._of, (self.parts,)
 
     def __repr__(self) -> str:
         name, arrays = type(self).__name__, self.arrays.items()
@@ -248,7 +248,7 @@ class Body(Members):
         >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
         {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
         """
-        return {"body": type(self).__name__, **to_lists(self._parts)}
+        return {"body": type(self).__name__, **to_lists(self.parts)}
 
     @classmethod
     @public

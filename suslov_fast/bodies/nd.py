@@ -103,7 +103,7 @@ class SuslovND(Body):
 
     @cached_property
     def _field(self) -> QuadraticField:
-        parts = (numbers(name, each, bool(self.shape)) for name, each in self._parts.items())
+        parts = (numbers(name, each, bool(self.shape)) for name, each in self.parts.items())
         places, values = self._terms_of(*parts)
         terms = collected(places, within("J and I", values, OTHERS), self.dimension, 2)
         return QuadraticField._of(parts_of(terms, labels(self.dimension)))

@@ -20,7 +20,7 @@ from .stretches import Report
 from .threads import available, call_kernel
 
 # Operations of one call of a kernel, some tenths of a second; Python handles Ctrl-C in between.
-_STRETCH = 2**28
+STRETCH = 2**28
 _IN_PYTHON = 1e-5  # seconds of Python for a number of a step
 
 
@@ -49,7 +49,7 @@ def _at_states(
     rows, fields = math.prod(batch[: len(batch) - len(own)]), math.prod(own)
     x = flat_arrays(problem.omega, batch).reshape(rows, fields, D)
     cost, out = len(problem.map.stages.fractions) * D**3, np.empty((rows, fields, *shape))
-    width = max(_STRETCH // (16 * cost), 1)  # few enough for tables in the caches
+    width = max(STRETCH // (16 * cost), 1)  # few enough for tables in the caches
     for where, (scheme, *parameters) in groups_of_alike(problem, own):
         states, values = x[:, where], out[:, where]  # views if where is ALL, else copies
         count = states.shape[1]
@@ -169,8 +169,8 @@ def _parts(problem: Problem, start: FloatArray) -> Iterator[_Part]:
     for where, (scheme, *parameters) in groups_of_alike(problem, problem.batch):
         states, cost = start[where], tangent.operations_of(scheme)
         block = 64 * (problem.threads or available())
-        width = max(block, _STRETCH // (64 * cost) // block * block)
-        width = max(min(len(states), width, _STRETCH // cost), 1)
+        width = max(block, STRETCH // (64 * cost) // block * block)
+        width = max(min(len(states), width, STRETCH // cost), 1)
         for begin in range(0, len(states), width):
             part = slice(begin, begin + width)
             x = states[part]
@@ -209,7 +209,7 @@ def _grow(
             work = part.cost * len(part.x) * (stop - start) // 20
             _grow_part(part, (start, stop, last), work, threads)
 
-    length = max(_STRETCH // max(sum(part.cost * len(part.x) for part in parts), 1), 1)
+    length = max(STRETCH // max(sum(part.cost * len(part.x) for part in parts), 1), 1)
     n, (transient, end) = 0, ends
     for last in ends:
         for part in parts:  # sums over the transient do not count

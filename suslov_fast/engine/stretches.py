@@ -27,19 +27,19 @@ from .problem import MANY, Problem
 from .threads import call_kernel
 
 # Work of a thread in a stretch, and cost of saving a state; the unit is a step of the 3D map.
-_STRETCH, _SAVING = 2**26, 8.0
+STRETCH, _SAVING = 2**26, 8.0
 # Seconds: after a shorter stretch the next one has twice as many steps, after a longer one half.
 _SHORT, _LONG = 0.02, 0.1
 # Seconds that Python takes for a part of a step, and trajectories that kernels take one by one.
 _IN_PYTHON, _FEW = 1e-5, 6
 # Work of a stretch with orientations: the number of states times n**2.
-_TURNING = 2**24
+TURNING = 2**24
 # Work of a run that one call of the kernel takes.
 _SHORT_RUN = 1e5
 
 # The least number of steps from one report of progress to the next, for the 3D map; a fourth of it
 # for slower maps. After each report the states of a large batch are read from memory again.
-_BETWEEN = 256
+BETWEEN = 256
 
 Progress = bool | None | Callable[[int, int], object]  # the argument of long computations
 Report = Callable[[int], bool]  # takes the number of steps done so far; False ends the run
@@ -300,8 +300,8 @@ class March:
             cost = max(self.steps.cost(D, arguments), 0.1) + (_SAVING / every if every else 0.0)
             blocks = max(-(-len(self.omega0 if where is ALL else where) // lanes), 1)
             work += cost * blocks * lanes / min(blocks, threads)
-            fewest = max(int(_BETWEEN / min(cost, 4.0)), fewest)
-        return max(int(_STRETCH / work), fewest)
+            fewest = max(int(BETWEEN / min(cost, 4.0)), fewest)
+        return max(int(STRETCH / work), fewest)
 
     def _all_to(self, stop: int, every: int, saved: FloatArray) -> None:
         """Continue all trajectories, group by group, to state `stop`."""
@@ -333,9 +333,9 @@ class March:
         step = self.steps.cost(D, arguments)
         cost = step + (_SAVING / every if every else 0.0)
         width, length = -(-size // lanes) * lanes or lanes, stop - n or 1
-        if width * length * cost > _STRETCH:
+        if width * length * cost > STRETCH:
             most = threads or numba.config.NUMBA_NUM_THREADS
-            budget = min(width // lanes, most) * _STRETCH / cost  # steps of single trajectories
+            budget = min(width // lanes, most) * STRETCH / cost  # steps of single trajectories
             unit = lanes * most  # multiples of it give all threads as many blocks
             width = min(max(int(budget / length) // unit, 1) * unit, width)
             length = max(int(budget / width), 1)
@@ -365,7 +365,7 @@ class March:
     ) -> None:
         """Continue with orientations: compute all states of a stretch, then rotate along them."""
         (size, D), n, turned, row = self.omega0.shape, self.n, self.turned, 0
-        length = min(max(_TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop - n, 1))
+        length = min(max(TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop - n, 1))
         path = np.empty((length + 1, size, D))
         eps = flat_parameter(self.problem.eps, self.problem.batch)
         axial = self.problem.map.attitude == "axial"

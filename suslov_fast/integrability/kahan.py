@@ -266,10 +266,10 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
 
 def _in_decimals(body: Any) -> QuadraticField:
     """Return the field of a single body or field with its floats as decimals."""
-    decimals, parts = np.vectorize(as_decimal, "O"), dict(body._parts)
+    decimals, parts = np.vectorize(as_decimal, "O"), dict(body.parts)
     is_field = isinstance(body, QuadraticField)
     for name in {H_VALUES, VALUES, *body.parameters} & {*parts} if is_field else parts:
         parts[name] = decimals(parts[name])[()]
     if is_field and H_VALUES in parts:
         parts[MATRIX] = np.vstack([parts[MATRIX][:2], decimals(parts[MATRIX][2])])
-    return body._with(parts) if is_field else QuadraticField.of(body._of(parts))
+    return body.with_parts(parts) if is_field else QuadraticField.of(body._of(parts))

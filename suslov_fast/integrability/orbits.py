@@ -19,7 +19,7 @@ from .arithmetic import fmpq
 from .contracted import LONGEST, Passage, Plane, PlaneModulo
 from .polynomials import cleared, modulo, primitive, value_at
 
-_SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
+SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
 _TRIES = 3  # points and numbers in place of eps for each of these
 POINTS = 13  # of an orbit over the rationals
 _NUMBER = Fraction(3, 7)  # in place of a symbolic eps
@@ -28,7 +28,7 @@ _PRIME = 2**61 - 1  # numbers with different residues are different
 
 def why_never(plane: Plane, number: int, passage: Passage) -> str:
     """Return why an orbit never ends after its last point without an image; "" if unknown."""
-    for p in _SMALL_PRIMES:
+    for p in SMALL_PRIMES:
         rng = random.Random(p)
         for _ in range(_TRIES):
             eps = rng.randrange(1, p)

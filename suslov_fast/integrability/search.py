@@ -312,19 +312,19 @@ class Search:
         exponents = exponents_up_to(k, self.map.dimension)
         independent = count_relations(self.map, exponents).integrals
         if independent > (self.relations or 0):
-            yield Task(partial(self._integrals_between_few_monomials, k), "implicit", k)
+            yield Task(partial(self.integrals_between_few_monomials, k), "implicit", k)
         self.relations = max(self.relations or 0, independent)
         if independent:
-            yield Task(partial(self._quotients_of_relations, k), "quotients", k)
+            yield Task(partial(self.quotients_of_relations, k), "quotients", k)
 
-    def _quotients_of_relations(self, k: int) -> Tasks:
+    def quotients_of_relations(self, k: int) -> Tasks:
         """Add the polynomials of relations of all orbits, if formulas are missing."""
         if len(self.known.integrals) >= (self.relations or 0):
             return []
         exponents = exponents_up_to(k, self.map.dimension)
         return self._add_space(integrals_of_relations(self.map, exponents))
 
-    def _integrals_between_few_monomials(self, k: int) -> Tasks:
+    def integrals_between_few_monomials(self, k: int) -> Tasks:
         """Find integrals from relations between few monomials, if formulas are missing."""
         missing = (self.relations or 0) - len(self.known.integrals)
         exponents = exponents_up_to(k, self.map.dimension)

@@ -13,7 +13,7 @@ from ..engine.status import SingularStepWarning
 from ..maps import Map, map_of
 
 # Operations on a part of a batch, about 0.1 s: D**3 for each state, as for elimination.
-_PART = 2**27
+PART = 2**27
 _FEW = 64  # numbers
 
 
@@ -50,11 +50,11 @@ def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> Floa
     """Return the values for a problem; Python handles Ctrl-C between parts of a large batch."""
     batch, D = problem.batch, problem.body.dimension
     work, length = math.prod(batch) * D**3, max(batch, default=1)
-    if work <= _PART or length == 1:
+    if work <= PART or length == 1:
         return compute(problem)
     # Divide the longest axis; parts that are still too large divide the next one.
     axis = batch.index(length)
-    width = max(length * _PART // work, 1)
+    width = max(length * PART // work, 1)
     where = [slice(0, n) for n in batch]
     values: FloatArray | None = None
     for begin in range(0, length, width):

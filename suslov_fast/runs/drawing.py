@@ -31,7 +31,7 @@ __all__ = ["COLOURS", "axes_for", "plot_crossings", "plot_run", "plt"]
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
 
 # Most dots in a figure, because drawing these takes up to 10 s.
-_MOST_DOTS = 1_000_000
+MOST_DOTS = 1_000_000
 # Most dots that vector formats hold one by one; more are an image there.
 _MOST_VECTORS = 10_000
 # Most dots on lines, because more hide the lines.
@@ -290,8 +290,8 @@ def _dots(
 ) -> tuple[Any, int]:
     """Draw points (K, c) in the colours of their owners; return the dots and their number."""
     shown = np.arange(len(points))
-    if len(points) > _MOST_DOTS:  # at random, because every k-th state may show one of k islands
-        shown = np.random.default_rng(0).choice(len(points), _MOST_DOTS, replace=False)
+    if len(points) > MOST_DOTS:  # at random, because every k-th state may show one of k islands
+        shown = np.random.default_rng(0).choice(len(points), MOST_DOTS, replace=False)
     if colours.values is None:
         style: dict[str, Any] = {"color": colours.single}
     else:

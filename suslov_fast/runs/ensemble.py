@@ -171,7 +171,7 @@ def ensemble(
     whole, store = whole._replace(omega=x0, batch=batch), stores.resolved(store)
     data = _template(whole, task, dims)
     reports = reporter(progress, math.prod(batch) * task.work)
-    group, missing = stores.prepare(store, data, _sizes(data, task, chunk))
+    group, missing = stores.prepare(store, data, sizes_of_chunks(data, task, chunk))
     status = group["status"]
     tiles = [stores.place_of(tile, status.shape, status.chunks) for tile in missing]
     done = math.prod(batch) - sum(count_in(where) for where in tiles)
@@ -289,7 +289,7 @@ def _is_storable(name: Any) -> bool:
     return text.isprintable() and len(text.encode()) <= 200
 
 
-def _sizes(data: Any, task: Task, chunk: Any) -> dict[str, int]:
+def sizes_of_chunks(data: Any, task: Task, chunk: Any) -> dict[str, int]:
     """Return the lengths of chunks along each axis of the batch, and of saved states.
 
     A tile takes whole rows of the last axes. `chunk` is that of :func:`ensemble`.

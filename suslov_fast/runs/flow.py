@@ -268,11 +268,11 @@ def _are_exact(body: Any) -> Any:
 def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:
     """Return the members (K,) of a body that trajectories `where` of the batch have."""
     parts = {}
-    for name, value in body._parts.items():
+    for name, value in body.parts.items():
         array = np.asarray(value)
         inner = array.shape[array.ndim - body.axes.get(name, 0) :]
         parts[name] = np.broadcast_to(array, (*batch, *inner)).reshape(-1, *inner)[where]
-    return body._with(parts)
+    return body.with_parts(parts)
 
 
 def _exact(body: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:

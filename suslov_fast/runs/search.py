@@ -28,9 +28,9 @@ from .functions import returned_at, values_at
 # Numbers in a piece: long, because each piece costs as much as some steps, and each round of a
 # refinement as much as many; but shorter than outputs that kernels write past the caches
 # (`STREAM_FROM`), because the surface reads them again.
-_PIECE = 3 * 2**18
+PIECE = 3 * 2**18
 # Least number of states of each trajectory in a piece, unless these are more than _LARGE numbers.
-_STATES, _LARGE = 8, 2**22
+STATES, _LARGE = 8, 2**22
 # Steps of the first piece of a run that may end early; the length doubles from piece to piece.
 _FIRST = 64
 _WITHOUT_END = 2**62
@@ -173,7 +173,7 @@ class Search:
         march.to(transient, report=report_steps if transient else None)
         self.alive = march.status.ravel().copy()
         width = max(B * D, 1)
-        most = min(max(_PIECE // width, min(_STATES, _LARGE // width), 1), end - transient)
+        most = min(max(PIECE // width, min(STATES, _LARGE // width), 1), end - transient)
         require(8 * (most + 1) * B * (D + 1), "divide the batch")
         states = np.empty((most + 1, *self.batch, D))  # of a piece, and the last one before it
         states[0] = march.final

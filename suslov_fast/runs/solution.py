@@ -21,7 +21,7 @@ from ..keywords import public
 from ..maps import problem
 
 # States per call of the kernel: Python handles Ctrl-C between two calls.
-_SLICE = 2**21
+SLICE = 2**21
 # Costs of preparing an orbit and of computing a state, in steps of the three-dimensional map.
 _ORBIT_COST, _STATE_COST = 64, 8
 _IN_PYTHON = 1e-4  # seconds of Python for a state, of which it computes 128 at least
@@ -146,7 +146,7 @@ def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArra
     orbits = by_constants(plane.body, plane.eps, batch), starts, float(is_number)
     require(8 * times.size * starts.size, "compute fewer states at a time")
     states, reasons = np.empty((times.size, *starts.shape)), np.zeros((3, len(starts)), bool)
-    rows = max(_SLICE // max(len(starts), 1), 1)
+    rows = max(SLICE // max(len(starts), 1), 1)
     for row in range(0, times.size, rows):
         slice_times = flat_times[row : row + rows]
         work = len(starts) * (_ORBIT_COST + _STATE_COST * len(slice_times))

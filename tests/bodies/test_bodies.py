@@ -63,7 +63,7 @@ def test_copies_are_equal_and_immutable(body):
         assert twin.to_dict() == plain
     with pytest.raises(AttributeError):
         setattr(body, list(plain)[1], 3)
-    for array in (each for each in body._parts.values() if isinstance(each, np.ndarray)):
+    for array in (each for each in body.parts.values() if isinstance(each, np.ndarray)):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 7
 

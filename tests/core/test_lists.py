@@ -86,7 +86,7 @@ def same_bits(found, expected):
 def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
     """For lanes with parameters of their own, any alignment."""
     rng = np.random.default_rng(seed)
-    monkeypatch.setattr(machine_code, "_codes", {})
+    monkeypatch.setattr(machine_code, "known_codes", {})
     D, T, steps, stages = 1 + seed // 2 % 4, 1 + seed % 3, 3, STAGES[seed // 4 % 2]
     step = RandomStep(rng, D, T, 60)
     W, B = (1, 2, 4, 8)[seed % 4], (13, 16, 24)[seed % 3] if seed % 4 else 1
@@ -107,10 +107,10 @@ def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
             states = reference(step, x, halves, stages, steps)
             assert same_bits(lines.states(), states[-1])
             assert same_bits(saved, states[every::every] if every else states[:0])
-    kinds = {key[4:7] for key, _ in machine_code._codes}
+    kinds = {key[4:7] for key, _ in machine_code.known_codes}
     assert {W} == {each[0] for each in kinds}
     assert len(kinds) >= (2 if B == 1 else 4)
-    assert None not in machine_code._codes.values()
+    assert None not in machine_code.known_codes.values()
 
 
 def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():

@@ -46,7 +46,7 @@ def volterra(x):
 
 def forget(monkeypatch):
     """Forget all plans and all machine code."""
-    monkeypatch.setattr(machine_code, "_codes", {})
+    monkeypatch.setattr(machine_code, "known_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
     for module, name in ((steps_field, "_step_of"), (tangent, "_tangent_of")):
         plan = functools.cache(getattr(module, name).__wrapped__)
@@ -234,7 +234,7 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
-    made = {key[0] for key, _ in machine_code._codes}  # which take no plan
+    made = {key[0] for key, _ in machine_code.known_codes}  # which take no plan
     assert made <= {"orthonormalise", driver.text_of_called_steps}
 
 
@@ -261,14 +261,14 @@ def test_codes_in_use_are_not_freed(rng, monkeypatch, anew):
 
     run, exponents = sf.iterate(field, x0, 0.02, 200), sf.lyapunov_exponents(field, x0[:2], 0.02, 9)
     monkeypatch.setattr(machine_code, "MOST_CODES", 3)
-    monkeypatch.setattr(stretches, "_STRETCH", 1)
-    monkeypatch.setattr(derivatives, "_STRETCH", 1)
+    monkeypatch.setattr(stretches, "STRETCH", 1)
+    monkeypatch.setattr(derivatives, "STRETCH", 1)
     last = 9
     assert (sf.iterate(field, x0, 0.02, 200, progress=compile_others).x == run.x).all()
     last = 1
     found = sf.lyapunov_exponents(field, x0[:2], 0.02, 9, progress=compile_others)
     assert (found == exponents).all()
-    assert sum(not lasts for *_, lasts in machine_code._codes) <= 3
+    assert sum(not lasts for *_, lasts in machine_code.known_codes) <= 3
     memory = sf.compiled.work(system)
     for _ in range(20):
         assert sf.compiled.step_system(system, x, x, memory) == 0

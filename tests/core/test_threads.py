@@ -332,7 +332,7 @@ def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
 
 @pytest.mark.compiled
 def test_progress(body, capsys, monkeypatch):
-    for name in ("_STRETCH", "_TURNING"):
+    for name in ("STRETCH", "TURNING"):
         monkeypatch.setattr(stretches, name, 2**8)
     seen, omega = [], np.ones((70, 2))
     for kind, options in ((body, {}), (sf.QuadraticField.of(body), {}), (body, {"attitude": True})):

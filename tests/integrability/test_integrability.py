@@ -599,8 +599,8 @@ def test_integrals_with_irrational_coefficients(monkeypatch, with_relations):
     Relations between monomials give them, and so do Darboux polynomials of higher degree.
     """
     if not with_relations:
-        monkeypatch.setattr(Search, "_quotients_of_relations", lambda self, k: ())
-        monkeypatch.setattr(Search, "_integrals_between_few_monomials", lambda self, k: ())
+        monkeypatch.setattr(Search, "quotients_of_relations", lambda self, k: ())
+        monkeypatch.setattr(Search, "integrals_between_few_monomials", lambda self, k: ())
 
     def nambu(x):
         a, b = (2 * x[0], 4 * x[1], 6 * x[2]), (x[1], x[0], 2 * x[2] + 1)

@@ -193,7 +193,7 @@ def test_orbits_that_no_small_prime_decides(monkeypatch):
     translation = planar_entropy(kahan(three_lines(-1, F(3, 2)), THIRD))
     assert (translation.proved, translation.based_on.count("Moebius")) == (True, 1)
     assert translation.lengths.count(None) == 2
-    monkeypatch.setattr(orbits, "_SMALL_PRIMES", ())
+    monkeypatch.setattr(orbits, "SMALL_PRIMES", ())
     lyness = rational_map(
         lambda x: (x[1], (x[0] + x[1] + 1) / x[0]), 2, lambda x: ((x[0] + 1) / (x[1] - 1), x[0])
     )

@@ -159,7 +159,7 @@ def test_large_outputs(mixture, size):
     for threads in (1, TWO_THREADS):
         saved = sf.iterate(*whole, 1800, threads=threads, on_singular="ignore").states
         same([saved], [states])
-    assert None not in core_numba._found.values()  # or parts would run one after the other
+    assert None not in core_numba.known_addresses.values()  # or parts would run one after the other
     same([sf.exact(*whole, n)], [np.concatenate([sf.exact(*each, n) for each in few], 1)])
     run_of_parts = run(*whole, 5).extend(1795, on_singular="ignore")
     same([run_of_parts.states, run_of_parts.status], [states, run(*whole, 1800, None).status])

@@ -169,12 +169,12 @@ def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,), name="iterate"):
 
 def part(body, index, batch):
     """The members of a batch with an index."""
-    parts = dict(body._parts)
+    parts = dict(body.parts)
     for name, value in parts.items():
         if np.asarray(value).dtype.kind in "iufO" and name not in SHARED:
             own = np.shape(value)[np.ndim(value) - body.axes.get(name, 0) :]
             parts[name] = np.broadcast_to(value, (*batch, *own))[index]
-    return body._with(parts)
+    return body.with_parts(parts)
 
 
 def same(first, second):
@@ -220,7 +220,7 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
     alone = list(row.values(*problem, threads=1))
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     same(alone, row.values(*problem, threads=TWO_THREADS))
-    for module, name in ((stretches, "_STRETCH"), (stretches, "_TURNING"), (solution, "_SLICE")):
+    for module, name in ((stretches, "STRETCH"), (stretches, "TURNING"), (solution, "SLICE")):
         monkeypatch.setattr(module, name, 2**6)
     same(alone, row.values(*problem))
 

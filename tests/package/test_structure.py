@@ -71,7 +71,7 @@ def importing(path):
 
 def defining(name):
     """Return the module that defines a public name."""
-    return PACKAGE.name + suslov_fast._MODULE_OF.get(name, "")
+    return PACKAGE.name + suslov_fast.MODULE_OF.get(name, "")
 
 
 # Rooms from the bottom up, and those from which each imports: all below it, and no others.

@@ -113,7 +113,7 @@ def test_axes_are_taken_and_returned():
     ],
 )
 def test_what_is_drawn_of_a_run(body, states, arguments, lines, joined, monkeypatch):
-    monkeypatch.setattr("suslov_fast.runs.drawing._MOST_DOTS", 45_000)  # not a million, for speed
+    monkeypatch.setattr("suslov_fast.runs.drawing.MOST_DOTS", 45_000)  # not a million, for speed
     omega0 = np.random.default_rng(0).uniform(0.5, 2, (states, body.dimension))
     run = sf.iterate(body, omega0, **({"eps": 0.2} | arguments))
     components = (0, body.dimension - 1)
@@ -259,7 +259,7 @@ def test_colours_of_matplotlib_and_titles(monkeypatch):
     assert axes.get_title() == ""
     np.testing.assert_array_equal(axes.collections[0].get_color(), [[*colors.to_rgba("crimson")]])
     assert run.plot(color=(0.1, 0.2, 0.3), title=True).get_title() != ""
-    monkeypatch.setattr("suslov_fast.runs.drawing._MOST_DOTS", 100)
+    monkeypatch.setattr("suslov_fast.runs.drawing.MOST_DOTS", 100)
     assert "of their states" in run.plot(lines=False).get_title()  # some are left out
     assert run.plot(lines=False, title=False).get_title() == ""
     with pytest.raises(ValueError, match=r"color\b"):

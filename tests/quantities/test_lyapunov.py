@@ -129,7 +129,7 @@ def test_signs_tell_poles_as_for_runs(method, start, eps, steps, monkeypatch):
         lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
     )
     batch = [start, [4.0, 5.0], start]
-    monkeypatch.setattr("suslov_fast.core.code.compiler._codes", {})
+    monkeypatch.setattr("suslov_fast.core.code.compiler.known_codes", {})
     for other in ("order4", "auto"):  # the code of sub-steps has no tests of signs
         sf.lyapunov_exponents(prey, [[4.0, 5.0], [4.1, 5.0]], 0.01, 2, method=other)
     for x0 in (start, batch):
@@ -205,7 +205,7 @@ def test_bits_do_not_depend_on_batches_and_stretches(rng, monkeypatch, body, eps
     x = rng.normal(size=(13 if numba.config.DISABLE_JIT else 133, 3))
     whole = sf.lyapunov_exponents(body, x, eps, 20)
     for stretch in (2**9, 2**15):
-        monkeypatch.setattr(derivatives, "_STRETCH", stretch)
+        monkeypatch.setattr(derivatives, "STRETCH", stretch)
         found = sf.lyapunov_exponents(body, x, eps, 20)
         np.testing.assert_array_equal(found, whole)
     np.testing.assert_array_equal(sf.lyapunov_exponents(body, x[7], eps, 20), whole[7])
@@ -281,7 +281,7 @@ def test_many_variables(rng, monkeypatch, make, D, size, tolerance):
     dets = np.linalg.slogdet(sf.jacobian(field, sf.iterate(field, x[1], 1 / 64, 39).x, 1 / 64))[1]
     assert found[1].sum() == pytest.approx(dets.mean(), rel=1e-10)
     np.testing.assert_array_equal(sf.lyapunov_exponents(field, x[2], 1 / 64, 40), found[2])
-    monkeypatch.setattr(derivatives, "_STRETCH", 1)  # a call for each step
+    monkeypatch.setattr(derivatives, "STRETCH", 1)  # a call for each step
     np.testing.assert_array_equal(sf.lyapunov_exponents(field, x, 1 / 64, 40), found)
 
 
@@ -336,7 +336,7 @@ def test_exponents_of_three_variables():
 @pytest.mark.compiled
 def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch):
     """All stand at the same step; False ends the run, with means over the steps done."""
-    monkeypatch.setattr(derivatives, "_STRETCH", 2**12)
+    monkeypatch.setattr(derivatives, "STRETCH", 2**12)
     family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[1, 0, 2] * 30)
     starts, seen = rng.normal(size=(90, 2)), []
 

@@ -367,6 +367,6 @@ def test_parts_of_a_large_batch_have_the_same_bits(monkeypatch, rng):
     ]
     whole = [function(*arguments) for function, *arguments in calls]
     for size in (8, 30, 100):
-        monkeypatch.setattr("suslov_fast.quantities.evaluation._PART", size)
+        monkeypatch.setattr("suslov_fast.quantities.evaluation.PART", size)
         for (function, *arguments), expected in zip(calls, whole, strict=True):
             assert np.array_equal(function(*arguments), expected, equal_nan=True)

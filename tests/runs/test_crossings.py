@@ -197,8 +197,8 @@ def test_bits_do_not_depend_on_pieces_threads_and_batch(rng, monkeypatch):
     whole = sf.crossings(LORENZ, starts, 1 / 64, 700, surface, transient=13)
     assert len(whole) > 30
     for piece, states in ((1, 1), (60, 2), (2**10, 1)):
-        monkeypatch.setattr(module, "_PIECE", piece)
-        monkeypatch.setattr(module, "_STATES", states)
+        monkeypatch.setattr(module, "PIECE", piece)
+        monkeypatch.setattr(module, "STATES", states)
         for most in (None, 10**6):
             again = sf.crossings(LORENZ, starts, 1 / 64, 700, surface, transient=13, most=most)
             assert replace(again, most=None) == whole
@@ -321,8 +321,8 @@ SIGNS = {
 @pytest.mark.parametrize("piece", [1, 2**17])
 def test_there_is_no_crossing_to_a_state_that_is_nan(monkeypatch, kind, piece):
     """Functions with integer values make a number of it: int(NaN) is negative."""
-    monkeypatch.setattr(module, "_PIECE", piece)
-    monkeypatch.setattr(module, "_STATES", 1)
+    monkeypatch.setattr(module, "PIECE", piece)
+    monkeypatch.setattr(module, "STATES", 1)
     starts = [[1.0], [2.0], [0.5], [np.nan]]  # a pole, one of eps = 1, a pole, no state
     for direction, counts in ((0, [0, 1, 0, 0]), (-1, [0, 1, 0, 0]), (1, [0, 0, 0, 0])):
         points = sf.crossings(
@@ -353,10 +353,10 @@ def test_progress_stops_where_the_run_ends():
 @pytest.mark.parametrize("stop", [1, 40, 99, 100, 101])
 def test_a_run_that_ended_in_its_transient(monkeypatch, stop, tmp_path):
     """It has no crossings."""
-    monkeypatch.setattr("suslov_fast.engine.stretches._BETWEEN", 1)
-    monkeypatch.setattr("suslov_fast.engine.stretches._STRETCH", 1)
-    monkeypatch.setattr(module, "_PIECE", 1)
-    monkeypatch.setattr(module, "_STATES", 1)
+    monkeypatch.setattr("suslov_fast.engine.stretches.BETWEEN", 1)
+    monkeypatch.setattr("suslov_fast.engine.stretches.STRETCH", 1)
+    monkeypatch.setattr(module, "PIECE", 1)
+    monkeypatch.setattr(module, "STATES", 1)
     points = sf.crossings(
         LORENZ, TWO, 1 / 64, 300, plane, transient=100, progress=lambda done, total: done < stop
     )

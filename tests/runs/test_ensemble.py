@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, flow, iterate, open_ensemble
-from suslov_fast.runs.ensemble import _sizes
+from suslov_fast.runs.ensemble import sizes_of_chunks
 from suslov_fast.runs.files import stores
 from suslov_fast.runs.files.stores import described
 from suslov_fast.runs.files.tiles import Steps, Times
@@ -300,7 +300,7 @@ def test_other_kinds_of_stores():
 def test_two_that_begin_a_store_at_once(store, monkeypatch):
     """With other chunks both have those of the first; another run is told what differs."""
     run, begun = ASKED | {"omega0": np.linspace(0.0, 1.0, 20).reshape(10, 2)}, threading.Barrier(2)
-    given, errors = stores._create, []
+    given, errors = stores.create_store, []
 
     def create(*arguments):
         begun.wait(60)  # both have found that there is no store
@@ -312,14 +312,14 @@ def test_two_that_begin_a_store_at_once(store, monkeypatch):
         except ValueError as error:
             errors.append(str(error))
 
-    monkeypatch.setattr(stores, "_create", create)
+    monkeypatch.setattr(stores, "create_store", create)
     for name, change in (("a.zarr", {"chunk": 3}), ("b.zarr", {"eps": 0.3})):
         with ThreadPoolExecutor(2) as pool:
             list(pool.map(lambda change, name=name: begin(name, **change), ({}, change)))
-        monkeypatch.setattr(stores, "_create", given)
+        monkeypatch.setattr(stores, "create_store", given)
         found = open_ensemble(store.with_name(name))
         assert_same(found, call(iterate, **run | {"eps": found.eps.item()}))
-        monkeypatch.setattr(stores, "_create", create)
+        monkeypatch.setattr(stores, "create_store", create)
     assert len(errors) == 1
     assert "b.zarr holds another run: eps: 0." in errors[0]
 
@@ -629,14 +629,14 @@ def test_a_tile_finished_while_its_store_is_opened(store, monkeypatch):
     }
     for path in tile:
         path.unlink()
-    given = stores._lost
+    given = stores.lost_tiles
 
     def written_meanwhile(*arguments):
         for name, content in tile.items():
             name.write_bytes(content)
         return given(*arguments)
 
-    monkeypatch.setattr(stores, "_lost", written_meanwhile)
+    monkeypatch.setattr(stores, "lost_tiles", written_meanwhile)
     assert_same(open_ensemble(store), iterate(BODY, omega0, 0.2, 9))
 
 
@@ -646,7 +646,7 @@ def test_tiles_take_neither_long_nor_much_memory(steps):
     status = SimpleNamespace(sizes={"a": 2**12, "b": 2**12}, size=2**24)
     data = SimpleNamespace(sizes={"component": 3}, status=status, attrs={"tiled": []})
     for task in (Steps("auto", steps, steps // 4), Times(np.arange(5.0), 1, None)):
-        found = _sizes(data, task, None)
+        found = sizes_of_chunks(data, task, None)
         count = found["a"] * found["b"]
         assert 24 * count * found[task.axis] <= 2**24
         assert count >= task.fewest

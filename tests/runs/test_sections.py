@@ -154,8 +154,8 @@ def test_bits_depend_on_no_cut(rng, monkeypatch, tmp_path, method):
     one = sf.crossings(HENON_HEILES, starts[4], 1 / 8, 200, plane, **arguments)
     np.testing.assert_array_equal(one.states, whole.states[whole.trajectory == 4])
     np.testing.assert_array_equal(one.fraction, whole.fraction[whole.trajectory == 4])
-    monkeypatch.setattr(module, "_PIECE", 64)
-    monkeypatch.setattr(module, "_STATES", 3)
+    monkeypatch.setattr(module, "PIECE", 64)
+    monkeypatch.setattr(module, "STATES", 3)
     assert whole == sf.crossings(HENON_HEILES, starts, 1 / 8, 200, plane, **arguments)
 
 

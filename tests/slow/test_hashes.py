@@ -45,11 +45,11 @@ def short(numbers):
 
 
 def problem(body, omega, eps):
-    parts = dict(body._parts)
+    parts = dict(body.parts)
     for name, value in parts.items():
         if np.asarray(value).dtype.kind == "f":
             parts[name] = short(value)
-    return body._with(parts), short(omega), short(eps)
+    return body.with_parts(parts), short(omega), short(eps)
 
 
 def all_hashes(steps=60, left_out=()):

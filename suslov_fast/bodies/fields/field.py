@@ -184,7 +184,7 @@ class QuadraticField(_FieldOfTerms):
     def _of_hamiltonian(cls, H: Terms, K: Any, others: Mapping[str, Any]) -> QuadraticField:
         """Return the field of the exact terms of H and a matrix K, if its terms are in range."""
         field = cls._of({H_INDICES: H.indices, H_VALUES: H.values, MATRIX: K, **others})
-        checks.within("H", field._parts[VALUES], checks.OTHERS)
+        checks.within("H", field.parts[VALUES], checks.OTHERS)
         return field
 
     @classmethod
@@ -241,7 +241,7 @@ class QuadraticField(_FieldOfTerms):
 
     def _value_at(self, x: Any) -> Any:
         """Return f(x): a tuple of fractions if all numbers are exact, else floats (..., D)."""
-        terms = Terms(self._parts[INDICES], self._parts[VALUES])
+        terms = Terms(self.parts[INDICES], self.parts[VALUES])
         found = values_at(terms, x, self.names, 2)
         return tuple(found) if isinstance(found, list) else found
 
@@ -255,7 +255,7 @@ class QuadraticField(_FieldOfTerms):
 
     @public
     def to_dict(self) -> dict[str, Any]:
-        parts = self._parts
+        parts = self.parts
         found = {"indices": parts[INDICES], "values": parts[VALUES]}
         if self.H is not None:
             H = {"indices": parts[H_INDICES], "values": parts[H_VALUES]}

@@ -221,7 +221,7 @@ class FieldOfFunction(Body):
     @property
     def parameters(self) -> dict[str, Any]:
         """The named parameters of the function: numbers as they were given, and arrays."""
-        return Parameters({name: self._parts[name] for name in self.coordinates})
+        return Parameters({name: self.parts[name] for name in self.coordinates})
 
     def __call__(self, x: Any = None, *others: Any, **named: Any) -> Any:
         """Return f(x): fractions if all numbers of a quadratic field are exact, else floats."""
@@ -275,11 +275,11 @@ class FieldOfFunction(Body):
         slopes: FloatArray = self._slopes_at(checks.states("x", x, self.names))
         return slopes
 
-    def _with(self, parts: Mapping[str, Any]) -> Any:
+    def with_parts(self, parts: Mapping[str, Any]) -> Any:
         return self._of({**parts, **self._shared})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, ({**self._parts, **self._shared},)
+        return self._of, ({**self.parts, **self._shared},)
 
     def __repr__(self) -> str:
         kind, length = type(self).__name__, 0
@@ -324,7 +324,7 @@ class _FieldOfTerms(FieldOfFunction):
         kept |= {INDICES: indices, VALUES: values}
         parts = {name: frozen(value) for name, value in kept.items()}
         vars(self).update(
-            _parts=parts,
+            parts=parts,
             coordinates=tuple(name for name in parts if name not in self.axes),
             H=H,
             dimension=len(names),
@@ -342,7 +342,7 @@ class _FieldOfTerms(FieldOfFunction):
 
     @property
     def described(self) -> dict[str, Any]:
-        parts = self._parts
+        parts = self.parts
         arrays = {"dimension": self.dimension, "indices": parts[INDICES], "values": parts[VALUES]}
         if self.H is not None:
             arrays |= {"indices of H": parts[H_INDICES], "H": parts[H_VALUES], "K": parts[MATRIX]}
@@ -358,17 +358,17 @@ class _FieldOfTerms(FieldOfFunction):
         """The matrix of a Hamiltonian field, made where it is used; None for other fields."""
         if self.H is None:
             return None
-        matrix = self._parts[MATRIX]
+        matrix = self.parts[MATRIX]
         shape = (self.dimension, self.dimension)
         return table_of("K", shape, matrix[:2].astype(np.int64), matrix[2])
 
     @property
     def may_escape(self) -> bool:
-        return bool((self._parts[INDICES][2] < self.dimension).any())
+        return bool((self.parts[INDICES][2] < self.dimension).any())
 
     @cached_property
     def _terms(self) -> Any:
-        return Terms(self._parts[INDICES], self._parts[VALUES]).floats
+        return Terms(self.parts[INDICES], self.parts[VALUES]).floats
 
     @cached_property
     def right_hand_side(self) -> tuple[Any, FloatArray]:
@@ -435,7 +435,7 @@ class _FieldOfTerms(FieldOfFunction):
     @property
     def _exact(self) -> Terms:
         """The terms with the values of the laboratory: those of a single field are fractions."""
-        terms = Terms(self._parts[INDICES], self._parts[VALUES])
+        terms = Terms(self.parts[INDICES], self.parts[VALUES])
         return terms if self.shape else terms.exact
 
     @cached_property

@@ -153,7 +153,7 @@ class Field(FieldOfFunction):
         equations = parts[EQUATIONS]
         kept = {name: frozen(parts[name]) for name in equations.parameters}
         vars(self).update(
-            _parts=kept,
+            parts=kept,
             _equations=equations,
             coordinates=tuple(kept),
             dimension=len(parts[NAMES]),
@@ -168,7 +168,7 @@ class Field(FieldOfFunction):
 
     @property
     def _key(self) -> tuple[Any, ...]:
-        values = {name: np.asarray(a, np.float64) for name, a in self._parts.items()}
+        values = {name: np.asarray(a, np.float64) for name, a in self.parts.items()}
         each = tuple((a.shape, *a.ravel().tolist()) for a in values.values())
         return self._equations.key, each
 
@@ -197,7 +197,7 @@ class Field(FieldOfFunction):
     @property
     def _inputs(self) -> FloatArray:
         """The parameters (P, ...) of all members."""
-        columns = [np.asarray(a, np.float64) for a in self._parts.values()]
+        columns = [np.asarray(a, np.float64) for a in self.parts.values()]
         rows = [np.broadcast_to(a, self.shape) for a in columns]
         return np.array(rows).reshape(len(rows), *self.shape)
 
@@ -287,7 +287,7 @@ class Field(FieldOfFunction):
         return self._with_values
 
     def _with_values(self, **parameters: Any) -> Field:
-        values = self._parts | named_parameters(parameters, self.names, has_map=False)
+        values = self.parts | named_parameters(parameters, self.names, has_map=False)
         return self._of({**values, **self._shared})
 
     @property

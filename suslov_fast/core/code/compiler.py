@@ -302,7 +302,7 @@ class Address(int):
     """The address of machine code, which stays as long as this object: that keeps its engine."""
 
 
-_codes = {}  # addresses, by the arguments of `code_of`
+known_codes = {}  # addresses, by the arguments of `code_of`
 _engines = {}  # by level of optimisation, and whether their code lasts
 _numbers = itertools.count()  # which make names unique, also after Ctrl-C
 _lock = threading.RLock()  # reentrant, because a signal may arrive while code is compiled
@@ -326,28 +326,28 @@ def compiled(key, text_of, level=2, lasts=False):
     """
     key = key, lasts
     with _lock:
-        if key not in _codes:
+        if key not in known_codes:
             _free_old()
             name = f"code_{next(_numbers)}"
             text = text_of(name)  # an error here is the package's own
             try:
-                _codes[key] = _compile(text, name, level, lasts)
+                known_codes[key] = _compile(text, name, level, lasts)
             # LLVM cannot read the text, or llvmlite has a function no more, or in another form.
             except (RuntimeError, AttributeError, TypeError) as error:
                 text = f"LLVM refuses the code of a field ({error})"
                 raise RuntimeError(
                     f"{text}; {advice_on_numba() or 'please report this'}"
                 ) from error
-        return _codes[key]
+        return known_codes[key]
 
 
 def _free_old():
     """Forget the codes that do not last, if there are MOST_CODES of them, and their engines."""
     # A signal handler may compile or free codes between any two lines, so the loops need copies.
-    old = [key for key in _codes.copy() if not key[-1]]
+    old = [key for key in known_codes.copy() if not key[-1]]
     if len(old) >= MOST_CODES:
         for key in old:
-            _codes.pop(key, None)
+            known_codes.pop(key, None)
         for key in _engines.copy():
             if not key[-1]:
                 _engines.pop(key, None)

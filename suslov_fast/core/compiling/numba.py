@@ -338,9 +338,9 @@ class Kernel(Patient):
         may_raise = config.BOUNDSCHECK or config.DISABLE_JIT
         if not may_raise:
             kind = self.compiled, _kind(arguments)
-            if kind not in _found:
-                _found[kind] = _addresses(self.compiled, numba.typeof(arguments))
-            addresses = _found[kind]
+            if kind not in known_addresses:
+                known_addresses[kind] = _addresses(self.compiled, numba.typeof(arguments))
+            addresses = known_addresses[kind]
         if addresses is None:
             in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [])
         else:
@@ -367,7 +367,7 @@ def _start(loop, kernel, parts, arguments):
     call_address(loop, call_part, kernel, data, parts)
 
 
-_found = {}  # results of `_addresses`, by kernel and kind of its arguments
+known_addresses = {}  # results of `_addresses`, by kernel and kind of its arguments
 
 
 def _kind(argument):

@@ -39,7 +39,7 @@ class Server(ThreadingTCPServer):
     def __init__(self, port: int, field: FieldScene | None = None) -> None:
         self._field = field
         self.files = _FILES | {"/": PAGE / ("field.html" if field else "index.html")}
-        super().__init__((_ADDRESS, port), _Handler)
+        super().__init__((_ADDRESS, port), Handler)
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
 
@@ -53,7 +53,7 @@ class Server(ThreadingTCPServer):
             super().handle_error(request, client_address)
 
 
-class _Handler(BaseHTTPRequestHandler):
+class Handler(BaseHTTPRequestHandler):
     """Answers to requests: files of the page, and numbers as JSON."""
 
     server: Server

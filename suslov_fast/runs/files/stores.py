@@ -124,7 +124,7 @@ def opened(store: Any) -> Any:
     if not _is_complete(group := group_of(store)):
         raise FileNotFoundError(f"store: there is no store of ensemble at {store}")
     done, _ = tiles_in(store, group)  # first, because another process may finish a tile meanwhile
-    _refuse(store, _lost(store, group, done))
+    _refuse(store, lost_tiles(store, group, done))
     data = xarray.open_zarr(store, chunks=None, consolidated=True, zarr_format=3)
     lazy = {
         name: data.variables[name].copy(
@@ -194,7 +194,7 @@ def place_of(tile: Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> tup
     return tuple(slice(k * m, min(k * m + m, n)) for k, n, m in axes)
 
 
-def _lost(store: Any, group: Any, done: list[Tile]) -> dict[str, Tile | None]:
+def lost_tiles(store: Any, group: Any, done: list[Tile]) -> dict[str, Tile | None]:
     """Return the keys of chunks that are not there whole, each with its tile if it has one."""
     expected: dict[str, tuple[Tile | None, int | None]] = {}  # with their numbers of bytes
     batch = group["status"].metadata.dimension_names or ()
@@ -269,17 +269,17 @@ def prepare(store: Any, data: Any, sizes: dict[str, int]) -> tuple[Any, list[Til
         _require_same(store, data, dict(group.attrs))
     if not _is_complete(group):
         is_new = group is None and isinstance(store, Path)
-        (_create if is_new else _fill)(store, data, sizes)
+        (create_store if is_new else _fill)(store, data, sizes)
         group = group_of(store)
         _require_same(store, data, dict(group.attrs))  # another process may have begun another run
     done, pending = tiles_in(store, group)
-    lost = _lost(store, group, done)
+    lost = lost_tiles(store, group, done)
     _write_shared(store, group, data, {key.partition("/")[0] for key in lost})
     _refuse(store, {key: tile for key, tile in lost.items() if tile is not None})
     return group, pending
 
 
-def _create(store: Path, data: Any, sizes: dict[str, int]) -> None:
+def create_store(store: Path, data: Any, sizes: dict[str, int]) -> None:
     """Create the arrays of a run elsewhere, so that a folder appears as a whole."""
     target = Path(os.path.realpath(store))
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,7 @@ from typing import Any
 # For each place where words are looked up, rows of words, which are compared without underscores
 # and capitals; of names here, of which a function or an object may have one, such as `states` for
 # states[0]; and of what to use where it has none.
-_TABLE = {
+TABLE = {
   "argument": (
     ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition", "states[0] state omega0",
      "the second argument, without a name, for states"),
@@ -131,7 +131,7 @@ _TABLE = {
     ("tspan t0", "",
      "time=np.linspace(0, T, n) of flow, counted from x0; iterate runs to eps * steps"),
     ("backward reverse inverse", "", "-eps, which undoes a step"),
-    ("tol rtol reltol accuracy precision", "rtol tol",
+    ("tol rtol reltol accuracy precision", "rtol",
      "flow(..., rtol=); steps of a map have no tolerance"),
     ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
     ("order integrator solver alg algorithm scheme method", "method",
@@ -156,7 +156,7 @@ _TABLE = {
     ("jac jacsparsity lband uband", "jacobian",
      "stiff=True, for which flow finds the Jacobian itself; its values are field.jacobian(x)"),
     ("vectorized vectorize", "", "states (..., D), of which each is a trajectory"),
-    ("mass massmatrix m", "mass", "np.linalg.inv(M) @ ... in f, with numbers in M"),
+    ("mass massmatrix m", "", "np.linalg.inv(M) @ ... in f, with numbers in M"),
     ("delay lag history dde dde23 ddesd", "",
      "a package for delays, such as DelayDiffEq of Julia: here f has the present state alone"),
     ("noise sde sdeint sdeproblem stochastic brownian diffusion", "",
@@ -323,7 +323,7 @@ def _plain(word: str) -> str:
 
 _ROWS = {
     (place, _plain(word)): (names.split(), how)
-    for places, rows in _TABLE.items()
+    for places, rows in TABLE.items()
     for place in places.split()
     for words, names, how in rows
     for word in words.split()

@@ -257,6 +257,23 @@ def test_the_architecture_names_each_room_of_the_core():
     assert re.findall(r"\n\| `core/(\w+)/`", page) == [*IN_CORE]
 
 
+def test_tests_name_no_private_attributes():
+    """But those of the core: what a test needs to change has a name of its own."""
+    folder, ours = Path(__file__).parents[1], {"self", "cls"}
+    standard = {"_asdict", "_replace", "_fields", "_repr_html_", "_repr_latex_"}
+    for path in {*folder.rglob("*.py")} - {*folder.glob("core/*"), folder / "steps_in_numpy.py"}:
+        names = []
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") not in ours:
+                names.append(node.attr)
+            elif isinstance(node, ast.ImportFrom):
+                names += [each.name for each in node.names]
+            elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "setattr":
+                named = [each.value for each in node.args if isinstance(each, ast.Constant)]
+                names += [str(each).rpartition(".")[2] for each in named]
+        assert {name for name in names if re.match("_[^_]", name)} <= standard, path
+
+
 def test_files_that_workflows_name_exist():
     root = Path(__file__).parents[2]
     texts = [path.read_text("utf-8") for path in (root / ".github/workflows").glob("*.yml")]

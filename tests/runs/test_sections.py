@@ -142,15 +142,10 @@ def test_a_surface_without_values_within_a_step():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_bits_depend_on_no_cut(rng, monkeypatch, tmp_path, method):
-    """Threads and files."""
+def test_bits_depend_on_no_cut(rng, monkeypatch, method):
     starts, arguments = rng.uniform(-0.25, 0.25, (9, 4)), {"method": method, "direction": 0}
     whole = sf.crossings(HENON_HEILES, starts, 1 / 8, 200, plane, threads=TWO_THREADS, **arguments)
     assert whole == sf.crossings(HENON_HEILES, starts, 1 / 8, 200, plane, threads=1, **arguments)
-    whole.save(tmp_path / "section.npz")
-    loaded = sf.Crossings.load(tmp_path / "section.npz")
-    assert loaded == whole
-    np.testing.assert_array_equal(loaded.states, whole.states)
     one = sf.crossings(HENON_HEILES, starts[4], 1 / 8, 200, plane, **arguments)
     np.testing.assert_array_equal(one.states, whole.states[whole.trajectory == 4])
     np.testing.assert_array_equal(one.fraction, whole.fraction[whole.trajectory == 4])

@@ -200,3 +200,51 @@ def test_choices_that_change_twice_within_what_would_be_a_step():
     v = np.sqrt(4.0 - 2 * 300 * 0.002)
     inside = 2 * 0.002 / (2.0 + v)
     np.testing.assert_allclose(motion.x[0], [1.002 + v * (19.5 - inside), v], rtol=1e-9)
+
+
+# ------------------------------------------------------------------- many comparisons of one number
+BEGIN = np.linspace(0.25, 9.75, 40)
+SIGNS = (-1.0) ** np.arange(40)
+
+
+@pytest.mark.parametrize(
+    ("rate", "exact"),
+    [
+        (lambda t: ((t >= BEGIN) & (t < BEGIN + 0.125)).sum(), 40 * 0.125),
+        (lambda t: sum(np.where((t > b) & (b + 0.125 >= t), 3.0, 0.0) for b in BEGIN), 15.0),
+        (lambda t: sum(a * np.where(b < t, 2.0, -1.0) for a, b in zip(SIGNS, BEGIN, strict=True)),
+         (SIGNS * (2 * (10 - BEGIN) - BEGIN)).sum()),
+        (lambda t: np.where((t >= BEGIN).sum() > 20, 1.0, 0.0), 10 - BEGIN[20]),
+        (lambda t: (t >= BEGIN).sum() * np.where(t < 5, 1.0, 0.5),
+         np.maximum(5 - BEGIN, 0).sum() + 0.5 * (10 - np.maximum(BEGIN, 5)).sum()),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_pulses_as_conditions(rate, exact, sign):
+    f = field(lambda s: (rate(s[1]), 1.0))
+    start = [100.0, 0.0 if sign > 0 else 10.0]
+    motion = sf.flow(f, [start] * 3, time=10.0 * sign)
+    np.testing.assert_allclose(motion.x[0, :, 0] - 100.0, sign * exact, rtol=1e-9)
+    alone = sf.flow(f, start, time=10.0 * sign, derivatives="x0")
+    np.testing.assert_allclose(alone.x[0, 0] - 100.0, sign * exact, rtol=1e-9)
+    by_start = rate(start[1] + 10.0 * sign) - rate(start[1])  # of the clock
+    np.testing.assert_allclose(alone.derivative("x0")[0, 0], [1.0, by_start], atol=1e-9)
+
+
+def test_stairs_of_the_state():
+    """x' = 1 + the number of levels below x: 40 straight lines."""
+    f = field(lambda s: (1.0 + (s[0] > BEGIN).sum(),), "x")
+    heights = np.diff([0.0, *BEGIN])
+    time = (heights / np.arange(1.0, 41.0)).sum()
+    motion = sf.flow(f, [0.0], time=[time, time + 1.0])
+    np.testing.assert_allclose(motion.x[:, 0], BEGIN[-1] + np.array([0.0, 41.0]), rtol=1e-9)
+    falling = field(lambda s: (1.0 - 2 * (s[0] > BEGIN).sum(),), "x")
+    with pytest.warns(sf.PoleWarning, match="slide"):
+        assert sf.flow(falling, [0.0], time=1.0).end == pytest.approx(0.25)
+
+
+def test_the_cost_of_conditions_does_not_depend_on_their_number():
+    f = field(lambda s: (((s[1] >= BEGIN) & (s[1] < BEGIN + 0.01)).sum(), 1.0))
+    lists = f.right_hand_sides[0].f
+    assert len(lists.f.operations) + len(lists.watch.operations) < 40
+    assert sf.flow(f, [0.0, 0.0], time=10.0).steps < 150

@@ -19,6 +19,7 @@ from .grouped import Groups
 from .numbers import Number, larger, smaller
 from .records import same
 from .right_hand_side import Expressions, List, RightHandSide, needed_for
+from .stairs import with_stairs
 from .step import Values
 from .tables import LARGEST, Table, is_table
 
@@ -158,6 +159,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     """
     D, offsets, shifted = len(results), {}, {}
     if not acts:  # they read clocks as these are
+        values, results = with_stairs(values, results)
         elapsed = Elapsed(values, results, P)
         values, results, P = elapsed.values, elapsed.results, elapsed.P
         offsets, shifted = elapsed.offsets, elapsed.shifts
@@ -166,19 +168,23 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     on_surfaces = [emitted(values, act.surface)[0] for act in on_surfaces]
     operations = needed_for(values.operations, [*results, *on_surfaces])
     varying = [each for each in operations if any(_varies(values, a) for a in each[2])]
+    # Of clocks alone tables that jump are passed as kinks: nothing slides along their knots.
+    of_clocks = set() if twice or by else _of_clocks(operations, values.fixed, offsets)
+    tables = {number: name for name, number, _ in varying if is_table(name)}
+    steady = {a for a, name in tables.items() if name.is_continuous or a in of_clocks}
     jumps = {
         number: name
         for name, number, operands in varying
         if name == "floor"
         or (name in _COMPARISONS and not same(*operands))  # whether it is NaN
-        or (is_table(name) and not name.is_continuous)
+        or (is_table(name) and number not in steady)
     }
     kinks = {
         number: name if is_table(name) else _EXTREMES.get(name, "ogt")
         for name, number, operands in varying
         if name in _EXTREMES
         or (name == "fabs" and not _is_0_times(values, *operands))
-        or (is_table(name) and name.is_continuous)
+        or number in steady
     }
     kinds = jumps | kinks
     if not kinds:
@@ -269,6 +275,15 @@ def _as_numbers(tests, kinds, tested):
 def _finite(values, argument):
     """Return the argument of a table, within the range of finite numbers; NaN stays NaN."""
     return values.emit("max", -LARGEST, values.emit("min", LARGEST, argument))
+
+
+def _of_clocks(operations, fixed, clocks):
+    """Return the numbers of values that depend on clocks and parameters alone."""
+    found = {*clocks, *fixed}
+    for _, number, operands in operations:
+        if all(isinstance(a, float) or a in found for a in operands):
+            found.add(number)
+    return found
 
 
 def _varies(values, operand):

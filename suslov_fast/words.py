@@ -73,7 +73,8 @@ TABLE = {
     ("searchsorted digitize", "", "np.where(x < knot, a, b)"),
     ("gradient", "", "(np.roll(x, -1) - np.roll(x, 1))/2, or np.diff(x)"),
     ("fft ifft rfft irfft", "", "a product with a matrix of numbers"),
-    ("solve det inv", "", "np.linalg.inv(M) @ b with numbers in M, or formulas"),
+    ("solve det inv", "",
+     "mass=M of Field.from_function for M(x) x' = f(x), or np.linalg.inv(M) @ b with numbers in M"),
   ),
   # Public functions, and what to use for a system that has none of its own.
   "map": (
@@ -156,7 +157,7 @@ TABLE = {
     ("jac jacsparsity lband uband", "jacobian",
      "stiff=True, for which flow finds the Jacobian itself; its values are field.jacobian(x)"),
     ("vectorized vectorize", "", "states (..., D), of which each is a trajectory"),
-    ("mass massmatrix m", "", "np.linalg.inv(M) @ ... in f, with numbers in M"),
+    ("mass massmatrix m", "", "Field.from_function(f, names, mass=M), for M(x) x' = f(x)"),
     ("delay lag history dde dde23 ddesd", "",
      "a package for delays, such as DelayDiffEq of Julia: here f has the present state alone"),
     ("noise sde sdeint sdeproblem stochastic brownian diffusion", "",

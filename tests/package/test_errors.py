@@ -559,7 +559,7 @@ SECOND_TRIES = [
     (lambda: sf.Field.from_function(lambda x: np.fmod(x, 0.3), 1), r"x - y\*np\.trunc",
      lambda: sf.Field.from_function(lambda x: x - 0.3 * np.trunc(x / 0.3), 1)([-0.5]),
      math.fmod(-0.5, 0.3)),
-    (lambda: sf.Field.from_function(lambda x: np.linalg.solve(ID[:2, :2], x), 2), r"inv\(M\) @",
+    (lambda: sf.Field.from_function(lambda x: np.linalg.solve(ID[:2, :2], x), 2), "mass=M",
      lambda: sf.Field.from_function(lambda x: np.linalg.inv(ID[:2, :2]) @ x, 2)([1.0, 2.0]), 2.0),
     (lambda: sf.iterate(lambda x: -x, [3.0], 0.1, 1), r"pass QuadraticField\.from_function",
      lambda: sf.iterate(field(lambda x: -x, 1)(), [3.0], 0.5, 1).x, 3 * 0.75 / 1.25),

@@ -86,7 +86,7 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
             elif "'Symbols' object has no" in text or "valid indices" in text:
                 how = f"write x[0] for a component, and {TABLES}"
             elif "Cannot cast ufunc" in text:
-                how = "write np.linalg.inv(M) @ b with numbers in M, or formulas"
+                how = "for M(x) x' = f(x) pass mass=M to Field.from_function, or formulas"
             text += f": it is called with {len(state)} symbols, {symbols}: {how}"
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
         raise kind(f"{argument}: {text}") from error

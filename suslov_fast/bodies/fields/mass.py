@@ -1,0 +1,175 @@
+"""Mass matrices: x' of the equations M(x) x' = f(x) as formulas, by elimination in symbols.
+
+The pivots are chosen once, by which entries are 0 and which are numbers: a symmetric matrix keeps
+those of its diagonal, M = L D L^T, others take any, M = L U.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...checks import real_array, short, wrong
+from .calls import alone, called, check_function, check_same
+from .symbolic import Symbol, Tracer
+
+_HOW = (
+    "for coordinates q and velocities v with M(q) v' = F it is "
+    "np.block([[np.eye(n), np.zeros((n, n))], [np.zeros((n, n)), M]])"
+)
+_LEAST = 1e-14  # the inverse of a condition number, below which a matrix of numbers is singular
+
+
+def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:
+    """Return f and M as functions of the state and of all parameters, each of which one takes."""
+    takes = {name: _takes(each) for name, each in (("f", f), ("mass", mass))}
+    of_mass = {n: a for n, a in parameters.items() if takes["mass"](n)}
+    of_f = {n: a for n, a in parameters.items() if takes["f"](n) or n not in of_mass}
+    check_function("f", f, names, of_f)
+    if callable(mass):
+        check_function("mass", mass, names, of_mass)
+        mass = _taking(mass, [*of_mass])
+    return _taking(f, [*of_f]), mass
+
+
+def _takes(f: Any) -> Callable[[str], bool]:
+    """Return what tells whether a function takes a parameter of a name."""
+    if not callable(f):
+        return lambda name: False
+    kinds = inspect.signature(getattr(f, "py_func", f)).parameters
+    takes_all = any(each.kind is each.VAR_KEYWORD for each in kinds.values())
+    return lambda name: takes_all or name in kinds
+
+
+def _taking(f: Any, names: Sequence[str]) -> Any:
+    plain = getattr(f, "py_func", f)  # if Numba compiled f
+    return lambda x, **parameters: plain(x, **{name: parameters[name] for name in names})
+
+
+def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
+    """Return the operands of M^-1 f for the operands `right` that are f."""
+    D = len(right)
+    rows = _entries(tracer, mass, D) if callable(mass) else real_array("mass", mass).tolist()
+    if np.shape(rows) != (D, D):
+        raise wrong("mass", f"have the shape ({D}, {D})", f"{np.shape(rows)}: {_HOW}")
+    b = [a if isinstance(a, float) else Symbol(tracer, a) for a in right]
+    if all(isinstance(a, float) for row in rows for a in row):
+        found = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
+    else:
+        found = _solved([[_as_symbol(tracer, a) for a in row] for row in rows], b)
+    return [tracer.result(a) for a in found]
+
+
+def _entries(tracer: Tracer, mass: Any, D: int) -> list[list[Any]]:
+    """Return the operands of the entries of M; the function is called twice."""
+    found = []
+    for _ in range(2):
+        result = called("mass", mass, tracer.state, tracer.parameters)
+        array = np.array([[result]] if D == 1 and np.ndim(result) == 0 else result, object)
+        if array.ndim != 2:
+            received = f"{short(result)} of shape {array.shape}"
+            raise wrong("mass", f"return a matrix of the shape ({D}, {D})", received)
+        try:
+            found.append([[tracer.result(alone(a)) for a in row] for row in array.tolist()])
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"mass: {error}") from None
+    check_same("mass", *found)
+    return found[0]
+
+
+def _as_symbol(tracer: Tracer, operand: Any) -> Any:
+    return operand if isinstance(operand, float) else Symbol(tracer, operand)
+
+
+def _inverse(matrix: Any) -> list[list[float]]:
+    rows = abs(matrix).max(axis=1, keepdims=True)
+    scaled = matrix / np.where(rows > 0, rows, 1.0)
+    if np.linalg.cond(scaled) * _LEAST > 1:
+        raise _singular()
+    inverse: list[list[float]] = np.linalg.inv(matrix).tolist()
+    return inverse
+
+
+def _singular() -> Any:
+    how = "write an equation without a derivative into the others, as a formula"
+    return wrong("mass", "a matrix that has an inverse", f"a singular one: {how}")
+
+
+def _is_zero(a: Any) -> bool:
+    return isinstance(a, float) and a == 0.0
+
+
+def _sum(products: Iterator[tuple[Any, Any]]) -> Any:
+    """Return the sum of products, without factors 0 and 1."""
+    total: Any = 0.0
+    for a, b in products:
+        if not (_is_zero(a) or _is_zero(b)):
+            product = b if isinstance(a, float) and a == 1.0 else a * b
+            total = product if _is_zero(total) else total + product
+    return total
+
+
+def _solved(a: list[list[Any]], b: list[Any]) -> list[Any]:
+    """Return the solution of a x = b, numbers and symbols."""
+    D = len(b)
+    is_symmetric = all(_same(a[i][j], a[j][i]) for i in range(D) for j in range(i))
+    rows, columns = [*range(D)], [*range(D)]
+    steps = []
+    while rows:
+        i, j = _pivot(a, rows, columns, is_symmetric)
+        is_symmetric &= i == j
+        rows.remove(i)
+        columns.remove(j)
+        after = [c for c in columns if not _is_zero(a[i][c])]
+        below = [r for r in rows if not _is_zero(a[r][j])]
+        inverse = 1.0 / a[i][j] if below and not _same(a[i][j], 1.0) else 1.0
+        for r in below:
+            factor = _sum(iter([(inverse, a[r][j])]))
+            for c in after:
+                if is_symmetric and c < r:
+                    a[r][c] = a[c][r]  # found before
+                else:
+                    a[r][c] = _less(a[r][c], factor, a[i][c])
+            b[r] = _less(b[r], factor, b[i])
+        steps.append((i, j, inverse if below else None, after))
+    x: list[Any] = [0.0] * D
+    for i, j, inverse, after in reversed(steps):
+        rest = b[i]
+        for c in after:
+            rest = _less(rest, a[i][c], x[c])
+        x[j] = rest / a[i][j] if inverse is None else _sum(iter([(inverse, rest)]))
+    return x
+
+
+def _less(a: Any, factor: Any, b: Any) -> Any:
+    """Return a - factor b."""
+    product = _sum(iter([(factor, b)]))
+    if _is_zero(product):
+        return a
+    return -product if _is_zero(a) else a - product
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, Symbol) and isinstance(b, Symbol):
+        return bool(a.operand == b.operand)
+    return isinstance(a, float) and isinstance(b, float) and a == b
+
+
+def _pivot(a: Any, rows: list[int], columns: list[int], is_symmetric: bool) -> tuple[int, int]:
+    """Return the place of the next pivot: a number, else one that fills few places."""
+    places = [(i, j) for i in rows for j in columns if not _is_zero(a[i][j])]
+    if not places:
+        raise _singular()
+    diagonal = [(i, j) for i, j in places if i == j]
+    in_row = {i: sum(place[0] == i for place in places) for i in rows}
+    in_column = {j: sum(place[1] == j for place in places) for j in columns}
+
+    def order(place: tuple[int, int]) -> Any:
+        i, j = place
+        size = abs(a[i][j]) if isinstance(a[i][j], float) else 0.0
+        return not size, (in_row[i] - 1) * (in_column[j] - 1), -size, i != j, place
+
+    return min(diagonal if is_symmetric and diagonal else places, key=order)

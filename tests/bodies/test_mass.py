@@ -1,0 +1,150 @@
+"""Equations M(x) x' = f(x), beside np.linalg.solve and SciPy."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import suslov_fast as sf
+from suslov_fast import Field, flow
+
+
+def links(lengths, masses, relative=False, gain=0.0):
+    """Return M and f of links in a plane, by absolute angles, or by those of joints with motors."""
+    n, l = len(lengths), np.array(lengths)
+    above = np.array([[np.sum(masses[max(i, j) :]) for j in range(n)] for i in range(n)])
+    T = np.tril(np.ones((n, n))) if relative else np.eye(n)
+    zero = np.zeros((n, n))
+
+    def mass(x):
+        q = T @ x[:n]
+        M = above * np.outer(l, l) * np.cos(q[:, np.newaxis] - q)
+        return np.block([[np.eye(n), zero], [zero, T.T @ M @ T]])
+
+    def f(x, g):
+        q, v = T @ x[:n], T @ x[n:]
+        turns = above * np.outer(l, l) * np.sin(q[:, np.newaxis] - q)
+        force = -(turns @ v**2) - g * l * np.diag(above) * np.sin(q)
+        return np.concatenate([x[n:], T.T @ force - gain * (x[:n] + 0.3 * x[n:])])
+
+    return mass, f
+
+
+def energy(x, lengths, masses, g):
+    q, v = np.split(x, 2, axis=-1)
+    x = np.cumsum(lengths * np.sin(q), axis=-1), -np.cumsum(lengths * np.cos(q), axis=-1)
+    u = np.cumsum(lengths * np.cos(q) * v, axis=-1), np.cumsum(lengths * np.sin(q) * v, axis=-1)
+    return (masses * ((u[0] ** 2 + u[1] ** 2) / 2 + g * x[1])).sum(axis=-1)
+
+
+SYSTEMS = {
+    "double pendulum": links([1.0, 0.7], [1.0, 2.0]),
+    "robot arm": links([0.5, 0.4, 0.2], [3.0, 2.0, 0.5], relative=True, gain=20.0),
+    "chain of 4": links([1.0] * 4, [1.0] * 4),
+    "chain of 6": links([0.3] * 6, [1.0, 2.0, 1.0, 2.0, 1.0, 2.0]),
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_mechanisms_beside_scipy(name):
+    mass, f = SYSTEMS[name]
+    D = len(mass(np.zeros(12))) if name == "chain of 6" else {"d": 4, "r": 6, "c": 8}[name[0]]
+
+    def rates(_, x):
+        return np.linalg.solve(mass(x), f(x, 9.81))
+
+    field = Field.from_function(f, D, mass=mass, g=9.81)
+    x = np.random.default_rng(D).normal(size=(7, D)) * 0.4
+    expected = np.array([rates(0.0, each) for each in x])
+    np.testing.assert_allclose(field(x), expected, rtol=1e-11, atol=1e-11)
+    step = 1e-6 * np.eye(D)
+    slopes = np.stack([field(x[0] + h) - field(x[0] - h) for h in step], axis=-1) / 2e-6
+    assert abs(field.jacobian(x[0]) - slopes).max() < 1e-7 * abs(slopes).max()
+    motion = flow(field, x[0], time=2.0, rtol=1e-12)
+    solved = solve_ivp(rates, (0, 2), x[0], method="DOP853", rtol=1e-12, atol=1e-13)
+    assert abs(motion.x - solved.y[:, -1]).max() < 1e-9
+    again = sf.body_from_dict(json.loads(json.dumps(field.to_dict())))
+    assert again == field
+    np.testing.assert_array_equal(again(x), field(x))
+    assert pickle.loads(pickle.dumps(field)) == field
+
+
+def test_energy_and_derivatives_of_a_double_pendulum():
+    lengths, masses = np.array([1.0, 0.7]), np.array([1.0, 2.0])
+    mass, f = SYSTEMS["double pendulum"]
+    field = Field.from_function(f, "q1 q2 v1 v2", mass=mass, g=9.81)
+    x0 = [2.0, 2.5, 0.0, 0.0]
+    motion = flow(field, x0, time=np.linspace(0, 20, 41), rtol=1e-12)
+    values = energy(motion.x, lengths, masses, 9.81)
+    assert np.ptp(values) < 1e-9
+    by_g = flow(field, x0, time=1.0, rtol=1e-12, derivatives=("g",)).derivative("g")
+    ends = [
+        flow(field.with_parameters(g=g), x0, time=1.0, rtol=1e-13).x
+        for g in (9.81 + 1e-4, 9.81 - 1e-4)
+    ]
+    np.testing.assert_allclose(by_g, (ends[0] - ends[1]) / 2e-4, rtol=1e-5, atol=1e-7)
+
+
+def test_families_by_parameters_of_both_functions():
+    """Each function takes the parameters that it names; some may be those of M alone."""
+    field = Field.from_function(
+        lambda x, k: (x[1], -k * x[0]),
+        "q v",
+        mass=lambda x, m: [[1, 0], [0, m + x[0] ** 2]],
+        k=2.0,
+        m=[1.0, 3.0],
+    )
+    np.testing.assert_allclose(field([0.5, 1.0]), [[1, -0.8], [1, -1 / 3.25]], rtol=1e-15)
+    np.testing.assert_allclose(field.with_parameters(m=0.75)([0.5, 1.0]), [1.0, -1.0])
+    plain = Field.from_function(lambda x, mass: (-x[0] / mass,), 1, mass=[1.0, 2.0])
+    np.testing.assert_array_equal(plain([2.0]), [[-2.0], [-1.0]])
+
+
+def test_matrices_of_numbers_and_those_that_are_not_symmetric():
+    M = np.array([[2.0, 1.0, 0.0], [1.0, 3.0, 0.0], [0.0, 0.0, 1.0]])
+    f = lambda s: (-s[0], np.sin(s[2]) - s[1], 1.0)  # noqa: E731
+    x = np.array([0.3, -0.4, 0.5])
+    for mass in (M, lambda s: M):
+        field = Field.from_function(f, "x y t", mass=mass)
+        np.testing.assert_allclose(field(x), np.linalg.solve(M, f(x)), rtol=1e-14)
+        assert sf.fixed_points(field, near=x).states[2] == 0.5  # the time remains a clock
+
+    def turning(s):  # no pivot on its diagonal is a number other than 0
+        return np.array([[0, 1 + s[1] ** 2, 0], [np.exp(s[0]), s[1], 0], [s[0], 0, 1]])
+
+    field = Field.from_function(f, "x y t", mass=turning)
+    np.testing.assert_allclose(field(x), np.linalg.solve(turning(x), f(x)), rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("mass", "message"),
+    [
+        ([[1.0, 2.0], [2.0, 4.0]], "has an inverse"),
+        (lambda x: [[x[0], 0], [x[1], 0]], "has an inverse"),
+        (lambda x: [[1.0, 0], [0, 0]], "has an inverse"),
+        (np.eye(3), r"shape \(2, 2\)"),
+        (lambda x: [[x[0]]], r"shape \(2, 2\).*np\.block"),
+        (lambda x: x[0], r"shape \(2, 2\)"),
+        (lambda x: [[1, 0], [0, np.random.default_rng().normal()]], "two calls"),
+        (lambda x: [[1, 0], [0, 1 if x[0] > 0 else 2]], r"np\.where"),
+        (lambda x, m: [[m, 0], [0, 1]], "m=1.0"),
+        ([["a", 1], [1, 2]], "mass"),
+    ],
+)
+def test_matrices_that_are_refused(mass, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        Field.from_function(lambda x: (x[1], -x[0]), 2, mass=mass)
+
+
+def test_solve_in_f_is_answered_by_mass():
+    for f in (
+        lambda x: np.linalg.solve(np.array([[1, 0], [0, 1 + x[0] ** 2]]), x),
+        lambda x: np.linalg.inv(np.array([[1, 0], [0, 1 + x[0] ** 2]])) @ x,
+        lambda x: np.linalg.solve(np.eye(2), x),
+    ):
+        with pytest.raises(TypeError, match="mass=M"):
+            Field.from_function(f, 2)
+    with pytest.raises(TypeError, match="mass"):
+        sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), 2, mass=np.eye(2))

@@ -2,7 +2,8 @@
 
 All lanes of all lines are columns of the arrays. It shares the rules, the tables of columns and the
 lists of operations with the code, and has a program of control of its own. It covers both halves,
-choices, kinks, clocks, variational equations and dense fields.
+choices, kinks, clocks, variational equations and dense fields. It does not cover changes of the
+state and crossings that are recorded: closed forms and matrix exponentials judge those.
 """
 
 from functools import singledispatch

@@ -118,6 +118,13 @@ found.append(last(system(field, .01), np.ones(3)))""",
         "order 8": f"{HENON}\nrun(field, (1000, 4), .1, 100, method='order8', save_every=None)",
         "motion": f"{HENON}\nfound.append(sf.flow(field, states(4), time=[1.0, 2.0]))\n"
         "found.append(sf.flow(field, states((1000, 4)), time=[3.0, 9.0]))",
+        "changes and sections of motions": f"""
+{HENON}
+kick = sf.Change(lambda x: x[0] - .1, to=lambda x: (x[0], x[1], -x[2], x[3]), direction=1)
+for count in (), (1000,):
+    motion = sf.flow(field, .2 * states((*count, 4)), time=5.0, changes=kick)
+    section = sf.crossings(field, .2 * states((*count, 4)), surface="x1", time=9.0, direction=0)
+    found += [motion.x, motion.changes.count, section.states, section.time]""",
         "crossings": f"""
 {HENON}
 for count in 1, 1000:

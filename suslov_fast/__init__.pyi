@@ -45,6 +45,7 @@ from .runs.flow import flow as flow
 from .runs.iterate import iterate as iterate, step as step, step_full as step_full
 from .runs.motion import Motion as Motion
 from .runs.periodic import PeriodicOrbit as PeriodicOrbit, periodic_orbit as periodic_orbit
+from .runs.results import load as load
 from .runs.solution import exact as exact, limits as limits
 from .runs.trajectories import Trajectories as Trajectories
 from .space import (

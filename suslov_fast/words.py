@@ -46,9 +46,8 @@ TABLE = {
     ("statistics stats info", "", "steps, status and ok"),
     ("field system", "body", ""),
     ("stopped stop_time", "", "ok, status and end"),
-    ("df dataframe to_df to_dataframe to_pandas to_csv to_excel", "",
-     "pandas.DataFrame(run.states, run.time, run.body.labels), of one orbit, and of many "
-     "run.to_xarray().to_dataframe()"),
+    ("df dataframe to_df to_pandas", "to_dataframe", ""),
+    ("to_csv to_excel", "", "to_dataframe(), a table of pandas, and its to_csv or to_excel"),
   ),
   "Points": (
     ("t_events y_events events times stop_time time_stop first step return_map", "",
@@ -224,7 +223,6 @@ TABLE = {
     ("tonetcdf tozarr sel isel", "to_xarray", ""),
     ("savefig figure", "figures plot", "plot().figure.savefig(path)"),
     ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
-    ("load", "load", "Trajectories.load, or Crossings.load, or Motion.load"),
     ("equation", "body", "str(...), the formula"),
     ("symbolic symbol", "", "eps, which is symbolic if it is left out: all else is numbers"),
     ("latex tolatex tosympy sympify", "",

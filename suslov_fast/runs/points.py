@@ -14,6 +14,7 @@ from ..keywords import public
 from .results import Result
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 
@@ -69,6 +70,24 @@ class Points(Result):
         from .files.datasets import crossings_to_xarray
 
         return crossings_to_xarray(self)
+
+    @public
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return a table with a row for each point; needs pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns: the coordinates of :meth:`to_xarray`, parameters that vary, and the components
+            of the state.
+
+        Examples
+        --------
+        >>> points.to_dataframe().to_csv("points.csv")  # doctest: +SKIP
+        """
+        from .files.frames import of_points
+
+        return of_points(self)
 
     @public
     def plot(

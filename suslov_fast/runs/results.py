@@ -17,6 +17,7 @@ from ..engine.status import count_in_words
 from ..keywords import lacking, public
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 T = TypeVar("T", bound=np.generic)
@@ -196,7 +197,7 @@ class Result:
 
     @public
     def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
-        """Write the result to a file, without loss; `load` of its class reads it.
+        """Write the result to a file, without loss; :func:`suslov_fast.load` reads it.
 
         Parameters
         ----------
@@ -367,6 +368,63 @@ class States(Result):
         from .files.datasets import to_xarray
 
         return to_xarray(self, dims)
+
+    @public
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return a table with a row for each state, one trajectory after another; needs pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns: the number of the trajectory in the order of ``status.ravel()`` if there are
+            several; "n" along a map; "time"; parameters that vary; the components of the state.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
+        >>> run.to_dataframe().to_csv("states.csv")  # doctest: +SKIP
+        """
+        from .files.frames import of_states
+
+        return of_states(self)
+
+
+@public
+def load(path: str | os.PathLike[str]) -> Any:
+    """Return the result in a file of `save`, of whichever class it is.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The name of the file.
+
+    Returns
+    -------
+    Trajectories, Crossings or Motion
+        An instance of the class that was saved, equal to the saved one.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no file of this name.
+    ValueError
+        If the file is damaged, or holds something else.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from suslov_fast import Field, flow, load
+    >>> motion = flow(Field.from_function(lambda x: (-x[0],), 1), [1.0], time=[0.0, 1.0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     motion.save(f"{folder}/motion.npz")
+    ...     load(f"{folder}/motion.npz") == motion
+    True
+    """
+    from .files.storage import load
+
+    return load(path)
 
 
 def variable_of(kind: type[Any]) -> str:

@@ -1,0 +1,48 @@
+"""Results as tables of pandas: a row for each state."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ...checks import FloatArray, extra
+from .datasets import varying
+
+
+def _parameters(result: Any) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the names and values of the numbers that vary along the batch."""
+    eps = np.asarray(vars(result).get("eps", 0.0))
+    if eps.ndim:
+        yield "eps", eps
+    for name, values in varying(result.body).items():
+        if not result.body.axes.get(name):
+            yield name, values
+
+
+def of_states(run: Any) -> Any:
+    """Return a table of a run or a motion, trajectory by trajectory; see `States.to_dataframe`."""
+    N, batch = len(run), run.status.shape
+    columns: dict[str, Any] = {}
+    if batch:
+        columns["trajectory"] = np.repeat(np.arange(run.status.size), N)
+    if hasattr(type(run), "n"):
+        columns["n"] = np.tile(run.n, run.status.size)
+    time = run.time.reshape((N, *(1,) * (1 + len(batch) - run.time.ndim), *run.time.shape[1:]))
+    columns["time"] = np.moveaxis(np.broadcast_to(time, (N, *batch)), 0, -1).ravel()
+    for name, values in _parameters(run):
+        columns[name] = np.repeat(np.broadcast_to(values, batch).ravel(), N)
+    states = np.moveaxis(run.states, 0, -2).reshape(-1, len(run.body.labels))
+    return _table(columns, run.body.labels, states)
+
+
+def of_points(points: Any) -> Any:
+    """Return a table of crossings or changes; see `Points.to_dataframe`."""
+    columns = {name: getattr(points, name) for name in points.coordinates}
+    columns |= {name: points._at_crossings(values) for name, values in _parameters(points)}
+    return _table(columns, points.body.labels, points.states)
+
+
+def _table(columns: dict[str, Any], labels: Any, states: FloatArray) -> Any:
+    for name, column in zip(labels, states.T, strict=True):
+        columns[f"{name}_" if name in columns else name] = column
+    return extra("pandas", "xarray").DataFrame(columns)

@@ -283,9 +283,9 @@ class Change:
 
 
 def field_of(system: Any) -> Any:
-    """Return the field whose equations are those of a system."""
+    """Return the field whose equations, and names of components, are those of a system."""
     instance("system", system, Body)
-    return system if isinstance(system, FieldOfFunction) else system.field()
+    return system if isinstance(system, FieldOfFunction) else system.field()._named(system.labels)
 
 
 def traced(change: Change, system: Any) -> Traced:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from suslov_fast import Change, Field, QuadraticField, Status, Suslov3D, flow
+from suslov_fast import Change, Field, QuadraticField, Status, Suslov3D, crossings, flow
 
 DECAY = Field.from_function(lambda x: (-x[0],), "x")
 GUT = Field.from_function(lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood",
@@ -94,6 +94,11 @@ def test_other_systems():
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     motion = flow(body, [1.0, 0.5], time=2.0, changes=Change(times=[1.0]))
     np.testing.assert_allclose(motion.omega, flow(body, [1.0, 0.5], time=2.0).omega, rtol=1e-9)
+    section = crossings(body, [1.0, 0.5], surface="Omega2", time=20.0, direction=0)
+    assert len(section) == 1
+    assert abs(section.states[0, 1]) < 1e-14
+    found = flow(body, [1.0, 0.5], time=20.0, changes=Change("Omega2")).changes
+    np.testing.assert_array_equal(found.time, section.time)
 
 
 # ----------------------------------------------------------------------------------- surfaces

@@ -278,6 +278,10 @@ class FieldOfFunction(Body):
     def with_parts(self, parts: Mapping[str, Any]) -> Any:
         return self._of({**parts, **self._shared})
 
+    def _named(self, names: Sequence[str]) -> Any:
+        """Return the field with other names of variables."""
+        return self._of({**self.parts, **self._shared, NAMES: tuple(names)})
+
     def __reduce__(self) -> tuple[Any, ...]:
         return self._of, ({**self.parts, **self._shared},)
 

@@ -354,6 +354,10 @@ class Traced:
             expected = f"a function of the state, or the name of a component, {either(self.names)}"
             raise wrong("surface", expected, short(surface))
         (operand,) = self._results("surface", surface)
+        name, of = self.tracer.values.of.get(operand, ("", ()))
+        if name == "select" and of[1:] == (1.0, 0.0):
+            received = f"{self.tracer.text(operand)}: pass the difference that changes its sign"
+            raise wrong("surface", _ON_SURFACE, received, TypeError)
         list_ = self._list_of([operand])
         read = [operand, *(a for _, _, operands in list_.operations for a in operands)]
         if not any(type(a) is int and a < len(self.names) for a in read):

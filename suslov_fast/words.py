@@ -163,6 +163,9 @@ TABLE = {
      "a package for noise, such as diffrax: here equations have none"),
     ("bode transferfunction statespace lti", "",
      "scipy.signal, with A = field.jacobian(x) of an equilibrium x"),
+    ("change", "changes Change",
+     "flow(system, x0, time=t, changes=...), or ensemble: maps and exponents have no changes"),
+    ("after newstate", "states", ""),
     ("event section condition value trigger", "surface",
      "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0), or "
      "changes=Change(lambda x: x[0], to=lambda x: ...) of flow, where the state changes there"),

@@ -83,6 +83,16 @@ class Changes(Points):
     def __getstate__(self) -> dict[str, Any]:
         return super().__getstate__() | {"_given": self.given}
 
+    def save(self, *_: Any, **__: Any) -> None:
+        raise TypeError("save: a file of the motion holds its changes: motion.save(path)")
+
+    @classmethod
+    def load(cls, *_: Any) -> Any:
+        raise TypeError("load: a file of the motion holds its changes: Motion.load(path).changes")
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name not in ("load", "ok", "save", "what")]
+
     @property
     def _batch(self) -> tuple[int, ...]:
         return self.count.shape[:-1]

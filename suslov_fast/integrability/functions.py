@@ -16,10 +16,11 @@ from functools import reduce
 from typing import Any, TypeVar
 
 import flint
+import numpy as np
 
 from ..bodies.fields.calls import check_function
 from ..bodies.fields.names import labels, latex
-from ..checks import extra, short, wrong
+from ..checks import FloatArray, extra, real_array, short, wrong
 from ..keywords import public, with_answers
 from . import arithmetic
 from .arithmetic import EPS
@@ -98,7 +99,8 @@ class WithLetter:
 class RationalFunction(WithLetter):
     """A product of powers of polynomials and a constant, exact.
 
-    Called with a point, D rational numbers, it returns a fraction. Functions and numbers can be
+    Called with a point, D rational numbers, it returns a fraction, and with the states of an orbit,
+    as ``F(run.x)``, an array of floats. Functions and numbers can be
     combined by ``+``, ``-``, ``*``, ``/`` and powers. ``sympy.sympify(f)`` converts one to SymPy.
     In a report, `basis` says what a function rests on, and `cofactor` is that of a Darboux
     polynomial, or -1 for a density up to sign. If eps, or another letter, is symbolic, `subs`
@@ -112,13 +114,34 @@ class RationalFunction(WithLetter):
     cofactor: RationalFunction | None = None
 
     @public
-    def __call__(self, x: Sequence[Any], *value: Any, **named: Any) -> Fraction:
-        """Return the value at a point; a function with a symbolic eps needs its value."""
+    def __call__(self, x: Any, *value: Any, **named: Any) -> Any:
+        """Return the value at a point as a fraction, or at states (..., n, D) as floats.
+
+        A function with a symbolic eps needs its value.
+        """
         point = [value_of(self.letter, value, named)] if self.is_symbolic else []
+        if np.ndim(x) > 1:
+            return self._in_floats(real_array("x", x, allow_nan=True), [*map(float, point)])
         if self.factors:
             point += arithmetic.rationals("x", x, variables_of(self.factors[0][0]))
         values = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
         return math.prod(values, start=self.constant)
+
+    def _in_floats(self, x: FloatArray, letter: list[float]) -> FloatArray:
+        """Return the values (...) at states (..., D)."""
+        constant, product = self.constant, np.ones(x.shape[:-1])
+        for P, e in self.factors:
+            if x.shape[-1] != (D := variables_of(P)):
+                raise wrong("x", f"have the shape (..., {D})", x.shape)
+            point = [*letter, *np.moveaxis(x, -1, 0)][-P.context().nvars() :]
+            coefficients = [int(c) for c in P.coeffs()]
+            scale = max(map(abs, coefficients))  # beyond the range of float64 for some
+            terms = zip(coefficients, P.monoms(), strict=True)
+            value = sum(float(Fraction(c, scale)) * _monomial(point, powers) for c, powers in terms)
+            constant *= Fraction(scale) ** e
+            with np.errstate(all="ignore"):
+                product = product * np.power(value, float(e))
+        return product * float(constant)
 
     @property
     def letter(self) -> str:
@@ -275,6 +298,10 @@ class RationalFunction(WithLetter):
             text = f"{'-' * (self.constant < 0)}\\frac{{{numerator}}}{{{denominator}}}"
         text = re.sub(r"\^(\d+)", r"^{\1}", text.replace("*", " "))
         return f"$\\displaystyle {text}$"
+
+
+def _monomial(x: Sequence[Any], powers: Sequence[Any]) -> Any:
+    return math.prod(a ** int(power) for a, power in zip(x, powers, strict=True) if power)
 
 
 def _latex_of_name(name: str) -> str:

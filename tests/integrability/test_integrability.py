@@ -17,7 +17,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
+from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, iterate
 
 pytest.importorskip("flint")
 
@@ -1115,3 +1115,20 @@ def test_echelon_form_is_that_of_the_matrix_of_coefficients():
         first, *_, last = np.flatnonzero(row)
         assert not found[k + 1 :, first].any()
         assert not found[:k, last].any()
+
+
+def test_functions_along_orbits_are_floats():
+    """Integrals at the states of a run are arrays; at one point they are fractions."""
+    field = QuadraticField.from_function(lambda x: (x[1] * x[2], -2 * x[0] * x[2], x[0] * x[1]), 3)
+    found = report(field, degree=3)
+    run = iterate(field, [[0.1, 0.2, 0.3], [0.3, 0.1, 0.2]], 1 / 8, 40)
+    for f in (*found.integrals, *found.measures, *found.polynomials):
+        values = f(run.x, eps=F(1, 8))
+        assert (values.shape, values.dtype) == ((41, 2), float)
+        assert values[3, 1] == pytest.approx(float(f(run.x[3, 1].tolist(), eps=F(1, 8))), rel=1e-13)
+    for f in found.integrals:
+        assert np.ptp(f.subs(eps=F(1, 8))(run.x[:, 0])) < 1e-15
+        with pytest.raises(ValueError, match=r"shape \(\.\.\., \d\)"):
+            f(run.x[..., :2], eps=F(1, 8))
+    huge = found.integrals[0] * 10**400 / 10**399
+    np.testing.assert_allclose(huge(run.x, 1), 10 * found.integrals[0](run.x, 1))

@@ -18,7 +18,7 @@ Kind = TypeVar("Kind", bound="Body")
 
 # Attributes for other modules, which `dir` hides from users.
 HIDDEN = frozenset(
-    "arrays axes batch_of_one called constants coordinates derived_by with_acts described labels "
+    "arrays axes batch_of_one called constants coordinates derived_by described labels "
     "has_map listed_right_hand_sides may_escape of_member parts positive read reduction "
     "remake right_hand_side right_hand_sides steady texts with_parts without_value".split()
 )

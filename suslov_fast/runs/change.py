@@ -283,9 +283,9 @@ class Change:
 
 
 def field_of(system: Any) -> Any:
-    """Return the field whose equations are those of a system."""
+    """Return the field whose equations, and names of components, are those of a system."""
     instance("system", system, Body)
-    return system if isinstance(system, FieldOfFunction) else system.field()
+    return system if isinstance(system, FieldOfFunction) else system.field()._named(system.labels)
 
 
 def traced(change: Change, system: Any) -> Traced:
@@ -354,10 +354,10 @@ class Traced:
             expected = f"a function of the state, or the name of a component, {either(self.names)}"
             raise wrong("surface", expected, short(surface))
         (operand,) = self._results("surface", surface)
-        instruction, operands = self.tracer.values.of.get(operand, ("", ()))
-        if instruction == "select" and [*operands[1:]] == [1.0, 0.0]:  # a truth value
-            expected = "a number that is 0 there, such as x - 1 for x > 1"
-            raise wrong("surface", expected, self.tracer.text(operand), TypeError)
+        name, of = self.tracer.values.of.get(operand, ("", ()))
+        if name == "select" and of[1:] == (1.0, 0.0):
+            received = f"{self.tracer.text(operand)}: pass the difference that changes its sign"
+            raise wrong("surface", _ON_SURFACE, received, TypeError)
         list_ = self._list_of([operand])
         read = [operand, *(a for _, _, operands in list_.operations for a in operands)]
         if not any(type(a) is int and a < len(self.names) for a in read):

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
-from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.fields.general import with_changes
-from ..checks import FloatArray, Reals, instance, integer, one_of, real_number, short, warn, wrong
+from ..checks import FloatArray, Reals, integer, one_of, real_number, short, warn, wrong
 from ..core.motion.engine import Settings
 from ..engine.motions import Asked, solve
 from ..engine.problem import check, warn_of_times
@@ -32,7 +30,7 @@ from ..engine.stretches import March, Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
-from .change import Change
+from .change import Change, field_of
 from .changes import acts_of, stops_of
 from .crossings import Crossings, searched
 from .failures import ON_SINGULAR, OnSingular, SingularStepError
@@ -190,8 +188,7 @@ def _along_motion(
     progress: Progress,
 ) -> Crossings:
     """Return the crossings along motions, after checks of the arguments that maps do not have."""
-    instance("system", system, Body)
-    field = system if isinstance(system, FieldOfFunction) else system.field()
+    field = field_of(system)
     duration, before = _number("time", time), _number("transient", transient)
     if before < 0.0:
         raise wrong("transient", "0 or more", short(transient))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ from ..keywords import public, with_answers
 from ..maps import Method, problem
 from ..quantities.derivatives import vector_field
 from . import shooting
+from .change import Change
+from .changes import checked_changes
 from .shooting import OfMap, OfMotion, Shooting
 
 _AT_REST = 1e-6  # part of its size that a state at rest moves in a period
@@ -66,6 +69,7 @@ def periodic_orbit(
     period: float | None = None,
     *,
     rtol: float = 1e-12,
+    changes: Change | Sequence[Change] = (),
     steps: int | None = None,
     method: Method | None = None,
 ) -> PeriodicOrbit:
@@ -91,6 +95,9 @@ def periodic_orbit(
         that of the force, which has to be given, and is kept.
     rtol : float
         The tolerance of :func:`flow`. With `steps` the largest residual.
+    changes : Change or sequence of Change
+        Changes of the state at surfaces, see :class:`Change`: bouncing, walking, spiking cycles.
+        The state that is returned lies between two of them.
     steps : int, optional
         Find an orbit of a map instead, which `steps` steps of the length ``period / steps`` close.
     method : str, optional
@@ -130,6 +137,12 @@ def periodic_orbit(
     (5.881088456, -2.403954)
     """
     checks.instance("system", system, Body)
+    acting = checked_changes(changes)
+    if acting and steps is not None:
+        raise wrong("changes", "left out with steps", short(changes), TypeError)
+    if any(change.times is not None for change in acting):
+        how = "a clock that it resets, Change(lambda s: s[-1] - 24, to=...), makes it periodic"
+        raise wrong("changes", "changes at surfaces", f"times: {how}")
     if steps is not None:
         search = _of_map(system, start, period, rtol, steps, method or "order8")
         return _result(search)
@@ -138,14 +151,16 @@ def periodic_orbit(
     x = _checked_start(system, start)
     checked_settings(system, rtol, None, None, None)
     field = system if isinstance(system, FieldOfFunction) else system.field()
-    motion = OfMotion(field, x, rtol)
-    T = _checked_period(field, motion, x, period)
+    motion = OfMotion(field, x, rtol, acting)
+    T = _checked_period(field, motion, x, period, acting)
     with np.errstate(all="ignore"):
+        x = motion.between_changes(x, T)
         search = shooting.found(motion, x, T, rtol, _MOST_ARCS)
         if found := _not_an_orbit(search, T):
-            other = None if period is None or motion.is_forced else _by_return(field, x, rtol)
+            is_alone = period is None or motion.is_forced or acting
+            other = None if is_alone else _by_return(field, x, rtol)
             if other is None or abs(other.T / T - 1.0) > _SAME:
-                advice = _advice(field, x, period, T, search, other)
+                advice = _advice(field, x, period, T, search, other, acting)
                 raise RuntimeError(f"periodic_orbit found {found}{advice}")
             search = other
     return _result(search)
@@ -161,7 +176,9 @@ def _checked_start(system: Any, start: Any) -> FloatArray:
     return np.array(x)
 
 
-def _checked_period(field: Any, motion: OfMotion, x: FloatArray, period: Any) -> float:
+def _checked_period(
+    field: Any, motion: OfMotion, x: FloatArray, period: Any, changes: tuple[Change, ...]
+) -> float:
     """Return the period that is given, or the time of a near return."""
     if period is not None:
         T = checks.positive("period", period)
@@ -173,6 +190,8 @@ def _checked_period(field: Any, motion: OfMotion, x: FloatArray, period: Any) ->
         name = field.names[int(motion.drifts.argmax())]
         expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
+    if changes:
+        raise wrong("period", "given, because of changes", None)
     with np.errstate(all="ignore"):
         near, last = _near_return(field, x, motion.settings.rtol)
     if near is not None:
@@ -269,13 +288,19 @@ def _by_return(field: Any, x: FloatArray, rtol: float) -> Shooting | None:
 
 
 def _advice(
-    field: Any, x: FloatArray, period: Any, T: float, search: Shooting, other: Shooting | None
+    field: Any,
+    x: FloatArray,
+    period: Any,
+    T: float,
+    search: Shooting,
+    other: Shooting | None,
+    changes: tuple[Change, ...],
 ) -> str:
     """Return why there is no orbit, and arguments with which there is one, because it was found."""
     rtol = search.rtol
     is_near = search.residual < _SMALL and not _at_rest(search, T)
-    is_noise = is_near and search.residual <= _NOISES * _noise(field, search)
-    if is_noise and (enough := _larger(field, x, T, rtol)) is not None:
+    is_noise = is_near and search.residual <= _NOISES * _noise(field, search, changes)
+    if is_noise and (enough := _larger(field, x, T, rtol, changes)) is not None:
         return f", because rtol = {rtol:g} is too tight for this orbit: pass rtol={enough:g}"
     if period is None:
         return ": start is too far from an orbit"
@@ -283,16 +308,19 @@ def _advice(
     return far if other is None else f"{far}: pass period={other.T:.10g}"
 
 
-def _noise(field: Any, search: Shooting) -> float:
+def _noise(field: Any, search: Shooting, changes: tuple[Change, ...]) -> float:
     """Return by how much the ends of arcs differ with the steps of another tolerance."""
-    other = OfMotion(field, search.nodes[0], 2.0 * search.rtol)
+    other = OfMotion(field, search.nodes[0], 2.0 * search.rtol, changes)
     return search.differs_from(other.arcs(search.nodes, search.T))
 
 
-def _larger(field: Any, x: FloatArray, T: float, rtol: float) -> float | None:
+def _larger(
+    field: Any, x: FloatArray, T: float, rtol: float, changes: tuple[Change, ...] = ()
+) -> float | None:
     """Return a larger tolerance with which there is an orbit."""
     while (rtol := float(f"{10 * rtol:.0e}")) < _SMALL:
-        if not _not_an_orbit(shooting.found(OfMotion(field, x, rtol), x, T, rtol, _MOST_ARCS), T):
+        motion = OfMotion(field, x, rtol, changes)
+        if not _not_an_orbit(shooting.found(motion, x, T, rtol, _MOST_ARCS), T):
             return rtol
     return None
 

@@ -19,14 +19,17 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bodies.fields.general import with_changes
 from ..checks import FloatArray
 from ..core.motion.engine import Settings
 from ..core.motion.rows import State
 from ..core.motion.stepping import Stepping
 from ..engine.motions import Asked, Found
-from ..engine.sensitivity import Columns
+from ..engine.sensitivity import Columns, WithColumns
 from ..maps import Method
 from ..quantities.derivatives import jacobian, vector_field
+from .change import Change
+from .changes import acts_of, stops_of
 from .flow import to_tolerance
 from .iterate import iterate
 
@@ -43,6 +46,8 @@ _GROWTH, _GROWTH_OF_ARC = 1e3, 30.0
 _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
 _LEAST_SIZE = 2.0**-20  # of the largest size, in which residuals are measured
 _ROUNDING = 2.0**-49  # of T, which shows where states change fast
+_STRONG = 1e3  # weight of the equation that keeps the phase
+_LOOKS = 512  # states at which a motion with changes is looked at
 _STEP = 1e-6  # of log T, for the difference quotient of a map
 _FAST = 10.0  # how much faster a start is than the state at which a search begins instead
 _AROUND = 1 / 16  # of the period before and after a state, in which it is the slowest
@@ -64,6 +69,7 @@ class Flow(Protocol):
 
     drifts: NDArray[np.bool_]  # (D,) components of constant rates
     is_forced: bool  # whether others depend on one of them, and T is fixed
+    keeps_phase: bool  # whether the fastest component of the first node stays, as with changes
     has_slow_parts: bool  # whether a search may begin at a state that is slower than the start
     rate: FloatArray  # (D,) f at the start
     field: Any
@@ -76,23 +82,33 @@ class Flow(Protocol):
 
 
 class OfMotion:
-    """Arcs of the motion of a field, to a tolerance."""
+    """Arcs of the motion of a field, to a tolerance, with changes of the state at surfaces."""
 
-    has_slow_parts = True
-
-    def __init__(self, field: Any, start: FloatArray, rtol: float) -> None:
+    def __init__(
+        self, field: Any, start: FloatArray, rtol: float, changes: tuple[Change, ...] = ()
+    ) -> None:
         self.field, self.settings = field, Settings(rtol, None, np.inf, None)
-        (_, f, _), *_ = field.listed_right_hand_sides
+        self.keeps_phase = bool(changes)
+        self.has_slow_parts = not changes
+        self._stops = self._moving = self._listed = None
+        if changes:
+            acts, self._stops = acts_of(field, changes), stops_of(changes, 1, ())
+            self._moving = WithColumns(field.shape, with_changes(field, acts))
+            self._listed = with_changes(field, acts, (), True)
+        (_, f, _), *_ = self._listed or field.listed_right_hand_sides
         self.rate = vector_field(field, start)
-        is_steady = np.isin(np.arange(f.D), f.steady)
-        self.drifts, self.is_forced = is_steady & (self.rate != 0.0), bool(f.clocks)
+        parts = f.changes.components if f.changes else ()
+        changed = {i for own in parts for i in own}  # which do not only drift
+        is_steady = np.isin(np.arange(f.D), [i for i in f.steady if i not in changed])
+        self.drifts = is_steady & (self.rate != 0.0)
+        self.is_forced = bool({*f.clocks} - changed)
 
     def _solved(self, field: Any, x: FloatArray, times: FloatArray, settings: Settings) -> Found:
-        return to_tolerance(field, x, (len(x),), Asked(times, 1, settings))
+        return to_tolerance(field, x, (len(x),), Asked(times, 1, settings, stops=self._stops))
 
     def arcs(self, nodes: FloatArray, T: float) -> Arcs:
         M = len(nodes)
-        columns = Columns(self.field, nodes, (M,), True, (), self.settings)
+        columns = Columns(self.field, nodes, (M,), True, (), self.settings, self._listed)
         times = np.array([T / M])
         found = self._solved(columns.field, columns.starts, times, columns.settings)
         (ends,), (slopes,) = columns.parted(found.states)
@@ -101,10 +117,36 @@ class OfMotion:
 
     def states(self, x: FloatArray, times: Any) -> FloatArray:
         """Return the states (n, D) at times, all 0 or later."""
-        return self._solved(self.field, x[np.newaxis], times, self.settings).states[:, 0]
+        moving = self._moving or self.field
+        return self._solved(moving, x[np.newaxis], times, self.settings).states[:, 0]
+
+    def between_changes(self, x: FloatArray, T: float) -> FloatArray:
+        """Return the state in the middle of the longest time without a change, in two periods.
+
+        An orbit from a state at a surface would end before the change or after it.
+        """
+        if self._moving is None:
+            return x
+        found = self._solved(self._moving, x[np.newaxis], np.array([2.0 * T]), self.settings)
+        assert found.records is not None
+        times = np.unique(found.records.time)
+        if not len(times):
+            return x
+        following = np.append(times[1:], times[-1] + T)
+        k = int((np.minimum(following, times + T) - times).argmax())
+        end = min(following[k], times[k] + T)
+        middle: FloatArray = self.states(x, np.array([0.5 * (times[k] + end)]))[0]
+        return middle
 
     def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Yield times and states (n, D) at the ends of steps; the first are the last of before."""
+        """Yield times and states (n, D) at the ends of steps; the first are the last of before.
+
+        With changes of the state they are those at equal times, all at once.
+        """
+        if self._moving is not None:
+            times = np.linspace(0.0, last, _LOOKS)
+            yield times, self.states(x, times)
+            return
         (_, f, table), *_ = self.field.right_hand_sides
         states, which = np.empty((1, 1, f.D)), np.zeros(1, np.int64)
         engine = Stepping(f, table[0], x[np.newaxis], [last], 1, self.settings, states, 1)
@@ -124,7 +166,7 @@ class OfMotion:
 class OfMap:
     """One arc, of N steps of a map."""
 
-    is_forced = has_slow_parts = False
+    is_forced = has_slow_parts = keeps_phase = False
 
     def __init__(self, field: Any, rate: FloatArray, steps: int, method: Method) -> None:
         self.field, self.count, self.method, self.rate = field, steps, method, rate
@@ -219,6 +261,11 @@ class Shooting:
                 matrix[k, :, -1] = self.arcs.rates[k, own]
         matrix = (matrix / sizes[:, np.newaxis]).reshape(M * n, -1)
         right = (-self.gaps[:, own] / sizes).ravel()
+        if self.flow.keeps_phase and not self.flow.is_forced:
+            row = np.zeros((1, matrix.shape[1]))
+            rate = vector_field(self.flow.field, self.nodes[0])[own] / sizes
+            row[0, abs(rate).argmax()] = _STRONG
+            matrix, right = np.concatenate([matrix, row]), np.append(right, 0.0)
         if not np.isfinite(matrix).all():
             return np.full((M, D), np.nan), np.nan
         left, values, rows = np.linalg.svd(matrix, full_matrices=False)
@@ -249,7 +296,7 @@ class Shooting:
         A system with several integrals has orbits of all periods near by, turned against each
         other, and Newton's steps would rather turn a Kepler ellipse than correct a period.
         """
-        for _ in range(0 if self.flow.is_forced else _CORRECTIONS):
+        for _ in range(0 if self.flow.is_forced or self.flow.keeps_phase else _CORRECTIONS):
             before, distance = self.arcs, self.distance
             rate, gap = (a[0, ~self.drifts] for a in (before.rates, self.gaps))
             change = -(rate @ gap) / (rate @ rate)

@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from suslov_fast import Change, Field, QuadraticField, Status, Suslov3D, flow
+from suslov_fast import (
+    Change,
+    Field,
+    QuadraticField,
+    Status,
+    Suslov3D,
+    crossings,
+    flow,
+    periodic_orbit,
+)
 
 DECAY = Field.from_function(lambda x: (-x[0],), "x")
 GUT = Field.from_function(lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood",
@@ -94,6 +103,11 @@ def test_other_systems():
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     motion = flow(body, [1.0, 0.5], time=2.0, changes=Change(times=[1.0]))
     np.testing.assert_allclose(motion.omega, flow(body, [1.0, 0.5], time=2.0).omega, rtol=1e-9)
+    section = crossings(body, [1.0, 0.5], surface="Omega2", time=20.0, direction=0)
+    assert len(section) == 1
+    assert abs(section.states[0, 1]) < 1e-14
+    found = flow(body, [1.0, 0.5], time=20.0, changes=Change("Omega2")).changes
+    np.testing.assert_array_equal(found.time, section.time)
 
 
 # ----------------------------------------------------------------------------------- surfaces
@@ -340,3 +354,57 @@ def test_derivatives_where_f_jumps_at_a_change():
     motion = flow(f, [1.0, 0.0], time=2.0, changes=bounce, derivatives=("x0", "mu"))
     found = np.stack([motion.derivative("x0")[0, :, 0], motion.derivative("mu")[0]], -1)
     np.testing.assert_allclose(found, by_complex_steps(state, (1.0, 0.25)), rtol=1e-9)
+
+
+# -------------------------------------------------------------- sections, and periodic orbits
+HENON_HEILES = Field.from_function(
+    lambda s: (s[2], s[3], -s[0] - 2 * s[0] * s[1], -s[1] - s[0] ** 2 + s[1] ** 2), "x y p q"
+)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+def test_a_section_changes_no_bit(stiff):
+    x = np.random.default_rng(3).uniform(-0.2, 0.2, (11, 4))
+    time = np.linspace(1.0, 20.0, 7)
+    plain = flow(HENON_HEILES, x, time=time, stiff=stiff)
+    sections = [Change("x"), Change(lambda s: s[1] - s[2], direction=1)]
+    for own in (x, x[4]):
+        found = flow(HENON_HEILES, own, time=time, stiff=stiff, changes=sections)
+        of_plain = plain.x if own is x else plain.x[:, 4]
+        np.testing.assert_array_equal(found.x, of_plain)
+        values = np.where(
+            found.changes.which == 0,
+            found.changes.states[:, 0],
+            found.changes.states[:, 1] - found.changes.states[:, 2],
+        )
+        assert len(values) > 5
+        assert abs(values).max() < 1e-14
+        assert (np.diff(found.changes.time)[np.diff(found.changes.trajectory) == 0] >= 0.0).all()
+
+
+def test_a_dose_over_a_section_is_recorded():
+    section = Change(lambda x: x[0] - 1)
+    dose = Change(times=[0.0, 2.0], to=lambda x: (x[0] + 2,))
+    found = flow(DECAY, [0.0], time=2.5, changes=[section, dose]).changes
+    assert found.which.tolist() == [1, 0, 0, 1, 0]
+    np.testing.assert_allclose(found.time, [0.0, 0.0, np.log(2), 2.0, 2.0], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("start", "period"), [([0.0, 0.5], 1.0), ([0.3, 1.5], 1.1)])
+def test_spiking_cycles(start, period):
+    f = Field.from_function(lambda x, I, a: (I - x[0], -a * x[1]), "v w", I=1.5, a=0.3)
+    spike = Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1] + 0.5))
+    orbit = periodic_orbit(f, start, period, changes=spike)
+    T = np.log(3.0)
+    assert abs(orbit.period - T) < 1e-10
+    np.testing.assert_allclose(orbit.multipliers, [1.0, np.exp(-0.3 * T)], rtol=1e-9)
+    motion = flow(f, orbit.state, time=[T, 2 * T], changes=spike, rtol=1e-12)
+    np.testing.assert_allclose(motion.x, [orbit.state] * 2, rtol=1e-9)
+
+
+def test_a_ball_that_is_thrown_at_each_bounce():
+    ball = Field.from_function(lambda x: (x[1], -9.81), "h v")
+    throw = Change("h", direction=-1, to=lambda x: (x[0], 3.0))
+    orbit = periodic_orbit(ball, [0.4, 0.1], 0.6, changes=throw)
+    assert abs(orbit.period - 6.0 / 9.81) < 1e-10
+    np.testing.assert_allclose(orbit.multipliers, [1.0, 0.0], atol=1e-9)

@@ -278,6 +278,10 @@ class FieldOfFunction(Body):
     def with_parts(self, parts: Mapping[str, Any]) -> Any:
         return self._of({**parts, **self._shared})
 
+    def _named(self, names: Sequence[str]) -> Any:
+        """Return the field with other names of variables."""
+        return self._of({**self.parts, **self._shared, NAMES: tuple(names)})
+
     def __reduce__(self) -> tuple[Any, ...]:
         return self._of, ({**self.parts, **self._shared},)
 
@@ -383,7 +387,7 @@ class _FieldOfTerms(FieldOfFunction):
     def listed_right_hand_sides(self) -> list[OfMembers]:
         return self._by_terms(None)
 
-    def with_acts(self, acts: tuple[Act, ...], twice: bool) -> list[OfMembers]:
+    def _with_acts_of(self, acts: tuple[Act, ...], twice: bool) -> list[OfMembers]:
         """Return the right-hand sides of members with changes of the state, in order of code."""
         named = [np.broadcast_to(a, self.shape).ravel() for a in self.arrays.values()]
 

@@ -442,7 +442,7 @@ def with_changes(
             f = _for_motion(field._equations, names, twice, acts)
             known[key] = field._of_members(f, field._inputs)
         else:
-            known[key] = field.with_acts(acts, twice)
+            known[key] = field._with_acts_of(acts, twice)
     found: list[OfMembers] = known[key]
     return found
 

@@ -106,8 +106,9 @@ def _unchanged(self: Any, name: str, value: Any) -> None:
 def _of_system(name: str, system: Any = None) -> str:
     """Return what to use for a parameter of a system; nothing for another word."""
     parameters = getattr(system, "parameters", None)
-    if not isinstance(parameters, dict) or name not in parameters:
+    if not isinstance(parameters, dict) or parameters.keys().isdisjoint([name, *name.split("_")]):
         return ""
+    name = name if name in parameters else next(p for p in name.split("_") if p in parameters)
     how = f"system.with_parameters({name}=...)"
     if "with_parameters" not in dir(system):
         how = f"a system that is made with {name}=..."

@@ -1,7 +1,9 @@
 """Words of other packages and what is used in their place here: one table, and what answers."""
 
-from collections.abc import Collection
+import re
+from collections.abc import Collection, Sequence
 from difflib import get_close_matches
+from itertools import combinations
 from typing import Any
 
 # For each place where words are looked up, rows of words, which are compared without underscores
@@ -35,11 +37,28 @@ TABLE = {
   "Change": (
     ("time t at when", "times", ""),
   ),
+  # Attributes of systems.
+  "Body": (
+    ("omega omega0 state states x x0", "",
+     "iterate(system, x0, eps, steps) or flow(system, x0, time=t), which take states"),
+    ("copy deepcopy", "", "the system itself, which never changes"),
+  ),
+  # Names of the package.
+  "module": (
+    ("system model odesystem equation dynamicalsystem problem", "",
+     "Field.from_function(lambda x, a: (x[1], -a * x[0]), 'q p', a=1.0)"),
+    ("batch vmap parallel", "", "flow(field, x0, time=t), of arrays of states and of parameters"),
+    ("montecarlo sample random", "RandomStarts", ""),
+    ("save load", "", "run.save(path), and load(path)"),
+    ("lsim stepresponse impulseresponse", "", "scipy.signal, with A = field.jacobian(x)"),
+  ),
   # Attributes of results.
   "Result": (
     ("t", "time", ""),
     ("H", "", "energy()"),
-    ("integral firstintegral", "first_integral", ""),
+    ("integral firstintegral invariant", "first_integral", ""),
+    ("amplitude maximum minimum", "",
+     "crossings(field, x0, time=T, surface=lambda x: -field(x)[..., 0]), of its maxima"),
     ("message", "", "suslov_fast.Status(run.status).message"),
     ("orientation", "", "attitude of iterate(..., attitude=True); flow has none"),
     ("parameters params", "", "body.parameters"),
@@ -47,7 +66,8 @@ TABLE = {
     ("field system", "body", ""),
     ("stopped stop_time", "", "ok, status and end"),
     ("df dataframe to_df to_pandas", "to_dataframe", ""),
-    ("to_csv to_excel", "", "to_dataframe(), a table of pandas, and its to_csv or to_excel"),
+    ("to_csv csv export output to_excel", "",
+     "to_dataframe(), a table of pandas, and its to_csv or to_excel"),
   ),
   "Points": (
     ("t_events y_events events times stop_time time_stop first step return_map", "",
@@ -137,11 +157,12 @@ TABLE = {
     ("order integrator solver alg algorithm scheme method", "method",
      "rtol= of flow, which chooses its steps, and stiff or not unless stiff= says; iterate has "
      "method="),
-    ("n nsteps numsteps iterations maxsteps maxiter steps samples size", "steps trajectories n J",
+    ("n num nsteps numsteps iterations maxsteps maxiter steps samples size",
+     "steps trajectories n J",
      "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
     ("denseoutput interp interpolate interpolant resample at sol", "",
      "flow(system, x0, time=t), at any times t; for a table np.interp(t, times, values) in f"),
-    ("nfev nstep naccepted fulloutput infodict", "steps",
+    ("nfev njev nlu nstep naccepted fulloutput infodict", "steps",
      "the result, which has steps, status and ok"),
     ("arg p param parameter", "parameters",
      "field.with_parameters(a=1), or make a body again; an array makes a family"),
@@ -172,7 +193,8 @@ TABLE = {
     ("jump dose impulse dosetime tstop schedule bolus infusion presettime discretecallback",
      "times",
      "changes=Change(times=[1, 2], to=lambda x: (x[0] + 1, x[1])) of flow"),
-    ("reset bounce impact affect effect action spike kick", "to",
+    ("reset bounce bouncing restitution impact contact collision affect effect action spike kick",
+     "to",
      "changes=Change(lambda x: x[0], direction=-1, to=lambda x: (x[0], -x[1])) of flow"),
     ("callback cb callbackset continuouscallback", "",
      "changes=Change(lambda x: x[0], to=lambda x: ...) of flow, where the state changes, or "
@@ -213,7 +235,7 @@ TABLE = {
     *((f"i3{k}", f"I{k}3", "") for k in (1, 2)),
     ("i inertia inertiamatrix tensor i12 i21", "parameters",
      "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
-    ("u values data trajectories points shape tonumpy select max min mean", "states",
+    ("u values result data trajectories points shape numpy tonumpy select max min mean", "states",
      "iterate, whose result has states"),
     ("solution explicitsolution", "states exact", ""),
     ("k1 k2 closedform", "closed_form", ""),
@@ -235,7 +257,7 @@ TABLE = {
     ("dim ndim d", "dimension", ""),
     ("dx derivative linearize", "",
      "field.jacobian(x), of its right-hand side; for a body QuadraticField.of(body).jacobian(x)"),
-    ("eigenvalues stability stable isstable linearstability", "",
+    ("eig eigenvalues stability stable isstable linearstability", "",
      "np.linalg.eigvals(field.jacobian(x)), or multipliers(system, x, eps), of a map"),
     ("parameterjacobian dfdp inputmatrix", "",
      "(field.with_parameters(a=a + h)(x) - field(x)) / h"),
@@ -247,9 +269,9 @@ TABLE = {
     ("odeset opts options", "rtol", "flow(system, x0, time=t, rtol=, atol=, max_step=)"),
     ("flow iterate ensemble", "run", ""),
     ("run", "", "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
-    ("trajectory simulate evolve", "run states",
+    ("trajectory simulate simulation evolve", "run states",
      "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
-    ("orbitdiagram bifurcationdiagram bifurcation continuation", "",
+    ("orbitdiagram bifurcationdiagram bifurcation hopf continuation", "",
      "a family, from_function(f, names, c=array), and c[points.trajectory] of its crossings"),
     ("phaseportrait plotphaseportrait", "plot", "flow(field, grid, time=t).plot()"),
     ("plot3d", "", "plot(a, b, c), with the names of three components"),
@@ -308,7 +330,7 @@ TABLE = {
      "suslov_fast.integrability.planar_entropy(kahan(field)), whose result has the orbits"),
     ("invariantmeasure measure density", "measures",
      "invariant_density(system, x, eps), or suslov_fast.integrability.report(field).measures"),
-    ("hirotakimurabasis hkbasis rankofintegrals rank", "hk_bases",
+    ("hk hirotakimurabasis hkbasis rankofintegrals rank", "hk_bases",
      "suslov_fast.integrability.hk_bases(kahan(field), degree)"),
     ("checkintegral isintegral isconserved verify", "",
      "F(x) == F(map(x)) for fractions x, of map = suslov_fast.integrability.kahan(field, eps)"),
@@ -333,17 +355,34 @@ _ROWS = {
 
 
 def answer(word: str, known: Collection[str], *places: str) -> str:
-    """Return what to use for a word in the first place that knows it, or the nearest known name."""
-    for each in known:
-        if each.lower() == word.lower():
-            return each
-    plain = _plain(word)
+    """Return what to use for a word in the first place that knows it, or the nearest known name.
+
+    Of a word of several parts, such as solve_ode, that may be what to use for a part.
+    """
+    alike = {_plain(each): each for each in known}
+    if here := alike.get(_plain(word)):
+        return here
+    if here := _looked_up(_plain(word), known, places):
+        return here
+    if near := get_close_matches(word, known, 1, 0.75):
+        return near[0]
+    parts = re.findall("[A-Za-z][a-z]*", word)
+    spans = combinations(range(len(parts) + 1), 2)
+    joined = sorted(("".join(parts[i:j]) for i, j in spans), key=len, reverse=True)
+    answers = (_looked_up(each.lower(), known, places) for each in joined if len(each) > 2)
+    return next(filter(None, answers), "")
+
+
+def _looked_up(plain: str, known: Collection[str], places: Sequence[str]) -> str:
+    """Return what to use for a word, or for a part of one, in the first place that knows it."""
+    if plain in known:
+        return plain
     for place in places:
         row = _ROWS.get((place, plain)) or _ROWS.get((place, plain.removesuffix("s")))
         names, how = row or ([], "")
         if found := next((name for name in names if name.partition("[")[0] in known), how):
             return found
-    return next(iter(get_close_matches(word, known, 1, 0.75)), "")
+    return ""
 
 
 def in_place_of(value: Any, maker: str = "QuadraticField") -> str:

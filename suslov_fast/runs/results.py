@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray
 from ..engine.status import count_in_words
 from ..keywords import lacking, public
+from ..words import answer
 
 if TYPE_CHECKING:
     import pandas
@@ -151,8 +152,11 @@ class Result:
                 raise AttributeError(name)
             x, here = self._variable, ""
             labels = {label.lower(): label for label in self.body.labels}
-            for near in get_close_matches(name.lower(), labels, 1, 0.75):
-                here = f"run[{labels[near]!r}], or run.{x} for all"
+            plain = name.lower().replace("_", "")
+            if plain not in labels and not answer(name, dir(self), "Points", "Result", "words"):
+                plain = next(iter(get_close_matches(plain, labels, 1, 0.75)), "")
+            if plain in labels:
+                here = f"run[{labels[plain]!r}], or run.{x} for all"
             if name in ("omega", "x"):
                 here = f"run.{x}"
             if name in self.body.parameters:

@@ -451,7 +451,7 @@ KEYWORDS = [
     (sf.iterate, (BODY, [1, 0], 0.1, 10), "RelTol t_span", "flow"),
     (sf.iterate, (BODY, [1, 0], 0.1, 10), "nonsense", "attitude, eps, method"),
     (sf.flow, (BODY, [1, 0]), "t t_span saveat", "time"),
-    (sf.flow, (SMOOTH_FAMILY, [1, 0]), "mu", "with_parameters"),
+    (sf.flow, (SMOOTH_FAMILY, [1, 0]), "mu mu_0", "with_parameters"),
     (sf.iterate, (NAMED, [1, 0], 0.1, 9), "rho", "with_parameters"),
     (sf.periodic_orbit, (NAMED, [1, 0], 6.0), "dt", "steps"),
     (sf.flow, (BODY, [1, 0]), "tol RelTol steps", "rtol"),
@@ -503,7 +503,8 @@ ATTRIBUTES = [
     (BODY, "energy", r"suslov_fast\.energy\(system, x\)"), (BODY, "k1", r"closed_form\(body, "),
     (BODY, "lyapunov", r"lyapunov_exponents\(system, x0, time=T\)"), (BODY, "dim", "dimension"),
     (NAMED, "rho", "parameters"), (FIELD, "sigma", ""), (sf, "nothing", ""),
-    (sf, "equilibria", "fixed_points"),
+    (sf, "equilibria", "fixed_points"), (sf, "solve_ode", "flow"), (sf, "System", "from_function"),
+    (BODY, "omega", "iterate"),
     (sf, "odeint", r"flow\(system, x0, time=T\)"), (sf, "pictures", r"plot_phase\(\*suslov_fast"),
     (sf.integrability, "hirota_kimura_basis", "hk_bases"), (sf.integrability, "nothing", ""),
 ]  # fmt: skip

@@ -87,7 +87,7 @@ ARROWS = {
     "maps": "core words checks bodies engine",
     "quantities": "checks keywords bodies engine maps",
     "space": "checks keywords bodies maps",
-    "runs": "core checks keywords errors bodies engine maps quantities",
+    "runs": "core words checks keywords errors bodies engine maps quantities",
     "plots": "checks keywords bodies engine maps quantities space runs",
     "integrability": "words checks keywords bodies",
     "compiled": "core checks keywords bodies maps",

@@ -408,3 +408,12 @@ def test_a_ball_that_is_thrown_at_each_bounce():
     orbit = periodic_orbit(ball, [0.4, 0.1], 0.6, changes=throw)
     assert abs(orbit.period - 6.0 / 9.81) < 1e-10
     np.testing.assert_allclose(orbit.multipliers, [1.0, 0.0], atol=1e-9)
+
+
+def test_many_changes_at_time_0_fill_the_buffer_of_records():
+    change = Change(times=np.zeros(40), to=lambda x: (x[0] + 1,), most=40)
+    found = flow(DECAY, np.zeros((1500, 1)), time=1.0, changes=change)
+    assert (found.changes.count == 40).all()
+    assert (found.changes.states[39::40] == 40.0).all()
+    assert (found.status == Status.STOPPED).all()
+    assert (found.end == 0.0).all()

@@ -39,6 +39,8 @@ def text_of_half(half, name, W, for_each):
     lines = Lines(text, half, name, for_each)
     taken = lines.work.taken
     for now in text.rounds(Carried()):
+        if half.changes:  # trajectories that end at time 0 have records, and take no step
+            pause_if_spent(lines)
         choose_length(lines)
         free = ~(taken[0] > 0.0)
         with text.when(free.any(), likely=False):
@@ -46,7 +48,8 @@ def text_of_half(half, name, W, for_each):
             choose_length(lines)
         is_active = taken[0] > 0.0
         with text.when(is_active.any(), likely=True):
-            pause_if_spent(lines)
+            if not half.changes:
+                pause_if_spent(lines)
             take_step(lines)
         now.goes_on = lines.has_trajectories()
     text.add("  ret i64 1")

@@ -237,7 +237,7 @@ class Field(FieldOfFunction):
     def _traced_at(self, x: Symbols) -> Any:
         tracer, D = x[0].tracer, self.dimension
         known = {i: x[i].operand for i in range(D)}
-        for k, (name, value) in enumerate(self._parts.items(), D):
+        for k, (name, value) in enumerate(self.parts.items(), D):
             if self.shape and name not in tracer.parameters:
                 raise TypeError(f"f(x) of a family needs its parameter {name} here")
             is_given = name in tracer.parameters

@@ -11,6 +11,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import lacking, public
+from .fields.latex import equations, symbol
 from .fields.polynomials import from_lists, to_lists
 from .members import Members
 
@@ -227,6 +228,17 @@ class Body(Members):
             return f"{name}({text})"
         text = ", ".join(summary(each, a) for each, a in arrays)
         return f"<{name} of shape {self.shape}: {text}>"
+
+    def _repr_latex_(self) -> str | None:
+        """Return the equations of a single body for notebooks, which show a batch as a text."""
+        return None if self.shape else equations(*self._rows_in_latex())
+
+    def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
+        """Return left sides in LaTeX, and texts, and the LaTeX of variables with other names."""
+        field, labels = self.field(), [*map(symbol, self.labels)]
+        rows = [(rf"\dot{{{a}}}", b) for a, b in zip(labels, field._formulas, strict=True)]
+        numbers = [(symbol(name), str(a)) for name, a in self.arrays.items() if not np.ndim(a)]
+        return rows + numbers, dict(zip(field.names, labels, strict=True))
 
     @public
     def to_dict(self) -> dict[str, Any]:

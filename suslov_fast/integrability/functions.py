@@ -19,7 +19,8 @@ import flint
 import numpy as np
 
 from ..bodies.fields.calls import check_function
-from ..bodies.fields.names import labels, latex
+from ..bodies.fields.latex import symbol
+from ..bodies.fields.names import labels
 from ..checks import FloatArray, extra, real_array, short, wrong
 from ..keywords import public, with_answers
 from . import arithmetic
@@ -305,13 +306,7 @@ def _monomial(x: Sequence[Any], powers: Sequence[Any]) -> Any:
 
 
 def _latex_of_name(name: str) -> str:
-    if name == "eps":
-        return r"\varepsilon"
-    if text := latex(name):
-        return text
-    stem = name.rstrip("0123456789")
-    word, index = stem.rstrip("_").replace("_", r"\_"), name[len(stem) :]
-    return rf"\mathrm{{{word}}}" + (f"_{{{index}}}" if index else "")
+    return r"\varepsilon" if name == "eps" else symbol(name)
 
 
 def _power_text(P: Any, e: int, is_one_polynomial: bool, longest: int | None) -> str:

@@ -131,6 +131,20 @@ class Report:
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
 
+    def _repr_latex_(self) -> str | None:
+        """Return the formulas for notebooks; without one these show the text."""
+        kinds = {
+            "First integrals": self.integrals,
+            "Densities of measures": self.measures,
+            "Darboux polynomials": self.polynomials,
+        }
+        lines = []
+        for title, functions in kinds.items():
+            lines += [rf"\text{{{title}:}}"] * bool(functions)
+            lines += [rf"\quad {f._repr_latex_().strip('$')}" for f in functions]
+        rows = r" \\ ".join(lines)
+        return rf"$\begin{{array}}{{l}}{rows}\end{{array}}$" if lines else None
+
     def _title(self) -> str:
         D = self.map.dimension
         if not isinstance(self.map, KahanMap):

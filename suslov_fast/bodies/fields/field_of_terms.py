@@ -21,6 +21,7 @@ from ...core.lists.quadratic import expressions_of, parameters_of, right_hand_si
 from ...keywords import public
 from ..base import Body, Parameters, frozen, summary
 from .calls import check_function
+from .latex import symbol
 from .names import labels, variables
 from .polynomials import named_parameters
 from .symbolic import Symbols
@@ -284,6 +285,13 @@ class FieldOfFunction(Body):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return self._of, ({**self.parts, **self._shared},)
+
+    def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
+        labels = [*map(symbol, self.names)]
+        rows = [(rf"\dot{{{a}}}", b) for a, b in zip(labels, self._formulas, strict=True)]
+        rows += [] if self.H is None else [("H", str(self.H))]
+        numbers = () if self.has_map else self.parameters.items()  # else formulas hold the values
+        return rows + [(symbol(name), str(value)) for name, value in numbers], {}
 
     def __repr__(self) -> str:
         kind, length = type(self).__name__, 0

@@ -1,0 +1,109 @@
+"""Equations in LaTeX, for notebooks, from their texts."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .names import latex
+
+_LONGEST = 4000  # characters of equations that are shown so
+_SIGNS: dict[type, str] = {
+    ast.Add: " + ", ast.Sub: " - ", ast.Mult: r" \, ", ast.BitAnd: r" \land ", ast.BitOr: r" \lor ",
+    ast.BitXor: r" \oplus ", ast.Mod: r" \bmod ", ast.Lt: " < ", ast.Gt: " > ", ast.LtE: r" \le ",
+    ast.GtE: r" \ge ", ast.Eq: " = ", ast.NotEq: r" \ne ", ast.USub: "-", ast.UAdd: "",
+    ast.Invert: r"\lnot ",
+}  # fmt: skip
+# How tightly signs bind; a quotient is a fraction, which needs no brackets.
+_LEVELS: dict[type, int] = {
+    ast.BitOr: -2, ast.BitXor: -1, ast.BitAnd: 0, ast.Add: 2, ast.Sub: 2, ast.USub: 3, ast.UAdd: 3,
+    ast.Mod: 3, ast.Mult: 3, ast.Invert: 3, ast.Div: 4, ast.FloorDiv: 4, ast.Pow: 4,
+}  # fmt: skip
+_ATOM = 5
+_FUNCTIONS = frozenset("sin cos tan sinh cosh tanh exp log arcsin arccos arctan".split())
+
+
+def symbol(name: str) -> str:
+    """Return the LaTeX of a name."""
+    if text := latex(name):
+        return text
+    stem = name.rstrip("0123456789")
+    word, index = stem.rstrip("_").replace("_", r"\_"), name[len(stem) :]
+    return rf"\mathrm{{{word}}}" + (f"_{{{index}}}" if index else "")
+
+
+def equations(
+    rows: Sequence[tuple[str, str]], names: Mapping[str, str] | None = None
+) -> str | None:
+    """Return equations of left sides, in LaTeX, and texts; None where these are no formulas.
+
+    `names` are those of variables that have another one in LaTeX.
+    """
+    if sum(len(text) for _, text in rows) > _LONGEST:
+        return None
+    try:
+        lines = [rf"{left} &= {formula(text, names)}" for left, text in rows]
+    except (SyntaxError, KeyError, RecursionError):
+        return None
+    return "$\\displaystyle \\begin{aligned}" + r" \\ ".join(lines) + "\\end{aligned}$"
+
+
+def formula(text: str, names: Mapping[str, str] | None = None) -> str:
+    """Return the LaTeX of the text of a formula, in which powers are written as ^ or as **."""
+    return _of(ast.parse(re.sub(r"\^(?=\d)", "**", text), mode="eval").body, names or {})[0]
+
+
+def _of(node: Any, names: Mapping[str, str]) -> tuple[str, int]:
+    """Return the LaTeX of a formula, and how tightly its sign binds."""
+    if isinstance(node, ast.Constant):
+        text = repr(node.value)
+        if "e" in text:
+            digits, exponent = text.split("e")
+            return rf"{digits} \cdot 10^{{{int(exponent)}}}", 3
+        return text, _ATOM
+    if isinstance(node, ast.Name):
+        return names.get(node.id) or symbol(node.id), _ATOM
+    if isinstance(node, ast.UnaryOp):
+        level = _LEVELS[type(node.op)]
+        return f"{_SIGNS[type(node.op)]}{_within(node.operand, names, 3)}", level
+    if isinstance(node, ast.BinOp):
+        kind = type(node.op)
+        if kind is ast.Div:
+            if isinstance(node.left, ast.UnaryOp) and isinstance(node.left.op, ast.USub):
+                quotient = ast.BinOp(node.left.operand, node.op, node.right)
+                return f"-{_of(quotient, names)[0]}", 3
+            top, bottom = (_of(each, names)[0] for each in (node.left, node.right))
+            return rf"\frac{{{top}}}{{{bottom}}}", 4
+        if kind is ast.FloorDiv:
+            top, bottom = (_of(each, names)[0] for each in (node.left, node.right))
+            return rf"\left\lfloor \frac{{{top}}}{{{bottom}}} \right\rfloor", _ATOM
+        if kind is ast.Pow:
+            return f"{_within(node.left, names, _ATOM)}^{{{_of(node.right, names)[0]}}}", 4
+        level = _LEVELS[kind]
+        left, right = _within(node.left, names, level), _within(node.right, names, level + 1)
+        if kind is ast.Mult and re.match(r"\d", right):
+            return rf"{left} \cdot {right}", level
+        return f"{left}{_SIGNS[kind]}{right}", level
+    if isinstance(node, ast.Compare):
+        left, right = (_within(each, names, 2) for each in (node.left, node.comparators[0]))
+        return f"{left}{_SIGNS[type(node.ops[0])]}{right}", 1
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        return _call(node.func.id, [_of(each, names)[0] for each in node.args]), _ATOM
+    raise SyntaxError
+
+
+def _call(name: str, arguments: Sequence[str]) -> str:
+    if name == "sqrt":
+        return rf"\sqrt{{{arguments[0]}}}"
+    if name == "abs":
+        return rf"\left|{arguments[0]}\right|"
+    escaped = name.replace("_", r"\_")
+    word = f"\\{name}" if name in _FUNCTIONS else rf"\operatorname{{{escaped}}}"
+    return rf"{word}\left({', '.join(arguments)}\right)"
+
+
+def _within(node: Any, names: Mapping[str, str], least: int) -> str:
+    text, level = _of(node, names)
+    return text if level >= least else rf"\left({text}\right)"

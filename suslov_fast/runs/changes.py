@@ -161,6 +161,8 @@ def changes_of_records(
     records: Any, system: Any, changes: tuple[Change, ...], batch: tuple[int, ...]
 ) -> Changes:
     """Return what `Records` of changes say, with their numbers in the list of the user."""
+    if records is None:  # of no trajectories, or no times
+        return nothing_changed(system, changes, batch, 0)
     numbers, D = np.array(in_order_of_code(changes), np.int64), system.dimension
     columns = {
         "trajectory": records.trajectory,

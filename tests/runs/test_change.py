@@ -76,6 +76,14 @@ def test_results():
         changes.time[0] = 1.0
 
 
+def test_no_trajectories_and_no_times():
+    nobody = flow(PK, np.zeros((0, 2)), time=[1.0, 2.0], changes=[DOSES, Change("gut")])
+    assert nobody.x.shape == (2, 0, 2)
+    assert nobody.changes.count.shape == (0, 2)
+    never = flow(PK, [0.0, 0.0], time=[], changes=DOSES)
+    assert (never.x.shape, len(never.changes), never.changes.count.tolist()) == ((0, 2), 0, [0])
+
+
 def test_dataset_and_plot():
     pytest.importorskip("xarray")
     own = PK.with_parameters(dose=[50.0, 100.0])

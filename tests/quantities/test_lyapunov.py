@@ -285,6 +285,40 @@ def test_many_variables(rng, monkeypatch, make, D, size, tolerance):
     np.testing.assert_array_equal(sf.lyapunov_exponents(field, x, 1 / 64, 40), found)
 
 
+def switched_on(D):
+    """Rates of 0 until the last component grows from about 0 to 1, within a few steps."""
+
+    def f(x):
+        z = x[-1]
+        own = [z * (x[k - 1] - 4 * k * x[k]) for k in range(D - 1)]
+        weak = [0.1 * (x[(k + 1) % (D - 1)] - x[k - 1]) for k in range(D - 1)]
+        return [a + b for a, b in zip(own, weak, strict=True)] + [60 * z * (1 - z)]
+
+    return sf.QuadraticField.from_function(f, D)
+
+
+@pytest.mark.parametrize("method", ["auto", "order4"])
+def test_columns_that_grow_apart_all_at_once(monkeypatch, method):
+    """Steps that lost digits are taken again, also those of a call before."""
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE_OF_TANGENT", 0)  # as of many variables
+    D, eps, transient, steps = 30, 1 / 64, 30, 40
+    field = switched_on(D)
+    x = np.tile(np.linspace(0.1, 0.2, D), (3, 1))
+    x[:, -1] = [1e-21, 1e-20, 1e-22]
+    run = field, x, eps, steps, transient
+    found = sf.lyapunov_exponents(*run, method=method)
+    for x0, exponents in zip(x, found, strict=True):
+        states = sf.iterate(field, x0, eps, transient + steps - 1, method=method).states
+        Q, logs = np.eye(D), []
+        for slope in sf.jacobian(field, states, eps, method=method):
+            Q, R = np.linalg.qr(slope @ Q)
+            logs.append(np.log(abs(np.diag(R))))
+        expected = np.mean(logs[transient:], axis=0)
+        np.testing.assert_allclose(np.sort(exponents), np.sort(expected), atol=1e-12)
+    monkeypatch.setattr(derivatives, "STRETCH", 1)  # a call for each step
+    np.testing.assert_array_equal(sf.lyapunov_exponents(*run, method=method), found)
+
+
 def test_determinants_above_the_range_of_numbers():
     """The pivots of a step with pivoting are about 1e8: the product of 40 of them is 1e320."""
     D, rate = 40, 2e8

@@ -49,6 +49,7 @@ from .generated_tangent import (
     OUTSIDE,
     SOON,
     STEP,
+    VOLUME,
     room_of,
     text_of_orthonormalise,
     text_of_tangent,
@@ -250,8 +251,8 @@ def fill_line(W, room, line, x, place):
 
 @function
 def copy(target, source):
-    """Copy an array of two dimensions."""
-    for i in range(len(source)):
+    """Copy rows to an array of two dimensions."""
+    for i in range(len(target)):
         for l in range(source.shape[1]):
             target[i, l] = source[i, l]
 
@@ -283,9 +284,13 @@ def lanes_beyond(W, B, place):
 
 
 def carry_of(arguments, B, D):
-    """Return the memory in which `growth` keeps the lines of B trajectories between calls."""
-    W = arguments.W
-    return np.empty((-(-B // W), 2 * D + LENGTHS + D * arguments.room, W))
+    """Return the memory in which `growth` keeps the lines of B trajectories between calls.
+
+    For `long_tangent` there follows what `growth` had when columns were orthonormalised last: the
+    line, with the number of stages in place of VOLUME; the sum for |det DPhi|; and `base`.
+    """
+    W, rows = arguments.W, 2 * D + LENGTHS + D * arguments.room
+    return np.empty((-(-B // W), 2 * rows + 1 + D if arguments.plan else rows, W))
 
 
 @kernel
@@ -338,6 +343,12 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
             fill_line(W, arguments.room, line, x0, place)
         else:
             copy(line, carry[place])
+        kept, of_base = carry[place, len(line) :], carry[place, 2 * len(line) + 1 :]
+        if start == 0 and arguments.plan:
+            copy(kept[: len(line)], line)
+            kept[D + VOLUME] = 0.0
+        if arguments.plan and kept[D + VOLUME, 0] == start * stages:  # sums may begin anew here
+            kept[len(line)] = of_det[place]
         ignored, n = lanes_beyond(W, B, place), start
         stage = np.int64(0)  # a literal would have a type, and functions, of its own
         for l in range(lesser(W, B - place * W)):
@@ -388,14 +399,24 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
             if due:
                 addresses = line[first:].ctypes.data, line[D:].ctypes.data
                 memory_of_code = memory.kept.ctypes.data, arguments.plan
-                call_code(arguments.orthonormalise, (*addresses, due, *memory_of_code))
+                again = call_code(arguments.orthonormalise, (*addresses, due, *memory_of_code))
+                if again:  # columns lost digits; go back
+                    copy(line, kept)
+                    copy(base, of_base)
+                    of_det[place], taken = kept[len(line), 0], np.int64(kept[D + VOLUME, 0])
+                    n, stage, line[D + VOLUME] = taken // stages, taken % stages, again
+                    continue
             if is_last or due | outside:
                 rows = line[D : 2 * D + LENGTHS]
                 take_logarithms(rows, sums, of_det, place * W, is_last)
+            if due and arguments.plan:
+                copy(kept[: len(line)], line)
+                copy(of_base, base)
+                kept[D + VOLUME], kept[len(line)] = n * stages + stage, of_det[place]
         for l in range(lesser(W, B - place * W)):
             k = place * W + l
             of_det[k] += 0.0 * line[0, l]
             for i in range(D):
                 sums[k, i] += 0.0 * line[i, l]
-        copy(carry[place], line)
+        copy(carry[place, : len(line)], line)
     keep(counted)

@@ -51,6 +51,9 @@ class Change:
     those of :meth:`Field.from_function`, and carried out as machine code; besides the state they
     may take parameters of the system by name.
 
+    Functions are called when a change first meets the names of a system: a number from outside is
+    a constant from then on, and a parameter of the system is not.
+
     Parameters
     ----------
     surface : str or callable, optional

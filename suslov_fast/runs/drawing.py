@@ -4,6 +4,7 @@ Imports Matplotlib (extra `plots`).
 """
 
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -40,6 +41,8 @@ _MOST_ON_LINES, _MOST_OVER_TIME = 2000, 200
 _MOST_JOINED = 100_000
 # Most values of a parameter in a legend; for more there is a colour bar.
 _IN_LEGEND = 6
+# Most starts in a legend, and most components of a start there.
+_MOST_STARTS, _MOST_OF_START = 8, 4
 # Most components in the key of a figure over time.
 _IN_KEY = 12
 
@@ -64,6 +67,7 @@ class _Colours(NamedTuple):
     label: str = ""
     is_parameter: bool = False
     single: Any = COLOURS(0.3)
+    starts: Sequence[str] | None = None  # their names in the key, if numbers are those of starts
 
     def of(self, index: Any) -> FloatArray | None:
         return None if self.values is None else self.values[index]
@@ -77,12 +81,19 @@ class _Colours(NamedTuple):
         if self.values is None:
             return
         values = np.unique(self.values[np.isfinite(self.values)])
+        if self.starts is not None:
+            self._key(axes, range(len(self.starts)), self.starts)
+            return
         if not self.is_parameter or len(values) > _IN_LEGEND:
             axes.figure.colorbar(drawn, ax=axes, label=self.label, shrink=0.8)
             return
+        self._key(axes, values, [f"{self.label} = {value:g}" for value in values])
+
+    def _key(self, axes: Any, values: Any, names: Sequence[str]) -> None:
         style: Any = {"marker": "s", "markersize": 5, "linestyle": "none"}
         squares = [Line2D([], [], color=COLOURS(self.norm(value)), **style) for value in values]
-        axes.legend(squares, [f"{self.label} = {value:g}" for value in values], fontsize="small")
+        if squares:
+            axes.legend(squares, names, fontsize="small")
 
 
 def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: Any, ax: Any) -> Any:
@@ -218,7 +229,7 @@ def _colours(
     if color is None:
         color = next((name for name, values in parameters.items() if values.size > 1), None)
         if color is None:
-            return _Colours()
+            return _of_starts(run, shape, bool(of_crossings))
     if isinstance(color, str):
         if color not in {*parameters, *of_crossings}:
             if is_color_like(color):
@@ -246,6 +257,23 @@ def _colours(
             expected += f"{run.count.shape}, one for each trajectory"
         raise wrong("color", expected, values.shape)
     return _Colours(values.ravel())
+
+
+def _of_starts(run: Any, shape: tuple[int, ...], is_of_crossings: bool) -> _Colours:
+    """Return a colour for each start, whose values few have as their names."""
+    if is_of_crossings:
+        count, values = math.prod(run._batch), run.trajectory.astype(float)
+    else:
+        count, values = math.prod(shape), np.arange(math.prod(shape), dtype=float)
+    if count < 2 or not values.size:
+        return _Colours()
+    names = [f"trajectory {k}" for k in range(count)] if count <= _MOST_STARTS else []
+    if names and not is_of_crossings and len(run.body.labels) <= _MOST_OF_START:
+        at_start = (np.reshape(run.time, (len(run), -1)) == 0).all(axis=1)
+        for states in run.states[at_start][:1].reshape(-1, count, len(run.body.labels)):
+            named = [", ".join(f"{a:.3g}" for a in state) for state in states]
+            names = [f"({each})" for each in named] if len({*named}) == count else names
+    return _Colours(values, starts=names)
 
 
 def _are_near(states: FloatArray) -> bool:

@@ -113,7 +113,8 @@ class Points(Result):
         color : str or array_like(float, shape=(K,) or (...)), optional
             A parameter that varies, "trajectory" or "time", along maps also "eps" or "n", and along
             motions "surface"; a number for each crossing, or each trajectory; or a colour of
-            Matplotlib. By default the parameter of a family.
+            Matplotlib. By default the parameter of a family, or else
+            a colour for each trajectory.
         title : str or bool, optional
             True: the system and the number of crossings. By default none, unless crossings are
             left out.

@@ -308,7 +308,8 @@ class States(Result):
             if all states of a run are saved, at most 100,000, and they lie close together.
         color : str or array_like(float, shape=(...)), optional
             A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
-            default the parameter of a family; ``color=run.energy()[0]`` shows levels.
+            default the parameter of a family, or else a colour for each start, with a legend of up
+            to 8; ``color=run.energy()[0]`` shows levels.
         title : str or bool, optional
             True: the map, the number of orbits and how many states are drawn. By default none,
             unless states are left out.

@@ -82,7 +82,7 @@ def test_axes_are_taken_and_returned():
     figure = Figure()
     first, space = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
     run = sf.iterate(BODY, [[1.0, 0.5], [0.2, -0.7]], 0.2, 9)
-    assert run.plot(ax=first) is first
+    assert run.plot(color="red", ax=first) is first
     assert sf.plot_phase(*FIGURES[1], levels=2, legend=False, ax=first) is first
     assert first.get_legend() is None
     assert not plt.get_fignums()
@@ -271,3 +271,26 @@ def test_many_dots_are_an_image_in_vector_formats():
     for steps, is_image in ((100, False), (4000, True)):
         axes = sf.iterate(field, starts, 1 / 16, steps, save_every=2).plot(lines=False)
         assert axes.collections[0].get_rasterized() is is_image
+
+
+def test_starts_have_a_colour_each():
+    """With a key of up to eight, which names the starts if the plot has the time 0."""
+    field = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "q v")
+    x0 = np.array([[0.5, 0.0], [1.0, 0.0], [1.5, 0.25]])
+    motion = sf.flow(field, x0, time=np.linspace(0, 6, 61))
+    axes = motion.plot()
+    assert [each.get_text() for each in axes.get_legend().get_texts()] == [
+        "(0.5, 0)", "(1, 0)", "(1.5, 0.25)"
+    ]  # fmt: skip
+    np.testing.assert_array_equal(axes.collections[0].get_array(), [0, 1, 2])
+    axes = sf.flow(field, x0, time=[1.0, 2.0]).plot()
+    assert axes.get_legend().get_texts()[2].get_text() == "trajectory 2"
+    nine = sf.flow(field, np.tile(x0, (3, 1)), time=[0.0, 1.0]).plot()
+    assert nine.get_legend() is None
+    assert len(nine.figure.axes) == 1
+    assert len({*nine.collections[0].get_array()}) == 9
+    points = sf.crossings(field, x0, surface="v", time=7.0)
+    axes = points.plot("time", "q")
+    np.testing.assert_array_equal(axes.collections[0].get_array(), points.trajectory)
+    assert len(axes.get_legend().get_texts()) == 3
+    assert sf.flow(field, x0[0], time=[0.0, 1.0]).plot().get_legend() is None

@@ -523,8 +523,8 @@ def _with_acts(
 ) -> Any:
     """Return the same with changes of the state, which may read P parameters with names."""
     places = np.frombuffer(indices, np.int64).reshape(3, -1)
-    units = (np.frombuffer(each, bool) for each in (one, minus_one))
-    values, results, count = expressions_of(places, D, *units, others=P)
+    is_one, is_minus_one = (np.frombuffer(each, bool) for each in (one, minus_one))
+    values, results, count = expressions_of(places, D, is_one, is_minus_one, others=P)
     return with_fixed_choices(values, results, count, (), twice, acts)
 
 

@@ -1,7 +1,7 @@
 """What the code of a half of the motion takes, by name: addresses, and numbers of all lanes."""
 
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Arguments(NamedTuple):
@@ -53,6 +53,6 @@ class Numbers(NamedTuple):
     since: float = -1.0  # modulus of the time after which they count
 
 
-SLOT, NUMBER, COMPONENT = (
-    kind(*range(len(kind._fields))) for kind in (Arguments, Numbers, Component)
-)
+SLOT = Arguments(*range(len(Arguments._fields)))
+NUMBER: Any = Numbers(*range(len(Numbers._fields)))  # places, which are integers
+COMPONENT = Component(*range(len(Component._fields)))

@@ -19,7 +19,7 @@ Examples
 ...         n += 1
 ...     return n
 >>> steps_to_the_line(system(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), eps=0.2), 1.0, 0.5)
-250
+255
 """
 
 from typing import Any

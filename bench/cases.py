@@ -176,7 +176,6 @@ for key, whose, label, function, part, reference, dimensions in (
     ("jax", OTHERS, "JAX, compiled loop", "fields.in_jax", 1, BY_NUMPY, (3,)),
     # The motion over the same time: what else one would use.
     ("taylor", OTHERS, "heyoka, Taylor integrator", TAYLOR, 16, f"{TAYLOR}_by_scipy", (3,)),
-    ("form", NUMPY, "`iterate` without machine code", "fields.in_numpy_form", 16, BY_NUMPY, ALL),
     ("numpy", NUMPY, "NumPy, `linalg.solve`", BY_NUMPY, 16, BY_NUMPY, ALL),
 ):
     more = {"one_thread": whose in (NUMPY, OTHERS)}

@@ -4,15 +4,11 @@ Where LLVM refuses the code of a field, this package itself carries out its step
 """
 
 import functools
-from unittest import mock
 
 import numpy as np
 from native import call
 from numba import get_num_threads
 from problem import EPS_FIELD as EPS, sparse_field
-
-import suslov_fast
-from suslov_fast.core.fields import steps as steps_field
 
 WRITTEN = {3: "lorenz", 4: "henon_heiles"}  # for these fields, by their dimensions
 
@@ -26,12 +22,6 @@ def in_numpy(field, x, steps):
         f = (half + linear) @ x[..., np.newaxis]
         x = x + EPS * np.linalg.solve(np.eye(D) - EPS * (half + linear / 2), f)[..., 0]
     return x
-
-
-def in_numpy_form(field, x, steps):
-    """The operations of this package, where there is no machine code for them."""
-    with mock.patch.object(steps_field, "code_of", return_value=None):
-        return suslov_fast.iterate(field, x, EPS, steps, save_every=None).final
 
 
 def _lorenz_step(x, y, z):

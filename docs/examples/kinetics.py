@@ -8,7 +8,7 @@ at once: times between maxima.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import QuadraticField, crossings, flow, vector_field
+from suslov_fast import QuadraticField, crossings, flow
 
 
 def oregonator(x, f):
@@ -30,8 +30,8 @@ f = np.linspace(0.6, 1.5, 100)
 family = QuadraticField.from_function(oregonator, "A B C", f=f)
 
 
-def falling(x):
-    return -vector_field(family, x)[..., 0]
+def falling(x, f):
+    return -oregonator(x, f)[0]
 
 
 peaks = crossings(family, [1, 2, 3], surface=falling, time=2000, transient=1000, atol=0)

@@ -342,7 +342,7 @@ class Kernel(Patient):
                 known_addresses[kind] = _addresses(self.compiled, numba.typeof(arguments))
             addresses = known_addresses[kind]
         if addresses is None:
-            in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [])
+            in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [], threads)
         else:
             _start(*addresses, threads, arguments)
 

@@ -60,6 +60,7 @@ def call_all() -> None:
                 # Some functions do not take this body; drawings need an extra.
                 with suppress(ValueError, TypeError, ImportError):
                     function(*positional, **keywords)
+        sf.jacobian(body, states, 1.0)  # at poles, too: `x` is 0, where multipliers have a value
     threads.CROSSOVER, compiling.PATIENCE = crossover, patience
 
 

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 
 import pytest
@@ -58,3 +59,8 @@ def layer(name):
     if attempt("import numba; numba.get_num_threads()", **environment).returncode:
         pytest.skip(f"Numba has no threading layer {name} here")
     return environment
+
+
+def never(*_):
+    """Return never: what a child of `multiprocessing` runs, which imports this file by its name."""
+    time.sleep(1000)

@@ -10,7 +10,6 @@ import random
 import re
 import signal
 import threading
-import time
 from fractions import Fraction as F
 from itertools import permutations, product
 
@@ -21,6 +20,7 @@ from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, iter
 
 pytest.importorskip("flint")
 
+import children
 import flint
 from papers import three_lines
 
@@ -1006,16 +1006,12 @@ def test_every_report_on_the_way_has_a_text():
     assert {f.basis for f in early} == {MODULAR}
 
 
-def never(*_):
-    time.sleep(1000)
-
-
 def test_a_search_that_never_ends(monkeypatch):
     """The limit holds whatever the search does, and so does Ctrl-C.
 
     Windows only notes Ctrl-C, as `interrupt_main` does; it ends no system call.
     """
-    monkeypatch.setattr(process, "serve", never)
+    monkeypatch.setattr(process, "serve", children.never)
     found = report(CYCLE, EPS, time_limit=0.05)
     assert (found.finished, found.searched) == (False, [])
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it

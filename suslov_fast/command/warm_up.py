@@ -46,6 +46,7 @@ def call_all() -> None:
         values["x0"] = states
         variants: list[dict[str, Any]] = [{"method": name} for name in map.methods]
         variants += [{}, {"save_every": None}, {"attitude": True}, {"n": [0, 40]}]
+        variants += [{"x": states}]  # at poles, too; at 0 multipliers have a value
         for function, options in product(filter(inspect.isfunction, public), variants):
             names, known = inspect.signature(function).parameters, values | options
             if "steps" in names:  # along the map, not along the motion
@@ -60,7 +61,6 @@ def call_all() -> None:
                 # Some functions do not take this body; drawings need an extra.
                 with suppress(ValueError, TypeError, ImportError):
                     function(*positional, **keywords)
-        sf.jacobian(body, states, 1.0)  # at poles, too: `x` is 0, where multipliers have a value
     threads.CROSSOVER, compiling.PATIENCE = crossover, patience
 
 

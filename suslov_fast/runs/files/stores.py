@@ -19,6 +19,7 @@ from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Lock
 from typing import Any
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
@@ -35,6 +36,7 @@ Tile = tuple[int, ...]  # position of a tile along each axis of the batch
 MOST_CHUNKS, _MOST_COMPONENTS = 2**21, 2**20  # of a store, and of a state
 _CHECKSUM = 4  # bytes, which follow the numbers of a chunk
 _AT_A_TIME = 64  # simultaneous requests
+_FILTERS = Lock()  # of warnings: all threads have the same
 # Values that unwritten chunks show, by the name of a column; others are NaN.
 _FILLS = {column.short: column.fill for column in (*RUN, *MOTION)}
 # Attributes that only some runs have, and those that identify no run.
@@ -324,7 +326,7 @@ def _fill(target: Any, data: Any, sizes: dict[str, int]) -> None:
         if name == first:
             sizes = dict(zip(variable.dims, group[name].chunks, strict=True))
     _write_shared(target, group, data, {*map(str, data.variables)})
-    with warnings.catch_warnings():
+    with _FILTERS, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that consolidated metadata are not part of the format
         zarr.consolidate_metadata(target, zarr_format=3)
 

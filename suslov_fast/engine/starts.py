@@ -25,7 +25,7 @@ _LEAST, _MOST = 1e-13, 1e-2  # of rtol
 RTOL = float("1e-9")
 # The defaults of arguments that only maps have, and of those that only motions have.
 _OF_MAPS = {"method": "auto", "save_every": None, "attitude": False}
-_OF_MOTIONS = {"rtol": RTOL, "atol": None, "max_step": None, "stiff": None, "changes": ()}
+_OF_MOTIONS = Settings(RTOL)._asdict() | {"changes": ()}
 _FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
 _ENDS = {
     Cause.UNKNOWN: "end: they escape to infinity, or f or a derivative that is asked for does",
@@ -82,8 +82,10 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
     return np.array(time), -1 if low < 0.0 else 1  # a copy, which the motion keeps
 
 
-def checked_settings(system: Any, rtol: Any, atol: Any, max_step: Any, stiff: Any) -> Settings:
-    """Return what the engine takes."""
+def checked_settings(
+    system: Any, rtol: Any, atol: Any = None, max_step: Any = None, stiff: Any = None
+) -> Settings:
+    """Return what the engine takes, and results keep."""
     number = checks.real_number("rtol", rtol)
     if not isinstance(number, float) or not _LEAST <= number <= _MOST:
         raise wrong("rtol", f"a number from {_LEAST:g} to {_MOST:g}", short(rtol))
@@ -95,17 +97,11 @@ def checked_settings(system: Any, rtol: Any, atol: Any, max_step: Any, stiff: An
         if np.min(atol) < 0.0:
             raise wrong("atol", "0 or more", short(float(np.min(atol))))
         atol = atol if isinstance(atol, float) else tuple(atol.tolist())
-    longest = math.inf if max_step is None else checks.positive("max_step", max_step)
+    if max_step is not None:
+        max_step = checks.positive("max_step", max_step)
     if stiff not in (None, True, False):
         raise wrong("stiff", "True, False or None", short(stiff), TypeError)
-    return Settings(number, atol, longest, stiff)
-
-
-def tolerances_of(settings: Settings) -> dict[str, Any]:
-    """Return the arguments of :func:`flow` that these settings are, as results keep them."""
-    rtol, atol, longest, stiff = settings
-    max_step = None if longest == math.inf else longest
-    return {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
+    return Settings(number, atol, max_step, stiff)
 
 
 def checked_starts(

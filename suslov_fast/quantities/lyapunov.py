@@ -148,7 +148,7 @@ def _of_motion(
     time, before = checks.positive("time", time), checks.real_number("transient", transient)
     if not isinstance(before, float) or before < 0.0:
         raise wrong("transient", "a time, 0 or more", short(transient))
-    settings = checked_settings(system, rtol, None, None, None)
+    settings = checked_settings(system, rtol)
     x, batch = checked_starts(system, x0, 1)
     field = system if isinstance(system, FieldOfFunction) else system.field()
     count = threads_for(len(x), thread_count(threads))

@@ -11,6 +11,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
+from ..core.motion.engine import Settings
 from ..engine.status import PENDING
 
 # Version of files and stores.
@@ -94,12 +95,11 @@ CROSSINGS = (
     Column("first_pole", "int64", "batch", when="map"),
 )
 OF_KIND = {"Trajectories": RUN, "Crossings": CROSSINGS, "Motion": MOTION}
-_TOLERANCES = "rtol", "atol", "max_step", "stiff"
 # The arguments of the functions that made a result: texts, numbers or None.
 ARGUMENTS: dict[str, tuple[str, ...]] = {
     "Trajectories": ("method", "steps", "save_every"),
-    "Crossings": ("method", "steps", "last", "transient", "direction", "most", *_TOLERANCES),
-    "Motion": (*_TOLERANCES, "derivatives"),
+    "Crossings": ("method", "steps", "last", "transient", "direction", "most", *Settings._fields),
+    "Motion": (*Settings._fields, "derivatives"),
 }
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`

@@ -16,12 +16,12 @@ from ..engine.stretches import March
 from ..maps import Map
 from .failures import OnSingular, report_failures
 from .points import Points, span
-from .results import in_short, read_only
+from .results import OfMotion, in_short, read_only
 from .search import Search
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Crossings(Points):
+class Crossings(Points, OfMotion):
     """Points where orbits of a batch cross surfaces: the result of :func:`crossings`.
 
     There are K crossings, ordered by trajectory, then along the orbit.
@@ -122,10 +122,6 @@ class Crossings(Points):
     method: str | None = None
     # Of motions.
     last: float | Any = None
-    rtol: float | Any = None
-    atol: float | tuple[float, ...] | None = None
-    max_step: float | None = None
-    stiff: bool | None = None
 
     @property
     def coordinates(self) -> tuple[str, ...]:

@@ -139,14 +139,9 @@ def ensemble(
         raise wrong("client", "an open client", "one that is closed")
     checks.instance("system", system, Body)
     of_map = {"save_every": save_every, "method": method, "attitude": attitude}
-    tolerances = {
-        "rtol": rtol,
-        "atol": atol,
-        "max_step": max_step,
-        "stiff": stiff,
-        "changes": changes,
-    }
-    is_motion = either_map_or_motion("ensemble", eps, steps, time, **of_map, **tolerances)
+    tolerances = {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
+    of_motion = {**tolerances, "changes": changes}
+    is_motion = either_map_or_motion("ensemble", eps, steps, time, **of_map, **of_motion)
     task: Task
     threads = None if client is None else 1
     if not is_motion:
@@ -156,7 +151,7 @@ def ensemble(
         counts: Any = steps, save_every
         task = Steps(method, *checked_counts(*counts))
     else:
-        settings = checked_settings(system, rtol, atol, max_step, stiff)
+        settings = checked_settings(system, **tolerances)
         acting = tuple(change.of(system) for change in checked_changes(changes))
         task = Times(*checked_times(time), settings, acting)
         shape = checks.common_shape({"system": system.shape, "times": batch_of(acting)})

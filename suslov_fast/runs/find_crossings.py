@@ -23,7 +23,6 @@ from ..engine.starts import (
     checked_starts,
     either_map_or_motion,
     ends_in_words,
-    tolerances_of,
 )
 from ..engine.status import PoleWarning, Status
 from ..engine.stretches import March, Progress, reporter
@@ -157,7 +156,7 @@ def crossings(
         raise TypeError(f"surface is missing: pass {how}, for component 0")
     tolerances = {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
     if either_map_or_motion("crossings", eps, steps, time, method=method, **tolerances):
-        settings = checked_settings(system, rtol, atol, max_step, stiff)
+        settings = checked_settings(system, **tolerances)
         return _along_motion(
             system, x0, surface, time, settings, direction, transient, most, threads, on_singular,
             progress,
@@ -217,7 +216,7 @@ def _along_motion(
             "transient": before,
             "direction": direction,
             "most": most,
-            **tolerances_of(settings),
+            **settings._asdict(),
         }
     )
     report_ends(points, x, batch, found.is_stopped, on_singular)

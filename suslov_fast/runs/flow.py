@@ -25,7 +25,6 @@ from ..engine.starts import (
     checked_settings,
     checked_starts,
     checked_times,
-    tolerances_of,
     warn_of_ends,
     warn_of_growth,
 )
@@ -166,7 +165,7 @@ def flow(
             "status": found.status.reshape(batch),
             "end": found.t.reshape(batch),
             "steps": found.steps.reshape(batch),
-            **tolerances_of(settings),
+            **settings._asdict(),
             "derivatives": names,
             "_derivatives": of_columns,
             "changes": changed,

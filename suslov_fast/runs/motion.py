@@ -14,11 +14,11 @@ from ..keywords import public
 from .change import Change
 from .changes import Changes, changes_of
 from .columns import CHANGES
-from .results import QUANTITIES, States
+from .results import QUANTITIES, OfMotion, States
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Motion(States):
+class Motion(States, OfMotion):
     """Solutions of the equations of motion at given times: the result of :func:`flow`.
 
     Attributes
@@ -69,10 +69,6 @@ class Motion(States):
     status: NDArray[np.int8]
     end: FloatArray
     steps: NDArray[np.int64]
-    rtol: float
-    atol: float | tuple[float, ...] | None
-    max_step: float | None
-    stiff: bool | None
     derivatives: tuple[str, ...] = ()
     _derivatives: FloatArray | None = None  # (n, ..., D, C) those by x0 first
     changes: Changes | None = None

@@ -149,7 +149,7 @@ def periodic_orbit(
     if method is not None:
         raise wrong("method", "left out without steps", short(method), TypeError)
     x = _checked_start(system, start)
-    checked_settings(system, rtol, None, None, None)
+    checked_settings(system, rtol)
     field = system if isinstance(system, FieldOfFunction) else system.field()
     motion = OfMotion(field, x, rtol, acting)
     T = _checked_period(field, motion, x, period, acting)
@@ -233,7 +233,7 @@ def _of_map(
     x, steps = checked.omega, integer("steps", steps, 1)
     if not np.isfinite(x).all():
         raise wrong("start", "finite", short(start))
-    checked_settings(system, rtol, None, None, None)
+    checked_settings(system, rtol)
     _check_return(system)
     of_map = OfMap(system, vector_field(system, x), steps, method)
     with np.errstate(all="ignore"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
@@ -260,6 +260,16 @@ class Result:
 
         result: Self = load(path, cls.__name__)
         return result
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class OfMotion:
+    """The fields of `Settings` that results of motions have; those of maps have None."""
+
+    rtol: float | Any = None
+    atol: float | tuple[float, ...] | None = None
+    max_step: float | None = None
+    stiff: bool | None = None
 
 
 class States(Result):

@@ -87,7 +87,7 @@ class OfMotion:
     def __init__(
         self, field: Any, start: FloatArray, rtol: float, changes: tuple[Change, ...] = ()
     ) -> None:
-        self.field, self.settings = field, Settings(rtol, None, np.inf, None)
+        self.field, self.settings = field, Settings(rtol)
         self.keeps_phase = bool(changes)
         self.has_slow_parts = not changes
         self._stops = self._moving = self._listed = None

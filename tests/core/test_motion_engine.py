@@ -105,7 +105,7 @@ def test_texts_are_those_of_every_process():
 def motion(f, x0, times, rtol=1e-6, *, atol=None, sign=1.0, stiff=None):
     """Return the states, and what is known of trajectories at their end."""
     states = np.full((len(times), *x0.shape), np.nan)
-    settings = engine.Settings(rtol, atol, np.inf, stiff)
+    settings = engine.Settings(rtol, atol, None, stiff)
     found = engine.Motion(f, np.zeros(0), x0, np.array(times), sign, settings, states)
     found.run()
     return states, found.t, found.steps, found.state
@@ -155,7 +155,7 @@ def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
 
     def found():
         states = np.full((2, 9, f.D), np.nan)
-        settings = engine.Settings(1e-7, None, np.inf, stiff)
+        settings = engine.Settings(1e-7, stiff=stiff)
         x0 = 0.1 * np.random.default_rng(3).normal(size=(9, f.D))
         engine.Motion(f, table, x0, np.array([0.7, 3.0]), 1.0, settings, states).run()
         options = {"rtol": 1e-6, "stiff": stiff}
@@ -257,7 +257,7 @@ def test_one_trajectory_has_the_bits_of_a_batch(case):
     for k in range(len(x0)):
         of_one = motion(f, x0[k : k + 1], times)
         assert_equal(of_one, (states[:, k : k + 1], t[[k]], steps[[k]], state[[k]]))
-        settings = engine.Settings(1e-6, None, np.inf, None)
+        settings = engine.Settings(1e-6)
         given = x0[k].tobytes(), np.array(times).tobytes()
         found = one.motion_of_one(f, b"", *given, 1.0, settings)
         if found is not None and state[k] == State.DONE:
@@ -289,7 +289,7 @@ def test_dense_fields():
     np.testing.assert_allclose(f.jacobian(x, table), sparse.jacobian(x, np.zeros(0)), rtol=1e-12)
     for stiff in (None, True):
         states = np.full((1, 3, D), np.nan)
-        settings = engine.Settings(1e-9, None, np.inf, stiff)
+        settings = engine.Settings(1e-9, stiff=stiff)
         engine.Motion(f, table, x0, np.array([3.0]), 1.0, settings, states).run()
         np.testing.assert_allclose(states, motion(sparse, x0, [3.0], 1e-12)[0], rtol=1e-7)
 
@@ -304,7 +304,7 @@ def test_orbits_that_are_not_stiff_stay_explicit():
     x0[:, 2] += 25.0
     for rtol, most in ((1e-3, 0.03), (1e-6, 0.001), (1e-9, 0.001)):
         states = np.empty((1, *x0.shape))
-        settings = engine.Settings(rtol, None, np.inf, None)
+        settings = engine.Settings(rtol)
         found = engine.Motion(f, np.zeros(0), x0, np.array([20.0]), 1.0, settings, states)
         found.run()
         assert found.implicit_steps.sum() <= most * found.steps.sum()
@@ -344,7 +344,7 @@ def test_populations_keep_their_sign():
 def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
     f, x0, T = CASES[name]
     f, states = right_hand_side(f, x0.shape[1]), np.full((1, *x0.shape), np.nan)
-    settings = engine.Settings(1e-6, None, np.inf, None)
+    settings = engine.Settings(1e-6)
     steps = stepping.Stepping(f, np.zeros(0), x0, [T], 1.0, settings, states, 1)
     state = steps.flat[:, steps.rows.state]
     while (k := np.flatnonzero(state < State.DONE)).size:

@@ -1,12 +1,14 @@
 """The table of columns: each is in runs, files, datasets and stores, or in none of them."""
 
 import json
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.runs import columns
+from suslov_fast.core.motion.engine import Settings
+from suslov_fast.runs import columns, results
 
 pytest.importorskip("zarr")
 # Two populations: from these starts a failure after a pole, a pole, and neither.
@@ -15,6 +17,10 @@ FIELD = sf.QuadraticField.from_function(
 )
 STARTS = [[0.05, 0.25], [0.05, 0.05], [4.5, 5.0]]
 NAMES = {column.name for column in columns.RUN if column.is_public}
+
+
+def test_results_of_motions_have_the_settings():
+    assert [field.name for field in fields(results.OfMotion)] == [*Settings._fields]
 
 
 def entries(path):

@@ -88,7 +88,7 @@ def test_what_a_step_computes_does_not_depend_on_the_number_of_knots(rng):
     assert sf.Field.from_dict(many.to_dict()) == many
     # Few steps are tried in vain before one that ends on a knot.
     f, table = many.right_hand_sides[0].f, many.right_hand_sides[0].table
-    settings = engine.Settings(1e-9, None, np.inf, None)
+    settings = engine.Settings(1e-9)
     one = Stepping(f, table, np.zeros((1, 2)), [10.0], 1, settings, np.empty((1, 1, 2)), 1)
     ((_, rows),) = one.attempts(one.flat, np.arange(1), 10.0, 300)
     assert rows[-1, 0, one.rows.steps] >= 50

@@ -32,12 +32,12 @@ half_of = functools.lru_cache(64)(Half)
 
 
 class Settings(NamedTuple):
-    """What all trajectories of a motion share."""
+    """What all trajectories of a motion share: keywords of `flow`, under their names."""
 
     rtol: float
-    atol: float | tuple | None  # one for all components, or one for each
-    longest: float  # step
-    stiff: bool | None  # whether all steps are implicit, None to choose
+    atol: float | tuple | None = None  # one for all components, or one for each
+    max_step: float | None = None
+    stiff: bool | None = None  # whether all steps are implicit, None to choose
 
 
 @functools.lru_cache(64)
@@ -65,7 +65,7 @@ def numbers_of(f, settings, sign, first, second, last):
         last,
         sign,
         first_part(settings.rtol),
-        min(settings.longest, last / 32.0 if is_bounded(f) else np.inf),
+        min(settings.max_step or np.inf, last / 32.0 if is_bounded(f) else np.inf),
         limit_of(settings.rtol),
         float(settings.stiff is None),
         first,

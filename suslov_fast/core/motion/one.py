@@ -70,7 +70,7 @@ def motion_of_one(f, table, x, times, sign, settings, stops=None, enough=inf, si
     numbers[NUMBER.last] = last
     numbers[NUMBER.first_next], numbers[NUMBER.second_next] = times[:2]
     if f.clocks:
-        numbers[NUMBER.longest] = min(settings.longest, last / 32.0)
+        numbers[NUMBER.longest] = min(settings.max_step or inf, last / 32.0)
     if stops is None:
         states = array("d", bytes(count * len(x)))
     else:

@@ -111,7 +111,7 @@ class FieldScene:
         for name in ("x", "y"):
             one_of(name, values[name], self.names)
         if view.time is not None:
-            checked_settings(self.field, view.rtol, None, None, None)
+            checked_settings(self.field, view.rtol)
             view = view._replace(time=float(real_number("time", view.time)))
         else:
             one_of("method", view.method, self.methods)

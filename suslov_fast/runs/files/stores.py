@@ -28,6 +28,7 @@ import numpy as np
 
 from ... import checks
 from ...checks import in_units, short, wrong
+from ...core.motion.engine import Settings
 from ...engine.random_starts import RandomStarts
 from ...engine.status import PENDING
 from ..columns import FORMAT, MOTION, RUN, OtherFormat
@@ -40,7 +41,7 @@ _FILTERS = Lock()  # of warnings: all threads have the same
 # Values that unwritten chunks show, by the name of a column; others are NaN.
 _FILLS = {column.short: column.fill for column in (*RUN, *MOTION)}
 # Attributes that only some runs have, and those that identify no run.
-_OPTIONAL = "map save_every attitude names H K atol max_step stiff changes".split()
+_OPTIONAL = "map", "save_every", "attitude", "names", "H", "K", "changes", *Settings._fields
 _NOT_COMPARED = "version", "coordinates", "title", "tiled"
 _OF_FILES = ".npz", ".nc", ".h5", ".hdf5", ".csv", ".zip"  # suffixes, which no store has
 

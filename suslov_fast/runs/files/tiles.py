@@ -17,7 +17,6 @@ from ...engine.arguments import flat_arrays
 from ...engine.motions import Asked
 from ...engine.problem import Problem, Where, along, part_of
 from ...engine.random_starts import RandomStarts
-from ...engine.starts import tolerances_of
 from ...engine.stretches import March
 from ..change import Change, field_of
 from ..changes import acts_of, changes_of_records, stops_of
@@ -110,7 +109,7 @@ class Times:
     @property
     def arguments(self) -> dict[str, Any]:
         """The arguments of :func:`flow`, as a motion has them."""
-        return tolerances_of(self.settings) | {"derivatives": ()}
+        return self.settings._asdict() | {"derivatives": ()}
 
     def pieces(self, part: Problem, rows: int) -> Iterator[Piece]:
         """Yield the states, `rows` at a time, and at last the other columns."""

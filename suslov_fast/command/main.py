@@ -1,7 +1,6 @@
 """The command `suslov-fast`: what its subcommands do, and how it reports errors."""
 
 import argparse
-import inspect
 import json
 import os
 import shutil
@@ -9,20 +8,24 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import suslov_fast as sf
 
-from .options import PARAMETERS, parsed
+from .options import parsed
 from .summary import facts_in, facts_of
+from .system import about, body_and_step, body_of, text_of
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
 
 _NO_LIMIT = 1e9  # seconds, longer than any search
+LONG = 10.0  # seconds after which a run says beforehand how long it takes
+_FEW = 64  # trajectories of a motion from which that is estimated
 _ENDINGS = ".png", ".svg", ".pdf"
 # Options of runs of a map, and of the motion.
 _OF_STEPS = "eps", "steps", "method", "save_every", "attitude"
@@ -44,7 +47,7 @@ def main(words: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # nobody reads the output
         return 141
     except Exception as error:
-        text = _text_of(error)
+        text = text_of(error)
         name = text.partition(" must ")[0]
         _tell(f"--{name.replace('_', '-')}{text[len(name) :]}" if hasattr(options, name) else text)
         return 1
@@ -59,23 +62,6 @@ def main(words: Sequence[str] | None = None) -> int:
 def _tell(text: str) -> None:
     """Print a message as one line on stderr."""
     print("suslov-fast:", " ".join(text.split()), file=sys.stderr, flush=True)
-
-
-def _text_of(error: Exception, subject: object = "") -> str:
-    """Return the message of an error; it begins with the subject, a file or an option."""
-    text = str(error) or type(error).__name__
-    if isinstance(error, OSError) and error.strerror:
-        subject, text = error.filename or subject, error.strerror
-    return text if text.startswith(str(subject)) else f"{subject}: {text}"
-
-
-@contextmanager
-def _about(subject: object) -> Iterator[None]:
-    """Let the messages of errors begin with a file or an option."""
-    try:
-        yield
-    except Exception as error:
-        raise ValueError(_text_of(error, subject)) from error
 
 
 def run(options: argparse.Namespace) -> None:
@@ -99,9 +85,7 @@ def run(options: argparse.Namespace) -> None:
 
     from .. import checks
 
-    body, eps = _body_and_step(options, needs_step=not is_motion)
-    if isinstance(body, sf.Field) and not is_motion:
-        options.usage_error("a Field has a motion, and no map: add --time T")
+    body, eps = body_and_step(options, needs_step=not is_motion)
     starts = _starts(options, body)
     if body.shape and isinstance(starts, sf.RandomStarts):  # each member with all states
         body = body._part(len(body.shape) - 1, np.arange(body.shape[-1])[:, np.newaxis])
@@ -135,41 +119,6 @@ def run(options: argparse.Namespace) -> None:
         raise ArithmeticError("run: all trajectories failed")
 
 
-def _body_and_step(options: argparse.Namespace, needs_step: bool = True) -> tuple[Any, Any]:
-    """Return the body or field, and the step size, None if there may be none."""
-    parameters = {name: value for name, value in vars(options).items() if name in PARAMETERS}
-    if parameters and (options.figure or options.body):
-        options.usage_error(f"argument --{min(parameters)}: not allowed with --figure or --body")
-    if not (parameters or options.body):
-        body, eps = sf.Suslov3D.figure(options.figure or 2)
-        return body, eps if options.eps is None and needs_step else options.eps
-    in_3d = sf.SuslovGyrostat if "k" in parameters else sf.Suslov3D
-    kind: Any = sf.SuslovND if {"J", "I"} & parameters.keys() else in_3d
-    signature = {} if options.body else inspect.signature(kind).parameters
-    required = [
-        name for name, parameter in signature.items() if parameter.default is parameter.empty
-    ]
-    in_file = _body_in(options.body) if options.body else None
-    required += ["eps"] * needs_step
-    missing = [f"--{name}" for name in required if getattr(options, name, None) is None]
-    if missing:
-        how = "; --eps is the step size, such as --eps 0.01" if "--eps" in missing else ""
-        options.usage_error(f"the following arguments are required: {', '.join(missing)}{how}")
-    if foreign := parameters.keys() - signature.keys():
-        options.usage_error(f"argument --{min(foreign)}: not allowed with --J and --I")
-    return in_file if options.body else kind(**parameters), options.eps
-
-
-def _body_in(path: Path) -> Any:
-    """Return the body or field in a JSON file."""
-    with _about(path):
-        try:
-            parameters = json.loads(path.read_bytes())
-        except (ValueError, RecursionError) as error:
-            raise ValueError(f"not the JSON text of body.to_dict(): {error}") from error
-        return sf.body_from_dict(parameters)
-
-
 def _starts(options: argparse.Namespace, body: Any) -> Any:
     """Return the initial states: RandomStarts, or an array, memory-mapped if from a file."""
     import numpy as np
@@ -192,7 +141,7 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
             "--initial and --omega0"
         )
     name = str(path or "--omega0")
-    with _about(name):
+    with about(name):
         if path:
             try:
                 states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
@@ -218,12 +167,10 @@ def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict
     body, starts, eps, steps = work
     starts = _states_of(starts, body)
     settings = {"save_every": None, "on_singular": "ignore", **settings}
-    # A short run first, not timed, because it compiles and starts the threads.
     few = min(steps, CROSSOVER // max(1, len(starts)) + 1)
-    sf.iterate(body, starts, eps, few, **settings | {"progress": None})
-    begin = time.perf_counter()
-    result = sf.iterate(body, starts, eps, steps, **settings)
-    seconds = time.perf_counter() - begin
+    short = settings | {"progress": None}
+    _tell_if_long(lambda steps: sf.iterate(body, starts, eps, steps, **short), few, steps)
+    seconds, result = _seconds(partial(sf.iterate, body, starts, eps, steps, **settings))
     failed = result.status < 0
     computed = (failed * result.failed_at + ~failed * steps).sum()
     rate = {"seconds": seconds, "steps_per_second": float(computed) / seconds}
@@ -237,10 +184,31 @@ def _motion(path: Path | None, force: bool, work: Any, settings: Any) -> dict[st
     starts = _states_of(starts, body)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sf.PoleWarning)  # the summary counts them
-        begin = time.perf_counter()
-        result = sf.flow(body, starts, **settings)
-        seconds = time.perf_counter() - begin
+        short = settings | {"progress": None}
+        few = min(_FEW, len(starts))
+        if few < len(starts):
+            _tell_if_long(lambda count: sf.flow(body, starts[:count], **short), few, len(starts))
+        seconds, result = _seconds(partial(sf.flow, body, starts, **settings))
     return _saved(result, path, force, facts_of(result) | {"seconds": seconds})
+
+
+def _seconds(function: Callable[[], Any]) -> tuple[float, Any]:
+    """Return how long a call takes, and its result."""
+    begin = time.perf_counter()
+    result = function()
+    return time.perf_counter() - begin, result
+
+
+def _tell_if_long(call: Callable[[int], Any], part: int, whole: int) -> None:
+    """Compute a part, which compiles and starts the threads, and say if the whole takes long."""
+    call(part)
+    while (seconds := _seconds(partial(call, part))[0]) < LONG / 100 and part < whole:
+        part = min(whole, 4 * part)
+    seconds *= whole / part
+    if seconds > LONG:
+        units = (86_400, "days"), (3_600, "hours"), (60, "minutes")
+        size, unit = next((each for each in units if seconds >= 2 * each[0]), (1, "seconds"))
+        _tell(f"this takes about {seconds / size:.0f} {unit}; Ctrl-C ends it")
 
 
 def _check_writable(path: Path | None, force: bool) -> None:
@@ -274,9 +242,7 @@ def _in_store(path: Path, force: bool, work: Any, settings: Any) -> dict[str, An
             shutil.rmtree(path)
         except OSError as error:  # whose name is that of an entry in the store
             raise OSError(error.errno, f"not replaced: {error.strerror}", str(path)) from error
-    begin = time.perf_counter()
-    sf.ensemble(*work, store=path, **settings)
-    seconds = time.perf_counter() - begin
+    seconds, _ = _seconds(partial(sf.ensemble, *work, store=path, **settings))
     return facts_in(path) | {"seconds": seconds, "written": str(path)}
 
 
@@ -293,7 +259,7 @@ def info(options: argparse.Namespace) -> int:
         try:
             facts = {"file": str(path), **facts_in(path)}
         except Exception as error:
-            _tell(_text_of(error, path))
+            _tell(text_of(error, path))
             failed = 1
         else:
             print(json.dumps(facts), flush=True)
@@ -311,7 +277,7 @@ def plot(options: argparse.Namespace) -> None:
 
     chosen = {"components": options.components} if options.components else {}
     figure = load(options.file).plot(**chosen).figure
-    with _about(options.output):
+    with about(options.output):
         figure.savefig(options.output, dpi=150)
         plt.close()
     print(options.output, flush=True)
@@ -331,7 +297,7 @@ def report(options: argparse.Namespace) -> None:
     # Always with a limit: the search then runs in another process, and Ctrl-C ends it at once.
     limit = _NO_LIMIT if options.time_limit is None else options.time_limit
     try:
-        body, eps = _body_and_step(options, needs_step=False)
+        body, eps = body_and_step(options, needs_step=False)
         show(report_of(body, eps, options.degree, time_limit=limit))
     except KeyboardInterrupt as error:
         if hasattr(error, "report"):  # results so far
@@ -362,8 +328,9 @@ def explore(options: argparse.Namespace) -> None:
 
     if not 0 <= options.port < 2**16:
         options.usage_error(f"argument --port: {options.port} is not from 0 to 65535")
-    page = sf.explore(_body_in(options.body)) if options.body else Page("")
-    with _about(f"--port {options.port}"):
+    body = body_of(options)
+    page = Page("") if body is None else sf.explore(body)
+    with about(f"--port {options.port}"):
         server = page.serve(options.port)
     url = page.address(server)
     with suppress(KeyboardInterrupt), server:

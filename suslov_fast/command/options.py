@@ -27,6 +27,7 @@ PARAMETERS = {
     "I": "n - 1 products of inertia I_in of a body in n dimensions",
 }
 _JSON = "a body or a field, saved by json.dump(body.to_dict(), file)"
+_EQUATIONS = "such as \"x' = a*x - x*y; y' = x*y - y; a = 2\"; parameters have no '"
 _STATES = "array of numpy.save with a state in each row"
 _FORCE = "replace an existing file"
 
@@ -49,7 +50,9 @@ class _Parser(argparse.ArgumentParser):
         if "body" in names and re.search(r"arguments: [\d.,-]+$", message):
             message += "; a list is written with commas, --omega0 1,0.5"
         elif "body" in names and re.search("arguments: [^-]|mean --body", message):
-            message += "; --body FILE.json takes equations from json.dump(field.to_dict(), file)"
+            message += "; equations are an option: --equations \"x' = x*(1 - y); y' = y*(x - 1)\""
+        elif "output" in names and "--format" in message:
+            message += "; the ending of a file is its format: suslov-fast plot RUN.npz -o RUN.pdf"
         super().error(message)
 
 
@@ -60,7 +63,8 @@ def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namesp
     """
     parser = _Parser("suslov-fast", description=_ABOUT, epilog=_EXAMPLE)
     parser.add_argument("-V", "--version", action="version", version=f"%(prog)s {sf.__version__}")
-    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    parser.set_defaults(function=lambda _: parser.print_help())
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
     for function in commands:
         text = function.__doc__ or ""
         keywords: dict[str, Any] = {"help": text.partition(".")[0], "description": text}
@@ -129,7 +133,7 @@ def numbers(text: str) -> list[float]:
 def _system(parser: Any, step: str) -> None:
     """Add the options that say which system, in a group; `step` says when --eps may be missing."""
     group = parser.add_argument_group(
-        f"system: --figure, --body, or all parameters of a body ({step})"
+        f"system: --figure, --body, --equations, or all parameters of a body ({step})"
     )
     add = group.add_mutually_exclusive_group().add_argument
     add(
@@ -139,6 +143,7 @@ def _system(parser: Any, step: str) -> None:
         help="body of a figure of the paper (default 2)",
     )
     add("--body", type=path, metavar="FILE.json", help=_JSON)
+    add("--equations", metavar="TEXT", help=_EQUATIONS)
     for name, text in PARAMETERS.items():
         kind, form = (numbers, "X,...") if name in "JI" else (float, "X")
         keywords = {"metavar": form, "default": argparse.SUPPRESS, "help": text}
@@ -227,8 +232,10 @@ def _figures(parser: Any) -> None:
 
 
 def _explore(parser: Any) -> None:
-    add = parser.add_argument
+    add = parser.add_mutually_exclusive_group().add_argument
     add("--body", type=path, metavar="FILE.json", help=_JSON)
+    add("--equations", metavar="TEXT", help=_EQUATIONS)
+    add = parser.add_argument
     add(
         "--port",
         type=integer,

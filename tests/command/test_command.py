@@ -61,6 +61,7 @@ def test_help():
     """It needs no kernels, nor does the message of a usage error."""
     assert succeed("-V") == f"suslov-fast {sf.__version__}\n"
     text = succeed("--help")
+    assert succeed("") == text
     for name in ("run", "info", "plot", "report", "figures", "explore", "warm-up"):
         assert f"    {name} " in text
         assert f"usage: suslov-fast {name} " in succeed(f"{name} --help")
@@ -183,6 +184,25 @@ def test_a_motion_is_flow():
     assert facts_of("info m.zarr")["status"] == {"OK": 6}
 
 
+def test_equations_of_the_command_line():
+    """They are a quadratic field where they are one, with exact numbers, and a field elsewhere."""
+    line = "run --equations x'=x*(a-y);y'=y*(x-1/2);a=2 --omega0 1,0.5 --eps 1/64 --steps 8"
+    expected = sf.QuadraticField.from_function(
+        lambda x: (x[0] * (2 - x[1]), x[1] * (x[0] - 0.5)), "x y"
+    )
+    assert facts_of(line)["body"] == expected.to_dict()
+    facts = facts_of("run --equations v'=-sin(u);u'=v --omega0 0,0.5 --time 3")
+    assert (facts["body"]["names"], facts["status"]) == (["v", "u"], {"OK": 1})
+    cubic = "report --equations x'=y**2;y'=-x --eps 1/3 --degree 3"
+    assert json.loads(succeed(f"{cubic} --json"))["integrals"]
+
+
+def test_a_long_run_says_so_before(monkeypatch):
+    monkeypatch.setattr("suslov_fast.command.main.LONG", 0.0)
+    for line in ("run --trajectories 9 --steps 9", "run --trajectories 99 --time 2"):
+        assert "this takes about 0 seconds; Ctrl-C ends it" in run(line).err
+
+
 def test_a_motion_of_a_body_keeps_its_energy():
     facts = facts_of("run --figure 1 --time 2 --trajectories 9")
     assert facts["drift"]["energy"] < 1e-12
@@ -264,7 +284,6 @@ def test_force_replaces_a_run(monkeypatch):
 
 # Exit status, command line, and what the message on stderr names.
 MISTAKES = """
-2 | | COMMAND
 2 | simulate | run
 2 | run --stpes 3 | --steps
 2 | run --x0 1,2 | --omega0
@@ -272,7 +291,16 @@ MISTAKES = """
 2 | run --rho 28 --dt 1 | --eps
 2 | run --n 3 | --trajectories
 2 | run --omega0 1 2 | --omega0 1,0.5
-2 | report x*(1-y) | --body FILE.json
+2 | report x*(1-y) | --equations "x' =
+2 | figures --format pdf | plot RUN.npz -o RUN.pdf
+2 | run --equations x'=sin(x) --eps 1 | --time
+2 | run --equations x'=1 | --eps
+2 | run --equations x'=1 --I1 1 | --I1
+1 | run --equations x'=2x --time 1 | 2*x
+1 | run --equations x'=x^2 --time 1 | x**2
+1 | run --equations x'=z --time 1 | 'z'
+1 | run --equations x=y --time 1 | x' = y
+1 | report --equations x*(1-y) | x' =
 2 | flow --time 3 | run
 2 | run good.json | good.json
 2 | --steps run | --steps comes after the command

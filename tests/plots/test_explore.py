@@ -36,8 +36,8 @@ CASES = PRESETS | {
 }
 # Where they are not "below" and OK.
 REGIMES = {
-    "Long steps: t = 0.5": ("ahead", "OK"),
-    "t = 1": ("at", "SUPERCRITICAL"),
+    "Long steps: criticality 0.5": ("ahead", "OK"),
+    "Criticality 1": ("at", "SUPERCRITICAL"),
     "t > 1: jumps": ("above", "SUPERCRITICAL"),
     "A pole: no next state": ("pole", "SINGULAR"),
     "A rotor: periodic": ("rotor", "OK"),

@@ -150,7 +150,9 @@ def applied(name: str, *values: Any) -> Any:
         operands = [tracer.truth(condition), *map(tracer.number, rest)]
     elif name.startswith(("logical", "bitwise")):
         if name.startswith("bitwise") and not all(map(_is_truth, values)):
-            raise Untraceable("& | ^ and ~ join comparisons alone: write (x > 0) & (y > 0)")
+            raise Untraceable(
+                "& | ^ and ~ join comparisons, as in (x > 0) & (y > 0): a power is x**2"
+            )
         operands = [*map(tracer.truth, values)]
         name = OTHER_NAMES.get(name, name)
     else:

@@ -191,7 +191,8 @@ def _parsed(text: Any) -> Any:
     try:
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, RecursionError, MemoryError, ValueError):
-        raise ValueError(f"equations: {short(text)} cannot be read") from None
+        how = "write formulas as in Python, a product as 2*x and a power as x**2"
+        raise ValueError(f"equations: {short(text)} cannot be read: {how}") from None
 
 
 def _value(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any:

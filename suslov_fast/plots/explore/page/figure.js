@@ -31,7 +31,7 @@ function legend() {
 function caption(width) {
   const { parameters: p, numbers } = state.scene, lines = [""];
   const named = { "I₁": p.I1, "I₂": p.I2, "I₁₃": p.I13, "I₂₃": p.I23, k: p.k, "ε": p.eps,
-    N: p.steps, "Ω₁(0)": p.Omega1, "Ω₂(0)": p.Omega2, t: numbers.criticality };
+    N: p.steps, "Ω₁(0)": p.Omega1, "Ω₂(0)": p.Omega2, criticality: numbers.criticality };
   for (const [name, value] of Object.entries(named)) {
     const word = `${name} = ${short(value)}`;
     if (lines.at(-1).length + word.length > (width - 2 * MARGIN.left) / 6) lines.push("");

@@ -11,8 +11,8 @@ const REGIMES = {
     "the line of steady states to the attracting one.",
   ahead:
     "The orbit leads from the repelling half of the line of steady states to the attracting one, " +
-    "as the continuous motion does, but faster: near the end a step takes it as far as {ahead} " +
-    "steps of the continuous motion, and it is on a level curve of F, not of the energy.",
+    "as the continuous motion does, but faster: near the end a step takes it {ahead} times as far, " +
+    "and it is on a level curve of F, not of the energy.",
   at: "The orbit reaches a steady state in one or two steps.",
   above:
     "The step is too long to follow the continuous motion: the orbit jumps across the line of " +
@@ -30,7 +30,7 @@ export function describe() {
   const { numbers, regime, status, ellipsoid } = state.scene;
   const t = numbers.criticality;
   byId("regime-name").textContent = TITLES[regime] ?? compared(t);
-  byId("regime-text").textContent = REGIMES[regime].replace("{ahead}", short(numbers.ahead, 3));
+  byId("regime-text").textContent = REGIMES[regime].replace("{ahead}", short(numbers.ahead, 4));
   byId("gauge").value = t === null ? 2 : Math.abs(t);
   byId("gauge").textContent = short(t);
   const badge = byId("status"), { name, message, failed_at } = status;
@@ -51,7 +51,7 @@ export function missing({ name, failed_at }) {
 
 function compared(t) {
   const size = Math.abs(t), sign = size === 1 ? "" : size < 1 ? " < 1" : " > 1";
-  return `${t < 0 ? "|t|" : "t"} = ${short(size, 5)}${sign}`;
+  return `${t < 0 ? "|criticality|" : "Criticality"} ${short(size, 5)}${sign}`;
 }
 
 const aboutEllipsoid = ({ I3, matter }) =>
@@ -63,7 +63,7 @@ const pair = (vector) => (vector ? `(${vector.map((each) => short(each, 5)).join
 function rows(numbers) {
   const { drift, scattering_angle: angle, I3 } = numbers;
   const texts = {
-    "criticality t": short(numbers.criticality),
+    criticality: short(numbers.criticality),
     F: short(numbers.F),
     "largest change of F": drift ? drift.toExponential(1).replace("-", "−") : short(drift),
     energy: short(numbers.energy),

@@ -135,23 +135,9 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     With `later`, the numbers of a large array are not checked here: the caller checks them, by
     `real_array`, if its results are not finite.
     """
-    if isinstance(value, dict) and {*labels} <= {*value}:
-        columns = (_floats(name, value[label]) for label in labels)
-        value = np.stack(np.broadcast_arrays(*columns), axis=-1)
-    elif hasattr(value, "iloc") and {*labels} <= {*value.keys()}:  # of pandas
-        value = value[[*labels]].to_numpy()
-    elif isinstance(value, dict):
-        raise wrong(name, f"an array, or a dict of {', '.join(labels)}", short(value), TypeError)
-    elif name in ("x0", "omega0") and getattr(value, "called", "") == "a run":
-        more = ", or continue it by run.extend(steps)" if hasattr(value, "extend") else ""
-        last = f"{kind_of(value)}: pass run.states[-1]{more}"
-        raise wrong(name, "states at one time", last, TypeError)
-    axes = [*value.dims] if hasattr(value, "dims") else []
-    if axes and axes[-1] == "component" and "n" not in axes[1:]:
-        coords = getattr(value, "coords", {})  # datasets of this package name the components
-        if "component" not in coords or coords["component"].values.tolist() == [*labels]:
-            value = getattr(value, "data", value)  # a Dataset has no data
-    array = _floats(name, value)
+    array = _plain(value)
+    if array is None:
+        array = _floats(name, _unlabelled(name, value, labels))
     if len(labels) == 1 and array.shape == ():
         array = array[np.newaxis]
     if array.shape[-1:] != (len(labels),):
@@ -161,6 +147,27 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
         return array
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
+
+
+def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
+    """Return states without the names that a dictionary, table or labelled array gives them."""
+    if isinstance(value, dict) and {*labels} <= {*value}:
+        columns = (_floats(name, value[label]) for label in labels)
+        return np.stack(np.broadcast_arrays(*columns), axis=-1)
+    if hasattr(value, "iloc") and {*labels} <= {*value.keys()}:  # of pandas
+        return value[[*labels]].to_numpy()
+    if isinstance(value, dict):
+        raise wrong(name, f"an array, or a dict of {', '.join(labels)}", short(value), TypeError)
+    if name in ("x0", "omega0") and getattr(value, "called", "") == "a run":
+        more = ", or continue it by run.extend(steps)" if hasattr(value, "extend") else ""
+        last = f"{kind_of(value)}: pass run.states[-1]{more}"
+        raise wrong(name, "states at one time", last, TypeError)
+    axes = [*value.dims] if hasattr(value, "dims") else []
+    if axes and axes[-1] == "component" and "n" not in axes[1:]:
+        coords = getattr(value, "coords", {})  # datasets of this package name the components
+        if "component" not in coords or coords["component"].values.tolist() == [*labels]:
+            return getattr(value, "data", value)  # a Dataset has no data
+    return value
 
 
 def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
@@ -174,9 +181,7 @@ def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
 
 def _floats(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, including infinite ones and NaN."""
-    if type(value) is np.ndarray and value.dtype is _FLOAT64:
-        return value
-    if (array := _of_list(value)) is not None:
+    if (array := _plain(value)) is not None:
         return array
     refuse(name, value)
     try:
@@ -203,8 +208,10 @@ def _floats(name: str, value: Any) -> FloatArray:
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
 
 
-def _of_list(value: Any) -> FloatArray | None:
-    """Return a list of floats, or a long one of rows of floats, as an array, else None."""
+def _plain(value: Any) -> FloatArray | None:
+    """Return an array, a list of floats, or a long one of rows of floats as an array, else None."""
+    if type(value) is np.ndarray and value.dtype is _FLOAT64:
+        return value
     # This takes about as long as `np.array`, and says of what types the numbers are, too.
     kinds = {*map(type, value)} if type(value) is list else set()
     if kinds == {float}:

@@ -13,16 +13,16 @@ from ..checks import FloatArray
 from ..core.motion.arguments import NUMBER
 from ..core.motion.engine import Motion as Engine, Settings, Stops, counted_from_start, prepare
 from ..core.motion.one import motion_of_one
-from ..core.motion.rows import State
+from ..core.motion.rows import Cause, State
 from .arguments import ALL
+from .problem import MANY
 from .status import Status
 from .threads import available
 
 # Trajectories from which on threads are started, unless the user gives their number.
-_MANY = 64
-_LARGE = 2**20  # numbers of states from which on both halves are compiled before there are any
-DONE = int(State.DONE)
-_STATUS = np.full(len(State), Status.TOO_MANY_STEPS, np.int8)  # also of a run that was ended
+_IN_THREADS = 64
+# By `State`; also of a run that was ended, perhaps before its first step, -1.
+_STATUS = np.full(State.CHANGED_IMPLICIT + 1, Status.TOO_MANY_STEPS, np.int8)
 _STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
 _STATUS[State.NO_VALUE], _STATUS[State.SLIDING] = Status.NONFINITE, Status.SLIDING
 _STATUS[State.STOPPED], _STATUS[State.ACCUMULATES] = Status.STOPPED, Status.ACCUMULATES
@@ -60,8 +60,8 @@ class Found(NamedTuple):
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
     records: Records | None = None  # of changes, if there are any
-    causes: NDArray[np.int8] | None = None  # (B,), why solutions ended, `Cause`
-    grown: NDArray[np.int64] | None = None  # (B,), see `core.motion.engine.Motion`; None if -1
+    causes: NDArray[np.int64] | None = None  # (B,), why solutions ended, `Cause`, or all unknown
+    grown: NDArray[np.int64] | None = None  # (B,), see `core.motion.engine.Motion`; None if all -1
 
 
 def nothing_found(starts: FloatArray, count: int) -> Found:
@@ -110,43 +110,46 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
     if not B:
         return nothing_found(starts, len(times))
     groups = [*right_hand_sides(field.right_hand_sides, field.shape, batch)]
-    for where, f, table in groups:  # LLVM ends the process where it finds no memory
-        count = B if where is ALL else len(where)
-        prepare(f, settings, count, table.ndim > 1, starts.size * len(times) > _LARGE)
-    found = nothing_found(starts, len(times))
+    if starts.size * len(times) > MANY:  # LLVM ends the process where it finds no memory
+        for where, f, table in groups:
+            prepare(f, settings, B if where is ALL else len(where), table.ndim > 1)
+    found = None if groups[0][0] is ALL else nothing_found(starts, len(times))
     count = threads_for(B, threads)
-    done, records = 0, []
+    done, records, causes, grown = 0, [], None, None
     for where, f, table in groups:
-        x0, states = starts, found.states
-        if where is not ALL:
-            x0 = starts[where]
-            states = np.full((len(times), *x0.shape), np.nan)
-        before = done
+        x0, before = starts if where is ALL else starts[where], done
+        states = np.full((len(times), *x0.shape), np.nan)
         own = None if report is None else lambda now, before=before: report(before + now)
         arguments = f, table, x0, times, sign, settings, states
         own_stops = stops if stops is None or where is ALL else stops.of(where)
         engine = Engine(*arguments, own_stops)
         engine.numbers[NUMBER.enough], engine.numbers[NUMBER.since] = most, since
         engine.run(count, own)
-        t, status = sign * engine.t, status_of(engine.state)
         records += [(where, each) for each in engine.records]
-        if where is not ALL:
-            found.states[:, where] = states
-        found.t[where] = np.where(status == Status.OK, np.nan, t)
-        found.steps[where], found.status[where] = engine.steps, status
-        if engine.causes.any():
-            causes = np.zeros(B, np.int8) if found.causes is None else found.causes
-            causes[where] = engine.causes
-            found = found._replace(causes=causes)
-        if (engine.grown >= 0).any():
-            grown = np.full(B, -1) if found.grown is None else found.grown
-            grown[where] = engine.grown
-            found = found._replace(grown=grown)
+        ends = np.where(engine.state == State.DONE, np.nan, sign * engine.t)
+        own = Found(states, ends, engine.steps, status_of(engine.state))
+        if where is ALL:
+            found = own
+        else:
+            found.states[:, where], found.t[where] = own.states, own.t
+            found.steps[where], found.status[where] = own.steps, own.status
+        causes = _noted(causes, Cause.UNKNOWN, B, where, engine.causes)
+        grown = _noted(grown, -1, B, where, engine.grown)
         done += len(times) * len(x0)
         if engine.is_stopped:
-            found = found._replace(is_stopped=True)
             break
+    found = found._replace(is_stopped=engine.is_stopped, causes=causes, grown=grown)
     return found if stops is None else found._replace(records=_in_order(records, sign, starts))
+
+
+def _noted(before: Any, none: int, B: int, where: Any, notes: Any) -> NDArray[np.int64] | None:
+    """Return notes of B trajectories, None without any, with those of trajectories `where`."""
+    if not notes:
+        return before
+    found = np.full(B, none) if before is None else before
+    for which, values in notes:
+        found[which if where is ALL else where[which]] = values
+    return found
 
 
 def _in_order(records: list[tuple[Any, FloatArray]], sign: int, starts: FloatArray) -> Records:
@@ -184,13 +187,13 @@ def call_engine(
 
 def status_of(state: Any) -> NDArray[np.int8]:
     """Return the `Status` of trajectories with these states of the engine."""
-    found: NDArray[np.int8] = _STATUS[np.maximum(state, 0)]
+    found: NDArray[np.int8] = _STATUS[state]
     return found
 
 
 def threads_for(B: int, threads: int | None) -> int:
     """Return how many threads take B trajectories."""
-    return threads or (available() if B > _MANY else 1)
+    return threads or (available() if B > _IN_THREADS else 1)
 
 
 def _of_one(field: Any, starts: FloatArray, asked: Asked) -> Found | None:
@@ -210,9 +213,9 @@ def _of_one(field: Any, starts: FloatArray, asked: Asked) -> Found | None:
     states = np.frombuffer(states).reshape(len(times), *starts.shape)
     if of_clocks is not None:
         states[..., clocks] += of_clocks
-    if state != DONE and stops is None:
+    if state != State.DONE and stops is None:
         states[~(times <= t)] = np.nan
-    end = np.nan if state == DONE else sign * t
+    end = np.nan if state == State.DONE else sign * t
     found = Found(states, np.array([end]), np.array([steps]), _STATUS[state : state + 1].copy())
     found = found if grown < 0 else found._replace(grown=np.array([grown]))
     if stops is None:

@@ -131,6 +131,8 @@ _NO_STOPS = Stops(np.empty((1, 0)), np.empty((1, 0)))
 
 def batch_of(changes: tuple[Change, ...]) -> tuple[int, ...]:
     """Return the shape of the batch of the times of changes."""
+    if not changes:
+        return ()
     shapes = [change.times.shape[:-1] for change in changes if change.times is not None]
     return common_shape({f"times {k}": shape for k, shape in enumerate(shapes)})
 

@@ -294,6 +294,17 @@ def test_dense_fields():
         np.testing.assert_allclose(states, motion(sparse, x0, [3.0], 1e-12)[0], rtol=1e-7)
 
 
+class Counting(engine.Motion):
+    """A motion that counts the steps of the implicit half."""
+
+    implicit_steps = 0
+
+    def _steps(self, half, rows, *others):
+        before = rows[:, half.rows.steps].sum()
+        super()._steps(half, rows, *others)
+        self.implicit_steps += half.is_implicit * (rows[:, half.rows.steps].sum() - before)
+
+
 def test_orbits_that_are_not_stiff_stay_explicit():
     def lorenz(s):
         x, y, z = s
@@ -305,9 +316,9 @@ def test_orbits_that_are_not_stiff_stay_explicit():
     for rtol, most in ((1e-3, 0.03), (1e-6, 0.001), (1e-9, 0.001)):
         states = np.empty((1, *x0.shape))
         settings = engine.Settings(rtol)
-        found = engine.Motion(f, np.zeros(0), x0, np.array([20.0]), 1.0, settings, states)
+        found = Counting(f, np.zeros(0), x0, np.array([20.0]), 1.0, settings, states)
         found.run()
-        assert found.implicit_steps.sum() <= most * found.steps.sum()
+        assert found.implicit_steps <= most * found.steps.sum()
 
 
 # Values of the test set for initial value problems, and the most steps at each tolerance.

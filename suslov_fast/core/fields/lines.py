@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from ..code.compiler import address_of
 from ..compiling.codes import NONFINITE
 from .driver import WIDTH
 from .stages import distinct
@@ -20,7 +21,7 @@ def aligned(*shape, make=np.empty):
     """
     count = math.prod(shape)
     memory = make(count + 7)
-    first = -memory.ctypes.data // 8 % 8
+    first = -address_of(memory) // 8 % 8
     return memory[first : first + count].reshape(shape)
 
 

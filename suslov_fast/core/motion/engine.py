@@ -1,13 +1,14 @@
 """The motion of trajectories at given times: blocks of lines, and which code takes them."""
 
 import functools
+from array import array
 from math import inf
 from threading import get_ident
 from typing import NamedTuple
 
 import numpy as np
 
-from ..code.compiler import call, compiled
+from ..code.compiler import address_of, compiled
 from ..compiling.threads import in_parts
 from ..fields.lines import zeros
 from ..lists.variational import Variational
@@ -84,13 +85,12 @@ def code_of_half(half, W, for_each):
     )
 
 
-def prepare(f, settings, B, for_each, both):
-    """Make the code of the half in which B trajectories begin, or of both.
+def prepare(f, settings, B, for_each):
+    """Make the code of the halves that B trajectories may need.
 
     `for_each` says whether each trajectory has numbers of its own.
     """
-    begins = bool(settings.stiff)
-    for is_implicit in (False, True) if both and settings.stiff is None else (begins,):
+    for is_implicit in (False, True) if settings.stiff is None else (settings.stiff,):
         half = half_of(f, is_implicit, settings.atol is not None)
         code_of_half(half, 1 if B == 1 else WIDTH, for_each or f.conditions is not None)
 
@@ -138,6 +138,8 @@ _NO_STOPS = np.array([[[inf, 0.0]]])
 
 def counted_from_start(f, table, x0):
     """Return the table, states x0 (B, D) with clocks at 0, and their starts, None if they are 0."""
+    if not f.offsets:
+        return table, x0, None
     starts = x0[:, [*f.offsets]]
     if not starts.any():
         return table, x0, None
@@ -159,10 +161,11 @@ class Motion:
     table    values of `RightHandSide.table`: (n,), or (B, n) for each trajectory
     sign     1 or -1, forward or backward in time
     states   (count, B, D), to which the states are written; where a solution has ended they stay
-    t, steps, implicit_steps, state   of each trajectory: modulus of the time at which it ended, the
-             numbers of its steps and of those by the implicit half, and its `State`
-    grown    of each trajectory a component that fell and grew, see `rules.LOW`, -1 if none
-    causes   why solutions ended, a `Cause`
+    t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
+             steps, and its `State`
+    grown    pairs: numbers of trajectories of which a component fell and grew, see `rules.LOW`, and
+             that component of each
+    causes   pairs: numbers of trajectories that ended, and why, a `Cause` of each
     stops    `Stops` of changes, if f has them; times may then begin with 0
     records  arrays (-, 3 + 2 D) of what changes did: the trajectory and the number of the change,
              two integers, the modulus of the time, and the states before and after
@@ -173,16 +176,14 @@ class Motion:
         self.starts = None
         if self.counts_from_start:
             self.table, self.x0, self.starts = counted_from_start(f, table, x0)
-        self.settings, self.times = settings, np.append(times, NO_TIMES)
-        first, second, self.last = (float(self.times[k]) for k in (0, 1, len(times) - 1))
+        self.settings, self.times = settings, np.concatenate([times, NO_TIMES])
+        first, second, self.last = self.times[[0, 1, len(times) - 1]].tolist()
         self.components = components_of(f, settings.atol)
         self.numbers = np.array(numbers_of(f, settings, sign, first, second, self.last))
         self.has_atol = settings.atol is not None
-        self.t = np.zeros(len(x0))
-        self.steps, self.implicit_steps = np.zeros((2, len(x0)), np.int64)
-        self.state = np.full(len(x0), int(State.EXPLICIT), np.int8)
-        self.places, self.is_stopped = np.zeros(len(x0), np.int64), False
-        self.grown, self.causes = np.full(len(x0), -1), np.zeros(len(x0), np.int8)
+        self.t, self.steps = np.zeros(len(x0)), np.zeros(len(x0), np.int64)
+        self.state = np.zeros(len(x0), np.int8)
+        self.grown, self.causes, self.is_stopped = [], [], False
         self.rows = half_of(f, False, self.has_atol).rows
         self.records, self.stops = [], None
         if f.changes:
@@ -200,6 +201,7 @@ class Motion:
         """
         B = len(self.x0)
         self.report, self.caller = report, get_ident()
+        self.places = None if report is None else np.zeros(B, np.int64)
         size = min(BLOCK, max(-(-B // (threads * WIDTH)) * WIDTH, WIDTH))
         blocks = [slice(first, min(first + size, B)) for first in range(0, B, size)]
         abandoned = []
@@ -226,32 +228,32 @@ class Motion:
         which, mode, W = slice(None), int(bool(self.settings.stiff)), 1 if B == 1 else WIDTH
         while len(own) and not abandoned:
             half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
-            before = own[:, rows.steps].copy()
             self._steps(half, own, numbers[which], W, abandoned)
-            if mode == State.IMPLICIT:
-                taken = own[:, rows.steps] - before
-                self.implicit_steps[numbers[which]] += taken.astype(np.int64)
             if own is not flat:
                 flat[which] = own
             if self.choices is not None:
                 self.choices.renew(flat, numbers)
             state, mode = flat[:, rows.state], 1 - mode  # of those that turned to the other half
+            if not np.count_nonzero(state < State.DONE):
+                break
             if not np.count_nonzero(state == mode):
                 mode = 1 - mode
             which = np.flatnonzero(state == mode)
             own = flat[which]
-        self.t[block], self.steps[block] = flat[:, rows.t], flat[:, rows.steps]
-        self.state[block] = flat[:, rows.state]
-        (k,) = np.nonzero(flat[:, rows.state] == State.ENDED)
-        if k.size:
-            self.causes[block.start + k] = self._causes_of_end(flat[k], numbers[k])
+        state, t = flat[:, rows.state], flat[:, rows.t]
+        self.t[block], self.steps[block], self.state[block] = t, flat[:, rows.steps], state
         low = flat[:, rows.low : rows.far] >= 3.0
-        if low.any():
-            self.grown[block] = np.where(low.any(axis=1), low.argmax(axis=1), -1)
+        if np.count_nonzero(low):
+            (k,) = np.nonzero(low.any(axis=1))
+            self.grown.append((numbers[k], low[k].argmax(axis=1)))
+        if not np.count_nonzero(state != State.DONE):
+            return
+        (k,) = np.nonzero(state == State.ENDED)
+        if k.size:
+            self.causes.append((numbers[k], self._causes_of_end(flat[k], numbers[k])))
         if self.stops is not None:
             limit = flat[:, rows.of_changes + OF_CHANGES.at]
-            is_limit = flat[:, rows.state] == State.ACCUMULATES
-            self.t[block] = np.where(is_limit, limit, self.t[block])
+            self.t[block] = np.where(state == State.ACCUMULATES, limit, t)
 
     def _causes_of_end(self, flat, which):
         """Return a `Cause` for each of these rows of trajectories `which`."""
@@ -304,20 +306,20 @@ class Motion:
         for_each = table.ndim > 1
         code = code_of_half(half, W, for_each)
         work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
-        arguments = np.array(Arguments(
-            rows=rows.ctypes.data, count=len(rows), following=0, budget=0, table=table.ctypes.data,
-            table_bytes=table.strides[0], work=work.ctypes.data, numbers=self.numbers.ctypes.data,
-            components=self.components.ctypes.data, times=self.times.ctypes.data,
-            states=self.states.ctypes.data,
-            state_bytes=self.states.strides[0],
-        ), np.int64)  # fmt: skip
+        arguments = array("q", Arguments(
+            rows=address_of(rows), count=len(rows), following=0, budget=0, table=address_of(table),
+            table_bytes=table.strides[0], work=address_of(work), numbers=address_of(self.numbers),
+            components=address_of(self.components), times=address_of(self.times),
+            states=address_of(self.states), state_bytes=self.states.strides[0],
+        ))  # fmt: skip
+        at = arguments.buffer_info()[0]
         buffer = None
         if self.stops is not None:
             buffer = self._point_to_changes(arguments, W)
 
         def take(kept=(rows, table, work)):  # the arguments point there
             arguments[SLOT.budget] = max(BUDGET // half.f.work, 1) if budget is None else budget
-            if is_done := call(code, arguments):
+            if is_done := code.call(at):
                 arguments[SLOT.following] = 0
             if count := arguments[SLOT.recorded]:
                 self.records.append(buffer[:count].copy())

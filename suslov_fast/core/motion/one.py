@@ -26,8 +26,6 @@ from .rows import BEGINS, OF_CHANGES, State
 PLANS = 256  # that are kept
 _SIZE = 8  # bytes of a number
 
-DONE, ENDED, ACCUMULATES = map(int, (State.DONE, State.ENDED, State.ACCUMULATES))
-
 
 @functools.lru_cache(PLANS)
 def _plan(f, table, settings, sign):
@@ -98,11 +96,11 @@ def motion_of_one(f, table, x, times, sign, settings, stops=None, enough=inf, si
         if is_done:
             break
     state = int(rows[places.state])
-    if state < DONE or state == ENDED:  # the other half goes on, or looks for the cause
+    if state < State.DONE or state == State.ENDED:  # the other half goes on, or looks for the cause
         return None
     low = rows[places.low : places.far]
     grown = low.index(3.0) if 3.0 in low else -1
     if stops is None:
         return states, rows[places.t], int(rows[places.steps]), state, grown
-    t = rows[places.t if state != ACCUMULATES else first + OF_CHANGES.at]
+    t = rows[places.t if state != State.ACCUMULATES else first + OF_CHANGES.at]
     return states, t, int(rows[places.steps]), state, grown, found

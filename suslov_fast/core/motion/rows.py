@@ -9,8 +9,11 @@ from enum import IntEnum
 from typing import NamedTuple
 
 
-class State(IntEnum):
-    """What a lane does next; the numbers stand in `Rows.state`."""
+class State:
+    """What a lane does next; the numbers stand in `Rows.state`.
+
+    They are plain numbers, because NumPy compares with those of an enum ten times as slowly.
+    """
 
     EXPLICIT = 0
     IMPLICIT = 1

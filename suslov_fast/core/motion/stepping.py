@@ -7,9 +7,6 @@ from .arguments import NUMBER
 from .engine import BLOCK, WIDTH, Motion, half_of
 from .rows import BEGINS, State
 
-# Python 3.11 finds members of an `IntEnum` slowly.
-EXPLICIT, IMPLICIT, TOO_MANY = map(int, (State.EXPLICIT, State.IMPLICIT, State.TOO_MANY))
-
 
 class Stepping(Motion):
     """Trajectories that take the steps of `Motion`; their `Rows` stand in `flat` (B, rows).
@@ -48,14 +45,14 @@ class Stepping(Motion):
         """
         self.numbers[NUMBER.last] = last
         state, parts, abandoned = flat[:, self.rows.state], [], []
-        for mode in (EXPLICIT, IMPLICIT):
+        for mode in (State.EXPLICIT, State.IMPLICIT):
             k = np.flatnonzero(state == mode)
             parts += [(k[i : i + BLOCK], mode) for i in range(0, len(k), BLOCK)]
         found = [None] * len(parts)
 
         def take(number):
             k, mode = parts[number]
-            half = half_of(self.f, mode == IMPLICIT, self.has_atol)
+            half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
             rows = flat[k]
             step = self._taker(half, rows, self._table(half, rows, which[k]), self.W)
             states, copies, taken = rows[:, self.rows.state], np.empty((count + 1, *rows.shape)), 0
@@ -63,7 +60,7 @@ class Stepping(Motion):
             while taken < count and np.count_nonzero(states == mode) and not abandoned:
                 while not step() and not abandoned:
                     pass
-                states[states == TOO_MANY] = mode  # it has made its one attempt
+                states[states == State.TOO_MANY] = mode  # it has made its one attempt
                 taken += 1
                 copies[taken] = rows
             found[number] = k, copies[: taken + 1]

@@ -35,7 +35,6 @@ from .quantities.derivatives import (
     vector_field as vector_field,
 )
 from .quantities.fixed_points import fixed_points as fixed_points
-from .quantities.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .runs.change import Change as Change
 from .runs.crossings import Crossings as Crossings
 from .runs.ensemble import ensemble as ensemble, open_ensemble as open_ensemble
@@ -43,6 +42,7 @@ from .runs.failures import SingularStepError as SingularStepError
 from .runs.find_crossings import crossings as crossings
 from .runs.flow import flow as flow
 from .runs.iterate import iterate as iterate, step as step, step_full as step_full
+from .runs.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .runs.motion import Motion as Motion
 from .runs.periodic import PeriodicOrbit as PeriodicOrbit, periodic_orbit as periodic_orbit
 from .runs.results import load as load

@@ -185,8 +185,8 @@ TABLE = {
     ("bode transferfunction statespace lti", "",
      "scipy.signal, with A = field.jacobian(x) of an equilibrium x"),
     ("change", "changes Change",
-     "flow(system, x0, time=t, changes=...), ensemble or periodic_orbit: maps and exponents have "
-     "none"),
+     "flow(system, x0, time=t, changes=...), lyapunov_exponents, ensemble or periodic_orbit: maps "
+     "have none"),
     ("after newstate", "states", ""),
     ("event section condition value trigger", "surface",
      "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0), or "

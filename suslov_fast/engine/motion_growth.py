@@ -3,6 +3,10 @@
 Columns of V grow, or turn to the direction that grows fastest. A segment of time ends before they
 lose their digits; then V = Q R, logarithms of the diagonal of R are added up, and Q goes on. Each
 trajectory has lengths of its own, T / 2**m, so that its bits do not depend on others.
+
+A change of the state may take a direction away, as one that sets a component to a number: then a
+column has no digits left even after the shortest segment with it, and is dead, with the exponent
+-inf.
 """
 
 from __future__ import annotations
@@ -14,10 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bodies.fields.general import with_changes
 from ..checks import FloatArray
+from ..core.lists.changes import Act
 from ..core.lists.variational import variational
-from ..core.motion.engine import Settings
-from .motions import Found, call_engine, nothing_found, right_hand_sides
+from ..core.motion.engine import Motion as Engine, Settings, Stops
+from .arguments import ALL
+from .motions import Found, nothing_found, right_hand_sides, status_of
 from .status import Status
 
 _MOST = 40  # m of the shortest segment
@@ -26,7 +33,13 @@ _ROOM = 8.0  # of the first segment: its length times the size of f'
 # The diagonal of R in a segment: the least part of its largest entry, and of 1, because errors are
 # `rtol` times the largest columns so far; and the largest entry.
 _LEAST, _LARGEST = 2.0**-10, 2.0**300
+_OF_ALL = 2.0**-6  # part of all directions in each of the first columns
+_DEAD = 2.0**-40  # part of the largest entry, below which the shortest segment has no digits
 _OF_PROGRESS = 1000  # parts of the time
+# With changes: part of the transient and of a phase, which segments end at first. They should not
+# end where a state comes from a surface, because they begin without memory, and changes often act
+# at simple parts of the time.
+_LESS, _FIRST = 1.0 - 2.0**-20 / np.pi, 1.0 / np.e
 
 
 def exponents_of(
@@ -38,14 +51,22 @@ def exponents_of(
     settings: Settings,
     threads: int,
     report: Callable[[int], bool] | None,
+    acts: tuple[Act, ...] = (),
+    stops: Stops | None = None,
 ) -> tuple[FloatArray, Found]:
-    """Return exponents (B, n), the largest first, of n components that are no clocks, and ends."""
+    """Return exponents (B, n), the largest first, of n components that are no clocks, and ends.
+
+    `acts` are changes of the state, in the order of code, and `stops` their times.
+    """
     found, exponents = nothing_found(starts, 0), None
-    groups = list(right_hand_sides(field.listed_right_hand_sides, field.shape, batch))
+    members = with_changes(field, acts, (), True) if acts else field.listed_right_hand_sides
+    groups = list(right_hand_sides(members, field.shape, batch))
+    transient *= _LESS if acts else 1.0
     total, before = transient + time, 0.0
     for where, f, table in groups:
         x, count = starts[where], len(starts[where])
-        run = _Run(f, table, x, settings, threads)
+        own_stops = stops if stops is None or where is ALL else stops.of(where)
+        run = _Run(f, table, x, settings, threads, own_stops)
 
         share = count / len(starts) / total
 
@@ -76,24 +97,37 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
     """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
 
     A column in a fast direction that no other mode reaches would stay there, and every segment
-    would be a few of its e-folds.
+    would be a few of its e-folds. So would a column in a direction that is the slowest at the start
+    alone, for a long time: each column has a small part of all directions.
     """
     rates, modes = np.linalg.eig(slopes)
     order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]
     columns = np.where(rates.imag[:, np.newaxis] < 0.0, modes.imag, modes.real)
     columns = np.take_along_axis(columns, order, axis=-1)
-    return np.linalg.qr(columns + 2.0**-40 * np.eye(slopes.shape[-1]))[0]
+    n = slopes.shape[-1]
+    return np.linalg.qr(columns + _OF_ALL * np.cos(1.0 + np.arange(n * n)).reshape(n, n))[0]
 
 
 class _Run:
     """Trajectories with tangent vectors; `over` goes on by a phase of time."""
 
-    def __init__(self, f: Any, table: FloatArray, x: FloatArray, settings: Settings, threads: int):
+    def __init__(
+        self,
+        f: Any,
+        table: FloatArray,
+        x: FloatArray,
+        settings: Settings,
+        threads: int,
+        stops: Stops | None,
+    ) -> None:
         self.f, self.table, self.x = f, table, x.copy()
         self.settings, self.threads = settings, threads
-        self.moving = np.setdiff1d(np.arange(f.D), [*f.clocks])
+        parts = f.changes.components if f.changes else ()
+        changed = {i for own in parts for i in own}
+        self.moving = np.setdiff1d(np.arange(f.D), [i for i in f.clocks if i not in changed])
         self.n = len(self.moving)
         self.tangent = variational(f, self.n, True)
+        self.stops, self.passed = stops, np.zeros(len(x), np.int64)  # times of changes, passed
         slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
         slopes = np.broadcast_to(slopes[..., self.moving], (len(x), self.n, self.n))
         slopes = np.where(np.isfinite(slopes).all(axis=(1, 2), keepdims=True), slopes, 0.0)
@@ -105,10 +139,18 @@ class _Run:
     def begin(self) -> None:
         """Forget the sums."""
         B = len(self.x)
-        self.logs, self.trace, self.duration = np.zeros((B, self.n)), np.zeros(B), np.zeros(B)
+        self.logs, self.duration = np.zeros((B, self.n)), np.zeros(B)
+        self.dead = np.zeros((B, self.n), bool)
 
     def over(self, time: float, told: Callable[[float], bool]) -> bool:
         """Take a phase; return False if `told`, which takes the time that is done, ended it."""
+        if self.stops is None:
+            return self._over(time, told)
+        first = _FIRST * time
+        return self._over(first, told) and self._over(time - first, partial(_later, told, first))
+
+    def _over(self, time: float, told: Callable[[float], bool]) -> bool:
+        """Take a phase, or a part of it, in segments of this time by powers of 2."""
         at, level = np.zeros(len(self.x), np.int64), self._first_levels(time)
         while (active := (self.status == Status.OK) & (at < _UNITS)).any():
             for m in np.unique(level[active]):
@@ -144,32 +186,71 @@ class _Run:
         states = np.full((1, K, self.tangent.D), np.nan)
         table = self.table if self.table.ndim == 1 else self.table[which]
         arguments = self.tangent, table, start, np.array([length]), 1, self.settings, states
-        _, t, _, status = call_engine(*arguments, self.threads)
-        (end,) = states
+        engine = Engine(*arguments, self._stops_of(which))
+        engine.run(self.threads)
+        (end,), status = states, status_of(engine.state)
         ended = status != Status.OK
         columns = end[:, D:-2].reshape(K, n, D)[:, :, self.moving]
         V = columns.transpose(0, 2, 1) / sizes[:, None, None]
         V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(n)
         Q, R = np.linalg.qr(V)
         diagonal = abs(np.diagonal(R, axis1=1, axis2=2))
-        largest = diagonal.max(axis=1)
-        part = diagonal[:, :-1].min(axis=1, initial=np.inf) / np.maximum(largest, 1.0)
+        is_changed, passed = self._changes_of(engine, K)
+        lives = ~self.dead[which]
+        largest = diagonal.max(axis=1, where=lives, initial=0.0)
+        matters = lives.copy()  # the trace of f' tells of the last column, without a change
+        matters[:, -1] &= is_changed | ~lives.all(axis=1)
+        least = diagonal.min(axis=1, where=matters, initial=np.inf)
+        part = least / np.maximum(largest, 1.0)
         self.status[which[ended]] = status[ended]
-        self.t[which[ended]] += t[ended]
+        self.t[which[ended]] += engine.t[ended]
         is_good = ~ended & (is_last | (part > _LEAST) & (largest < _LARGEST))
         go = which[is_good]
-        with np.errstate(divide="ignore"):
-            self.logs[go] += np.log(diagonal[is_good])
-        self.trace[go] += end[is_good, -1] / sizes[is_good]
+        with np.errstate(all="ignore"):
+            logs = np.log(diagonal[is_good])
+            of_trace = end[is_good, -1] / sizes[is_good] - logs[:, :-1].sum(axis=1)
+        logs[:, -1] = np.where(matters[is_good, -1], logs[:, -1], of_trace)
+        self.logs[go] += np.where(lives[is_good], logs, 0.0)
         self.x[go], self.Q[go] = end[is_good, :D], Q[is_good]
+        self.passed[go] += passed[is_good]
         self.duration[go] += length
         self.t[go] += length
+        if is_last and self.stops is not None:
+            dies = is_good[:, np.newaxis] & matters & (diagonal <= _DEAD * largest[:, np.newaxis])
+            for k in np.flatnonzero(dies.any(axis=1)):
+                self._bury(which[k], dies[k], V[k])
         return is_good, is_good & (part * part > _LEAST)
 
+    def _stops_of(self, which: NDArray[np.int64]) -> Stops | None:
+        """Return the times of changes that are left, counted from here."""
+        if self.stops is None or not self.stops.times.size:
+            return self.stops
+        times, numbers = (np.broadcast_to(a, (len(self.x), a.shape[1])) for a in self.stops)
+        times, numbers, passed = times[which], numbers[which], self.passed[which, np.newaxis]
+        is_left = np.arange(times.shape[1]) >= passed
+        times = np.where(is_left, np.maximum(times - self.t[which, np.newaxis], 0.0), np.inf)
+        order = np.argsort(times, axis=1, kind="stable")
+        return Stops(np.take_along_axis(times, order, 1), np.take_along_axis(numbers, order, 1))
+
+    def _changes_of(self, engine: Engine, K: int) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+        """Return where changes of the state have acted, and how many at given times, of all."""
+        if self.stops is None:
+            return np.zeros(K, bool), np.zeros(K, np.int64)
+        rows = np.concatenate([np.empty((0, 2)), *(each[:, :2] for each in engine.records)])
+        trajectory, number = rows.copy().view(np.int64).T
+        at_times = trajectory[number >= self.f.changes.surfaces]
+        return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
+
+    def _bury(self, k: int, dies: NDArray[np.bool_], V: FloatArray) -> None:
+        """Let columns of trajectory k be dead, and the last ones, which others do not depend on."""
+        self.dead[k] |= dies
+        order = np.argsort(self.dead[k], kind="stable")
+        self.dead[k], self.logs[k] = self.dead[k, order], self.logs[k, order]
+        self.Q[k] = np.linalg.qr(V[:, order])[0]
+
     def exponents(self) -> FloatArray:
-        """Return the mean rates; the last one follows from the trace of f'."""
-        logs = self.logs.copy()
-        logs[:, -1] = self.trace - logs[:, :-1].sum(axis=1)
+        """Return the mean rates."""
+        logs = np.where(self.dead, -np.inf, self.logs)
         with np.errstate(all="ignore"):
             rates = logs / self.duration[:, np.newaxis]
         rates[self.status != Status.OK] = np.nan

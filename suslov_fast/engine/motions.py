@@ -168,23 +168,6 @@ def _in_order(records: list[tuple[Any, FloatArray]], sign: int, starts: FloatArr
     return Records(trajectory, which, sign * rows[:, 2], before, states)
 
 
-def call_engine(
-    f: Any,
-    table: FloatArray,
-    x0: FloatArray,
-    times: FloatArray,
-    sign: int,
-    settings: Settings,
-    states: FloatArray,
-    threads: int,
-    report: Callable[[int], bool] | None = None,
-) -> tuple[bool, FloatArray, NDArray[np.int64], NDArray[np.int8]]:
-    """Write states (n, B, D); return whether `report` ended the run, ends, steps and statuses."""
-    engine = Engine(f, table, x0, times, sign, settings, states)
-    engine.run(threads, report)
-    return engine.is_stopped, sign * engine.t, engine.steps, status_of(engine.state)
-
-
 def status_of(state: Any) -> NDArray[np.int8]:
     """Return the `Status` of trajectories with these states of the engine."""
     found: NDArray[np.int8] = _STATUS[state]

@@ -189,6 +189,8 @@ TABLE = [
     (AttributeError, "rho=", lambda: setattr(NAMED, "rho", 3)),
     (TypeError, "changes", motion(changes=3), motion(changes=None), motion(changes=[len]),
      motion(changes={"x": 1}), motion(changes=len)),
+    (ValueError, "changes", lambda: sf.lyapunov_exponents(
+        SMOOTH, [1.0, 0.5], time=1.0, changes=sf.Change(lambda x: x[0] - 1, ends=True))),
     (ValueError, "color", lambda: RUN.plot(color=[1, 2])),
     (ValueError, "components",
      lambda: RUN.plot(components=(0, 2)),

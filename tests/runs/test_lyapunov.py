@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import systems
 from scipy.integrate import trapezoid
+from scipy.linalg import expm
 
 import suslov_fast as sf
 from suslov_fast.core.fields import generated_tangent
@@ -434,6 +435,15 @@ def test_motion_of_lorenz(rng):
         assert (alone == found[k]).all()
 
 
+def test_motion_along_a_direction_that_is_the_slowest_at_the_start_alone():
+    """No other one reaches it, so it would keep a column of its own for a long time."""
+    field = sf.Field.from_function(lambda s: (-0.5 * s[0], 1.0, -(1 + 2 * np.cos(s[1])) * s[2]),
+                                   "y t x")  # fmt: skip
+    times = {"time": 32 * np.pi, "transient": 8 * np.pi}
+    found = sf.lyapunov_exponents(field, [1.0, 3.0, 1.0], **times)
+    np.testing.assert_allclose(found, [-0.5, -1.0], atol=1e-5)
+
+
 def test_motion_of_families_that_end():
     family = sf.QuadraticField.from_function(lambda x, a: (a * x[0] ** 2 - x[0],), 1, a=[0, 2])
     with pytest.warns(sf.PoleWarning):
@@ -515,3 +525,49 @@ def test_motion_of_a_network():
     divergence = trapezoid((x - 5.7 + 0.2 - 0.1).sum(axis=1), times) / time
     assert found.sum() == pytest.approx(divergence, rel=1e-5)
     assert (found[: n // 2] > -0.5).all()
+
+
+# ---------------------------------------------------------------------- with changes of the state
+A = np.array([[-0.3, 1.0], [-1.0, -0.1]])
+KICK = np.array([[1.5, 0.2], [0.7, -0.4]])
+LINEAR = sf.Field.from_function(lambda x: A @ x, "x y")
+KICKS = {"times": np.arange(0.0, 81.0)}
+
+
+def test_motion_with_kicks_at_times():
+    """The logarithms of the eigenvalues of what a period does."""
+    change = sf.Change(**KICKS, to=lambda x: KICK @ x)
+    right = np.sort(np.log(abs(np.linalg.eigvals(KICK @ expm(A)))))[::-1]
+    times = {"time": 50.0, "transient": 30.0}
+    found = sf.lyapunov_exponents(LINEAR, [[1.0, 0.5], [0.2, -1.0]], changes=change, **times)
+    np.testing.assert_allclose(found, [right, right], atol=1e-7)
+    alone = sf.lyapunov_exponents(LINEAR, [0.2, -1.0], changes=change, **times)
+    np.testing.assert_array_equal(alone, found[1])
+
+
+@pytest.mark.parametrize("last", ["x/2", "0"])
+def test_motion_with_changes_that_take_a_direction_away(last):
+    change = sf.Change(**KICKS, to=(last, "0"))
+    found = sf.lyapunov_exponents(LINEAR, [1.0, 0.5], time=40.0, transient=5.0, changes=change)
+    first = -np.inf if last == "0" else np.log(expm(A)[0, 0] / 2)
+    np.testing.assert_allclose(found, [first, -np.inf], rtol=1e-6)
+
+
+@pytest.mark.parametrize("direction", [0, -1])
+def test_motion_of_an_impact_oscillator(direction):
+    """It meets the wall at multiples of half the time of a turn, and keeps e of its speed."""
+    e = np.array([0.5, 0.9, 1.0])
+    field = sf.Field.from_function(lambda x, e: (x[1], -x[0]), "x v", e=e)
+    wall = sf.Change("x", direction=direction, to=lambda x, e: (x[0], -e * x[1]))
+    times = {"time": 16 * np.pi, "transient": 2 * np.pi}
+    found = sf.lyapunov_exponents(field, [1.0, 0.0], changes=wall, **times)
+    np.testing.assert_allclose(found, np.log(e)[:, np.newaxis] / np.pi * [1, 1], atol=1e-8)
+
+
+def test_motion_of_a_spiking_cycle():
+    """One exponent is 0, the other one that of its multiplier; records count for nothing."""
+    field = sf.Field.from_function(lambda x: (1.5 - x[0], -0.3 * x[1]), "v w")
+    fires = sf.Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1] + 0.5))
+    given = {"changes": [sf.Change("w"), fires], "transient": 80.0}
+    found = sf.lyapunov_exponents(field, [0.3, 1.5], time=100 * np.log(3), **given)
+    np.testing.assert_allclose(found, [0.0, -0.3], atol=1e-8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from numpy.typing import ArrayLike
 from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
-from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..checks import FloatArray, Reals, integer, short, wrong
 from ..engine.derivatives import growth
 from ..engine.motion_growth import exponents_of
@@ -28,7 +28,9 @@ from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import Method, problem
-from .evaluation import mask_and_warn
+from ..quantities.evaluation import mask_and_warn
+from .change import Change, field_of
+from .changes import acts_of, batch_of, checked_changes, stops_of
 
 
 @public
@@ -42,6 +44,7 @@ def lyapunov_exponents(
     *,
     time: float | None = None,
     rtol: float = RTOL,
+    changes: Change | Sequence[Change] = (),
     method: Method = "auto",
     threads: int | None = None,
     progress: Progress = None,
@@ -70,6 +73,9 @@ def lyapunov_exponents(
         The time to average over, positive, in place of eps and steps.
     rtol : float
         With `time`, the relative tolerance of :func:`flow`, for states and tangent vectors.
+    changes : Change or sequence of Change
+        With `time`, changes of the state, see :class:`Change`, without `ends` and `most`. Tangent
+        vectors change with the state, and with the moment of a change at a surface.
     method, threads, progress
         As in :func:`iterate`; a motion has no method. `progress` counts steps, the transient
         included, or thousandths of the time; if it returns False, the exponents are means over what
@@ -78,11 +84,13 @@ def lyapunov_exponents(
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Exponents, the largest first. ``-inf`` if a step is not invertible; NaN, with one
+        Exponents, the largest first. ``-inf`` if a step or a change of the state is not invertible,
+        as one that sets a component to a number may be; NaN, with one
         :class:`SingularStepWarning`, if an orbit of the map fails, or with one
         :class:`PoleWarning`, if a motion ends. If an orbit passed a pole (one
         :class:`PoleWarning`), they are those of the map, not of the motion. Those of a motion leave
-        out the directions of variables whose rate is constant, such as time.
+        out the directions of variables whose rate is constant, such as time, unless a change sets
+        them.
 
     Raises
     ------
@@ -106,9 +114,9 @@ def lyapunov_exponents(
     >>> exponents.round(1) + 0.0
     array([  0.9,   0. , -14.6])
     """
-    others = {"method": method, "rtol": rtol}
+    others = {"method": method, "rtol": rtol, "changes": changes}
     if either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
-        return _of_motion(system, x0, time, transient, rtol, threads, progress)
+        return _of_motion(system, x0, time, transient, rtol, changes, threads, progress)
     checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)
@@ -140,6 +148,7 @@ def _of_motion(
     time: Any,
     transient: Any,
     rtol: Any,
+    changes: Any,
     threads: int | None,
     progress: Progress,
 ) -> FloatArray:
@@ -149,11 +158,18 @@ def _of_motion(
     if not isinstance(before, float) or before < 0.0:
         raise wrong("transient", "a time, 0 or more", short(transient))
     settings = checked_settings(system, rtol)
-    x, batch = checked_starts(system, x0, 1)
-    field = system if isinstance(system, FieldOfFunction) else system.field()
+    acting = checked_changes(changes)
+    if any(each.ends or each.most is not None for each in acting):
+        received = "ends or most, with which a trajectory ends"
+        raise wrong("changes", "those with which trajectories go on", received)
+    acting = tuple(each for each in acting if each.to is not None)
+    x, batch = checked_starts(system, x0, 1, batch_of(acting))
+    field = field_of(system)
+    acts = acts_of(field, acting)
+    stops = stops_of(acting, 1, batch) if acts else None
     count = threads_for(len(x), thread_count(threads))
     with reporter(progress, 1000) as report:
-        arguments = time, before, settings, count, report
+        arguments = time, before, settings, count, report, acts, stops
         exponents, found = exponents_of(field, x, batch, *arguments)
     warn_of_ends(found, x, batch)
     return exponents.reshape(*batch, exponents.shape[1])

@@ -35,8 +35,9 @@ except ImportError:
     raise
 
 from .bases import HKBasis, hk_bases
-from .darboux import cofactors, darboux_polynomials
+from .darboux import cofactors
 from .functions import RationalFunction
+from .generators import darboux_polynomials
 from .growth import Growth, degrees, growth
 from .kahan import KahanMap, kahan
 from .levels import on_level

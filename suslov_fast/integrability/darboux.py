@@ -30,70 +30,7 @@ from .polynomials import (
     on_line,
     polynomials_with,
     random_line,
-    renamed,
 )
-
-
-@public
-def darboux_polynomials(map: RationalMap, degree: int, cofactor: Any = None) -> Polynomials:
-    """Find the polynomials P with P(map(x)) = C(x) P(x) of one cofactor C, by default det DPhi.
-
-    For that cofactor, 1 / P is the density of an invariant measure (arXiv:1902.04715). For any,
-    quotients of two such polynomials are first integrals. If there are none with this cofactor,
-    there may be others: :func:`cofactors` finds their cofactors, and `report` lists all. The
-    equations are those of random points modulo a prime, 10 more than unknowns; the solution is
-    confirmed modulo another prime.
-
-    Parameters
-    ----------
-    map : KahanMap or RationalMap
-        Made by `kahan` or `rational_map`.
-    degree : int
-        Largest degree of P.
-    cofactor : number, RationalFunction or callable, optional
-        C: a rational number, a function that `cofactors` found, or, unless eps is symbolic, one of
-        a tuple of fractions that returns a rational number. By default ``map.determinant``.
-
-    Returns
-    -------
-    tuple of flint.fmpz_mpoly
-        A basis of these polynomials in x1, ..., xD, whose coefficients have no common factor.
-
-    Raises
-    ------
-    ArithmeticError
-        If there is no map, or the cofactor is undefined at random points.
-
-    Examples
-    --------
-    >>> from suslov_fast import QuadraticField, Suslov3D
-    >>> from suslov_fast.integrability import darboux_polynomials, kahan
-    >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
-    >>> for P in darboux_polynomials(map, 3):
-    ...     print(P.factor())
-    (1, [(2*x1 + x2, 1), (4*x1^2 + x2^2, 1)])
-    (1, [(2*x1 + x2, 1), (x1*x2 + 1024, 1)])
-
-    Euler's top has none of degree 1 with the cofactor det DPhi, but two with others:
-
-    >>> top = QuadraticField.from_function(lambda x: (x[1]*x[2], -2*x[0]*x[2], x[0]*x[1]), 3)
-    >>> map = kahan(top, eps=1)
-    >>> darboux_polynomials(map, 1)
-    ()
-    >>> from suslov_fast.integrability import cofactors
-    >>> [P for C in cofactors(map, 1)[1:] for P in darboux_polynomials(map, 1, C)]
-    [x1 + x3, x1 - x3]
-    """
-    check_map(map)
-    degree = integer("degree", degree, 0)
-    check_unknowns("degree", degree, map.dimension)
-    if cofactor is not None and not callable(cofactor):
-        cofactor = RationalFunction((), arithmetic.rational("cofactor", cofactor))
-    if map.is_symbolic and not isinstance(cofactor, RationalFunction | None):
-        how = "where eps is symbolic, not another function"
-        raise TypeError(f"cofactor must be a number or a RationalFunction {how}")
-    space = space_of(map, degree, cofactor)
-    return tuple(renamed(P, map.names, map.letter) for P in space)
 
 
 def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
@@ -157,11 +94,36 @@ def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     degree = integer("degree", degree, 0)
     check_unknowns("degree", degree, map.dimension)
     one = RationalFunction(())
-    different = dict.fromkeys([one, map.jacobian_cofactor or one])
+    known = [(0, one)]
     for k in range(1, degree + 1):
-        for candidate in filter(None, candidate_cofactors(map, k)):
-            different |= dict.fromkeys(with_constants(map, k, candidate))
+        known += [(k, C) for C in cofactors_of_degree(map, k)]
+    poles = [(k, C) for k in range(1, degree + 1) for C in _of_poles(map, k)]
+    for k, C in poles:
+        more = known
+        while more := [(j + k, C * other) for j, other in more if j + k <= degree]:
+            known = [*known, *more]
+    different = dict.fromkeys([one, map.jacobian_cofactor or one, *(C for _, C in known)])
     return tuple(C.renamed(map.names, map.letter) for C in different)
+
+
+def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
+    """Yield cofactors that have polynomials up to a degree.
+
+    The others are products of these and of those of lower degrees.
+    """
+    for candidate in filter(None, candidate_cofactors(map, degree)):
+        yield from with_constants(map, degree, candidate)
+    yield from _of_poles(map, degree)
+
+
+def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
+    """Yield cofactors of polynomials of a degree that are 0 where the map has poles.
+
+    Such a polynomial need not divide its pullback, so that its cofactor is no candidate.
+    """
+    for P in (*(map.factors or ()), map.forms[-1]):
+        if degree_of(P) == degree and (C := map.cofactor(P)) is not None:
+            yield C
 
 
 def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: int) -> Any:

@@ -120,6 +120,13 @@ class Invariants:
             self._start_with(kept)
         return added
 
+    def is_known(self, P: Any, cofactor: Any) -> bool:
+        """Return True for a combination of products of generators, and for constants."""
+        degree = degree_of(P)
+        self.multiply_up_to(degree)
+        elements = self.elements(self.value(cofactor), degree)
+        return degree == 0 or rank([*map(self.polynomial, elements), P]) == len(elements)
+
     def _start_with(self, generators: list[RationalFunction]) -> None:
         self.generators, self.products = [], {1: [_ONE]}
         for g in generators:

@@ -27,7 +27,6 @@ from .polynomials import (
     degree_of,
     exponents_up_to,
     irreducible_factors,
-    rank,
     sort_key,
     without_content,
 )
@@ -458,9 +457,7 @@ class Search:
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> Tasks:
         """Add a Darboux polynomial, unless it is a combination of products of others."""
         known = self.invariants
-        known.multiply_up_to(degree_of(P))
-        elements = known.elements(known.value(cofactor), degree_of(P))
-        if degree_of(P) == 0 or rank([*map(known.polynomial, elements), P]) == len(elements):
+        if known.is_known(P, cofactor):
             return
         g = replace(factored(P), basis=MODULAR, cofactor=cofactor)
         added = known.add(g)

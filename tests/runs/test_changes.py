@@ -90,6 +90,14 @@ def test_time_0_alone():
     assert motion.ok
 
 
+@pytest.mark.parametrize("times", [[0.0, 1.0], [1.0, 0.0]])
+def test_a_start_without_a_value_is_the_state_at_time_0(times):
+    root = Field.from_function(lambda x: (np.sqrt(x[0]),), "x")
+    with pytest.warns(RuntimeWarning, match="no value"):
+        motion = flow(root, [-1.0], time=times, changes=Change(times=[0.5], to=lambda x: (4.0,)))
+    np.testing.assert_array_equal(motion.x[:, 0], np.where(times, np.nan, -1.0))
+
+
 def test_other_systems():
     """Quadratic fields have lists for changes, and bodies take steps."""
 

@@ -44,7 +44,7 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
     variables["component"] = "component", np.array(body.labels, object)
     coordinates = [*body.coordinates, *({*batch} & {*parameters})]
     for name, array in parameters.items():
-        variable = xarray.Variable((*batch, *_inner(name, array.ndim - count)), array)
+        variable = xarray.Variable((*batch, *("component",) * (array.ndim - count)), array)
         constant = [axis for axis in batch if variable.sizes[axis] == 1 and axis != name]
         variables[name] = variable.squeeze(constant)
         coordinates += [name] if body.axes.get(name) else []
@@ -55,11 +55,6 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
 def flags() -> dict[str, Any]:
     """Return the attributes of statuses."""
     return {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
-
-
-def _inner(name: str, axes: int) -> tuple[str, ...]:
-    """Return the dimensions of a parameter: none, those of a vector, or those of a matrix."""
-    return ("component", *(f"{name}_{k}" for k in range(1, axes)))[:axes]
 
 
 def _arguments_of(result: Any) -> dict[str, Any]:
@@ -143,6 +138,6 @@ def crossings_to_xarray(points: Any) -> Any:
         attributes = {"title": map.title, "map": map.name}
     for name, values in (of_steps | varying(body)).items():
         axes = body.axes.get(name, 0)
-        coords[name] = (dim, *_inner(name, axes)), points._at_crossings(values, axes)
+        coords[name] = (dim, *("component",) * axes), points._at_crossings(values, axes)
     attributes |= {"version": __version__, **_arguments_of(points)}
     return extra("xarray", "xarray").Dataset(variables, coords, attributes)

@@ -244,6 +244,10 @@ def test_derivatives_of_random_expressions_in_40_digits():
     [
         (abs, 0.0, 0.0),
         (abs, -2.0, -1.0),
+        (abs, 5e-324, 1.0),
+        (abs, -5e-324, -1.0),
+        (lambda a: np.maximum(a, 2 * a), 1e-300, 2.0),
+        (lambda a: np.clip(a, 0, 1), 1e-300, 1.0),
         (np.sign, 0.5, 0.0),
         (np.floor, 0.5, 0.0),
         (lambda a: np.heaviside(a, 1), 0.0, 0.0),

@@ -47,7 +47,7 @@ class Change:
     """A change of the state along motions, on a surface or at given times: for :func:`flow`.
 
     Doses, resets, bounces, spikes, switches, ends: ``flow(system, x0, time=t, changes=[...])``
-    takes one or more, and :attr:`Motion.changes` holds what they did. Functions are traced, as
+    takes one or more, and ``Motion.changes`` holds what they did. Functions are traced, as
     those of :meth:`Field.from_function`, and carried out as machine code; besides the state they
     may take parameters of the system by name.
 
@@ -88,7 +88,7 @@ class Change:
     state at a time that is asked for is the one after the changes there. A trajectory whose changes
     follow one another without end, such as a ball that comes to rest, ends with the status
     ACCUMULATES. Where they are defined the states have the tolerance of :func:`flow`. Two changes
-    are equal if all attributes are equal, functions only if they are the same; after :meth:`of`
+    are equal if all attributes are equal, functions only if they are the same; after :meth:`Change.of`
     they are text.
 
     Examples
@@ -183,7 +183,7 @@ class Change:
         Returns
         -------
         dict
-            Functions have to be text before, by :meth:`of`.
+            Functions have to be text before, by :meth:`Change.of`.
 
         Examples
         --------

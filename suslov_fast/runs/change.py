@@ -88,7 +88,7 @@ class Change:
     state at a time that is asked for is the one after the changes there. A trajectory whose changes
     follow one another without end, such as a ball that comes to rest, ends with the status
     ACCUMULATES. Where they are defined the states have the tolerance of :func:`flow`. Two changes
-    are equal if all attributes are equal, functions only if they are the same; after :meth:`Change.of`
+    are equal if all attributes are equal, functions only if they are the same; after ``Change.of``
     they are text.
 
     Examples
@@ -183,7 +183,7 @@ class Change:
         Returns
         -------
         dict
-            Functions have to be text before, by :meth:`Change.of`.
+            Functions have to be text before, by ``Change.of``.
 
         Examples
         --------

@@ -38,7 +38,7 @@ CASES = PRESETS | {
 REGIMES = {
     "Long steps: criticality 0.5": ("ahead", "OK"),
     "Criticality 1": ("at", "SUPERCRITICAL"),
-    "t > 1: jumps": ("above", "SUPERCRITICAL"),
+    "Criticality above 1: jumps": ("above", "SUPERCRITICAL"),
     "A pole: no next state": ("pole", "SINGULAR"),
     "A rotor: periodic": ("rotor", "OK"),
     "at rest": ("steady", "OK"),
@@ -89,7 +89,7 @@ def test_numbers_equal_those_of_the_package(name):
         assert (body, parameters.eps, parameters.extent) == FIGURES[int(number[1])]
 
 
-CURVES = "A rigid body", "backwards", "t > 1: jumps", "A rotor: periodic", "weak rotor"
+CURVES = "A rigid body", "backwards", "Criticality above 1: jumps", "A rotor: periodic", "weak rotor"
 
 
 @pytest.mark.parametrize("name", CURVES)
@@ -285,7 +285,7 @@ def test_everything_is_in_sight_in_a_notebook(page, server):
     with contextlib.closing(sf.explore()) as shown:
         (height,) = re.findall(r'height="(\d+)"', shown._repr_html_())
     page.look(1060, int(height))
-    for name in ("weak rotor", "t > 1: jumps"):
+    for name in ("weak rotor", "Criticality above 1: jumps"):
         show(page, f"{server.url}?{query(CASES[name], show='F')}", *MODULES)
         for panel in ("plane", "show", "space-panel", "numbers-panel"):
             bottom = page.value(f"byId('{panel}').getBoundingClientRect().bottom")

@@ -1,12 +1,12 @@
-// Presets: bodies and first states. With I1 = I2 = 1, I13 = 0.25 and I23 = 0, t is computed without
-// rounding. All are rigid bodies, except where the name says otherwise.
+// Presets: bodies and first states. With I1 = I2 = 1, I13 = 0.25 and I23 = 0, the criticality is
+// computed without rounding. All are rigid bodies, except where the name says otherwise.
 
 const NAMES = ["I1", "I2", "I13", "I23", "k", "eps", "Omega1", "Omega2", "steps", "extent"];
 const VALUES = {
   "A rigid body": [4, 2, -0.5, -0.3, 0, 0.2, -0.9, 1.3, 300, 4],
   "Long steps: criticality 0.5": [3, 3, -0.2, -0.2, 0, 1, -8, 7, 40, 14],
   "Criticality 1": [1, 1, 0.25, 0, 0, 1, 2, -8, 5, 14],
-  "t > 1: jumps": [1, 1, 0.25, 0, 0, 1, 2, -16, 60, 30],
+  "Criticality above 1: jumps": [1, 1, 0.25, 0, 0, 1, 2, -16, 60, 30],
   "A pole: no next state": [1, 1, 0.25, 0, 0, 1, 2, -9, 20, 14],
   "A rotor: periodic": [4, 2, -0.5, -0.3, 1, 0.2, 1.2, 0.6, 300, 4],
   "Paper, figure 1 (no rigid body)": [4, 1, -0.5, -0.3, 0, 0.2, -0.8, 1.3, 300, 4],

@@ -89,7 +89,13 @@ def test_numbers_equal_those_of_the_package(name):
         assert (body, parameters.eps, parameters.extent) == FIGURES[int(number[1])]
 
 
-CURVES = "A rigid body", "backwards", "Criticality above 1: jumps", "A rotor: periodic", "weak rotor"
+CURVES = (
+    "A rigid body",
+    "backwards",
+    "Criticality above 1: jumps",
+    "A rotor: periodic",
+    "weak rotor",
+)
 
 
 @pytest.mark.parametrize("name", CURVES)

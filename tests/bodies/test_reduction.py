@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.integrability import degrees, kahan, report
+from suslov_fast.integrability import report
 
 EPS = 0.375
 
@@ -254,55 +254,6 @@ def test_the_map_goes_on_where_two_d_are_zero():
     near = [Fraction(1) + Fraction(1, 10**20), *map(Fraction, state[1:])]
     expected = np.array(orbit(J, I, 1, near, 2), float)
     np.testing.assert_allclose(from_reduced(run.omega, state), expected, rtol=0.0, atol=1e-14)
-
-
-def test_bodies_from_tensors_in_any_basis(rng):
-    """Equal J stay equal, and I stays along its axis."""
-    for n in (4, 5, 8):
-        matter = np.diag([1.2, *[2.0] * (n - 2), 2.5])
-        matter[0, -1] = matter[-1, 0] = 0.25
-        turn = np.linalg.qr(rng.normal(size=(n, n)))[0]
-        tensor = turn @ matter @ turn.T
-        body, _ = sf.SuslovND.from_mass_tensor((tensor + tensor.T) / 2, turn[:, -1])
-        assert body.reduced()[0].dimension == 2
-        assert np.isfinite(sf.first_integral(body, rng.normal(size=n - 1), 0.1))
-
-
-def degrees_of(J, I, count):
-    return degrees(kahan(sf.QuadraticField.of(sf.SuslovND(J, I)), "3/5"), count)
-
-
-@pytest.mark.parametrize("position", POSITIONS[:4])
-@pytest.mark.parametrize("multiplicities", MULTIPLICITIES[::3], ids=str)
-def test_degrees_of_iterates(rng, multiplicities, position):
-    """With N coordinates they are N**k, unless I fulfils an equation."""
-    J, I, omega = problem(rng, multiplicities, position)
-    products = coordinates(J, I, omega)[1]
-    N, coupled = len(products), {a for a, c2, *_ in naive.parts_by_eigenvalue(J, I, I) if c2}
-    special = 0
-    for a in {*J} - coupled:
-        terms = (c2 / Fraction(b - a) for b, c2, *_ in naive.parts_by_eigenvalue(J, I, I) if c2)
-        special += sum(terms) == 0
-    found = [1, *degrees_of(J, I, 3)]
-    if N == 2:
-        assert found == [1, 2, 4, 6]
-    else:
-        assert found[1] == N
-        for d in zip(found, found[1:], found[2:], strict=False):
-            assert d[2] == (N - special) * d[1] + 2 * special * d[0]
-
-
-@pytest.mark.parametrize(
-    ("J", "I", "expected"),
-    [
-        ([2, 2, 2, 3], [1, 2, -1, 3], [3, 9, 27, 81]),
-        ([1, 2, 3], [1, 0, 1], [3, 8, 22, 60]),
-        ([1, 1, 2, 3, 3], [1, 0, 0, 1, 0], [5, 22, 98, 436]),
-        ([1, 1, 1, 3, 3, 5, 5, 5, 2, 4], [1] * 8 + [0, 0], [8, 52, 344]),
-    ],
-)
-def test_degrees_where_factors_cancel(J, I, expected):
-    assert degrees_of(J, I, len(expected)) == expected
 
 
 def test_reports_name_the_reduction():

@@ -223,8 +223,3 @@ def test_long_lists_of_states_are_those_of_arrays(rng):
         rows[150] = [0.0, 0.0, 0.0]
         with pytest.raises(ValueError, match="rows of equal length"):
             sf.step(field, rows, 0.01)
-
-
-def test_the_canonical_matrix_has_the_entries_1_and_minus_1():
-    oscillator = QuadraticField.from_hamiltonian(lambda x: (x[0] ** 2 + x[1] ** 2) / 2, 2)
-    assert oscillator([3, 5]) == (5, -3)

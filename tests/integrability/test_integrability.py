@@ -35,7 +35,6 @@ from suslov_fast.integrability import (
     hk_bases,
     invariants,
     kahan,
-    planar_entropy,
     polynomials,
     process,
     rational_map,
@@ -464,43 +463,6 @@ def test_exceptional_primes_and_lines_are_drawn_again():
         arithmetic.agreed_by_primes(random.Random(0), lambda p, eps: p)
 
 
-def multiple_of_primes():
-    """The product of the first two primes that the seed 0 draws, and of a prime of Mersenne."""
-    rng = random.Random(0)
-    primes = [2**61 - 1]
-    for _ in range(2):
-        primes.append(arithmetic.random_prime(rng))
-        rng.randrange(2, primes[-1])
-    return math.prod(primes)
-
-
-def lyness(a):
-    """Periodic for a = 0 and a = 1, else with an integral of degree 3."""
-    return rational_map(lambda x: (x[1], (x[1] + a) / x[0]), 2, lambda x: ((x[0] + a) / x[1], x[0]))
-
-
-@pytest.mark.parametrize("c", [multiple_of_primes(), F(1, multiple_of_primes())], ids=["c", "1/c"])
-@pytest.mark.slow
-def test_primes_may_divide_coefficients(c):
-    """A coefficient changes neither degrees nor numbers of integrals, whatever divides it."""
-    for a in (c, 1 + c):
-        birational = lyness(a)
-        assert degrees(birational, 8) == [2, 2, 3, 4, 5, 7, 9, 11]
-        assert hk_bases(birational, 3).dimension == 1
-        assert len(darboux_polynomials(birational, 3, birational.determinant)) == 2
-        assert planar_entropy(birational).entropy == 0
-    (f,) = report(birational).integrals
-    assert f(birational((2, 5))) == f((2, 5))
-    top = kahan(field_of(lambda x: (c * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]), 3), c)
-    assert degrees(top, 5) == degrees(kahan(EULER, 1), 5)
-    assert hk_bases(top, 2).independent == 2
-    found, x = report(top, degree=2), (F(2), F(3), F(5))
-    assert [f(top(x)) == f(x) for f in found.integrals] == [True, True]
-    assert found.measures  # constants without small factors, which are powers of one number
-    turning = kahan(field_of(lambda x: (c * x[1], -c * x[0] + x[0] ** 2), 2), 1)
-    assert [*map(str, report(turning, degree=1).symmetries)] == ["x -> (x1, -x2)"]
-
-
 # Reports.
 
 
@@ -719,17 +681,6 @@ def test_formulas_in_eps(name):
         assert P(y, eps) == P.cofactor(x, eps) * P(x, eps)
 
 
-@pytest.mark.slow
-def test_special_values_of_eps():
-    assert reported(BODY).special_eps == ()
-    linear = report(field_of(lambda x: (x[0], 2 * x[1]), 2), degree=2)
-    assert {F(1), F(2)} <= {*linear.special_eps}
-    pole = kahan(QuadraticField([[[1]]]))([F(1, 2)])[0]
-    assert pole.special == (2,)
-    with pytest.raises(ZeroDivisionError, match="eps = 2"):
-        pole.subs(2)
-
-
 def test_symbolic_eps_in_relations_and_polynomials():
     symbolic = kahan(of(BODY))
     found = hk_bases(symbolic, 3)
@@ -869,19 +820,6 @@ def test_a_report_that_is_cut_short(monkeypatch, tmp_path):
 
 
 @pytest.mark.slow
-def test_what_reports_print_of_several_possibilities():
-    """Polynomials that factor; products of polynomials are left out."""
-    assert str(report(LYNESS).integrals[0]) == "(x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2)"
-    assert [P.degree for P in report(volterra(3), EPS).polynomials] == [1, 1, 1, 1, 1, 1]
-    # The search ends when all integrals that the relations show are written.
-    assert report(EULER, EPS, 4).searched[-1].startswith("no more")
-    assert "up to degree 2 with products" in report(PREY, EPS, 2).searched[-1]
-    assert [P.degree for P in reported(SOLVED, EPS, 4).polynomials].count(1) == 4
-    # Bounded, but only from the 17th iterate on.
-    assert report(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2), 1).growth.kind == "bounded"
-
-
-@pytest.mark.slow
 def test_members_with_more_than_two_factors():
     """They are multiple roots of the lost rank: here of the pencil of Nahm's octahedral system."""
     eps, x, y = polynomials.polynomial_ring(2, True).gens()
@@ -910,15 +848,6 @@ def test_a_polynomial_has_one_sign_in_a_report(field):
     limits = [P.context().from_dict({e: c for e, c in P.to_dict().items() if not e[0]})
               for P in factors.values()]  # fmt: skip
     assert all(P.leading_coefficient() > 0 for P in limits)
-
-
-@pytest.mark.slow
-def test_formulas_of_lyness():
-    lyness = rational_map(lambda x: (x[1], x[2], (2 + x[1] + x[2]) / x[0]), 3)
-    assert {*map(str, report(lyness, degree=4).integrals)} == {
-        "(x1 + 1)*(x2 + 1)*(x3 + 1)*(x1 + x2 + x3 + 2)/(x1*x2*x3)",
-        "(x1 + x2 + 1)*(x2 + x3 + 1)*(x1*x3 + x1 + x2 + x3 + 2)/(x1*x2*x3)",
-    }
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """Entropy of birational maps of the plane from contracted curves, against degrees and papers."""
 
-import json
 import math
 import pickle
 import random
@@ -17,7 +16,6 @@ from suslov_fast import QuadraticField
 pytest.importorskip("flint")
 
 from suslov_fast.integrability import (
-    PlanarEntropy,
     contracted,
     degrees,
     growth,
@@ -27,7 +25,6 @@ from suslov_fast.integrability import (
     planar_entropy,
     rational_map,
     report,
-    search,
     zoo,
 )
 from suslov_fast.integrability.contracted import Passage, Plane
@@ -251,37 +248,9 @@ def test_a_wrong_order_is_no_proof():
     assert not contracted.is_proved(plane, 1, wrong)
 
 
-@pytest.mark.slow
-def test_reports_list_it_beside_the_growth(monkeypatch):
-    field, eps = ZOO["Suslov body"]
-    found = report(field, eps, 2)
-    assert "Entropy (proved): 0; lengths" in repr(found)
-    assert json.loads(json.dumps(found.to_dict()))["planar"]["proved"] is True
-    assert report(ZOO["Euler top"][0], eps, 1).planar is None
-    found.planar = PlanarEntropy(reason="no prime was found")
-    assert "Entropy: none, no prime was found" in repr(found)
-    late = report(kahan(three_lines(2, 2), THIRD), degree=1)
-    assert "log of the largest root of x^5 - x^4 - x^3 - x^2 - x - 1" in repr(late)
-    late.degrees = [2**k for k in range(1, 8)]  # as for a singularity that is confined at step 8
-    assert late.growth.entropy_error == pytest.approx(math.log(2) - 0.6759746921034222)
-    assert "by accident" in late.growth.based_on
-    wrong = planar.planar_entropy(kahan(three_lines(2, 2), THIRD))
-    monkeypatch.setattr(search, "planar_entropy", lambda map: wrong)
-    with pytest.raises(ArithmeticError, match="an error of the package"):
-        report(field, eps, 1)
-
-
 # Maps whose contracted curves come to points without an image again and again, or may do so.
 
 GOLDEN = math.log((1 + math.sqrt(5)) / 2)
-GENERATORS = (
-    [[0, 1], [1, 0]],
-    [[1, 1], [0, 1]],
-    [[1, 0], [1, 1]],
-    [[-1, 0], [0, 1]],
-    [[1, -1], [0, 1]],
-    [[0, 1], [-1, 0]],
-)
 
 
 def products(c):
@@ -297,32 +266,8 @@ def two_products(a, b, c):
     )
 
 
-def random_exponents(rng, count):
-    product = np.eye(2, dtype=int)
-    for _ in range(count):
-        product = product @ rng.choice(GENERATORS)
-    return product.tolist()
-
-
 def power_of(x, A):
     return tuple(x[0] ** row[0] * x[1] ** row[1] for row in A)
-
-
-def monomials_and_constants(*parts):
-    """The map x -> x^A + constants, for each pair of A and constants, one after the other."""
-    inverses = [np.linalg.inv(A).round().astype(int).tolist() for A, _ in parts]
-
-    def forward(x):
-        for A, constants in parts:
-            x = tuple(a + c for a, c in zip(power_of(x, A), constants, strict=True))
-        return x
-
-    def backward(x):
-        for inverse, (_, constants) in zip(inverses[::-1], parts[::-1], strict=True):
-            x = power_of([a - c for a, c in zip(x, constants, strict=True)], inverse)
-        return x
-
-    return rational_map(forward, 2, backward)
 
 
 def cheap_degrees(map):
@@ -365,16 +310,6 @@ def test_products_have_the_entropy_of_the_golden_ratio(map):
     assert not found.proved
 
 
-@pytest.mark.slow
-def test_orders_of_germs_that_triple():
-    """x_{n+1} = x_{n-1} x_n^3 + c: degrees 4, 13, 43, 142, d_{k+1} = 3 d_k + d_{k-1}."""
-    map = rational_map(
-        lambda x: (x[1], x[0] * x[1] ** 3 - 4), 2, lambda x: ((x[1] + 4) / x[0] ** 3, x[0])
-    )
-    assert check_entropy(map) == pytest.approx(math.log((3 + math.sqrt(13)) / 2), abs=1e-12)
-    assert planar_entropy(map).degrees[:5] == (4, 13, 43, 142, 469)
-
-
 def test_orders_that_grow_fast_show_their_rule_together():
     """Those of (x^3 y^5 + 2, x^2 y^3 - 3), whose degrees are 6 d_k + d_{k-1}: five steps."""
     common = [15, 90, 555, 3420, 21075]
@@ -415,25 +350,6 @@ def test_monomial_maps_have_the_log_of_the_spectral_radius(A):
     assert [*found.degrees[:3]] == degrees(map, 3)
     assert str(A) in found.based_on
     assert check_entropy(map) == found.entropy
-
-
-def own_family(seed):
-    """Monomial maps with constants that are added, and compositions of two of these."""
-    rng = random.Random(seed)
-
-    def constants():
-        return rng.choice([0, 1, 2, -1]), rng.choice([0, 1, -3])
-
-    for k in range(3):
-        A, B = random_exponents(rng, 2 + k), random_exponents(rng, 2)
-        yield monomials_and_constants((A, constants()))
-        yield monomials_and_constants((A, constants()), (B, constants()))
-
-
-@pytest.mark.slow
-def test_entropies_agree_with_degrees():
-    entropies = [check_entropy(map) for map in own_family(0)]
-    assert sum(entropy > 0.1 for entropy in entropies) >= 2
 
 
 def test_equations_without_a_map_are_not_invertible():

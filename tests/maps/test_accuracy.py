@@ -5,7 +5,6 @@ in units of the condition: the sum of the changes of the result by a change of h
 input, and half an ulp of the result. References have 60 digits.
 """
 
-import math
 from functools import partial
 
 import adversary
@@ -116,24 +115,6 @@ def test_three_dimensions(kernel, cases, seed):
 
 
 # --------------------------------------------------------------------------------------- fields
-
-
-def test_energies_of_fields(seed):
-    """In units of the sum of the moduli of the terms, which may cancel."""
-    draw = adversary.Adversary(np.random.default_rng(seed))
-    for _ in range(10):
-        D = 2 * int(draw.rng.integers(1, 4))
-        places = [draw.rng.integers(D, size=degree) for degree in (1, 2, 2, 3, 3, 3)]
-        coefficients, x = draw.signed(-8, 8, 6), draw.signed(-6, 6, D)
-
-        def hamiltonian(x, coefficients=coefficients, places=places):
-            terms = [[x[i] for i in place] for place in places]
-            return sum(c * math.prod(term) for c, term in zip(coefficients, terms, strict=True))
-
-        want = hamiltonian(naive.exactly(*x), naive.exactly(*coefficients))
-        size = hamiltonian(abs(x), abs(coefficients))
-        found = sf.energy(sf.QuadraticField.from_hamiltonian(hamiltonian, D), x)
-        assert abs(naive.mpf(float(found)) - want) < 1e-14 * size
 
 
 # --------------------------------------------------------------------------- three dimensions, more

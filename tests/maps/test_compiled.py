@@ -6,9 +6,8 @@ import children
 import naive
 import numpy as np
 import pytest
-from numba import njit, prange
+from numba import njit
 from numba.core.errors import TypingError
-from numba.typed import List
 
 import suslov_fast as sf
 from suslov_fast import compiled
@@ -134,29 +133,6 @@ def test_steps_in_three_dimensions_are_those_of_the_package(body, rng):
     np.testing.assert_array_equal(omega, expected)
 
 
-@njit(parallel=True)
-def members_after(systems, x, steps):
-    for k in prange(len(systems)):
-        member = systems[np.int64(k)]  # lists refuse the unsigned integers of prange
-        memory = work(member)
-        for _ in range(steps):
-            step_system(member, x[k], x[k], memory)
-    return x
-
-
-@pytest.mark.compiled  # interpreted lists of Numba are empty
-@pytest.mark.slow
-def test_a_family_in_a_loop_of_a_user():
-    family = sf.QuadraticField.from_function(
-        lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]),
-        3,
-        rho=[20.0, 24.0, 28.0, 32.0],
-    )
-    systems = List([system(member, 0.01) for member in family])
-    states = members_after(systems, np.ones((4, 3)), 200)
-    np.testing.assert_array_equal(states, sf.iterate(family, [1.0] * 3, 0.01, 200).final)
-
-
 GLOBAL = """
 import sys
 import numpy as np, suslov_fast as sf
@@ -206,13 +182,6 @@ def test_kinds_are_told_by_type():
     with pytest.raises((TypingError, AttributeError)):
         compiled.step(numbers, 0.1, 0.2)
     assert {*compiled.__all__} == {*dir(compiled)}
-
-
-def test_steps_of_long_vectors_keep_their_digits():
-    for X, Y in ((1e3, 1e6), (-30.0, 1e8), (1e5, -1e4)):  # next states are near (0, -1)
-        found = compiled.step(system(sf.Suslov3D(1, 1, 1, 0), 2.0), X, -Y)
-        exact = naive.step(1, 1, 1, 0, 2.0, (X, -Y))
-        assert naive.relative_error(found, exact) < 1e-15
 
 
 @pytest.mark.slow_to_compile

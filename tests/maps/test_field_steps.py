@@ -154,16 +154,6 @@ def test_a_plan_uses_zeros(rng):
         assert len(step.usual) < 48 * D
 
 
-def test_grids_have_a_plan():
-    """Elimination fills in, but takes far fewer products than that of a dense matrix."""
-    n = 16
-    steps = (0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)
-    places = [(i, j) for i in range(n) for j in range(n)]
-    pairs = {(n * i + j, n * ((i + a) % n) + (j + b) % n) for i, j in places for a, b in steps}
-    indices = [(i, j, n * n) for i, j in pairs] + [(i, i, i) for i in range(n * n)]
-    assert plans.Step(np.array(indices).T, n * n).usual
-
-
 def evaluated(A, x):
     """Return the plan of a step of x' = (1 - A) x with eps = 2, and all of its values."""
     indices, values = sf.QuadraticField(np.zeros([len(x)] * 3), np.eye(len(x)) - A).terms
@@ -237,21 +227,6 @@ def test_steps_with_pivoting(name):
         assert abs(naive.mpf(found) - value) <= most
 
 
-@pytest.mark.slow
-def test_pivots_are_chosen_in_units_of_the_components(rng):
-    for _ in range(70):
-        D = int(rng.integers(2, 6))
-        units = 2.0 ** (15 * rng.integers(-1, 2, D))
-        A = np.eye(D) - rng.normal(size=(D, D)) * rng.choice([0, 1, 1e-8], (D, D))
-        A[np.arange(D), np.arange(D)] *= rng.choice([1, 1e-3, 1e-10], D)
-        A = 1 - (1 - A)  # as the map finds it
-        if np.linalg.cond(A) < 1e10:
-            run, exact = linear_step(A * units[:, None] / units, rng.normal(size=D) * units)
-            assert run.ok
-            exact = [v / naive.mpf(u) for v, u in zip(exact, units, strict=True)]
-            assert naive.relative_error(run.final / units, exact) < 1e-14 * np.linalg.cond(A)
-
-
 # U has a last column as that of GROWING, of which the last row leaves 2**-30 beside 2**18.
 GROWN = np.tril(-np.ones((20, 20)), -1) + np.eye(20)
 GROWN[:, -1], GROWN[-1] = 1.0, [1.0] * 18 + [-1.0, 2.0**-30 - 1.0]
@@ -297,14 +272,6 @@ def test_a_state_that_its_increment_cancels():
             both = sf.step(of_function(lambda x: (-x[0], x[1] * 0.75), 2), [x, 1.0], eps)
             for found in (alone[0], both[0]):
                 assert abs(found / exact - 1) < (1e-15 if found is alone[0] else 3e-13)
-
-
-def test_a_hamiltonian_with_three_factors():
-    """H(x, x, x_next), whose terms have places of their own, is conserved."""
-    field = sf.QuadraticField.from_hamiltonian(lambda x: x[0] * x[1] * x[2] + x[0] * x[3], 4)
-    run = sf.iterate(field, [0.3, -0.2, 0.5, 0.7], 0.2, 10)
-    assert np.ptp(run.modified_energy()) < 1e-15
-    assert np.ptp(run.energy()) > 1e-5
 
 
 def of_a(x, a):

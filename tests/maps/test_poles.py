@@ -125,14 +125,6 @@ def test_an_even_number_of_eigenvalues_is_not_seen():
     assert run.x[34, 0] < 0  # it came back from the other side
 
 
-def test_two_poles_at_once_are_told_by_components_that_change_their_signs():
-    """det A is a square; each term of an equation contains its component."""
-    for f in (lambda x: (x[0] ** 2, 2 * x[0] * x[1]), lambda x: (x[0] ** 2, x[1] ** 2)):
-        run, (message,) = told(iterate, QuadraticField.from_function(f, 2), [1, 1], 0.03, 50)
-        assert run.failed_at == run.first_pole == 34
-        assert message.endswith("before t = 1.1, or eps is too long" + SIGN)
-
-
 def test_the_last_state_is_not_looked_at():
     """No step is taken from it; `extend` finds it first, and tells."""
     run = iterate(SQUARE, [1.0], 0.03, 33)
@@ -417,19 +409,3 @@ def test_steps_of_users_loops_tell_changes_of_sign():
     system, x = compiled.system(DECAY, 0.01), np.ones(1)
     for _ in range(3):  # in place
         assert compiled.step_system(system, x, x, compiled.work(system)) == Status.PASSED_POLE
-
-
-@quiet
-def test_summaries_count_poles_before_failures(tmp_path):
-    from suslov_fast.command.summary import facts_in
-
-    given = PREY, [[0.05, 0.05], [4.5, 5.0]], 0.1
-    iterate(*given, 200, on_singular="ignore").save(tmp_path / "a.npz")
-    points = sf.crossings(*given, 200, lambda x: x[..., 0] - 4, on_singular="ignore")
-    points.save(tmp_path / "b.npz")
-    assert sf.Crossings.load(tmp_path / "b.npz") == points
-    sf.ensemble(*given, 200, store=tmp_path / "c.zarr")
-    for name in ("a.npz", "b.npz", "c.zarr"):
-        facts = facts_in(tmp_path / name)
-        assert facts["status"] == {"OK": 1, "SINGULAR": 1}
-        assert facts["failed_after_a_pole"] == 1

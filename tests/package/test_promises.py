@@ -5,7 +5,6 @@ tested by being there. Values have the axes of the batch first, then time, then 
 """
 
 import inspect
-import math
 import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -371,16 +370,6 @@ def test_the_order_of_steps(rng, kind):
             order = measured_order(map, method, body, x)
         text = f"the record says order {map.order}, and a step of {method!r} has order {order:.2f}"
         assert abs(order - map.order) < 0.3 + 0.1 * map.order, text
-
-
-@pytest.mark.parametrize("kind", [*RECORDS])
-def test_the_order_of_a_composition(kind):
-    """Fractions have the sum 1, odd powers of them up to the order the sum 0; both ends agree."""
-    fractions = RECORDS[kind].stages.fractions
-    assert fractions == fractions[::-1]
-    assert abs(math.fsum(fractions) - 1) < 1e-15
-    for power in range(3, RECORDS[kind].order, 2):
-        assert abs(math.fsum(each**power for each in fractions)) < 1e-15, power
 
 
 @pytest.mark.sampled(5)

@@ -5,7 +5,6 @@ import http.client
 import json
 import re
 import socket
-import threading
 import urllib.request
 from urllib.parse import urlencode, urlsplit
 
@@ -234,27 +233,6 @@ def test_slow_clients_neither_block_others_nor_the_end(text, monkeypatch):
             socket.create_connection(("127.0.0.1", port), timeout=60)
 
 
-def test_the_end_does_not_wait_for_scenes(monkeypatch):
-    go, under_way = threading.Event(), threading.Semaphore(0)
-
-    def slow(query):
-        under_way.release()
-        go.wait()
-        return {}
-
-    monkeypatch.setattr(serving, "answer", slow)
-    page = sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3))
-    port = urlsplit(page.url).port
-    text = f"GET /scene HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode()
-    try:
-        with slow_clients(port, 40, text):
-            for _ in range(40):
-                under_way.acquire()
-            page.close()  # would wait for `go`
-    finally:
-        go.set()
-
-
 def test_page_in_a_notebook():
     body = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.7)
     with contextlib.closing(sf.explore(body, [-0.9, 1.3], eps=0.2, steps=50)) as page:
@@ -284,20 +262,6 @@ def test_every_case_is_drawn_without_an_error(page, server):
         shown = "F energy flow joined portrait"
         show(page, f"{server.url}?{query(parameters, show=shown)}", *MODULES)
         assert text(page, "status") == REGIMES.get(name, ("below", "OK"))[1]
-
-
-def test_everything_is_in_sight_in_a_notebook(page, server):
-    """The page fits into its frame at the width of a cell of JupyterLab, some 1,060 pixels."""
-    with contextlib.closing(sf.explore()) as shown:
-        (height,) = re.findall(r'height="(\d+)"', shown._repr_html_())
-    page.look(1060, int(height))
-    for name in ("weak rotor", "Criticality above 1: jumps"):
-        show(page, f"{server.url}?{query(CASES[name], show='F')}", *MODULES)
-        for panel in ("plane", "show", "space-panel", "numbers-panel"):
-            bottom = page.value(f"byId('{panel}').getBoundingClientRect().bottom")
-            assert bottom <= int(height), panel
-        assert page.value("document.documentElement.scrollHeight") <= int(height)
-        assert page.value("byId('plane').clientHeight") > int(height) / 2
 
 
 def test_the_start_follows_the_mouse(page, server):

@@ -7,7 +7,7 @@ import mpmath
 import naive
 import numpy as np
 import pytest
-from test_field import HENON, LORENZ, henon_heiles, of_hamiltonian
+from test_field import HENON, henon_heiles, of_hamiltonian
 
 import suslov_fast as sf
 
@@ -133,44 +133,6 @@ def test_a_density_where_a_pivot_is_small():
     for some in (eps, eps[2:0:-1], eps[1]):
         density = sf.invariant_density(field, [0.25, -3.0], some)
         np.testing.assert_allclose(density, 1 / (1 - 2 * some**2), rtol=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("J", "I"), [([2.0] * 4, [0.3, -0.4, 0.2, 0.1]), ([1.5, 1.5, 1.5, 4.0], [0, 0, 0, -0.7])]
-)
-def test_solved_bodies_in_n_dimensions(rng, J, I):
-    """F and t are constant along orbits, and for n = 3 those of three dimensions."""
-    states = np.array(naive.orbit_nd(J, I, 0.2, rng.normal(size=4), 10), float)
-    (I1, I2, I13, I23), eps, omega = random_problem(rng)
-    bodies = sf.Suslov3D(I1, I2, I13, I23), sf.SuslovND([I1, I2], [I23, -I13])
-    for function in (sf.first_integral, sf.criticality):
-        values = function(sf.SuslovND(J, I), states, 0.2)
-        np.testing.assert_allclose(
-            values, np.full(11, values[0]), rtol=1e-13, err_msg=str(function)
-        )
-    for function in (sf.first_integral, sf.criticality, sf.invariant_density):
-        three, nd = (function(body, omega, eps) for body in bodies)
-        assert nd == pytest.approx(three, rel=1e-13), function
-
-
-def field_of(x):
-    return [10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - naive.mpf(8 / 3) * x[2]]
-
-
-def field_of_henon(x):
-    q1, q2, p1, p2 = x
-    return [p1, p2, -q1 - 2 * q1 * q2, -q2 - q1**2 + q2**2]
-
-
-def test_of_fields(rng):
-    """f and A of the Lorenz system, det A of Henon and Heiles."""
-    x = rng.normal(size=(300, 3))
-    found = sf.vector_field(LORENZ, x), sf.matrix(LORENZ, x, 0.1)
-    for k in (0, 150, 299):
-        assert error(found[0][k], field_of(naive.exactly(*x[k]))) < 1e-15
-        assert error(found[1][k], exact_matrix(field_of, 0.1, x[k]).tolist()) < 1e-15
-    det = mpmath.det(exact_matrix(field_of_henon, 0.25, [0.1] * 4))
-    assert float(abs(sf.invariant_density(HENON, [0.1] * 4, 0.25) * det - 1)) < 1e-15
 
 
 def test_the_hamiltonian_of_components_in_other_units():

@@ -142,19 +142,3 @@ def test_ensembles(tmp_path):
         sf.ensemble(PK, [0.0, 0.0], time=given["time"], changes=changes[0], store=store)
     with pytest.raises(TypeError, match="changes must be left out"):
         sf.ensemble(PK, [0.0, 0.0], 0.1, 3, changes=changes, store=store)
-
-
-def test_stiction_by_two_changes():
-    """A block on a belt rests on the surface of its own change until the spring is long enough."""
-    belt = Field.from_function(lambda s, f: (s[1], s[2] * (f - s[0]), 0.0), "x v slips", f=0.5)
-    V, A = 0.3, 0.5  # of the belt, and how far the spring is too long
-    stick = Change(lambda s: s[1] - V, direction=1, to=lambda s: (s[0], V, 0))
-    slip = Change("x - 1", direction=1, to=("x", "v", "1"))
-    for start in ([0.0, V, 0.0], [0.0, 0.0, 1.0]):
-        changes = flow(belt, start, time=60.0, changes=[stick, slip]).changes
-        slips = changes.time[changes.which == 1]
-        assert len(slips) > 5
-        period = 2 * A / V + 2 * np.pi - 2 * np.arctan(A / V)
-        np.testing.assert_allclose(np.diff(slips), period, rtol=1e-9)
-        sticks = changes.states[changes.which == 0]
-        np.testing.assert_allclose(sticks[1:, 0], 0.5 - A, atol=1e-9)

@@ -165,18 +165,6 @@ def test_spikes():
     np.testing.assert_allclose(found.time, number * period[found.trajectory], rtol=3e-9)
 
 
-@pytest.mark.parametrize("directions", [(1, -1), (0, 0)])
-def test_relay_with_hysteresis(directions):
-    relay = Field.from_function(lambda x: (x[1] - x[0], 0.0), "x s")
-    changes = [
-        Change(lambda x: x[0] - 0.5, direction=directions[0], to=lambda x: (x[0], -1)),
-        Change(lambda x: x[0] + 0.5, direction=directions[1], to=lambda x: (x[0], 1)),
-    ]
-    found = flow(relay, [0.0, 1.0], time=20.0, changes=changes).changes
-    assert found.which.tolist() == [0, 1] * 9
-    np.testing.assert_allclose(found.time, np.log(2) + np.log(3) * np.arange(18), rtol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("v", "direction", "times"),
     [(1, 0, [0.2038736]), (-1, 0, []), (1, -1, [0.2038736]), (-1, 1, []), (1, 1, [])],
@@ -408,14 +396,6 @@ def test_spiking_cycles(start, period):
     np.testing.assert_allclose(orbit.multipliers, [1.0, np.exp(-0.3 * T)], rtol=1e-9)
     motion = flow(f, orbit.state, time=[T, 2 * T], changes=spike, rtol=1e-12)
     np.testing.assert_allclose(motion.x, [orbit.state] * 2, rtol=1e-9)
-
-
-def test_a_ball_that_is_thrown_at_each_bounce():
-    ball = Field.from_function(lambda x: (x[1], -9.81), "h v")
-    throw = Change("h", direction=-1, to=lambda x: (x[0], 3.0))
-    orbit = periodic_orbit(ball, [0.4, 0.1], 0.6, changes=throw)
-    assert abs(orbit.period - 6.0 / 9.81) < 1e-10
-    np.testing.assert_allclose(orbit.multipliers, [1.0, 0.0], atol=1e-9)
 
 
 def test_many_changes_at_time_0_fill_the_buffer_of_records():

@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from steps_in_numpy import take_in_numpy
 from systems import FRICTION, SPRING
 
 import suslov_fast as sf
@@ -28,14 +27,6 @@ def test_coulomb_friction_ends_at_rest():
     assert np.isnan(motion.x[3]).all()
     assert motion.status == sf.Status.SLIDING
     np.testing.assert_allclose(motion.end, 3.0 * np.pi, rtol=1e-9)
-
-
-def test_a_thermostat_without_hysteresis_slides():
-    heated = field(lambda s: (np.where(s[0] < 20.0, 5.0, -1.0),), "T")
-    with pytest.warns(sf.PoleWarning, match="t = 1$"):
-        motion = sf.flow(heated, [15.0], time=[0.5, 2.0])
-    np.testing.assert_array_equal(motion.x[:, 0], [17.5, np.nan])
-    np.testing.assert_allclose(motion.end, 1.0, rtol=1e-10)
 
 
 def test_a_thermostat_that_looks_at_the_clock():
@@ -145,18 +136,6 @@ def test_a_jump_at_the_last_time_is_the_end():
     assert points.steps < 100
 
 
-def test_saturation():
-    # x'' = -clip(3 x): between -1/3 and 1/3 an oscillator, beyond them parabolas.
-    saturated = field(lambda s: (s[1], -np.clip(3 * s[0], -1.0, 1.0)), "x v")
-    t1 = np.sqrt(2 * (2 - 1 / 3))
-    w, v = np.sqrt(3.0), -t1
-    inner = np.arctan2(1 / 3 * w, -v)  # x = r sin(phase - w s)
-    quarter = t1 + inner / w
-    exact = [[0.0, -np.hypot(v, w / 3)], [-2.0, 0.0], [2.0, 0.0]]
-    motion = sf.flow(saturated, [2.0, 0.0], time=[quarter, 2 * quarter, 4 * quarter])
-    np.testing.assert_allclose(motion.x, exact, atol=1e-8)
-
-
 @pytest.mark.parametrize(
     ("f", "start", "time", "exact"),
     [
@@ -177,31 +156,6 @@ def test_saturation():
 def test_choices_by_a_clock(f, start, time, exact):
     motion = sf.flow(field(f, "x t"), [0.0, start], time=time)
     np.testing.assert_allclose(motion.x[0, 0], exact, atol=1e-10)
-
-
-def test_a_branch_that_has_no_value_beyond_the_surface():
-    emptied = field(lambda s: (-np.where(s[0] > 0, np.sqrt(s[0]), 0.0) - 0.5,), "x")
-    motion = sf.flow(emptied, [1.0], time=[1.0, 2.0, 3.0])
-    empty = 2.0 - np.log(3.0)  # 2 (u - log(1 + 2 u) / 2) with u = sqrt(x) = 1
-    np.testing.assert_allclose(motion.x[:, 0], -0.5 * (np.array([1, 2, 3]) - empty), atol=1e-8)
-
-
-def test_times_do_not_change_where_choices_change():
-    once = sf.flow(SPRING, [1.0, 0.0], time=3.0)
-    often = sf.flow(SPRING, [1.0, 0.0], time=np.linspace(0.0, 3.0, 301))
-    assert once.steps == often.steps
-    np.testing.assert_allclose(once.x[-1], often.x[-1], rtol=1e-11)
-    exact = sf.flow(SPRING, [1.0, 0.0], time=often.time, rtol=1e-12)
-    np.testing.assert_allclose(often.x, exact.x, atol=1e-6)
-
-
-@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
-def test_numpy_has_the_bits_of_machine_code(monkeypatch):
-    x0 = np.array([[0.3, -1.0], [1.9, 0.4]])
-    fields = FRICTION, field(lambda s: (1e3 * (abs(s[1]) - s[0]), np.cos(s[0])), "x v")
-    by_code = [sf.flow(f, x0, time=1.0, rtol=1e-4) for f in fields]
-    take_in_numpy(monkeypatch)
-    assert [sf.flow(f, x0, time=1.0, rtol=1e-4) for f in fields] == by_code
 
 
 def test_a_family_of_levels():
@@ -250,16 +204,6 @@ def test_a_kink_that_is_only_touched_costs_nothing():
     motions = [sf.flow(f, [1.0, 0.0, 0.0], time=50.0) for f in (touching, smooth)]
     np.testing.assert_allclose(motions[0].x, motions[1].x, atol=1e-9)
     assert motions[0].steps <= motions[1].steps + 5
-
-
-def test_kinks_and_jumps_together():
-    # A ball on a spring with drag v |v| in a liquid below 0, in closed form on the way down.
-    def falling(s):
-        return s[1], -1.0 - np.where(s[0] < 0, s[1] * abs(s[1]), 0.0)
-
-    motion = sf.flow(field(falling, "h v"), [0.5, 0.0], time=[1.0, 3.0, 2000.0])
-    # It enters at v = -1, the terminal speed.
-    np.testing.assert_allclose(motion.x[:, 0], [0.0, -2.0, -1999.0], atol=1e-9)
 
 
 # ------------------------------------------------------------------------------- derivatives

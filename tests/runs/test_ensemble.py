@@ -160,35 +160,6 @@ def test_an_interrupted_motion_goes_on(store):
     assert np.array_equal(data.x, flow(PENDULUM, starts, time=[1.0, 2.0]).x)
 
 
-def test_parameters_are_axes_of_the_batch(store, rng):
-    body = Suslov3D(4, 1, np.linspace(-0.5, 0.5, 3)[:, None], -0.3)
-    eps, omega0 = np.array([0.1, 0.5])[:, None, None], rng.uniform(-2.0, 2.0, (8, 2))
-    ours = {"dims": ("eps", "I13", "start"), "chunk": {"I13": 2, "start": 3, "n": 2}}
-    dataset = ensemble(body, omega0, eps, 20, store=store, save_every=3, **ours)
-    orbits = iterate(body, omega0, eps, 20, save_every=3)
-    assert dataset.omega.dims == ("n", "eps", "I13", "start", "component")
-    one = dataset.sel(eps=0.5, I13=0.0, start=2)
-    assert np.array_equal(one.omega, orbits.omega[:, 1, 1, 2])
-    assert np.array_equal(dataset.time.sel(eps=0.5), 0.5 * orbits.n)
-
-
-@pytest.mark.slow
-def test_sources_of_initial_states(tmp_path):
-    random = RandomStarts((5, 10), 2.0, seed=5)
-    array = random.states(50).reshape(5, 10, 2)
-    np.save(tmp_path / "starts.npy", array)
-    lazy = dask.array.from_array(array, chunks=(2, 7, 2))
-    sources = {"random": random, "array": array, "dask": lazy}
-    sources["map"] = np.load(tmp_path / "starts.npy", mmap_mode="r")
-    orbits = iterate(BODY, random, 0.2, 20, save_every=None)
-    for name, omega0 in sources.items():
-        place = tmp_path / f"{name}.zarr"
-        assert_same(ensemble(BODY, omega0, 0.2, 20, store=place, chunk=9), orbits)
-    # A run is identified by its initial states: those of an array, a map and Dask are the same.
-    for name in ("array", "dask"):
-        ensemble(BODY, sources[name], 0.2, 20, store=tmp_path / "map.zarr")
-
-
 def test_every_initial_state_identifies_a_run(tmp_path):
     """Of many states there is a digest, of all of their parts."""
     array, store = np.linspace(-1.0, 1.0, 1400).reshape(700, 2), tmp_path / "run.zarr"
@@ -443,24 +414,6 @@ def test_damaged_metadata_are_an_error(store):
                 function(store)
 
 
-def test_parameters_and_step_sizes_are_those_of_the_run(store):
-    call(ensemble, **ASKED, store=store)
-    whole = contents(store)
-    for name, other in (("I1/c", "I2/c"), ("eps/c", "I23/c")):
-        (store / name).write_bytes(whole[other])
-        call(ensemble, **ASKED, store=store)
-        assert contents(store) == whole
-
-
-def test_tiles_without_metadata_are_of_no_run(store):
-    """Statuses of another run do not make tiles of a new one."""
-    call(ensemble, **ASKED, store=store)
-    for path in store.rglob("zarr.json"):
-        path.unlink()
-    with pytest.raises(ValueError, match=r"store.* in it: pass a new name"):
-        call(ensemble, **ASKED | {"eps": 0.3}, store=store)
-
-
 @pytest.mark.slow
 def test_two_at_once_write_the_same(store):
     seen, run = [], {**ASKED, "omega0": RandomStarts(200, 1.0)}
@@ -512,40 +465,6 @@ def test_attributes_are_plain(store):
     assert json.loads(json.dumps(dataset.attrs)) == dataset.attrs
     assert json.loads(dataset.attrs["rho"]) == FAMILY.parameters["rho"].tolist()
     assert (dataset.attrs["eps"], dataset.attrs["steps"]) == (0.01, 9)
-
-
-@pytest.mark.slow
-def test_a_lost_chunk_is_an_error(store):
-    """One of each array in turn, of parameters, too, whose value is 0; it is made anew."""
-    body = Suslov3D(4, 1, 0.0, -0.3)
-    omega0 = np.linspace(-1.0, 1.0, 12).reshape(6, 2)
-    omega0[2:4] = np.nan  # a tile of fill values
-    ours = {"save_every": 1, "chunk": {"trajectory": 2, "n": 3}}
-    orbits = iterate(body, omega0, 0.0, 4, on_singular="ignore")
-    ensemble(body, omega0, 0.0, 4, store=store, **ours)
-    whole = contents(store)
-    chunks = [name for name in whole if "/c" in name]
-    assert {name.partition("/")[0] for name in chunks} == {*open_ensemble(store).variables} - {
-        "time"
-    }
-    for lost in chunks:
-        (store / lost).unlink()
-        name, *_ = lost.split("/")
-        if name == "status":  # its tile counts as not computed
-            assert (open_ensemble(store).status == PENDING).sum() == 2
-        else:
-            with pytest.raises(ValueError, match=f"without the chunk {lost}: ") as found:
-                open_ensemble(store)
-            if "delete" in str(found.value):
-                place = str(found.value).partition("delete ")[2].partition(" ")[0]
-                with pytest.raises(ValueError, match=f"delete {place}"):
-                    ensemble(body, omega0, 0.0, 4, store=store, **ours)
-                (store / place).unlink()
-        assert_same(ensemble(body, omega0, 0.0, 4, store=store, **ours), orbits)
-        assert contents(store) == whole
-    shutil.rmtree(store / "omega" / "c")
-    with pytest.raises(ValueError, match="and 5 more: delete status/c there"):
-        open_ensemble(store)
 
 
 class Wrapper(zarr.storage.WrapperStore):
@@ -651,10 +570,3 @@ def test_tiles_take_neither_long_nor_much_memory(steps):
         assert 24 * count * found[task.axis] <= 2**24
         assert count >= task.fewest
         assert count <= max(task.most, task.fewest)
-
-
-def test_without_dask_nothing_is_computed(store, monkeypatch):
-    monkeypatch.setitem(sys.modules, "dask", None)
-    with pytest.raises(ImportError, match="the package dask is not installed"):
-        call(ensemble, **ASKED, store=store)
-    assert not store.exists()

@@ -187,35 +187,6 @@ def test_contents_of_a_dataset():
     assert (sf.first_integral(BODY, data.omega, 0.2) == run.first_integral()).all()
 
 
-def test_tables_have_a_row_for_each_state_and_component():
-    field = sf.QuadraticField.from_function(
-        lambda x, rho: (
-            10 * (x[1] - x[0]),
-            x[0] * (rho - x[2]) - x[1],
-            x[0] * x[1] + 2 * x[2] ** 2,
-        ),
-        "u v w",
-        rho=[20, 28],
-    )
-    run = sf.iterate(field, [0.1, 0.1, 0.2], 1 / 128, 100, on_singular="ignore")
-    data = run.to_xarray()
-    assert {*data.coords} == {"n", "time", "component", "rho"}
-    table = data.to_dataframe()
-    assert len(table) == 101 * 2 * 3
-    assert table.x.loc[(7, 28.0, "w")] == run.x[7, 1, 2]
-    assert len(run.to_xarray().x.sel(rho=28).to_pandas()) == 101
-    four = run_of("four").to_xarray()
-    assert {"J", "I"} < {*four.coords}
-    assert len(four.drop_vars("attitude").to_dataframe()) == 7 * 3
-    points = sf.crossings(field, [0.1, 0.1, 0.2], 1 / 128, 50, lambda x: x[..., 0] - 0.2)
-    assert len(points)
-    table = points.to_xarray().to_dataframe()
-    assert len(table) == 3 * len(points)
-    assert {"u", "v", "w"} == {*table.index.get_level_values("component")}
-    columns = {"trajectory", "n", "time", "eps", "rho", "before", "after", "fraction", "x"}
-    assert {*table} == columns | {"over_pole"}
-
-
 @pytest.mark.parametrize("more", [0, 1])
 def test_times_in_place_of_a_step_size_are_noticed(more, tmp_path):
     """As `odeint` takes them; step sizes of a family are not."""

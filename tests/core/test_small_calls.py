@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import time
 
 import children
 import numpy as np
@@ -164,23 +165,18 @@ def test_compiled_after_a_second(as_in_an_empty_process, monkeypatch):
     assert (len(in_python), len(in_code)) == (3, 2)
 
 
-WAITS = """
-import sys, time
-from suslov_fast.core.compiling import numba as core
-for core.SILENT, is_terminal in ((9, True), (0.1, False), (0.1, True), (0.1, True)):
-    sys.stderr.isatty = lambda: is_terminal
-    with core._compiling():
-        time.sleep(0.3)
-"""
-
-
-def test_a_user_at_a_terminal_is_told_once_that_it_compiles(tmp_path):
+def test_a_user_at_a_terminal_is_told_once_that_it_compiles(monkeypatch, capsys):
     """After a while."""
-    done = children.attempt(WAITS, NUMBA_CACHE_DIR=str(tmp_path))
-    assert done.returncode == 0
-    assert len(done.stderr.splitlines()) == 1
-    assert str(tmp_path) in done.stderr
-    assert done.stdout == ""
+    monkeypatch.setattr(core_numba, "_said", [])
+    for silent, is_terminal in ((9, True), (0.1, False), (0.1, True), (0.1, True)):
+        monkeypatch.setattr(core_numba, "SILENT", silent)
+        monkeypatch.setattr(sys.stderr, "isatty", lambda told=is_terminal: told)
+        with core_numba._compiling():
+            time.sleep(0.3)
+    told = capsys.readouterr()
+    assert len(told.err.splitlines()) == 1
+    assert str(core_numba.folder_of(core_numba._loop)) in told.err
+    assert told.out == ""
 
 
 # One after the other, beside what the import of Numba takes, with what Numba compiles.
@@ -242,6 +238,7 @@ SMALL = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="its clock is coarse")
 def test_first_calls_take_no_longer_than_imports(tmp_path):
     """In a process of its own, with an empty cache, beside the time of the import of Numba."""

@@ -36,7 +36,7 @@ def rates(at):
 @pytest.mark.parametrize("stiff", [None, True])
 def test_dates_cost_what_times_from_0_cost(name, stiff):
     found = {}
-    for at in (0.0, -3.0, 1e6, DATE):
+    for at in (0.0, DATE):
         rate, exact = rates(at)[name]
         motion = sf.flow(field(lambda s, r=rate: (r(s[1]), 1.0)), [2.0, at], time=5.0, stiff=stiff)
         found[at] = motion
@@ -61,12 +61,12 @@ def test_dates_of_which_only_differences_matter_give_the_same_bits():
 
 def test_large_phases():
     """The phase of a wave is known to the rounding of the date times its frequency."""
-    for omega in (2 * np.pi / 86400, 1.0, 50.0):
-        f = field(lambda s, w=omega: (np.cos(w * s[1] + 1), 1.0))
-        motion = sf.flow(f, [0.0, DATE], time=10.0)
-        ends = np.sin(omega * (DATE + np.array([10.0, 0.0])) + 1)
-        np.testing.assert_allclose(motion.x[0, 0], (ends[0] - ends[1]) / omega, atol=1e-5)
-        assert motion.steps < 500
+    omega = np.array([2 * np.pi / 86400, 1.0, 50.0])
+    f = field(lambda s, w: (np.cos(w * s[1] + 1), 1.0), w=omega)
+    motion = sf.flow(f, [0.0, DATE], time=10.0)
+    begin, end = (np.sin(omega * (DATE + t) + 1) for t in (0.0, 10.0))
+    np.testing.assert_allclose(motion.x[0, :, 0], (end - begin) / omega, atol=1e-5)
+    assert (motion.steps < 500).all()
 
 
 def test_members_and_derivatives_at_dates():

@@ -29,7 +29,7 @@ _STATUS[State.STOPPED], _STATUS[State.ACCUMULATES] = Status.STOPPED, Status.ACCU
 
 
 class Asked(NamedTuple):
-    """What is asked of a motion."""
+    """The request for a motion."""
 
     times: FloatArray  # (n,), in any order
     sign: int  # -1 backwards in time
@@ -42,7 +42,7 @@ class Asked(NamedTuple):
 
 
 class Records(NamedTuple):
-    """What changes of the state did, ordered by trajectory and time."""
+    """Records of changes of the state, ordered by trajectory and time."""
 
     trajectory: NDArray[np.int64]  # (K,)
     which: NDArray[np.int64]  # (K,), numbers of changes in the order of code
@@ -52,7 +52,7 @@ class Records(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What the engine found of B trajectories."""
+    """The result of the engine for B trajectories."""
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
     t: FloatArray  # (B,), the time at which a trajectory ended, NaN if it reached the last one

@@ -20,7 +20,7 @@ from .arguments import flat_arrays
 
 @dataclass
 class WithColumns:
-    """What `motions.solve` reads of a field, for its states with columns beside them."""
+    """The attributes of a field that `motions.solve` reads, for states beside columns."""
 
     shape: tuple[int, ...]
     right_hand_sides: list[OfMembers]

@@ -51,7 +51,7 @@ L = TypeVar("L", bound="WithLetter")
 
 @with_answers
 class WithLetter:
-    """What may have a symbol in its coefficients: eps, or another letter."""
+    """The base of objects whose coefficients may have a symbol: eps, or another letter."""
 
     letter: Any  # its name, "" without one
     _at: Any  # the method that returns the same for a number in place of the letter

@@ -88,7 +88,7 @@ class PlanarEntropy:
 
     @property
     def certainty(self) -> str:
-        """Whether the entropy is proved, in words."""
+        """The certainty of the entropy, in words: proved or not."""
         return "proved" if self.proved else "not proved"
 
     def contradiction(self, degrees: Sequence[int]) -> str:

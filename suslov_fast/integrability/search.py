@@ -74,7 +74,7 @@ class Task:
 
     @property
     def place(self) -> tuple[int, int, int]:
-        """Where the task stands in the order."""
+        """The place of the task in the order."""
         return _ORDER[self.kind], self.degree, self.turn
 
 

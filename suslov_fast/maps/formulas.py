@@ -28,7 +28,6 @@ class Formula(NamedTuple):
     compute: Callable[[Problem], Any]  # returns the values (...), or an array for each state
     check: Callable[[Any], None] | None = None  # raises an error for a body without the quantity
     poles: bool = False  # True if infinite values are results; else they become NaN
-    axes: int = 0  # of the value at one state, 1 for a vector and 2 for a matrix
 
 
 class Plane(NamedTuple):
@@ -110,9 +109,9 @@ def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
 
 # The formulas of Kahan's map of any field; for a body they use the terms of its field.
 KAHAN = {
-    "vector_field": Formula(partial(values_by_terms, quantities_field.vector_field), axes=1),
-    "matrix": Formula(partial(values_by_terms, quantities_field.matrix), axes=2),
-    "jacobian": Formula(jacobian, axes=2),
+    "vector_field": Formula(partial(values_by_terms, quantities_field.vector_field)),
+    "matrix": Formula(partial(values_by_terms, quantities_field.matrix)),
+    "jacobian": Formula(jacobian),
     "energy": Formula(_energy, _check_hamiltonian),
     "modified_energy": Formula(_modified_energy, _check_hamiltonian),
     "invariant_density": Formula(density, _check_hamiltonian, poles=True),
@@ -176,20 +175,19 @@ SOLVED_ALREADY = Plane(lambda problem: (problem, lambda states: states))  # need
 GYROSTAT = {
     **KAHAN,
     **formulas_named("first_integral energy modified_energy rotation_number reaction"),
-    **formulas_named("vector_field", axes=1),
-    **formulas_named("matrix jacobian", axes=2),
+    **formulas_named("vector_field matrix jacobian"),
     "criticality": Formula(partial(values_by_rows, quantities.criticality)),
-    "step": Formula(partial(values_by_rows, quantities.step), axes=1),
+    "step": Formula(partial(values_by_rows, quantities.step)),
     **formulas_named("invariant_density", poles=True),
-    "to_matrix": Formula(_matrix_in_3d, axes=2),
-    "to_vector": Formula(whole_states, axes=1),
-    "momentum": Formula(_momentum_in_3d, axes=1),
+    "to_matrix": Formula(_matrix_in_3d),
+    "to_vector": Formula(whole_states),
+    "momentum": Formula(_momentum_in_3d),
 }
 IN_3D = {
     **GYROSTAT,
-    **formulas_named("to_xy from_xy", axes=1),
-    "closed_form": Formula(_closed_form, axes=1),
-    "step_full": Formula(_step_full, axes=1),
+    **formulas_named("to_xy from_xy"),
+    "closed_form": Formula(_closed_form),
+    "step_full": Formula(_step_full),
 }
 
 
@@ -291,11 +289,11 @@ IN_ND = {
     **_nd("energy"),
     **_nd("modified_energy"),
     **_nd("criticality", _criticality_nd),
-    **_nd("vector_field", axes=1),
+    **_nd("vector_field"),
     **_nd("invariant_density", _density_nd, poles=True),
-    **_nd("reaction", _reaction_nd, axes=2),
-    "to_matrix": Formula(_matrix_nd, axes=2),
-    "momentum": Formula(_momentum_nd, axes=2),
+    **_nd("reaction", _reaction_nd),
+    "to_matrix": Formula(_matrix_nd),
+    "momentum": Formula(_momentum_nd),
 }
 IN_PLANE = Plane(_in_plane, check_known)
 # Public functions that need no formula of their own.

@@ -32,18 +32,9 @@ def evaluate(
 
     def compute(part: Problem) -> FloatArray:
         values: FloatArray = formula.compute(part)
-        shape = np.shape(values)
-        if shape[: len(part.batch)] != part.batch or len(shape) != len(part.batch) + formula.axes:
-            raise _wrong_shape(name, map, part, shape)
         return values[()]  # a number for a single state
 
     return mask_and_warn(problem, in_parts(compute, problem), formula.poles)
-
-
-def _wrong_shape(name: str, map: Map, problem: Problem, shape: tuple[int, ...]) -> Any:
-    """Return the error for a formula whose values have a wrong shape."""
-    text = f"the formula of the map {map.name!r} returns the shape {shape}"
-    return ValueError(f"{name}: {text}, and must return the batch shape {problem.batch}")
 
 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:

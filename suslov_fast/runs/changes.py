@@ -18,7 +18,7 @@ from .points import Points, span
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Changes(Points):
-    """What changes of the state did along motions: ``Motion.changes``.
+    """Records of the changes of the state along motions: ``Motion.changes``.
 
     There are K of them, ordered by trajectory, then along the motion; at one instant in the order
     in which they acted.

@@ -208,7 +208,7 @@ def _near_return(field: Any, x: FloatArray, rtol: float) -> tuple[float | None, 
 
 
 def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> bool:
-    """Whether f is the same a period later, at states of the motion."""
+    """Return whether f is the same a period later, at states of the motion."""
     with np.errstate(all="ignore"):
         states = motion.states(x, period * _FRACTIONS)
     later = states + np.where(motion.drifts, period * motion.rate, 0.0)

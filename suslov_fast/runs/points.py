@@ -44,7 +44,7 @@ class Points(Result):
 
     @property
     def _heading(self) -> str:
-        """What the points are, for plots."""
+        """The name of the points in plots."""
         return f"Motion of a {type(self.body).__name__}"
 
     def __len__(self) -> int:

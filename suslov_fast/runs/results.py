@@ -34,11 +34,6 @@ Returns
 ndarray(float)
     The values, in the units of the function; time is the first axis, (n, ...).
 
-Raises
-------
-TypeError, ValueError
-    If the system does not have this quantity.
-
 Examples
 --------
 >>> run.{name}()  # doctest: +SKIP
@@ -242,14 +237,8 @@ class Result:
         Returns
         -------
         Trajectories, Crossings or Motion
-            An instance of the class whose method this is, equal to the saved one.
-
-        Raises
-        ------
-        FileNotFoundError
-            If there is no file of this name.
-        ValueError
-            If the file is damaged, or holds something else.
+            An instance of the class whose method this is, equal to the saved one. Errors are those
+            of :func:`suslov_fast.load`, and a ValueError for a file of another class.
 
         Examples
         --------

@@ -65,7 +65,7 @@ class Arcs:
 
 
 class Flow(Protocol):
-    """What has arcs: a motion, or a map."""
+    """A motion or a map, as shooting sees it: both have arcs."""
 
     drifts: NDArray[np.bool_]  # (D,) components of constant rates
     is_forced: bool  # whether others depend on one of them, and T is fixed

@@ -65,7 +65,7 @@ class Equations:
 
     @cached_property
     def key(self) -> Any:
-        """What == compares; texts and names do not matter."""
+        """The part of a field that == compares, without texts and names."""
         sizes = len(self.names), len(self.parameters)
         return repr((sizes, self.values.operations, self.results, self.H, self.K))
 
@@ -204,7 +204,7 @@ class Field(FieldOfFunction):
 
     @cached_property
     def _table(self) -> FloatArray:
-        """What f needs that depends on parameters alone, of all members."""
+        """The values of f that depend on parameters alone, of all members."""
         table: FloatArray = self._equations.right_hand_side.table_of(self._inputs)
         return table
 

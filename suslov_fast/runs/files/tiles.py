@@ -38,7 +38,7 @@ Piece = dict[str, Any]  # values of columns
 
 @dataclass(frozen=True)
 class Steps:
-    """What a tile of a map computes: steps of a method."""
+    """The task of a tile of a map: steps of a method."""
 
     method: str
     steps: int
@@ -85,7 +85,7 @@ class Steps:
 
 @dataclass(frozen=True)
 class Times:
-    """What a tile of a motion computes: states at times."""
+    """The task of a tile of a motion: states at times."""
 
     times: FloatArray
     sign: int

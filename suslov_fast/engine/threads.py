@@ -45,6 +45,8 @@ def call_kernel(
     """
     is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
     try:
+        if seconds < math.inf and kernel.by_numpy(*arguments):
+            return
         if is_serial and seconds < math.inf:
             kernel.briefly(seconds, *arguments)
         elif is_serial or not _parallel(kernel, threads, arguments):

@@ -1,4 +1,4 @@
-"""Small calls that run as Python, because nothing is compiled: same bits, for a second at most."""
+"""Calls that run as Python or NumPy, because nothing is compiled: same bits, for a second."""
 
 import os
 import signal
@@ -23,6 +23,12 @@ RNG = np.random.default_rng(3)
 X2, X3, X4 = (RNG.uniform(-1, 1, (5, D)) for D in (2, 3, 4))
 BODY, ROTOR = sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
 LONG = sf.Suslov3D(4, 1, -3.5, -2.3)
+# Orbits of both forms, fixed states, poles, and states out of range.
+MANY = np.concatenate([
+    RNG.uniform(-1, 1, (200, 2)), 20.0 * X2, 1e155 * X2, np.full((2, 2), np.nan),
+    np.outer(X2[0], [-3.0, 5.0]), [[0.5, -1.5], [0.0, 0.0]],
+])  # fmt: skip
+AT_POLES = sf.Suslov3D(1, 1, 1, 0), sf.SuslovGyrostat(1, 1, 1, 0, [[0.0], [0.5]])
 FAMILY = sf.Suslov3D(np.linspace(3, 4, 5), 1, -0.5, -0.3)
 SOLID = sf.SuslovND([1.3, 2.1, 3.7, 4.2], [0.4, -0.7, 0.5, 0.2])
 # Its long steps lose digits, and pass poles.
@@ -52,6 +58,12 @@ CALLS = {
     "numbers out of range": run(BODY, X2, 1e9, 10),
     "supercritical orbits": run(LONG, X2, 3.0, 40),
     "a family": run(FAMILY, X2, 0.2, 20),
+    "a batch": run(BODY, MANY, 0.2, 1100, save_every=3),
+    "a batch with poles": run(AT_POLES[0], MANY, 2.0, 40),
+    "batches of two gyrostats": run(AT_POLES[1], MANY, 2.0, 600, save_every=100),
+    "a batch in four dimensions": run(SOLID, RNG.uniform(-1, 1, (300, 4)), 0.1, 30),
+    "a batch in three dimensions": run(sf.SuslovND([1.3, 2.1, 3.7], X3), X3, 0.1, 30),
+    "last states": run(ROTOR, MANY, 0.3, 50, save_every=None),
     "gyrostats": run(ROTOR, np.tile(X2, (2, 1)), 2.0, 20),
     "poles in four dimensions": run(SOLID, X4, 2.5, 20),
     "elimination": run(SOLID, X4, 0.7, 10, method="gauss"),
@@ -79,7 +91,7 @@ def as_in_an_empty_process(monkeypatch):
         for each in [each for name in modules for each in vars(sys.modules[name]).values()]:
             if isinstance(each, core_numba.Patient):
                 monkeypatch.setattr(each, "seconds", 0.0)
-                names = ["briefly", "serial", "_compiled"]
+                names = ["briefly", "serial", "_compiled", "is_compiled"]
                 names += ["compiled", "_is_kept"] * isinstance(each, core_numba.Universal)
                 for name in names:
                     monkeypatch.delitem(vars(each), name, raising=False)
@@ -223,6 +235,9 @@ SMALL = (
     "sf.lyapunov_exponents(body, omega, 0.2, 100)",
     "sf.iterate(gyrostat, omega, 0.2, 10)",
     "sf.iterate(solid, [1.0, 0.5, 0.2], 0.2, 10)",
+    "sf.iterate(body, np.ones((10_000, 2)), 0.2, 100)",
+    "sf.iterate(gyrostat, np.ones((10_000, 2)), 0.2, 100)",
+    "sf.iterate(solid, np.ones((10_000, 3)), 0.2, 100)",
     "sf.iterate(lorenz, x, 0.001, 10)",
     "sf.step(lorenz, x, 0.001)",
     "sf.jacobian(lorenz, x, 0.001)",

@@ -10,10 +10,11 @@ for_users   a formula that users call from Python and from their own compiled lo
 universal   a NumPy universal function, made from a function of one state
 
 Each is compiled in its first call, and can be called from Python; `.py_func` is the Python function
-that was compiled. Small calls of kernels and universal functions of the package run as Python, with
-the same bits, until these have taken PATIENCE. With NUMBA_DISABLE_JIT=1 all are Python functions;
-NUMBA_BOUNDSCHECK=1 checks indices. A function that takes a constant integer is compiled for each
-value, because constants have types of their own. A loop over lanes becomes SIMD if
+that was compiled. Small calls of kernels and universal functions of the package run as Python, and
+steps of whole batches by NumPy, with the same bits, until these have taken PATIENCE. With
+NUMBA_DISABLE_JIT=1 all are Python functions; NUMBA_BOUNDSCHECK=1 checks indices. A function that
+takes a constant integer is compiled for each value, because constants have types of their own. A
+loop over lanes becomes SIMD if
 
 - its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes, so that
   LLVM knows that they do not overlap; an index that does not begin at 0 must be unsigned;
@@ -138,11 +139,16 @@ def advice_on_numba():
 # ------------------------------------------------------------------------- before it is compiled
 # Seconds of calls without compiled code, after which compiling it is worth its time.
 PATIENCE = 1.0
+# Seconds for a number of a step in NumPy, of which a call costs as many as these trajectories.
+_IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 
 
 @functools.cache
-def as_python(py_function):
-    """Return a function of which all that it calls is Python, too: the same bits, uncompiled."""
+def as_python(py_function, of_arrays=False):
+    """Return a function of which all that it calls is Python, too: the same bits, uncompiled.
+
+    If it is `of_arrays`, formulas compute arrays of numbers: `select` is that of NumPy.
+    """
     names, code = {}, py_function.__code__
     twin = FunctionType(
         code, names, code.co_name, py_function.__defaults__, py_function.__closure__
@@ -150,7 +156,9 @@ def as_python(py_function):
     names.update(py_function.__globals__)
     for name in code.co_names:
         if called := getattr(names.get(name), "py_func", None):
-            names[name] = as_python(called)
+            names[name] = as_python(called, of_arrays)
+    if of_arrays:
+        names["select"] = np.where
     return twin
 
 
@@ -303,6 +311,10 @@ class Kernel(Patient):
     # few(arguments, states, (start, stop, every, row), saved=None) returns the states (B, D) after
     # a short run of a few trajectories, or None where the kernel has to take it.
     few = None
+    # in_numpy(*arguments) takes the work of a kernel of steps for all trajectories side by side,
+    # with the same bits, and returns True; or False where only the kernel can take it.
+    in_numpy = None
+    is_compiled = False
 
     def __init__(self, py_function):
         self.py_func = py_function
@@ -314,6 +326,7 @@ class Kernel(Patient):
         """Call the kernel for all of the work."""
         with _compiling():
             self.compiled(0, 1, *arguments)
+        self.is_compiled = True
         self.serial = compiled = functools.partial(self.compiled, 0, 1)  # from now on
         self.briefly = lambda seconds, *arguments: compiled(*arguments)
 
@@ -323,6 +336,17 @@ class Kernel(Patient):
             self.in_python(as_python(self.py_func), 0, 1, *arguments)
         else:
             self.serial(*arguments)
+
+    def by_numpy(self, parameters, x0, carry, span, *arrays):
+        """Take steps by NumPy, while nothing is compiled; return whether that was possible."""
+        if self.in_numpy is None or self.is_compiled:
+            return False
+        begin, end, start, stop, *_ = span
+        numbers = x0.shape[1] * (end - begin + _CALL_IN_NUMPY) * (stop - start + 2)
+        arguments = parameters, x0, carry, span, *arrays
+        if not self.has_patience(_IN_NUMPY * numbers) or self._is_kept(arguments):
+            return False
+        return self.in_python(self.in_numpy, *arguments)
 
     def _is_kept(self, arguments):
         return is_kept(self.compiled, (*[types.intp] * 2, *numba.typeof(arguments)))
@@ -345,9 +369,20 @@ class Kernel(Patient):
             in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [], threads)
         else:
             _start(*addresses, threads, arguments)
+        self.is_compiled = True
 
 
 kernel = Kernel  # the decorator
+
+
+def in_numpy(kernel):
+    """Return the decorator of `Kernel.in_numpy`, whose formulas take arrays."""
+
+    def register(py_function):
+        kernel.in_numpy = as_python(py_function, of_arrays=True)
+        return py_function
+
+    return register
 
 
 # A parallel call is a loop over parts that calls the kernel by its address. So each kernel is

@@ -38,7 +38,7 @@ from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
 from ..compiling.elimination import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
 from ..compiling.llvm import lesser, select
-from ..compiling.numba import formula, function, inlined, kernel, share
+from ..compiling.numba import formula, function, in_numpy, inlined, kernel, share
 from .blocks import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
@@ -363,3 +363,49 @@ def end_lane(c, b, l):
     b[EPS, l] = np.nan
     for i in range(c.shape[1]):
         c[W, i, l] = np.nan
+
+
+def _sums_of_all(I, w):
+    """Return p and |w|**2 of states (M, B), in the order of `compute_sums`."""
+    p = square = 0.0
+    pairs = len(w) // 2
+    for i, j in zip(range(pairs), range(pairs, 2 * pairs), strict=True):
+        p = p + I[i] * w[i] + I[j] * w[j]
+        square = square + w[i] * w[i] + w[j] * w[j]
+    return p, square
+
+
+@in_numpy(nd_steps)
+def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
+    """Take all trajectories by NumPy; return False where one may lose digits, or passes a pole."""
+    begin, end, start, stop, every, row = span
+    own, m = slice(begin, end), omega0.shape[1]
+    J, I, eps = (a[own].T if len(a) > 1 else a.T for a in parameters)
+    to_even = (0, m % 2), (0, 0)
+    J, I = np.pad(J, to_even, constant_values=np.inf), np.pad(I, to_even)
+    w = np.pad((omega0 if start == 0 else final)[own].T, to_even)
+    if start == 0:
+        undefined, carry[0, own] = np.isnan(w).any(axis=0), 0.0
+        status[own][undefined], failed_at[own][undefined] = NONFINITE, 0
+    w[:, status[own] < 0], eps = np.nan, select(status[own] < 0, np.nan, eps)
+    near, pairs, inverse = (1.0 - FAR_FROM_0) * J.min(axis=0), len(w) // 2, np.empty_like(w)
+    p, square = _sums_of_all(I, w)
+    for n in range(start, stop + 1):
+        if n > start:
+            half, alpha, beta, gamma = 0.5 * eps * p, 0.0, 0.0, 0.0
+            for i in range(pairs):
+                j = pairs + i
+                inverse[i], alpha_i, beta_i, gamma_i = sum_terms(J[i], I[i], w[i], half)
+                inverse[j], alpha_j, beta_j, gamma_j = sum_terms(J[j], I[j], w[j], half)
+                alpha = alpha + alpha_i + alpha_j
+                beta = beta + beta_i + beta_j
+                gamma = gamma + gamma_i + gamma_j
+            of_w, of_I, accurate, det = solve_two(eps, p, square, alpha, beta, gamma)
+            if (half >= near).any() or not accurate.all() or (det < 0.0).any():
+                return False
+            w = w + (of_w * w + of_I * I) * inverse
+            p, square = _sums_of_all(I, w)
+        if every > 0 and n % every == 0 and (n > start or start == 0):
+            saved[row, own], row = w[:m].T, row + 1
+    final[own] = w[:m].T
+    return True

@@ -8,7 +8,7 @@ import numpy as np
 from ..compiling.arrays import block_of, flat, uncounted
 from ..compiling.codes import NONFINITE, SINGULAR, SUPERCRITICAL
 from ..compiling.llvm import lesser, select
-from ..compiling.numba import are_common, formula, kernel, pick, share
+from ..compiling.numba import are_common, formula, in_numpy, kernel, pick, share
 from .blocks import alignment, store_rows, write_pairs
 from .map import (
     LARGEST,
@@ -268,3 +268,53 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
         if first == end and to_find > 0:
             first, again, to_find, first_saved = begin, True, 0, stop + 1
             alone, lanes, stride, shared = True, ONE, ONE, 0
+
+
+@in_numpy(steps)
+def steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
+    """Take all trajectories by NumPy, which rounds sums, products, quotients and roots alike."""
+    begin, end, start, stop, every, row = span
+    own, b = slice(begin, end), np.zeros((STATE + 2, end - begin))
+    I1, I2, I13, I23, k, eps = (a[own] if len(a) > 1 else a for a in parameters)
+    frame, e = frame_of(I1, I2, I13, I23, k, eps)
+    if start == 0:
+        w1, w2 = b[W1], b[W2] = omega0[own].T
+        b[X_], b[Y_] = X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
+        fixed = is_fixed(X, Y)
+        form = select(is_plain(frame, X, Y), PLAIN, select(fixed, FIXED, GENERAL))
+        b[KIND], b[U], b[V] = form, w1, w2 / frame.back
+        b[XG] = X = select(loses_digits(frame, X, Y), np.nan, X)
+        b[R] = length(b[U], b[V]) / np.sqrt(1.0 + X * X)
+        status[own][is_supercritical(frame, b[X_], Y)] = SUPERCRITICAL
+        undefined = ~fixed & ~(abs(b[U]) + abs(b[V]) < np.inf)
+        status[own][undefined], failed_at[own][undefined] = NONFINITE, 0
+    else:
+        b[:CARRIED] = carry[:, own]
+        b[W1], b[W2] = b[U], b[V]
+    p, g = np.flatnonzero(b[KIND] == PLAIN), np.flatnonzero(b[KIND] == GENERAL)
+    of_plain = Frame(*(a[p] if len(a) > 1 else a for a in frame))
+    of_general = Frame(*(a[g] if len(a) > 1 else a for a in frame))
+    X, Y, XZ, u, v, first = b[X_, p], b[Y_, p], b[XG, g], b[U, g], b[V, g], b[R, g]
+    exists, w = status[own][g] >= 0, b[STATE:]
+    for n in range(start, stop + 1):
+        if n > start and len(p):
+            X, Y = plain_step(X, Y)
+        if n > start and len(g):
+            XZ, u, v, pole = general_step(of_general, XZ, u, v)
+            lost = exists & ~(abs(u) + abs(v) < np.inf)
+            if np.count_nonzero(lost):
+                which, exists = begin + g[lost], exists & ~lost
+                status[which] = select(pole[lost] > 0.0, SINGULAR, NONFINITE)
+                failed_at[which], u[lost], v[lost] = n, np.nan, np.nan
+            if n % PROJECTED == 0:
+                XZ, u, v = project_on_level(of_general, first, XZ, u, v)
+        is_saved = every > 0 and n % every == 0 and (n > start or n == 0)
+        if n > 0 and (is_saved or n == stop):
+            w[:, p], w[:, g] = leave_plain(of_plain, X, Y), (u, v * of_general.back)
+            w[:, ~(abs(w[0]) + abs(w[1]) < np.inf)] = np.nan
+        if is_saved:
+            saved[row, own], row = w.T, row + 1
+    b[X_, p], b[Y_, p], b[XG, g], b[U, g], b[V, g] = X, Y, XZ, u, v
+    b[U:R, b[KIND] == FIXED] = w[:, b[KIND] == FIXED]
+    final[own], carry[:, own] = w.T, b[:CARRIED]
+    return True

@@ -6,12 +6,14 @@ choices, kinks, clocks, variational equations and dense fields. It does not cove
 state and crossings that are recorded: closed forms and matrix exponentials judge those.
 """
 
+import itertools
 from functools import singledispatch
 
 import numpy as np
 
 from suslov_fast.core.lists.conditions import with_intervals
 from suslov_fast.core.lists.dense import DenseRightHandSide
+from suslov_fast.core.lists.sparse import Head
 from suslov_fast.core.lists.step import evaluate
 from suslov_fast.core.lists.variational import Variational
 from suslov_fast.core.motion import engine, functions, rules
@@ -72,33 +74,49 @@ def _blocks(function: functions.Blocks, rows):
 
 
 @carried_out.register
-def _dense_factors(function: functions.DenseFactors, rows):
+def _sparse_factors(function: functions.SparseFactors, rows):
     """Return the factors for entries of J and s."""
-    D, (*entries, s) = function.D, rows
-    a = np.zeros((D, D, *np.shape(s)))
-    for place, entry in zip(function.places.tolist(), entries, strict=True):
-        a[divmod(place, D)] = 0.0 - s * entry
-    inverse = np.empty((D, *np.shape(s)))
-    for i in range(D):
-        a[i, i] = 1.0 + a[i, i]
-        for k in range(i):
-            a[i, k] = a[i, k] * inverse[k]
-            a[i, k + 1 :] = a[i, k + 1 :] - a[i, k] * a[k, k + 1 :]
-        inverse[i] = 1.0 / a[i, i]
-    return np.concatenate([a.reshape(D * D, *np.shape(s)), inverse])
+    plan, (*entries, s) = function.plan, rows
+    D, entries, first = len(plan.order), np.array(entries), len(plan.order) + len(plan.lower)
+    factors, w = np.zeros((D + plan.size, *np.shape(s))), np.zeros((D, *np.shape(s)))
+
+    def parts(j):
+        """Return the rows of column j in L and U, and where their numbers begin."""
+        own, after = (Head(*head) for head in plan.heads[j : j + 2].tolist())
+        for begin, end, number in (
+            (own.lower, after.spans, D + own.of_lower),
+            (own.spans, own.lower, first + own.of_upper),
+        ):
+            rows = [range(k, k + n) for k, n in plan.spans[begin:end].tolist()]
+            rows = np.array([*itertools.chain(*rows)], int)
+            yield rows, slice(number, number + len(rows))
+
+    for j in range(D):
+        (lower, of_lower), (upper, of_upper) = parts(j)
+        own, after = (Head(*head) for head in plan.heads[j : j + 2].tolist())
+        w[upper] = w[lower] = w[j] = 0.0
+        given = slice(own.entries, after.entries)
+        w[plan.rows[given]] = 0.0 - s * entries[plan.numbers[given]]
+        w[j] = 1.0 + w[j]
+        for k in plan.pivots[own.pivots : after.pivots]:
+            (below, numbers), _ = parts(k)
+            w[below] = w[below] - factors[numbers] * w[k]
+        factors[j] = 1.0 / w[j]
+        factors[of_upper], factors[of_lower] = w[upper] * factors[upper], w[lower] * factors[j]
+    return factors
 
 
 @carried_out.register
-def _dense_solution(function: functions.DenseSolution, rows):
-    D = function.D
-    a, inverse, v = rows[: D * D], rows[D * D : D * D + D], np.array(rows[D * D + D :])
-    for i in range(1, D):
-        for j in range(i):
-            v[i] = v[i] - a[i * D + j] * v[j]
-    for i in reversed(range(D)):
-        for j in range(i + 1, D):
-            v[i] = v[i] - a[i * D + j] * v[j]
-        v[i] = v[i] * inverse[i]
+def _sparse_solution(function: functions.SparseSolution, rows):
+    plan = function.plan
+    D, size = len(plan.order), len(plan.lower)
+    v = np.array(rows[D + plan.size :])
+    for (i, j), number in zip(plan.lower, rows[D : D + size], strict=True):
+        v[i] = v[i] - number * v[j]
+    v[plan.order] = v[plan.order] * np.array(rows[:D])
+    upper = rows[D + size : D + plan.size]
+    for (i, j), number in zip(plan.upper[::-1], upper[::-1], strict=True):
+        v[i] = v[i] - number * v[j]
     return v
 
 

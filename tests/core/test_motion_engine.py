@@ -239,14 +239,18 @@ def test_a_component_and_a_constant_with_its_number():
 
 
 @pytest.mark.parametrize("case", ["van_der_pol", "robertson", "lattice"])
-def test_dense_elimination_agrees_with_the_planned_one(case, monkeypatch):
+def test_elimination_by_columns_agrees_with_that_by_a_list(case, monkeypatch):
     function, x0, last = CASES[case]
     x0 = x0[:2]
     f, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
     usual, *_ = motion(f, x0, [last], stiff=True)
-    monkeypatch.setattr(half, "PLANNED", -1)
-    again.__dict__["key"] = f"dense {case}"
-    np.testing.assert_allclose(motion(again, x0, [last], stiff=True)[0], usual, rtol=1e-6)
+    monkeypatch.setattr(half, "LONGEST", -1)
+    again.__dict__["key"] = f"columns of {case}"
+    found = motion(again, x0, [last], stiff=True)
+    np.testing.assert_allclose(found[0], usual, rtol=1e-6)
+    np.testing.assert_array_equal(motion(again, x0[:1], [last], stiff=True)[0], found[0][:, :1])
+    take_in_numpy(monkeypatch)
+    assert_equal(motion(again, x0, [last], stiff=True), found)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -9,7 +9,7 @@ A small pivot shows as a value that is not finite, or as an error of the step, w
 
 from collections import defaultdict
 
-from .planned_elimination import elimination_order, filled, work_of
+from .planned_elimination import elimination_order, filled
 from .right_hand_side import List, needed_for
 from .step import Values
 
@@ -79,10 +79,3 @@ class Elimination:
             operands = tuple(renamed[a] for a in operands)
             operations.append((instruction, renamed[number], operands))
         self.solution = List(operations, [renamed[right[i]] for i in range(D)])
-
-
-def work_of_elimination(pattern, D):
-    """Return the number of products in the elimination of this pattern."""
-    pattern = {*pattern, *((i, i) for i in range(D))}
-    order = elimination_order(pattern, D)
-    return work_of(order, filled(pattern, order), set())[0]

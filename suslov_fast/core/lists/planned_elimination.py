@@ -191,26 +191,48 @@ def elimination_order(pattern, D):
     Among equals the next pivot is one that waits for the fewest others, one after the other,
     because processors carry out side by side what does not wait for each other.
     """
-    neighbours, depth, order, left = [set() for _ in range(D)], [0] * D, [], set(range(D))
+    neighbours, depth, order, left = [0] * D, [0] * D, [], set(range(D))  # sets are bits
     for i, j in pattern:
         if i != j:
-            neighbours[i].add(j)
-            neighbours[j].add(i)
-    keys = [(len(neighbours[i]), 0, i) for i in range(D)]
+            neighbours[i] |= 1 << j
+            neighbours[j] |= 1 << i
+    degree = [of.bit_count() for of in neighbours]
+    keys = [(degree[i], 0, i) for i in range(D)]
     heapify(keys)
     while left:
         key = heappop(keys)
         k = key[-1]
-        if k not in left or key != (len(neighbours[k]), depth[k], k):
+        if k not in left or key != (degree[k], depth[k], k):
             continue  # a newer key of this unknown is in the heap, or was
         order.append(k)
         left.remove(k)
-        for i in neighbours[k]:
-            neighbours[i] |= neighbours[k]
-            neighbours[i] -= {i, k}
-            depth[i] = max(depth[i], depth[k] + 1)
-            heappush(keys, (len(neighbours[i]), depth[i], i))
+        if degree[k] == len(left):
+            return order + _of_clique(left, depth, depth[k] + 1)
+        others = neighbours[k]
+        for i in bits_of(others):
+            own = neighbours[i] = (neighbours[i] | others) ^ (1 << i | 1 << k)
+            degree[i], depth[i] = own.bit_count(), max(depth[i], depth[k] + 1)
+            heappush(keys, (degree[i], depth[i], i))
     return order
+
+
+def _of_clique(left, depth, least):
+    """Return the order of unknowns that are all neighbours of each other, with these depths."""
+    order = []
+    while left:
+        k = min(left, key=lambda i: (max(depth[i], least), i))
+        order.append(k)
+        left.remove(k)
+        least = max(depth[k], least) + 1
+    return order
+
+
+def bits_of(number):
+    """Return the places of the bits of an integer, in order."""
+    while number:
+        least = number & -number
+        yield least.bit_length() - 1
+        number ^= least
 
 
 def filled(pattern, order):

@@ -13,7 +13,8 @@ import numpy as np
 
 from ..code.runs import program_of
 from ..code.runs_code import add_runs
-from ..code.text import Carried, Shared
+from ..code.sparse_code import ARRAYS, Arrays, add_factors, add_solution, lengths_of
+from ..code.text import Carried, Index, Shared
 from ..lists.right_hand_side import renumbered
 from ..lists.step import OF_LIBRARY, OF_LISTS
 
@@ -320,64 +321,28 @@ class Blocks(_Loops):
             text.copy(kept, to, D)
 
 
-class DenseFactors(_Loops):
-    """The factors of 1 - s J in a dense matrix, by rows, for entries of J in some places.
+class SparseFactors(_Loops):
+    """The factors of 1 - s J by loops, for entries of J in some places, see `sparse_code`."""
 
-    After the matrix (D D) come the inverses of pivots (D).
-    """
+    add_function = staticmethod(add_factors)
 
-    def __init__(self, pattern, D):
-        self.places, self.D = np.array([i * D + j for i, j in pattern], np.int64), D
-
-    def add(self, text, name, for_each, first):
-        D, count = self.D, len(self.places)
-        entries, a, inverses = text.array("%from"), text.array("%to"), text.array("%to", D * D)
-        with text.function(name):
-            for k in text.each(D * D):
-                a[k] = 0.0
-            if count:
-                s, places = entries[count], text.integers(f"{name}_places", self.places)
-            for k in text.each(count):
-                place = places[k]
-                a[place] = 0.0 - s * entries[k]
-            for i in text.each(D):
-                row = text.value(i) * D
-                a[row + i] = 1.0 + a[row + i]
-                with text.when(text.value(i).differs(0)):
-                    for k in text.each(i):
-                        a[row + k] = factor = a[row + k] * inverses[k]
-                        own, other = a.after(1).from_here(row + k), a.after(1).from_here(k * D + k)
-                        for j in text.each((D - 1) - k):
-                            own[j] = own[j] - factor * other[j]
-                inverses[i] = 1.0 / a[row + i]
-
-
-class DenseSolution(_Loops):
-    """The solution of (1 - s J) v = g from dense factors, in place of g."""
-
-    def __init__(self, D):
-        self.D = D
+    def __init__(self, plan):
+        self.plan, self.scratch = plan, len(plan.order)
 
     def add(self, text, name, for_each, first):
-        D = self.D
-        a, v, inverses = text.array("%from"), text.array("%to"), text.array("%from", D * D)
+        plan = self.plan
 
-        def less(i, begin, count):
-            """Return g_i less the products of a row, for some columns from the first one on."""
-            rest = Carried(of=v[i])
-            for k in text.each(count, rest):
-                j = k + begin
-                rest.of = rest.of - a[i * D + j] * v[j]
-            return rest.of
+        def arrays_of():
+            arrays = (text.integers(f"{name}_{key}", getattr(plan, key)).base for key in ARRAYS)
+            return Arrays(*(Index(text, n) for n in lengths_of(plan)), *arrays)
 
-        with text.function(name):
-            for n in text.each(D - 1):
-                i = n + 1
-                v[i] = less(i, 0, i)
-            v[D - 1] = v[D - 1] * inverses[D - 1]
-            for n in text.each(D - 1):
-                i = (D - 2) - n
-                v[i] = less(i, i + 1, n + 1) * inverses[i]
+        self.add_function(text, name, arrays_of)
+
+
+class SparseSolution(SparseFactors):
+    """The solution of (1 - s J) v = g from these factors, in place of g."""
+
+    add_function = staticmethod(add_solution)
 
 
 class DenseQuadratic(_Loops):

@@ -4,28 +4,27 @@ import functools
 
 import numpy as np
 
-from ..lists.elimination import Elimination, work_of_elimination
+from ..lists.elimination import Elimination
 from ..lists.right_hand_side import List
+from ..lists.sparse import Sparse
 from ..lists.step import Values
 from ..lists.variational import Variational
 from . import rules
 from .columns import EXPLICIT, IMPLICIT
 from .functions import (
+    LONGEST,
     Blocks,
-    DenseFactors,
     DenseProduct,
     DenseQuadratic,
-    DenseSolution,
     FirstBlock,
+    SparseFactors,
+    SparseSolution,
     TangentEntries,
     TangentFactors,
     Tangents,
     of_list,
 )
 from .rows import rows_of, work_of
-
-# Products of a planned elimination. For more, planning takes longer than loops over a dense matrix.
-PLANNED = 40_000
 
 
 class Half:
@@ -132,9 +131,10 @@ class Half:
         else:
             functions["j"] = of_list(f.derivative, D, f.places)
             functions["power"] = of_list(_product(f), f.entries + 1 + D)
-        if f.is_dense or work_of_elimination(f.pattern, D) > PLANNED:
-            functions["factor"], functions["solve"] = DenseFactors(f.pattern, D), DenseSolution(D)
-            count = D * D + D
+        plan = Sparse(f.pattern, D)
+        if plan.operations > LONGEST:
+            functions["factor"], functions["solve"] = SparseFactors(plan), SparseSolution(plan)
+            count = D + plan.size
         else:
             elimination = Elimination(f.pattern, D)
             count = len(elimination.factors.results)

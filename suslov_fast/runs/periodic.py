@@ -29,6 +29,7 @@ _NOISES = 30.0  # the residual, at most, that errors of steps explain, in units 
 _MOST_ARCS = 32
 _ROUGH = 1e-8  # tolerance of the search for a near return
 _OF_FORCE = 1e-6  # part of the rates by which those a period later may differ
+_NEARER = "a start nearer to it, as flow(system, start, time={T}).x[-1] is if the orbit attracts"
 _SAME = 0.01  # part of a period that is given, by which that of a near return may differ
 _FRACTIONS = np.arange(1, 32) / 32  # of the period, at which states are looked at
 
@@ -200,7 +201,7 @@ def _checked_period(
     if not motion.rate[~motion.drifts].any():
         raise RuntimeError(f"periodic_orbit: start is the equilibrium {start}")
     found = f"the motion from start = {start} does not return near it until t = {last:g}"
-    raise RuntimeError(f"periodic_orbit: {found}: pass period=, or a start nearer to an orbit")
+    raise RuntimeError(f"periodic_orbit: {found}: pass period=, or {_NEARER.format(T='T')}")
 
 
 def _near_return(field: Any, x: FloatArray, rtol: float) -> tuple[float | None, float]:
@@ -305,6 +306,8 @@ def _advice(
     if period is None:
         return ": start is too far from an orbit"
     far = f": start or period = {T:g} is too far from an orbit"
+    if search.flow.is_forced and not changes:
+        return f"{far}: pass {_NEARER.format(T=f'{100 * T:.10g}')}"
     return far if other is None else f"{far}: pass period={other.T:.10g}"
 
 

@@ -234,6 +234,19 @@ def test_a_period_that_works_is_named(field, start, period, right):
     assert periodic_orbit(field, start, near).period == pytest.approx(right, rel=1e-9)
 
 
+def test_a_start_that_works_is_named():
+    """Newton's steps from rest end near a resonance; the motion ends in the forced oscillation."""
+    duffing = Field.from_function(
+        lambda s: (s[1], 0.3 * np.cos(1.2 * s[2]) - s[0] - s[0] ** 3 - 0.2 * s[1], 1), "x v t"
+    )
+    period = 2 * np.pi / 1.2
+    with pytest.raises(RuntimeError, match=r"flow\(system, start, time=") as told:
+        periodic_orbit(duffing, [0.0, 0.0, 0.0], period)
+    time = float(str(told.value).rpartition("time=")[2].partition(")")[0])
+    near = flow(duffing, [0.0, 0.0, 0.0], time=time).x[-1]
+    assert periodic_orbit(duffing, near, period).residual < 1e-11
+
+
 def test_a_period_that_is_none_of_the_force():
     forced = Field.from_function(lambda s: (s[1], -s[0] - s[1] + np.cos(2 * s[2]), 1), "q p t")
     for period in (3.0, np.pi / 2, 3.1416):

@@ -113,7 +113,7 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
     if starts.size * len(times) > MANY:  # LLVM ends the process where it finds no memory
         for where, f, table in groups:
             prepare(f, settings, B if where is ALL else len(where), table.ndim > 1)
-    found = None if groups[0][0] is ALL else nothing_found(starts, len(times))
+    found: Any = None if groups[0][0] is ALL else nothing_found(starts, len(times))
     count = threads_for(B, threads)
     done, records, causes, grown = 0, [], None, None
     for where, f, table in groups:
@@ -127,26 +127,28 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
         engine.run(count, own)
         records += [(where, each) for each in engine.records]
         ends = np.where(engine.state == State.DONE, np.nan, sign * engine.t)
-        own = Found(states, ends, engine.steps, status_of(engine.state))
+        part = Found(states, ends, engine.steps, status_of(engine.state))
         if where is ALL:
-            found = own
+            found = part
         else:
-            found.states[:, where], found.t[where] = own.states, own.t
-            found.steps[where], found.status[where] = own.steps, own.status
+            found.states[:, where], found.t[where] = part.states, part.t
+            found.steps[where], found.status[where] = part.steps, part.status
         causes = _noted(causes, Cause.UNKNOWN, B, where, engine.causes)
         grown = _noted(grown, -1, B, where, engine.grown)
         done += len(times) * len(x0)
         if engine.is_stopped:
             break
-    found = found._replace(is_stopped=engine.is_stopped, causes=causes, grown=grown)
-    return found if stops is None else found._replace(records=_in_order(records, sign, starts))
+    records_of = {} if stops is None else {"records": _in_order(records, sign, starts)}
+    stopped = engine.is_stopped
+    whole: Found = found._replace(is_stopped=stopped, causes=causes, grown=grown, **records_of)
+    return whole
 
 
 def _noted(before: Any, none: int, B: int, where: Any, notes: Any) -> NDArray[np.int64] | None:
     """Return notes of B trajectories, None without any, with those of trajectories `where`."""
     if not notes:
-        return before
-    found = np.full(B, none) if before is None else before
+        return before  # type: ignore[no-any-return]
+    found: NDArray[np.int64] = np.full(B, none) if before is None else before
     for which, values in notes:
         found[which if where is ALL else where[which]] = values
     return found

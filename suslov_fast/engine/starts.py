@@ -154,7 +154,7 @@ def ends_in_words(
     is_stopped: bool,
     x: FloatArray,
     batch: tuple[int, ...],
-    causes: NDArray[np.int8] | None = None,
+    causes: NDArray[np.int64] | None = None,
 ) -> str:
     """Return why solutions stop, and when the first ones do; "" if there are none to tell of."""
     if not np.count_nonzero(statuses):  # all but OK are negative

@@ -372,9 +372,10 @@ def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
     assert_equal(found, motion(f, x0, [T]))
 
 
-@pytest.mark.parametrize("count", [1, 9, 9000])
-@pytest.mark.parametrize("derivatives", [(), ("x0", "a")])
-@pytest.mark.parametrize("chooses", [False, True])
+@pytest.mark.parametrize(
+    ("count", "derivatives", "chooses"),
+    [(1, (), False), (9, ("x0", "a"), True), (9000, (), True), (9000, ("x0", "a"), False)],
+)
 def test_code_is_made_before_there_are_states(monkeypatch, count, derivatives, chooses):
     """LLVM ends the process where large states have taken the memory."""
     other = (lambda y: np.where(y > 0.0, y, 2.0 * y)) if chooses else np.sin

@@ -210,7 +210,7 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
             same(alone, [each[index] for each in values])
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(5)
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @pytest.mark.compiled
 @cases(threaded=True)

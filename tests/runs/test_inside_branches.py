@@ -14,6 +14,7 @@ def field(f, names="x t", **parameters):
 SINE, COSINE = 0.946083070367183, 0.0478407252806422
 
 
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize(
     ("rate", "start", "exact"),
     [

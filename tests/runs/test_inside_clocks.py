@@ -32,6 +32,7 @@ def rates(at):
     }
 
 
+@pytest.mark.sampled(10)
 @pytest.mark.parametrize("name", rates(0.0))
 @pytest.mark.parametrize("stiff", [None, True])
 def test_dates_cost_what_times_from_0_cost(name, stiff):

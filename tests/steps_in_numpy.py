@@ -11,13 +11,14 @@ from functools import singledispatch
 
 import numpy as np
 
-from suslov_fast.core.lists.conditions import with_intervals
 from suslov_fast.core.lists.dense import DenseRightHandSide
 from suslov_fast.core.lists.sparse import Head
 from suslov_fast.core.lists.step import evaluate
+from suslov_fast.core.lists.tables import is_table
 from suslov_fast.core.lists.variational import Variational
 from suslov_fast.core.motion import engine, functions, rules
 from suslov_fast.core.motion.arguments import COMPONENT, NUMBER, Component, Numbers
+from suslov_fast.core.motion.choosing import shift_of
 from suslov_fast.core.motion.columns import (
     EXPLICIT,
     IMPLICIT,
@@ -26,7 +27,6 @@ from suslov_fast.core.motion.columns import (
     weights_of_few,
 )
 from suslov_fast.core.motion.rows import State
-from suslov_fast.core.motion.surfaces import shift_of
 
 
 def of_list(list_, rows):
@@ -171,7 +171,7 @@ class StepsInNumPy:
         self.half, self.motion, self.f = half, motion, half.f
         self.rows, self.D = half.rows, half.f.D
         self.extended = self.D + len(half.f.denominators)
-        self.lanes = trajectories.T  # rows of all lanes
+        self.lanes, self.given = trajectories.T, np.atleast_2d(table)  # rows of all lanes
         self.table = np.atleast_2d(table)[:, : len(half.f.table)].T.copy()
         self.columns = IMPLICIT if half.is_implicit else EXPLICIT
         self.p = 1 if half.is_implicit else 2
@@ -188,6 +188,8 @@ class StepsInNumPy:
             length = self._apply(rules.LENGTH, mode=self.mode, **self._apply(rules.NEAR), **own)
             if is_taken := (length["taken"] > 0.0).any():
                 self._step(**length)
+        if self.f.conditions:
+            self.given[:, : len(self.table)] = self.table.T
         return not is_taken
 
     def row(self, name):
@@ -228,6 +230,8 @@ class StepsInNumPy:
 
     def _begin(self):
         x = self._rows("x", self.D)
+        if self.f.conditions:
+            self._make_choices(x, self.row("state") < 0.0)
         self._rows("f", self.extended)[:] = f = self._value(x)
         self._rows("largest", self.D)[:], self._rows("mode", self.D)[:] = abs(x), 1.0
         sums = dict.fromkeys(("size", "rate", "total"), 0.0)
@@ -352,6 +356,7 @@ class StepsInNumPy:
             own = {"before": before, "accepted": accepted, "total": sums["total"]}
             found, kinks = self._cut((x, new, f, f_new), taken, signed, served=served, **own)
             at_surface, accepted = found.pop("at_surface"), found.pop("accepted")
+            jumped = found.pop("jumped")
             served = found.pop("served")
             self._keep(found)
         for lane in np.flatnonzero(served > 0.0):
@@ -361,19 +366,16 @@ class StepsInNumPy:
         is_taken = passed.accepted > 0.0
         if self.half.kinks:
             first = self.f.conditions.P + self.f.conditions.jumps
-            kinds = self.f.conditions.kinds
-            numbers = range(len(kinds) - len(self.half.kinks), len(kinds))
-            places = [shift_of(self.half.block, number) for number in numbers]
-            shifts = [k for k, place in enumerate(places) if place is not None]
-            kinks = [*kinks, *(self.table[places[k]] for k in shifts)]
-            kinks = with_intervals(self.half.kinks, kinks, shifts)
-            for k, now in enumerate(kinks, first):
-                self.table[k] = np.where(is_taken & (at_surface > 0.0), now, self.table[k])
+            self._put_choices(is_taken & (at_surface > 0.0), self.half.kinks, kinks, first)
             f_new = self._value(new)
-        self._rows("x", D)[:] = np.where(is_taken, new, x)
-        self._rows("f", self.extended)[:] = np.where(is_taken, f_new, f)
         if self.half.low:
             self._watch_small(is_taken, new, f_new, inverse)
+        if self.f.conditions:
+            new, f_new, is_taken = self._renew(
+                is_taken, jumped > 0.0, taken > 0.0, (x, f, new, f_new)
+            )
+        self._rows("x", D)[:] = np.where(is_taken, new, x)
+        self._rows("f", self.extended)[:] = np.where(is_taken, f_new, f)
         modulus = abs(new)
         largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
 
@@ -440,6 +442,121 @@ class StepsInNumPy:
         found = self._apply(rules.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
         far[:] = np.where(found.pop("beyond") > 0.0, new, far)
         return found, kinks
+
+    # ----------------------------------------------------------------------------------- choices
+    def _choices_at(self, x):
+        """Return what the list `choices` finds at states."""
+        f, conditions = self.half.block, self.f.conditions
+        given = conditions.P + conditions.jumps + conditions.kinks
+        return of_list(f.choices, [*x[: f.D], *self.table[:given]])
+
+    def _make_choices(self, x, truth):
+        """Make all choices of lanes anew; return the number of the surface where f jumps."""
+        f, conditions = self.half.block, self.f.conditions
+        surface, _, *found = self._choices_at(x)
+        self._put_choices(truth, conditions.kinds, found, conditions.P)
+        given = conditions.P + conditions.jumps + conditions.kinks
+        derived = of_list(f.derived, [*np.zeros((f.D, len(truth))), *self.table[:given]])
+        for number, now in zip(f.derived.results, derived, strict=True):
+            self.table[f.places[number]] = np.where(truth, now, self.table[f.places[number]])
+        return surface
+
+    def _put_choices(self, truth, kinds, found, place):
+        first = len(self.f.conditions.kinds) - len(kinds)
+        for k, (kind, a) in enumerate(zip(kinds, found, strict=True), first):
+            rows = [a]
+            if is_table(kind):
+                shift = shift_of(self.half.block, k)
+                rows = kind.interval_of(a, 0.0 if shift is None else self.table[shift])
+            for row in rows:
+                self.table[place] = np.where(truth, row, self.table[place])
+                place += 1
+
+    def _choose(self, truth, new, f_new):
+        """Return the state and f after jumps in these lanes."""
+        f, table = self.half.block, self.table.copy()
+        surface = self._make_choices(new, truth)
+        after = self._value(new)
+        if f is not self.f and (jumps := truth & (surface >= 0.0)).any():
+            largest = self._rows("largest", self.D)
+            largest[:] = np.where(jumps, np.maximum(largest, abs(new)), largest)
+            moved = self._columns_after_jump(new, f_new, after, table, surface)
+            new = np.where(jumps, moved, new)
+            after = self._value(new)
+        for i, low in enumerate(self._rows("low", self.half.low)):
+            own = {"low": low, "before": f_new[i], "after": after[i]}
+            low[:] = np.where(truth, self._apply(rules.INFLOW, **own)["low"], low)
+        return new, after
+
+    def _columns_after_jump(self, x, before, after, table, surface):
+        whole, f, x = self.f, self.half.block, x.copy()
+        D, q, values = f.D, whole.q, dict(enumerate(x[: f.D]))
+        values |= {number: table[place] for number, place in f.places.items()}
+        evaluate(f.slopes.operations, values)
+        gradient = np.zeros((D + q, x.shape[1]))
+        for (k, j), a in zip(f.slope_places, f.slopes.results, strict=True):
+            slope = a if isinstance(a, float) else values[a]
+            gradient[j] = np.where(surface == k, slope, gradient[j])
+        ends = [0.0, 0.0]
+        for slope, *rates in zip(gradient, before[:D], after[:D], strict=False):
+            ends = [end + slope * rate for end, rate in zip(ends, rates, strict=True)]
+        jump = after[:D] - before[:D]
+        for c in range(whole.columns):
+            column, n = x[D * (1 + c) : D * (2 + c)], c - (whole.columns - q)
+            ds = gradient[D + n] * table[len(f.table) + n] if n >= 0 else 0.0
+            for slope, a in zip(gradient, column, strict=False):
+                ds = ds + slope * a
+            column += np.where(jump == 0.0, 0.0, jump * (ds / ends[0]))
+        if whole.has_trace:
+            own = {"jumps": 1.0 * (jump != 0.0).any(axis=0), "u": x[-2]}
+            x[-1] += self._apply(rules.TRACE, before=ends[0], after=ends[1], **own)["change"]
+        return x
+
+    def _renew(self, accepted, jumped, taken, states):
+        """Return the next states, f there, and where they are taken, after jumps of f."""
+        *before, new, f_new = states
+        jumped, mode = jumped & accepted, self.mode
+        if jumped.any():
+            moved, after = self._choose(jumped, new, f_new)
+            new, f_new = np.where(jumped, moved, new), np.where(jumped, after, f_new)
+            self._keep_in(jumped, self._apply(rules.CHOSEN, acted=0.0, mode=mode))
+            ahead = self._apply(rules.LOOK_AHEAD, part=rules.AHEAD)
+            point = new + ahead["signed"] * f_new[: self.D]
+            back = jumped & (self._choices_at(point)[0] >= 0.0)
+            far = self._rows("far", self.half.watched)
+            far[:] = np.where(back, point[: len(far)], far)
+            self._keep_in(back, self._apply(rules.SEEK, ahead=ahead["ahead"]))
+        t = self.row("t")
+        ended = (self.row("state") == State.ENDED) & taken
+        ended = ended & ((t > self.row("chosen_at")) | (t == 0.0))
+        if ended.any():
+            return self._go_on(ended, accepted, before, new, f_new)
+        return new, f_new, accepted
+
+    def _keep_in(self, truth, found):
+        for name, value in found.items():
+            self.row(name)[:] = np.where(truth, value, self.row(name))
+
+    def _go_on(self, ended, accepted, before, new, f_new):
+        x = np.where(ended & ~accepted, before[0], new)
+        f = np.where(ended & ~accepted, before[1], f_new)
+        found = {"ahead": 0.0, "signed": 0.0}
+        for part in (rules.NEAREST, 8.0 * rules.NEAREST, rules.AHEAD):
+            own = self._apply(rules.LOOK_AHEAD, part=part)
+            point = x + own["signed"] * f[: self.D]
+            is_first = (found["ahead"] == 0.0) & (self._choices_at(point)[1] > 0.0)
+            found = {name: np.where(is_first, own[name], a) for name, a in found.items()}
+        ended, t = ended & (found["ahead"] > 0.0), self.row("t").copy()
+        after = self._apply(rules.GOES_ON, ahead=found["ahead"])
+        is_saved = ended & (after.pop("slides") < 1.0)
+        for lane in np.flatnonzero(is_saved):
+            while self.row("next")[lane] <= t[lane] + found["ahead"][lane]:
+                signed = self.motion.numbers[NUMBER.sign] * (self.row("next")[lane] - t[lane])
+                self._save(lane, x[:, lane] + signed * f[: self.D, lane])
+        self._keep_in(ended, after)
+        x = np.where(ended, x + found["signed"] * f[: self.D], x)
+        moved, rates = self._choose(ended, x, f)
+        return np.where(ended, moved, x), np.where(ended, rates, f), accepted | ended
 
     def _derive(self, x):
         """Find the entries of f'; return its rate by a step of the power iteration."""

@@ -22,7 +22,7 @@ from .threads import available
 # Trajectories from which on threads are started, unless the user gives their number.
 _IN_THREADS = 64
 # By `State`; also of a run that was ended, perhaps before its first step, -1.
-_STATUS = np.full(State.CHANGED_IMPLICIT + 1, Status.TOO_MANY_STEPS, np.int8)
+_STATUS = np.full(State.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
 _STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
 _STATUS[State.NO_VALUE], _STATUS[State.SLIDING] = Status.NONFINITE, Status.SLIDING
 _STATUS[State.STOPPED], _STATUS[State.ACCUMULATES] = Status.STOPPED, Status.ACCUMULATES
@@ -185,8 +185,6 @@ def _of_one(field: Any, starts: FloatArray, asked: Asked) -> Found | None:
     """Return the motion of one trajectory, in few microseconds, or None if that is impossible."""
     times, sign, settings, _, _, stops, most, since = asked
     _, f, table = field.right_hand_sides[0]
-    if f.conditions is not None:
-        return None
     clocks, of_clocks = [*f.offsets], None
     if any(starts.item(0, i) != 0.0 for i in clocks):  # in less time than NumPy
         table, starts, of_clocks = counted_from_start(f, table, starts)

@@ -160,7 +160,6 @@ class OfMotion:
             is_taken = np.diff(rows[:, places.steps], prepend=-1.0) > 0.0
             yield rows[is_taken, places.t], rows[is_taken, : f.D]
             engine.flat[0] = rows[-1]
-            engine.go_on(which)
 
 
 class OfMap:

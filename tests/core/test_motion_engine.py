@@ -81,6 +81,11 @@ KINKS = sf.Field.from_function(
 DOSES = sf.Field.from_function(
     lambda x: (np.interp(x[1], [0, 1, 1.01, 8], [0, 10, 0, 5]) - 0.3 * x[0], 1.0), 2
 )
+BRANCHES = sf.Field.from_function(  # each ends where the other one begins
+    lambda x: (np.where(np.cos(x[1]) > 0, np.sqrt(np.cos(x[1])), -np.sqrt(-np.cos(x[1]))), 1.0), 2
+)
+STAIRS = sf.Field.from_function(lambda x: (np.floor(3 * x[1]) ** 2 + np.sign(x[0] - x[1]), 1.0), 2)
+SLIDES = sf.Field.from_function(lambda x: (np.cos(x[1]) - np.sign(x[0] - np.sin(x[1]) / 2), 1.0), 2)
 BACKWARDS = "henon_heiles", "pole_of_a_clock", "driven_from_rest", "lattice"
 
 
@@ -147,9 +152,10 @@ def dense_field(rng, D=5):
     return DenseRightHandSide(D), dense_parameters(np.transpose(indices), values, D)
 
 
+@pytest.mark.filterwarnings("ignore:.*slide along:suslov_fast.PoleWarning")
 @pytest.mark.parametrize("stiff", [None, True])
 def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
-    """Choices, kinks, tables, parameters of each, dense fields, starts without a value."""
+    """Choices, kinks, tables, parameters of each, dense fields, starts and ends without a value."""
     rng = np.random.default_rng(5)
     f, table = dense_field(rng)
 
@@ -163,8 +169,13 @@ def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
             sf.flow(SPRING, np.linspace((1.0, 0.0), (2.0, np.nan), 9), time=[0.5, 2.0], **options),
             sf.flow(KINKS, np.linspace((0.5, 0.0), (0.7, 0.1), 9), time=[1.0, 4.0], **options),
             sf.flow(DOSES, [[0.0, 0.0], [1.0, 0.2]], time=[1.005, 9.0], **options),
+            sf.flow(BRANCHES, [[1.0, 0.0], [0.5, 0.2]], time=[1.5707963267949, 5.0], **options),
+            sf.flow(STAIRS, [[0.3, 0.0], [1.0, 0.5]], time=[1.2, 3.0], **options),
+            sf.flow(SLIDES, [[0.3, 0.0], [1.0, 0.5]], time=[1.2, 3.0], **options),
         ]
-        return states, *(each for run in runs for each in (run.states, run.status, run.steps))
+        slopes = sf.flow(SPRING, [1.0, 0.0], time=2.0, derivatives="x0", **options)
+        runs = [each for run in runs for each in (run.states, run.status, run.steps)]
+        return states, slopes.derivative("x0"), *runs
 
     by_code = found()
     take_in_numpy(monkeypatch)
@@ -180,6 +191,21 @@ def test_runs_have_the_bits_of_straight_line_code(case, monkeypatch):
     monkeypatch.setattr(functions, "LONGEST", -1)
     again.__dict__["key"] = f"runs of {case}"
     assert_equal(usual, motion(again, x0, [0.3 * last, last]))
+
+
+@pytest.mark.parametrize("system", [SPRING, KINKS, DOSES, STAIRS])
+def test_choices_reach_the_numbers_of_runs(system, monkeypatch):
+    """Runs read numbers of their own, and one orbit has tables of its own."""
+    usual = sf.flow(system, np.linspace((0.5, 0.0), (0.7, 0.1), 9), time=[0.3, 3.0])
+    if system.shape == ():
+        alone = sf.flow(system, [0.5, 0.0], time=[0.3, 3.0])
+        assert_equal([alone.states, alone.steps], [usual.states[:, 0], usual.steps[0]])
+    monkeypatch.setattr(functions, "LONGEST", -1)
+    again = system.with_parameters()
+    f = again.right_hand_sides[0][1]
+    monkeypatch.setitem(f.__dict__, "key", f"runs of {f.key}")
+    found = sf.flow(again, np.linspace((0.5, 0.0), (0.7, 0.1), 9), time=[0.3, 3.0])
+    assert_equal([found.states, found.steps], [usual.states, usual.steps])
 
 
 @pytest.mark.parametrize(
@@ -366,7 +392,6 @@ def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
         some = steps.flat[k]
         for own, rows in steps.attempts(some, k, T, 1):
             steps.flat[k[own]] = rows[-1]
-        steps.go_on(k)
     rows = steps.rows
     found = states, *(steps.flat[:, row] for row in (rows.t, rows.steps, rows.state))
     assert_equal(found, motion(f, x0, [T]))

@@ -17,6 +17,7 @@ from numba import config
 from ..compiling.numba import advice_on_numba
 from ..lists.far import LIMIT, PARTS, text_of_far
 from ..lists.step import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES, list_of
+from ..lists.tables import is_table
 
 # Codes that are kept, beside those that last. Each takes two memory mappings; Linux grants 65,530
 # to a process, and LLVM ends the process where it gets none.
@@ -205,6 +206,8 @@ class Text:
                 kinds = ", ".join(["double"] * len(names))
                 self.target.declared.add(f"declare double @{instruction}({kinds})")
                 name = self._by_lane(f"double @{instruction}", names)
+            elif is_table(instruction):
+                name = self._by_lane(f"double @{self.table(instruction)}", names)
             else:
                 name = self.operate(instruction, *names)
             values[number] = name

@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from ..lists.step import OF_TRUTH_VALUES
+from ..lists.tables import LARGEST, Table
 from .compiler import Text, pointer
 
 WRITTEN_OUT = 4  # indices of which loops are written out
@@ -205,6 +206,28 @@ class Integers(Shared):
         self.text.store("i64", value, self._place(i))
 
 
+class Intervals:
+    """The rows of a `Table` as a part of a text, `bytes` apart; their number is a power of 2."""
+
+    def __init__(self, text, name, table):
+        count = table.rows.shape[1]
+        self.half = max(2 ** (count - 1).bit_length() // 2, 1)
+        self.text, self.bytes = text, 16 * self.half
+        numbers = np.full((Table.ROWS, 2 * self.half), np.inf)
+        numbers[:, :count] = table.rows
+        self.base = text.numbers(name, numbers).base
+
+    def holding(self, x, less=0.0):
+        """Return the address of the interval that holds x + less, by bisection."""
+        for now in self.text.rounds(Carried(at=self.base, half=self.half)):
+            above = now.at + now.half * 8
+            is_above = x >= Shared(x.text, above)[0] - less
+            now.half = now.half >> 1
+            now.at = is_above.select(above, now.at)
+            now.goes_on = now.half.differs(0)
+        return now.at
+
+
 class Carried:
     """What a loop carries on from round to round, by name: the body puts the next ones in place.
 
@@ -284,6 +307,23 @@ class Code(Text):
         values = ", ".join(f"{kind} {value}" for value in values)
         self.target.constants.append(f"@{name} = private constant {array} [{values}]{mark}")
         return Index(self, self.new(f"ptrtoint {pointer(array)} @{name} to i64"))
+
+    def table(self, table):
+        """Return the name of the function of a number that is a `Table`; the text defines it."""
+        name = "_".join(table.split())
+        if name not in self.target.functions:
+            text = Code(1)
+            text.add(f"define internal double @{name}(double %x) #0 {{")
+            text.label("entry")
+            x, intervals = Value(text, "%x"), Intervals(text, f"{name}_rows", table)
+            x = (x > LARGEST).select(LARGEST, (x < -LARGEST).select(-LARGEST, x))
+            at = intervals.holding(x)
+            rows = (Shared(text, at + k * intervals.bytes)[0] for k in range(Table.ROWS))
+            low, _, height, slope = rows
+            text.add(f"  ret double {slope * (x - low) + height}")
+            self.target.functions |= {name: [*text.lines, "}"]}
+            self.target.constants += text.constants
+        return name
 
     def prefetch(self, address):
         """Let the cache load what stands at an address, if it exists: it is written soon."""

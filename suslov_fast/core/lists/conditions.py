@@ -11,11 +11,8 @@ become parameters: f has the straight line through this interval, and two surfac
 import functools
 import itertools
 
-import numpy as np
-
 from .changes import changes_of, emitted, is_section
 from .elapsed import Elapsed
-from .grouped import Groups
 from .numbers import Number, larger, smaller
 from .records import same
 from .right_hand_side import Expressions, List, RightHandSide, needed_for
@@ -31,58 +28,22 @@ class Conditions:
     """The choices of a right-hand side: those of jumps, and then those of kinks.
 
     kinds          of the surfaces: comparisons, "floor", and `Table`s
-    surfaces       the surface of each choice of jumps
     jumps, kinks   numbers of their choices
     P              number of parameters before them
     shifts         numbers of tables whose arguments are sums, of which one part is the shift
     """
 
-    def __init__(self, truths, kinds, jumps, D, P, shifts):
-        """Take the `List` of the choices, of tables their arguments, those of `jumps` first.
-
-        After them come what arguments of tables with numbers in `shifts` are less by.
-        """
-        self.D, self.P, self.kinds, self.kinds_of_kinks = D, P, kinds, kinds[jumps:]
-        self.surfaces = [k for k, kind in enumerate(kinds[:jumps]) for _ in range(choices_of(kind))]
-        self.jumps, self.kinks = len(self.surfaces), sum(map(choices_of, self.kinds_of_kinks))
-        self._all, self.shifts = Groups(truths, range(D + P)), shifts
-        of_kinks = truths.results[jumps:]
-        self._of_kinks = Groups(
-            List(needed_for(truths.operations, of_kinks), of_kinks), range(D + P)
+    def __init__(self, kinds, jumps, P, shifts):
+        """Take the kinds, those of `jumps` first."""
+        self.P, self.kinds, self.kinds_of_kinks, self.shifts = P, kinds, kinds[jumps:], shifts
+        self.jumps, self.kinks = (
+            sum(map(choices_of, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
         )
-
-    def choices_at(self, x, parameters):
-        """Return the choices (jumps + kinks, ...) at states (D, ...), for parameters (P, ...)."""
-        with np.errstate(all="ignore"):
-            found = self._all.carried_out([*x, *parameters], x.shape[1:])
-        return with_intervals(self.kinds, found, self.shifts)
-
-    def kinks_at(self, x, parameters):
-        """Return the choices (kinks, ...) at states (D, ...), for parameters (P, ...)."""
-        with np.errstate(all="ignore"):
-            found = self._of_kinks.carried_out([*x, *parameters], x.shape[1:])
-        jumps = len(self.kinds) - len(self.kinds_of_kinks)
-        shifts = [k - jumps for k in self.shifts]  # those of jumps have no interval here
-        return with_intervals(self.kinds_of_kinks, found, shifts)
 
 
 def choices_of(kind):
     """Return the number of choices of a surface."""
     return Table.ROWS if is_table(kind) else 1
-
-
-def with_intervals(kinds, found, shifts=()):
-    """Return the choices (-, ...) of surfaces, with the intervals of tables for their arguments.
-
-    Rows of `found` after those of the surfaces are the shifts of those with numbers in `shifts`.
-    """
-    if not any(map(is_table, kinds)):
-        return found[: len(kinds)]
-    of = dict(zip(shifts, found[len(kinds) :], strict=True))
-    return np.concatenate([
-        kind.interval_of(x, of.get(k, 0.0)) if is_table(kind) else x[np.newaxis]
-        for k, (kind, x) in enumerate(zip(kinds, found, strict=False))
-    ])  # fmt: skip
 
 
 def watch_of(f, kinds, jumps):
@@ -147,7 +108,8 @@ def watch_of(f, kinds, jumps):
         return functools.reduce(lambda a, b: a | b, truths).select(1.0, 0.0).number
 
     of_kinks = now[len(now) - (len(kinds) - jumps) :]
-    return List(values.operations, [part.number, some(changes), some(changes[:jumps]), *of_kinks])
+    results = [_operand(part), some(changes), some(changes[:jumps]), *of_kinks]
+    return List(needed_for(values.operations, results), results)
 
 
 def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
@@ -198,9 +160,10 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     counts = [choices_of(kind) for kind in kinds.values()]
     places = [first, *(first + count for count in itertools.accumulate(counts))]
     choices, given = dict(zip(kinds, places, strict=False)), places[-1]
-    fixed = Expressions(given, range(D, places[len(jumps)]))
+    counts_of_jumps = places[len(jumps)] - first
+    fixed = Expressions(given, range(D, first + counts_of_jumps))
     new, surfaces, truths, shifts = {a: a for a in range(first)}, {}, {}, {}
-    tests = Expressions(first, values.fixed)  # the choices themselves
+    tests = Expressions(given, values.fixed)  # the choices themselves
     old = {a: a for a in range(first)}
     for name, number, operands in operations:
         of = [a if isinstance(a, float) else new[a] for a in operands]
@@ -214,7 +177,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
             if number in shifted:  # of choices rows `low` and `high` are less by q
                 p, q = shifted[number]
                 of, others = [new.get(p, p)], [old.get(p, p)]
-                shifts[number] = new.get(q, q), old.get(q, q)
+                shifts[number] = new.get(q, q)
             surfaces[number] = a = _finite(fixed, *of)
             truths[number] = _finite(tests, *others)
             low, _, height, slope = range(choice, choice + Table.ROWS)
@@ -244,7 +207,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
         surfaces=[
             *(surfaces[number] for number in kinds),
             *(new[a] for a in on_surfaces),
-            *(q for q, _ in shifts.values()),
+            *shifts.values(),
         ],
         jumps=len(jumps),
         kept=range(D, given),
@@ -252,24 +215,52 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     )
     plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
     f.steady, f.clocks = plain.steady, plain.clocks
-    tested = [*(truths[number] for number in kinds), *(q for _, q in shifts.values())]
-    places, kinds = [k for k, number in enumerate(kinds) if number in shifts], [*kinds.values()]
+    places, found = [k for k, number in enumerate(kinds) if number in shifts], [*kinds.values()]
     f.changes, f.offsets = changes, offsets
-    f.watch = watch_of(f, kinds, len(jumps))
-    if changes is not None:
-        f.choices = _as_numbers(tests, kinds, tested)
-    tested = List(needed_for(tests.operations, tested), tested)
-    f.conditions = Conditions(tested, kinds, len(jumps), D, P, places)
+    f.watch = watch_of(f, found, len(jumps))
+    f.choices = _choices(tests, found, len(jumps), [truths[a] for a in kinds], first)
+    f.derived = _derived(f, range(first, first + counts_of_jumps))
+    f.conditions = Conditions(found, len(jumps), P, places)
     return f
 
 
-def _as_numbers(tests, kinds, tested):
-    """Return the `List` of the choices of a state: 1 or 0, of `floor` its value, of tables x."""
-    found = [
-        a if is_table(kind) or kind == "floor" else tests.emit("select", a, 1.0, 0.0)
-        for kind, a in zip(kinds, tested, strict=True)
-    ]
-    return List(needed_for(tests.operations, found), found)
+def _derived(f, choices):
+    """Return the `List` of the numbers of the table of f that depend on these choices."""
+    of = {*choices}
+    for _, number, operands in f.fixed:
+        if any(a in of for a in operands if not isinstance(a, float)):
+            of.add(number)
+    results = [a for a in f.table if a in of and a not in choices]
+    return List(needed_for(f.fixed, results), results)
+
+
+def _choices(tests, kinds, jumps, found, first):
+    """Return the `List` of the choices of a state, after what tells whether they are others.
+
+    Choices that there are have the numbers from `first` on. Results are the number of a surface of
+    the first `jumps` where f jumps, -1 if it does not; 1 if any choice is another one, else 0; and
+    the choices: 1 or 0, of `floor` its value, of tables their argument.
+    """
+    results, surface, some = [], -1.0, 0.0
+    places = [first, *(first + n for n in itertools.accumulate(map(choices_of, kinds)))]
+    for k, kind in reversed([*enumerate(kinds)]):
+        now, a = Number(tests.emit, places[k]), found[k]
+        if is_table(kind):
+            x, high = Number(tests.emit, a), Number(tests.emit, places[k] + 1)
+            differs = (x < now) | (x >= high)
+        else:
+            a = a if kind == "floor" else tests.emit("select", a, 1.0, 0.0)
+            differs = Number(tests.emit, a).equals(now) ^ now.equals(now)
+        results.append(a)
+        some = differs.select(1.0, some)
+        if k < jumps:
+            surface = differs.select(float(k), surface)
+    results = [_operand(surface), _operand(some), *reversed(results)]
+    return List(needed_for(tests.operations, results), results)
+
+
+def _operand(a):
+    return a if isinstance(a, float) else a.number
 
 
 def _finite(values, argument):

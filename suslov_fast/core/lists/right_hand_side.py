@@ -181,7 +181,7 @@ class RightHandSide:
     surfaces     `List` of the surfaces on which steps end
     slopes       `List` of derivatives of the surfaces on which f jumps, by components j, and by the
                  parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
-    conditions, watch   see `conditions`; None where f has none
+    conditions, watch, choices, derived   see `conditions`; None where f has none
     offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
     changes      `Changes` of the state along the motion, or None
     key          what tells this right-hand side from others
@@ -237,7 +237,8 @@ class RightHandSide:
         self.fixed = needed_for(of_parameters, self.table)
         self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
 
-    is_dense, conditions, watch, changes, offsets = False, None, None, None, {}
+    is_dense, changes, offsets = False, None, {}
+    conditions = watch = choices = derived = None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 
@@ -245,6 +246,7 @@ class RightHandSide:
     def key(self):
         """What tells the lists of this right-hand side from those of others."""
         lists = self.f, self.fixed, self.derivative, self.pattern, self.watch, self.second
+        lists += self.choices, self.slopes, self.slope_places
         kinds = None if self.conditions is None else self.conditions.kinds
         return repr((self.D, self.table, kinds, *lists, self.changes))
 
@@ -312,10 +314,6 @@ class RightHandSide:
     def value_and_denominators(self, x, table):
         """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
         return self._carried_out("_with_denominators", x, table)
-
-    def surface_slopes(self, x, table):
-        """Return the derivatives of surfaces (slopes, ...) at states (D, ...)."""
-        return self._carried_out("slopes", x, table)
 
     def derivative_entries(self, x, table):
         """Return the entries of f' (entries, ...) at states (D, ...)."""

@@ -110,41 +110,6 @@ class Variational:
                 found[self.D - 1] = x[self.D - 2] * known[f.D + len(f.denominators)]
         return found
 
-    def after_jump(self, x, before, after, table, surface):
-        """Return the states (D, K) where f jumps on the surfaces with numbers (K,), -1 for none.
-
-        A solution that starts dx away reaches the surface s = 0 a time ds / (grad s . f) earlier,
-        with ds = grad s . v dx, and goes on with the other f since then: columns v become
-
-        v + (f_after - f_before) (grad s . v) / (grad s . f_before),
-
-        where derivatives by parameters have ds/dp, too. The logarithm of the determinant of this
-        matrix is that of (grad s . f_after) / (grad s . f_before). `before` and `after` are the
-        values of f, and `table` is the one of the choices before.
-        """
-        f, x = self.of, x.copy()
-        D, q, u = f.D, self.q, x[self.D - 2]
-        slopes = f.surface_slopes(x[:D], table[: len(f.table)])
-        gradient = np.zeros((D + q, x.shape[1]))
-        for (k, j), slope in zip(f.slope_places, slopes, strict=True):
-            gradient[j] += np.where(surface == k, slope, 0.0)
-        columns, jump = (
-            x[D : D * (1 + self.columns)].reshape(self.columns, D, -1),
-            after[:D] - before[:D],
-        )
-        changes = (gradient[:D] * columns).sum(axis=1)
-        if q:
-            changes[self.columns - q :] += gradient[D:] * table[len(f.table) :]
-        with np.errstate(all="ignore"):
-            ends = [(gradient[:D] * rates[:D]).sum(axis=0) for rates in (before, after)]
-            times = changes / ends[0]
-            columns += np.where(jump == 0.0, 0.0, jump * times[:, np.newaxis])
-            if self.has_trace:
-                x[-1] += np.where(
-                    (jump == 0.0).all(axis=0), 0.0, u * np.log(abs(ends[1] / ends[0]))
-                )
-        return x
-
     def value(self, x, table):
         """Return f (D, ...) at states (D, ...)."""
         return self.value_and_denominators(x, table)[: self.D]

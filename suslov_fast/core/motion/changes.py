@@ -9,7 +9,7 @@ step.
 import numpy as np
 
 from ..code.text import Carried, Integers, Shared
-from . import rules, surfaces
+from . import choosing, rules
 from .records import record
 from .rows import OF_CHANGES, State
 from .scope import Lines
@@ -166,9 +166,8 @@ def _act(lines, k, truth, by_motion=None):
             for n, i in enumerate(own):
                 work.new.choose(truth, i, work.changed[n])
         if half.f.conditions:
-            surfaces.choose_all(lines, truth)
-        else:
-            lines.call("f", work.new, lines.table, work.f_new)
+            choosing.choose_all(lines, truth)
+        lines.call("f", work.new, lines.table, work.f_new)
         if half.block is not half.f:
             _change_columns(lines, k, truth, by_motion)
             lines.call("f", work.new, lines.table, work.f_new)
@@ -233,7 +232,9 @@ def _go_on(lines, is_at_stop):
         sums.update(lines.apply(rules.BEGIN_COMPONENT, i, **inputs, **vars(sums)))
     endless = (work.noted[0] >= rules.MOST_AT_ONCE).select(1.0, 0.0)
     inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless}
-    inputs |= {"jumps": float(bool(conditions and conditions.jumps)), "mode": lines.mode}
+    if conditions and conditions.jumps:
+        is_changed = (inputs["number"] > 0.0) & lines.line.state[0].equals(lines.mode)
+        work.jumped.choose(is_changed, 0, 1.0)
     for name, value in lines.apply(rules.CHANGED_STATE, **inputs, **vars(sums)).items():
         rows = lines.of_changes if hasattr(lines.of_changes, name) else lines.line
         getattr(rows, name).put_chosen(0, value)

@@ -1,173 +1,271 @@
 """The choices of right-hand sides with conditions, which are fixed along steps and made anew after.
 
-A step ends just beyond a surface on which a condition changes (`rules.CUT`). A solution that comes
-back to surfaces at once, again and again, slides along them, and ends.
+A step ends just beyond a surface on which a condition changes (`rules.CUT`). There the choices are
+made anew, and f with them. Columns v of derivatives become
+
+v + (f_after - f_before) (grad s . v + ds/dp) / (grad s . f_before),
+
+because a solution that starts dx away reaches the surface s = 0 earlier, and goes on with the other
+f since then. The logarithm of the determinant of this matrix is that of (grad s . f_after) /
+(grad s . f_before).
+
+A solution that comes back to surfaces at once, again and again, slides along them, and ends. One
+that ends just before a surface, because f has no value beyond it, goes on beyond it with the other
+choices.
 """
 
-import numpy as np
+import itertools
 
-from ..lists.variational import Variational
-from .arguments import NUMBER
-from .rows import OF_CHANGES, State
-from .rules import GROWN
+from ..code.text import Carried, Intervals
+from ..lists.tables import Table, is_table
+from . import inside, rules
+from .rows import State
+from .scope import Lines
 
-# A solution slides that changes its choices so often within so small a part of the time.
-_BACK_AND_FORTH, AT_ONCE = 12, 2.0**-36
-# Parts of the time: within which a surface lies before which a solution ends, at first within
-# `_NEAR`; and within which one that ends so again slides.
-_NEAR, _AHEAD, _AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
+_BEFORE = 2  # results of `choices` before the choices
 
 
-class Choices:
-    """The choices of all trajectories of a `Motion`; they stand in its table, one row for each."""
+def add_choices(text, half, name, for_each):
+    """Add the function void choose(arguments), which makes all choices of lanes anew.
 
-    def __init__(self, motion):
-        self.motion, self.f, B = motion, motion.f, len(motion.x0)
-        self.conditions = self.f.conditions
-        P = self.conditions.P
-        table = np.broadcast_to(motion.table, (B, motion.table.shape[-1]))
-        self.inputs = table[:, : P + self.conditions.jumps + self.conditions.kinks].T.copy()
-        self.inputs[P:] = self.conditions.choices_at(self._watched(motion.x0), self.inputs[:P])
-        motion.table = np.ascontiguousarray(self.f.table_with(self.inputs, table.T).T)
-        self.at, self.often = np.zeros(B), np.zeros(B, int)  # of the last change
+    They are those at the state `new` in lanes with `chooses` 1.
+    """
+    with text.function(f"{name}_choose", ("arguments",)):
+        lines = Lines(text, half, name, for_each)
+        _look(lines, lines.work.new)
+        _put_all(lines, lines.work.chooses[0] > 0.0)
 
-    def _watched(self, states):
-        """Return the components (-, K) on which choices depend, of states (K, D)."""
-        return states[:, : self.conditions.D].T
 
-    def look(self, flat, which, table):
-        """Write the choices of kinks at the states in rows of trajectories `which` to a table.
+def choose_all(lines, truth):
+    """Make all choices anew at the new state of these lanes."""
+    lines.work.chooses[0] = truth.select(1.0, 0.0)
+    lines.text.invoke(f"{lines.name}_choose", lines.arguments)
 
-        A trajectory may have several rows: its states at different times.
-        """
-        P, first = self.conditions.P, self.conditions.P + self.conditions.jumps
-        if self.conditions.kinks:
-            kinks = self.conditions.kinks_at(self._watched(flat), self.inputs[:P, which])
-            table[:, first : first + len(kinks)] = kinks.T
 
-    def renew(self, flat, which):
-        """Make the choices of trajectories `which`, with these rows, anew where f jumps."""
-        rows, state = self.motion.rows, flat[:, self.motion.rows.state]
-        (k,) = np.nonzero(state >= State.CHANGED)
-        if k.size:
-            own, t = which[k], flat[k, rows.t]
-            is_at_once = t - self.at[own] <= AT_ONCE * np.maximum(t, flat[k, rows.wanted])
-            is_at_once &= ~self._are_changed(flat, k)  # whose changes are counted elsewhere
-            self.often[own] = np.where(is_at_once, self.often[own] + 1, 0)
-            self.at[own] = t
-            before = flat[k, rows.f : rows.f + self.f.D]
-            self._choose(flat, k, own, np.zeros(len(k)))
-            self._forget_low(flat, k, before)
-            ahead = _AHEAD * np.where(t > 0.0, t, self.motion.last)
-            back = self._jumps_ahead(flat, k, own, ahead)
-            if back.any():
-                self._seek(flat, k[back], ahead[back])
-            slides = self.often[own] >= _BACK_AND_FORTH
-            state[k] = np.where(slides, State.SLIDING, state[k] - State.CHANGED)
-        t = flat[:, rows.t]
-        (k,) = np.nonzero((state == State.ENDED) & ((t > self.at[which]) | (t == 0.0)))
-        if k.size:
-            self._go_on(flat, k, which[k])
+def choose(lines):
+    """Make the choices of kinks anew where the step ends on a surface, and f with them.
 
-    def _seek(self, flat, k, ahead):
-        """Let the next steps of rows k end on a surface that they cross within a time."""
-        rows, watched = self.motion.rows, self.conditions.D
-        flat[k, rows.far : rows.far + watched] = self._ahead(flat, k, ahead)[:, :watched]
-        flat[k, rows.whole], flat[k, rows.wanted] = flat[k, rows.wanted], ahead
-        flat[k, rows.inner], flat[k, rows.outer] = 0.0, ahead
-        flat[k, rows.weight], flat[k, rows.rounds] = 0.0, 0.0
+    A table may be so steep that f changes much where it is continuous.
+    """
+    work, conditions = lines.work, lines.f.conditions
+    ends = (work.accepted[0] > 0.0) & (work.at_surface[0] > 0.0)
+    with lines.text.when(ends.any(), likely=False):
+        place = conditions.P + conditions.jumps
+        _put_choices(lines, ends, lines.half.kinks, work.seen.after(3), place)
+        lines.call("f", work.new, lines.table, work.f_new)
 
-    def _forget_low(self, flat, k, before):
-        """Forget that components were small to which the jump of f is an inflow of their own."""
-        rows = self.motion.rows
-        low, count = flat[:, rows.low : rows.far], rows.far - rows.low
-        if count and low[k].any():
-            after = flat[k, rows.f : rows.f + count]
-            is_inflow = abs(after - before[:, :count]) > GROWN * abs(before[:, :count])
-            low[k] = np.where(is_inflow & (low[k] < 3.0), 0.0, low[k])
 
-    def _go_on(self, flat, k, which):
-        """Let solutions go on that end just before a surface, because f has no value beyond it."""
-        rows, jumps = self.motion.rows, self.conditions.jumps
-        now = self._choices_ahead(flat, k, which, np.zeros(len(k)))[jumps:]
-        whole = np.where(flat[k, rows.t] > 0.0, flat[k, rows.t], self.motion.last)
-        differ, ahead = np.zeros(len(k), bool), _NEAR * whole
-        while True:
-            choices = self._choices_ahead(flat, k, which, ahead)
-            differ = self._jumps_ahead(flat, k, which, ahead) | (choices[jumps:] != now).any(axis=0)
-            is_near = ahead < _AHEAD * whole
-            if not (is_near & ~differ).any():
-                break
-            ahead = np.where(differ, ahead, np.minimum(8.0 * ahead, _AHEAD * whole))
-        k, which, ahead = k[differ], which[differ], ahead[differ]
-        if k.size:
-            t = flat[k, rows.t]
-            again = t - self.at[which] <= _AGAIN * t
-            self.often[which] = np.where(again, self.often[which] + 1, 0)
-            self.at[which] = t
-            first_state = self.motion.numbers[NUMBER.first_state]
-            slides = self.often[which] >= _BACK_AND_FORTH
-            flat[k, rows.state] = np.where(slides, State.SLIDING, first_state)
-            flat[k, rows.wanted], flat[k, rows.outer] = 16.0 * ahead, np.inf
-            self._move(flat, k, ahead)
-            self._choose(flat, k, which, np.zeros(len(k)))
+def renew(lines):
+    """Make the choices of lanes anew where f jumps, and let them go on that end before a jump."""
+    text, line, work = lines.text, lines.line, lines.work
+    if lines.f.conditions.jumps:
+        jumped = (work.accepted[0] > 0.0) & (work.jumped[0] > 0.0)
+        with text.when(jumped.any(), likely=False):
+            _jump(lines, jumped)
+    t = line.t[0]
+    ended = line.state[0].equals(float(State.ENDED)) & (work.taken[0] > 0.0)
+    ended = ended & ((t > line.chosen_at[0]) | t.equals(0.0))
+    with text.when(ended.any(), likely=False):
+        _go_on(lines, ended)
 
-    def _move(self, flat, k, ahead):
-        """Let the states of rows k move on beyond a surface, and those at times passed be saved."""
-        rows, motion, D = self.motion.rows, self.motion, self.f.D
-        places, numbers = (flat[:, i].view(np.int64) for i in (rows.place, rows.trajectory))
-        after = flat[k, rows.t] + ahead
-        while (passed := (flat[k, rows.next] <= after) & (flat[k, rows.state] < State.DONE)).any():
-            i = k[passed]
-            states = self._ahead(flat, i, flat[i, rows.next] - flat[i, rows.t])
-            motion.states[places[i], numbers[i]] = states
-            places[i] += 1
-            flat[i, rows.next], flat[i, rows.second] = motion.times[places[i] + [[0], [1]]]
-            flat[i, rows.tries] = 0.0
-        flat[k, :D], flat[k, rows.t] = self._ahead(flat, k, ahead), after
-        is_last = (after >= motion.last) & (flat[k, rows.state] < State.DONE)
-        flat[k[is_last], rows.state], flat[k[is_last], rows.t] = State.DONE, motion.last
 
-    def _are_changed(self, flat, k):
-        """Return whether changes of the state have acted just now, which take care of columns."""
-        if not self.f.changes:
-            return np.zeros(len(k), bool)
-        rows = self.motion.rows
-        return flat[k, rows.of_changes + OF_CHANGES.at] == flat[k, rows.t]
+def _look(lines, x):
+    """Find the choices at a state."""
+    lines.call("choices", x, lines.table, lines.work.chosen)
 
-    def _jumps_ahead(self, flat, k, which, ahead):
-        """Return whether choices of jumps are others a time later than those that rows k have."""
-        choices, P = self._choices_ahead(flat, k, which, ahead), self.conditions.P
-        return (choices != self.inputs[P:, which])[: self.conditions.jumps].any(axis=0)
 
-    def _choices_ahead(self, flat, k, which, ahead):
-        """Return the choices (-, K) at the states of rows k, or a time later."""
-        parameters = self.inputs[: self.conditions.P, which]
-        return self.conditions.choices_at(self._watched(self._ahead(flat, k, ahead)), parameters)
+def _jump(lines, jumped):
+    line, work = lines.line, lines.work
+    acted = lines.text.value(0.0)
+    if lines.half.changes and lines.half.changes.acting:
+        acted = line.t[0].equals(lines.of_changes.at[0]).select(1.0, 0.0)
+    _choose(lines, jumped, acted)
+    for name, value in lines.apply(rules.CHOSEN, mode=lines.mode, acted=acted).items():
+        getattr(line, name).choose(jumped, 0, value)
+    ahead = lines.apply(rules.LOOK_AHEAD, part=rules.AHEAD)
+    _put_ahead(lines, work.new, work.f_new, ahead["signed"])
+    _look(lines, work.start)
+    back = jumped & (work.chosen[0] >= 0.0)
+    with lines.text.when(back.any(), likely=False):
+        for i in lines.text.each(lines.half.watched):
+            line.far.choose(back, i, work.start[i])
+        for name, value in lines.apply(rules.SEEK, ahead=ahead["ahead"]).items():
+            getattr(line, name).choose(back, 0, value)
 
-    def _ahead(self, flat, k, ahead):
-        """Return the states (K, D) of rows k a time later, along their rates."""
-        D, first = self.f.D, self.motion.rows.f
-        of_time = (self.motion.numbers[NUMBER.sign] * ahead)[:, np.newaxis]
-        return flat[k, :D] + of_time * flat[k, first : first + D]
 
-    def _choose(self, flat, k, which, ahead):
-        """Make the choices of trajectories `which` anew, at the states of rows k or later."""
-        f, rows, motion, P = self.f, self.motion.rows, self.motion, self.conditions.P
-        old, tables = self.inputs[P:, which], motion.table[which]
-        self.look(flat[k], which, tables)
-        tables = tables.T
-        self.inputs[P:, which] = choices = self._choices_ahead(flat, k, which, ahead)
-        motion.table[which] = f.table_with(self.inputs[:, which], tables).T
-        x, table = flat[k, : f.D].T, motion.table[which].T
-        rates = f.value_and_denominators(x, table)
-        if isinstance(f, Variational) and self.conditions.jumps:
-            differ = (choices != old)[: self.conditions.jumps] & ~self._are_changed(flat, k)
-            surfaces = np.array(self.conditions.surfaces, int)
-            first = np.where(differ.any(axis=0), surfaces[differ.argmax(axis=0)], -1)
-            x = f.after_jump(x, flat[k, rows.f : rows.f + f.D].T, rates, tables, first)
-            flat[k, : f.D] = x.T
-            largest = flat[k, rows.largest : rows.largest + f.D]
-            flat[k, rows.largest : rows.largest + f.D] = np.maximum(largest, abs(x.T))
-            rates = f.value_and_denominators(x, table)
-        flat[k, rows.f : rows.f + len(rates)] = rates.T
+def _put_ahead(lines, x, f, signed):
+    """Write the state a time after x, along its rate, to `start`."""
+    for i in lines.text.each(lines.D):
+        lines.work.start[i] = x[i] + signed * f[i]
+
+
+def _choose(lines, truth, acted):
+    """Make choices anew at the new state of lanes, and f and columns with them."""
+    text, line, work, f = lines.text, lines.line, lines.work, lines.f
+    has_columns = lines.half.block is not f and f.conditions.jumps > 0
+    if lines.half.low or has_columns:
+        text.copy(work.f_new, work.f_old, lines.half.block.D)
+    if has_columns:
+        lines.call("slopes", work.new, lines.table, work.slopes)
+    choose_all(lines, truth)
+    lines.call("f", work.new, lines.table, work.f_new)
+    if has_columns:
+        own = truth & acted.equals(0.0) & (work.chosen[0] >= 0.0)  # changes take care of columns
+        with text.when(own.any()):
+            for i in text.each(f.D):
+                largest, modulus = line.largest[i], abs(work.new[i])
+                line.largest.choose(own, i, (modulus > largest).select(modulus, largest))
+            _change_columns(lines, own)
+            lines.call("f", work.new, lines.table, work.f_new)
+    for i in text.each(lines.half.low):
+        of_f = {"before": work.f_old[i], "after": work.f_new[i]}
+        line.low.choose(truth, i, lines.apply(rules.INFLOW, i, **of_f)["low"])
+
+
+def _change_columns(lines, truth):
+    """Change the columns of a `Variational` where f jumps."""
+    text, work, f, block = lines.text, lines.work, lines.f, lines.half.block
+    D, gradient = block.D, work.gradient
+    for j in text.each(D + f.q):
+        gradient[j] = 0.0
+    name = f"{lines.name}_slopes_{len(text.target.constants)}"
+    surfaces = text.numbers(f"{name}_of", [float(k) for k, _ in block.slope_places])
+    places = text.integers(name, [j for _, j in block.slope_places])
+    for n in text.each(len(block.slope_places)):
+        gradient.choose(work.chosen[0].equals(surfaces[n]), places[n], work.slopes[n])
+    ends = Carried(before=0.0, after=0.0, jumps=0.0)
+    for i in text.each(D, ends):
+        ends.before = ends.before + gradient[i] * work.f_old[i]
+        ends.after = ends.after + gradient[i] * work.f_new[i]
+        ends.jumps = (work.f_new[i] - work.f_old[i]).equals(0.0).select(ends.jumps, 1.0)
+
+    def move(column, ds):
+        for i in text.each(D, ds):
+            ds.sum = ds.sum + gradient[i] * column[i]
+        time = ds.sum / ends.before
+        for i in text.each(D):
+            jump = work.f_new[i] - work.f_old[i]
+            moved = column[i] + jump.equals(0.0).select(0.0, jump * time)
+            column.choose(truth, i, moved)
+
+    others = f.columns - f.q
+    for c in text.each(others):
+        move(work.new.from_here(D + c * D), Carried(sum=0.0))
+    scales = text.array(lines.table, len(block.table))
+    for q in text.each(f.q):
+        ds = gradient.after(D)[q] * scales[q]
+        move(work.new.from_here(D * (1 + others) + q * D), Carried(sum=ds))
+    if f.has_trace:
+        of_trace = {"before": ends.before, "after": ends.after, "jumps": ends.jumps}
+        found = lines.apply(rules.TRACE, u=work.new[lines.D - 2], **of_trace)["change"]
+        work.new.choose(truth, lines.D - 1, work.new[lines.D - 1] + found)
+
+
+def _go_on(lines, ended):
+    """Let solutions go on in lanes that end just before a surface.
+
+    Their next state lies beyond it; times that they pass are saved there.
+    """
+    text, line, work = lines.text, lines.line, lines.work
+    accepted, none = work.accepted[0] > 0.0, text.value(0.0)
+    for i in text.each(lines.D):
+        work.new.choose(ended, i, accepted.select(work.new[i], line.x[i]))
+    for i in text.each(lines.extended):
+        work.f_new.choose(ended, i, accepted.select(work.f_new[i], line.f[i]))
+    found = {"ahead": none, "signed": none}
+    for part in (rules.NEAREST, 8.0 * rules.NEAREST, rules.AHEAD):
+        own = lines.apply(rules.LOOK_AHEAD, part=part)
+        _put_ahead(lines, work.new, work.f_new, own["signed"])
+        _look(lines, work.start)
+        is_first = found["ahead"].equals(0.0) & (work.chosen[1] > 0.0)
+        found = {name: is_first.select(own[name], a) for name, a in found.items()}
+    goes_on = ended & (found["ahead"] > 0.0)
+    t, after = line.t[0], lines.apply(rules.GOES_ON, ahead=found["ahead"])
+    is_saved = goes_on & (after.pop("slides") < 1.0)
+
+    def passed():
+        return is_saved & (line.next[0] <= t + found["ahead"])
+
+    with text.when(passed().any(), likely=False):
+        for now in text.rounds(Carried()):
+            signed = lines.number("sign") * (line.next[0] - t)
+            _put_ahead(lines, work.new, work.f_new, signed)
+            inside.save(lines, passed().bits(), work.start)
+            now.goes_on = passed().any()
+    for name, value in after.items():
+        getattr(line, name).choose(goes_on, 0, value)
+    _put_ahead(lines, work.new, work.f_new, found["signed"])
+    for i in text.each(lines.D):
+        work.new.choose(goes_on, i, work.start[i])
+    work.accepted.choose(goes_on, 0, 1.0)
+    _choose(lines, goes_on, none)
+
+
+def _put_all(lines, truth):
+    """Write all choices to the table of lanes, with the numbers that depend on them."""
+    text, work, conditions = lines.text, lines.work, lines.f.conditions
+    _put_choices(lines, truth, conditions.kinds, work.chosen.after(_BEFORE), conditions.P)
+    derived = lines.half.block.derived.results
+    if derived:
+        lines.call("derived", lines.table, lines.table, work.derived)
+        name = f"{lines.name}_derived_{len(text.target.constants)}"
+        places = text.integers(name, [lines.half.block.places[a] for a in derived])
+        table = text.array(lines.table)
+        for k in text.each(len(derived)):
+            table.choose(truth, places[k], work.derived[k])
+        _put_copies(lines)
+
+
+def _put_copies(lines):
+    """Write what functions of long lists read of the table once more."""
+    places, copies = lines.half.copies()
+    if len(places):
+        text, name = lines.text, f"{lines.name}_copies_{len(lines.text.target.constants)}"
+        sources, targets = text.integers(f"{name}_of", places), text.integers(name, copies)
+        table = text.array(lines.table)
+        for k in text.each(len(places)):
+            table[targets[k]] = table[sources[k]]
+
+
+def _put_choices(lines, truth, kinds, found, place):
+    """Write choices, which rows have, or arguments of tables, to the table of lanes."""
+    text, f = lines.text, lines.half.block
+    first = len(f.conditions.kinds) - len(kinds)
+    for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
+        group = [*group]
+        if not are_tables:
+            numbers, chosen = found.after(group[0][0]), text.array(lines.table, place)
+            for n in text.each(len(group)):
+                chosen.choose(truth, n, numbers[n])
+            place += len(group)
+            continue
+        for k, kind in group:
+            shift = shift_of(f, first + k)
+            _put_interval(lines, kind, truth.bits(), found.after(k), place, shift)
+            place += Table.ROWS
+    _put_copies(lines)
+
+
+def shift_of(f, number):
+    """Return the place of the shift of a table, see `Table.interval_of`, None without one."""
+    conditions = f.conditions
+    if number not in conditions.shifts:
+        return None
+    return f.places[f.surfaces.results[len(conditions.kinds) + conditions.shifts.index(number)]]
+
+
+def _put_interval(lines, table, bits, argument, place, shift):
+    """Write the interval of a table that holds an argument to the table of lanes with bits."""
+    text, one = lines.text, lines.text.lanes(1)
+    name = f"{lines.name}_interval_{len(text.target.constants)}"
+    intervals = Intervals(text, name, table)
+    for offset in lines.lanes_with(bits):
+        x = one.array(lines.work.line.at() + offset, argument.first)[0]
+        of_lane = one.array(lines.table + offset)
+        less = one.value(0.0) if shift is None else of_lane[shift]
+        to = text.place(lines.table + offset, place)
+        at = intervals.holding(x, less)
+        text.copy_numbers(at, intervals.bytes, to, text.size, Table.ROWS)
+        if shift is not None:
+            for k in range(2):  # low and high
+                of_lane[place + k] = of_lane[place + k] - less

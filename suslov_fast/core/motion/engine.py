@@ -13,7 +13,6 @@ from ..compiling.threads import in_parts
 from ..fields.lines import zeros
 from ..lists.variational import Variational
 from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Numbers
-from .choosing import Choices
 from .explicit import lane_numbers
 from .half import Half
 from .rows import BEGINS, OF_CHANGES, Cause, State
@@ -189,7 +188,9 @@ class Motion:
         if f.changes:
             none = Stops(np.empty((1, 0)), np.empty((1, 0)))
             self.stops, self.equal_stops = (stops or none).array()
-        self.choices = None if f.conditions is None else Choices(self)
+        if f.conditions:  # trajectories have choices of their own, which the code makes
+            shape = len(x0), self.table.shape[-1]
+            self.table = np.broadcast_to(self.table, shape).copy()
 
     counts_from_start = True  # clocks
 
@@ -231,8 +232,6 @@ class Motion:
             self._steps(half, own, numbers[which], W, abandoned)
             if own is not flat:
                 flat[which] = own
-            if self.choices is not None:
-                self.choices.renew(flat, numbers)
             state, mode = flat[:, rows.state], 1 - mode  # of those that turned to the other half
             if not np.count_nonzero(state < State.DONE):
                 break
@@ -275,21 +274,19 @@ class Motion:
         of_others = np.where(escapes, Cause.ESCAPE, Cause.POLE)
         return np.where(has_pole, Cause.POLE, np.where(has_none, Cause.NO_VALUE, of_others))
 
-    def _table(self, half, rows, which):
+    def _table(self, half, which):
         """Return the numbers that functions read: for all trajectories, or for each (K, n)."""
         if self.table.ndim == 1:
             return half.table_of(self.table)
-        table = self.table[which]
-        if self.choices is not None:
-            self.choices.look(rows, which, table)
-        return np.ascontiguousarray(half.table_of(table.T).T)
+        return np.ascontiguousarray(half.table_of(self.table[which].T).T)
 
     def _steps(self, half, rows, which, W, abandoned):
         """Take steps of one half of trajectories (K, rows), until none is in it.
 
         `which` are their numbers; `places` count the times that they have reached.
         """
-        take = self._taker(half, rows, self._table(half, rows, which), W)
+        table = self._table(half, which)
+        take = self._taker(half, rows, table, W)
         while not abandoned:
             is_done = take()
             if self.report is not None:
@@ -300,6 +297,12 @@ class Motion:
                     abandoned.append(True)
             if is_done:
                 break
+        self.keep_choices(which, table)
+
+    def keep_choices(self, which, table):
+        """Keep the choices that the code has written to the tables of trajectories."""
+        if self.f.conditions:
+            self.table[which] = table[:, : self.table.shape[1]]
 
     def _taker(self, half, rows, table, W, budget=None):
         """Return the function that takes steps of trajectories, and returns whether it is done."""

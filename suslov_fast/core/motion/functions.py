@@ -20,7 +20,9 @@ from ..lists.step import OF_LIBRARY, OF_LISTS
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
 BLOCK = 64  # operations of a block of straight-line code
-LONGEST = 4000  # operations of straight-line code: a longer list takes seconds to compile
+# Operations of straight-line code: a longer list takes seconds to compile. Lists that look for
+# surfaces have hundreds of conditions of a kind, of which runs would make little.
+LONGEST, LONGEST_OF_CONDITIONS = 4000, 16_000
 
 
 class OfList:
@@ -126,9 +128,9 @@ class OfLongList:
                 to[k] = a if isinstance(a, float) else rows[self._row[a]]
 
 
-def of_list(list_, inputs, places=None):
-    """Return the function of a list of any length."""
-    kind = OfList if len(list_.operations) <= LONGEST else OfLongList
+def of_list(list_, inputs, places=None, longest=LONGEST):
+    """Return the function of a list of any length, by runs if it is longer."""
+    kind = OfList if len(list_.operations) <= longest else OfLongList
     return kind(list_, inputs, places or {})
 
 

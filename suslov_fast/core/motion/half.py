@@ -13,6 +13,7 @@ from . import rules
 from .columns import EXPLICIT, IMPLICIT
 from .functions import (
     LONGEST,
+    LONGEST_OF_CONDITIONS,
     Blocks,
     DenseProduct,
     DenseQuadratic,
@@ -70,7 +71,7 @@ class Half:
         c = f.changes
         counts = (c.surfaces, c.acting, c.sections) if c else ()
         self.low = 0 if has_atol else self.block.D
-        self.rows = rows_of(D, extended, self.low, self.watched, *counts)
+        self.rows = rows_of(D, extended, self.low, self.watched, int(bool(f.conditions)), *counts)
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
         elif self.block is not f:
@@ -82,9 +83,10 @@ class Half:
         if self.watched:
             rows = 2 * self.block.D + 2 * (f.changes.surfaces if f.changes else 0)
             places = {rows + k: k for k in range(len(self.block.table))}
-            self.functions["watch"] = of_list(f.watch, rows, places)
+            self.functions["watch"] = of_list(f.watch, rows, places, LONGEST_OF_CONDITIONS)
         if c:
             self._add_changes()
+        of_choices = self._add_choices() if f.conditions else [0] * 6
         columns, entries, factors = len(EXPLICIT), 0, 0
         if is_implicit:
             columns, entries = len(IMPLICIT), f.entries + 1 + D + self.couplings
@@ -94,7 +96,7 @@ class Half:
         self.numbers = len(self.table_of(np.zeros(len(f.table))))
         sizes = D, extended, columns, apart, nodes, entries, factors
         others = self.couplings * is_implicit, self.watched, len(self.kinks)
-        others = *others, self._sizes_of_changes(), scratch
+        others = *others, self._sizes_of_changes(), of_choices, scratch
         self.work = work_of(self.rows.size, self.numbers, *sizes, *others)
 
     def _add_changes(self):
@@ -107,19 +109,28 @@ class Half:
             if self.f is not block:  # whose scales follow the table of f
                 places |= {rows + P + q: len(block.table) + q for q in range(self.f.q)}
             self.functions[name] = of_list(list_, rows, places)
-        if block.conditions:
-            self.functions["choices"] = of_list(
-                block.choices, block.D, {block.D + p: p for p in range(P)}
-            )
+
+    def _add_choices(self):
+        """Add the functions of choices; return the sizes of rows of `Work` from `chooses` on."""
+        f, conditions = self.block, self.f.conditions
+        given = conditions.P + conditions.jumps + conditions.kinks
+        places = {f.D + p: p for p in range(given)}
+        self.functions["choices"] = of_list(f.choices, f.D, places, LONGEST_OF_CONDITIONS)
+        if f.derived.results:
+            self.functions["derived"] = of_list(f.derived, 0, places)
+        sizes = [1, len(f.choices.results), len(f.derived.results)]
+        if f is self.f or not conditions.jumps:
+            return [*sizes, f.D, 0, 0]
+        self.functions["slopes"] = of_list(f.slopes, f.D, f.places)
+        return [*sizes, f.D, len(f.slope_places), f.D + self.f.q]
 
     def _sizes_of_changes(self):
         """Return how many rows of `Work` changes need, from `sides` to `tau`."""
         if not self.changes:
-            return [0] * 14
-        D, surfaces, conditions = self.block.D, self.changes.surfaces, self.f.conditions
-        chosen = len(conditions.kinds) if conditions else 0
+            return [0] * 13
+        D, surfaces = self.block.D, self.changes.surfaces
         sections, whole = self.changes.sections, self.f.D
-        return [2 * surfaces, whole, whole, whole, 4 * D + 1, 2 * surfaces, surfaces, 1, chosen,
+        return [2 * surfaces, whole, whole, whole, 4 * D + 1, 2 * surfaces, surfaces, 1,
                 (rules.SECTION_PARTS + 1) * sections, 2 * sections, 1, 1, whole // D]  # fmt: skip
 
     def _add_implicit(self):
@@ -165,6 +176,16 @@ class Half:
         """Return the table (n, ...) of f with the numbers that functions read after it."""
         numbers = [function.numbers(table) for function in self.functions.values()]
         return np.concatenate([table, *numbers])
+
+    def copies(self):
+        """Return the places in the table of f of which functions read copies, and those of these.
+
+        Places of f stand once for each copy.
+        """
+        n = len(self.f.table)
+        (of, others) = (self.table_of(np.arange(first, first + n)) for first in (0.0, n + 0.5))
+        (where,) = np.nonzero(of[n:] != others[n:])
+        return of[n + where].astype(np.int64), n + where
 
     def firsts(self):
         """Return the places of these numbers, by names of functions."""

@@ -27,24 +27,24 @@ def save_states(lines):
         return _passed(lines, how)
 
     with text.when(served.any(), likely=False):
-        _save(lines, served.bits(), work.new)
+        save(lines, served.bits(), work.new)
     with text.when(passed(Value.__ge__).any(), likely=False):
         if not lines.half.is_implicit:
             with text.when(passed(Value.__gt__).any()):
                 _find_nodes(lines)
                 for now in text.rounds(Carried()):
                     _put_between(lines, lines.apply(rules.BETWEEN, **_of_step(lines)))
-                    _save(lines, passed(Value.__gt__).bits(), work.start)
+                    save(lines, passed(Value.__gt__).bits(), work.start)
                     now.goes_on = passed(Value.__gt__).any()
         if not lines.half.changes:
-            _save(lines, passed(Value.equals).bits(), work.new)
+            save(lines, passed(Value.equals).bits(), work.new)
 
 
 def save_at_end(lines):
     """Save the states at times at which the step ends, after changes there."""
     ends = _passed(lines, Value.equals)
     with lines.text.when(ends.any(), likely=False):
-        _save(lines, ends.bits(), lines.work.new)
+        save(lines, ends.bits(), lines.work.new)
 
 
 def _passed(lines, how):
@@ -126,7 +126,7 @@ def _with_sign(lines, value, i):
     return lines.text.apply(rules.WITH_SIGN, value=value, x=x, keeps=keeps)["value"]
 
 
-def _save(lines, bits, states):
+def save(lines, bits, states):
     """Save the states in rows of `Work` of the lanes with these bits; go to their next time."""
     text, of, rows = lines.text, lines.of, lines.half.rows
     one = text.lanes(1)

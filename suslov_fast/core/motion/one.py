@@ -17,6 +17,7 @@ from .engine import (
     code_of_half,
     components_of,
     half_of,
+    is_bounded,
     numbers_of,
     records_at_once,
 )
@@ -34,11 +35,11 @@ def _plan(f, table, settings, sign):
     `table` has the bytes of the table of f. The arguments point to arrays that the plan keeps.
     """
     half = half_of(f, bool(settings.stiff), settings.atol is not None)
-    code = code_of_half(half, 1, False)
-    own = half.table_of(np.frombuffer(table))
+    code = code_of_half(half, 1, f.conditions is not None)
+    own = array("d", half.table_of(np.frombuffer(table)))
     components = components_of(f, settings.atol)
     arguments = Arguments(
-        rows=0, count=1, following=0, budget=0, table=own.ctypes.data, table_bytes=0, work=0,
+        rows=0, count=1, following=0, budget=0, table=own.buffer_info()[0], table_bytes=0, work=0,
         numbers=0, components=components.ctypes.data, times=0, states=0,
         state_bytes=_SIZE * f.D,
     )  # fmt: skip
@@ -67,7 +68,10 @@ def motion_of_one(f, table, x, times, sign, settings, stops=None, enough=inf, si
     times.extend(NO_TIMES)
     numbers[NUMBER.last] = last
     numbers[NUMBER.first_next], numbers[NUMBER.second_next] = times[:2]
-    if f.clocks:
+    if f.conditions:  # the code writes choices to the table
+        table = plan[-1][1][:]
+        arguments[SLOT.table] = table.buffer_info()[0]
+    if is_bounded(f):
         numbers[NUMBER.longest] = min(settings.max_step or inf, last / 32.0)
     if stops is None:
         states = array("d", bytes(count * len(x)))

@@ -24,8 +24,6 @@ class State:
     SLIDING = 6  # a condition of f changes back and forth
     STOPPED = 7  # a change ends it
     ACCUMULATES = 8  # changes follow one another at once, without end
-    CHANGED = 9  # a condition of f has changed in an explicit step
-    CHANGED_IMPLICIT = 10
 
 
 class Cause(IntEnum):
@@ -49,6 +47,8 @@ class Rows(NamedTuple):
     mode: int  # a vector of the power iteration on f' (D)
     low: int  # of components that have fallen, see `rules.LOW` (none with `atol`, else those of x)
     far: int  # the state after a step of length `outer` (watched)
+    chosen_at: int  # time at which choices of f changed last (1 if f chooses)
+    chosen_often: int  # how often in a row they changed at once (1 if f chooses)
     side: int  # of surfaces of changes: 1 where the state is at the level or above, else 0, and
     #            the level, which is 0 but for rounding (2 surfaces)
     section: int  # surfaces of records at the state; 0 counts as positive (sections)
@@ -93,13 +93,14 @@ class OfChanges(NamedTuple):
 OF_CHANGES = OfChanges(*range(len(OfChanges._fields)))
 
 
-def rows_of(D, denominators, low, watched, surfaces=0, acting=0, sections=0):
+def rows_of(D, denominators, low, watched, chooses, surfaces=0, acting=0, sections=0):
     """Return the rows of a line; surfaces are functions of the first `watched` components.
 
-    `surfaces`, `acting` and `sections` are the numbers of surfaces of changes, of all changes that
-    act, and of surfaces of records.
+    `chooses` is 1 if f chooses, else 0. `surfaces`, `acting` and `sections` are the numbers of
+    surfaces of changes, of all changes that act, and of surfaces of records.
     """
-    parts = [D, D + denominators, D, D, low, watched, 2 * surfaces, sections, sections, acting]
+    parts = [D, D + denominators, D, D, low, watched, chooses, chooses]
+    parts += [2 * surfaces, sections, sections, acting]
     parts += [len(OF_CHANGES) * (acting + sections > 0)]
     firsts = [0, *itertools.accumulate(parts)]
     scalars = firsts.pop()
@@ -136,6 +137,7 @@ class Work(NamedTuple):
     ratios: int  # the largest error and the largest `apart` of it, by what is allowed (2)
     fallen: int  # 1 where a component may be low, see `rules.LOW`
     at_surface: int  # 1 where the step ends on a surface, else 0
+    jumped: int  # 1 where f may have jumped there
     between: int  # two states, between which surfaces are crossed or not (2 watched)
     sides: int  # what `Rows.side` holds (2 surfaces)
     seen: int  # what `watch` finds there (3 + kinks)
@@ -146,7 +148,12 @@ class Work(NamedTuple):
     toward: int  # surfaces of changes at that state, and their rates (2 surfaces)
     fired: int  # 1 where the change at a surface acts at this instant (surfaces)
     noted: int  # number of changes at surfaces at this instant, if there are changes
-    chosen: int  # choices of f at the new state (surfaces of f)
+    chooses: int  # 1 where choices are made anew
+    chosen: int  # what `choices` returns (2 + surfaces of f)
+    derived: int  # numbers of the table that depend on choices
+    f_old: int  # f before a jump (D)
+    slopes: int  # of surfaces where f jumps, if there are columns
+    gradient: int  # of the surface that is crossed, by x and parameters (D + parameters)
     values: int  # surfaces of records at the ends of parts of a step (- sections)
     rates: int  # the same at a state, and their rates (2 sections)
     moment: int  # time of a crossing, and whether it is found
@@ -158,13 +165,18 @@ class Work(NamedTuple):
 
 def work_of(
     rows, numbers, D, denominators, columns, apart, nodes, entries, factors, couplings, watched,
-    kinks, of_changes, scratch,
+    kinks, of_changes, of_choices, scratch,
 ):  # fmt: skip
-    """Return the rows of `Work`; `of_changes` are the sizes of those from `sides` to `tau`."""
+    """Return the rows of `Work`.
+
+    `of_changes` are the sizes of those from `sides` to `tau`, but for those from `chooses` to
+    `gradient`, which are `of_choices`.
+    """
     extended = D + denominators
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
-             nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 2, 1, 1,
-             2 * watched, of_changes[0], 3 + kinks, *of_changes[1:], scratch]  # fmt: skip
+             nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 2, 1, 1, 1,
+             2 * watched, of_changes[0], 3 + kinks, *of_changes[1:8], *of_choices,
+             *of_changes[8:], scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

@@ -503,7 +503,8 @@ def CUT(
     of_hold = holds.select(-of_outer, forgets.select(0.0, weight))
     running = (tries > most).select(float(State.TOO_MANY), mode)
     stopped = (state >= State.DONE).select(running, state)
-    after = (moved & seen & (jumps > 0.0) & (t < last)).select(mode + float(State.CHANGED), state)
+    jumped = moved & seen & (jumps > 0.0) & (t < last)
+    after = jumped.select(running, state)
     return {
         "accepted": moved.select(1.0, 0.0),
         "served": cut.select(0.0, served),
@@ -518,13 +519,83 @@ def CUT(
         "whole": is_near.select(whole, wanted),
         "beyond": (cut & is_near).select(1.0, 0.0),
         "at_surface": (moved & seen).select(1.0, 0.0),
+        "jumped": jumped.select(1.0, 0.0),
     }
+
+
+# ------------------------------------------------------------------------ choices that f makes
+# A solution slides that changes its choices so often within AT_ONCE of the time. Parts of the time:
+# within which a surface lies before which a solution ends, at first within NEAREST; and within
+# which one that ends so again slides.
+BACK_AND_FORTH, AT_ONCE = 12.0, 2.0**-36
+NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
+
+
+@_rule
+def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
+    """Of a solution that has changed its choices; where changes of the state acted they count."""
+    is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
+    often = is_at_once.select(chosen_often + 1.0, 0.0)
+    slides = (often >= BACK_AND_FORTH) & (state.equals(mode) | state.equals(float(State.TOO_MANY)))
+    return {
+        "chosen_at": t,
+        "chosen_often": often,
+        "state": slides.select(float(State.SLIDING), state),
+    }
+
+
+@_rule
+def LOOK_AHEAD(t, last, part, sign):
+    """A part of the time, and with the sign of time."""
+    ahead = part * (t > 0.0).select(t, last)
+    return {"ahead": ahead, "signed": sign * ahead}
+
+
+@_rule
+def SEEK(wanted, ahead):
+    """Of a solution that crosses a surface at once again: the next steps end on it."""
+    return {
+        "whole": wanted, "wanted": ahead, "inner": 0.0, "outer": ahead, "weight": 0.0,
+        "rounds": 0.0,
+    }  # fmt: skip
+
+
+@_rule
+def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
+    """Of a solution that ends just before a surface, and goes on beyond it."""
+    often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
+    slides, after = often >= BACK_AND_FORTH, t + ahead
+    state = slides.select(float(State.SLIDING), first_state)
+    is_done = (after >= last) & (state < State.DONE)
+    return {
+        "chosen_at": t,
+        "chosen_often": often,
+        "slides": slides.select(1.0, 0.0),
+        "wanted": 16.0 * ahead,
+        "outer": inf,
+        "t": is_done.select(last, after),
+        "state": is_done.select(float(State.DONE), state),
+    }
+
+
+@_rule
+def TRACE(before, after, jumps, u):
+    """The change of the integral of u trace f', where f jumps and grad s . f is that."""
+    of_jump = u * (abs(after / before)).then("log")
+    return {"change": (jumps > 0.0).select(of_jump, 0.0)}
+
+
+@_rule
+def INFLOW(low, before, after):
+    """Whether a component is low; not where the jump of f is an inflow of its own."""
+    is_inflow = (abs(after - before) > GROWN * abs(before)) & (low < 3.0)
+    return {"low": is_inflow.select(0.0, low)}
 
 
 # ------------------------------------------------------------------------ changes of the state
 # A trajectory ends whose changes follow one another so often within so small a part of the time, or
 # so often at one instant.
-CHANGES_AT_ONCE, AT_ONCE, MOST_AT_ONCE, ROUNDING = 12.0, 2.0**-36, 64.0, 2.0**-50
+CHANGES_AT_ONCE, MOST_AT_ONCE, ROUNDING = 12.0, 64.0, 2.0**-50
 
 
 @_rule
@@ -711,7 +782,7 @@ def AFTER_OWN(value, rate, before, up, by_motion, sign):
 @_rule
 def CHANGED_STATE(
     size, rate, total, number, endless, t, wanted, longer, state, stiff, easy, tries, at, often,
-    pause, jumps, mode, part, last, longest,
+    pause, part, last, longest,
 ):  # fmt: skip
     """The next length after changes of the state, which is that of a first step if that is more.
 
@@ -725,8 +796,7 @@ def CHANGED_STATE(
     limit = smaller(t + (pause > own).select(own * own / (pause - own), 0.0), last)
     often_now = is_at_once.select(often + 1.0, 0.0)
     piles_up = ((often_now >= CHANGES_AT_ONCE) & (state < State.DONE)) | (endless > 0.0)
-    after = (state.equals(mode) & (jumps > 0.0)).select(mode + float(State.CHANGED), state)
-    after = piles_up.select(float(State.ACCUMULATES), after)
+    after = piles_up.select(float(State.ACCUMULATES), state)
     after = (total < inf).select(after, float(State.ENDED))
     return {
         "wanted": is_changed.select(guess, wanted),

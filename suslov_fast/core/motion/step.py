@@ -18,7 +18,7 @@ from math import inf
 import numpy as np
 
 from ..code.text import Carried
-from . import changes, inside, rules, sections, surfaces
+from . import changes, choosing, inside, rules, sections, surfaces
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors
 from .implicit import derive, find_apart
 from .scope import weighted
@@ -67,7 +67,7 @@ def take_step(lines):
         surfaces.cut(lines, before, sums["total"])
     inside.save_states(lines)
     if half.kinks:
-        surfaces.choose(lines)
+        choosing.choose(lines)
     if half.low:
         _watch_small(lines)
     if half.changes:
@@ -75,6 +75,8 @@ def take_step(lines):
             sections.find_crossings(lines)
         changes.change(lines)
         inside.save_at_end(lines)
+    if lines.f.conditions:
+        choosing.renew(lines)
     move(lines)
 
 

@@ -33,15 +33,16 @@ class Stepping(Motion):
         for first in range(0, len(flat), self.W):  # without a budget lanes begin, and take no step
             part = slice(first, first + self.W)
             rows = np.ascontiguousarray(flat[part])
-            self._taker(half, rows, self._table(half, rows, which[part]), self.W, budget=0)()
+            table = self._table(half, which[part])
+            self._taker(half, rows, table, self.W, budget=0)()
             flat[part] = rows
+            self.keep_choices(which[part], table)
 
     def attempts(self, flat, which, last, count):
         """Let trajectories `which` with these rows try some steps each, not beyond a time.
 
         Return pairs: numbers of trajectories in `flat`, and their rows (1 + attempts, K, rows), of
-        which the first are those of `flat`. A trajectory waits that turns to the other half, or
-        whose choices change (`go_on`).
+        which the first are those of `flat`. A trajectory waits that turns to the other half.
         """
         self.numbers[NUMBER.last] = last
         state, parts, abandoned = flat[:, self.rows.state], [], []
@@ -54,7 +55,8 @@ class Stepping(Motion):
             k, mode = parts[number]
             half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
             rows = flat[k]
-            step = self._taker(half, rows, self._table(half, rows, which[k]), self.W)
+            table = self._table(half, which[k])
+            step = self._taker(half, rows, table, self.W)
             states, copies, taken = rows[:, self.rows.state], np.empty((count + 1, *rows.shape)), 0
             copies[0] = rows
             while taken < count and np.count_nonzero(states == mode) and not abandoned:
@@ -64,6 +66,7 @@ class Stepping(Motion):
                 taken += 1
                 copies[taken] = rows
             found[number] = k, copies[: taken + 1]
+            self.keep_choices(which[k], table)
 
         if self.threads == 1 or len(parts) == 1:
             for number in range(len(parts)):
@@ -71,10 +74,3 @@ class Stepping(Motion):
         else:
             in_parts(len(parts), take, abandoned, self.threads)
         return found
-
-    def go_on(self, which):
-        """Make the choices of trajectories `which` anew where they have changed."""
-        if self.choices is not None:
-            flat = self.flat[which]
-            self.choices.renew(flat, which)
-            self.flat[which] = flat

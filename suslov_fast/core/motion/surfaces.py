@@ -1,4 +1,4 @@
-"""Surfaces on which conditions of f change: steps end just beyond them, and choices are made anew.
+"""Surfaces on which conditions of f change: steps end just beyond them.
 
 A step looks for surfaces at the ends of PARTS of its length, where the state is (`rules.POINT`)
 
@@ -10,9 +10,6 @@ again, shorter, until it ends just beyond (`rules.CUT`).
 
 import numpy as np
 
-from ..code.text import Carried
-from ..lists.conditions import choices_of
-from ..lists.tables import Table, is_table
 from . import rules
 
 
@@ -56,7 +53,8 @@ def cut(lines, before, total):
     inputs |= look("whole_part", "crosses", "jumps")
     found = lines.apply(rules.CUT, **inputs)
     keep_far(found.pop("beyond") > 0.0)
-    lines.keep(work, {name: found.pop(name) for name in ("at_surface", "accepted", "served")})
+    own = "at_surface", "jumped", "accepted", "served"
+    lines.keep(work, {name: found.pop(name) for name in own})
     lines.keep(line, found)
 
 
@@ -67,73 +65,3 @@ def put_point(lines, u, to):
     signed = work.signed[0]
     for i in text.each(lines.half.block.D):
         to[i] = lines.apply(rule, i, signed=signed, u=u)["point"]
-
-
-def choose(lines):
-    """Make the choices of kinks anew where the step ends on a surface, and f with them.
-
-    A table may be so steep that f changes much where it is continuous.
-    """
-    work, conditions = lines.work, lines.f.conditions
-    accepted, at_surface = work.accepted[0], work.at_surface[0]
-    ends = (accepted > 0.0) & (at_surface > 0.0)
-    with lines.text.when(ends.any(), likely=False):
-        place = conditions.P + conditions.jumps
-        _put_choices(lines, ends, lines.half.kinks, work.seen.after(3), place)
-
-
-def choose_all(lines, truth):
-    """Make all choices anew at the new state of these lanes, and f with them."""
-    work, conditions = lines.work, lines.f.conditions
-    lines.call("choices", work.new, lines.table, work.chosen)
-    _put_choices(lines, truth, conditions.kinds, work.chosen, conditions.P)
-
-
-def _put_choices(lines, truth, kinds, found, place):
-    """Write choices, which rows have, or arguments of tables, to the table of lanes; renew f."""
-    text, f = lines.text, lines.half.block
-    first = len(f.conditions.kinds) - len(kinds)
-    for k, kind in enumerate(kinds):
-        if is_table(kind):
-            _put_interval(lines, kind, truth.bits(), found.after(k), place, shift_of(f, first + k))
-        else:
-            now = found[k]
-            text.array(lines.table, place).choose(truth, 0, now)
-        place += choices_of(kind)
-    lines.call("f", lines.work.new, lines.table, lines.work.f_new)
-
-
-def shift_of(f, number):
-    """Return the place of the shift of a table, see `Table.interval_of`, None without one."""
-    conditions = f.conditions
-    if number not in conditions.shifts:
-        return None
-    return f.places[f.surfaces.results[len(conditions.kinds) + conditions.shifts.index(number)]]
-
-
-def _put_interval(lines, table, bits, argument, place, shift):
-    """Write the interval of a table that holds an argument to the table of lanes with bits.
-
-    The interval is found by bisection among a number of knots that is a power of 2.
-    """
-    text, count = lines.text, table.rows.shape[1]
-    one = text.lanes(1)
-    half = max(2 ** (count - 1).bit_length() // 2, 1)
-    numbers = np.full((Table.ROWS, 2 * half), np.inf)
-    numbers[:, :count] = table.rows
-    numbers = text.numbers(f"{lines.name}_interval_{len(text.target.constants)}", numbers)
-    for offset in lines.lanes_with(bits):
-        x = one.array(lines.work.line.at() + offset, argument.first)[0]
-        of_lane = one.array(lines.table + offset)
-        less = one.value(0.0) if shift is None else of_lane[shift]
-        for now in text.rounds(Carried(at=numbers.base, half=half)):
-            above = now.at + now.half * 8
-            is_above = x >= one.array(above)[0] - less
-            now.half = now.half >> 1
-            now.at = is_above.select(above, now.at)
-            now.goes_on = now.half.differs(0)
-        to = text.place(lines.table + offset, place)
-        text.copy_numbers(now.at, 16 * half, to, text.size, Table.ROWS)
-        if shift is not None:
-            for k in range(2):  # low and high
-                of_lane[place + k] = of_lane[place + k] - less

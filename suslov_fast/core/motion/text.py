@@ -5,7 +5,7 @@ The two halves share everything but their columns and the rule for the next step
     functions        f, f', elimination, products, as functions of rows
     explicit, implicit   the function `columns` of a half
     trajectories     which trajectory a lane takes next
-    step             a step of all lanes, with `inside` and `surfaces`
+    step             a step of all lanes, with `inside`, `surfaces` and `choosing`
     rules            lists of operations that decide, on the numbers of one lane
     scope            the arrays that all of these read and write, by name
 
@@ -14,6 +14,7 @@ The two halves share everything but their columns and the rule for the next step
 
 from ..code.text import Carried, Code
 from .changes import add_change
+from .choosing import add_choices
 from .explicit import ExplicitColumns
 from .implicit import ImplicitColumns
 from .scope import Lines
@@ -33,6 +34,8 @@ def text_of_half(half, name, W, for_each):
         function.add(text, f"{name}_{key}", for_each, firsts[key])
     columns = ImplicitColumns if half.is_implicit else ExplicitColumns
     columns(text, half, name, for_each).add()
+    if half.f.conditions:
+        add_choices(text, half, name, for_each)
     if half.changes and half.changes.acting:
         add_change(text, half, name, for_each)
     text.begin(name, "arguments")

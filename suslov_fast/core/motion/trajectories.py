@@ -5,7 +5,7 @@ of a trajectory follow each other; those of a lane are W numbers apart.
 """
 
 from ..code.text import Carried, Integers, Truth
-from . import changes, inside, rules, sections
+from . import changes, choosing, inside, rules, sections
 from .arguments import SLOT
 from .records import is_full
 from .rows import State
@@ -38,7 +38,7 @@ def _write_back(lines, offset, own):
     """Write the rows of a lane, and its table, to those of its trajectory, if it has one."""
     text, of, half = lines.text, lines.of, lines.half
     parts = [(lines.line.x.at(), of.rows, 8 * half.rows.size, half.rows.size)]
-    if half.kinks or (half.changes and half.f.conditions):  # whose choices stand in the table
+    if half.f.conditions:  # whose choices stand in the table
         parts.append((lines.table, of.table, of.table_bytes, half.numbers))
     with text.when(own.differs(0)):
         number = own - 1
@@ -64,6 +64,9 @@ def pause_if_spent(lines):
 def _begin(lines, begins):
     """Begin the trajectories of some lanes: f, the largest moduli, the first length."""
     text, line, f_new = lines.text, lines.line, lines.work.f_new
+    if lines.f.conditions:
+        text.copy(line.x, lines.work.new, lines.D)
+        choosing.choose_all(lines, begins)
     lines.call("f", line.x, lines.table, f_new)
     for i in text.each(lines.extended):
         line.f.choose(begins, i, f_new[i])

@@ -150,7 +150,7 @@ def test_controls(page):
     assert text(page, "regime-name") == "No orbit"
     put(page, "eps", "0.01")
     assert page.value("byId('message').hidden") is True
-    page.wait("location.search.includes('order4') && location.search.includes('y=z')")
+    page.wait("location.search === `?${query()}`")  # written after a pause
     before = pixels(page)
     show(page, page.value("location.href"))
     wait(lambda: pixels(page) == before)

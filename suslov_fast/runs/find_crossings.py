@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -195,7 +196,8 @@ def _along_motion(
     given = surface if is_many else [surface]
     if not given:
         raise wrong("surface", "a function, or one or more", "none")
-    changes = tuple(Change(each, direction=direction) for each in given)
+    is_text = all(isinstance(each, str) for each in given)  # what a function returns may change
+    changes = (_of_texts if is_text else _of_surfaces)(tuple(given), direction)
     x, batch = checked_starts(system, x0, 2)
     sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
     acts = acts_of(field, changes)
@@ -221,6 +223,14 @@ def _along_motion(
     )
     report_ends(points, x, batch, found.is_stopped, on_singular)
     return points
+
+
+def _of_surfaces(surfaces: tuple[Any, ...], direction: int) -> tuple[Change, ...]:
+    """Return the changes that record crossings of surfaces."""
+    return tuple(Change(each, direction=direction) for each in surfaces)
+
+
+_of_texts = lru_cache(64)(_of_surfaces)  # which keep what they are for a field
 
 
 def _attributes(found: Any, x: FloatArray, batch: tuple[int, ...], limit: float) -> dict[str, Any]:

@@ -113,7 +113,7 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
     if starts.size * len(times) > MANY:  # LLVM ends the process where it finds no memory
         for where, f, table in groups:
             prepare(f, settings, B if where is ALL else len(where), table.ndim > 1)
-    found: Any = None if groups[0][0] is ALL else nothing_found(starts, len(times))
+    whole: Any = None if groups[0][0] is ALL else nothing_found(starts, len(times))[:4]
     count = threads_for(B, threads)
     done, records, causes, grown = 0, [], None, None
     for where, f, table in groups:
@@ -127,27 +127,29 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
         engine.run(count, own)
         records += [(where, each) for each in engine.records]
         ends = np.where(engine.state == State.DONE, np.nan, sign * engine.t)
-        part = Found(states, ends, engine.steps, status_of(engine.state))
+        part = states, ends, engine.steps, status_of(engine.state)
         if where is ALL:
-            found = part
+            whole = part
         else:
-            found.states[:, where], found.t[where] = part.states, part.t
-            found.steps[where], found.status[where] = part.steps, part.status
+            whole[0][:, where] = states
+            for array, values in zip(whole[1:], part[1:], strict=True):
+                array[where] = values
         causes = _noted(causes, Cause.UNKNOWN, B, where, engine.causes)
         grown = _noted(grown, -1, B, where, engine.grown)
         done += len(times) * len(x0)
         if engine.is_stopped:
             break
-    records_of = {} if stops is None else {"records": _in_order(records, sign, starts)}
-    stopped = engine.is_stopped
-    whole: Found = found._replace(is_stopped=stopped, causes=causes, grown=grown, **records_of)
-    return whole
+    of_changes = None if stops is None else _in_order(records, sign, starts)
+    states, ends, steps, status = whole
+    return Found(states, ends, steps, status, engine.is_stopped, of_changes, causes, grown)
 
 
-def _noted(before: Any, none: int, B: int, where: Any, notes: Any) -> NDArray[np.int64] | None:
+def _noted(
+    before: NDArray[np.int64] | None, none: int, B: int, where: Any, notes: Any
+) -> NDArray[np.int64] | None:
     """Return notes of B trajectories, None without any, with those of trajectories `where`."""
     if not notes:
-        return before  # type: ignore[no-any-return]
+        return before
     found: NDArray[np.int64] = np.full(B, none) if before is None else before
     for which, values in notes:
         found[which if where is ALL else where[which]] = values
@@ -186,7 +188,7 @@ def _of_one(field: Any, starts: FloatArray, asked: Asked) -> Found | None:
     times, sign, settings, _, _, stops, most, since = asked
     _, f, table = field.right_hand_sides[0]
     clocks, of_clocks = [*f.offsets], None
-    if any(starts.item(0, i) != 0.0 for i in clocks):  # in less time than NumPy
+    if clocks and any(starts.item(0, i) != 0.0 for i in clocks):  # in less time than NumPy
         table, starts, of_clocks = counted_from_start(f, table, starts)
     given = f, table.tobytes(), starts.tobytes(), times.tobytes(), sign, settings
     result = motion_of_one(*given) if stops is None else motion_of_one(*given, stops, most, since)

@@ -382,7 +382,7 @@ class March:
                     turns[0], first = turned, 1
             arrays, rows = (states, eps, axial, turned), (start, every, first, turns)
             work, threads = states.size * (D + 1), self.problem.threads
-            seconds = _IN_PYTHON * (size + 8) * (until - start + 1) * (D + 1) ** 2
+            seconds = 0.2 * _IN_PYTHON * (size + 8) * (until - start + 1) * (D + 1) ** 2
             call_kernel(orientations.turn_along, work, threads, *arrays, *rows, seconds=seconds)
             if report is not None and not report(until - n):
                 break

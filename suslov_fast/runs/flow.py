@@ -135,9 +135,10 @@ def flow(
     times, sign = checked_times(time)
     settings = checked_settings(system, rtol, atol, max_step, stiff)
     names, field = checked_derivatives(system, derivatives)
-    directions = sum(system.dimension if name == "x0" else 1 for name in names)
-    copies = 2 if names else 1  # derivatives are taken out of columns beside the states
-    count, acting = len(times) * (1 + directions) * copies, checked_changes(changes)
+    count, acting = len(times), checked_changes(changes)
+    if names:  # derivatives are taken out of columns beside the states
+        directions = sum(system.dimension if name == "x0" else 1 for name in names)
+        count *= 2 * (1 + directions)
     acts: tuple[Act, ...] = ()
     stops, of_columns = None, None
     if acting:

@@ -24,7 +24,7 @@ from ..maps import problem
 SLICE = 2**21
 # Costs of preparing an orbit and of computing a state, in steps of the three-dimensional map.
 _ORBIT_COST, _STATE_COST = 64, 8
-_IN_PYTHON = 1e-4  # seconds of Python for a state, of which it computes 128 at least
+_IN_PYTHON = 1e-5  # seconds of Python for a state, of which it computes 128 at least
 # Reasons for missing states, in the order of the kernel's flags.
 _REASONS = (
     ("no state, because n must be an integer up to 2**53 for so long an eps", RuntimeWarning),
@@ -151,7 +151,7 @@ def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArra
         slice_times = flat_times[row : row + rows]
         work = len(starts) * (_ORBIT_COST + _STATE_COST * len(slice_times))
         data = *orbits, slice_times, states[row:], reasons
-        seconds = _IN_PYTHON * (128 + len(starts) * len(slice_times))
+        seconds = _IN_PYTHON * (128 + len(starts) * (2 + len(slice_times)))
         call_kernel(closed_form.states, work, threads, *data, seconds=seconds)
     if np.count_nonzero(reasons):  # faster than `any`, which matters in small calls
         for flags, (reason, category) in zip(reasons, _REASONS, strict=True):

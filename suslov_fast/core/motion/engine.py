@@ -58,21 +58,30 @@ def is_bounded(f):
     return bool(f.clocks) or (f.conditions is not None and f.conditions.jumps > 0)
 
 
-def numbers_of(f, settings, sign, first, second, last):
-    """Return `Numbers`, for the moduli of the first two times and the last one."""
+@functools.lru_cache(256)
+def numbers_of(settings, sign):
+    """Return `Numbers` whose times are not set."""
     return Numbers(
         settings.rtol,
-        last,
+        inf,
         sign,
         first_part(settings.rtol),
-        min(settings.max_step or np.inf, last / 32.0 if is_bounded(f) else np.inf),
+        settings.max_step or inf,
         limit_of(settings.rtol),
         float(settings.stiff is None),
-        first,
-        second,
+        inf,
+        inf,
         float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
         MOST_STEPS,
     )
+
+
+def set_times(numbers, f, first, second, last):
+    """Set the moduli of the first two times and of the last one."""
+    numbers[NUMBER.first_next], numbers[NUMBER.second_next] = first, second
+    numbers[NUMBER.last] = last
+    if is_bounded(f):
+        numbers[NUMBER.longest] = min(numbers[NUMBER.longest], last / 32.0)
 
 
 def code_of_half(half, W, for_each):
@@ -178,7 +187,8 @@ class Motion:
         self.settings, self.times = settings, np.concatenate([times, NO_TIMES])
         first, second, self.last = self.times[[0, 1, len(times) - 1]].tolist()
         self.components = components_of(f, settings.atol)
-        self.numbers = np.array(numbers_of(f, settings, sign, first, second, self.last))
+        self.numbers = np.array(numbers_of(settings, sign))
+        set_times(self.numbers, f, first, second, self.last)
         self.has_atol = settings.atol is not None
         self.t, self.steps = np.zeros(len(x0)), np.zeros(len(x0), np.int64)
         self.state = np.zeros(len(x0), np.int8)

@@ -17,9 +17,9 @@ from .engine import (
     code_of_half,
     components_of,
     half_of,
-    is_bounded,
     numbers_of,
     records_at_once,
+    set_times,
 )
 from .explicit import lane_numbers
 from .rows import BEGINS, OF_CHANGES, State
@@ -43,7 +43,7 @@ def _plan(f, table, settings, sign):
         numbers=0, components=components.ctypes.data, times=0, states=0,
         state_bytes=_SIZE * f.D,
     )  # fmt: skip
-    numbers = array("d", numbers_of(f, settings, sign, 1.0, 1.0, 1.0))
+    numbers = array("d", numbers_of(settings, sign))
     rows = array("d", bytes(_SIZE * half.rows.size))
     rows[half.rows.state] = BEGINS
     rows = rows[f.D :]  # those after x
@@ -66,13 +66,10 @@ def motion_of_one(f, table, x, times, sign, settings, stops=None, enough=inf, si
     rows, times = array("d", x) + rows, array("d", times)
     count, last = len(times), times[-1]
     times.extend(NO_TIMES)
-    numbers[NUMBER.last] = last
-    numbers[NUMBER.first_next], numbers[NUMBER.second_next] = times[:2]
+    set_times(numbers, f, times[0], times[1], last)
     if f.conditions:  # the code writes choices to the table
         table = plan[-1][1][:]
         arguments[SLOT.table] = table.buffer_info()[0]
-    if is_bounded(f):
-        numbers[NUMBER.longest] = min(settings.max_step or inf, last / 32.0)
     if stops is None:
         states = array("d", bytes(count * len(x)))
     else:

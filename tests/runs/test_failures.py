@@ -9,8 +9,6 @@ import suslov_fast as sf
 
 # With the body `unit` and eps = 1: x = Omega1 and y = -Omega2.
 ON_THE_POLE, UNDEFINED, HEALTHY = [1.0, -3.0], [0.0, -2.0], [0.3, 0.1]
-# x' = x**2 has a pole at 1 / eps.
-SQUARE = sf.QuadraticField([[[1]]])
 
 
 def test_failures_in_a_batch(unit):
@@ -32,26 +30,6 @@ def test_failures_in_a_batch(unit):
     assert np.isnan(result.omega[1:, failed]).all()
     healthy = sf.iterate(unit, HEALTHY, 1, 10)
     assert (result.omega[:, ~failed] == healthy.omega[:, np.newaxis]).all()
-
-
-@pytest.mark.parametrize(
-    ("body", "states", "status"),
-    [
-        (sf.Suslov3D(1, 1, 1, 0), [ON_THE_POLE, HEALTHY], sf.Status.SINGULAR),
-        (sf.SuslovGyrostat(1, 1, 1, 0, 0.5), [[1.0, -3.875], HEALTHY], sf.Status.SINGULAR),
-        (SQUARE, [[1.0], [0.1]], sf.Status.SINGULAR),
-        (sf.QuadraticField([[[0]]], [[1]]), [[1e308], [0.1]], sf.Status.NONFINITE),
-        (sf.SuslovND([1.0, 1.0], [-1.0, 0.0]), [[-3.0, -1.0], HEALTHY], sf.Status.SINGULAR),
-    ],
-    ids=str,
-)
-def test_every_map(body, states, status):
-    run = sf.iterate(body, states, 1, 3, on_singular="ignore")
-    assert run.status.tolist() == [status, run.status[1]]
-    assert run.status[1] >= 0
-    assert run.failed_at.tolist() == [1, -1]
-    with pytest.warns(sf.SingularStepWarning, match=r"^1 of 2 "):
-        assert np.isnan(sf.step(body, states, 1)).all(axis=1).tolist() == [True, False]
 
 
 def test_states_that_do_not_exist(body, unit):

@@ -4,6 +4,10 @@ Columns of V grow, or turn to the direction that grows fastest. A segment of tim
 lose their digits; then V = Q R, logarithms of the diagonal of R are added up, and Q goes on. Each
 trajectory has lengths of its own, T / 2**m, so that its bits do not depend on others.
 
+Where rates of decay are far apart, as of stiff equations, segments would be a few e-folds of the
+second fastest one. There an orthonormal frame takes the place of the columns (`lists.frames`): its
+segments end before it loses its angles.
+
 A change of the state may take a direction away, as one that sets a component to a number: then a
 column has no digits left even after the shortest segment with it, and is dead, with the exponent
 -inf.
@@ -21,8 +25,9 @@ from numpy.typing import NDArray
 from ..bodies.fields.general import with_changes
 from ..checks import FloatArray
 from ..core.lists.changes import Act
+from ..core.lists.frames import SHIFT, with_frame
 from ..core.lists.variational import variational
-from ..core.motion.engine import Motion as Engine, Settings, Stops
+from ..core.motion.engine import Motion as Engine, Settings, Stops, counted_from_start
 from .arguments import ALL
 from .motions import Found, nothing_found, right_hand_sides, status_of
 from .status import Status
@@ -36,6 +41,9 @@ _LEAST, _LARGEST = 2.0**-10, 2.0**300
 _OF_ALL = 2.0**-6  # part of all directions in each of the first columns
 _DEAD = 2.0**-40  # part of the largest entry, below which the shortest segment has no digits
 _OF_PROGRESS = 1000  # parts of the time
+# Segments after which a trajectory has a frame, if they are less than a part of the time; most
+# components of one; and by how many times `rtol` its columns may differ from orthonormal ones.
+_FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 6, 32.0
 # With changes: part of the transient and of a phase, which segments end at first. They should not
 # end where a state comes from a surface, because they begin without memory, and changes often act
 # at simple parts of the time.
@@ -127,6 +135,9 @@ class _Run:
         self.moving = np.setdiff1d(np.arange(f.D), [i for i in f.clocks if i not in changed])
         self.n = len(self.moving)
         self.tangent = variational(f, self.n, True)
+        has_frames = self.n <= _LARGEST_FRAME and not (f.is_dense or f.conditions or f.changes)
+        self.has_frames = np.full(len(x), has_frames)
+        self.count = np.zeros(len(x), np.int64)  # of segments
         self.stops, self.passed = stops, np.zeros(len(x), np.int64)  # times of changes, passed
         slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
         slopes = np.broadcast_to(slopes[..., self.moving], (len(x), self.n, self.n))
@@ -152,14 +163,18 @@ class _Run:
     def _over(self, time: float, told: Callable[[float], bool]) -> bool:
         """Take a phase, or a part of it, in segments of this time by powers of 2."""
         at, level = np.zeros(len(self.x), np.int64), self._first_levels(time)
+        self.count[:], by_frame = 0, np.zeros(len(self.x), bool)
         while (active := (self.status == Status.OK) & (at < _UNITS)).any():
-            for m in np.unique(level[active]):
-                which = np.flatnonzero(active & (level == m))
-                is_good, is_easy = self._segment(which, time * 2.0**-m, m == _MOST)
-                at[which[is_good]] += _UNITS >> m
-                level[which[~is_good]] += 1
-                fits = at[which] % (_UNITS >> m << 1) == 0
-                level[which[is_easy & fits & (m > 0)]] -= 1
+            is_slow = (self.count >= _FEW) & (at < _PART * _UNITS)
+            by_frame = self.has_frames & (by_frame | is_slow)
+            for take, own in ((self._segment, ~by_frame), (self._segment_of_frame, by_frame)):
+                for m in np.unique(level[active & own]):
+                    which = np.flatnonzero(active & own & (level == m))
+                    is_good, is_easy = take(which, time * 2.0**-m, m == _MOST)
+                    at[which[is_good]] += _UNITS >> m
+                    level[which[~is_good]] += 1
+                    fits = at[which] % (_UNITS >> m << 1) == 0
+                    level[which[is_easy & fits & (m > 0)]] -= 1
             if not told(time * float(at.mean()) / _UNITS):
                 return False
         return True
@@ -213,6 +228,7 @@ class _Run:
         self.logs[go] += np.where(lives[is_good], logs, 0.0)
         self.x[go], self.Q[go] = end[is_good, :D], Q[is_good]
         self.passed[go] += passed[is_good]
+        self.count[go] += 1
         self.duration[go] += length
         self.t[go] += length
         if is_last and self.stops is not None:
@@ -220,6 +236,40 @@ class _Run:
             for k in np.flatnonzero(dies.any(axis=1)):
                 self._bury(which[k], dies[k], V[k])
         return is_good, is_good & (part * part > _LEAST)
+
+    def _segment_of_frame(
+        self, which: NDArray[np.int64], length: float, is_last: bool
+    ) -> tuple[Any, Any]:
+        """Take a segment with frames; return as `_segment`.
+
+        Where it does not reach its end there are no frames any more.
+        """
+        D, n, K = self.f.D, self.n, len(which)
+        frame = with_frame(self.f, tuple(self.moving.tolist()))
+        table = self.table if self.table.ndim == 1 else self.table[which]
+        table, x, starts = counted_from_start(self.f, table, self.x[which])
+        start, states = np.zeros((K, frame.D)), np.full((1, K, frame.D), np.nan)
+        start[:, :D], start[:, D:-n] = x, self.Q[which].reshape(K, n * n) + SHIFT
+        table = np.ascontiguousarray(frame.table_of(table.T).T)
+        engine = Engine(frame, table, start, np.array([length]), 1, self.settings, states)
+        engine.run(self.threads)
+        (end,), ended = states, status_of(engine.state) != Status.OK
+        if starts is not None:
+            end[:, [*self.f.offsets]] += starts
+        V = end[:, D:-n].reshape(K, n, n) - SHIFT
+        V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(n)
+        off = abs(V.transpose(0, 2, 1) @ V - np.eye(n)).max(axis=(1, 2))
+        Q, R = np.linalg.qr(V)
+        self.has_frames[which[ended]] = False
+        most = _OFF * self.settings.rtol
+        is_good = ~ended & (is_last | (off <= most))
+        go = which[is_good]
+        diagonal = abs(np.diagonal(R, axis1=1, axis2=2))
+        self.logs[go] += end[is_good, -n:] + np.log(diagonal[is_good])
+        self.x[go], self.Q[go] = end[is_good, :D], Q[is_good]
+        self.duration[go] += length
+        self.t[go] += length
+        return is_good, is_good & (4.0 * off <= most)
 
     def _stops_of(self, which: NDArray[np.int64]) -> Stops | None:
         """Return the times of changes that are left, counted from here."""

@@ -435,6 +435,10 @@ def test_motion_to_an_equilibrium(rate, time):
     np.testing.assert_allclose(found, [-1.0, -rate], atol=1e-5)
 
 
+TURN = np.linalg.qr(np.cos(np.arange(16.0) ** 2).reshape(4, 4))[0]
+APART = TURN @ np.diag([-1.0, -1e3, -3e4, -30.0]) @ TURN.T
+
+
 @pytest.mark.parametrize(
     ("f", "exact"),
     [
@@ -442,13 +446,17 @@ def test_motion_to_an_equilibrium(rate, time):
         (lambda x: (-x[0], -1e4 * x[1] + 1e4 * x[0]), [-1.0, -1e4]),
         (lambda x: (-1e5 * (x[0] - x[1] * x[2]), -0.5 * x[1] + x[2], -x[1] - 0.5 * x[2]),
          [-0.5, -0.5, -1e5]),
+        (lambda x: (-1e4 * x[0], -2e4 * x[1], -x[2]), [-1.0, -1e4, -2e4]),
+        (lambda x: APART @ x, [-1.0, -30.0, -1e3, -3e4]),
+        (lambda x: (-(1e3 + 300 * np.sin(x[2])) * (x[0] - np.cos(x[2])),
+                    (50 * np.cos(x[2]) - 200) * (x[1] - x[0] ** 2), 1.0), [-200.0, -1e3]),
     ],
 )  # fmt: skip
-def test_motion_with_a_direction_that_decays_fast(f, exact):
-    """Columns in slow directions need no more segments than without it."""
-    field = sf.Field.from_function(f, len(exact))
-    starts = np.array([[1.0, 1.0, 0.5], [0.3, -1.0, 2.0]])[:, : len(exact)]
-    calls, times = [], {"time": 300.0, "transient": 20.0}
+def test_motion_with_directions_that_decay_fast(f, exact):
+    """They need no more segments than the slow ones, and frames where there are several."""
+    field = sf.Field.from_function(f, len(f(np.ones(4))))
+    starts = np.array([[1.0, 1.0, 0.5, 0.2], [0.3, -1.0, 2.0, 0.0]])[:, : field.dimension]
+    calls, times = [], {"time": 96.0 * np.pi, "transient": 20.0}
     found = sf.lyapunov_exponents(
         field, starts, progress=lambda done, _: calls.append(done), **times
     )

@@ -236,15 +236,14 @@ _of_texts = lru_cache(64)(_of_surfaces)  # which keep what they are for a field
 def _attributes(found: Any, x: FloatArray, batch: tuple[int, ...], limit: float) -> dict[str, Any]:
     """Return the first `limit` crossings of each trajectory, and what became of trajectories."""
     trajectory, which, time, _, states = found.records
-    first = np.searchsorted(trajectory, trajectory)
-    number = np.arange(len(trajectory)) - first
-    order = np.lexsort((abs(time), trajectory))  # of several in a step
-    own = order[number < limit]
-    count = np.bincount(trajectory[own], minlength=len(x))
+    count = np.bincount(trajectory, minlength=len(x))
+    first = np.cumsum(count) - count
+    own = np.arange(len(trajectory)) - first[trajectory] < limit
     final, status = found.states[0], np.where(found.status == Status.STOPPED, 0, found.status)
     ends = np.flatnonzero(count >= limit)
-    final[ends] = states[own[np.searchsorted(trajectory[own], ends, "right") - 1]]
-    status[ends] = Status.OK
+    if len(ends):
+        count[ends], final[ends] = limit, states[first[ends] + int(limit) - 1]
+        status[ends] = Status.OK
     return {
         "trajectory": trajectory[own],
         "surface": which[own],

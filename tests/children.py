@@ -19,8 +19,8 @@ SETUP = """
 import numpy as np, suslov_fast as sf
 body = sf.Suslov3D(4, 1, -0.5, -0.3)
 omega = np.random.default_rng(1).uniform(-2, 2, (4096, 2))
-def run(**options):  # enough work for threads
-    return sf.iterate(body, omega, 0.2, 400, save_every=None, **options).final
+def run(**options):  # enough work for threads, and too much for NumPy
+    return sf.iterate(body, omega, 0.2, 4000, save_every=None, **options).final
 expected = run(threads=1)
 """
 

@@ -14,6 +14,7 @@ from systems import LORENZ
 import suslov_fast as sf
 from suslov_fast.core.compiling import numba as core_numba
 from suslov_fast.core.fields import careful
+from suslov_fast.core.suslov.steps import steps
 
 pytestmark = [
     pytest.mark.compiled,
@@ -120,6 +121,19 @@ def test_same_bits(name, as_in_an_empty_process, monkeypatch):
     for one, other in zip(found, expected, strict=True):
         assert type(one) is type(other)
         assert np.array_equal(one, other, equal_nan=True)
+
+
+def test_the_kernel_takes_batches_for_which_numpy_lacks_memory(as_in_an_empty_process, monkeypatch):
+    def fail(*arguments):
+        tried.append(True)
+        raise MemoryError
+
+    tried, expected = [], CALLS["last states"]()
+    as_in_an_empty_process()
+    monkeypatch.setattr(steps, "in_numpy", fail)
+    for one, other in zip(CALLS["last states"](), expected, strict=True):
+        assert np.array_equal(one, other, equal_nan=True)
+    assert tried
 
 
 @pytest.fixture

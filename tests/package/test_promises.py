@@ -18,6 +18,7 @@ from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
 from suslov_fast.bodies.fields.field_of_terms import H_INDICES, INDICES, MATRIX
+from suslov_fast.core.compiling import numba as compiling
 from suslov_fast.engine import stretches, threads
 from suslov_fast.maps import MAPS
 from suslov_fast.quantities.evaluation import evaluate
@@ -218,6 +219,7 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
     row, problem = ROWS[name], sample(rng, kind, name=name)
     alone = list(row.values(*problem, threads=1))
     monkeypatch.setattr(threads, "CROSSOVER", 0)
+    monkeypatch.setattr(compiling, "PATIENCE", -1.0)  # kernels, not NumPy
     same(alone, row.values(*problem, threads=TWO_THREADS))
     for module, name in ((stretches, "STRETCH"), (stretches, "TURNING"), (solution, "SLICE")):
         monkeypatch.setattr(module, name, 2**6)

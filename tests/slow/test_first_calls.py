@@ -32,15 +32,15 @@ def chain(x):
     D = len(x)
     return [(x[(k + 1) % D] - x[k - 2]) * x[k - 1] - x[k] + 8 for k in range(D)]
 """
-# Groups that compile much of the same, names, and what they call: one orbit or few, as Python may
-# carry it out, and enough for threads.
+# Groups that compile much of the same, names, and what they call: one orbit or few, as Python or
+# NumPy may carry it out, and enough for threads, which is too much for them.
 CALLS = {
     "bodies": {
-        "body": f"{BODY}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=None)\n"
+        "body": f"{BODY}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 4000, save_every=None)\n"
         "run(body, (9000, 2), .2, 200)\n"
         "bodies = sf.Suslov3D(np.linspace(3, 4, 300), 1, -0.5, -0.3)\n"
         "run(bodies, (300, 2), .2, 20)\nrun(bodies, (20, 300, 2), .2, 300, save_every=50)\n"
-        f"{GYROSTAT}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 400, save_every=100)",
+        f"{GYROSTAT}\nrun(body, 2, .2, 10)\nrun(body, (4096, 2), .2, 4000, save_every=1000)",
         "step": f"{BODY}\nfound.append(sf.step(body, [1.0, .5], .2))",
         "orientations": f"{BODY}\nrun(body, 2, .2, 10, attitude=True)\n"
         "run(body, (1000, 2), .2, 100, attitude=True)",
@@ -81,7 +81,8 @@ def last(system, omega):
 found.append(last(system(body, .2), states((100, 2))))""",
     },
     "n dimensions": {
-        "four dimensions": f"{SOLID}\nrun(body, 4, .2, 10)\nrun(body, (1024, 4), .2, 200)",
+        "four dimensions": f"{SOLID}\nrun(body, 4, .2, 10)\n"
+        "run(body, (1024, 4), .2, 5000, save_every=500)",
         "other methods": f"{SOLID}\nfor method in 'auto', 'gauss':\n"
         "    run(body, 4, .2, 10, method=method)\n    run(body, (512, 4), .2, 200, method=method)",
         "jacobian": f"{LORENZ}\nfound.append(sf.jacobian(field, states((2, 3)), .01))\n"

@@ -346,7 +346,9 @@ class Kernel(Patient):
         arguments = parameters, x0, carry, span, *arrays
         if not self.has_patience(_IN_NUMPY * numbers) or self._is_kept(arguments):
             return False
-        return self.in_python(self.in_numpy, *arguments)
+        with suppress(MemoryError):  # the kernel needs less memory
+            return self.in_python(self.in_numpy, *arguments)
+        return False
 
     def _is_kept(self, arguments):
         return is_kept(self.compiled, (*[types.intp] * 2, *numba.typeof(arguments)))

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.motion.arguments import NUMBER
-from ..core.motion.engine import Motion as Engine, Settings, Stops, counted_from_start, prepare
+from ..core.motion.engine import (
+    Motion as Engine,
+    Settings,
+    Stops,
+    add_starts,
+    counted_from_start,
+    prepare,
+)
 from ..core.motion.one import motion_of_one
 from ..core.motion.rows import Cause, State
 from .arguments import ALL
@@ -205,4 +212,7 @@ def _of_one(field: Any, starts: FloatArray, asked: Asked) -> Found | None:
     found = found if grown < 0 else found._replace(grown=np.array([grown]))
     if stops is None:
         return found
+    if of_clocks is not None:
+        for rows in records[0]:
+            add_starts(f, rows, of_clocks)
     return found._replace(records=_in_order([(ALL, each) for each in records[0]], sign, starts))

@@ -60,6 +60,19 @@ def test_dates_of_which_only_differences_matter_give_the_same_bits():
     np.testing.assert_array_equal(ends[1:], [ends[0]] * 2)
 
 
+@pytest.mark.parametrize("at", [0.0, 0.1, DATE])
+def test_a_clock_may_be_the_first_component(at):
+    """Its number is 0, which is no constant."""
+
+    def f(t, x):
+        late = np.where(t > at + 0.5, 3 * t - 3 * at, 0.0)
+        return np.cos(2 * t - 1.0) + late + abs(t - at - 0.3) - np.sin(t / 2) * x
+
+    first = sf.flow(field(lambda s: (1.0, f(*s)), "t x"), [at, 0.2], time=[1.0, 2.0])
+    last = sf.flow(field(lambda s: (f(s[1], s[0]), 1.0)), [0.2, at], time=[1.0, 2.0])
+    np.testing.assert_array_equal(first.x, last.x[:, ::-1])
+
+
 def test_large_phases():
     """The phase of a wave is known to the rounding of the date times its frequency."""
     omega = np.array([2 * np.pi / 86400, 1.0, 50.0])
@@ -87,3 +100,31 @@ def test_two_clocks_and_a_rate_that_is_a_parameter():
     motion = sf.flow(f, [[1.0, DATE, DATE - 1.0], [1.0, 5.0, 2.0]], time=4.0)
     np.testing.assert_allclose(motion.x[0, :, 0], 1.0 + 4.0 * np.cos(1.0), rtol=1e-12)
     np.testing.assert_array_equal(motion.x[0, :, 1], [DATE + 4.0, 13.0])
+
+
+@pytest.mark.parametrize("batch", [(), (3,)])
+def test_changes_and_crossings_at_dates(batch):
+    """Surfaces and changes read clocks, too; one that changes a clock leaves it as it is."""
+
+    def found(at):
+        f = field(lambda s: (np.where(np.sin(s[1] - at) > 0.5, 1.0, -s[0]), 1.0, 2.0), "x t u")
+        changes = [
+            sf.Change(times=[0.5, 2.0, 2.5], to=lambda s: (s[0] + np.cos(s[1] - at), s[1], s[2])),
+            sf.Change(
+                surface=lambda s: s[0] - 0.1 * (s[1] - at) - 0.3, to=lambda s: s * [0.5, 1, 0]
+            ),
+        ]
+        x0 = np.broadcast_to([0.3, at, 1.0], (*batch, 3))
+        run = sf.flow(f, x0, time=[1.0, 6.0], changes=changes)
+        points = sf.crossings(
+            f, x0, time=6.0, surface=lambda s: s[0] - 0.3 * np.sin(4 * (s[1] - at)), direction=0
+        )
+        clocks = run.changes.states[:, 1], points.states[:, 1], run.x[..., 1]
+        return [run.x[..., 0], run.x[..., 2], run.changes.time, points.time], clocks
+
+    (usual, clocks), (later, others) = found(0.0), found(DATE)
+    assert min(map(len, usual[2:])) > 3
+    for a, b in zip(usual, later, strict=True):
+        np.testing.assert_array_equal(a, b)
+    for a, b in zip(clocks, others, strict=True):
+        np.testing.assert_array_equal(a + DATE, b)

@@ -403,8 +403,9 @@ class _FieldOfTerms(FieldOfFunction):
             units = (values == 1.0).all(axis=0), (values == -1.0).all(axis=0)
             texts = (each.tobytes() for each in units)
             f = _with_acts(indices.tobytes(), self.dimension, *texts, len(named), acts, twice)
-            own = [row[members] for row in named]
-            return f, np.array([*own, *parameters_of(values, *units)]).reshape(-1, len(members))
+            own = [*(row[members] for row in named), *parameters_of(values, *units)]
+            own += [np.zeros(len(members))] * (f.P - len(own))  # starts of clocks
+            return f, np.array(own).reshape(-1, len(members))
 
         return self._by_terms(None, make)
 

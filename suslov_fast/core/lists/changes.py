@@ -89,6 +89,12 @@ def is_section(act):
     return act.surface is not None and act.to is None and not ends
 
 
+def components_of(act):
+    """Return the numbers of the components that a change may give another value."""
+    results = () if act.to is None else act.to.results
+    return tuple(i for i, a in enumerate(results) if not (type(a) is int and a == i))
+
+
 def changes_of(acts, D, P, by=(), with_columns=False):
     """Return the `Changes` of acts in the order of code.
 
@@ -96,8 +102,7 @@ def changes_of(acts, D, P, by=(), with_columns=False):
     """
     parts, components = {}, []
     for k, act in enumerate(acts):
-        results = range(D) if act.to is None else act.to.results
-        own = tuple(i for i, a in enumerate(results) if not (type(a) is int and a == i))
+        own = components_of(act)
         components.append(own)
         if own:
             results = [act.to.results[i] for i in own]

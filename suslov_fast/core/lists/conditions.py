@@ -119,12 +119,9 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     differentiate by, `twice` asks for the second derivative. `acts` are changes of the state, in
     the order of `Changes`.
     """
-    D, offsets, shifted = len(results), {}, {}
-    if not acts:  # they read clocks as these are
-        values, results = with_stairs(values, results)
-        elapsed = Elapsed(values, results, P)
-        values, results, P = elapsed.values, elapsed.results, elapsed.P
-        offsets, shifted = elapsed.offsets, elapsed.shifts
+    elapsed, D = Elapsed(*with_stairs(values, results), P, acts), len(results)
+    values, results, acts, P = elapsed.values, elapsed.results, elapsed.acts, elapsed.P
+    offsets, shifted = elapsed.offsets, elapsed.shifts
     changes = changes_of(acts, D, P, by, twice) if acts else None
     on_surfaces = [act for act in acts if act.surface is not None and not is_section(act)]
     on_surfaces = [emitted(values, act.surface)[0] for act in on_surfaces]

@@ -10,7 +10,8 @@ whole turns.
 import math
 from typing import NamedTuple
 
-from .right_hand_side import Expressions, needed_for
+from .changes import components_of, emitted
+from .right_hand_side import Expressions, List, needed_for
 from .step import OF_TRUTH_VALUES
 from .tables import is_table
 
@@ -27,19 +28,34 @@ class _Pair(NamedTuple):
 
 
 class Elapsed:
-    """`values`, `results` and P for clocks from 0; `offsets`: numbers of starts by clocks.
+    """`values`, `results`, `acts` and P for clocks from 0; `offsets`: starts' numbers by clocks.
 
+    acts     changes of the state, whose functions read clocks that none of them changes
     shifts   (p, q) by the numbers of the operands of tables that are sums
     """
 
-    def __init__(self, values, results, P):
-        self.values, self.results, self.P = values, results, P
+    def __init__(self, values, results, P, acts=()):
+        self.values, self.results, self.P, self.acts = values, results, P, acts
         self.offsets, self.shifts = {}, {}
-        operations = needed_for(values.operations, results)
-        read = {a for *_, operands in operations for a in operands if not isinstance(a, float)}
-        clocks = [i for i, a in enumerate(results) if i in read and _is_rate(values, a)]
-        if clocks:
+        changed = {i for act in acts for i in components_of(act)}
+        clocks = [i for i, a in enumerate(results) if _is_rate(values, a) and i not in changed]
+        if not clocks:
+            return
+        of_acts = [[each and emitted(values, each) for each in act[:2]] for act in acts]
+        wanted = [*results, *(a for pair in of_acts for own in pair for a in own or ())]
+        operations = needed_for(values.operations, wanted)
+        read = {a for *_, operands in operations for a in operands} | {*wanted[len(results) :]}
+        if clocks := [i for i in clocks if i in read]:
             self._shift(operations, clocks)
+            self.acts = [self._act(*each) for each in zip(acts, of_acts, strict=True)]
+
+    def _act(self, act, results):
+        """Return a change whose functions have these operands as results."""
+        surface, to = results
+        surface = surface and [self._whole(a) for a in surface]
+        to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays
+        own = [of and List(needed_for(self.values.operations, of), of) for of in (surface, to)]
+        return act._replace(surface=own[0], to=own[1])
 
     def _shift(self, operations, clocks):
         """Write the operations for clocks that count from 0."""
@@ -94,15 +110,15 @@ class Elapsed:
             return _Pair(_joined(emit, name, a.p, b.p), emit(name, a.q, b.q))
         if name in ("fmul", "fdiv") and None not in pairs and self._scales(name, operands):
             a, b = pairs
-            p = [x.p if x.p != 0.0 else x.q for x in pairs]
+            p = [x.q if _is_0(x.p) else x.p for x in pairs]
             offsets = self.offsets.values()
-            is_plain = any(x.q in offsets and x.whole is None for x in (a, b) if x.p != 0.0)
+            is_plain = any(x.q in offsets and x.whole is None for x in (a, b) if not _is_0(x.p))
             whole = None if is_plain else emit(name, *wholes)
             return _Pair(emit(name, *p), emit(name, a.q, b.q), whole)
         if name in _COMPARISONS and None not in pairs:
             a, b = pairs
             if None is a.whole is b.whole:
-                if a.p == 0.0:
+                if _is_0(a.p):
                     return emit(name, emit("fsub", a.q, b.q), b.p)
                 return emit(name, _joined(emit, "fsub", a.p, b.p), emit("fsub", b.q, a.q))
         if name in ("sin", "cos", "tan") and pairs[0].whole is None:
@@ -124,14 +140,18 @@ class Elapsed:
         return emit("select", emit("ogt", emit("fabs", q), _LARGE), rest, q)
 
 
+def _is_0(a):
+    return isinstance(a, float) and a == 0.0  # 0 is the first component
+
+
 def _is_rate(values, a):
     return a != 0.0 if isinstance(a, float) else a in values.fixed
 
 
 def _joined(emit, name, a, b):
     """Return the sum or difference of two parts, either of which may be 0."""
-    if b == 0.0:
+    if _is_0(b):
         return a
-    if a == 0.0:
+    if _is_0(a):
         return b if name == "fadd" else emit("fmul", -1.0, b)
     return emit(name, a, b)

@@ -251,7 +251,8 @@ def shift_of(f, number):
     conditions = f.conditions
     if number not in conditions.shifts:
         return None
-    return f.places[f.surfaces.results[len(conditions.kinds) + conditions.shifts.index(number)]]
+    first = len(conditions.kinds) + (f.changes.surfaces if f.changes else 0)
+    return f.places[f.surfaces.results[first + conditions.shifts.index(number)]]
 
 
 def _put_interval(lines, table, bits, argument, place, shift):

@@ -163,6 +163,13 @@ def counted_from_start(f, table, x0):
     return np.ascontiguousarray(f.table_with(inputs.T, table.T).T), x0, starts
 
 
+def add_starts(f, records, starts):
+    """Add the starts (-, clocks) of clocks to records (-, 3 + 2 D) of changes."""
+    clocks = np.array([*f.offsets])
+    records[:, 3 + clocks] += starts
+    records[:, 3 + f.D + clocks] += starts
+
+
 class Motion:
     """Trajectories x0 (B, D) of x' = f(x) at ascending moduli of times, forward or backward.
 
@@ -223,6 +230,8 @@ class Motion:
             in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned, threads)
         if self.starts is not None:
             self.states[..., [*self.f.offsets]] += self.starts
+            for rows in self.records:
+                add_starts(self.f, rows, self.starts[rows[:, 0].view(np.int64)])
 
     def _take(self, block, abandoned):
         """Take all steps of a block of trajectories."""

@@ -351,6 +351,23 @@ def test_orbits_that_are_not_stiff_stay_explicit():
         assert found.implicit_steps <= most * found.steps.sum()
 
 
+@pytest.mark.parametrize("B", [1, 9])
+def test_llvms_passes_after_a_second(B, monkeypatch):
+    """Other code for implicit steps of small systems alone, with the same bits."""
+    f, others = right_hand_side(van_der_pol, 2), right_hand_side(van_der_pol, 2)
+    x0, found = np.linspace((2.0, 0.0), (1.0, 1.0), B), []
+    for each, seconds in ((f, 0.0), (others, 2.0)):
+        half = engine.half_of(each, True, False)
+        monkeypatch.setattr(half, "seconds", seconds)
+        states = np.empty((2, *x0.shape))
+        settings = engine.Settings(1e-7, stiff=True)
+        engine.Motion(each, np.zeros(0), x0, np.array([1.0, 900.0]), 1.0, settings, states).run()
+        found.append((states, engine.code_of_half(half, 1 if B == 1 else engine.WIDTH, False)))
+    (usual, code), (after, passed) = found
+    assert np.array_equal(usual, after)
+    assert code != passed
+
+
 # Values of the test set for initial value problems, and the most steps at each tolerance.
 @pytest.mark.parametrize(
     ("function", "x0", "last", "right", "steps"),

@@ -4,6 +4,7 @@ import functools
 from array import array
 from math import inf
 from threading import get_ident
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,9 @@ WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
 RECORDS = 4096  # of changes, after which Python takes them
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
+# LLVM's passes leave .66 to .87 of the time of implicit steps of systems with so few components,
+# with the same bits; they are worth their time after so many seconds of steps.
+SMALL, WORTH_PASSES = 10, 1.0
 NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
 
 half_of = functools.lru_cache(64)(Half)
@@ -90,6 +94,7 @@ def code_of_half(half, W, for_each):
         ("motion", half.key, W, for_each),
         lambda name: text_of_half(half, name, W, for_each),
         level=1,  # code as fast as at level 2, in a half to a fifth of LLVM's time
+        passes=half.is_implicit and half.f.D <= SMALL and half.seconds > WORTH_PASSES,
     )
 
 
@@ -305,7 +310,7 @@ class Motion:
         `which` are their numbers; `places` count the times that they have reached.
         """
         table = self._table(half, which)
-        take = self._taker(half, rows, table, W)
+        take, began = self._taker(half, rows, table, W), perf_counter()
         while not abandoned:
             is_done = take()
             if self.report is not None:
@@ -316,6 +321,7 @@ class Motion:
                     abandoned.append(True)
             if is_done:
                 break
+        half.seconds += perf_counter() - began
         self.keep_choices(which, table)
 
     def keep_choices(self, which, table):

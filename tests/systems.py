@@ -14,6 +14,10 @@ def henon_heiles(x):
     return (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
 
 
+def field(f, names="x t", **parameters):
+    return Field.from_function(f, names, **parameters)
+
+
 LORENZ = QuadraticField.from_function(lorenz, 3)
 HENON_HEILES = QuadraticField.from_hamiltonian(henon_heiles, 4)
 FRICTION = Field.from_function(lambda s, mu: (s[1], -s[0] - mu * np.sign(s[1])), "x v", mu=0.15)

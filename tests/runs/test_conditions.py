@@ -4,16 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from systems import FRICTION, SPRING
+from systems import FRICTION, SPRING, field
 
 import suslov_fast as sf
 from suslov_fast.core.motion import engine
 from suslov_fast.core.motion.stepping import Stepping
-
-
-def field(f, names, **parameters):
-    return sf.Field.from_function(f, names, **parameters)
-
 
 BENT = field(lambda s, a: (s[1], -s[0] - a * abs(s[0])), "x v", a=0.5)
 

@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 from scipy.special import expit
+from systems import field
 
 import suslov_fast as sf
-
-
-def field(f, names, **parameters):
-    return sf.Field.from_function(f, names, **parameters)
 
 
 # ---------------------------------------------------------------------------------- thin layers

@@ -2,13 +2,9 @@
 
 import numpy as np
 import pytest
+from systems import field
 
 import suslov_fast as sf
-
-
-def field(f, names="x t", **parameters):
-    return sf.Field.from_function(f, names, **parameters)
-
 
 # The integral of sin(t) / t from 0 to 1, and that of (1 - cos t) / t from 1 to 1.1.
 SINE, COSINE = 0.946083070367183, 0.0478407252806422

@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
+from systems import field
 
 import suslov_fast as sf
 
 DATE = 1.7e9  # a date in seconds is rounded to 2.4e-7
-
-
-def field(f, names="x t", **parameters):
-    return sf.Field.from_function(f, names, **parameters)
 
 
 def rates(at):

@@ -4,12 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from systems import field
 
 import suslov_fast as sf
-
-
-def field(f, names, **parameters):
-    return sf.Field.from_function(f, names, **parameters)
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-9])

@@ -337,13 +337,12 @@ class Kernel(Patient):
         else:
             self.serial(*arguments)
 
-    def by_numpy(self, parameters, x0, carry, span, *arrays):
+    def by_numpy(self, *arguments):
         """Take steps by NumPy, while nothing is compiled; return whether that was possible."""
         if self.in_numpy is None or self.is_compiled:
             return False
-        begin, end, start, stop, *_ = span
+        _, x0, _, (begin, end, start, stop, *_), *_ = arguments
         numbers = x0.shape[1] * (end - begin + _CALL_IN_NUMPY) * (stop - start + 2)
-        arguments = parameters, x0, carry, span, *arrays
         if not self.has_patience(_IN_NUMPY * numbers) or self._is_kept(arguments):
             return False
         with suppress(MemoryError):  # the kernel needs less memory

@@ -191,10 +191,8 @@ def _checked_period(
         name = field.names[int(motion.drifts.argmax())]
         expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
-    if changes:
-        raise wrong("period", "given, because of changes", None)
     with np.errstate(all="ignore"):
-        near, last = _near_return(field, x, motion.settings.rtol)
+        near, last = _near_return(field, x, motion.settings.rtol, changes)
     if near is not None:
         return near
     start = short(x.tolist())
@@ -204,18 +202,22 @@ def _checked_period(
     raise RuntimeError(f"periodic_orbit: {found}: pass period=, or {_NEARER.format(T='T')}")
 
 
-def _near_return(field: Any, x: FloatArray, rtol: float) -> tuple[float | None, float]:
-    return shooting.near_return(OfMotion(field, x, max(rtol, _ROUGH)), x)
+def _near_return(
+    field: Any, x: FloatArray, rtol: float, changes: tuple[Change, ...] = ()
+) -> tuple[float | None, float]:
+    return shooting.near_return(OfMotion(field, x, max(rtol, _ROUGH), changes), x)
 
 
 def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> bool:
-    """Return whether f is the same a period later, at states of the motion."""
+    """Return whether f and changes are the same a period later, at states of the motion."""
     with np.errstate(all="ignore"):
         states = motion.states(x, period * _FRACTIONS)
     later = states + np.where(motion.drifts, period * motion.rate, 0.0)
-    rates = vector_field(field, states)
-    differ = abs(vector_field(field, later) - rates).max(axis=0)
-    return not (differ > _OF_FORCE * abs(rates).max(axis=0)).any()  # where there is a number
+    pairs = [tuple(vector_field(field, each).T for each in (states, later))]
+    pairs.append(tuple(motion.of_changes(each) for each in (states, later)))
+    now, then = (np.concatenate(each) for each in zip(*pairs, strict=True))
+    differ = abs(then - now).max(axis=1)
+    return not (differ > _OF_FORCE * abs(now).max(axis=1)).any()  # where there is a number
 
 
 def _of_map(

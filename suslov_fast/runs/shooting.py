@@ -21,11 +21,14 @@ from numpy.typing import NDArray
 
 from ..bodies.fields.general import with_changes
 from ..checks import FloatArray
+from ..core.lists.changes import Act
+from ..core.lists.step import evaluate
 from ..core.motion.engine import Settings
 from ..core.motion.rows import State
 from ..core.motion.stepping import Stepping
 from ..engine.motions import Asked, Found
 from ..engine.sensitivity import Columns, WithColumns
+from ..engine.status import Status
 from ..maps import Method
 from ..quantities.derivatives import jacobian, vector_field
 from .change import Change
@@ -47,7 +50,8 @@ _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
 _LEAST_SIZE = 2.0**-20  # of the largest size, in which residuals are measured
 _ROUNDING = 2.0**-49  # of T, which shows where states change fast
 _STRONG = 1e3  # weight of the equation that keeps the phase
-_LOOKS = 512  # states at which a motion with changes is looked at
+# States at which a motion with changes is looked at, and how often that time is doubled.
+_LOOKS, _DOUBLINGS = 512, 12
 _STEP = 1e-6  # of log T, for the difference quotient of a map
 _FAST = 10.0  # how much faster a start is than the state at which a search begins instead
 _AROUND = 1 / 16  # of the period before and after a state, in which it is the slowest
@@ -91,17 +95,20 @@ class OfMotion:
         self.keeps_phase = bool(changes)
         self.has_slow_parts = not changes
         self._stops = self._moving = self._listed = None
+        acts: tuple[Act, ...] = ()
         if changes:
             acts, self._stops = acts_of(field, changes), stops_of(changes, 1, ())
             self._moving = WithColumns(field.shape, with_changes(field, acts))
             self._listed = with_changes(field, acts, (), True)
-        (_, f, _), *_ = self._listed or field.listed_right_hand_sides
+        (_, f, table), *_ = self._listed or field.listed_right_hand_sides
         self.rate = vector_field(field, start)
         parts = f.changes.components if f.changes else ()
         changed = {i for own in parts for i in own}  # which do not only drift
         is_steady = np.isin(np.arange(f.D), [i for i in f.steady if i not in changed])
         self.drifts = is_steady & (self.rate != 0.0)
-        self.is_forced = bool({*f.clocks} - changed)
+        read = {i for act in acts for i in act.read()}
+        self.is_forced = bool(({*f.clocks} | read & {*np.flatnonzero(self.drifts)}) - changed)
+        self._acts, self._parameters = acts, table[0, : f.changes.P] if f.changes else ()
 
     def _solved(self, field: Any, x: FloatArray, times: FloatArray, settings: Settings) -> Found:
         return to_tolerance(field, x, (len(x),), Asked(times, 1, settings, stops=self._stops))
@@ -120,6 +127,19 @@ class OfMotion:
         moving = self._moving or self.field
         return self._solved(moving, x[np.newaxis], times, self.settings).states[:, 0]
 
+    def of_changes(self, states: FloatArray) -> FloatArray:
+        """Return the surfaces of changes, and the new components that do not drift, (-, n)."""
+        found = [np.empty((0, len(states)))]
+        for act in self._acts:
+            for list_ in filter(None, (act.surface, act.to)):
+                values = dict(enumerate([*states.T, *self._parameters]))
+                evaluate(list_.operations, values)
+                results = [a if isinstance(a, float) else values[a] for a in list_.results]
+                own = ~self.drifts if list_ is act.to else [True]
+                parts = [a for a, is_own in zip(results, own, strict=True) if is_own]
+                found.append(np.array(np.broadcast_arrays(*parts, states[:, 0]))[:-1])
+        return np.concatenate(found)
+
     def between_changes(self, x: FloatArray, T: float) -> FloatArray:
         """Return the state in the middle of the longest time without a change, in two periods.
 
@@ -136,16 +156,31 @@ class OfMotion:
         k = int((np.minimum(following, times + T) - times).argmax())
         end = min(following[k], times[k] + T)
         middle: FloatArray = self.states(x, np.array([0.5 * (times[k] + end)]))[0]
-        return middle
+        return middle if np.isfinite(middle).all() else x
+
+    def _two_changes(self, x: FloatArray, last: float) -> float:
+        """Return a time at most twice that of the second change, or the last one."""
+        end = last * 2.0**-_DOUBLINGS
+        while end < last:
+            found = self._solved(self._moving, x[np.newaxis], np.array([end]), self.settings)
+            if found.status[0] != Status.OK or len(np.unique(found.records.time)) > 1:
+                return end
+            end *= 2.0
+        return last
 
     def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield times and states (n, D) at the ends of steps; the first are the last of before.
 
-        With changes of the state they are those at equal times, all at once.
+        With changes of the state they are those at equal times, between times that double.
         """
         if self._moving is not None:
-            times = np.linspace(0.0, last, _LOOKS)
-            yield times, self.states(x, times)
+            end, begin = min(self._two_changes(x, last), last), 0.0
+            for _ in range(_DOUBLINGS):
+                times = np.linspace(begin, end, _LOOKS)
+                yield times, self.states(x, times)
+                if end >= last:
+                    return
+                begin, end = end, min(2.0 * end, last)
             return
         (_, f, table), *_ = self.field.right_hand_sides
         states, which = np.empty((1, 1, f.D)), np.zeros(1, np.int64)
@@ -407,8 +442,9 @@ def _passes(search: Shooting, start: FloatArray) -> bool:
 
 
 # ------------------------------------------------------------------------------------ near returns
-# Steps of the first look, and those of all looks; the longest time, in units of |x / f(x)|.
-_STEPS, _MOST, _LAST = 64, 2**14, 2.0**30
+# Steps of the first look, and those of all looks; the longest time, in units of |x / f(x)|, and
+# that with changes of the state.
+_STEPS, _MOST, _LAST, _LAST_WITH_CHANGES = 64, 2**14, 2.0**30, 2.0**11
 _INSIDE = np.arange(33) / 32  # parts of a step, where a return is looked for
 # Of the extent of an orbit: what is not looked at, what is near, and what is far from the start.
 _FAR, _NEAR, _AWAY = 1.0, 0.1, 0.5
@@ -426,7 +462,8 @@ def near_return(flow: OfMotion, start: FloatArray) -> tuple[float | None, float]
     fastest, size = float(abs(flow.rate[own]).max()), abs(start[own]).max()
     if fastest == 0.0:
         return None, 0.0
-    longest = _LAST * float(size or 1.0) / fastest
+    longest = _LAST_WITH_CHANGES if flow.keeps_phase else _LAST
+    longest *= float(size or 1.0) / fastest
     extent, last, until = np.zeros(own.sum()), 0.0, np.inf
     best: tuple[float, float | None] = _NEAR, None
     for times, states in flow.steps(start, longest):
@@ -435,11 +472,16 @@ def near_return(flow: OfMotion, start: FloatArray) -> tuple[float | None, float]
         extent = before[-1]
         scale = np.where(extent > 0.0, extent, 1.0)
         was_away = (before / scale).max(axis=1) > _AWAY
-        recedes = (ways / scale**2 * vector_field(flow.field, states)[:, own]).sum(axis=1) >= 0.0
-        near = np.sqrt(((ways / scale) ** 2).mean(axis=1)) < _FAR
+        distance = np.sqrt(((ways / scale) ** 2).mean(axis=1))
+        near = distance < _FAR
+        if flow.keeps_phase:  # a change may bring it back at once
+            recedes, more = np.append(np.diff(distance) >= 0.0, True), 2
+        else:
+            rates = vector_field(flow.field, states)[:, own]
+            recedes, more = (ways / scale**2 * rates).sum(axis=1) >= 0.0, 1
         returns = ~recedes[:-1] & recedes[1:] & (near[:-1] | near[1:]) & was_away[:-1]
         for k in np.flatnonzero(returns):
-            first, length = 0.0, times[k + 1] - times[k]
+            first, length = 0.0, times[min(k + more, len(times) - 1)] - times[k]
             for _ in range(2):  # closer around the nearest point
                 inside = first + length * _INSIDE
                 found = (flow.states(states[k], inside)[:, own] - start[own]) / scale

@@ -386,7 +386,7 @@ def test_a_dose_over_a_section_is_recorded():
     np.testing.assert_allclose(found.time, [0.0, 0.0, np.log(2), 2.0, 2.0], rtol=1e-9)
 
 
-@pytest.mark.parametrize(("start", "period"), [([0.0, 0.5], 1.0), ([0.3, 1.5], 1.1)])
+@pytest.mark.parametrize(("start", "period"), [([0.0, 0.5], 1.0), ([0.3, 1.5], None)])
 def test_spiking_cycles(start, period):
     f = Field.from_function(lambda x, I, a: (I - x[0], -a * x[1]), "v w", I=1.5, a=0.3)
     spike = Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1] + 0.5))
@@ -396,6 +396,86 @@ def test_spiking_cycles(start, period):
     np.testing.assert_allclose(orbit.multipliers, [1.0, np.exp(-0.3 * T)], rtol=1e-9)
     motion = flow(f, orbit.state, time=[T, 2 * T], changes=spike, rtol=1e-12)
     np.testing.assert_allclose(motion.x, [orbit.state] * 2, rtol=1e-9)
+
+
+def by_differences(field, orbit, changes):
+    """Return the multipliers, and 1 for a clock, by differences of motions, the largest first."""
+    near = 1e-6 * np.eye(len(orbit.state))
+    starts = orbit.state + np.array([near, -near])
+    above, below = flow(field, starts, time=orbit.period, changes=changes, rtol=1e-12).x[0]
+    return np.linalg.eigvals((above - below) / 2e-6)
+
+
+def test_the_simplest_walker():
+    """On a slope of .009: a stable walk, of the long period, with the state after a step."""
+
+    def legs(s):
+        theta, phi, u, v = s
+        pull = np.sin(theta - 0.009)
+        return u, v, pull, pull + np.sin(phi) * (u**2 - np.cos(theta - 0.009))
+
+    def step(s):
+        c = np.cos(2 * s[0])
+        return -s[0], -2 * s[0], c * s[2], c * (1 - c) * s[2]
+
+    field = Field.from_function(legs, "theta phi u v")
+    strike = Change(lambda s: s[1] - 2 * s[0], direction=1, to=step)
+    orbit = periodic_orbit(field, [0.2, 0.4, -0.2, -0.02], changes=strike)
+    found = flow(field, orbit.state, time=orbit.period, changes=strike).changes.states
+    np.testing.assert_allclose(found, [[0.2003, 0.4006, -0.1998, -0.0158]], atol=5e-5)
+    pair = -0.1900998 + np.array([0.5575988j, -0.5575988j])
+    np.testing.assert_allclose(orbit.multipliers, [1.0, *pair, 0.0], atol=1e-7)
+    right = by_differences(field, orbit, strike)
+    for multiplier in orbit.multipliers:
+        assert abs(right - multiplier).min() < 1e-7
+
+
+def test_a_ball_on_a_vibrating_table():
+    """It bounces once in a period at the phase p with A cos p = pi (1 - e)/(1 + e), g = 1."""
+    e, T = 0.5, 2 * np.pi
+    of_cos, of_sin = T / 2 * (1 - e) / (1 + e), 1.5 / (1 + e) ** 2
+    A, p = np.hypot(of_cos, of_sin), np.arctan2(of_sin, of_cos)
+    ball = Field.from_function(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
+    hit = Change(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
+                 to=lambda s, A: (s[0], -e * s[1] + (1 + e) * A * np.cos(s[2]), s[2]))  # fmt: skip
+    start = [A * np.sin(p) + T**2 / 8 + 0.01, 0.01, p + T / 2]
+    orbit = periodic_orbit(ball, start, T, changes=hit)
+    # Of multipliers m: m**2 - (1 + e**2 - (1 + e)**2 A sin p) m + e**2 = 0.
+    right = np.roots([1.0, -(1 + e**2 - 1.5), e**2])
+    np.testing.assert_allclose(
+        np.sort_complex(orbit.multipliers), np.sort_complex(right), rtol=1e-8
+    )
+    with pytest.raises(ValueError, match=r"^period must be given"):
+        periodic_orbit(ball, start, changes=hit)
+    with pytest.raises(ValueError, match=r"^period must be a time after which the force"):
+        periodic_orbit(ball, start, 1.1 * T, changes=hit)
+
+
+@pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+def test_balls_that_come_to_rest_on_a_vibrating_table():
+    """The height above it is rounding long before 12 bounces follow one another at once."""
+    ball = Field.from_function(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=[0.6, 1.0, 3.0])
+    hit = Change(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
+                 to=lambda s, A: (s[0], -0.5 * s[1] + 1.5 * A * np.cos(s[2]), s[2]))  # fmt: skip
+    motion = flow(ball, [5.0, 0.0, 0.0], time=100.0, changes=hit)
+    assert (motion.status == Status.ACCUMULATES).all()
+    assert motion.changes.count.max() < 200
+    changes, A = motion.changes, ball.parameters["A"]
+    speeds = changes.before[:, 1] - A[changes.trajectory] * np.cos(changes.time)
+    for k in range(3):  # pauses become shorter by the factor e until then
+        times = changes.time[(changes.trajectory == k) & (abs(speeds) > 1e-5)]
+        limit = times[-1] + np.diff(times)[-1]
+        assert abs(motion.end[k] - limit) < 1e-5
+
+
+def test_spikes_of_a_neuron_in_step_with_its_input():
+    neuron = Field.from_function(lambda x: (1.5 + 0.3 * np.cos(x[1]) - x[0], 1.0), "v t")
+    spike = Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1]))
+    orbit = periodic_orbit(neuron, [0.3, 0.0], 2 * np.pi, changes=spike)
+    own = flow(neuron, orbit.state, time=orbit.period, changes=spike).changes.time + orbit.state[1]
+    rates = 1.5 + 0.3 * np.cos(own)
+    right = np.exp(-2 * np.pi) * np.prod(rates / (rates - 1.0))
+    np.testing.assert_allclose(orbit.multipliers, [right], rtol=1e-7)
 
 
 def test_many_changes_at_time_0_fill_the_buffer_of_records():

@@ -32,10 +32,23 @@ class Act(NamedTuple):
     direction: int
     most: float
 
+    def read(self):
+        """Return the numbers of the first values on which the surface and new values depend."""
+        found = set() if self.surface is None else _operands(self.surface, self.surface.results)
+        if self.to is not None:
+            new = (a for i, a in enumerate(self.to.results) if type(a) is not int or a != i)
+            found |= _operands(self.to, new)
+        return found
+
     @staticmethod
     def list_of(values, results):
         """Return the `List` of operands that are values of `Expressions`, with a hash."""
         return List(tuple(needed_for(values.operations, results)), tuple(results))
+
+
+def _operands(list_, results):
+    """Return all operands that are read for results, and these."""
+    return {a for each in list_.operations for a in each[2]} | {*results}
 
 
 class Part(NamedTuple):

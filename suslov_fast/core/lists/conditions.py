@@ -55,7 +55,8 @@ def watch_of(f, kinds, jumps):
     at y, for a table its argument. `kinds` are those of `Conditions`, and `jumps` the number of
     surfaces where f jumps.
 
-    The last surfaces of f are those of changes, whose sides and levels, see `Rows`, follow y.
+    The last surfaces of f are those of changes, whose sides and levels, see `Rows`, follow y; with
+    both the last result is 1 where one of f is crossed.
     """
     D, choice_number = f.D, f.D + f.P - sum(map(choices_of, kinds))
     side, of_changes = 2 * D, f.changes.surfaces if f.changes else 0
@@ -108,7 +109,8 @@ def watch_of(f, kinds, jumps):
         return functools.reduce(lambda a, b: a | b, truths).select(1.0, 0.0).number
 
     of_kinks = now[len(now) - (len(kinds) - jumps) :]
-    results = [_operand(part), some(changes), some(changes[:jumps]), *of_kinks]
+    of_conditions = [some(changes[: len(kinds)])] if of_changes and kinds else []
+    results = [_operand(part), some(changes), some(changes[:jumps]), *of_kinks, *of_conditions]
     return List(needed_for(values.operations, results), results)
 
 

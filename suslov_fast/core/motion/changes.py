@@ -9,7 +9,7 @@ step.
 import numpy as np
 
 from ..code.text import Carried, Integers, Shared
-from . import choosing, rules
+from . import choosing, rules, surfaces
 from .records import record
 from .rows import OF_CHANGES, State
 from .scope import Lines
@@ -63,10 +63,7 @@ def _is_there(lines):
 
 def _look(lines):
     """Find the values of surfaces at the new state, and their rates."""
-    work, D = lines.work, lines.half.block.D
-    lines.text.copy(work.new, work.pair, D)
-    lines.text.copy(work.f_new, work.pair.after(D), D)
-    lines.call("toward", work.pair, lines.table, work.toward)
+    surfaces.look_at_changes(lines, lines.work.new, lines.work.f_new, lines.work.toward)
 
 
 def _change(lines):
@@ -232,6 +229,7 @@ def _go_on(lines, is_at_stop):
         sums.update(lines.apply(rules.BEGIN_COMPONENT, i, **inputs, **vars(sums)))
     endless = (work.noted[0] >= rules.MOST_AT_ONCE).select(1.0, 0.0)
     inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless}
+    inputs["since"] = work.aim[1]
     if conditions and conditions.jumps:
         is_changed = (inputs["number"] > 0.0) & lines.line.state[0].equals(lines.mode)
         work.jumped.choose(is_changed, 0, 1.0)

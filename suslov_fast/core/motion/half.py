@@ -130,10 +130,11 @@ class Half:
     def _sizes_of_changes(self):
         """Return how many rows of `Work` changes need, from `sides` to `tau`."""
         if not self.changes:
-            return [0] * 13
+            return [0] * 15
         D, surfaces = self.block.D, self.changes.surfaces
         sections, whole = self.changes.sections, self.f.D
-        return [2 * surfaces, whole, whole, whole, 4 * D + 1, 2 * surfaces, surfaces, 1,
+        return [2 * surfaces, whole, whole, whole, 4 * D + 1, 2 * surfaces, 2 * surfaces, 3,
+                surfaces, 1,
                 (rules.SECTION_PARTS + 1) * sections, 2 * sections, 1, 1, whole // D]  # fmt: skip
 
     def _add_implicit(self):

@@ -140,12 +140,14 @@ class Work(NamedTuple):
     jumped: int  # 1 where f may have jumped there
     between: int  # two states, between which surfaces are crossed or not (2 watched)
     sides: int  # what `Rows.side` holds (2 surfaces)
-    seen: int  # what `watch` finds there (3 + kinks)
+    seen: int  # what `watch` finds there (4 + kinks)
     changed: int  # what functions of changes return (D)
     before: int  # the state before a change (D)
     f_before: int  # f there (D)
     pair: int  # a state and f there, and what columns need beside them (4 D + 1)
     toward: int  # surfaces of changes at that state, and their rates (2 surfaces)
+    ahead: int  # the same at the end of a part of a step (2 surfaces)
+    aim: int  # where surfaces of changes are crossed, see `surfaces` (3)
     fired: int  # 1 where the change at a surface acts at this instant (surfaces)
     noted: int  # number of changes at surfaces at this instant, if there are changes
     chooses: int  # 1 where choices are made anew
@@ -175,8 +177,8 @@ def work_of(
     extended = D + denominators
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
              nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 2, 1, 1, 1,
-             2 * watched, of_changes[0], 3 + kinks, *of_changes[1:8], *of_choices,
-             *of_changes[8:], scratch]  # fmt: skip
+             2 * watched, of_changes[0], 4 + kinks, *of_changes[1:10], *of_choices,
+             *of_changes[10:], scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

@@ -46,7 +46,9 @@ whose end none is crossed, and `outer`. Points inside a step are rough, so the f
 of the part. The next ones are where a straight line between states at both sides crosses the
 surface. If it is always the same side that comes nearer, the other one counts half, a quarter, ...
 (the rule of Illinois); after ROUNDS it is the middle. Once both lengths differ by less than PLACE
-of the time, the step of length `outer` is taken.
+of the time, the step of length `outer` is taken. Towards surfaces of changes Newton's method leads,
+by values and rates at the ends of these steps (`AIM`), and a motion that starts on one, as a ball
+after a bounce, comes back where a parabola does (`START`).
 
 Each rule below is a list of operations on the numbers of one lane.
 """
@@ -78,6 +80,7 @@ PARTS = 4
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
+ON = 2.0**-8  # part of its value at the end of a part, by which a start on a surface is beside it
 # Largest sum that vanishes on true steps, beside the allowed error, and the next length after a
 # step that it refuses. With 30 some true steps are refused, with 100 more false ones are taken.
 MOST_APART, OF_APART = 50.0, 0.5
@@ -112,11 +115,12 @@ class Rule(NamedTuple):
     results: dict
 
 
-def _rule(function):
-    """Return the rule that a function of `Number` describes."""
-    inputs = [*inspect.signature(function).parameters]
+def _rule(function, *others):
+    """Return the rule that a function of `Number` describes, with others of its inputs."""
+    parameters = inspect.signature(function).parameters.values()
+    inputs = [each.name for each in parameters if each.default is each.empty or each.name in others]
     values = Values(len(inputs), ())
-    found = function(*(Number(values.emit, k) for k in range(len(inputs))))
+    found = function(**{name: Number(values.emit, k) for k, name in enumerate(inputs)})
     results = {name: a.number if isinstance(a, Number) else a for name, a in found.items()}
     return Rule(inputs, values.operations, results)
 
@@ -465,21 +469,25 @@ def LOOK(crossed, place, end, part, crosses, u, taken, inner):
     }
 
 
-@_rule
-def CUT(
+def _cut(
     before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
     crosses, jumps, whole_part, part, inner, outer, weight, rounds, whole, mode, most, last,
+    aim=None, since=None, is_smooth=None,
 ):  # fmt: skip
     """A step that crosses a surface: is it taken, and how long is the next one?
 
     A straight line to the end of this step crosses the surface at `whole_part`, one from there to
-    the state at `outer` at `part`. A step aside on the way to a surface counts as all others.
+    the state at `outer` at `part`. A step aside on the way to a surface counts as all others. Of
+    surfaces of changes `AIM` says how long the step would be that ends there, and the longest time
+    since which one is crossed; `is_smooth` says that there are no others: then `place` is a guess.
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last
     seen = is_near.select(crosses, crossed) > 0.0
     seen = seen & (taken > 0.0) & (total < inf)
     is_last = is_near & (taken - inner <= sought)
+    if aim is not None:
+        is_last = is_last | (is_near & (since <= sought))
     cut = seen & (is_last.select(0.0, 1.0) > 0.0)
     is_right = seen.select(0.0, accepted + served) > 0.0
     holds = is_near & is_right & (taken < larger(outer, 0.25 * whole))
@@ -497,8 +505,15 @@ def CUT(
     of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
     a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
     guess = inner_now + width * (rounds > ROUNDS).select(0.5, a / (a + b))
+    is_rough = (end < 1.0) & (is_near.select(0.0, 1.0) > 0.0)
+    if aim is not None:
+        has_aim = is_near & (aim > inner_now) & (aim < outer_now) & (rounds <= ROUNDS)
+        guess = has_aim.select(aim + 0.5 * sought, guess)
+        is_first = (is_smooth > 0.0) & (is_near.select(0.0, 1.0) > 0.0)
+        guess = is_first.select(place * taken, guess)
+        is_rough = is_first.select(0.0, is_rough.select(1.0, 0.0)) > 0.0
     guess = smaller(larger(guess, inner_now + 0.75 * sought), outer_now - 0.75 * sought)
-    is_rough = misses | ((end < 1.0) & (is_near.select(0.0, 1.0) > 0.0))
+    is_rough = is_rough | misses
     guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
     of_hold = holds.select(-of_outer, forgets.select(0.0, weight))
     running = (tries > most).select(float(State.TOO_MANY), mode)
@@ -521,6 +536,40 @@ def CUT(
         "at_surface": (moved & seen).select(1.0, 0.0),
         "jumped": jumped.select(1.0, 0.0),
     }
+
+
+CUT, CUT_WITH_AIM = _rule(_cut), _rule(_cut, "aim", "since", "is_smooth")
+
+
+@_rule
+def AIM(value, rate, side, level, taken, aim, since, sign):
+    """The least length of a step that ends on a surface, by value and rate at the end of this one.
+
+    `since` is the longest time since which one is crossed, as far as its rate tells.
+    """
+    own, ahead = value - level, sign * rate
+    is_crossed = (own >= 0.0) ^ (side > 0.5)
+    leads = (side > 0.5).select(-ahead, ahead) > 0.0
+    left = -own / ahead
+    since_own = leads.select(-left, inf)
+    return {
+        "aim": smaller(leads.select(taken + left, inf), aim),
+        "since": is_crossed.select(larger(since, since_own), since),
+    }
+
+
+@_rule
+def START(value, rate, side, level, ahead, end, taken, first, sign):
+    """Where a motion that starts on a surface comes back to it, in the first part of a step.
+
+    It is where a parabola with this rate at the start, and the value `ahead` at the end of the
+    part, crosses the surface.
+    """
+    a, b, of_rate = value - level, ahead - level, sign * rate * (end * taken)
+    is_above = side > 0.5
+    leads = is_above.select(of_rate, -of_rate) > 0.0
+    is_on = ((b >= 0.0) ^ is_above) & leads & (abs(a) <= ON * abs(b)) & (end <= 1.0 / PARTS)
+    return {"first": smaller(is_on.select(end * (of_rate / (of_rate - b)), inf), first)}
 
 
 # ------------------------------------------------------------------------ choices that f makes
@@ -782,17 +831,19 @@ def AFTER_OWN(value, rate, before, up, by_motion, sign):
 @_rule
 def CHANGED_STATE(
     size, rate, total, number, endless, t, wanted, longer, state, stiff, easy, tries, at, often,
-    pause, part, last, longest,
+    pause, since, part, last, longest,
 ):  # fmt: skip
     """The next length after changes of the state, which is that of a first step if that is more.
 
-    Where changes accumulate, their limit follows from the last three times as by Aitken.
+    Where changes accumulate, their limit follows from the last three times as by Aitken. A surface
+    that has been crossed for longer than since the last change, as far as its rate tells, shows
+    that its value is rounding by now.
     """
     is_changed = number > 0.0
     guess = (size > 0.0).select(part * (size / rate), 0.0)
     guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), wanted), last), longest)
     own = t - at
-    is_at_once = own <= AT_ONCE * larger(t, wanted)
+    is_at_once = (own <= AT_ONCE * larger(t, wanted)) | (since > own)
     limit = smaller(t + (pause > own).select(own * own / (pause - own), 0.0), last)
     often_now = is_at_once.select(often + 1.0, 0.0)
     piles_up = ((often_now >= CHANGES_AT_ONCE) & (state < State.DONE)) | (endless > 0.0)

@@ -10,6 +10,7 @@ again, shorter, until it ends just beyond (`rules.CUT`).
 
 import numpy as np
 
+from ..code.text import Carried
 from . import rules
 
 
@@ -51,11 +52,59 @@ def cut(lines, before, total):
     text.copy(x, pair, watched)
     text.copy(new, point, watched)
     inputs |= look("whole_part", "crosses", "jumps")
-    found = lines.apply(rules.CUT, **inputs)
+    rule = rules.CUT
+    if lines.half.changes and lines.half.changes.surfaces:
+        rule, inputs = rules.CUT_WITH_AIM, inputs | _aim(lines, inputs, is_far)
+    found = lines.apply(rule, **inputs)
     keep_far(found.pop("beyond") > 0.0)
     own = "at_surface", "jumped", "accepted", "served"
     lines.keep(work, {name: found.pop(name) for name in own})
     lines.keep(line, found)
+
+
+def look_at_changes(lines, x, f, to):
+    """Find the values of surfaces of changes at a state, and their rates."""
+    pair, D = lines.work.pair, lines.half.block.D
+    lines.text.copy(x, pair, D)
+    lines.text.copy(f, pair.after(D), D)
+    lines.call("toward", pair, lines.table, to)
+
+
+def _aim(lines, inputs, is_far):
+    """Return where surfaces of changes are crossed, for `rules.CUT_WITH_AIM`.
+
+    `is_far` is true in lanes that were not looking for a surface before this step.
+    """
+    text, line, work, count = lines.text, lines.line, lines.work, lines.half.changes.surfaces
+    conditions, place = lines.f.conditions, inputs["place"]
+    for k, value in enumerate((np.inf, 0.0, place)):
+        work.aim.put_chosen(k, value)
+
+    def of(k, values):
+        own = {"value": values[2 * k], "rate": values.after(1)[2 * k], "taken": inputs["taken"]}
+        return own | {"side": line.side[2 * k], "level": line.side.after(1)[2 * k]}
+
+    is_first = is_far & (inputs["crossed"] > 0.0)
+    with text.when((~is_far | is_first).any(), likely=False):
+        look_at_changes(lines, work.new, work.f_new, work.toward)
+        sums = Carried(aim=np.inf, since=0.0)
+        for k in text.each(count, sums):
+            sums.update(lines.apply(rules.AIM, **of(k, work.toward), **vars(sums)))
+        work.aim[0], work.aim[1] = sums.aim, sums.since
+        with text.when(is_first.any()):
+            look_at_changes(lines, line.x, line.f, work.toward)
+            look_at_changes(lines, line.far, line.f, work.ahead)
+            sums = Carried(first=np.inf)
+            for k in text.each(count, sums):
+                own = of(k, work.toward) | {"ahead": work.ahead[2 * k], "end": inputs["end"]}
+                sums.update(lines.apply(rules.START, **own, **vars(sums)))
+            work.aim[2] = (sums.first < np.inf).select(sums.first, place)
+    aim, since, place = (work.aim[k] for k in range(3))
+    if conditions:  # whose surfaces may be crossed, too
+        others = work.seen[3 + len(lines.half.kinks)]
+        since = (others > 0.0).select(np.inf, since)
+    is_smooth = text.value(0.0 if conditions else 1.0)
+    return {"aim": aim, "since": since, "place": place, "is_smooth": is_smooth}
 
 
 def put_point(lines, u, to):

@@ -98,9 +98,10 @@ def _sparse_factors(function: functions.SparseFactors, rows):
         given = slice(own.entries, after.entries)
         w[plan.rows[given]] = 0.0 - s * entries[plan.numbers[given]]
         w[j] = 1.0 + w[j]
-        for k in plan.pivots[own.pivots : after.pivots]:
-            (below, numbers), _ = parts(k)
-            w[below] = w[below] - factors[numbers] * w[k]
+        for pivot in plan.pivots[own.pivots : after.pivots]:
+            for k in range(pivot // 2, pivot // 2 + pivot % 2 + 1):
+                (below, numbers), _ = parts(k)
+                w[below] = w[below] - factors[numbers] * w[k]
         factors[j] = 1.0 / w[j]
         factors[of_upper], factors[of_lower] = w[upper] * factors[upper], w[lower] * factors[j]
     return factors

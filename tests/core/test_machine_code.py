@@ -18,6 +18,7 @@ from suslov_fast.core.fields import (
     driver,
     few_orbits,
     long_tangent,
+    stage_by_columns,
     steps as steps_field,
     tangent,
 )
@@ -171,8 +172,12 @@ def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
 
 
 @pytest.mark.slow
-def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
-    """Loops eliminate the whole matrix: within rounding of a plan."""
+@pytest.mark.parametrize(
+    ("by_columns", "text"),
+    [(0.0, driver.text_of_called_steps), (np.inf, stage_by_columns.text_of_stage_by_columns)],
+)
+def test_fields_of_which_loops_take_elimination(rng, monkeypatch, anew, by_columns, text):
+    """Of the whole matrix, or by columns: within rounding of a list."""
     x0 = rng.normal(size=(9, 3))
     populations = abs(rng.normal(size=(9, 5))) * np.geomspace(0.1, 30.0, 9)[:, None]
     populations[4] = np.nan
@@ -208,14 +213,16 @@ def test_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
         ]
 
     planned = found()
-    monkeypatch.setattr("suslov_fast.core.lists.sizes.PRODUCTS", -1)
+    for name, size in (("BY_COLUMNS", by_columns), ("PRODUCTS", -1), ("OF_LATTICE", -1)):
+        monkeypatch.setattr(f"suslov_fast.core.lists.sizes.{name}", size)
+    monkeypatch.setattr("suslov_fast.core.lists.sizes.OF_CHAIN", -1)
     forget(monkeypatch)
     field = sf.QuadraticField.from_function(of_a, 3, a=1)
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
     made = {key[0] for key, _ in machine_code.known_codes}  # which take no plan
-    assert made <= {"orthonormalise", driver.text_of_called_steps}
+    assert made <= {"orthonormalise", driver.text_of_called_steps, text}
 
 
 def test_old_codes_are_freed(monkeypatch, anew):

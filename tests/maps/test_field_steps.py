@@ -9,6 +9,8 @@ from functools import partial
 import naive
 import numpy as np
 import pytest
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import spsolve
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
@@ -349,3 +351,52 @@ def test_a_pivot_of_parameters_alone_may_be_0():
     with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
         assert np.isnan(sf.lyapunov_exponents(field, [1.0, 0.5], 2.0, 3)).all()
     assert system(field, 2.0).dimension == 2
+
+
+def test_steps_of_a_lattice(rng):
+    """Of 20 x 20, beside SciPy's sparse solver: reaction, diffusion, advection, a source."""
+    n = 20
+    cells = np.arange(n * n).reshape(n, n)
+    east, west, north, south = (
+        np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)
+    )
+
+    def lattice(u, k):
+        flow = u[west] * (u[east] - u[north])
+        return (
+            0.1 + k * u * (1 - u) + 0.3 * (u[east] + u[west] + u[north] + u[south] - 4 * u) + flow
+        )
+
+    field, x = of_function(lattice, n * n, k=0.8), rng.uniform(0.2, 1.0, (3, n * n))
+    step = steps_field.scheme_of(field.terms[0], n * n).step
+    assert step.by_columns is not None
+    for eps in (0.1, -0.3, 1.5):
+        found = sf.step(field, x, eps)
+        for k in (0, 2):
+            np.testing.assert_array_equal(found[k], sf.step(field, x[k], eps))
+            slope = csc_array(np.eye(n * n) - 0.5 * eps * field.jacobian(x[k]))
+            increment = eps * spsolve(slope, sf.vector_field(field, x[k]))
+            np.testing.assert_allclose(found[k], x[k] + increment, rtol=0.0, atol=2e-13)
+    order = rng.permutation(n * n)
+    place = np.argsort(order)
+    renamed = of_function(lambda u, k: lattice(u[place], k)[order], n * n, k=0.8)
+    np.testing.assert_allclose(
+        sf.step(renamed, x[0, order], 0.1), sf.step(field, x[0], 0.1)[order], rtol=1e-13
+    )
+
+
+def test_steps_of_a_linear_lattice_whose_increments_cancel_the_state(rng):
+    """Such a step solves for the next state; elimination is the same in all steps."""
+    n, eps, c = 30, 0.5, 1e-6
+    cells = np.arange(n * n).reshape(n, n)
+    near = [np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
+    field = of_function(lambda u: c * sum(u[each] for each in near) - 2 / eps * u, n * n)
+    assert steps_field.scheme_of(field.terms[0], n * n).step.by_columns.is_constant
+    sums = csc_array((np.ones(4 * n * n), (np.tile(cells.ravel(), 4), np.concatenate(near))))
+    x = rng.uniform(1.0, 2.0, (3, n * n))
+    run, half = sf.iterate(field, x, eps, 3), 0.5 * eps * c * sums
+    for before, after in zip(run.x, run.x[1:], strict=False):
+        exact = spsolve(csc_array(2 * np.eye(n * n)) - half, half @ before.T).T
+        most = 1e-15 * abs(before).max()
+        np.testing.assert_allclose(after, exact, rtol=1e-13, atol=most)
+    np.testing.assert_array_equal(sf.iterate(field, x[1], eps, 3).x, run.x[:, 1])

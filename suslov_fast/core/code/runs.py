@@ -316,25 +316,26 @@ def program_of(rows, table, operations, results):
 
 
 class Programs:
-    """The programs of a step: for all states, and for states where `good` is false.
+    """The programs of a step: `usual`, and `rare` for states where `good` is false, a list each.
 
     Each has numbers of its own. The second one is made when a state first needs it.
     """
 
     def __init__(self, step):
         self._step = step
-        self.usual = Program(step.D, step.usual, [*step.after, step.good], Numbers(step.places))
+        results = [*step.after, step.good]
+        self.usual = [Program(step.D, step.usual, results, Numbers(step.places))]
 
     @functools.cached_property
     def rare(self):
-        """The program of the values `after_rare`, `good`, `accurate`, `negative` and `changed`.
+        """That of the values `after_rare`, `good`, `accurate`, `negative` and `changed`.
 
         The last one is missing where it is None.
         """
         step = self._step
         results = [*step.after_rare, step.good, step.accurate, step.negative]
         results += [] if step.changed is None else [step.changed]
-        return Program(step.D, [*step.usual, *step.rare], results, Numbers(step.places))
+        return [Program(step.D, [*step.usual, *step.rare], results, Numbers(step.places))]
 
 
 @functools.lru_cache(8)

@@ -36,7 +36,7 @@ def lengths_of(plan):
     return len(plan.order), len(plan.rows), len(plan.lower), len(plan.upper)
 
 
-def _number(text, address, k):
+def number_at(text, address, k):
     """Return the k-th integer of 4 bytes from an address on."""
     number = text.load("i32", address + k * 4, 4)
     return Index(text, text.new(f"zext i32 {number} to i64"))
@@ -64,7 +64,7 @@ def _along(text, of, begin, end, rows, numbers=0):
     inner, size = Code(max(text.W, AT_ONCE), text), text.size
     with text.when(begin < end):
         for now in text.rounds(Carried(span=begin, number=numbers)):
-            first, count = (_number(text, of.spans, now.span * 2 + k) for k in range(2))
+            first, count = (number_at(text, of.spans, now.span * 2 + k) for k in range(2))
             first, rest = rows + first * size, 0
             if text.W == 1:
                 rest = count - (count & (AT_ONCE - 1))
@@ -100,18 +100,33 @@ def add_factors(text, name, arrays_of):
                 inner.array(row)[0] = 0.0
             w[j] = 0.0
             for n in _between(text, own.entries, after.entries):
-                product = s * entries[_number(text, of.numbers, n)]
-                w[_number(text, of.rows, n)] = 0.0 - product
+                product = s * entries[number_at(text, of.numbers, n)]
+                w[number_at(text, of.rows, n)] = 0.0 - product
             w[j] = 1.0 + w[j]
             for n in _between(text, own.pivots, after.pivots):
-                k = _number(text, of.pivots, n)
+                pivot = number_at(text, of.pivots, n)
+                is_single = (pivot & 1).equals(0)
+                k = pivot >> 1
                 (column, following), factor = _head(text, of, k), _for_rows(text, w[k])
                 numbers = lower + column.of_lower * size
-                for inner, row, number in _along(
-                    text, of, column.lower, following.spans, w.at(), numbers
-                ):
-                    product = inner.array(number)[0] * factor[inner.W]
-                    inner.array(row)[0] = inner.array(row)[0] - product
+                with text.when(is_single):
+                    for inner, row, number in _along(
+                        text, of, column.lower, following.spans, w.at(), numbers
+                    ):
+                        product = inner.array(number)[0] * factor[inner.W]
+                        inner.array(row)[0] = inner.array(row)[0] - product
+                with text.when(~is_single):
+                    w[k + 1] = second = w[k + 1] - text.array(numbers)[0] * factor[text.W]
+                    second, numbers = _for_rows(text, second), numbers + column.skipped * size
+                    own_numbers = lower + following.of_lower * size
+                    apart = numbers - own_numbers
+                    _, last = _head(text, of, k + 1)
+                    for inner, row, number in _along(
+                        text, of, following.lower, last.spans, w.at(), own_numbers
+                    ):
+                        product = inner.array(number + apart)[0] * factor[inner.W]
+                        other = inner.array(number)[0] * second[inner.W]
+                        inner.array(row)[0] = inner.array(row)[0] - product - other
             inverses[j] = inverse = 1.0 / w[j]
             inverse = _for_rows(text, inverse)
             numbers, apart = upper + own.of_upper * size, inverses.at() - w.at()
@@ -130,14 +145,14 @@ def add_solution(text, name, arrays_of):
         upper = lower.from_here(of.of_lower)
 
         def subtract(numbers, places, n):
-            row, column = (_number(text, places, n * 2 + k) for k in range(2))
+            row, column = (number_at(text, places, n * 2 + k) for k in range(2))
             product = numbers[n] * v[column]
             v[row] = v[row] - product
 
         for n in _between(text, 0, of.of_lower):
             subtract(lower, of.lower, n)
         for k in text.each(of.D):
-            own = _number(text, of.order, k)
+            own = number_at(text, of.order, k)
             v[own] = v[own] * inverses[k]
         for n in _between(text, 0, of.of_upper):
             subtract(upper, of.upper, (of.of_upper - 1) - n)

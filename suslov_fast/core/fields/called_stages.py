@@ -1,4 +1,4 @@
-"""Stages that the driver calls: those of long lists, by runs, and of dense fields, by loops.
+"""Stages that the driver calls: of long lists, by runs; of lattices; of dense fields, by loops.
 
 Each has the address of its code and of its plan, and makes the tables of a line. `prepare` makes
 what the code lacked where it stopped.
@@ -6,10 +6,19 @@ what the code lacked where it stopped.
 
 import numpy as np
 
+from ..code.compiler import code_of
 from ..code.runs import programs_of
-from ..code.runs_code import SLOT, StagePlan, stage_by_runs
+from ..code.runs_code import ANY, SLOT, StagePlan, stage_by_runs
+from ..code.sparse_code import ARRAYS, lengths_of
 from .dense import DenseStage, memory_of_stage, spans_of, take_dense_stage
 from .lines import zeros
+from .stage_by_columns import (
+    OF_PROGRAM,
+    SLOT as COLUMNS,
+    ColumnsPlan,
+    parts_of,
+    text_of_stage_by_columns,
+)
 from .stages import distinct
 
 
@@ -33,38 +42,76 @@ class StageByRuns(CalledStage):
     def __init__(self, lines):
         super().__init__(lines)
         step = lines.scheme.step
-        self.code, self.line = stage_by_runs(lines.W, lines.for_each), 0
+        self.code = stage_by_runs(lines.W, lines.for_each)
         self.own = np.zeros(len(StagePlan._fields), np.int64)
         self.own[SLOT.D], self.own[SLOT.changed] = step.D, 2 if step.changed is None else 3
-        self.all = programs_of(step)  # kept here, because `programs_of` may forget them
-        self.programs = [self.all.usual]
+        self.begin(programs_of(step), SLOT, SLOT.heads)
+
+    def begin(self, programs, slots, first):
+        """Begin with the usual programs, whose addresses stand in the plan from a place on."""
+        self.all = programs  # kept here, because a cache may forget them
+        self.programs, self.slots, self.first = programs.usual, slots, first
         self.point()
 
     def point(self):
         """Write the addresses of the programs that there are, and of rows for each."""
         self.rows = zeros(max(program.rows for program in self.programs), self.lines.W)
-        self.own[SLOT.rows] = self.rows.ctypes.data
-        for first, program in zip((SLOT.heads, SLOT.rare_heads), self.programs, strict=False):
+        self.own[self.slots.rows], first = self.rows.ctypes.data, self.first
+        for program in self.programs:
             heads, places = program.runs
             addresses = heads.ctypes.data, places.ctypes.data, len(heads)
-            self.own[first : first + 4] = *addresses, program.results.ctypes.data  # as `StagePlan`
+            self.own[first : first + 4] = *addresses, program.results.ctypes.data
+            first += 4
 
     def prepare(self):
-        """Make the second program."""
-        self.programs.append(self.all.rare)
-        self.own[SLOT.is_rare] = 1
+        """Make the other programs."""
+        self.programs = [*self.programs, *self.all.rare]
+        self.own[self.slots.is_rare] = 1
         self.point()
         self.tables_of(self.line)
 
     def tables_of(self, line):
         """Make the tables of a line."""
-        self.line, programs = line, self.programs
-        tables = [of_fraction[line] for of_fraction in self.lines.table]
-        self.tables = [[each.numbers.of(table) for each in programs] for table in tables]
-        self.pairs = np.zeros((len(tables), 2), np.int64)
-        for pair, of_fraction in zip(self.pairs, self.tables, strict=True):
-            pair[: len(programs)] = [table.ctypes.data for table in of_fraction]
-        self.place(self.pairs.ctypes.data + self.pairs.strides[0] * np.arange(len(tables)))
+        self.line = line
+        self.tables = [
+            [each.numbers.of(table[line][: each.numbers.in_table]) for each in self.programs]
+            for table in self.lines.table
+        ]
+        self.addresses = np.array([[own.ctypes.data for own in each] for each in self.tables])
+        rows = self.addresses.strides[0] * np.arange(len(self.tables))
+        self.place(self.addresses.ctypes.data + rows)
+
+
+class StageByColumns(StageByRuns):
+    """The stage of a lattice, with elimination by columns between its programs."""
+
+    def __init__(self, lines):
+        CalledStage.__init__(self, lines)
+        step, W = lines.scheme.step.by_columns, lines.W
+        D, sparse, count = step.D, step.sparse, len(step.entries)
+        self.code = code_of(text_of_stage_by_columns, ANY, W, lines.for_each)
+        memory = zeros(count + 1, W), zeros(D + sparse.size, W), zeros(D, W), step.on_diagonal
+        memory[0][count] = 1.0
+        self.memory = [*zeros(5, D, W), *memory, *(getattr(sparse, key) for key in ARRAYS)]
+        addresses = [array.ctypes.data for array in self.memory]
+        place = 5 + len(memory)
+        numbers = ColumnsPlan(
+            *addresses[:place],
+            changed=1 if step.changed is None else 2,
+            is_constant=step.is_constant,
+            rows=0,
+            is_rare=0,
+            factorized=0,
+        )
+        programs = [0] * (4 * OF_PROGRAM)
+        numbers = [*numbers, *lengths_of(sparse), *addresses[place:], *programs]
+        self.own = np.array(numbers, np.int64)
+        self.begin(parts_of(step), COLUMNS, len(numbers) - len(programs))
+
+    def tables_of(self, line):
+        """Make the tables of a line."""
+        super().tables_of(line)
+        self.own[COLUMNS.factorized] = 0
 
 
 class StageByLoops(CalledStage):
@@ -98,5 +145,7 @@ class StageByLoops(CalledStage):
 
 
 def called_stage_of(lines):
-    """Return the stage of a long list or of a dense field."""
-    return StageByRuns(lines) if lines.scheme.step.usual else StageByLoops(lines)
+    """Return the stage of a long list, of a lattice or of a dense field."""
+    step = lines.scheme.step
+    kind = StageByRuns if step.usual else StageByColumns if step.by_columns else StageByLoops
+    return kind(lines)

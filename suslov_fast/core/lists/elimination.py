@@ -9,7 +9,7 @@ A small pivot shows as a value that is not finite, or as an error of the step, w
 
 from collections import defaultdict
 
-from .planned_elimination import elimination_order, filled
+from .planned_elimination import before_and_after
 from .right_hand_side import List, needed_for
 from .step import Values
 
@@ -20,15 +20,17 @@ class Elimination:
     factors   `List` of the entries of J (in the order of the pattern) and of s; the results are
               inverses of pivots, l_ik and a_kj
     solution  `List` of these results and of g (D); the results are v (D)
+
+    `fill` is what `filled` returns for this order.
     """
 
-    def __init__(self, pattern, D):
+    def __init__(self, pattern, order, fill):
+        D = len(order)
         entries = {place: number for number, place in enumerate(pattern)}
         count = len(entries)
         values, s = Values(count + 1 + D, ()), count
         right = {i: count + 1 + i for i in range(D)}
-        order = elimination_order(pattern, D)
-        before, after = filled({*pattern, *((i, i) for i in range(D))}, order)
+        before, after = before_and_after(order, fill)
         below = defaultdict(list)
         for i in order:
             for k in before[i]:
@@ -79,3 +81,12 @@ class Elimination:
             operands = tuple(renamed[a] for a in operands)
             operations.append((instruction, renamed[number], operands))
         self.solution = List(operations, [renamed[right[i]] for i in range(D)])
+
+
+def operations_of(fill):
+    """Return about how many operations the list of factors has."""
+    count = 0
+    for k, (row, column) in enumerate(zip(*fill, strict=True)):
+        later, below = (row >> (k + 1)).bit_count(), (column >> (k + 1)).bit_count()
+        count += 2 * (later * below + later + below)
+    return count

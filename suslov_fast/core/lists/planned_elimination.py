@@ -83,6 +83,15 @@ class Matrix:
                 products.append((self.linear[i, j], self.x[j]))
         return self.values.total(self.constant.get(i), products)
 
+    def linear_part(self, i):
+        """Return the products whose sum is h (l x + 2 c)_i, with the linear part l of f."""
+        products = [
+            (self.linear[i, j], self.x[j]) for j in sorted(self.columns[i]) if (i, j) in self.linear
+        ]
+        if i in self.constant:
+            products.append((2.0, self.constant[i]))
+        return products
+
 
 class Factors:
     """The factors of 1 - N: pivots, their inverses, multipliers and the upper triangle of N.
@@ -99,7 +108,7 @@ class Factors:
         self.order, self.values = order, matrix.values
         self.diagonal, self.original, self.pivot, self.inverse = {}, {}, {}, {}
         self.lower, self.upper = {}, {}
-        self.before, self.after = fill
+        self.fill, (self.before, self.after) = fill, before_and_after(order, fill)
         below = defaultdict(list)
         for i in order:
             for k in self.before[i]:
@@ -184,6 +193,14 @@ class Factors:
         return 1.0 if len(self.pivot) < len(self.order) else np.inf
 
 
+class Given(Factors):
+    """Factors of which loops find the pivots; these and entries of the diagonal are values."""
+
+    def __init__(self, values, pivot, original):
+        self.values, self.order, self.pivot, self.original = values, [*pivot], pivot, original
+        self.diagonal = dict.fromkeys(pivot)
+
+
 def elimination_order(pattern, D):
     """Return an order of pivots with little fill-in: the next pivot always has the least degree.
 
@@ -236,24 +253,31 @@ def bits_of(number):
 
 
 def filled(pattern, order):
-    """Return, for each row, the columns of earlier and of later pivots after elimination."""
-    place = {k: n for n, k in enumerate(order)}
-    rows, columns = defaultdict(set), defaultdict(set)
+    """Return the sets of columns of rows, and of rows of columns, after elimination.
+
+    Rows and columns are places in the order of pivots, and sets are the bits of integers.
+    """
+    place, D = {k: n for n, k in enumerate(order)}, len(order)
+    rows, columns = [0] * D, [0] * D
     for i, j in pattern:
-        rows[i].add(j)
-        columns[j].add(i)
-    for k in order:
-        later = [j for j in rows[k] if place[j] > place[k]]
-        for i in columns[k]:
-            if place[i] > place[k]:
-                rows[i].update(later)
-                for j in later:
-                    columns[j].add(i)
+        rows[place[i]] |= 1 << place[j]
+        columns[place[j]] |= 1 << place[i]
+    for k in range(D):
+        later, below = (of[k] >> (k + 1) << (k + 1) for of in (rows, columns))
+        for i in bits_of(below):
+            rows[i] |= later
+        for j in bits_of(later):
+            columns[j] |= below
+    return rows, columns
+
+
+def before_and_after(order, fill):
+    """Return, for each row of a matrix, the columns of earlier and of later pivots."""
     before, after = {}, {}
-    for k in order:
-        ordered = sorted(rows[k] - {k}, key=place.get)
-        before[k] = [j for j in ordered if place[j] < place[k]]
-        after[k] = [j for j in ordered if place[j] > place[k]]
+    for k, columns in enumerate(fill[0]):
+        places = [*bits_of(columns)]
+        before[order[k]] = [order[j] for j in places if j < k]
+        after[order[k]] = [order[j] for j in places if j > k]
     return before, after
 
 
@@ -262,19 +286,17 @@ def work_of(order, fill, varying):
 
     `fill` is what `filled` returns, and `varying` has the places of entries that do.
     """
-    before, after = fill
-    below, rows, count, of_state = defaultdict(list), defaultdict(set), 0, 0
-    for i in order:
-        for k in before[i]:
-            below[k].append(i)
+    place, count, of_state = {k: n for n, k in enumerate(order)}, 0, 0
+    rows = [0] * len(order)
     for i, j in varying:
-        rows[i].add(j)
-    for k in order:
-        later = {*after[k]}
+        rows[place[i]] |= 1 << place[j]
+    for k, (row, column) in enumerate(zip(*fill, strict=True)):
+        later, below = row >> (k + 1) << (k + 1), column >> (k + 1) << (k + 1)
+        count += later.bit_count() * below.bit_count()
         upper = rows[k] & later
-        for i in below[k]:
+        for i in bits_of(below):
             # The multiplier depends on the state if its entry or the pivot does.
-            changed = later if k in rows[i] or k in rows[k] else upper
+            changed = later if (rows[i] | rows[k]) >> k & 1 else upper
             rows[i] |= changed
-            count, of_state = count + len(later), of_state + len(changed)
+            of_state += changed.bit_count()
     return count, of_state

@@ -1,6 +1,6 @@
 """Which size of a list takes which way to carry it out: thresholds, with what was measured.
 
-Times are of one thread of a Zen 3.
+Times are of one thread of a Zen 3; those of elimination by columns of an Intel with AVX-512.
 """
 
 # Instructions of straight-line code; a longer list is carried out by runs. LLVM takes 0.3 to 0.5 ms
@@ -11,14 +11,17 @@ CODE = 4000
 # columns side by side, by runs. For a chain of 16 code takes 0.74 of the time of runs, for one of
 # 40, with 3 times as many instructions, 0.77; but 3 s and 31 s to compile on a busy machine.
 CODE_OF_TANGENT = 4000
-# A field has a list unless more terms and products of elimination depend on the state than
-# PRODUCTS, and than PART_OF_DENSE D**3: then loops over a dense matrix are faster. They are 3 to 25
-# times faster than LAPACK from D = 28 on.
-PRODUCTS, PART_OF_DENSE = 36_000, 1 / 24
-# Products of elimination that a list may have: that of a lattice of 32 x 32 has a million, and
-# takes 4 s to make; its runs take 2 s.
-LONGEST = 1_500_000
-# Those of parameters alone, which NumPy carries out for each step size. A dense linear field of 120
-# variables has 574,000: its list takes 4.4 s to make, and 4.2 s for each step size, where loops
-# take 0.4 s for 100 steps of 16 orbits.
+# Part of D**3 below which products of elimination by columns take less time than dense loops, which
+# are 3 to 25 times faster than LAPACK from D = 28 on.
+BY_COLUMNS = 1 / 8
+# Products of elimination, and of terms, that depend on the state and that a list may have: of dense
+# fields; of others; and OF_CHAIN D, if that is more. For one orbit runs take as long as columns, in
+# batches .7 and .8 of it on grids of 16 x 16 (65,000 products) and 16 x 32 (240,000),
+# and 1.0 on one of 22 x 44, whose list takes 10 s to make in place of 2 s.
+PRODUCTS, OF_LATTICE, OF_CHAIN = 36_000, 100_000, 32
+# Products of parameters alone that a list may have, which NumPy carries out for each step size. A
+# dense linear field of 120 variables has 574,000: its list takes 4.4 s to make, and 4.2 s for each
+# step size, where loops take 0.4 s for 100 steps of 16 orbits.
 LONGEST_ONCE = 400_000
+# Derivatives have lists up to PART_OF_DENSE D**3 products of the state, and LONGEST in all.
+PART_OF_DENSE, LONGEST = 1 / 24, 1_500_000

@@ -33,12 +33,14 @@ from .far import PARTS
 from .functions import ELEMENTARY
 from .planned_elimination import (
     Factors,
+    Given,
     Matrix,
     elimination_order,
     filled,
     places_of,
     work_of,
 )
+from .sparse import Sparse
 
 # A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
 # components fall below LARGE_PART of theirs.
@@ -244,8 +246,9 @@ def of_one_sign(indices):
 class Step:
     """The operations of a step of fields with terms at these indices (3, T).
 
-    Values 0 to D - 1 are the state x, and the next T are h v of the terms. A large dense field has
-    no plan: then the lists are empty, and loops over its terms (`fields.dense`) take all steps.
+    Values 0 to D - 1 are the state x, and the next T are h v of the terms. If elimination takes
+    too many products, the lists are empty: then loops over arrays take it, between the lists of
+    `by_columns`; or loops over its terms (`fields.dense`) take all steps of a dense field.
 
     fixed       operations on parameters alone
     table       the values of parameters alone that other operations need
@@ -264,22 +267,19 @@ class Step:
     keeps_signs   true if the operations are a whole step, so that they test these signs
     """
 
-    good = accurate = negative = changed = factors = None  # without a plan
+    good = accurate = negative = changed = factors = by_columns = None  # without a plan
 
     def __init__(self, indices, D, carried=0, keeps_signs=False):
-        self.indices, self.D, self.T = indices, D, indices.shape[1]
-        self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
-        values = self.values = Values(D + self.T + carried, range(D, D + self.T))
-        self.fixed, self.table, self.usual, self.rare = [], [], [], []
-        self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
+        values = self._begin(indices, D, carried, keeps_signs)
         pattern, varying = places_of(indices, D)
         order, right = elimination_order(pattern, D), {}
         fill = filled(pattern, order)
         work, of_state = work_of(order, fill, varying)
         of_state += int((indices[2] < D).sum())
-        dense = max(sizes.PRODUCTS, sizes.PART_OF_DENSE * D**3)
-        is_long = work > sizes.LONGEST or work - of_state > sizes.LONGEST_ONCE
-        if is_long or of_state > dense:
+        if work - of_state > sizes.LONGEST_ONCE or not self._has_list(work, of_state):
+            if type(self) is Step and work < sizes.BY_COLUMNS * D**3:
+                self.by_columns = StepByColumns(indices, D, keeps_signs, order, fill)
+                self.fixed, self.table = self.by_columns.fixed, self.by_columns.table
             return
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         self.factors = Factors(matrix, order, fill, right)
@@ -290,6 +290,20 @@ class Step:
             self.after[k] = values.total(k, [(2.0, half)])
         self._add_tests(halves)
         self._separate_fixed()
+
+    def _has_list(self, work, of_state):
+        """Return whether elimination is a list, by its products."""
+        is_sparse = work < sizes.BY_COLUMNS * self.D**3
+        most = max(sizes.OF_LATTICE, sizes.OF_CHAIN * self.D) if is_sparse else sizes.PRODUCTS
+        return of_state <= most
+
+    def _begin(self, indices, D, carried, keeps_signs):
+        self.indices, self.D, self.T = indices, D, indices.shape[1]
+        self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
+        self.values = Values(D + self.T + carried, range(D, D + self.T))
+        self.fixed, self.table, self.usual, self.rare = [], [], [], []
+        self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
+        return self.values
 
     length = functools.cached_property(lambda self: length_of(self.usual))
     is_long = property(lambda self: self.length > sizes.CODE)
@@ -344,14 +358,7 @@ class Step:
         """Return x_next, in whose equations no increment cancels the state."""
         values, matrix, right = self.values, self.matrix, {}
         for k in self.factors.order:
-            products = [
-                (matrix.linear[k, j], j)
-                for j in sorted(matrix.columns[k])
-                if (k, j) in matrix.linear
-            ]
-            if k in matrix.constant:
-                products.append((2.0, matrix.constant[k]))
-            right[k] = self.factors.forward(k, values.total(k, products), right)
+            right[k] = self.factors.forward(k, values.total(k, matrix.linear_part(k)), right)
         for k in reversed(self.factors.order):
             right[k] = self.factors.backward(k, right)
         return right
@@ -394,6 +401,50 @@ class Step:
         return table
 
 
+class StepByColumns(Step):
+    """The lists before and after elimination by columns.
+
+    `usual` computes the `entries` of N; h f, the `right` sides; and the sides `of_next`, for
+    x_next. `given` are D values each: x, the solution delta, pivots, the diagonal of N, and the
+    solution x_next, from which the lists after elimination compute `after`, `good` and so on.
+
+    is_constant   true if no entry depends on the state
+    on_diagonal   (D,) numbers of the entries on the diagonal; that of all entries for 0
+    """
+
+    def __init__(self, indices, D, keeps_signs, order, fill):
+        values = self._begin(indices, D, 0, keeps_signs)
+        pattern, varying = places_of(indices, D)
+        places, self.is_constant = sorted(pattern), not varying
+        self.sparse = Sparse(places, order, fill)
+        matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
+        entries = {place: matrix.entry(*place)[0] for place in places}
+        numbers = {place: number for number, place in enumerate(places)}
+        numbers = [numbers.get((k, k), len(places)) for k in range(D)]
+        self.on_diagonal = np.array(numbers, np.int64)
+        sides = [matrix.right_side(k) for k in range(D)]
+        self.entries = [*entries.values()]
+        self.right = [values.emit("fmul", 0.0, k) if a is None else a for k, a in enumerate(sides)]
+        self.of_next = [values.total(k, matrix.linear_part(k)) for k in range(D)]
+        self.before = {number for _, number, _ in values.operations}
+        self.given = [*range(D), *range(values.count, values.count + 4 * D)]
+        values.count += 4 * D
+        halves, pivots, diagonal, self.next = (self.given[n * D : (n + 1) * D] for n in range(1, 5))
+        original = {k: diagonal[k] if (k, k) in entries else None for k in range(D)}
+        self.factors = Given(values, dict(enumerate(pivots)), original)
+        halves = {k: halves[k] for k in range(D) if sides[k] is not None}
+        for k, half in halves.items():
+            self.after[k] = values.total(k, [(2.0, half)])
+        self._add_tests(halves)
+        self._separate_fixed()
+
+    def _following(self):
+        return self.next
+
+    def _results(self):
+        return [*super()._results(), *self.entries, *self.right, *self.of_next]
+
+
 class Tangent(Step):
     """The operations of a step and of its derivative, which multiplies columns q.
 
@@ -416,12 +467,15 @@ class Tangent(Step):
         self.columns = []
         super().__init__(indices, D, carried=3, keeps_signs=keeps_signs)
 
+    def _has_list(self, work, of_state):
+        dense = max(sizes.PRODUCTS, sizes.PART_OF_DENSE * self.D**3)
+        return work <= sizes.LONGEST and of_state <= dense
+
     def _add_tests(self, halves):
         values = self.values
         minus = [values.emit("fmul", -1.0, half) for half in range(self.D, self.D + self.T)]
         matrix = Matrix(self.indices, self.D, values, self.after, minus)
-        fill = self.factors.before, self.factors.after
-        self.back = Factors(matrix, self.factors.order, fill)
+        self.back = Factors(matrix, self.factors.order, self.factors.fill)
         entries = {place: matrix.entry(*place)[0] for place in sorted(matrix.pattern)}
         for k in range(self.D):  # of M(x_next) - 1
             is_there = (k, k) in entries

@@ -4,7 +4,8 @@ import functools
 
 import numpy as np
 
-from ..lists.elimination import Elimination
+from ..lists.elimination import Elimination, operations_of
+from ..lists.planned_elimination import elimination_order, filled
 from ..lists.right_hand_side import List
 from ..lists.sparse import Sparse
 from ..lists.step import Values
@@ -146,12 +147,14 @@ class Half:
         else:
             functions["j"] = of_list(f.derivative, D, f.places)
             functions["power"] = of_list(_product(f), f.entries + 1 + D)
-        plan = Sparse(f.pattern, D)
-        if plan.operations > LONGEST:
+        order = elimination_order(f.pattern, D)
+        fill = filled(f.pattern, order)
+        if operations_of(fill) > LONGEST:
+            plan = Sparse(f.pattern, order, fill)
             functions["factor"], functions["solve"] = SparseFactors(plan), SparseSolution(plan)
             count = D + plan.size
         else:
-            elimination = Elimination(f.pattern, D)
+            elimination = Elimination(f.pattern, order, fill)
             count = len(elimination.factors.results)
             functions["factor"] = of_list(elimination.factors, f.entries + 1)
             functions["solve"] = of_list(elimination.solution, count + D)

@@ -46,9 +46,10 @@ def solve(plan, entries, right):
     def text_of(name):
         text = Code(W)
 
-        def arrays_of():
-            arrays = (text.integers(f"{kind}_{key}", getattr(plan, key)).base for key in ARRAYS)
-            return Arrays(*(Index(text, n) for n in lengths_of(plan)), *arrays)
+        def arrays_of(*names):
+            arrays = {k: text.integers(f"{kind}_{k}", getattr(plan, k)).base for k in names}
+            lengths = [Index(text, n) for n in lengths_of(plan)]
+            return Arrays(*lengths, *(arrays.get(k) for k in ARRAYS))
 
         for kind, add in (("factors", add_factors), ("solution", add_solution)):
             add(text, f"{name}_{kind}", arrays_of)

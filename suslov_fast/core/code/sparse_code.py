@@ -87,10 +87,11 @@ def add_factors(text, name, arrays_of):
     """Add void name(from, table, to, scratch), the factors of A = 1 - s J.
 
     It reads the entries of J and s, and writes the inverses of pivots (D), L and U; `scratch` has
-    D rows. `arrays_of()` are the `Arrays`.
+    D rows. `arrays_of(*names)` are the `Arrays`, at least those with these names.
     """
     with text.function(name):
-        of, entries, inverses = arrays_of(), text.array("%from"), text.array("%to")
+        of = arrays_of("heads", "rows", "numbers", "pivots", "spans")
+        entries, inverses = text.array("%from"), text.array("%to")
         w, s, size = text.array("%scratch"), entries[of.entries], text.size
         lower = inverses.at(of.D)
         upper = lower + of.of_lower * size
@@ -140,7 +141,8 @@ def add_factors(text, name, arrays_of):
 def add_solution(text, name, arrays_of):
     """Add void name(from, table, to, scratch), the solution of A v = g from factors, in place."""
     with text.function(name):
-        of, inverses, v = arrays_of(), text.array("%from"), text.array("%to")
+        of = arrays_of("order", "lower", "upper")
+        inverses, v = text.array("%from"), text.array("%to")
         lower = inverses.from_here(of.D)
         upper = lower.from_here(of.of_lower)
 

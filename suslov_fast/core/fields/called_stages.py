@@ -139,8 +139,11 @@ class StageByLoops(CalledStage):
 
     def tables_of(self, line):
         """Make the coefficients of a line (fractions, 1 or W, T)."""
-        halves = self.lines.halves[line][self.field.terms].T
-        self.tables = np.ascontiguousarray(self.fractions[:, np.newaxis, np.newaxis] * halves)
+        if self.lines.halves.shape[2] == 1:
+            self.tables = self.lines.table
+        else:
+            halves = self.lines.halves[line][self.field.terms].T
+            self.tables = np.ascontiguousarray(self.fractions[:, np.newaxis, np.newaxis] * halves)
         self.place(self.tables.ctypes.data + self.tables.strides[0] * np.arange(len(self.tables)))
 
 

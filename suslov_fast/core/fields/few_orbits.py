@@ -16,13 +16,11 @@ FEW, SHORT = 8, 256  # orbits, and steps of a short run
 
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values, B, saves):
-    """Return the call of code for B orbits, its arguments, W and what has to stay alive, or None.
+    """Return the call of code for B orbits, its arguments, W and what has to stay alive.
 
-    `eps` and `values` are bytes of numbers. There is nothing for lists that are not inlined.
+    `eps` and `values` are bytes of numbers.
     """
     W, compares = lanes_of(B), compares_signs(step)
-    if step.is_long or not step.usual:
-        return None
     address = code_of(text_of_steps, step, W, False, 8 if saves else 0, compares)
     table = common_table(step, stages, eps, values)[1]
     plan, lines = plan_of(stages, table), -(-B // W)
@@ -48,9 +46,9 @@ def take_few(arguments, states, span, saved=None):
     ((step, stages), values, eps), (start, stop, every, row), B = arguments, span, len(states)
     if not (0 < B <= FEW and 0 < stop - start <= SHORT and len(eps) == len(values) == 1):
         return None
+    if step.is_long or not step.usual or not math.isfinite(sum(states.ravel().tolist())):
+        return None  # lists that are not inlined
     found = _prepared(step, stages, eps.tobytes(), values.tobytes(), B, every > 0)
-    if found is None or not math.isfinite(sum(states.ravel().tolist())):
-        return None
     (address, template, W, _), count = found, len(stages.fractions)
     x = states.copy() if W == 1 else in_lines(states, W)
     numbers = template[:]

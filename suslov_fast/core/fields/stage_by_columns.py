@@ -46,7 +46,7 @@ def text_of_stage_by_columns(_, name, W, for_each):
     """
     text, all_lanes = Code(W), (1 << W) - 1
 
-    def arrays_of():  # the plan stands in place of a table
+    def arrays_of(*_):  # the plan stands in place of a table
         plan = Integers(text, "%table")
         return Arrays(*(plan[len(SLOT) + k] for k in OF_ARRAYS))
 

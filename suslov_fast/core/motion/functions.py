@@ -96,10 +96,19 @@ class OfLongList:
 
     def __init__(self, list_, inputs, places):
         self.list_, self.inputs, self.results = list_, inputs, list_.results
-        of_values = [*dict.fromkeys(a for a in self.results if not isinstance(a, float))]
-        table = sorted(places, key=places.get)
-        self.program, self._numbers = program_of(range(inputs), table, list_.operations, of_values)
-        self._row = dict(zip(of_values, self.program.results.tolist(), strict=True))
+        table, operations = sorted(places, key=places.get), [*list_.operations]
+        # Constants among the results are values, too: LLVM takes long to compile a store of each.
+        values = [a.hex() if isinstance(a, float) else a for a in self.results]
+        constants = dict.fromkeys(a for a in values if isinstance(a, str))
+        first = 1 + max([inputs, *places, *(number for _, number, _ in operations)])
+        for number, a in enumerate(constants, first):
+            constants[a] = number
+            operations.append(("fadd", number, (float.fromhex(a), -0.0)))
+        values = [constants.get(a, a) for a in values]
+        distinct = [*dict.fromkeys(values)]
+        self.program, self._numbers = program_of(range(inputs), table, operations, distinct)
+        row = dict(zip(distinct, self.program.results.tolist(), strict=True))
+        self._rows = [row[a] for a in values]
         self.scratch, self.in_table = self.program.rows, len(table)
         self.called = {instruction for instruction, *_ in list_.operations}
 
@@ -119,13 +128,9 @@ class OfLongList:
             table = text.plus("%table", size * first)
             text.copy("%from", rows, self.inputs)
             text.invoke("runs", rows, table, heads, places, len(runs.heads))
-            if not any(isinstance(a, float) for a in self.results):
-                places = text.integers(f"{name}_rows", [self._row[a] for a in self.results])
-                for k in text.each(len(self.results)):
-                    to[k] = rows[places[k]]
-                return
-            for k, a in enumerate(self.results):
-                to[k] = a if isinstance(a, float) else rows[self._row[a]]
+            places = text.integers(f"{name}_rows", self._rows)
+            for k in text.each(len(self.results)):
+                to[k] = rows[places[k]]
 
 
 def of_list(list_, inputs, places=None, longest=LONGEST):
@@ -334,9 +339,10 @@ class SparseFactors(_Loops):
     def add(self, text, name, for_each, first):
         plan = self.plan
 
-        def arrays_of():
-            arrays = (text.integers(f"{name}_{key}", getattr(plan, key)).base for key in ARRAYS)
-            return Arrays(*(Index(text, n) for n in lengths_of(plan)), *arrays)
+        def arrays_of(*names):
+            lengths = [Index(text, n) for n in lengths_of(plan)]
+            arrays = {k: text.integers(f"{name}_{k}", getattr(plan, k)).base for k in names}
+            return Arrays(*lengths, *(arrays.get(k) for k in ARRAYS))
 
         self.add_function(text, name, arrays_of)
 

@@ -97,6 +97,18 @@ def solutions(body, omega, eps, **options):
     return tuple(sf.exact(body, omega, eps, n, **options) for n in (7, TIMES))
 
 
+# At a surface, and at a time: of each trajectory the states, and how often they acted.
+CHANGES = [
+    sf.Change(lambda x: x[0] - 0.2, to=lambda x: (-x[0], *(0.9 * a for a in x[1:]))),
+    sf.Change(times=[0.7], to=lambda x: tuple(a + 0.1 for a in x)),
+]
+
+
+def changed(body, omega, **options):
+    motion = sf.flow(body, omega, time=[0.5, 1.0], changes=CHANGES, rtol=1e-6, **options)
+    return motion.states, motion.changes.count
+
+
 TIMES = np.array([3, -1e9, -3, 0, 7, 700, 1e9])
 # A row that needs another function or a method has its name after a colon.
 ROWS = {
@@ -128,6 +140,7 @@ ROWS = {
         eps=False,
         threads=True,
     ),
+    "flow: changes": Row(changed, timed=(0,), eps=False, threads=True),
     "lyapunov_exponents": Row(
         lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o), threads=True
     ),

@@ -128,14 +128,19 @@ def test_random_systems_with_cascades(first):
         if not system.surfaces and not system.times:
             continue
         field, changes = system.changes()
-        motion = flow(field, system.x, time=T, changes=changes, rtol=1e-11, max_step=0.03)
         try:
             right, last = system.reference()
         except Endless:
-            assert motion.status == Status.ACCUMULATES
-            continue
-        assert motion.changes.which.tolist() == right[:, 1].tolist(), seed
-        np.testing.assert_allclose(motion.changes.time, right[:, 0], atol=1e-7)
-        np.testing.assert_allclose(motion.x[-1], last, atol=1e-6)
-        compared += 1
+            right = last = None
+        for rtol, max_step in ((1e-6, 0.03), (1e-9, None), (1e-11, 0.03)):
+            given = {"rtol": rtol, "max_step": max_step}
+            motion = flow(field, system.x, time=T, changes=changes, **given)
+            if right is None:
+                assert motion.status == Status.ACCUMULATES
+                continue
+            assert motion.changes.which.tolist() == right[:, 1].tolist(), seed
+            np.testing.assert_allclose(motion.changes.time, right[:, 0], atol=1e4 * rtol)
+            allowed = 1e5 * rtol * max(1.0, abs(last).max())
+            np.testing.assert_allclose(motion.x[-1], last, atol=allowed)
+        compared += right is not None
     assert compared >= 8

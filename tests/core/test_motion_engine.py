@@ -352,13 +352,13 @@ def test_orbits_that_are_not_stiff_stay_explicit():
 
 
 @pytest.mark.parametrize("B", [1, 9])
-def test_llvms_passes_after_a_second(B, monkeypatch):
+def test_llvms_passes_after_many_steps(B, monkeypatch):
     """Other code for implicit steps of small systems alone, with the same bits."""
     f, others = right_hand_side(van_der_pol, 2), right_hand_side(van_der_pol, 2)
     x0, found = np.linspace((2.0, 0.0), (1.0, 1.0), B), []
-    for each, seconds in ((f, 0.0), (others, 2.0)):
+    for each, steps in ((f, 0), (others, 10**7)):
         half = engine.half_of(each, True, False)
-        monkeypatch.setattr(half, "seconds", seconds)
+        monkeypatch.setattr(half, "steps", steps)
         states = np.empty((2, *x0.shape))
         settings = engine.Settings(1e-7, stiff=True)
         engine.Motion(each, np.zeros(0), x0, np.array([1.0, 900.0]), 1.0, settings, states).run()

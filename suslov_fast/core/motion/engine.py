@@ -4,7 +4,6 @@ import functools
 from array import array
 from math import inf
 from threading import get_ident
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +27,8 @@ BLOCK = 1024  # trajectories that one thread takes at a time
 RECORDS = 4096  # of changes, after which Python takes them
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
 # LLVM's passes leave .66 to .87 of the time of implicit steps of systems with so few components,
-# with the same bits; they are worth their time after so many seconds of steps.
-SMALL, WORTH_PASSES = 10, 1.0
+# with the same bits; they are worth their time after so many steps, which take about a second.
+SMALL, WORTH_PASSES = 10, 4_000_000
 NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
 
 half_of = functools.lru_cache(64)(Half)
@@ -94,7 +93,7 @@ def code_of_half(half, W, for_each):
         ("motion", half.key, W, for_each),
         lambda name: text_of_half(half, name, W, for_each),
         level=1,  # code as fast as at level 2, in a half to a fifth of LLVM's time
-        passes=half.is_implicit and half.f.D <= SMALL and half.seconds > WORTH_PASSES,
+        passes=half.is_implicit and half.f.D <= SMALL and half.steps > WORTH_PASSES,
     )
 
 
@@ -310,7 +309,7 @@ class Motion:
         `which` are their numbers; `places` count the times that they have reached.
         """
         table = self._table(half, which)
-        take, began = self._taker(half, rows, table, W), perf_counter()
+        take = self._taker(half, rows, table, W)
         while not abandoned:
             is_done = take()
             if self.report is not None:
@@ -321,7 +320,8 @@ class Motion:
                     abandoned.append(True)
             if is_done:
                 break
-        half.seconds += perf_counter() - began
+        if half.is_implicit:
+            half.steps += rows[:, half.rows.steps].sum()
         self.keep_choices(which, table)
 
     def keep_choices(self, which, table):

@@ -45,10 +45,10 @@ class Half:
     changes      `Changes` of the state, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
-    seconds      that batches have taken steps
+    steps        that trajectories of batches had taken when this half ended, in all
     """
 
-    seconds = 0.0
+    steps = 0
 
     def __init__(self, f, is_implicit, has_atol):
         self.f, self.is_implicit, self.has_atol = f, is_implicit, has_atol

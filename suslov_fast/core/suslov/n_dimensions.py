@@ -38,7 +38,7 @@ from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
 from ..compiling.elimination import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
 from ..compiling.llvm import lesser, select
-from ..compiling.numba import formula, function, in_numpy, inlined, kernel, share
+from ..compiling.numba import as_python, formula, function, in_numpy, inlined, kernel, share
 from .blocks import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
@@ -375,19 +375,25 @@ def _sums_of_all(I, w):
     return p, square
 
 
+_step_in_python = as_python(nd_step_of_one.py_func)
+_MOST_IN_PYTHON = 256  # steps that lose digits, or pass a pole
+
+
 @in_numpy(nd_steps)
 def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take all trajectories by NumPy; return False where one may lose digits, or passes a pole."""
+    """Take all trajectories by NumPy; return False if many steps lose digits, or pass a pole."""
     begin, end, start, stop, every, row = span
     own, m = slice(begin, end), omega0.shape[1]
     J, I, eps = (a[own].T if len(a) > 1 else a.T for a in parameters)
     to_even = (0, m % 2), (0, 0)
     J, I = np.pad(J, to_even, constant_values=np.inf), np.pad(I, to_even)
     w = np.pad((omega0 if start == 0 else final)[own].T, to_even)
+    code, failed, passed = status[own].copy(), failed_at[own].copy(), carry[0, own].copy()
     if start == 0:
-        undefined, carry[0, own] = np.isnan(w).any(axis=0), 0.0
-        status[own][undefined], failed_at[own][undefined] = NONFINITE, 0
-    w[:, status[own] < 0], eps = np.nan, select(status[own] < 0, np.nan, eps)
+        undefined, passed[:] = np.isnan(w).any(axis=0), 0.0
+        code[undefined], failed[undefined] = NONFINITE, 0
+    w[:, code < 0], eps = np.nan, select(code < 0, np.nan, eps)
+    memory, taken = nd_memory(NDSystem(J[:m, 0], I[:m, 0], 0.0, 0.0, m)), 0
     near, pairs, inverse = (1.0 - FAR_FROM_0) * J.min(axis=0), len(w) // 2, np.empty_like(w)
     p, square = _sums_of_all(I, w)
     for n in range(start, stop + 1):
@@ -401,11 +407,23 @@ def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status,
                 beta = beta + beta_i + beta_j
                 gamma = gamma + gamma_i + gamma_j
             of_w, of_I, accurate, det = solve_two(eps, p, square, alpha, beta, gamma)
-            if (half >= near).any() or not accurate.all() or (det < 0.0).any():
+            alone, before = np.flatnonzero((half >= near) | ~accurate | (det < 0.0)), w
+            taken += len(alone)
+            if taken > _MOST_IN_PYTHON:
                 return False
             w = w + (of_w * w + of_I * I) * inverse
+            w[m:, alone] = 0.0
+            for l in alone:
+                k, h = l % J.shape[1], l % I.shape[1]
+                system = NDSystem(J[:m, k], I[:m, h], eps[l], near[k], m)
+                found = _step_in_python(system, before[:m, l], w[:m, l], memory)
+                if found < 0 or (found != OK and code[l] == OK):
+                    code[l], failed[l] = found, n
+                    passed[l] = n if found == PASSED_POLE else passed[l]
+                if found < 0:
+                    eps[l] = w[:, l] = np.nan
             p, square = _sums_of_all(I, w)
         if every > 0 and n % every == 0 and (n > start or start == 0):
             saved[row, own], row = w[:m].T, row + 1
-    final[own] = w[:m].T
+    final[own], carry[0, own], status[own], failed_at[own] = w[:m].T, passed, code, failed
     return True

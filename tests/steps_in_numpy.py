@@ -330,8 +330,11 @@ class StepsInNumPy:
             own = {"x": x[i], "new": new[i], "error": error[i], "largest": largest[i]}
             own |= {"noise": noise[i], "f_new": f_new[i]}
             sizes = sizes_of[last_of[i]]
-            allowed = self.half.allowed[i >= self.half.parts[0][1]]
-            inverse[i] = self._apply_to(allowed, i, **own, **sizes)["inverse"]
+            if sizes:
+                is_column = i >= self.half.parts[0][1]
+                smallest = rules.SMALLEST_OF_COLUMNS if is_column else rules.SMALLEST
+                sizes = sizes | self._apply(rules.LEAST_ALLOWED, smallest=smallest, **sizes)
+            inverse[i] = self._apply_to(self.half.allowed, i, **own, **sizes)["inverse"]
             own["inverse"] = inverse[i]
             found = self._apply(rules.RATIO, **own, **sums)
             if not is_implicit:

@@ -37,7 +37,7 @@ class Half:
                  these and s; `solve`; and `power`, f' times a vector after the entries and s
     numbers      how many numbers the table of a trajectory has
     largest      the rule for the size of all components
-    allowed      the rules for the error that one may have, for each of `parts`
+    allowed      the rule for the error that one may have
     low          how many components are told of that fall and grow
     beside       the rule for a state that differs by rounding, None without a second trial
     parts        the first components and the numbers of those that have a size together: what
@@ -54,12 +54,11 @@ class Half:
         self.f, self.is_implicit, self.has_atol = f, is_implicit, has_atol
         D, extended = f.D, len(f.denominators)
         if has_atol:
-            self.largest, self.allowed = rules.NO_SIZE, [rules.ALLOWED_WITH_ATOL] * 2
+            self.largest, self.allowed = rules.NO_SIZE, rules.ALLOWED_WITH_ATOL
         elif f.clocks:
-            self.largest = rules.LARGEST_WITH_CLOCKS
-            self.allowed = rules.ALLOWED_WITH_CLOCKS, rules.ALLOWED_OF_COLUMNS_WITH_CLOCKS
+            self.largest, self.allowed = rules.LARGEST_WITH_CLOCKS, rules.ALLOWED_WITH_CLOCKS
         else:
-            self.largest, self.allowed = rules.LARGEST, [rules.ALLOWED, rules.ALLOWED_OF_COLUMNS]
+            self.largest, self.allowed = rules.LARGEST, rules.ALLOWED
         self.beside = rules.CLOCK_BESIDE if is_implicit else rules.BESIDE
         if is_implicit and not f.clocks:
             self.beside = None

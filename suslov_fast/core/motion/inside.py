@@ -26,9 +26,8 @@ def save_states(lines):
     def passed(how):
         return _passed(lines, how)
 
-    with text.when(served.any(), likely=False):
+    with text.when((served | passed(Value.__ge__)).any(), likely=False):
         save(lines, served.bits(), work.new)
-    with text.when(passed(Value.__ge__).any(), likely=False):
         if not lines.half.is_implicit:
             with text.when(passed(Value.__gt__).any()):
                 _find_nodes(lines)

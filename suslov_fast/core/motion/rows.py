@@ -134,7 +134,6 @@ class Work(NamedTuple):
     accepted: int  # 1 where the step is taken, else 0
     served: int  # 1 where a step aside has reached its time, else 0
     t: int  # time before the step
-    ratios: int  # the largest error and the largest `apart` of it, by what is allowed (2)
     fallen: int  # 1 where a component may be low, see `rules.LOW`
     at_surface: int  # 1 where the step ends on a surface, else 0
     jumped: int  # 1 where f may have jumped there
@@ -176,7 +175,7 @@ def work_of(
     """
     extended = D + denominators
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
-             nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 2, 1, 1, 1,
+             nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 1, 1, 1,
              2 * watched, of_changes[0], 4 + kinks, *of_changes[1:10], *of_choices,
              *of_changes[10:], scratch]  # fmt: skip
     firsts = [0]

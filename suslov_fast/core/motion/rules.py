@@ -184,24 +184,22 @@ def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
     return {"top": larger(size, top), "moved": larger(change, moved)}
 
 
-def _by_largest(smallest):
-    """Return the rules for the inverse of the allowed error of a component, one with clocks."""
-
-    def allowed(new, largest, top, rtol):
-        return rtol * larger(larger(abs(new), largest), smallest * top)
-
-    def without(new, largest, top, rtol):
-        return {"inverse": 1.0 / larger(allowed(new, largest, top, rtol), TINY)}
-
-    def with_clocks(new, largest, top, moved, extra, rtol):
-        own = larger(extra + allowed(new, largest, top, rtol), OF_CLOCK * moved)
-        return {"inverse": 1.0 / larger(own, TINY)}
-
-    return _rule(without), _rule(with_clocks)
+@_rule
+def LEAST_ALLOWED(top, rtol, smallest):
+    """What is allowed in all components, because others are large."""
+    return {"least": larger(rtol * (smallest * top), TINY)}
 
 
-ALLOWED, ALLOWED_WITH_CLOCKS = _by_largest(SMALLEST)
-ALLOWED_OF_COLUMNS, ALLOWED_OF_COLUMNS_WITH_CLOCKS = _by_largest(SMALLEST_OF_COLUMNS)
+@_rule
+def ALLOWED(new, largest, least, rtol):
+    """The inverse of the allowed error of a component."""
+    return {"inverse": 1.0 / larger(rtol * larger(abs(new), largest), least)}
+
+
+@_rule
+def ALLOWED_WITH_CLOCKS(new, largest, least, moved, extra, rtol):
+    allowed = extra + larger(rtol * larger(abs(new), largest), least)
+    return {"inverse": 1.0 / larger(allowed, OF_CLOCK * moved)}
 
 
 @_rule
@@ -251,7 +249,7 @@ def _is_low(new, largest, f_new, inverse, last, rtol):
 @_rule
 def FALLEN(new, largest, rtol, fallen):
     """1 where a component may be low."""
-    return {"fallen": (abs(new) < rtol * largest).select(1.0, fallen)}
+    return {"fallen": (abs(new) < rtol * larger(abs(new), largest)).select(1.0, fallen)}
 
 
 @_rule
@@ -320,13 +318,17 @@ def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
 
     It is where it would pass the time `next` and not that of `second`.
     """
-    rest = last - t
+    rest, to_next, to_second = last - t, larger(next - t, LEAST), second - t
     is_within = wanted < reach * rest
-    end = is_within.select(t + wanted, last)
-    is_aside = (next < end) & (second >= end)
-    taken = is_aside.select(larger(next - t, LEAST), is_within.select(wanted, rest))
+
+    def not_past(length):
+        return (length > to_second).select(length, smaller(length, to_next))
+
+    taken = is_within.select(not_past(wanted), not_past(rest))
+    is_aside = taken < is_within.select(wanted, rest)
     taken = state.equals(mode).select(taken, 0.0)
-    return {"taken": taken, "signed": sign * taken, "aside": is_aside.select(1.0, 0.0)}
+    signed = taken.then("copysign", sign)
+    return {"taken": taken, "signed": signed, "aside": is_aside.select(1.0, 0.0)}
 
 
 def _root(ratio):
@@ -337,7 +339,7 @@ def _root(ratio):
 
 def _is_false(ratio, apart):
     """Return whether all columns agree on a false end."""
-    return (ratio <= 1.0) & (apart > MOST_APART)
+    return (apart > MOST_APART) & (ratio <= 1.0)
 
 
 @_rule
@@ -347,13 +349,13 @@ def AFTER(
 ):  # fmt: skip
     """Whether a step is taken, or has reached its time aside, and the length of the next one."""
     is_finite = total < inf
-    factor = larger(smaller(SAFETY * _root(ratio), longer), SHORTER)
     is_active = taken > 0.0
     sees = is_finite & (kept > 0.0)  # the estimate means something
-    accepted = is_active & sees & (ratio <= 1.0) & (apart <= MOST_APART)
-    factor = sees.select(factor, OF_NAN)
-    factor = _is_false(ratio, apart).select(smaller(factor, OF_APART), factor)
-    factor = accepted.select(factor, smaller(factor, REFUSED))
+    accepted = is_active & sees & (apart <= MOST_APART) & (ratio <= 1.0)
+    # All that follows waits for the factor: what can be known without it is known before.
+    of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
+    most = accepted.select(longer, of_refused)
+    factor = sees.select(larger(smaller(SAFETY * _root(ratio), most), SHORTER), OF_NAN)
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
     changes = served.select(0.0, taken) > 0.0
     reaches = (wanted < reach * (last - t)).select(t + taken, last)

@@ -17,7 +17,7 @@ from math import inf
 
 import numpy as np
 
-from ..code.text import Carried
+from ..code.text import Carried, Value
 from . import changes, choosing, inside, rules, sections, surfaces
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors
 from .implicit import derive, find_apart
@@ -99,7 +99,11 @@ def _next_states(lines, own, of_error):
             work.new.put_chosen(i, new)
             work.error[i] = weighted(of_error, ends)
             sums.update(lines.apply(half.largest, i, **vars(sums) | {"new": new}))
-        sizes.append({name: getattr(sums, name) for name in half.largest.results})
+        size = {name: getattr(sums, name) for name in half.largest.results}
+        if size:
+            smallest = rules.SMALLEST if first == 0 else rules.SMALLEST_OF_COLUMNS
+            size |= lines.apply(rules.LEAST_ALLOWED, smallest=smallest, **size)
+        sizes.append(size)
     kept = sums.kept
     lines.call("f", work.new, lines.table, work.f_new)
     for k in range(lines.D, lines.extended):  # denominators of clocks
@@ -116,12 +120,12 @@ def _errors(lines, own, sizes):
     names = ["ratio", "total", "apart"] + ([] if half.is_implicit else ["rates", "states"])
     names += ["fallen"] if half.low else []
     sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
-    for (first, count), of_part, allowed in zip(half.parts, sizes, half.allowed, strict=False):
+    for (first, count), of_part in zip(half.parts, sizes, strict=True):
         for i in text.each(count, sums):
             i, inputs = i + first, dict(of_part)
-            if "noise" in allowed.inputs:
+            if half.has_atol:
                 inputs["noise"] = _noise(lines, own, i)
-            inverse = lines.apply(allowed, i, **inputs)["inverse"]
+            inverse = lines.apply(half.allowed, i, **inputs)["inverse"]
             found = lines.apply(rules.RATIO, i, inverse=inverse, **vars(sums))
             apart = work.right[i]
             if not half.is_implicit:
@@ -145,9 +149,10 @@ def _second_trial(lines, own, of_error, sums):
     again = text.value(rules.AFTER_TRIAL) >= line.longer[0]
     refused = (sums["ratio"] > 1.0) | (sums["apart"] > rules.MOST_APART)
     refused = refused & (sums["total"] < inf) & again
-    for k, name in enumerate(("ratio", "apart")):
-        work.ratios.put_chosen(k, sums[name])
-    with text.when(refused.any(), likely=False):
+    names = ["ratio", "apart", "on_trial"] + ([] if half.is_implicit else ["rates"])
+    usual = sums | {"on_trial": text.value(0.0)}
+
+    def trial():
         for states in (line.x, work.new):
             if states is work.new:
                 for i in text.each(lines.D):
@@ -157,22 +162,23 @@ def _second_trial(lines, own, of_error, sums):
                 found = lines.apply(half.beside, i, **of_line)
                 work.start.put_chosen(i, found["beside"])
             lines.call("f", work.start, lines.table, work.f)
-        trial = Carried(ratio=0.0, of_apart=0.0)
-        for i in text.each(lines.D, trial):
+        found = Carried(ratio=0.0, of_apart=0.0)
+        for i in text.each(lines.D, found):
             inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i))}
             inputs |= {"inverse": work.error[i], "change": work.a[i], "f_beside": work.f[i]}
             inputs |= {"t": line.t[0], "taken": work.taken[0], "apart": work.right[i]}
             if not half.is_implicit:
                 inputs["apart"] = weighted(own, lines.of_columns(work.apart, i))
-            found = lines.apply(rules.SECOND, i, **inputs, **vars(trial))
-            work.error.choose(refused, i, found.pop("inverse"))
-            trial.update(found)
-        for k, value in enumerate((trial.ratio, trial.of_apart)):
-            work.ratios.choose(refused, k, value)
-    found = {"ratio": work.ratios[0], "apart": work.ratios[1]}
-    if not half.is_implicit:  # rounding does not make equations stiff
-        found["rates"] = refused.select(0.0, sums["rates"])
-    return found | {"on_trial": refused.select(1.0, 0.0)}
+            now = lines.apply(rules.SECOND, i, **inputs, **vars(found))
+            work.error.choose(refused, i, now.pop("inverse"))
+            found.update(now)
+        # Rounding does not make equations stiff: rates are 0.
+        others = found.ratio, found.of_apart, text.value(1.0), text.value(0.0)
+        pairs = zip(names, others, strict=False)
+        return [refused.select(value, usual[name]) for name, value in pairs]
+
+    found = text.otherwise(~refused.any(), [usual[name] for name in names], trial)
+    return {name: Value(text, value) for name, value in zip(names, found, strict=True)}
 
 
 def _noise(lines, own, i):

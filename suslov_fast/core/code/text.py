@@ -471,7 +471,9 @@ class Code(Text):
         if isinstance(i, int):
             return self.plus(base, self.size * (first + i))
         offset = self.integer("mul", i, self.size)
-        return self.integer("add", self.plus(base, self.size * first), offset)
+        # One counter for all rows of a loop: of sums that it can take apart LLVM makes many.
+        row = self.new(f"freeze i64 {self.integer('add', base, offset)}")
+        return self.plus(row, self.size * first)
 
     def shared(self, address):
         """Return a number at an address, in all lanes."""

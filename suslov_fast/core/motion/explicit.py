@@ -39,7 +39,7 @@ LANES = 1 + len(CHAINS)  # of columns of one trajectory: a chain each, and the f
 def lane_numbers(half):
     """Return how many numbers columns in lanes need, after the rows of `Work` of one trajectory."""
     own = (3 + 2 * len(in_turn(CHAINS))) * half.f.D + len(half.f.denominators)
-    return LANES * (own + half.functions["f"].scratch)
+    return LANES * (1 + own + half.functions["f"].scratch)  # 1 to begin at a multiple
 
 
 class ExplicitColumns(Scope):
@@ -200,7 +200,10 @@ class ExplicitColumns(Scope):
             "last", [[1.0 if pair.ends else 2.0 for pair in each] for each in rounds]
         )
         begin = self.constants("begin", [[float(pair.begins) for pair in each] for each in rounds])
-        rows = work.size.at()  # a, b and f of all lanes, then ends, and how far they lie apart
+        has_end = self.constants("ends", [int(any(pair.ends for pair in each)) for each in rounds])
+        # a, b and f of all lanes, then ends, and how far they lie apart; none lies across two lines
+        # of the cache, where memory of one trajectory may begin anywhere
+        rows = (work.size.at() + (8 * LANES - 1)) & -(8 * LANES)
         first_ends, rounds_D = 2 * D + self.extended, len(rounds) * D
         a, b, f, ends = (inner.array(rows, k) for k in (0, D, 2 * D, first_ends))
         apart = ends.after(rounds_D)
@@ -227,10 +230,11 @@ class ExplicitColumns(Scope):
                     for i in text.each(D):
                         product = length * f[i]
                         to[i] = to[i] + product
-            of_pair = m * D
-            for i in text.each(D):
-                found = end_of_column(a[i], b[i], in_all_lanes(inner, x_of_one[i]))
-                ends[of_pair + i], apart[of_pair + i] = found
+            with text.when(has_end[m].differs(0)):
+                of_pair = m * D
+                for i in text.each(D):
+                    found = end_of_column(a[i], b[i], in_all_lanes(inner, x_of_one[i]))
+                    ends[of_pair + i], apart[of_pair + i] = found
         for i in text.each(D):
             for m, each in enumerate(rounds):
                 for lane, pair in enumerate(each[:-1]):

@@ -200,9 +200,14 @@ def test_fields_of_which_loops_take_elimination(rng, monkeypatch, anew, by_colum
         together = sf.iterate(field, x0, steps, 30).x
         alone = [sf.iterate(field, *each, 30).x for each in zip(x0, steps, strict=True)]
         np.testing.assert_array_equal(together, np.stack(alone, axis=1))
+        calls = [(0.02, "auto"), (0.01, "auto"), (0.01, "order4"), (0.02, "auto")]
+        first, *others, again = [sf.step(field, x0[0], eps, method=m) for eps, m in calls]
+        np.testing.assert_array_equal(first, again)
+        np.testing.assert_array_equal(first, sf.step(field, x0, 0.02)[0])
         return [
             run.status,
             run.failed_at,
+            *others,
             together,
             sf.iterate(field, x0, 0.02, 30).x,
             sf.iterate(field, x0, 0.01, 10, method="order4").x,
@@ -221,7 +226,7 @@ def test_fields_of_which_loops_take_elimination(rng, monkeypatch, anew, by_colum
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
-    made = {key[0] for key, _ in machine_code.known_codes}  # which take no plan
+    made = {key[0] for key, *_ in machine_code.known_codes}  # which take no plan
     assert made <= {"orthonormalise", driver.text_of_called_steps, text}
 
 

@@ -212,11 +212,11 @@ def test_choices_reach_the_numbers_of_runs(system, monkeypatch):
     ("case", "last", "is_stiff"), [("robertson", 4.0, True), ("pole_of_a_clock", 0.04, None)]
 )
 def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypatch):
-    """Of a batch, of one, by runs, and by NumPy."""
+    """Of a batch, of one, by runs, and by NumPy; also where elimination is by columns."""
     function, x0, _ = CASES[case]
     x0 = x0[-2:]
-    of, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
-    f, by_runs = (variational(each, of.D, True) for each in (of, again))
+    of, *others = (right_hand_side(function, x0.shape[1]) for _ in range(3))
+    f, by_runs, by_columns = (variational(each, of.D, True) for each in (of, *others))
     start = np.zeros((len(x0), f.D))
     start[:, : of.D], start[:, of.D : -2 : of.D + 1], start[:, -2] = x0, 1.0, 0.5
     run = start, [0.3 * last, last]
@@ -227,6 +227,13 @@ def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypa
     monkeypatch.setattr(functions, "LONGEST", -1)
     by_runs.key = f"runs of variational {case}"
     assert_equal(usual, motion(by_runs, *run, stiff=is_stiff))
+    monkeypatch.setattr(half, "LONGEST", -1)
+    by_columns.key = f"columns of variational {case}"
+    found = motion(by_columns, *run, stiff=is_stiff)
+    np.testing.assert_allclose(found[0], usual[0], rtol=1e-6, atol=1e-9)
+    take_in_numpy(monkeypatch)
+    assert_equal(found, motion(by_columns, *run, stiff=is_stiff))
+    monkeypatch.undo()
     take_in_numpy(monkeypatch)
     assert_equal(usual, motion(f, *run, stiff=is_stiff))
 

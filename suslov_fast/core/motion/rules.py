@@ -249,7 +249,7 @@ def _is_low(new, largest, f_new, inverse, last, rtol):
 @_rule
 def FALLEN(new, largest, rtol, fallen):
     """1 where a component may be low."""
-    return {"fallen": (abs(new) < rtol * larger(abs(new), largest)).select(1.0, fallen)}
+    return {"fallen": (abs(new) < rtol * largest).select(1.0, fallen)}
 
 
 @_rule

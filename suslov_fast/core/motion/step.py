@@ -83,7 +83,8 @@ def take_step(lines):
 def _next_states(lines, own, of_error):
     """Write the next states, f there, and errors; return which are kept, and sizes of parts."""
     text, half, line, work = lines.text, lines.half, lines.line, lines.work
-    sums, sizes = Carried(**dict.fromkeys(half.largest.results, 0.0), kept=1.0), []
+    names = [*half.largest.results] + (["fallen"] if half.low else [])
+    sums, sizes = Carried(**dict.fromkeys(names, 0.0), kept=1.0), []
     for first, count in half.parts:
         for i in text.each(count, sums):
             i = i + first
@@ -99,12 +100,16 @@ def _next_states(lines, own, of_error):
             work.new.put_chosen(i, new)
             work.error[i] = weighted(of_error, ends)
             sums.update(lines.apply(half.largest, i, **vars(sums) | {"new": new}))
+            if half.low and first == 0:
+                sums.update(lines.apply(rules.FALLEN, i, new=new, fallen=sums.fallen))
         size = {name: getattr(sums, name) for name in half.largest.results}
         if size:
             smallest = rules.SMALLEST if first == 0 else rules.SMALLEST_OF_COLUMNS
             size |= lines.apply(rules.LEAST_ALLOWED, smallest=smallest, **size)
         sizes.append(size)
     kept = sums.kept
+    if half.low:
+        work.fallen[0] = sums.fallen
     lines.call("f", work.new, lines.table, work.f_new)
     for k in range(lines.D, lines.extended):  # denominators of clocks
         kept = lines.apply(rules.SAME_SIGN, x=line.f[k], new=work.f_new[k], kept=kept)["kept"]
@@ -118,7 +123,6 @@ def _errors(lines, own, sizes):
     """
     text, half, work = lines.text, lines.half, lines.work
     names = ["ratio", "total", "apart"] + ([] if half.is_implicit else ["rates", "states"])
-    names += ["fallen"] if half.low else []
     sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
     for (first, count), of_part in zip(half.parts, sizes, strict=True):
         for i in text.each(count, sums):
@@ -134,12 +138,8 @@ def _errors(lines, own, sizes):
                 apart = weighted(own, lines.of_columns(work.apart, i))
             inputs = {"error": apart, "inverse": inverse, "ratio": sums.apart}
             found["apart"] = lines.apply(rules.LARGER_RATIO, **inputs)["ratio"]
-            if half.low and first == 0:
-                found |= lines.apply(rules.FALLEN, i, fallen=sums.fallen)
             sums.update(found)
             work.error[i] = inverse
-    if half.low:
-        work.fallen.put_chosen(0, sums.fallen)
     return vars(sums)
 
 

@@ -163,6 +163,7 @@ class OfMotion:
         end = last * 2.0**-_DOUBLINGS
         while end < last:
             found = self._solved(self._moving, x[np.newaxis], np.array([end]), self.settings)
+            assert found.records is not None
             if found.status[0] != Status.OK or len(np.unique(found.records.time)) > 1:
                 return end
             end *= 2.0
@@ -480,7 +481,7 @@ def near_return(flow: OfMotion, start: FloatArray) -> tuple[float | None, float]
             rates = vector_field(flow.field, states)[:, own]
             recedes, more = (ways / scale**2 * rates).sum(axis=1) >= 0.0, 1
         returns = ~recedes[:-1] & recedes[1:] & (near[:-1] | near[1:]) & was_away[:-1]
-        for k in np.flatnonzero(returns):
+        for k in np.flatnonzero(returns).tolist():
             first, length = 0.0, times[min(k + more, len(times) - 1)] - times[k]
             for _ in range(2):  # closer around the nearest point
                 inside = first + length * _INSIDE

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 
 from suslov_fast import (
     Change,
@@ -197,7 +198,7 @@ def test_a_dose_over_a_threshold_acts_at_once():
 
 def test_resets_fill_the_buffer_of_records():
     reset = Change(lambda x: x[0] - 0.01, direction=1, to=lambda x: (0, x[1] + 1))
-    found = flow(CLOCK, np.zeros((20, 2)), time=10.0, changes=reset, threads=2).changes
+    found = flow(CLOCK, np.zeros((20, 2)), time=10.0, changes=reset, threads=TWO_THREADS).changes
     assert found.count.ravel().tolist() == [999] * 20
     assert found.trajectory.tolist() == [k for k in range(20) for _ in range(999)]
     right = np.tile(0.01 * np.arange(1, 1000), 20)
@@ -253,7 +254,7 @@ def test_bits_depend_on_nobody_else():
         Change(lambda x: x[0] - 1),
     ]
     time = np.linspace(0.2, 3.0, 8)
-    whole = flow(f, x, time=time, changes=changes, threads=2)
+    whole = flow(f, x, time=time, changes=changes, threads=TWO_THREADS)
     order = rng.permutation(37)
     for part in (order, order[:9], order[5:6]):
         own = [*changes]

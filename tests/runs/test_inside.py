@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 from scipy.special import expit
 from systems import field
 
@@ -201,7 +202,7 @@ def test_times_inside_steps_have_the_same_bits_in_any_batch():
     starts = [0.4, 0.0, 0.0, 2.0] + 0.02 * np.random.default_rng(2).normal(size=(19, 4))
     for count in (11, 60, 400):
         times = np.linspace(0, 12, count)
-        motion = sf.flow(system, starts, time=times, threads=2)
+        motion = sf.flow(system, starts, time=times, threads=TWO_THREADS)
         for k in (0, 8, 18):
             alone = sf.flow(system, starts[k], time=times)
             np.testing.assert_array_equal(alone.x, motion.x[:, k])

@@ -198,13 +198,14 @@ def test_what_is_no_orbit_is_told(field, start, period, reason):
 
 
 def test_a_tolerance_that_works_is_named():
-    """A difference of large numbers has errors above the tolerance."""
-    field = Field.from_function(lambda x: (x[1], 1e6 - (1e6 + x[0])), 2)
+    """Differences of large numbers have errors above the tolerance, not both small by luck."""
+    field = Field.from_function(lambda x: (x[1], 1e7 - (1e7 + x[0]), x[3], 2e7 - (2e7 + x[2])), 4)
+    start = [1.0, 0.0, 1.0, 0.0]
     with pytest.raises(RuntimeError, match="pass rtol=") as told:
-        periodic_orbit(field, [1.0, 0.0], 6.2, rtol=1e-13)
+        periodic_orbit(field, start, 6.2, rtol=1e-13)
     enough = float(str(told.value).rpartition("pass rtol=")[2])
-    orbit = periodic_orbit(field, [1.0, 0.0], 6.2, rtol=enough)
-    assert orbit.period == pytest.approx(2 * np.pi, rel=1e-9)
+    orbit = periodic_orbit(field, start, 6.2, rtol=enough)
+    assert orbit.period == pytest.approx(2 * np.pi, rel=1e-8)
 
 
 def test_a_tolerance_is_not_to_blame_for_what_drifts():

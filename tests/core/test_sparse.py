@@ -61,7 +61,7 @@ def solve(plan, entries, right):
         return text.finished()
 
     arrays = entries, np.full((D + plan.size, W), np.nan), right.copy(), np.full((D, W), np.nan)
-    call(compiled((id(plan), W), text_of), np.array([a.ctypes.data for a in arrays]))
+    call(compiled((plan, W), text_of), np.array([a.ctypes.data for a in arrays]))
     return arrays[2]
 
 

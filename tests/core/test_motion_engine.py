@@ -153,7 +153,7 @@ def dense_field(rng, D=5):
 
 
 @pytest.mark.filterwarnings("ignore:.*slide along:suslov_fast.PoleWarning")
-@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("stiff", [pytest.param(None, marks=pytest.mark.slow), True])
 def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
     """Choices, kinks, tables, parameters of each, dense fields, starts and ends without a value."""
     rng = np.random.default_rng(5)

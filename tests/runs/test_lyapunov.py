@@ -447,9 +447,11 @@ APART = TURN @ np.diag([-1.0, -1e3, -3e4, -30.0]) @ TURN.T
         (lambda x: (-1e5 * (x[0] - x[1] * x[2]), -0.5 * x[1] + x[2], -x[1] - 0.5 * x[2]),
          [-0.5, -0.5, -1e5]),
         (lambda x: (-1e4 * x[0], -2e4 * x[1], -x[2]), [-1.0, -1e4, -2e4]),
-        (lambda x: APART @ x, [-1.0, -30.0, -1e3, -3e4]),
-        (lambda x: (-(1e3 + 300 * np.sin(x[2])) * (x[0] - np.cos(x[2])),
-                    (50 * np.cos(x[2]) - 200) * (x[1] - x[0] ** 2), 1.0), [-200.0, -1e3]),
+        pytest.param(lambda x: APART @ x, [-1.0, -30.0, -1e3, -3e4], marks=pytest.mark.slow),
+        pytest.param(
+            lambda x: (-(1e3 + 300 * np.sin(x[2])) * (x[0] - np.cos(x[2])),
+                       (50 * np.cos(x[2]) - 200) * (x[1] - x[0] ** 2), 1.0),
+            [-200.0, -1e3], marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_motion_with_directions_that_decay_fast(f, exact):

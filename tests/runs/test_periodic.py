@@ -197,6 +197,7 @@ def test_what_is_no_orbit_is_told(field, start, period, reason):
         periodic_orbit(field, start, period)
 
 
+@pytest.mark.slow
 def test_a_tolerance_that_works_is_named():
     """Differences of large numbers have errors above the tolerance, not both small by luck."""
     field = Field.from_function(lambda x: (x[1], 1e7 - (1e7 + x[0]), x[3], 2e7 - (2e7 + x[2])), 4)

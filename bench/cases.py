@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import events
+import inside
 import motions
 import numpy as np
 import problem
@@ -275,6 +276,7 @@ for key, (whose, label, function, method, needed) in AT_ERRORS.items():
 
 motions.add_cases(add)
 events.add_cases(add)
+inside.add_cases(add)
 
 for key, whose, label, kept in (
     ("crossings", OURS, "`crossings`", "crossings"),

@@ -65,22 +65,39 @@ COLUMNS = {
 
 
 def table(results, name, across, columns):
-    """A table; with `across`, it has a line for each key and a column for each x."""
-    rows = results.of(name.removesuffix(SHORT))
-    rows = [row for row in rows if not name.endswith(SHORT) or row.key in HEADLINES]
+    """A table; with `across`, it has a line for each key and a column for each x.
+
+    "orders in short and inside" has the columns of both tables, and the lines of the first.
+    """
+    rows = [row for each in name.split(" and ") for row in rows_of(results, each)]
     headers, counts = columns.split(" | "), {row.threads for row in rows}
     cells = [COLUMNS.get(header) or rate(float(header.split()[0])) for header in headers]
     lines = [[named(row, counts), *(cell(results, row) for cell in cells)] for row in rows]
     if across:
-        found, places = {}, sorted({row.x for row in rows})
-        if are_errors := 0 < places[-1] < 0.01:
-            places.reverse()
+        found, labels = {}, {}
         for row, (label, cell) in zip(rows, lines, strict=True):
-            found.setdefault(label, {})[row.x] = cell
-        headers = [f"{x:.0e}".replace("e-0", "e-") if are_errors else f"{x:,}" for x in places]
-        lines = [[label, *(line.get(x, "") for x in places)] for label, line in found.items()]
+            labels.setdefault(row.key, label)
+            found.setdefault(row.key, {})[row.x] = cell
+        places, headers = places_of(rows)
+        lines = [[labels[key], *(line.get(x, "") for x in places)] for key, line in found.items()]
     lines = [[across or "", *headers], ["---"] + ["---:"] * len(headers), *lines]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def rows_of(results, name):
+    rows = results.of(name.removesuffix(SHORT))
+    return [row for row in rows if not name.endswith(SHORT) or row.key in HEADLINES]
+
+
+def places_of(rows):
+    """All x of some rows, numbers first and errors from the largest one, and their headers."""
+    numbers = sorted({row.x for row in rows if not isinstance(row.x, str)})
+    texts = sorted({row.x for row in rows if isinstance(row.x, str)})
+    headers = [f"{x:,}" for x in numbers]
+    if numbers and 0 < numbers[-1] < 0.01:
+        numbers.reverse()
+        headers = [f"{x:.0e}".replace("e-0", "e-") for x in numbers]
+    return numbers + texts, headers + texts
 
 
 def named(row, counts):

@@ -31,7 +31,10 @@ except ImportError:  # Windows
 
 # Tables of motions at equal error, on one thread: of the processor's time, and in a file of their
 # own, because they are measured more often than all the others.
-MOTIONS = "orders", "one motion", "more motions", "lattices", "stiff motions", "changes"
+MOTIONS = (
+    *("orders", "one motion", "more motions", "inside"),
+    *("lattices", "stiff motions", "changes"),
+)
 # What `conftest` sets for peers that use NumPy in its own process.
 ONE_THREAD = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 OURS, C, NUMPY, OTHERS, MACHINE = "this package", "C", "NumPy", "others", "the machine"
@@ -66,15 +69,15 @@ class Case:
     whose: str
     label: str
     make: Callable[[Callable[[int, int], int]], Work]
-    x: float | None = None
+    x: float | str | None = None
     limit: tuple[str, float] | None = None
     one_thread: bool = False
 
     @property
     def name(self):
-        """Name without blanks, the same on every machine."""
+        """Name without blanks and commas, the same on every machine."""
         x = "" if self.x is None else f"-{self.x}"
-        return f"{self.table}-{self.key}{x}".replace(" ", "_")
+        return f"{self.table}-{self.key}{x}".replace(" ", "_").replace(",", "")
 
     @property
     def is_slow(self):

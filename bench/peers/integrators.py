@@ -32,14 +32,19 @@ def _by_heyoka(right, starts, time, **tolerance):
     return states[:size]
 
 
-def _by_scipy(right, starts, time, tolerance=1e-12):
-    """Integrate all trajectories as one system, with the steps of the most demanding one."""
+def _by_scipy(right, starts, time, tolerance=1e-12, times=None):
+    """Integrate all trajectories as one system, with the steps of the most demanding one.
+
+    Returns the last states, or those at the times.
+    """
     from scipy.integrate import solve_ivp
 
     D = starts.shape[1]
     of_all = lambda t, x: np.concatenate(right(*x.reshape(D, -1)))  # noqa: E731
     settings = {"method": "DOP853", "rtol": tolerance, "atol": tolerance / 10}
-    return solve_ivp(of_all, (0, time), starts.T.ravel(), **settings).y[:, -1].reshape(D, -1).T
+    found = solve_ivp(of_all, (0, time), starts.T.ravel(), t_eval=times, **settings).y.T
+    states = found.reshape(len(found), D, -1).transpose(0, 2, 1)
+    return states[-1] if times is None else states
 
 
 def _suslov(w1, w2):
@@ -76,5 +81,5 @@ def henon_heiles(tolerance):
     return lambda x: _by_heyoka(_henon_heiles, x, TIME_OF_MOTIONS, tol=tolerance)
 
 
-def henon_heiles_by_scipy(tolerance):
-    return lambda x: _by_scipy(_henon_heiles, x, TIME_OF_MOTIONS, tolerance)
+def henon_heiles_by_scipy(tolerance, times=None):
+    return lambda x: _by_scipy(_henon_heiles, x, TIME_OF_MOTIONS, tolerance, times)

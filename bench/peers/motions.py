@@ -93,7 +93,7 @@ def _rates(name):
 
 
 @functools.cache
-def _right(name):
+def compiled_f(name):
     rates = _rates(name)
 
     @numba.njit
@@ -143,18 +143,18 @@ def by_scipy(name, method, tolerance):
     """SciPy's `solve_ivp`, orbits one after the other."""
     settings = {"method": method, "rtol": tolerance, "atol": 1e-3 * tolerance}
     time = SYSTEMS[name].time
-    right = _right(name)
+    right = compiled_f(name)
     return lambda x: np.array([solve_ivp(right, (0, time), s, **settings).y[:, -1] for s in x])
 
 
 def by_odeint(name, tolerance):
     """SciPy's `odeint`, LSODA, orbits one after the other."""
     settings = {"rtol": tolerance, "atol": 1e-3 * tolerance, "tfirst": True, "mxstep": 100_000}
-    times, right = [0.0, SYSTEMS[name].time], _right(name)
+    times, right = [0.0, SYSTEMS[name].time], compiled_f(name)
     return lambda x: np.array([odeint(right, s, times, **settings)[-1] for s in x])
 
 
-def _system(name):
+def heyoka_system(name):
     import heyoka
 
     variables = heyoka.make_vars(*(f"x{i}" for i in range(SYSTEMS[name].D)))
@@ -165,7 +165,7 @@ def by_heyoka(name, tolerance):
     """heyoka's Taylor integrator in batches of 16, or of one orbit alone."""
     import heyoka
 
-    D, time, system = SYSTEMS[name].D, SYSTEMS[name].time, _system(name)
+    D, time, system = SYSTEMS[name].D, SYSTEMS[name].time, heyoka_system(name)
     alone = heyoka.taylor_adaptive(system, np.zeros(D), tol=tolerance)
     several = heyoka.taylor_adaptive_batch(system, np.zeros((D, SIDE_BY_SIDE)), tol=tolerance)
 
@@ -189,7 +189,7 @@ def by_ensemble(name, tolerance):
     """heyoka's ensemble of integrators of batches of 16, on one thread."""
     import heyoka
 
-    D, time, system = SYSTEMS[name].D, SYSTEMS[name].time, _system(name)
+    D, time, system = SYSTEMS[name].D, SYSTEMS[name].time, heyoka_system(name)
     several = heyoka.taylor_adaptive_batch(system, np.zeros((D, SIDE_BY_SIDE)), tol=tolerance)
 
     def run(x):

@@ -173,8 +173,13 @@ def _in_order(records: list[tuple[Any, FloatArray]], sign: int, starts: FloatArr
         own = slice(first, first := first + len(part))
         if where is not ALL:
             trajectory[own] = where[trajectory[own]]
-    order = np.lexsort((rows[:, 2], trajectory))  # several in a step may be in another order
-    rows, trajectory, which = rows[order], trajectory[order], which[order]
+    order = np.argsort(trajectory, kind="stable")
+    of_next = trajectory[order[1:]] == trajectory[order[:-1]]
+    if (of_next & (rows[order[1:], 2] < rows[order[:-1], 2])).any():
+        # Several in a step may be in another order. It takes six times as long.
+        order = np.lexsort((rows[:, 2], trajectory))
+    rows = np.take(rows, order, axis=0)  # a quarter of the time of rows[order]
+    trajectory, which = trajectory[order], which[order]
     before, states = rows[:, 3 : 3 + D].copy(), rows[:, 3 + D :].copy()
     return Records(trajectory, which, sign * rows[:, 2], before, states)
 

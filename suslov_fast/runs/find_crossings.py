@@ -238,7 +238,9 @@ def _attributes(found: Any, x: FloatArray, batch: tuple[int, ...], limit: float)
     trajectory, which, time, _, states = found.records
     count = np.bincount(trajectory, minlength=len(x))
     first = np.cumsum(count) - count
-    own = np.arange(len(trajectory)) - first[trajectory] < limit
+    own: Any = slice(None)
+    if limit < math.inf:
+        own = np.arange(len(trajectory)) - first[trajectory] < limit
     final, status = found.states[0], np.where(found.status == Status.STOPPED, 0, found.status)
     ends = np.flatnonzero(count >= limit)
     if len(ends):

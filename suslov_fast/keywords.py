@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dis
 import inspect
 import re
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import suslov_fast
 
@@ -19,13 +20,14 @@ R = TypeVar("R")
 _OWN = {"self", "cls", "_cls"}  # which a caller does not pass
 
 
-def lacking(thing: Any, name: str, here: str = "") -> AttributeError:
+def lacking(thing: Any, name: str, here: str = "") -> AttributeError | ImportError:
     """Return the error of an object, or of a module, without an attribute, for its `__getattr__`.
 
-    `here` is what to use, if it is known; else it is looked for.
+    `here` is what to use, if it is known; else it is looked for. Of ``from module import name`` it
+    is an ImportError, because Python would replace an AttributeError by an error without the answer.
     """
-    kinds = [kind.__name__ for kind in type(thing).__mro__]
-    called = f"{kinds[0]!r} object"
+    kinds = [k.__name__ for k in (thing if isinstance(thing, type) else type(thing)).__mro__]
+    called = f"type object {kinds[0]!r}" if isinstance(thing, type) else f"{kinds[0]!r} object"
     if inspect.ismodule(thing):
         called = f"module {thing.__name__!r}"
     if not here and not name.startswith("_"):
@@ -36,9 +38,18 @@ def lacking(thing: Any, name: str, here: str = "") -> AttributeError:
         if here in functions and here not in own:
             here = f"suslov_fast.{here}{_call_of(getattr(suslov_fast, here))}"
     text = f"{called} has no attribute {name!r}"
+    if here and inspect.ismodule(thing) and _in_import(inspect.currentframe()):
+        return ImportError(f"cannot import name {name!r} from {thing.__name__!r}: use {here}")
     if here:
         return AttributeError(f"{text}: use {here}")
     return AttributeError(text, name=name, obj=thing)
+
+
+def _in_import(frame: Any) -> bool:
+    """Return whether the `__getattr__` that called a frame is called by ``from module import``."""
+    caller = frame.f_back.f_back
+    operation: str = dis.opname[caller.f_code.co_code[caller.f_lasti]]
+    return operation == "IMPORT_FROM"
 
 
 def _call_of(function: Any) -> str:
@@ -52,6 +63,15 @@ def _call_of(function: Any) -> str:
         elif each.default is each.empty:
             needed.append(f"{name}=" if each.kind is each.KEYWORD_ONLY else name)
     return f"({', '.join(needed)})"
+
+
+class Answering(type):
+    """The class of classes that answer an attribute that they lack, as their objects do."""
+
+    if not TYPE_CHECKING:  # type checkers would accept any name
+
+        def __getattr__(cls, name: str) -> Any:
+            raise lacking(cls, name)
 
 
 def with_answers(kind: type[R]) -> type[R]:

@@ -46,6 +46,11 @@ TABLE = {
      "iterate(system, x0, eps, steps) or flow(system, x0, time=t), which take states"),
     ("copy deepcopy", "", "the system itself, which never changes"),
   ),
+  "plot_phase": (
+    ("states x0 omega0 starts start initial steps time t n samples orbits method", "",
+     "iterate(body, states, eps, steps).plot(), which draws given states: here orbits fill extent="),
+    ("xlim ylim range size lim limits box", "extent", ""),
+  ),
   # Names of the package.
   "module": (
     ("system model odesystem equation dynamicalsystem problem", "",
@@ -59,6 +64,9 @@ TABLE = {
     ("montecarlo sample random", "RandomStarts", ""),
     ("save load", "", "run.save(path), and load(path)"),
     ("lsim stepresponse impulseresponse", "", "scipy.signal, with A = field.jacobian(x)"),
+    ("periodic periodicpoint orbit cycle closedorbit", "periodic_orbit", ""),
+    ("qrt qrtmap birational birationalmap rational henonmap", "",
+     "suslov_fast.integrability.rational_map(f, dimension), of f that maps a state to the next"),
   ),
   # Attributes of results.
   "Result": (
@@ -380,9 +388,7 @@ def answer(word: str, known: Collection[str], *places: str) -> str:
     Of a word of several parts, such as solve_ode, that may be what to use for a part.
     """
     alike = {_plain(each): each for each in known}
-    if here := alike.get(_plain(word)):
-        return here
-    if here := _looked_up(_plain(word), known, places):
+    if here := _looked_up(_plain(word), known, places) or alike.get(_plain(word), ""):
         return here
     if near := get_close_matches(word, known, 1, 0.75):
         return near[0]

@@ -7,13 +7,13 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..keywords import public
+from ..keywords import Answering, public
 
 Kind = TypeVar("Kind", bound="Members")
 _FAMILY = "for a family pass an array as a parameter"
 
 
-class Members:
+class Members(metaclass=Answering):
     """A batch of bodies, whose members an index or the values of parameters select."""
 
     axes: ClassVar[dict[str, int]]

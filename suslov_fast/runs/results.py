@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..engine.status import count_in_words
-from ..keywords import lacking, public
+from ..keywords import Answering, lacking, public
 from ..words import answer
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def quantity(name: str) -> Callable[[Any], FloatArray]:
     return public(method)
 
 
-class Result:
+class Result(metaclass=Answering):
     """The base of the results of runs, frozen dataclasses whose arrays are read-only.
 
     Subclasses have the attributes `states` and `body`, those of a map also `map` and `eps`.

@@ -442,7 +442,10 @@ ATTRIBUTES = [
     (sf, "equilibria", "fixed_points"), (sf, "solve_ode", "flow"), (sf, "System", "from_function"),
     (BODY, "omega", "iterate"),
     (sf, "odeint", r"flow\(system, x0, time=T\)"), (sf, "pictures", r"plot_phase\(\*suslov_fast"),
+    (sf, "periodic_points", "periodic_orbit"), (sf, "QRT", "rational_map"),
     (sf.integrability, "hirota_kimura_basis", "hk_bases"), (sf.integrability, "nothing", ""),
+    (sf.integrability, "hk_basis", "hk_bases"), (SuslovND, "from_inertia", "from_mass_tensor"),
+    (QuadraticField, "from_sympy", "lambdify"), (sf.Motion, "t", "time"), (Suslov3D, "nothing", ""),
 ]  # fmt: skip
 
 
@@ -452,6 +455,10 @@ def test_unknown_attributes(thing, name, answer):
     with pytest.raises(AttributeError, match=rf"'{name}'.*{answer}") as caught:
         getattr(thing, name)
     assert answer or ("use " not in str(caught.value) and caught.value.name == name)
+    if inspect.ismodule(thing):
+        assert not hasattr(thing, name)
+        with pytest.raises(ImportError, match=rf"'{name}'.*{answer}"):
+            exec(f"from {thing.__name__} import {name}")
 
 
 def forced(t, x):

@@ -23,8 +23,8 @@ _OWN = {"self", "cls", "_cls"}  # which a caller does not pass
 def lacking(thing: Any, name: str, here: str = "") -> AttributeError | ImportError:
     """Return the error of an object, or of a module, without an attribute, for its `__getattr__`.
 
-    `here` is what to use, if it is known; else it is looked for. Of ``from module import name`` it
-    is an ImportError, because Python would replace an AttributeError by an error without the answer.
+    `here` is what to use, if it is known; else it is looked for. For ``from module import name``
+    it is an ImportError, because Python would replace another by one without the answer.
     """
     kinds = [k.__name__ for k in (thing if isinstance(thing, type) else type(thing)).__mro__]
     called = f"type object {kinds[0]!r}" if isinstance(thing, type) else f"{kinds[0]!r} object"

@@ -48,7 +48,7 @@ TABLE = {
   ),
   "plot_phase": (
     ("states x0 omega0 starts start initial steps time t n samples orbits method", "",
-     "iterate(body, states, eps, steps).plot(), which draws given states: here orbits fill extent="),
+     "iterate(body, states, eps, steps).plot(): here eps and extent= choose states"),
     ("xlim ylim range size lim limits box", "extent", ""),
   ),
   # Names of the package.

@@ -56,6 +56,11 @@ _MANY = 2**14
 # Exponents of ranges: moments and step sizes have a modulus from 1e-50 to 1e50, other parameters
 # from 1e-60 to 1e60.
 MOMENTS, OTHERS = 50, 60
+OF_SYMBOLS = (
+    "symbols have no values: formulas are report(system).integrals and kahan(field).forms of "
+    "suslov_fast.integrability, where eps alone is symbolic, and sympy.lambdify([names], "
+    "expressions) makes a function of expressions"
+)
 _PACKAGES = {"flint": "python-flint"}  # packages whose modules have another name
 # Requests for up to this many bytes are not checked, for speed; this many bytes are kept free.
 _SMALL = 2**26
@@ -203,7 +208,7 @@ def _floats(name: str, value: Any) -> FloatArray:
             item = next(each for each in array.flat if not isinstance(each, numbers.Real))
             what = f", in which {short(item)}" if array.ndim else ""
             what += f" is a {kind_of(item)}" if array.ndim else f", a {kind_of(item)}"
-            what += ": only eps can be a symbol, in integrability" * hasattr(item, "free_symbols")
+            what += f": {OF_SYMBOLS}" * hasattr(item, "free_symbols")
         raise wrong(name, "hold real numbers", f"{short(value)}{what}", TypeError)
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
 

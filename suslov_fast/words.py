@@ -51,6 +51,12 @@ TABLE = {
      "iterate(body, states, eps, steps).plot(): here eps and extent= choose states"),
     ("xlim ylim range size lim limits box", "extent", ""),
   ),
+  # Formulas of the laboratory.
+  "RationalFunction": (
+    ("freesymbols atoms args simplify expand together cancel apart diff series evalf numer "
+     "denom asnumerdenom coefficient coeff", "",
+     "sympy.sympify(F), an expression of SymPy"),
+  ),
   # Names of the package.
   "module": (
     ("system model odesystem equation dynamicalsystem problem", "",
@@ -272,7 +278,7 @@ TABLE = {
     ("equation", "body", "str(...), the formula"),
     ("symbolic symbol", "", "eps, which is symbolic if it is left out: all else is numbers"),
     ("latex tolatex tosympy sympify", "",
-     "str(...), the formula; of an integral F sympy.sympify(F), for sympy.latex"),
+     "str(...), the formula; of an integral F sympy.sympify(F), and sympy.latex(F)"),
     ("eval evaluate", "", "field(x), the value of the right-hand side"),
     ("lambdify", "compiled", "field(x), or compiled.system in loops of your own"),
     ("dim ndim d", "dimension", ""),

@@ -290,6 +290,10 @@ class RationalFunction(WithLetter):
         minus = "-" if self.constant < 0 else ""
         return f"{minus}{numerator}" + (f"/{denominator}" if denominator != "1" else "")
 
+    def _latex(self, _: Any) -> str:
+        """Return the formula for ``sympy.latex``."""
+        return self._repr_latex_().removeprefix("$\\displaystyle ").removesuffix("$")
+
     def _repr_latex_(self) -> str:
         text = re.sub(_NAME, lambda name: _latex_of_name(name[0]), str(self))
         if "/" in text:

@@ -75,4 +75,7 @@ def test_formulas_of_reports():
     assert text.startswith(r"$\begin{array}{l}\text{First integrals:} \\ \quad \displaystyle x_{1}")
     for f in (*found.integrals, *found.measures, *found.polynomials):
         assert f._repr_latex_().strip("$") in text
+    latex = pytest.importorskip("sympy").latex
+    assert latex([found.integrals[0]]) == rf"\left[ {latex(found.integrals[0])}\right]"
+    assert r"\mathtt" not in latex(found.integrals[0])
     assert text.count("$") == 2

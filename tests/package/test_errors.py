@@ -175,7 +175,7 @@ TABLE = [
     (sf.NotIntegrableError, "criticality", lambda: sf.criticality(ND, [1, 2, 3], 0.1)),
     (TypeError, "derivatives", motion(derivatives=3)),
     (ValueError, "derivatives", motion(derivatives="c"), motion(derivatives=("x0", "x0"))),
-    (TypeError, "dimension", lambda: field([1, 2], [*symbols("u v")])(), field(2, lambda x: x),
+    (TypeError, "dimension", field(2, lambda x: x),
      field(lambda x: (1,), 1.5)),
     (ValueError, "dimension", changed(dimension=0), field(lambda x: (x[1], 1), r"\theta w"),
      field(tuple, ""), hamiltonian(lambda x: x[0], 3), hamiltonian(lambda x: x[0], "x px y py"),
@@ -191,7 +191,11 @@ TABLE = [
      lambda: sf.plot_phase(BODY, [[1, 0.5]])),
     (ValueError, "extent", lambda: sf.RandomStarts(3, (-1, 2))),
     (ValueError, "extent", lambda: sf.RandomStarts(3, 0.0), lambda: sf.plot_phase(BODY, 10, 4)),
-    (TypeError, "f", field(np.sin), field(lambda x: (None, 1)), field(lambda *x: x), field(None)),
+    (TypeError, "f", field(np.sin), field(lambda x: (None, 1)), field(lambda *x: x), field(None),
+     lambda: field([1, 2], [*symbols("u v")])()),
+    (TypeError, "lambdify", lambda: field(lambda x: (x[0] * symbols("a"), x[1]))(),
+     lambda: field(lambda x, a: (a * x[0], 1), a=symbols("a"))(),
+     lambda: sf.first_integral(BODY, symbols("u v"), 0.1)),
     (ValueError, "f", field(lambda x: (x[0] * x[1], x[0]), 3),
      field(lambda x: (x[0] * x[2], x[0])), field(lambda x, a: (10**70 * x[0] * a, 1), a=[1, 2])),
     (TypeError, "field", lambda: sf.integrability.kahan(SMOOTH),
@@ -444,8 +448,9 @@ ATTRIBUTES = [
     (sf, "odeint", r"flow\(system, x0, time=T\)"), (sf, "pictures", r"plot_phase\(\*suslov_fast"),
     (sf, "periodic_points", "periodic_orbit"), (sf, "QRT", "rational_map"),
     (sf.integrability, "hirota_kimura_basis", "hk_bases"), (sf.integrability, "nothing", ""),
-    (sf.integrability, "hk_basis", "hk_bases"), (SuslovND, "from_inertia", "from_mass_tensor"),
-    (QuadraticField, "from_sympy", "lambdify"), (sf.Motion, "t", "time"), (Suslov3D, "nothing", ""),
+    (sf.integrability, "hk_basis", "hk_bases"), (COFACTOR, "free_symbols", "sympify"),
+    (SuslovND, "from_inertia", "from_mass_tensor"), (QuadraticField, "from_sympy", "lambdify"),
+    (sf.Motion, "t", "time"), (Suslov3D, "nothing", ""),
 ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import arguments_of, either, short, wrong
+from ...checks import OF_SYMBOLS, arguments_of, either, short, wrong
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES
 from .names import TIME, of_time
 from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
@@ -76,7 +76,7 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
         return getattr(f, "py_func", f)(state.copy(), **parameters)  # if Numba compiled f
     except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
         text = " ".join(str(error).split())
-        if not isinstance(error, (Untraceable, ArithmeticError)):
+        if not isinstance(error, (Untraceable, ArithmeticError)) and OF_SYMBOLS not in text:
             symbols = ", ".join(str(state[i]) for i in range(min(len(state), 8)))
             how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
             if "subscriptable" in text:

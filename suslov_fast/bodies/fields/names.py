@@ -84,7 +84,7 @@ def variables(
     if isinstance(given, str):
         names = re.split(r"[\s,]+", given.strip(" ,\t\n"))
     elif isinstance(given, (list, tuple)) or np.ndim(given) == 1:
-        names = [*given]
+        names = [str(each) if hasattr(each, "free_symbols") else each for each in given]
     elif D is None:
         expected = f'an integer from 1 to {MOST_VARIABLES}, or names: "u v w"'
         return labels(integer(argument, given, 1, expected, MOST_VARIABLES))

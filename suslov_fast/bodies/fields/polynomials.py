@@ -6,6 +6,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from functools import partial
 from itertools import product
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...checks import (
+    OF_SYMBOLS,
     OTHERS,
     common_shape,
     kind_of,
@@ -36,13 +38,15 @@ def exact(name: str, value: Any) -> Fraction:
     if isinstance(value, complex):
         how = "split complex variables into real and imaginary parts"
         raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
+    if getattr(value, "is_number", False) and not is_ratio:  # of SymPy, as sqrt(2)
+        with suppress(TypeError):  # of a complex one
+            value = float(value)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
         if isinstance(value, dict):
             how = f"**{name}, and let f take {', '.join(map(str, value))}"
             received += f": pass {f'{name}={value[name]}' if name in value else how}"
-        if hasattr(value, "free_symbols"):
-            received += ": sympy.lambdify([names], expressions) makes a function"
+        received += f": {OF_SYMBOLS}" * hasattr(value, "free_symbols")
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     try:
         if not is_ratio and value and float(value) in (0.0, math.inf, -math.inf):

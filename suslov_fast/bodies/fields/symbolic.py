@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...checks import short
+from ...checks import OF_SYMBOLS, short
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES, interp, not_
 from ...core.lists.right_hand_side import Expressions
 from ...core.lists.step import OF_TRUTH_VALUES
@@ -123,8 +123,7 @@ def constant(value: Any) -> float:
         how = "split complex variables into real and imaginary parts"
         raise Untraceable(f"{value} is complex: {how}")
     if hasattr(value, "free_symbols") and value.free_symbols:
-        how = "make a function of it by sympy.lambdify([names], list(expressions))"
-        raise Untraceable(f"{short(value)} is an expression of SymPy: {how}")
+        raise Untraceable(f"{short(value)} is an expression of SymPy: {OF_SYMBOLS}")
     is_number = isinstance(value, np.number) or hasattr(value, "as_integer_ratio")
     if not is_number and not hasattr(value, "free_symbols"):
         raise Untraceable(f"a number is wanted, not {short(value)}")
@@ -360,6 +359,8 @@ def _of_function(called: Any, args: Sequence[Any], options: Mapping[str, Any]) -
 class Symbols(np.ndarray[Any, Any]):
     """An array of symbolic numbers, or of these and numbers."""
 
+    _op_priority = 20.0  # numbers of SymPy, which have 10, leave operations to symbols
+
     @classmethod
     def of(cls, symbols: Sequence[Symbol]) -> Symbols:
         array = np.empty(len(symbols), object)
@@ -407,6 +408,7 @@ class Symbol:
     __slots__ = ("operand", "tracer")
     tracer: Any
     __hash__ = object.__hash__
+    _op_priority = Symbols._op_priority
 
     def __init__(self, tracer: Any, operand: Any) -> None:
         self.tracer, self.operand = tracer, operand
@@ -438,8 +440,8 @@ class Symbol:
 
     def _converted(self, *_: Any) -> Any:
         why = "is a symbol without a value, so float, int and math cannot convert it"
-        how = "write np.sin for math.sin, np.floor for int, np.zeros(n, object) for np.zeros(n), "
-        how += f"x for np.asarray(x, float), {TABLES}"
+        how = "write np.sin for sin of math or SymPy, np.floor for int, "
+        how += f"np.zeros(n, object) for np.zeros(n), x for np.asarray(x, float), {TABLES}"
         raise Untraceable(f"{self} {why}: {how}")
 
     __float__ = __int__ = __index__ = __complex__ = _converted

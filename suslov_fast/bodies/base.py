@@ -161,8 +161,8 @@ class Body(Members):
         Examples
         --------
         >>> from suslov_fast import Suslov3D
-        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).field()
-        QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=0).field()
+        QuadraticField(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1^2)
         """
         raise NotImplementedError
 

@@ -27,7 +27,6 @@ from ..words import answer
 from .base import Body
 from .fields.field import QuadraticField
 from .fields.field_of_terms import parts_of
-from .fields.names import labels
 from .fields.polynomials import numbers
 from .fields.terms import collected
 from .reduction import Reduction, first_of_equal
@@ -106,7 +105,7 @@ class SuslovND(Body):
         parts = (numbers(name, each, bool(self.shape)) for name, each in self.parts.items())
         places, values = self._terms_of(*parts)
         terms = collected(places, within("J and I", values, OTHERS), self.dimension, 2)
-        return QuadraticField._of(parts_of(terms, labels(self.dimension)))
+        return QuadraticField._of(parts_of(terms, self.labels))
 
     @property
     def _terms(self) -> Any:

@@ -19,7 +19,6 @@ from ..keywords import public, public_class
 from .base import Body
 from .fields.field import QuadraticField
 from .fields.field_of_terms import parts_of
-from .fields.names import labels
 from .fields.terms import collected
 
 # Tolerance of the triangle inequality of moments, relative to the largest one: flat bodies have
@@ -63,7 +62,7 @@ class _In3D(Body):
         places = [[0] * 3 + [1] * 3, [0, 1, 2] * 2, [1] * 3 + [0] * 3]
         values = [np.broadcast_to(row, (*self.shape, 3)) for row in rows]
         terms = collected(places, np.concatenate(values, axis=-1), 2, 2)
-        return QuadraticField._of(parts_of(terms, labels(2)))
+        return QuadraticField._of(parts_of(terms, self.labels))
 
 
 def _excess(tensors: FloatArray) -> Any:

@@ -414,7 +414,8 @@ def test_ctrl_c():
 def test_report():
     Path("b.json").write_text(json.dumps(lotka().to_dict()))
     assert "degree" in succeed("report --body b.json --eps 1/3 --degree 1")
-    lemma = "25*(4*x1^2 + x2^2)/(25*x1^2 + 30*x1*x2 + 9*x2^2 + 40000)"
+    square = "25*Omega1^2 + 30*Omega1*Omega2 + 9*Omega2^2"
+    lemma = f"25*(4*Omega1^2 + Omega2^2)/({square} + 40000)"
     found = facts_of("report --figure 1 --eps 0.2 --degree 2 --json")
     assert [each["formula"] for each in found["integrals"]] == [lemma]
 

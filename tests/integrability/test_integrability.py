@@ -112,7 +112,9 @@ def value(P, x):
 
 def by_text(f, x, **parameters):
     """The value of the text of a function, whose numbers are fractions."""
-    values = {f"x{i}": a for i, a in enumerate(x, start=1)} | parameters | {"F": F}
+    names = "x{}", "Omega{}", "Omega{}n"
+    values = {name.format(i): a for i, a in enumerate(x, start=1) for name in names}
+    values |= parameters | {"F": F}
     return eval(re.sub(r"(?<!\w)\d+", r"F(\g<0>)", str(f).replace("^", "**")), values)
 
 
@@ -371,7 +373,7 @@ def test_lists_of_monomials():
 
 def test_the_orbit_of_a_point():
     found = hk_bases(MAP, 2, point=[1, 2])
-    assert str(found.polynomials[0]) == "2052*x1^2 - 4*x1*x2 + 513*x2^2 - 4096"
+    assert str(found.polynomials[0]) == "2052*Omega1^2 - 4*Omega1*Omega2 + 513*Omega2^2 - 4096"
     assert hk_bases(MAP, 2, point=MAP([1, 2])).basis == found.basis
     assert hk_bases(MAP, 1, point=[1, -2]).dimension == 2  # a steady state
     with pytest.raises(ArithmeticError, match="reach poles of the map"):
@@ -399,7 +401,12 @@ def test_generic_bodies_have_no_integral(n, degree):
 @pytest.mark.parametrize(
     ("map", "degree", "cofactor", "expected"),
     [
-        (MAP, 1, lambda x: sum(np.multiply(MAP(x), (2, 1))) / F(2 * x[0] + x[1]), "(2*x1 + x2,)"),
+        (
+            MAP,
+            1,
+            lambda x: sum(np.multiply(MAP(x), (2, 1))) / F(2 * x[0] + x[1]),
+            "(2*Omega1 + Omega2,)",
+        ),
         (MAP, 2, 2, "()"),
         (kahan(FORCED, EPS), 3, "det", "(x1^3 + 63*x1,)"),
         (kahan(PREY, EPS), 2, "det", "(x1*x2,)"),
@@ -470,7 +477,7 @@ def test_exceptional_primes_and_lines_are_drawn_again():
 @pytest.mark.parametrize(
     ("given", "degree", "kind", "integrals", "measure", "planes"),
     [
-        (BODY, 3, "linear", [2], [3], ["2*x1 + x2"]),
+        (BODY, 3, "linear", [2], [3], ["2*Omega1 + Omega2"]),
         (CYCLE, 3, "quadratic", [1, 3], [2], ["x1", "x2", "x3", "x1 + x2 + x3"]),
         # The map sends the line det A = 0 to infinity.
         (ENERGY, 1, "quadratic", [3], [1], ["3*x1 + 32"]),
@@ -685,9 +692,10 @@ def test_symbolic_eps_in_relations_and_polynomials():
     symbolic = kahan(of(BODY))
     found = hk_bases(symbolic, 3)
     assert (found.degree, found.independent, found.complete, found.basis) == (2, 1, True, None)
-    assert [str(P) for P in found.integrals] == ["4*x1^2 + x2^2", "eps^2*x1*x2 + 64"]
+    texts = ["4*Omega1^2 + Omega2^2", "eps^2*Omega1*Omega2 + 64"]
+    assert [*map(str, found.integrals)] == texts
     assert [str(P) for P in darboux_polynomials(symbolic, 1, cofactors(symbolic, 1)[2])] == [
-        "2*x1 + x2"
+        "2*Omega1 + Omega2"
     ]
 
 
@@ -874,7 +882,7 @@ def test_symbolic_eps_and_number_print_the_same(field):
     ("field", "symmetries"),
     [
         # Lines through 0 are reflected at those of steady states.
-        (of(BODY), ["(-x1, -x2)", "(1/2*x2, 2*x1)"]),
+        (of(BODY), ["(-Omega1, -Omega2)", "(1/2*Omega2, 2*Omega1)"]),
         (ENERGY, ["(x1, -x2)"]),
         (PREY, ["(x2, x1)"]),
         (field_of(lambda x: (x[0] ** 2 - x[0],), 1), ["(-x1 + 1)"]),

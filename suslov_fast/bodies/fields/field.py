@@ -202,7 +202,7 @@ class QuadraticField(_FieldOfTerms):
         Returns
         -------
         QuadraticField
-            In the variables x1, ..., xD, the components of the angular velocity.
+            In the components of the angular velocity.
 
         Raises
         ------
@@ -212,8 +212,8 @@ class QuadraticField(_FieldOfTerms):
         Examples
         --------
         >>> from suslov_fast import QuadraticField, Suslov3D
-        >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25))
-        QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
+        >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=0))
+        QuadraticField(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1^2)
         """
         checks.instance("body", body, Body)
         field: QuadraticField = body.field()

@@ -28,8 +28,8 @@ TABLE = {
      "steps= for the map, or RandomStarts(n, extent) as x0 for n trajectories"),
   ),
   "periodic_orbit": (
-    ("eps dt h stepsize deltat", "",
-     "period=T and steps=N, of which eps is T / N, and method='auto' for Kahan's map"),
+    ("dt h stepsize deltat", "eps", ""),
+    ("n order nsteps iterations multiplicity", "steps", ""),
   ),
   "fixed_points": (
     ("x0 y0 guess start initial initialguess", "near", ""),

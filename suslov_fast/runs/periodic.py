@@ -71,10 +71,14 @@ def periodic_orbit(
     *,
     rtol: float = 1e-12,
     changes: Change | Sequence[Change] = (),
+    eps: float | None = None,
     steps: int | None = None,
     method: Method | None = None,
 ) -> PeriodicOrbit:
     """Find a periodic orbit near a state, with its period and (Floquet) multipliers.
+
+    Of the motion, of a map for a step size, by `eps` and `steps`, or of a map for some step size
+    near ``period / steps``.
 
     Newton's method solves for the state and the period together, along the motion as :func:`flow`
     computes it, with its derivatives, by steps of least norm. If derivatives grow much within a
@@ -99,10 +103,14 @@ def periodic_orbit(
     changes : Change or sequence of Change
         Changes of the state at surfaces, see :class:`Change`: bouncing, walking, spiking cycles.
         The state that is returned lies between two of them.
+    eps : float, optional
+        With `steps`, and without `period`: the step size of a map, which is kept.
     steps : int, optional
-        Find an orbit of a map instead, which `steps` steps of the length ``period / steps`` close.
+        Find an orbit of a map instead, which so many steps close: of the size `eps`, or with
+        `period` of the size ``orbit.period / steps``, which is solved for.
     method : str, optional
-        With `steps`, the steps, as in :func:`iterate`; by default "order8".
+        With `steps`, the steps, as in :func:`iterate`; by default "auto" with `eps`, "order8" with
+        `period`.
 
     Returns
     -------
@@ -129,13 +137,20 @@ def periodic_orbit(
     --------
     The shortest periodic orbit of Roessler's system, whose period is 5.8810884555:
 
-    >>> from suslov_fast import QuadraticField, periodic_orbit
+    >>> from suslov_fast import QuadraticField, iterate, periodic_orbit
     >>> roessler = QuadraticField.from_function(
     ...     lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - 5.7)), 3
     ... )
     >>> orbit = periodic_orbit(roessler, [0.0, -8.4, 0.03])
     >>> round(orbit.period, 9), round(float(orbit.multipliers[0].real), 6)
     (5.881088456, -2.403954)
+
+    A state that 7 steps of Kahan's map of the step size 1 bring back to itself:
+
+    >>> well = QuadraticField.from_hamiltonian(lambda x: (x @ x) / 2 + x[0] ** 3 / 3, "q p")
+    >>> orbit = periodic_orbit(well, [0.3, 0.0], eps=1.0, steps=7)
+    >>> bool(abs(iterate(well, orbit.state, 1.0, 7).final - orbit.state).max() < 1e-12)
+    True
     """
     checks.instance("system", system, Body)
     acting = checked_changes(changes)
@@ -144,9 +159,10 @@ def periodic_orbit(
     if any(change.times is not None for change in acting):
         how = "a clock that it resets, Change(lambda s: s[-1] - 24, to=...), makes it periodic"
         raise wrong("changes", "changes at surfaces", f"times: {how}")
+    if eps is not None and (steps is None or period is not None):
+        raise wrong("eps", "given with steps, and without period", short(eps), TypeError)
     if steps is not None:
-        search = _of_map(system, start, period, rtol, steps, method or "order8")
-        return _result(search)
+        return _result(_of_map(system, start, period, rtol, eps, steps, method))
     if method is not None:
         raise wrong("method", "left out without steps", short(method), TypeError)
     x = _checked_start(system, start)
@@ -221,30 +237,45 @@ def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> 
 
 
 def _of_map(
-    system: Any, start: Any, period: Any, rtol: Any, steps: Any, method: Method
+    system: Any, start: Any, period: Any, rtol: Any, eps: Any, steps: Any, method: Method | None
 ) -> Shooting:
     """Return the search for an orbit of a map."""
-    if period is None:
-        raise wrong("period", "given with steps", None)
-    times = real_number("period", period)
-    if not np.all(np.greater(times, 0.0)):
-        raise wrong("period", "positive", period)
-    checked = problem("jacobian", system, start, times, method=method, name="start")
+    steps = integer("steps", steps, 1)
+    if period is None and eps is None:
+        raise wrong("eps", "given with steps, or a period", None)
+    name, size = ("period", period) if eps is None else ("eps", eps)
+    size = real_number(name, size)
+    if not np.all(np.greater(size, 0.0)):
+        raise wrong(name, "positive", size)
+    method = method or ("order8" if eps is None else "auto")
+    checked = problem("jacobian", system, start, size, method=method, name="start")
     if checked.batch:
-        expected = f"called with a single {type(system).__name__}, state and period"
+        expected = f"called with a single {type(system).__name__}, state and {name}"
         raise wrong("periodic_orbit", expected, f"a batch {checked.batch}")
-    x, steps = checked.omega, integer("steps", steps, 1)
+    x, T = checked.omega, float(size) if eps is None else float(size) * steps
     if not np.isfinite(x).all():
         raise wrong("start", "finite", short(start))
     checked_settings(system, rtol)
     _check_return(system)
-    of_map = OfMap(system, vector_field(system, x), steps, method)
+    of_map = OfMap(system, vector_field(system, x), steps, method, eps is not None)
     with np.errstate(all="ignore"):
-        search = shooting.found(of_map, x, float(times), rtol, 1)
-    if found := _not_an_orbit(search, float(times)):
-        far = f"start or period = {times:g} is too far from an orbit"
+        search = shooting.found(of_map, x, T, rtol, 1)
+    if found := _not_an_orbit(search, T):
+        far = f"start, {name} = {size:g} or steps = {steps} is too far from an orbit"
         raise RuntimeError(f"periodic_orbit found {found}: {far}")
+    if eps is not None:
+        _warn_of_fewer_steps(search, steps)
     return search
+
+
+def _warn_of_fewer_steps(search: Shooting, steps: int) -> None:
+    """Warn if fewer steps of the same size close the orbit."""
+    ((_, states),) = search.flow.steps(search.nodes[0], search.T)
+    distances = abs(states - states[0]).max(axis=1)
+    closed = np.flatnonzero(distances[1:-1] < 1e-6 * distances.max()) + 1
+    if len(closed):
+        text = f"steps: {steps} close the orbit {steps // closed[0]} times"
+        warn(f"{text}; pass steps={closed[0]} for one turn")
 
 
 def _check_return(field: Any) -> None:
@@ -265,7 +296,8 @@ def _at_rest(search: Shooting, given: float) -> str | None:
     x, own = search.nodes[0], ~search.drifts
     size, T, state = search.largest, search.T, short(x.tolist())
     rate = abs(search.arcs.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period
-    if search.flow.is_forced or not rate <= _AT_REST * size:
+    is_forced = search.flow.is_forced and search.drifts.any()  # of a map, eps may be kept
+    if is_forced or not rate <= _AT_REST * size:
         return None
     if rate * max(given / T, 1.0) <= _AT_REST * size:
         return f"the equilibrium {state}"

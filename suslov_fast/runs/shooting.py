@@ -72,7 +72,7 @@ class Flow(Protocol):
     """A motion or a map, as shooting sees it: both have arcs."""
 
     drifts: NDArray[np.bool_]  # (D,) components of constant rates
-    is_forced: bool  # whether others depend on one of them, and T is fixed
+    is_forced: bool  # whether T is fixed, because others depend on one of them, or eps is given
     keeps_phase: bool  # whether the fastest component of the first node stays, as with changes
     has_slow_parts: bool  # whether a search may begin at a state that is slower than the start
     rate: FloatArray  # (D,) f at the start
@@ -201,10 +201,13 @@ class OfMotion:
 class OfMap:
     """One arc, of N steps of a map."""
 
-    is_forced = has_slow_parts = keeps_phase = False
+    has_slow_parts = keeps_phase = False
 
-    def __init__(self, field: Any, rate: FloatArray, steps: int, method: Method) -> None:
+    def __init__(
+        self, field: Any, rate: FloatArray, steps: int, method: Method, keeps_eps: bool
+    ) -> None:
         self.field, self.count, self.method, self.rate = field, steps, method, rate
+        self.is_forced = keeps_eps
         self.drifts = np.zeros(len(rate), bool)
 
     def _run(self, x: FloatArray, eps: Any, **options: Any) -> Any:

@@ -393,7 +393,7 @@ KEYWORDS = [
     (sf.flow, (BODY, [1, 0]), "t t_span saveat", "time"),
     (sf.flow, (SMOOTH_FAMILY, [1, 0]), "mu mu_0", "with_parameters"),
     (sf.iterate, (NAMED, [1, 0], 0.1, 9), "rho", "with_parameters"),
-    (sf.periodic_orbit, (NAMED, [1, 0], 6.0), "dt", "steps"),
+    (sf.periodic_orbit, (NAMED, [1, 0]), "dt", "eps"),
     (sf.flow, (BODY, [1, 0]), "tol RelTol steps", "rtol"),
     (
         sf.flow,

@@ -421,6 +421,24 @@ def test_orbits_of_maps(method, digits):
     assert abs(motion.period / orbit.period - 1) < digits
 
 
+def test_periodic_points_of_a_map():
+    """Near 0 the map turns by 2 arctan(1/2), between a seventh and a sixth of a turn; farther less.
+
+    So 7 steps close orbits, and 6 none.
+    """
+    well = QuadraticField.from_hamiltonian(lambda x: (x @ x) / 2 + x[0] ** 3 / 3, 2)
+    orbit = periodic_orbit(well, [0.6, 0.0], eps=1.0, steps=7)
+    run = sf.iterate(well, orbit.state, 1.0, 7)
+    distances = abs(run.states - orbit.state).max(axis=1)
+    assert orbit.period == 7.0
+    assert distances[-1] < 1e-12 < 0.1 < distances[1:-1].min()
+    assert abs(orbit.multipliers - 1).max() < 1e-6  # there is an integral
+    with pytest.warns(UserWarning, match="14 .* 2 times; pass steps=7"):
+        periodic_orbit(well, [0.6, 0.0], eps=1.0, steps=14)
+    with pytest.raises(RuntimeError, match=r"equilibrium .* steps = 6"):
+        periodic_orbit(well, [0.6, 0.0], eps=1.0, steps=6)
+
+
 def test_a_map_without_an_orbit():
     rising = QuadraticField.from_function(lambda x: (1 + x[1] ** 2, x[0]), 2)
     with pytest.raises(RuntimeError, match="no orbit"):

@@ -176,5 +176,9 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
                 for each in makers
             ]
             how += f", or use {' or '.join(makers)}" * bool(makers)
-        return f"{called}: {error}{how}: the call is {called}{takes}"
+        more = ""
+        if called in dir(suslov_fast) and "self" in signature.parameters:
+            function = f"suslov_fast.{called}{_call_of(getattr(suslov_fast, called))}"
+            more = f", and for a step of the map {function}"
+        return f"{called}: {error}{how}: the call is {called}{takes}{more}"
     return ""

@@ -18,6 +18,11 @@ TABLE = {
     ("body system field fun rhs model", "body vector_field", "the first argument, without a name"),
     ("f", "first_integral body", "the first argument, without a name"),
     ("u", "", "np.interp(t, times, values) in f, with a variable t of the rate 1"),
+    ("store path filename file save savepath zarr disk", "store path",
+     "run.save(path), or ensemble(..., store=path) for more than fits into memory"),
+  ),
+  "jacobian": (
+    ("eps dt h stepsize", "eps", "suslov_fast.jacobian(system, x, eps), of a step; this is f'(x)"),
   ),
   "crossings ensemble lyapunov_exponents explore": (
     ("dt h stepsize deltat", "",
@@ -48,7 +53,7 @@ TABLE = {
   ),
   "plot_phase": (
     ("states x0 omega0 starts start initial steps time t n samples orbits method", "",
-     "iterate(body, states, eps, steps).plot(): here eps and extent= choose states"),
+     "iterate(body, states, eps, steps).plot(), because extent= and levels= choose orbits here"),
     ("xlim ylim range size lim limits box", "extent", ""),
   ),
   # Formulas of the laboratory.
@@ -69,6 +74,8 @@ TABLE = {
     ("batch vmap parallel", "", "flow(field, x0, time=t), of arrays of states and of parameters"),
     ("montecarlo sample random", "RandomStarts", ""),
     ("save load", "", "run.save(path), and load(path)"),
+    ("frominertia frommatrix frommasstensor inertia inertiamatrix tensor", "",
+     "body, rotation = Suslov3D.from_inertia(I, a), or SuslovND.from_mass_tensor(I)"),
     ("lsim stepresponse impulseresponse", "", "scipy.signal, with A = field.jacobian(x)"),
     ("periodic periodicpoint orbit cycle closedorbit", "periodic_orbit", ""),
     ("qrt qrtmap birational birationalmap rational henonmap", "",
@@ -93,6 +100,7 @@ TABLE = {
      "to_dataframe(), a table of pandas, and its to_csv or to_excel"),
   ),
   "Points": (
+    ("trajectories orbit index member which", "trajectory", ""),
     ("t_events y_events events times stop_time time_stop first step return_map", "",
      "time and states, of all trajectories: time[trajectory == k] are those of trajectory k"),
   ),
@@ -145,12 +153,14 @@ TABLE = {
   "system": (
     ("class", "", "pass an object of the class"),
     ("function", "", "pass QuadraticField.from_function(f, names)"),
-    ("tuple", "", "pass its first item; Suslov3D.figure returns a body and eps"),
+    ("tuple", "", "pass its first item: figure returns eps, and from_inertia a rotation, too"),
     ("list", "", "pass one, with arrays as parameters"),
     ("SuslovGyrostat", "", "with a rotor use exact, iterate or flow"),
     ("Hamiltonian Energy", "", "pass the field, whose Hamiltonian this is"),
     ("RationalMap", "",
      "pass the field itself; a rational map is only for the functions of integrability"),
+    ("Crossings", "",
+     "pass its body, run.body; points x turn by np.unwrap(np.arctan2(x[:, 1], x[:, 0]))"),
     ("Result", "", "pass its body, run.body"),
     ("Body", "", ""),
     ("object", "", "pass a body, or a field such as QuadraticField.from_function(f, names)"),
@@ -250,7 +260,6 @@ TABLE = {
     ("timeout maxtime budget timelimit", "time_limit progress", ""),
     ("verbose", "progress", ""),
     ("seed rng randomstate", "seed RandomStarts", "RandomStarts(size, seed=...) as states"),
-    ("path filename file", "path store", ""),
     ("out output csv", "out output", "ensemble(..., store=), which writes to disk"),
     ("exact rational fractions", "exact",
      "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.classes import BodyIn3D
-from ..checks import FloatArray, integer, kind_of, positive, wrong
+from ..checks import FloatArray, integer, kind_of, positive, short, wrong
 from ..keywords import public
 from ..maps import map_of
 from ..quantities.derivatives import vector_field
@@ -148,6 +148,11 @@ def plot_phase(
     """
     from ..runs.drawing import COLOURS, axes_for, spelled
 
+    given: dict[str, Any] = {"eps": eps, "extent": extent}
+    for name, value in given.items():
+        if np.ndim(value):
+            how = "iterate(body, states, eps, steps).plot() draws orbits of given states"
+            raise wrong(name, "a positive number", f"{short(value)}: {how}")
     extent = positive("extent", extent)
     if hasattr(body, "plot"):
         raise wrong("body", "a body", f"{kind_of(body)}: call its plot()", TypeError)

@@ -187,7 +187,8 @@ def _checked_start(system: Any, start: Any) -> FloatArray:
     x = checks.states("start", start, system.labels)
     if system.shape or x.ndim > 1:
         expected = f"called with a single {type(system).__name__} and state"
-        raise wrong("periodic_orbit", expected, f"a batch {system.shape or x.shape[:-1]}")
+        received = f"a batch {system.shape or x.shape[:-1]}: call it for system[k], in a loop"
+        raise wrong("periodic_orbit", expected, received)
     if not np.isfinite(x).all():
         raise wrong("start", "finite", short(start))
     return np.array(x)

@@ -28,6 +28,10 @@ TABLE = {
     ("dt h stepsize deltat", "",
      "eps= and steps= for the map, counted in steps, or time=T for the motion, in time"),
   ),
+  "lyapunov_exponents": (
+    ("n k num count numexponents nexponents largest", "",
+     "[..., 0] of the result, which has all exponents; steps= is for a map"),
+  ),
   "ensemble": (
     ("n nsteps numsteps iterations maxsteps maxiter samples size", "",
      "steps= for the map, or RandomStarts(n, extent) as x0 for n trajectories"),
@@ -80,6 +84,15 @@ TABLE = {
     ("periodic periodicpoint orbit cycle closedorbit", "periodic_orbit", ""),
     ("qrt qrtmap birational birationalmap rational henonmap", "",
      "suslov_fast.integrability.rational_map(f, dimension), of f that maps a state to the next"),
+  ),
+  "Suslov3D SuslovND": (
+    ("steadystate steadyline equilibria equilibrium fixedpoint", "",
+     "suslov_fast.fixed_points(system, near=x0): the steady states are a line through 0"),
+  ),
+  "Equilibria": (
+    ("stable isstable stability type", "", "eigenvalues.real.max(axis=-1) < 0, where true"),
+    ("x state points", "states", ""),
+    ("eig", "eigenvalues", ""),
   ),
   # Attributes of results.
   "Result": (
@@ -317,6 +330,8 @@ TABLE = {
     ("sensitivity sensitivities", "",
      "flow(..., derivatives=('x0', 'a')), and derivative('a') of its result"),
     ("lyapunov lyapunovspectrum sali gali megno ftle", "lyapunov_exponents", ""),
+    ("kaplanyorke kaplanyorkedimension lyapunovdimension", "",
+     "k + L[:k].sum() / abs(L[k]), of exponents L, with k = (np.cumsum(L) >= 0).sum()"),
     ("maxlyapunov largestlyapunov lyapunovexponent", "",
      "suslov_fast.lyapunov_exponents(system, x0, time=T)[..., 0], the largest"),
     ("root fsolve fixedpoint equilibria equilibrium steadyline steadystate", "",
@@ -360,8 +375,8 @@ TABLE = {
     ("report integrals firstintegrals conservedquantities countintegrals", "integrals",
      "suslov_fast.integrability.report(field)"),
     ("fromarray fromcoefficient frommatrices", "", "QuadraticField(quadratic, linear, constant)"),
-    ("map kahanmap hirotakimura", "",
-     "suslov_fast.step(system, x, eps), or integrability.kahan(field, eps)"),
+    ("map kahanmap hirotakimura formula", "",
+     "suslov_fast.step(system, x, eps), or suslov_fast.integrability.kahan(field), with forms"),
     ("zoo example systems pendulum lorenz roessler rossler henonheiles lotkavolterra vanderpol "
      "eulertop", "",
      "from_function(f, names), or field, eps = suslov_fast.integrability.zoo()[name]"),

@@ -172,7 +172,9 @@ class Suslov3D(_In3D):
 
     @classmethod
     @public
-    def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
+    def from_inertia(
+        cls, I: ArrayLike, a: ArrayLike = (0.0, 0.0, 1.0)
+    ) -> tuple[Suslov3D, FloatArray]:
         """Return the body with this inertia tensor and this constrained axis.
 
         Parameters
@@ -183,8 +185,9 @@ class Suslov3D(_In3D):
             diagonal are integrals of -x y dm; some CAD programs print +x y dm. From the tensor
             about the centre of mass, at the vector d from the fixed point, it is
             ``I_centre + m * (d @ d * np.eye(3) - np.outer(d, d))``; 1 g mm^2 is 1e-9 kg m^2.
-        a : array_like(float, shape=(..., 3))
-            The axis, in that basis, about which the body must not rotate; of any length but 0.
+        a : array_like(float, shape=(..., 3)), optional
+            The axis, in that basis, about which the body must not rotate, of any length but 0; by
+            default the third.
 
         Returns
         -------

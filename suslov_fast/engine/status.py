@@ -137,6 +137,13 @@ def count_in_words(status: NDArray[np.int8], first_pole: NDArray[np.int64]) -> s
     return f"{text}, passed a pole: {passed}" if passed else text
 
 
+def ended_in_words(status: NDArray[np.int8]) -> str:
+    """Return in words how many motions ended, and how many changes stopped, if any."""
+    counts = {"ended": status < 0, "stopped": status == Status.STOPPED}
+    texts = (f", {k}: {np.count_nonzero(v)} of {v.size}" for k, v in counts.items() if v.any())
+    return "".join(texts)
+
+
 def report_poles(
     problem: Any,
     steps: Any,

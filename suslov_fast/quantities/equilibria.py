@@ -17,7 +17,7 @@ from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, common_shape, first_index, spell, states, warn
 from ..engine.status import Status
-from ..keywords import public_class
+from ..keywords import public_class, with_answers
 
 _MOST = 30  # steps of Newton's method
 _SHORTER, _FARTHEST = 0.25, 2.0  # a step beside the one before, and beside the state, at most
@@ -28,6 +28,7 @@ _PROBE = 1e-6  # how far from an equilibrium, beside the state, Newton's method 
 
 
 @public_class
+@with_answers
 class Equilibria(NamedTuple):
     """Equilibria near given states, from :func:`fixed_points`.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray
 from ..engine.arguments import flat_parameter
-from ..engine.status import first_beyond
+from ..engine.status import ended_in_words, first_beyond
 from ..engine.stretches import March
 from ..maps import Map
 from .failures import OnSingular, report_failures
@@ -88,7 +88,7 @@ class Crossings(Points, OfMotion):
     >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
     >>> points = crossings(oscillator, [1.0, 0.0], surface="q", time=20.0)
     >>> points
-    Crossings(x: (3, 2), time: 4.71239 to 17.2788, rtol: 1e-09, ended: 0 of 1)
+    Crossings(x: (3, 2), time: 4.71239 to 17.2788, rtol: 1e-09)
     >>> along_map = crossings(oscillator, [1.0, 0.0], 1 / 8, 200, "q")
     >>> along_map
     Crossings(x: (4, 2), n: 37, 88, 138, 188, eps: 0.125, failed: 0 of 1)
@@ -142,11 +142,11 @@ class Crossings(Points, OfMotion):
         return super()._heading if self.map is None else titled(self)
 
     def __repr__(self) -> str:
-        states = f"{self._variable}: {self.states.shape}"
+        states, size = f"{self._variable}: {self.states.shape}", self.status.size
+        states += f", trajectory: 0 to {size - 1}" * (size > 1)
         if self.map is None:
-            ended = f"{np.count_nonzero(self.status < 0)} of {self.status.size}"
-            about = f"time: {span(self.time)}, rtol: {self.rtol:g}, ended: {ended}"
-            return f"Crossings({states}, {about})"
+            ended = ended_in_words(self.status)
+            return f"Crossings({states}, time: {span(self.time)}, rtol: {self.rtol:g}{ended})"
         n = self.n
         steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n))
         if not n.size:

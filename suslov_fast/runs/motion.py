@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, one_of, short, wrong
+from ..engine.status import ended_in_words
 from ..keywords import public
 from .change import Change
 from .changes import Changes, changes_of
@@ -58,7 +59,7 @@ class Motion(States, OfMotion):
     >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, "q p")
     >>> motion = flow(well, [0.9, 0.0], time=np.linspace(0, 20, 101))
     >>> motion
-    Motion(x: (101, 2), time: 0 to 20, rtol: 1e-09, ended: 0 of 1)
+    Motion(x: (101, 2), time: 0 to 20, rtol: 1e-09)
     >>> motion.x[-1].round(6), bool(np.ptp(motion.energy()) < 1e-8)
     (array([0.325746, 0.490267]), True)
     """
@@ -167,5 +168,5 @@ class Motion(States, OfMotion):
             f"{time[0]:g} to {time[-1]:g}" if len(time) > 1 else " ".join(f"{t:g}" for t in time)
         )
         states = f"{self._variable}: {self.states.shape}"
-        ended = f"{np.count_nonzero(self.status < 0)} of {self.status.size}"
-        return f"Motion({states}, time: {times}, rtol: {self.rtol:g}, ended: {ended})"
+        ended = ended_in_words(self.status)
+        return f"Motion({states}, time: {times}, rtol: {self.rtol:g}{ended})"

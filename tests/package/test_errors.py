@@ -44,6 +44,7 @@ RUN, POINTS = (
     sf.crossings(FIELD, [0.1, 0.2], 0.1, 1, lambda x: x[..., 0] - 9),
 )
 MOTION = sf.flow(BODY, [1.0, 0.5], time=[0.0, 1.0])
+EQUILIBRIA = sf.fixed_points(SMOOTH, near=[0.1, 0.0])
 COFACTOR = sf.integrability.cofactors(sf.integrability.kahan(FIELD), 1)[-1]
 
 
@@ -413,6 +414,7 @@ KEYWORDS = [
     (sf.crossings, (BODY, [1, 0], 0.1, 10), "events section", "surface"),
     (sf.crossings, (BODY, [1, 0], 0.1, 10, sum), "terminal", "most"),
     (sf.lyapunov_exponents, (BODY, [1, 0], 0.1, 10), "n_jobs", "threads"),
+    (sf.lyapunov_exponents, (BODY, [1, 0]), "n k", "result"),
     (sf.ensemble, (BODY, [1, 0], 0.1, 10), "n_workers", "client"),
     (sf.integrability.report, (FIELD,), "timeout", "time_limit"),
     (sf.RandomStarts, (3, 1.0), "rng random_state", "seed"),
@@ -449,7 +451,8 @@ ATTRIBUTES = [
     (BODY, "lyapunov", r"lyapunov_exponents\(system, x0, time=T\)"), (BODY, "dim", "dimension"),
     (NAMED, "rho", "parameters"), (FIELD, "sigma", ""), (sf, "nothing", ""),
     (sf, "equilibria", "fixed_points"), (sf, "solve_ode", "flow"), (sf, "System", "from_function"),
-    (BODY, "omega", "iterate"),
+    (BODY, "omega", "iterate"), (BODY, "steady_states", "a line"), (sf, "kaplan_yorke", "cumsum"),
+    (EQUILIBRIA, "stable", "eigenvalues"),
     (sf, "odeint", r"flow\(system, x0, time=T\)"), (sf, "pictures", r"plot_phase\(\*suslov_fast"),
     (sf, "periodic_points", "periodic_orbit"), (sf, "QRT", "rational_map"),
     (sf.integrability, "hirota_kimura_basis", "hk_bases"), (sf.integrability, "nothing", ""),
@@ -558,7 +561,7 @@ SECOND_TRIES = [
     (run(body=[BODY, BODY]), "arrays as parameters", run(body=BATCH[0], omega0=[1.0, 0.5], steps=0),
      0.5),
     (lambda: Suslov3D(ID), r"Suslov3D\.from_inertia",
-     lambda: Suslov3D.from_inertia(ID, [0, 0, 1])[0].I1, 1.0),
+     lambda: Suslov3D.from_inertia(ID)[0].I1, 1.0),
 ]  # fmt: skip
 
 
@@ -571,7 +574,8 @@ def test_what_an_error_says_works(first, said, second, value):
 
 def test_the_table_of_words_names_what_there_is():
     """Arguments, attributes, functions and options; a function is called with its arguments."""
-    things = [*MADE_BY_USERS, sf.PeriodicOrbit, sf.integrability.PlanarEntropy, RUN, MOTION, POINTS]
+    results = sf.PeriodicOrbit, sf.integrability.PlanarEntropy, RUN, MOTION, POINTS, EQUILIBRIA
+    things = [*MADE_BY_USERS, *results]
     options = "figures force omega0 output run trajectories warm_up".split()  # of the command
     known = {*dir(sf), *dir(sf.integrability), *options}
     known |= {name for thing in things for name in dir(thing)}
@@ -602,6 +606,8 @@ def test_states_by_name():
     assert (PAIR(DataFrame(named)) == expected).all()
     assert (PAIR(Series({"v": 2.0, "u": 1.0})) == expected[0]).all()
     assert (RUN["x2"] == RUN.states[..., 1]).all()
+    pairs = sf.Field.from_function(lambda x: -x, "x1 v1 x2 v2")
+    assert pairs({"x1": 1.0, "x2": 2.0, "v1": 3.0, "v2": 4.0}).tolist() == [-1, -3, -2, -4]
     with pytest.raises(TypeError, match="u, v"):
         PAIR({"u": 1.0, "w": 2.0})
 

@@ -228,6 +228,7 @@ def test_surfaces_that_end(keywords, n):
     motion = flow(CLOCK, [[0.0, 0.0], [1.0, 0.0]], time=20.0, changes=change)
     np.testing.assert_allclose(motion.end, [2 * n, 2 * n - 1], rtol=1e-12)
     assert motion.status.tolist() == [Status.STOPPED] * 2
+    assert "stopped: 2 of 2" in repr(motion)
     assert motion.changes.count.ravel().tolist() == [n, n]
     assert np.isnan(motion.x).all()
 

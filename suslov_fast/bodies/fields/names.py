@@ -35,7 +35,6 @@ _OF_MAPS = {
         "a name in datasets of runs and crossings",
     ),
 }
-_NUMBERED = re.compile(r"x[1-9]\d*")
 # A letter, or the name of a Greek one, and an index: digits, with n after them in n dimensions.
 _SYMBOL = re.compile(
     r"(?P<greek>alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|"
@@ -105,8 +104,6 @@ def variables(
             reason = "appears twice: give each variable its own name"
         if has_map and name == "eps":
             reason = "has the name of the step size: call it eps_, for example"
-        if _NUMBERED.fullmatch(name) and name != f"x{i + 1}":
-            reason = f"is variable {i + 1}, but {name} is the name of variable {name[1:]}"
         if reason:
             raise ValueError(f"{argument}: the variable {short(name)} {reason}")
     return tuple(names)

@@ -30,6 +30,7 @@ _MOST_ARCS = 32
 _ROUGH = 1e-8  # tolerance of the search for a near return
 _OF_FORCE = 1e-6  # part of the rates by which those a period later may differ
 _NEARER = "a start nearer to it, as flow(system, start, time={T}).x[-1] is if the orbit attracts"
+_FAR = 0.1  # of log T, beyond which an orbit away from the start is not the one asked for
 _SAME = 0.01  # part of a period that is given, by which that of a near return may differ
 _FRACTIONS = np.arange(1, 32) / 32  # of the period, at which states are looked at
 
@@ -131,7 +132,8 @@ def periodic_orbit(
     Warns
     -----
     UserWarning
-        If the period is a multiple of a shorter one.
+        If the period is a multiple of a shorter one, or period and orbit are far from the given
+        ones.
 
     Examples
     --------
@@ -180,6 +182,9 @@ def periodic_orbit(
                 advice = _advice(field, x, period, T, search, other, acting)
                 raise RuntimeError(f"periodic_orbit found {found}{advice}")
             search = other
+    if abs(np.log(search.T / T)) > _FAR and not shooting.passes(search, x):
+        found = f"{search.T:g}, far from {T:g}, and is far from the start"
+        warn(f"periodic_orbit: the orbit that was found has the period {found}: pass nearer ones")
     return _result(search)
 
 

@@ -365,7 +365,7 @@ def found(flow: Flow, start: FloatArray, T: float, rtol: float, most: int) -> Sh
     if slowest is None:
         return _found(flow, start, T, rtol, most, sizes)
     first = _found(flow, slowest, T, rtol, most, sizes)
-    if first.is_found and _passes(first, start):
+    if first.is_found and passes(first, start):
         return first
     second = _found(flow, start, T, rtol, most, sizes)
     return second if second.is_found or second.residual < first.residual else first
@@ -432,7 +432,7 @@ def _sizes_and_slowest(
     return sizes, states[k] if fastest[k] < fastest[0] / _FAST else None
 
 
-def _passes(search: Shooting, start: FloatArray) -> bool:
+def passes(search: Shooting, start: FloatArray) -> bool:
     """Return whether the orbit that was found passes near to a state."""
     own = ~search.drifts
     states = np.vstack([each for _, each in search.flow.steps(search.nodes[0], search.T)])

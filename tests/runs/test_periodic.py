@@ -411,6 +411,14 @@ def test_time_scales_with_its_unit():
         assert abs(other.period / (one.period * unit) - 1) < 1e-8
 
 
+def test_an_orbit_far_from_what_was_asked_for():
+    """The orbit about the first point of Lagrange has the velocity 0.1625, and the period 2.78."""
+    moon = sf.Field.from_function(three_bodies, "x y z u v w", mu=0.01215)
+    with pytest.warns(UserWarning, match="period 2.04.* far from 2.8"):
+        periodic_orbit(moon, [0.82, 0, 0, 0, 0.15, 0], period=2.8)
+    assert abs(periodic_orbit(moon, [0.82, 0, 0, 0, 0.1625, 0], period=2.8).period - 2.7803) < 1e-4
+
+
 # --------------------------------------------------------------------------------- orbits of maps
 @pytest.mark.parametrize(("method", "digits"), [("auto", 3e-3), ("order4", 1e-5), (None, 1e-9)])
 def test_orbits_of_maps(method, digits):

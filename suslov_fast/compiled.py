@@ -1,4 +1,4 @@
-"""Steps and quantities as ``njit`` functions, for your own compiled loops and for Python.
+"""Steps as ``njit`` functions, for your own compiled loops and for Python.
 
 :func:`system` returns the constants of a body or field and a step size. :func:`step_system` takes a
 step of a state that is an array, and :func:`work` returns the memory of a thread for it. In three
@@ -33,7 +33,7 @@ from .checks import MOMENTS, FloatArray, Reals, instance, real_number, within, w
 from .core.compiling.arrays import uncounted
 from .core.compiling.numba import for_users, of_kind
 from .core.fields.system import FieldSystem
-from .core.suslov import map as map_3d, quantities
+from .core.suslov.map import one_step
 from .core.suslov.n_dimensions import GaussSystem, NDSystem
 from .core.suslov.system import BodySystem
 from .keywords import public
@@ -44,12 +44,9 @@ __all__ = [
     "FieldSystem",
     "GaussSystem",
     "NDSystem",
-    "energy",
-    "first_integral",
     "step",
     "step_system",
     "system",
-    "vector_field",
     "work",
 ]
 
@@ -76,27 +73,7 @@ def _single(body: Any, eps: Reals) -> float:
 def step(system: BodySystem, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the next state; NaN where there is none."""
     s = system
-    return map_3d.one_step(s.I1, s.I2, s.I13, s.I23, s.k, s.eps, omega1, omega2)
-
-
-@for_users
-def vector_field(system: BodySystem, omega1: float, omega2: float) -> tuple[float, float]:
-    """Return the derivatives of omega1 and omega2, as :func:`suslov_fast.vector_field`."""
-    s = system
-    return quantities.vector_field_at(s.I1, s.I2, s.I13, s.I23, s.k, omega1, omega2)
-
-
-@for_users
-def energy(system: BodySystem, omega1: float, omega2: float) -> float:
-    """Return the energy, as :func:`suslov_fast.energy`."""
-    return quantities.energy_at(system.I1, system.I2, omega1, omega2)
-
-
-@for_users
-def first_integral(system: BodySystem, omega1: float, omega2: float) -> float:
-    """Return F of Lemma 1, as :func:`suslov_fast.first_integral`."""
-    s = system
-    return quantities.first_integral_at(s.I1, s.I2, s.I13, s.I23, s.k, s.eps, omega1, omega2)
+    return one_step(s.I1, s.I2, s.I13, s.I23, s.k, s.eps, omega1, omega2)
 
 
 @public

@@ -136,12 +136,8 @@ def _system(parser: Any, step: str) -> None:
         f"system: --figure, --body, --equations, or all parameters of a body ({step})"
     )
     add = group.add_mutually_exclusive_group().add_argument
-    add(
-        "--figure",
-        type=integer,
-        choices=(1, 2, 3, 4),
-        help="body of a figure of the paper (default 2)",
-    )
+    of_paper = "body of a figure of the paper (default 2)"
+    add("--figure", type=integer, choices=(1, 2, 3, 4), help=of_paper)
     add("--body", type=path, metavar="FILE.json", help=_JSON)
     add("--equations", metavar="TEXT", help=_EQUATIONS)
     for name, text in PARAMETERS.items():
@@ -201,33 +197,17 @@ def _plot(parser: Any) -> None:
 def _report(parser: Any) -> None:
     _system(parser, "without --eps it is symbolic")
     add = parser.add_argument
-    add(
-        "--eps",
-        type=fraction,
-        metavar="X",
-        help="step size, such as 1/3 or 0.1 (default: symbolic)",
-    )
-    add(
-        "--degree",
-        type=integer,
-        metavar="D",
-        default=3,
-        help="highest degree of polynomials (default 3)",
-    )
+    step = "step size, such as 1/3 or 0.1 (default: symbolic)"
+    add("--eps", type=fraction, metavar="X", help=step)
+    highest = "highest degree of polynomials (default 3)"
+    add("--degree", type=integer, metavar="D", default=3, help=highest)
     add("--time-limit", type=float, metavar="SECONDS", help="end of the search (default: none)")
     add("--json", action="store_true", help="print one JSON object")
 
 
 def _figures(parser: Any) -> None:
-    add = parser.add_argument
-    add(
-        "-o",
-        "--output",
-        type=path,
-        default=Path(),
-        metavar="DIR",
-        help="folder (default: this one)",
-    )
+    add, folder = parser.add_argument, "folder (default: this one)"
+    add("-o", "--output", type=path, default=Path(), metavar="DIR", help=folder)
     add("--force", action="store_true", help=_FORCE)
 
 
@@ -235,22 +215,11 @@ def _explore(parser: Any) -> None:
     add = parser.add_mutually_exclusive_group().add_argument
     add("--body", type=path, metavar="FILE.json", help=_JSON)
     add("--equations", metavar="TEXT", help=_EQUATIONS)
-    add = parser.add_argument
-    add(
-        "--port",
-        type=integer,
-        metavar="N",
-        default=0,
-        help="port of 127.0.0.1 (default: a free one)",
-    )
+    add, port = parser.add_argument, "port of 127.0.0.1 (default: a free one)"
+    add("--port", type=integer, metavar="N", default=0, help=port)
     add("--no-browser", action="store_true", help="print the address only")
 
 
 _ADD_OPTIONS: dict[str, Callable[[Any], None]] = {
-    "run": _run,
-    "info": _info,
-    "plot": _plot,
-    "report": _report,
-    "figures": _figures,
-    "explore": _explore,
+    add.__name__.strip("_"): add for add in (_run, _info, _plot, _report, _figures, _explore)
 }

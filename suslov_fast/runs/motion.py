@@ -139,10 +139,6 @@ class Motion(States, OfMotion):
             return [name for name in map_of(self.body).functions(self.body) if name in QUANTITIES]
         return ["energy"] if getattr(self.body, "H", None) is not None else []
 
-    @property
-    def _conserved(self) -> str | None:
-        return "energy" if "energy" in self._functions else None
-
     _is_whole = True
 
     @property

@@ -74,7 +74,7 @@ class Result(metaclass=Answering):
     def _conserved(self: Any) -> str | None:
         """The name of a conserved, or nearly conserved, quantity; along motions the energy."""
         if (map := vars(self).get("map")) is None:
-            return "energy" if getattr(self.body, "H", None) is not None else None
+            return "energy" if "energy" in self._functions else None
         name: str | None = map.conserves(self.body)
         return name
 

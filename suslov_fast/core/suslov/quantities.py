@@ -40,13 +40,6 @@ def first_integral_at(I1, I2, I13, I23, k, eps, w1, w2):
     return 2.0 * energy_at(I1, I2, w1, w2) / in_range(4.0 * I1 * I2 + step * step)
 
 
-@formula
-def vector_field_at(I1, I2, I13, I23, k, w1, w2):
-    """Equation (2) without Omega3 and lambda: -ell w2 / I1 and ell w1 / I2."""
-    ell = I13 * w1 + I23 * w2 + k
-    return -(ell * w2) / I1, (ell * w1) / I2
-
-
 @universal(LAYOUT_3D + "()")
 def energy(I1, I2, I13, I23, k, eps, w, out):
     out[0] = energy_at(I1, I2, w[0], w[1])
@@ -147,7 +140,9 @@ def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
 
 @universal(LAYOUT_3D + "(d)")
 def vector_field(I1, I2, I13, I23, k, eps, w, out):
-    out[0], out[1] = vector_field_at(I1, I2, I13, I23, k, w[0], w[1])
+    """Equation (2) without Omega3 and lambda: -ell w2 / I1 and ell w1 / I2."""
+    ell = I13 * w[0] + I23 * w[1] + k
+    out[0], out[1] = -(ell * w[1]) / I1, (ell * w[0]) / I2
 
 
 @formula

@@ -131,9 +131,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "F": F[0],
             "drift": np.fmax.reduce(abs(F / F[0] - 1.0)),
             "energy": run.energy()[0],
-            "scattering_angle": None
-            if parameters.k
-            else scattering_angle(Suslov3D(*parameters[:4])),
+            "scattering_angle": None if parameters.k else scattering_angle(without_rotor),
             "I3": without_rotor.admissible_I3(),
             "omega_minus": before,
             "omega_plus": after,

@@ -177,8 +177,8 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
             ]
             how += f", or use {' or '.join(makers)}" * bool(makers)
         more = ""
-        if called in dir(suslov_fast) and "self" in signature.parameters:
-            function = f"suslov_fast.{called}{_call_of(getattr(suslov_fast, called))}"
-            more = f", and for a step of the map {function}"
+        function = getattr(suslov_fast, called, None)
+        if inspect.isfunction(function) and "self" in signature.parameters:
+            more = f", and for a step of the map suslov_fast.{called}{_call_of(function)}"
         return f"{called}: {error}{how}: the call is {called}{takes}{more}"
     return ""

@@ -30,6 +30,8 @@ class Motion(States, OfMotion):
         same array.
     time : ndarray(float, shape=(n,))
         The times.
+    final : ndarray(float, shape=(..., D))
+        The states at the last of them.
     names : tuple of str
         Names of the components.
     status : ndarray(int8, shape=(...))
@@ -125,6 +127,12 @@ class Motion(States, OfMotion):
         parameters = [name for name in self.derivatives if name != "x0"]
         k = parameters.index(by) + D * ("x0" in self.derivatives)
         return np.ascontiguousarray(self._derivatives[..., k])
+
+    @property
+    def final(self) -> FloatArray:
+        """The states at the last of the times, shape (..., D)."""
+        final: FloatArray = self.states[-1]
+        return final
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -445,6 +445,9 @@ ATTRIBUTES = [
     (sf.iterate(FAMILY, [1.0], 0.1, 1), "rho", r"run\.body\.parameters\['rho'\]"),
     (MOTION, "t", "time"), (MOTION, "sol", "time=t"), (MOTION, "omega1", r"run\['Omega1'\]"),
     (POINTS, "t_events", r"time\[trajectory == k\]"), (POINTS, "index", "trajectory"),
+    (POINTS, "split", r"\[points\.trajectory == k\]"), (FIELD, "f", "field"),
+    (sf.PeriodicOrbit(0, 1, 2, 3), "stable", "multipliers"),
+    (sf.integrability.kahan(FIELD), "formula", "forms"),
     (POINTS, "trajectories", "trajectory"), (sf, "from_inertia", r"Suslov3D\.from_inertia"),
     (COFACTOR, "sympify", "str"), (sf.PeriodicOrbit(0, 1, 2, 3), "x0", "state"),
     (BODY, "energy", r"suslov_fast\.energy\(system, x\)"), (BODY, "k1", r"closed_form\(body, "),
@@ -574,8 +577,8 @@ def test_what_an_error_says_works(first, said, second, value):
 
 def test_the_table_of_words_names_what_there_is():
     """Arguments, attributes, functions and options; a function is called with its arguments."""
-    results = sf.PeriodicOrbit, sf.integrability.PlanarEntropy, RUN, MOTION, POINTS, EQUILIBRIA
-    things = [*MADE_BY_USERS, *results]
+    lab = sf.integrability.PlanarEntropy, sf.integrability.KahanMap
+    things = [*MADE_BY_USERS, sf.PeriodicOrbit, RUN, MOTION, POINTS, EQUILIBRIA, *lab]
     options = "figures force omega0 output run trajectories warm_up".split()  # of the command
     known = {*dir(sf), *dir(sf.integrability), *options}
     known |= {name for thing in things for name in dir(thing)}
@@ -606,6 +609,7 @@ def test_states_by_name():
     assert (PAIR(DataFrame(named)) == expected).all()
     assert (PAIR(Series({"v": 2.0, "u": 1.0})) == expected[0]).all()
     assert (RUN["x2"] == RUN.states[..., 1]).all()
+    assert (MOTION.final == MOTION["Omega1", "Omega2"][-1]).all()
     pairs = sf.Field.from_function(lambda x: -x, "x1 v1 x2 v2")
     assert pairs({"x1": 1.0, "x2": 2.0, "v1": 3.0, "v2": 4.0}).tolist() == [-1, -3, -2, -4]
     with pytest.raises(TypeError, match="u, v"):

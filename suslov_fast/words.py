@@ -21,6 +21,53 @@ TABLE = {
     ("store path filename file save savepath zarr disk", "store path",
      "run.save(path), or ensemble(..., store=path) for more than fits into memory"),
   ),
+  "flow": (
+    ("dtmax hmax longeststep", "max_step", ""),
+    ("nonnegative positive", "", "atol=0, for which small components have digits of their own"),
+    ("transient burnin skip discard", "", "time=np.linspace(transient, T, n)"),
+    ("symplectic conserve project", "",
+     "iterate(field, x0, eps, steps), a map that conserves energies of a QuadraticField"),
+    ("finalonly last final", "", "time=T, one time"),
+  ),
+  "iterate": (
+    ("transient burnin skip discard", "", "run.states[k:], of k steps, or crossings(transient=k)"),
+    ("finalonly last final returnall", "", "save_every=None, which keeps the last states alone"),
+    ("symplectic", "method", ""),
+  ),
+  "crossings": (
+    ("g plane component names value level", "surface", ""),
+    ("sign dir up down both rising falling", "direction", ""),
+    ("limit nmax max maxn maxcount", "most", ""),
+    ("count n", "", "most= for a number of crossings, beside time=T, or eps= and steps="),
+    ("skip", "transient", ""),
+  ),
+  "plot": (
+    ("save savefig path filename file", "", "plot().figure.savefig(path)"),
+    ("fig axes axis size title label log", "ax", ""),
+    ("s marker style linestyle ls lw linewidth alpha cmap", "",
+     "lines=False for dots, or ax.plot(run.time, run.states[..., 0], ...) of Matplotlib"),
+    ("show", "", "plt.show()"),
+  ),
+  "save": (
+    ("force mode replace", "overwrite", ""),
+    ("fname name", "path", ""),
+  ),
+  "kahan": (
+    ("step", "eps", ""),
+  ),
+  "exact": (
+    ("k step", "n", ""),
+  ),
+  "RandomStarts": (
+    ("n num number samples", "size", ""),
+    ("range bounds min max lower upper", "", "low= and high=, or extent= for both"),
+    ("scale sigma std radius width", "extent", ""),
+    ("dim dimension d", "", "size alone: the system says how many components there are"),
+  ),
+  "Suslov3D": (
+    ("n dim dimension j", "", "SuslovND(J, I)"),
+    ("k axis", "", "SuslovGyrostat(I1, I2, I13, I23, k), with a rotor along the constrained axis"),
+  ),
   "jacobian": (
     ("eps dt h stepsize", "eps", "suslov_fast.jacobian(system, x, eps), of a step; this is f'(x)"),
   ),
@@ -31,6 +78,8 @@ TABLE = {
   "lyapunov_exponents": (
     ("n k num count numexponents nexponents largest", "",
      "[..., 0] of the result, which has all exponents; steps= is for a map"),
+    ("burn warmup skip discard", "transient", ""),
+    ("history convergence returnhistory", "", "several calls, of times T, 2 T and 4 T"),
   ),
   "ensemble": (
     ("n nsteps numsteps iterations maxsteps maxiter samples size", "",
@@ -38,16 +87,29 @@ TABLE = {
   ),
   "periodic_orbit": (
     ("dt h stepsize deltat", "eps", ""),
-    ("n order nsteps iterations multiplicity", "steps", ""),
+    ("n nsteps iterations multiplicity", "steps", ""),
+    ("maxiter maxiterations", "", "a nearer start: Newton's steps end by themselves"),
+    ("guess", "", "the second argument, without a name, and period="),
+    ("section surface plane", "", "a start and period= alone: no section is needed"),
   ),
   "fixed_points": (
     ("x0 y0 guess start initial initialguess", "near", ""),
+    ("region bounds box grid n seed range all", "",
+     "near= with a grid of states (..., D), and np.unique of its states, rounded, on axis 0"),
+    ("tol maxiter method", "", "near= alone: Newton's method goes on to rounding errors"),
   ),
   "report": (
-    ("eps dt h stepsize deltat", "", "kahan(field, eps) as the map"),
+    ("dt h step stepsize deltat", "eps", ""),
+    ("order deg d n maxdegree", "degree", ""),
+    ("integral measure entropy", "", "the attributes of the report: integrals, measures, growth"),
   ),
   "Change": (
     ("time t at when", "times", ""),
+    ("period every repeat", "", "times=np.arange(T, last, T)"),
+    ("map new jump", "to", ""),
+    ("guard g", "surface", ""),
+    ("sign dir", "direction", ""),
+    ("n count maxcount", "most", ""),
   ),
   # Attributes of systems.
   "Body": (
@@ -59,6 +121,8 @@ TABLE = {
     ("states x0 omega0 starts start initial steps time t n samples orbits method", "",
      "iterate(body, states, eps, steps).plot(), because extent= and levels= choose orbits here"),
     ("xlim ylim range size lim limits box", "extent", ""),
+    ("num lines", "levels", ""),
+    ("color cmap title arrows", "ax", ""),
   ),
   # Formulas of the laboratory.
   "RationalFunction": (

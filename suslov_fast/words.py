@@ -65,7 +65,8 @@ TABLE = {
     ("dim dimension d", "", "size alone: the system says how many components there are"),
   ),
   "Suslov3D": (
-    ("n dim dimension j", "", "SuslovND(J, I)"),
+    ("n dim dimension", "dimension", "SuslovND(J, I)"),
+    ("j", "", "SuslovND(J, I)"),
     ("k axis", "", "SuslovGyrostat(I1, I2, I13, I23, k), with a rotor along the constrained axis"),
   ),
   "jacobian": (

@@ -258,6 +258,8 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
         raise wrong("field", "a QuadraticField or a body", received, TypeError)
     if field.shape:
         raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
+    if str(eps).isidentifier() and eps is not None:  # as a text, or of SymPy
+        raise wrong("eps", "a number, or left out, which makes it a symbol", repr(eps), TypeError)
     exact = QuadraticField.of(field)
     if decimals:
         exact = _in_decimals(field)

@@ -185,6 +185,7 @@ TABLE = [
     (ValueError, "dims", lambda: RUN.to_xarray("a")),
     (ValueError, "direction", section(direction=2), changed_by("x1", direction=2),
      changed_by(times=[1.0], direction=1)),
+    (TypeError, "eps", lambda: sf.integrability.kahan(FIELD, "eps")),
     (TypeError, "eps", exponents(), exponents(time=1.0, eps=0.1), section(time=None),
      run(eps=[0.2, True]), run(eps=Decimal("0.01")), run(eps=np.timedelta64(1, "s")),
      lambda: COFACTOR.subs({"x": 1})),

@@ -292,6 +292,11 @@ TABLE = {
     ("x0 y0 u0 start state states", "omega0", ""),
     ("flow iterate ensemble solve integrate", "run", ""),
     ("n size samples", "trajectories", ""),
+    ("gui serve app browser sliders", "explore", ""),
+    ("integrals entropy degrees", "report", ""),
+    ("open show load cat print", "info", ""),
+    ("phase portrait paper", "figures", ""),
+    ("draw", "plot", ""),
   ),
   "words": (
     ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition", "states[0] state", ""),

@@ -176,7 +176,8 @@ def _run(parser: Any) -> None:
     add("--atol", type=numbers, metavar="X,...", help="absolute tolerance, or of each component")
     add = parser.add_argument_group("run").add_argument
     add("--threads", type=integer, metavar="N", help="number of threads (default: all)")
-    add("-o", "--output", type=path, metavar="FILE", help="write the run to a .npz or .zarr file")
+    saved = "write the last states, or those of --save-every or --time, to a .npz or .zarr file"
+    add("-o", "--output", type=path, metavar="FILE", help=saved)
     add("--force", action="store_true", help=_FORCE)
 
 

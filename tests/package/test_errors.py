@@ -583,7 +583,7 @@ def test_the_table_of_words_names_what_there_is():
     """Arguments, attributes, functions and options; a function is called with its arguments."""
     lab = sf.integrability.PlanarEntropy, sf.integrability.KahanMap
     things = [*MADE_BY_USERS, sf.PeriodicOrbit, RUN, MOTION, POINTS, EQUILIBRIA, *lab]
-    options = "figures force omega0 output run trajectories warm_up".split()  # of the command
+    options = "figures force info omega0 output run trajectories warm_up".split()  # of the command
     known = {*dir(sf), *dir(sf.integrability), *options}
     known |= {name for thing in things for name in dir(thing)}
     known |= {name for _, each in callables() for name in inspect.signature(each).parameters}

@@ -22,6 +22,9 @@ from ..lists.tables import is_table
 # Codes that are kept, beside those that last. Each takes two memory mappings; Linux grants 65,530
 # to a process, and LLVM ends the process where it gets none.
 MOST_CODES = 4096
+# The highest level of optimisation. Tests of numbers set 0, which takes a third of the time to
+# compile, and has the same bits.
+HIGHEST = 2
 
 
 def pointer(kind):
@@ -335,7 +338,7 @@ def compiled(key, text_of, level=2, lasts=False, passes=False):
             name = f"code_{next(_numbers)}"
             text = text_of(name)  # an error here is the package's own
             try:
-                known_codes[key] = _compile(text, name, level, lasts, passes)
+                known_codes[key] = _compile(text, name, min(level, HIGHEST), lasts, passes)
             # LLVM cannot read the text, or llvmlite has a function no more, or in another form.
             except (RuntimeError, AttributeError, TypeError) as error:
                 text = f"LLVM refuses the code of a field ({error})"

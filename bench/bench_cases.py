@@ -23,7 +23,7 @@ def threads(case):
     numba.set_num_threads(before)
 
 
-@pytest.mark.sampled(2)  # when they run with the tests, once and untimed; none in C
+@pytest.mark.sampled(1)  # when they run with the tests, once and untimed; none in C
 @pytest.mark.parametrize("case", [parameter(case) for case in cases.CASES])
 @pytest.mark.filterwarnings("ignore")  # warnings of the peers
 def bench_case(benchmark, case, threads):

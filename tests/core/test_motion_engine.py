@@ -169,7 +169,7 @@ def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
             sf.flow(SPRING, np.linspace((1.0, 0.0), (2.0, np.nan), 9), time=[0.5, 2.0], **options),
             sf.flow(KINKS, np.linspace((0.5, 0.0), (0.7, 0.1), 9), time=[1.0, 4.0], **options),
             sf.flow(DOSES, [[0.0, 0.0], [1.0, 0.2]], time=[1.005, 9.0], **options),
-            sf.flow(BRANCHES, [[1.0, 0.0], [0.5, 0.2]], time=[1.5707963267949, 5.0], **options),
+            sf.flow(BRANCHES, [[1.0, 0.0], [0.5, 0.2]], time=[1.5707963267949, 2.0], **options),
             sf.flow(STAIRS, [[0.3, 0.0], [1.0, 0.5]], time=[1.2, 3.0], **options),
             sf.flow(SLIDES, [[0.3, 0.0], [1.0, 0.5]], time=[1.2, 3.0], **options),
         ]

@@ -224,7 +224,7 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
             same(alone, [each[index] for each in values])
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(4)
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @pytest.mark.compiled
 @cases(threaded=True)
@@ -303,7 +303,7 @@ OPTIONS = [
 with_options = pytest.mark.parametrize(("kind", "options"), OPTIONS, ids=str)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(4)
 @with_options
 def test_runs_in_parts(rng, kind, options):
     """What is saved, and how a run is cut, changes no bit."""

@@ -175,9 +175,11 @@ def _components(run: Any, components: Any) -> list[int]:
     last, names = len(labels) - 1, [*labels, "time"]
     if last == 0 and components == (0, 1):  # the only component, over time
         return [_TIME, 0]
+    if components in labels:
+        return [_TIME, labels.index(components)]
     shown = names if last < 20 else [*labels[:3], "...", *names[-2:]]
     expected = f"two or three integers from 0 to {last}, or names among {', '.join(shown)}"
-    expected += f', such as ("time", "{components if components in labels else labels[0]}")'
+    expected += f', such as ("time", "{labels[0]}")'
     given = components if isinstance(components, (tuple, list)) else ()
     if len(given) not in (2, 3) or any(
         isinstance(k, (tuple, list)) or (isinstance(k, str) and k not in names) for k in given

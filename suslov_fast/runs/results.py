@@ -297,7 +297,7 @@ class States(Result):
         ----------
         *names : int or str
             The components to draw, as in ``run.plot("time", "x1")``; one tuple, or `components`, is
-            the same. ``run.plot("time")`` draws all components over time, and
+            the same. ``run.plot("x1")`` draws one over time, ``run.plot("time")`` all, and
             ``run.plot("time", ("x1", "x3"))`` these.
         components : sequence of int or str
             Two or three indices or labels, such as ``("x1", "x3")``, or "time". Three are drawn in

@@ -168,7 +168,7 @@ def test_families_have_the_colours_of_their_parameter():
     for wrong in ("rho", "sigma", [1.0, 2.0]):
         with pytest.raises(ValueError, match=r"^color"):
             run.plot(color=wrong)
-    for wrong in (("x1", "y"), ("x1",), "x1", (0, 3), 1, ("x1", 0.5)):
+    for wrong in (("x1", "y"), ("x1",), "y", (0, 3), 1, ("x1", 0.5)):
         with pytest.raises((TypeError, ValueError), match=r"^components\b"):
             run.plot(components=wrong)
 
@@ -208,6 +208,7 @@ def test_time_is_a_component():
     run = sf.iterate(field, starts, 1 / 16, 50)
     axes = run.plot("time", "px")
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$t$", "$p_{x}$")
+    assert run.plot("px").get_xlabel() == "$t$"
     [lines, *_] = axes.collections
     drawn = np.array([path.vertices for path in lines.get_paths()])
     np.testing.assert_array_equal(drawn[:, :, 0], np.tile(run.time, (3, 1)))
@@ -247,7 +248,7 @@ def test_three_components_are_drawn_in_space():
         with pytest.raises(TypeError, match="ax must be"):
             run.plot(components=components, ax=ax)
     assert run.plot(("x", "py", "y")).get_ylabel() == "$p_{y}$"
-    for wrong in ("x",), (("x",),), ("time", ("x", "z")):
+    for wrong in (("x",),), ("time", ("x", "z")):
         with pytest.raises((TypeError, ValueError), match=r'x, y.*such as \("time", "x"\), not'):
             run.plot(*wrong)
 

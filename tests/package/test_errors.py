@@ -144,6 +144,7 @@ class Tensor:
 TABLE = [
     (TypeError, "a", inertia(ID, "z"), field(lambda x, a: (a * x[0], 1), a="1"),
      lambda: sf.iterate(FIELD, [1, 0], 0.1, 10, a=2)),
+    (TypeError, r"Fraction\('1/3'\)", field(lambda x, a: (a * x[0], 1), a="1/3")),
     (ValueError, "a", lambda: SuslovND.from_mass_tensor(ID, [1, 2]), inertia(ID, [0, 1]),
      inertia(ID, [0, 0, 0]), field(lambda x, a: (a * x[0], 1), a=[NAN])),
     ((TypeError, ValueError), "attitude",
@@ -559,6 +560,8 @@ SECOND_TRIES = [
      lambda: sf.Field.from_function(lambda x, mu: mu * x[0], "x", mu=2.0)([3.0]), 6.0),
     (lambda: HALF.jacobian([1.0], 0.1), r"suslov_fast\.jacobian\(system, x, eps\)",
      lambda: sf.jacobian(field(lambda x: -x, 1)(), [1.0], 0.5), 0.75 / 1.25),
+    (lambda: sf.Field.from_function(lambda x: -x / 2), "names, as 'x y'",
+     lambda: sf.Field.from_function(lambda x: -x / 2, "x y")([0.0, 3.0]), -1.5),
     (lambda: BATCH.sel(4.0), "a=1", lambda: BATCH.sel(I1=4.0).I1, 4.0),
     (lambda: sf.lyapunov_exponents(MOTION), r"pass run\.body, run\.states\[0\]:",
      lambda: sf.lyapunov_exponents(HALF, sf.flow(HALF, [3.0], time=1.0).states[0], time=9.0), -0.5),

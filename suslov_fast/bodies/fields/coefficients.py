@@ -151,7 +151,8 @@ def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
         check_denominators("K", values.tolist())
     else:
         if callable(K):
-            raise wrong("K", "a constant matrix", "a function", TypeError)
+            how = "a function: for K(x) pass from_function(lambda x: K(x) @ dH(x), names)"
+            raise wrong("K", "a constant matrix", how, TypeError)
         array = as_given("K", K)
         if array.shape != (D, D):
             raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", array.shape)

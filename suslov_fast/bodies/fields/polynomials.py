@@ -43,6 +43,8 @@ def exact(name: str, value: Any) -> Fraction:
             value = float(value)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
+        if isinstance(value, str) and re.fullmatch(r"-?\d+(/\d+)?", value):
+            received += f": pass fractions.Fraction({value!r})"
         if isinstance(value, dict):
             how = f"**{name}, and let f take {', '.join(map(str, value))}"
             received += f": pass {f'{name}={value[name]}' if name in value else how}"

@@ -114,7 +114,7 @@ def hk_bases(
     >>> hk_bases(map, 1).dimension, hk_bases(map, 4).dimension
     (0, 1)
     >>> hk_bases(map, 4).integrals
-    (4*x1^2 + x2^2, x1*x2 + 1024)
+    (4*Omega1^2 + Omega2^2, Omega1*Omega2 + 1024)
     """
     check_map(map)
     n = map.dimension

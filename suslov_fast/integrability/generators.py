@@ -64,8 +64,8 @@ def darboux_polynomials(map: RationalMap, degree: int, cofactor: Any = None) -> 
     >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
     >>> for P in darboux_polynomials(map, 3, map.determinant):
     ...     print(P.factor())
-    (1, [(2*x1 + x2, 1), (4*x1^2 + x2^2, 1)])
-    (1, [(2*x1 + x2, 1), (x1*x2 + 1024, 1)])
+    (1, [(2*Omega1 + Omega2, 1), (4*Omega1^2 + Omega2^2, 1)])
+    (1, [(2*Omega1 + Omega2, 1), (Omega1*Omega2 + 1024, 1)])
     """
     check_map(map)
     degree = integer("degree", degree, 0)

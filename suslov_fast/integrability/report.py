@@ -313,11 +313,11 @@ def report(
     >>> from suslov_fast.integrability import report
     >>> found = report(Suslov3D(4, 1, -0.5, -0.25), eps=0.25)
     >>> found.growth.kind, found.integrals
-    ('linear', (16*(4*x1^2 + x2^2)/(4*x1^2 + 4*x1*x2 + x2^2 + 4096),))
+    ('linear', (16*(4*Omega1^2 + Omega2^2)/(4*Omega1^2 + 4*Omega1*Omega2 + Omega2^2 + 4096),))
     >>> found.measures[0]
-    1/((2*x1 + x2)*(4*x1^2 + 4*x1*x2 + x2^2 + 4096))
+    1/((2*Omega1 + Omega2)*(4*Omega1^2 + 4*Omega1*Omega2 + Omega2^2 + 4096))
     >>> report(Suslov3D(4, 1, -0.5, -0.25)).integrals
-    ((4*x1^2 + x2^2)/(4*eps^2*x1^2 + 4*eps^2*x1*x2 + eps^2*x2^2 + 256),)
+    ((4*Omega1^2 + Omega2^2)/(4*eps^2*Omega1^2 + 4*eps^2*Omega1*Omega2 + eps^2*Omega2^2 + 256),)
     """
     degree = integer("degree", degree, 1)
     map, notes = _map_of(field, eps, decimals)

@@ -256,9 +256,15 @@ class StepsInNumPy:
             a = a + double * self._value(b)[: self.D]
             self.f_last = self._value(a)[: self.D]
             b = b + (s if m == N // 2 else double) * self.f_last
+        end, apart = (a + b) * 0.5, a - b
+        if sets := self.half.sets:  # Störmer's rule is half of it
+            f_of_b, (A, B) = self._value(b)[: self.D], (np.array(own, int) for own in sets)
+            a[B], self.f_last[A] = b[B], f_of_b[A]
+            is_rough = self.row("rough") >= rules.ROUGH
+            end, apart = np.where(is_rough, end, a), np.where(is_rough, apart, 0.0)
         self.last = a
-        self.apart.append(a - b)
-        return (a + b) * 0.5 - x
+        self.apart.append(apart)
+        return end - x
 
     def _implicit_column(self, x, f, s, N):
         factors = carried_out(self.half.functions["factor"], [*self.entries, s])
@@ -326,6 +332,8 @@ class StepsInNumPy:
         sums, inverse = dict.fromkeys(names, 0.0), np.empty_like(x)
         noise = self._sum([abs(w) for w in self.own], [abs(end) for end in ends])
         last_of = [first + count - 1 for first, count in self.half.parts for _ in range(count)]
+        zero = {"rates": 0.0, "states": 0.0}
+        of_sets = [zero, zero]
         for i in range(D):
             own = {"x": x[i], "new": new[i], "error": error[i], "largest": largest[i]}
             own |= {"noise": noise[i], "f_new": f_new[i]}
@@ -340,8 +348,14 @@ class StepsInNumPy:
             if not is_implicit:
                 own |= {"last": self.last[i], "f_last": self.f_last[i], "taken": taken}
                 found |= self._apply(rules.DIFFERENCES, **own, **sums)
+                for k, components in enumerate(self.half.sets or ()):
+                    if i in components:
+                        of_sets[k] = self._apply(rules.DIFFERENCES, **own, **of_sets[k])
             own = {"error": apart[i], "inverse": inverse[i], "ratio": sums["apart"]}
             sums = found | {"apart": self._apply(rules.LARGER_RATIO, **own)["ratio"]}
+        if self.half.sets:
+            sums |= {name: of_sets[0][name] * of_sets[1][name] for name in zero}
+            sums["limit"] = self.motion.numbers[NUMBER.limit] ** 2
         sums["on_trial"] = 0.0
         if self.half.beside is not None:
             sums |= self._second_trial(sums, (x, f, new, f_new, error, apart, inverse), taken)
@@ -352,6 +366,10 @@ class StepsInNumPy:
         sums["accepted"] = accepted = found.pop("accepted")
         served = found.pop("served")
         self._keep(found)
+        if self.half.sets:
+            of_step = {"taken": taken, "accepted": accepted, "served": served}
+            of_step["ratio"] = sums["ratio"]
+            self._keep(self._apply(rules.REFUSALS, **of_step))
         if is_implicit:
             sums["rate"] = rate
         rule = rules.TURN_IMPLICIT if is_implicit else rules.TURN_EXPLICIT

@@ -63,7 +63,31 @@ def functions_of(s):
     return y.then("sin") * 0.5, x.then("exp") * -0.1 - (x * x + 1.0).then("log") * y
 
 
+def thin_layer(s):
+    """Where some steps have Gragg's columns, and others Störmer's."""
+    x, v = s
+    return v, -x - x / (x * x + 1e-6).sqrt()
+
+
+def in_two_sets(s):
+    """With clocks that both sets read, and that none reads."""
+    x, v, t, _ = s
+    return v * t.then("cos"), t.then("sin") - x, 1.0, 2.0
+
+
+def pairs(s):
+    """In two sets that take turns, by functions that are called, and in rows with rates of 0."""
+    x, v, rest = s[:-1:2], s[1::2], s[-1]
+    d = [a - b for a, b in zip(x[1:], x[:-1], strict=True)]
+    d = [rest * x[0], *(a + a * a * a * 0.1 for a in d), -x[-1]]
+    rates = [b - a + (a * 0.3).then("sin") for a, b in itertools.pairwise(d)]
+    return [*(a for pair in zip(v, rates, strict=True) for a in pair), 0.0]
+
+
 CASES = {
+    "thin_layer": (thin_layer, np.random.default_rng(6).uniform(-1.0, 1.0, (10, 2)), 7.0),
+    "in_two_sets": (in_two_sets, np.array([[0.1, 0.2, 0.3, 0.4], [1.0, 0.5, 2.0, 0.0]]), 9.0),
+    "pairs": (pairs, np.append(np.random.default_rng(2).normal(size=(3, 40)), [[1.0]] * 3, 1), 3.0),
     "functions_of": (functions_of, np.random.default_rng(4).uniform(-1.0, 1.0, (3, 2)), 5.0),
     "henon_heiles": (henon_heiles, np.random.default_rng(0).uniform(-0.2, 0.2, (11, 4)), 20.0),
     "van_der_pol": (van_der_pol, np.array([[2.0, 0.0], [1.0, 1.0], [np.nan, 1.0]]), 900.0),
@@ -209,7 +233,13 @@ def test_choices_reach_the_numbers_of_runs(system, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("case", "last", "is_stiff"), [("robertson", 4.0, True), ("pole_of_a_clock", 0.04, None)]
+    ("case", "last", "is_stiff"),
+    [
+        ("robertson", 4.0, True),
+        ("pole_of_a_clock", 0.04, None),
+        ("in_two_sets", 9.0, None),
+        ("thin_layer", 4.0, None),
+    ],
 )
 def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypatch):
     """Of a batch, of one, by runs, and by NumPy; also where elimination is by columns."""

@@ -441,6 +441,17 @@ class Code(Text):
             at.index = at.index + 1
             at.goes_on = at.index < count
 
+    def listed(self, name, indices):
+        """Return a function that adds a loop over indices, whose body is that of `for`.
+
+        If it has to read them they stand in an array with this name, whose address is found here.
+        """
+        first, count = min(indices, default=0), len(indices)
+        if [*indices] == [*range(first, first + count)]:
+            return lambda carried=None: (k + first for k in self.each(count, carried))
+        array = indices if count <= WRITTEN_OUT else self.integers(name, indices)
+        return lambda carried=None: (array[k] for k in self.each(count, carried))
+
     # ------------------------------------------------------------------------------ names, memory
     def value(self, value):
         """Return a name with operators: that of W equal numbers, or of an integer."""

@@ -173,6 +173,7 @@ class RightHandSide:
     derivative   `List` of f' by itself; results are the entries of `pattern`
     of_parameters  `List` of df/dp for the parameters `by`; D results for each, in `by`
     second       `Second`, or None
+    reads        of each component those that its rate depends on, as the bits of an integer
     steady       components of constant rate, not 0
     clocks       those of them that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
@@ -277,9 +278,9 @@ class RightHandSide:
             factors[number] = _common_factors(instruction, operands, factors, self.D)
             if instruction in OF_TRUTH_VALUES:
                 truth.add(number)
-        dependent = [0 if isinstance(a, float) else of.get(a, 0) for a in self._results]
+        self.reads = [0 if isinstance(a, float) else of.get(a, 0) for a in self._results]
         self.steady = [i for i in range(self.D) if is_fixed[i] and self._results[i] != 0.0]
-        self.clocks = [i for i in self.steady if any(mask >> i & 1 for mask in dependent)]
+        self.clocks = [i for i in self.steady if any(mask >> i & 1 for mask in self.reads)]
         clocks = sum(1 << i for i in self.clocks)
         self.of_one_sign = [
             i
@@ -351,7 +352,7 @@ class RightHandSide:
 
 def needed_for(operations, results):
     """Return the operations on which results depend."""
-    needed, found = {a for a in results if not isinstance(a, float)}, []
+    needed, found = {a for a in results if type(a) is int}, []
     for operation in reversed(operations):
         if operation[1] in needed:
             found.append(operation)

@@ -19,27 +19,33 @@ The forms have the same bits. Of a line of lanes columns are carried out
 - side by side: straight-line code of all columns, where f is short.
 
 Of one trajectory columns are the lanes. Ends less x stand in the row `ends` of `Work`, a - b in
-`apart`, y_N of the last column and f there in `a` and `f_last`.
+`apart`, y_N of the last column and f there in `a` and `f_last`. `stormer` has half of this rule.
 """
+
+from contextlib import contextmanager
 
 import numpy as np
 
 from ..code.compiler import numbers_in_register
-from ..code.text import Code, Index, Shared, Value
+from ..code.text import Array, Code, Index, Shared, Value
 from .columns import CHAINS, EXPLICIT, in_turn
 from .functions import INLINED
 from .scope import Scope
 
+ARGUMENTS = "x", "f", "table", "work", "count"
 # Operations of f, and three for each component, up to which all sub-steps are written out: that
 # spares branches, but more of them would leave the cache for code.
 SHORT = 25
+OF_SETS = "f_a", "f_b"  # names of functions, if there are `Half.sets`
 LANES = 1 + len(CHAINS)  # of columns of one trajectory: a chain each, and the first one again
 
 
 def lane_numbers(half):
     """Return how many numbers columns in lanes need, after the rows of `Work` of one trajectory."""
     own = (3 + 2 * len(in_turn(CHAINS))) * half.f.D + len(half.f.denominators)
-    return LANES * (1 + own + half.functions["f"].scratch)  # 1 to begin at a multiple
+    names = OF_SETS if half.sets else ("f",)
+    scratch = max(half.functions[name].scratch for name in names)
+    return LANES * (1 + own + scratch)  # 1 to begin at a multiple
 
 
 class ExplicitColumns(Scope):
@@ -49,27 +55,59 @@ class ExplicitColumns(Scope):
     in the row `signed` of `work`.
     """
 
+    names = "f", "f"  # functions for the rates of what `a` and `b` hold
+    function = "columns"
+    splits = True  # whether columns tell how far their two halves lie apart
+
     def __init__(self, text, half, name, for_each):
         super().__init__(text, half, name, for_each, "%work")
-        self.of_f = half.functions["f"]
-        self.is_inlined = self.of_f.length <= INLINED
+        self.functions = {name: half.functions[name] for name in self.names}
+        self.length = sum(function.length for function in self.functions.values())
+        self.is_inlined = self.length <= INLINED
+        self.rows = range(self.D), range(self.D)  # components that `a` and `b` hold
 
     def add(self):
         """Add the function."""
-        are_lanes = self.text.W == 1 and self.of_f.length < np.inf
+        are_lanes = self.text.W == 1 and self.length < np.inf
         inner = Code(LANES, self.text) if are_lanes else self.narrower()
         if are_lanes and not self.is_inlined:
-            self.of_f.add(inner, f"{self.name}_f_lanes", False, 0)
-        with self.text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
+            for name, function in self.functions.items():
+                function.add(inner, f"{self.name}_{name}_lanes", False, 0)
+        with self.body():
+            self.leave_to_others()
             if are_lanes:
                 self.in_lanes(inner)
                 return
-            if self.of_f.length + 3 * self.D <= SHORT and not self.of_f.calls_by_lane:
+            if self.work_of_pair() <= SHORT and not self._have("calls_by_lane"):
                 are_all = Index(self.text, "%count").equals(len(EXPLICIT))
                 with self.text.when(are_all):
                     self.side_by_side(inner)
                     self.text.leave("void")
             self.in_turn(inner)
+
+    @contextmanager
+    def body(self):
+        """Add the function, whose body is the block of `with`."""
+        name = f"{self.name}_{self.function}"
+        with self.text.function(name, ARGUMENTS):
+            self.of_a, self.of_b = (
+                self.text.listed(f"{name}_{k}", own) for k, own in enumerate(self.rows)
+            )
+            yield
+
+    def constants(self, name, values):
+        """Return an array that is part of the text."""
+        return super().constants(f"{self.function}_{name}", values)
+
+    def leave_to_others(self):
+        """Leave the function where another one has the columns."""
+
+    def work_of_pair(self):
+        """Return about how many operations half a pair of sub-steps takes."""
+        return self.length + 3 * self.D
+
+    def _have(self, name):
+        return any(getattr(function, name) for function in self.functions.values())
 
     def narrower(self):
         """Return the code of sub-steps.
@@ -78,7 +116,7 @@ class ExplicitColumns(Scope):
         registers are few.
         """
         W = numbers_in_register()
-        if self.is_inlined and W < self.text.W and not self.of_f.calls:
+        if self.is_inlined and W < self.text.W and not self._have("calls"):
             return self.text.lanes(W)
         return self.text
 
@@ -113,78 +151,121 @@ class ExplicitColumns(Scope):
                     double = s + s
                     factor = is_end.select(s, double)
                     with text.when(begin.differs(0)):
-                        for i in text.each(D):
-                            of_work.a[i] = start = x[i]
-                            of_work.b[i] = start + s * f[i]
-                    of_a = self.pair(of_work, table, double, factor)
+                        self.begin(of_work.a, of_work.b, x, f, s, *self.loops())
+                    of_b = self.pair(of_work, table, double, factor)
                     with text.when(is_end):
                         ends, apart = (
                             inner.array(rows.at(column * D))
                             for rows in (of_work.ends, of_work.apart)
                         )
-                        for i in text.each(D):
-                            ends[i], apart[i] = end_of_column(of_work.a[i], of_work.b[i], x[i])
-                        for i, value in enumerate(of_a):
+                        self.end(of_work, of_work.a, of_work.b, x, ends, apart, *self.loops())
+                        for i, value in of_b.items():
                             of_work.f_last[i] = value
+        if self.half.sets:
+            with text.when(Index(text, "%count").equals(len(EXPLICIT))):
+                for _, _, lanes, table in self.parts(inner):
+                    of_work = inner.arrays(lanes, work)
+                    call = self.caller(table, of_work.f_last)
+                    of_end = self.rates_at_end(of_work.a, of_work.b, table, self.of_b(), call)
+                    for i, value in of_end.items():
+                        of_work.f_last[i] = value
+
+    def caller(self, table, f):
+        """Return the function that writes rates at a state to rows."""
+        return lambda name, of: self.call(name, of, table, f)
+
+    def rates_at_end(self, a, b, table, of_b, call=None):
+        """Return rates that are still missing at the end of the last column.
+
+        Those that are not within the code are written to their rows by `call`.
+        """
+        return {}
+
+    def loops(self):
+        """Return loops over the components that `a` and `b` hold."""
+        return self.of_a(), self.of_b()
+
+    def begin(self, a, b, x, f, s, of_a, of_b):
+        """Begin a column."""
+        for i in of_a:
+            a[i] = x[i]
+        for i in of_b:
+            b[i] = x[i] + s * f[i]
+
+    def end(self, work, a, b, x, ends, apart, of_a, of_b):
+        """Write the end of a column, less x, and how far its two halves lie apart."""
+        for i in of_a:
+            ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
 
     def pair(self, work, table, double, factor):
-        """Add two sub-steps; return f at the state after the first, [] if it is in its rows."""
+        """Add two sub-steps; return f at the state after the first, {} if it is in its rows."""
         a, b, f = work.a, work.b, work.f_last
         if self.is_inlined:
             return self.pair_of_rows(a, b, table, double, factor)
-        for of, to, length in ((b, a, double), (a, b, factor)):
-            self.call("f", of, table, f)
-            for i in self.text.each(self.D):
+        self.pair_by_calls(self.caller(table, f), (a, b), f, double, factor)
+        return {}
+
+    def pair_by_calls(self, call, rows, f, double, factor):
+        """Add two sub-steps, where `call` writes f at a state to its rows."""
+        a, b = rows
+        for name, of, to, length, own in zip(
+            self.names, (b, a), (a, b), (double, factor), (self.of_a, self.of_b), strict=True
+        ):
+            call(name, of)
+            for i in own():
                 product = length * f[i]
                 to[i] = to[i] + product
-        return []
 
     def pair_of_rows(self, rows_a, rows_b, table, double, factor):
         """Add two sub-steps with f within the code; return f at the state after the first."""
-        D = self.D
-        b = [rows_b[i] for i in range(D)]
-        f = self.value(b, table)
-        a = added([rows_a[i] for i in range(D)], double, f)
-        for i in range(D):  # before f there: registers are few
+        (of_a, of_b), (A, B) = self.names, self.rows
+        b = {i: rows_b[i] for i in B}
+        f = self.value(of_a, b, table)
+        a = added({i: rows_a[i] for i in A}, double, f)
+        for i in A:  # before f there: registers are few
             rows_a[i] = a[i]
-        f = self.value(a, table)
-        for i, value in enumerate(added(b, factor, f)):
+        f = self.value(of_b, a, table)
+        for i, value in added(b, factor, f).items():
             rows_b[i] = value
         return f
 
-    def value(self, x, table):
-        """Return f at a state, with f within the code."""
-        text, for_each = x[0].text, self.for_each and self.text.W > 1
-        values = self.of_f.values(text, lambda k: x[k], table, for_each)
-        return [Value(text, value) for value in values[: self.D]]
+    def value(self, name, x, table):
+        """Return the rates by components at a state, with f within the code."""
+        text = x.text if isinstance(x, Array) else next(iter(x.values())).text
+        for_each = self.for_each and self.text.W > 1
+        values = self.half.functions[name].values(text, lambda k: x[k], table, for_each)
+        return {i: Value(text, value) for i, value in values.items() if i < self.D}
 
     # --------------------------------------------------------------------------------- side by side
     def side_by_side(self, inner):
         """Add all columns as straight-line code for a register of lanes."""
         D = self.D
+        of_a, of_b = self.names
         for x, f, lanes, table in self.parts(inner):
             x, f, work = (
-                [x[i] for i in range(D)],
-                [f[i] for i in range(D)],
+                {i: x[i] for i in range(D)},
+                {i: f[i] for i in range(D)},
                 inner.arrays(lanes, self.half.work),
             )
             h, states = work.signed[0], {}
             for m, N in ((m, N) for m in range(max(EXPLICIT) // 2) for N in EXPLICIT if 2 * m < N):
                 s = h * (1.0 / N)
                 double, is_end = s + s, 2 * m + 2 == N
+                a, b = states.get(N, ({}, {}))
                 if m == 0:
-                    states[N] = x, added(x, s, f)
-                a, b = states[N]
-                a = added(a, double, self.value(b, table))
-                of_a = self.value(a, table)
-                states[N] = a, added(b, s if is_end else double, of_a)
+                    self.begin(a, b, x, f, s, *self.rows)
+                a = added(a, double, self.value(of_a, b, table))
+                f_last = self.value(of_b, a, table)
+                b = added(b, s if is_end else double, f_last)
+                states[N] = a, b
                 if is_end:
                     first = EXPLICIT.index(N) * D
-                    for i, each in enumerate(zip(*states[N], x, strict=True)):
-                        work.ends[first + i], work.apart[first + i] = end_of_column(*each)
-            for i, (a, f) in enumerate(zip(states[N][0], of_a, strict=True)):
-                work.a[i] = a
-                work.f_last[i] = f
+                    ends, apart = work.ends.after(first), work.apart.after(first)
+                    self.end(work, a, b, x, ends, apart, *self.rows)
+            f_last |= self.rates_at_end(a, b, table, self.rows[1])
+            for i in range(D):
+                work.a[i] = a[i]
+                work.f_last[i] = f_last[i]
 
     # ------------------------------------------------------------------------------------- in lanes
     def in_lanes(self, inner):
@@ -210,41 +291,51 @@ class ExplicitColumns(Scope):
         parts, last, begin = (inner.array(each.base) for each in (parts, last, begin))
         scratch = apart.at(rounds_D)
         signed = in_all_lanes(inner, work.signed[0])
-        x_of_one, f_of_one = text.array("%x"), text.array("%f")
+        x, f_of_x = InAllLanes(inner, text.array("%x")), InAllLanes(inner, text.array("%f"))
+
+        def call(name, of):
+            text.invoke(f"{self.name}_{name}_lanes", of, "%table", f, scratch)
+
         for m in text.each(len(rounds), most=0):
             s = signed * parts[m]
             double, factor = s + s, s * last[m]
             begins = begin[m] > 0.0
             with text.when(begins.any()):
-                for i in text.each(D):
-                    x = in_all_lanes(inner, x_of_one[i])
-                    first = x + s * in_all_lanes(inner, f_of_one[i])
-                    a.choose(begins, i, x)
-                    b.choose(begins, i, first)
+                for i in self.of_a():
+                    a.choose(begins, i, x[i])
+                for i in self.of_b():
+                    b.choose(begins, i, x[i] + s * f_of_x[i])
             if self.is_inlined:
-                for i, value in enumerate(self.pair_of_rows(a, b, "%table", double, factor)):
+                for i, value in self.pair_of_rows(a, b, "%table", double, factor).items():
                     f[i] = value
             else:
-                for of, to, length in ((b, a, double), (a, b, factor)):
-                    text.invoke(f"{self.name}_f_lanes", of, "%table", f, scratch)
-                    for i in text.each(D):
-                        product = length * f[i]
-                        to[i] = to[i] + product
+                self.pair_by_calls(call, (a, b), f, double, factor)
             with text.when(has_end[m].differs(0)):
-                of_pair = m * D
-                for i in text.each(D):
-                    found = end_of_column(a[i], b[i], in_all_lanes(inner, x_of_one[i]))
-                    ends[of_pair + i], apart[of_pair + i] = found
+                of_pair = ends.from_here(m * D), apart.from_here(m * D)
+                self.end(work, a, b, x, *of_pair, *self.loops())
+        for i, value in self.rates_at_end(a, b, "%table", self.of_b(), call).items():
+            f[i] = value
+        pairs = [(ends, work.ends), (apart, work.apart)][: 1 + self.splits]
         for i in text.each(D):
             for m, each in enumerate(rounds):
                 for lane, pair in enumerate(each[:-1]):
                     if pair.ends:
                         of_column = EXPLICIT.index(pair.N) * D
-                        for source, target in ((ends, work.ends), (apart, work.apart)):
+                        for source, target in pairs:
                             number = text.array(source.after(m * D).at(i), lane)[0]
                             target.after(of_column)[i] = number
             work.a[i] = text.array(a.at(i))[0]
             work.f_last[i] = text.array(f.at(i))[0]
+
+
+class InAllLanes:
+    """Rows of one lane, each number of which another text has in all of its lanes."""
+
+    def __init__(self, text, rows):
+        self.text, self.rows = text, rows
+
+    def __getitem__(self, i):
+        return in_all_lanes(self.text, self.rows[i])
 
 
 def in_all_lanes(text, number):
@@ -253,11 +344,6 @@ def in_all_lanes(text, number):
 
 
 def added(x, factor, change):
-    """Return x + factor * change for all components."""
-    products = [factor * each for each in change]
-    return [a + product for a, product in zip(x, products, strict=True)]
-
-
-def end_of_column(a, b, x):
-    """Return the end of a column, less x, of a component, and how far its two halves lie apart."""
-    return (a + b) * 0.5 - x, a - b
+    """Return x + factor * change by components."""
+    products = {i: factor * each for i, each in change.items()}
+    return {i: x[i] + product for i, product in products.items()}

@@ -26,7 +26,10 @@ LONGEST, LONGEST_OF_CONDITIONS = 4000, 16_000
 
 
 class OfList:
-    """A list of operations as straight-line code; its first values are rows."""
+    """A list of operations as straight-line code; its first values are rows.
+
+    Results that are None are not there: their rows stay as they are.
+    """
 
     scratch, called = 0, frozenset()
 
@@ -41,11 +44,12 @@ class OfList:
         return table[:0]
 
     def values(self, text, row, table, for_each):
-        """Return the results, where row(k) is the k-th input."""
+        """Return the results by their places, where row(k) is the k-th input."""
         found = {}
         load = self._loader(text, row, table, for_each)
         text.carry_out(self.list_.operations, found, load)
-        return [self._result(text, a, found, load) for a in self.list_.results]
+        results = enumerate(self.list_.results)
+        return {k: self._result(text, a, found, load) for k, a in results if a is not None}
 
     def _loader(self, text, row, table, for_each):
         numbers = text.array(table) if for_each else Shared(text, table)
@@ -70,7 +74,7 @@ class OfList:
         for k, a in enumerate(results):
             if isinstance(a, float):
                 constants.append((a, [k]))
-            else:
+            elif a is not None:
                 rows[a].append(k)
         x, to, computed = text.array("%from"), text.array("%to"), {}
         with text.function(name):
@@ -84,6 +88,14 @@ class OfList:
                     computed[number] = found[number]
                     for k in rows.pop(number, ()):
                         to[k] = found[number]
+            copies = [(a, k) for a, places in rows.items() if a < self.inputs for k in places]
+            if len(copies) > BLOCK:
+                sources, targets = zip(*copies, strict=True)
+                sources = text.integers(f"{name}_sources", sources)
+                targets = text.integers(f"{name}_targets", targets)
+                for k in text.each(len(copies)):
+                    to[targets[k]] = x[sources[k]]
+                rows = {a: places for a, places in rows.items() if a >= self.inputs}
             for a, places in [*rows.items(), *constants]:
                 for k in places:
                     to[k] = self._result(text, a, {}, load)
@@ -98,17 +110,21 @@ class OfLongList:
         self.list_, self.inputs, self.results = list_, inputs, list_.results
         table, operations = sorted(places, key=places.get), [*list_.operations]
         # Constants among the results are values, too: LLVM takes long to compile a store of each.
-        values = [a.hex() if isinstance(a, float) else a for a in self.results]
-        constants = dict.fromkeys(a for a in values if isinstance(a, str))
+        values = {
+            k: a.hex() if isinstance(a, float) else a
+            for k, a in enumerate(self.results)
+            if a is not None
+        }
+        constants = dict.fromkeys(a for a in values.values() if isinstance(a, str))
         first = 1 + max([inputs, *places, *(number for _, number, _ in operations)])
         for number, a in enumerate(constants, first):
             constants[a] = number
             operations.append(("fadd", number, (float.fromhex(a), -0.0)))
-        values = [constants.get(a, a) for a in values]
-        distinct = [*dict.fromkeys(values)]
+        values = {k: constants.get(a, a) for k, a in values.items()}
+        distinct = [*dict.fromkeys(values.values())]
         self.program, self._numbers = program_of(range(inputs), table, operations, distinct)
         row = dict(zip(distinct, self.program.results.tolist(), strict=True))
-        self._rows = [row[a] for a in values]
+        self._rows = {k: row[a] for k, a in values.items()}
         self.scratch, self.in_table = self.program.rows, len(table)
         self.called = {instruction for instruction, *_ in list_.operations}
 
@@ -128,9 +144,10 @@ class OfLongList:
             table = text.plus("%table", size * first)
             text.copy("%from", rows, self.inputs)
             text.invoke("runs", rows, table, heads, places, len(runs.heads))
-            places = text.integers(f"{name}_rows", self._rows)
-            for k in text.each(len(self.results)):
-                to[k] = rows[places[k]]
+            places = text.integers(f"{name}_rows", [*self._rows.values()])
+            targets = text.integers(f"{name}_to", [*self._rows])
+            for k in text.each(len(self._rows)):
+                to[targets[k]] = rows[places[k]]
 
 
 def of_list(list_, inputs, places=None, longest=LONGEST):
@@ -152,11 +169,14 @@ class _Loops:
 
 
 class Tangents(_Loops):
-    """f of a `Variational`: its base list, then f' times each column, from rows in between."""
+    """f of a `Variational`: its base list, then f' times each column, from rows in between.
 
-    def __init__(self, f, product):
-        self.f, self.inputs = f, f.of.D
-        self.first = of_list(f.base, self.inputs, f.places)
+    Of each block of components it has those in `own`, and leaves others as they are.
+    """
+
+    def __init__(self, f, base, product, own):
+        self.f, self.inputs, self.rows = f, f.of.D, own
+        self.first = of_list(base, self.inputs, f.places)
         self.product = of_list(product, f.entries + 1 + self.inputs)
         self.own = len(f.base.results) + 1 + self.inputs
         parts = self.first, self.product
@@ -178,17 +198,21 @@ class Tangents(_Loops):
         with text.function(name):
             inner = found.at(self.own)
             text.invoke(f"{name}_first", x, "%table", found, inner)
-            text.copy(found, to, D)
+            own = text.listed(f"{name}_own", self.rows)
+            for i in own():
+                to[i] = found[i]
             for k in range(D, extended):
                 to[f.D - D + k] = found[k]
             for c in text.each(f.columns):
                 place = (c + 1) * D
                 text.copy(x.at(place), found.at(vector), D)
                 text.invoke(f"{name}_product", found.at(entries), "%table", to.at(place), inner)
-            own = to.after(f.D - 2 * f.has_trace - f.q * D)
-            for k in text.each(f.q * D):
-                a = found.after(of_parameters)[k]
-                own[k] = own[k] + a
+            last = to.after(f.D - 2 * f.has_trace - f.q * D)
+            for c in text.each(f.q):
+                for i in own():
+                    k = i + c * D
+                    a = found.after(of_parameters)[k]
+                    last[k] = last[k] + a
             if f.has_trace:
                 to[f.D - 2] = 0.0
                 to[f.D - 1] = x[f.D - 2] * found[extended]

@@ -9,6 +9,7 @@ from ..lists.planned_elimination import elimination_order, filled
 from ..lists.right_hand_side import List
 from ..lists.sparse import Sparse
 from ..lists.step import Values
+from ..lists.two_sets import Sets, part_of, sets_of
 from ..lists.variational import Variational
 from . import rules
 from .columns import EXPLICIT, IMPLICIT
@@ -35,6 +36,8 @@ class Half:
     functions    by name: `f` with the denominators of clocks; `watch`, see `watch_of`, if steps
                  end on surfaces; in the implicit half also `j`, the entries of f'; `factor`, from
                  these and s; `solve`; and `power`, f' times a vector after the entries and s
+    sets         `Sets` of all components if explicit columns are Störmer's, else None; then `f_a`
+                 and `f_b` are the rates of each
     numbers      how many numbers the table of a trajectory has
     largest      the rule for the size of all components
     allowed      the rule for the error that one may have
@@ -75,14 +78,18 @@ class Half:
         counts = (c.surfaces, c.acting, c.sections) if c else ()
         self.low = 0 if has_atol else self.block.D
         self.rows = rows_of(D, extended, self.low, self.watched, int(bool(f.conditions)), *counts)
+        self.sets = None if is_implicit else self._sets()
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
         elif self.block is not f:
-            self.functions = {"f": Tangents(f, _product(self.block))}
+            self.functions = {"f": Tangents(f, f.base, _product(self.block), range(self.block.D))}
         else:
             self.functions = {
                 "f": of_list(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
             }
+        if self.sets:
+            for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
+                self.functions[name] = self._rates(components)
         if self.watched:
             rows = 2 * self.block.D + 2 * (f.changes.surfaces if f.changes else 0)
             places = {rows + k: k for k in range(len(self.block.table))}
@@ -101,6 +108,26 @@ class Half:
         others = self.couplings * is_implicit, self.watched, len(self.kinks)
         others = *others, self._sizes_of_changes(), of_choices, scratch
         self.work = work_of(self.rows.size, self.numbers, *sizes, *others)
+
+    def _sets(self):
+        """Return the `Sets` of all components: each column of derivatives has those of x."""
+        sets, f, D = sets_of(self.block), self.f, self.block.D
+        if sets is None or f is self.block:
+            return sets
+        A, B = ([c * D + i for c in range(1 + f.columns) for i in own] for own in sets)
+        return Sets(A, [*B, *range(D * (1 + f.columns), f.D)])
+
+    def _rates(self, components):
+        """Return the function of the rates of some components, which leaves others as they are."""
+        f, block = self.f, self.block
+        if f is block:
+            return of_list(part_of(f.f, components), f.D, f.places)
+        own = [i for i in components if i < block.D]
+        entries = [k for k, (i, _) in enumerate(block.pattern) if i in {*own}]
+        of_base = [*own, *range(block.D, f.before - f.q * block.D)]
+        of_base += [f.before - (f.q - c) * block.D + i for c in range(f.q) for i in own]
+        of_base += [f.before + k for k in entries]
+        return Tangents(f, part_of(f.base, of_base), part_of(_product(block), own), own)
 
     def _add_changes(self):
         """Add the functions of changes."""
@@ -176,7 +203,7 @@ class Half:
     @functools.cached_property
     def key(self):
         """What tells the code of this half from others."""
-        return self.f.key, self.is_implicit, self.has_atol
+        return self.f.key, self.is_implicit, self.has_atol, self.sets is None
 
     def table_of(self, table):
         """Return the table (n, ...) of f with the numbers that functions read after it."""

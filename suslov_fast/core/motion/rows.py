@@ -61,6 +61,7 @@ class Rows(NamedTuple):
     next: int  # modulus of the next time that is asked for, infinity after the last
     second: int  # of the one after it
     state: int  # a `State`
+    rough: int  # see `stormer`; refusals, less a part of the steps since then
     stiff: int  # steps that look stiff; explicit steps that would do, of an implicit lane
     easy: int  # steps in a row that do not look stiff
     patience: int  # how many stiff steps it takes to become implicit

@@ -84,6 +84,8 @@ ON = 2.0**-8  # part of its value at the end of a part, by which a start on a su
 # Largest sum that vanishes on true steps, beside the allowed error, and the next length after a
 # step that it refuses. With 30 some true steps are refused, with 100 more false ones are taken.
 MOST_APART, OF_APART = 50.0, 0.5
+# See `stormer`: when a lane is rough, what a step takes away, the most, and a large error.
+ROUGH, CALMER, MOST_ROUGH, FAR = 2.0, 0.25, 3.0, 100.0
 TINY = 2.0**-1000  # in place of an allowed error of 0
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
 MOST_STEPS = 250_000  # between two times that are asked for
@@ -289,6 +291,7 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
         "next": first_next,
         "second": second_next,
         "state": has_value.select(first_state, float(State.NO_VALUE)),
+        "rough": 0.0,
         "stiff": 0.0,
         "easy": 0.0,
         "patience": PATIENCE,
@@ -384,6 +387,18 @@ def _ends(t, taken, wanted, state, tries, shortest, most):
 
 def _is_stiff(rates, states, limit):
     return (rates > limit * limit * states) & (states > 0.0)
+
+
+@_rule
+def REFUSALS(rough, ratio, taken, accepted, served):
+    """How rough the way of a lane is: refusals, less a part of the steps since then.
+
+    One with a small error, as on the way into a narrow bend, does not count by itself.
+    """
+    is_refused = (taken > 0.0) & (accepted + served <= 0.0)
+    counts = is_refused & ((ratio > FAR) | (rough >= 1.0))
+    calmer = (accepted > 0.0).select(larger(rough - CALMER, 0.0), rough)
+    return {"rough": counts.select(smaller(rough + 1.0, MOST_ROUGH), calmer)}
 
 
 @_rule

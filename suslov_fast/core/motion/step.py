@@ -8,7 +8,7 @@ where v_c are the weights without the first column. The step is taken if
 
 max_i |e_i| / allowed_i <= 1,     max_i |d_i| / allowed_i <= MOST_APART,
 
-where d = sum_c w_c (a_c - b_c), see `explicit`, or what `implicit` says. `rules` say what is
+where d = sum_c w_c (a_c - b_c) or 0, see `explicit`, or what `implicit` says. `rules` say what is
 allowed, how long the next step is, and which half takes it. Lanes that take no step in this half
 have length 0 and stay as they are.
 """
@@ -22,6 +22,7 @@ from . import changes, choosing, inside, rules, sections, surfaces
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors
 from .implicit import derive, find_apart
 from .scope import weighted
+from .stormer import is_rough
 
 
 def choose_length(lines):
@@ -44,6 +45,9 @@ def take_step(lines):
     if half.is_implicit:
         find_apart(lines)
     sums = _errors(lines, own, sizes)
+    if half.sets:
+        sums["apart"] = _apart_of_rough(lines, own)
+        sums |= _differences_of_sets(lines)
     sums["on_trial"] = text.value(0.0)
     if half.beside is not None:
         sums |= _second_trial(lines, own, of_error, sums)
@@ -57,6 +61,8 @@ def take_step(lines):
         own |= {name: found[name] for name in ("t", "wanted", "state")}
         found |= lines.apply(rules.AT_STOP, accepted=sums["accepted"], **own)
     lines.keep(line, found)
+    if half.sets:
+        lines.keep(line, lines.apply(rules.REFUSALS, ratio=sums["ratio"]))
     if half.is_implicit:
         lines.keep(line, lines.apply(rules.TURN_IMPLICIT, **sums))
     else:
@@ -131,16 +137,32 @@ def _errors(lines, own, sizes):
                 inputs["noise"] = _noise(lines, own, i)
             inverse = lines.apply(half.allowed, i, **inputs)["inverse"]
             found = lines.apply(rules.RATIO, i, inverse=inverse, **vars(sums))
-            apart = work.right[i]
-            if not half.is_implicit:
+            if not (half.is_implicit or half.sets):
                 inputs = {"last": work.a[i], "inverse": inverse, "taken": taken}
                 found |= lines.apply(rules.DIFFERENCES, i, **vars(sums) | inputs)
-                apart = weighted(own, lines.of_columns(work.apart, i))
-            inputs = {"error": apart, "inverse": inverse, "ratio": sums.apart}
-            found["apart"] = lines.apply(rules.LARGER_RATIO, **inputs)["ratio"]
+            if not half.sets:
+                inputs = {"error": _apart(lines, own, i), "inverse": inverse, "ratio": sums.apart}
+                found["apart"] = lines.apply(rules.LARGER_RATIO, **inputs)["ratio"]
             sums.update(found)
             work.error[i] = inverse
     return vars(sums)
+
+
+def _differences_of_sets(lines):
+    """Return products of the sums of `DIFFERENCES` of both sets, and the limit for their quotient.
+
+    That does not depend on how large components of either are allowed to be.
+    """
+    text, work, sums = lines.text, lines.work, []
+    for number, components in enumerate(lines.half.sets):
+        own = Carried(rates=0.0, states=0.0)
+        for i in text.listed(f"{lines.name}_set_{number}", components)(own):
+            inputs = {"last": work.a[i], "inverse": work.error[i], "taken": work.taken[0]}
+            own.update(lines.apply(rules.DIFFERENCES, i, **vars(own) | inputs))
+        sums.append(own)
+    A, B = sums
+    limit = lines.number("limit")
+    return {"rates": A.rates * B.rates, "states": A.states * B.states, "limit": limit * limit}
 
 
 def _second_trial(lines, own, of_error, sums):
@@ -166,9 +188,7 @@ def _second_trial(lines, own, of_error, sums):
         for i in text.each(lines.D, found):
             inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i))}
             inputs |= {"inverse": work.error[i], "change": work.a[i], "f_beside": work.f[i]}
-            inputs |= {"t": line.t[0], "taken": work.taken[0], "apart": work.right[i]}
-            if not half.is_implicit:
-                inputs["apart"] = weighted(own, lines.of_columns(work.apart, i))
+            inputs |= {"t": line.t[0], "taken": work.taken[0], "apart": _apart(lines, own, i)}
             now = lines.apply(rules.SECOND, i, **inputs, **vars(found))
             work.error.choose(refused, i, now.pop("inverse"))
             found.update(now)
@@ -179,6 +199,32 @@ def _second_trial(lines, own, of_error, sums):
 
     found = text.otherwise(~refused.any(), [usual[name] for name in names], trial)
     return {name: Value(text, value) for name, value in zip(names, found, strict=True)}
+
+
+def _apart(lines, own, i):
+    """Return what shows in component i that all columns agree on a false end."""
+    if lines.half.is_implicit:
+        return lines.work.right[i]
+    apart = weighted(own, lines.of_columns(lines.work.apart, i))
+    if lines.half.sets:
+        return is_rough(lines.work, lines.half).select(apart, 0.0)
+    return apart
+
+
+def _apart_of_rough(lines, own):
+    """Return what `_errors` has of `apart`, after it, of rough lanes, which alone have that."""
+    text, work = lines.text, lines.work
+
+    def largest():
+        found = Carried(ratio=0.0)
+        for i in text.each(lines.D, found):
+            inputs = {"error": _apart(lines, own, i), "inverse": work.error[i]}
+            found.update(lines.apply(rules.LARGER_RATIO, **inputs, **vars(found)))
+        return [found.ratio]
+
+    is_smooth = ~is_rough(work, lines.half).any()
+    (found,) = text.otherwise(is_smooth, [text.value(0.0)], largest)
+    return Value(text, found)
 
 
 def _noise(lines, own, i):

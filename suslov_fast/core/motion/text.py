@@ -3,7 +3,7 @@
 The two halves share everything but their columns and the rule for the next step:
 
     functions        f, f', elimination, products, as functions of rows
-    explicit, implicit   the function `columns` of a half
+    explicit, stormer, implicit   the function `columns` of a half
     trajectories     which trajectory a lane takes next
     step             a step of all lanes, with `inside`, `surfaces` and `choosing`
     rules            lists of operations that decide, on the numbers of one lane
@@ -19,6 +19,7 @@ from .explicit import ExplicitColumns
 from .implicit import ImplicitColumns
 from .scope import Lines
 from .step import choose_length, take_step
+from .stormer import StormerColumns
 from .trajectories import pause_if_spent, take_next
 
 
@@ -32,7 +33,8 @@ def text_of_half(half, name, W, for_each):
     text.called = {a for each in half.functions.values() for a in each.called}
     for key, function in half.functions.items():
         function.add(text, f"{name}_{key}", for_each, firsts[key])
-    columns = ImplicitColumns if half.is_implicit else ExplicitColumns
+    explicit = StormerColumns if half.sets else ExplicitColumns
+    columns = ImplicitColumns if half.is_implicit else explicit
     columns(text, half, name, for_each).add()
     if half.f.conditions:
         add_choices(text, half, name, for_each)

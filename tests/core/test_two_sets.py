@@ -1,0 +1,217 @@
+"""Columns where variables fall into two sets: which f have them, their order, and errors."""
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast import Change, Field, QuadraticField, flow
+from suslov_fast.core.lists.two_sets import sets_of
+from suslov_fast.core.motion import engine, half
+
+
+def sets(field):
+    """Return the sets of a field, None if it has Gragg's columns."""
+    _, f, _ = field.right_hand_sides[0]
+    return sets_of(f)
+
+
+FOUND = {
+    "two degrees of freedom": (
+        lambda s: (s[2], s[3], -s[0] - 2 * s[0] * s[1], s[1] ** 2 - s[0] ** 2),
+        "qqpp",
+    ),
+    "a clock of one set": (lambda s: (s[1], np.cos(s[2]) - s[0], 1.0), "qpq"),
+    "a clock of both": (lambda s: (s[1] * np.cos(s[2]), s[2] - s[0], 1.0), "pq+"),
+    "a clock of none": (lambda s: (s[1], -s[0], 1.0), "qpp"),
+    "a parameter as a component": (lambda s: (s[1], -s[2] * s[0], 0.0), "qpq"),
+    "Kepler's problem": (lambda s: (s[2], s[3], *(-s[:2] / np.hypot(s[0], s[1]) ** 3)), "qqpp"),
+    "a soft wall": (lambda s: (s[1], np.exp(-s[0])), "qp"),
+    "roots in the second set alone": (lambda s: (s[1] / np.sqrt(1 + s[1] ** 2), -s[0]), "pq"),
+    "populations in logarithms": (lambda s: (1 - np.exp(s[1]), np.exp(s[0]) - 1), "qp"),
+}
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_sets_are_found(name):
+    """In q are those that a column has after an even number of sub-steps."""
+    f, where = FOUND[name]
+    A, B = sets(Field.from_function(f, len(where)))
+    assert [i for i, kind in enumerate(where) if kind in "q+"] == A
+    assert [i for i, kind in enumerate(where) if kind in "p+"] == B
+
+
+NOT_TAKEN = {
+    "friction": lambda s: (s[1], -s[0] - 0.1 * s[1]),
+    "a jump": lambda s: (s[1], np.where(s[0] > 0.0, -1.0, 1.0)),
+    "a kink": lambda s: (s[1], -abs(s[0])),
+    "a table": lambda s: (s[1], -np.interp(s[0], [-1.0, 0.0, 2.0], [-1.0, 0.0, 5.0])),
+    "a layer with a sharp end": lambda s: (s[1], -np.tanh(s[0] / 1e-3)),
+    "a Gaussian": lambda s: (s[1], s[0] * np.exp(-(s[0] ** 2))),
+    "a pulse in time": lambda s: (s[1], np.exp(-((s[2] - 3.0) ** 2)), 1.0),
+    "a logistic function": lambda s: (s[1], 1.0 / (1.0 + np.exp(s[0]))),
+    "roots in both sets": lambda s: (s[1] / np.sqrt(1 + s[1] ** 2), -s[0] / np.sqrt(1 + s[0] ** 2)),
+    "a cube root": lambda s: (s[1], -np.cbrt(s[0])),
+    "a function of time alone": lambda s: (np.cos(s[1]), 1.0),
+    "no sets": lambda s: (s[1], s[2], s[0]),
+}
+
+
+@pytest.mark.parametrize("name", NOT_TAKEN)
+def test_others_have_the_columns_of_gragg(name):
+    D = 3 if name in ("a pulse in time", "no sets") else 2
+    assert sets(Field.from_function(NOT_TAKEN[name], D)) is None
+
+
+def henon_heiles(s, a=1.0):
+    x, y, p, q = s
+    return p, q, -x - 2 * a * x * y, -y - a * (x * x - y * y)
+
+
+STATES = np.random.default_rng(3).uniform(-0.25, 0.25, (20, 4))
+
+
+@pytest.mark.parametrize("kind", [Field, QuadraticField])
+def test_families_and_kinds_of_fields(kind):
+    field = kind.from_function(henon_heiles, 4, a=np.linspace(0.5, 1.0, 20))
+    assert sets(field) == ([0, 1], [2, 3])
+    together = flow(field, STATES, time=[3.0, 10.0])
+    for k in (0, 7, 19):
+        alone = flow(field[k], STATES[k], time=[3.0, 10.0])
+        np.testing.assert_array_equal(alone.x, together.x[:, k])
+
+
+def test_order():
+    """Ten: with half the steps of one length the error is 1,024 times as large."""
+    field, errors = Field.from_function(henon_heiles, 4), []
+    right = flow(field, STATES, time=12.0, rtol=1e-13).x[-1]
+    for h in (0.8, 0.4):
+        run = flow(field, STATES, time=12.0, rtol=1e-2, max_step=h)
+        assert run.steps.max() <= 12.0 / h + 6
+        errors.append(np.median(abs(run.x[-1] - right).max(axis=-1)))
+    assert 9.0 < np.log2(errors[0] / errors[1]) < 12.0
+
+
+def pendulum(s):
+    return s[1], -np.sin(s[0])
+
+
+def kepler(s):
+    r = np.sqrt(s[0] ** 2 + s[1] ** 2)
+    return s[2], s[3], -s[0] / r**3, -s[1] / r**3
+
+
+def toda(s):
+    n = len(s) // 2
+    e = [np.exp(s[i] - s[(i + 1) % n]) for i in range(n)]
+    return (*s[n:], *(e[i - 1] - e[i] for i in range(n)))
+
+
+def layer(s):
+    return s[1], -s[0] - s[0] / np.sqrt(s[0] ** 2 + 1e-8)
+
+
+ANGLES = np.linspace(0.0, 6.0, 20)
+PROBLEMS = {
+    "henon_heiles": (henon_heiles, STATES),
+    "pendulum": (pendulum, np.random.default_rng(1).uniform(-2.0, 2.0, (20, 2))),
+    "kepler": (
+        kepler,
+        np.stack([np.cos(ANGLES), np.sin(ANGLES), -np.sin(ANGLES), 0.7 * np.cos(ANGLES)], -1),
+    ),
+    "toda": (toda, np.random.default_rng(2).uniform(-0.5, 0.5, (20, 8))),
+    "layer": (layer, np.random.default_rng(5).uniform(-1.0, 1.0, (20, 2))),
+}
+
+
+@pytest.fixture
+def columns_of_gragg(monkeypatch):
+    """A function after whose call all motions have the columns of Gragg's rule."""
+
+    def only():
+        monkeypatch.setattr(half, "sets_of", lambda f: None)
+        engine.half_of.cache_clear()
+
+    yield only
+    engine.half_of.cache_clear()
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_errors_beside_those_of_gragg(name, columns_of_gragg):
+    """At the end, and at times inside steps; with as many steps, forward and backward."""
+    f, x0 = PROBLEMS[name]
+    field, times = Field.from_function(f, x0.shape[1]), np.linspace(0.1, 8.0, 47)
+    tolerances = (1e-4, 1e-7, 1e-10)
+    own = [flow(field, x0, time=sign * times, rtol=rtol) for rtol in tolerances for sign in (1, -1)]
+    assert sets(field) is not None
+    columns_of_gragg()
+    right = [flow(field, x0, time=sign * times, rtol=1e-13, max_step=0.2).x for sign in (1, -1)]
+    others = [
+        flow(field, x0, time=sign * times, rtol=rtol) for rtol in tolerances for sign in (1, -1)
+    ]
+    for k, (a, b) in enumerate(zip(own, others, strict=True)):
+        assert (a.x != b.x).any()
+        errors = [abs(run.x - right[k % 2]).max(axis=(0, 2)) for run in (a, b)]
+        allowed = 10.0 * a.rtol
+        assert np.median(errors[0]) < 4.0 * np.median(errors[1]) + allowed
+        assert errors[0].max() < 10.0 * errors[1].max() + allowed
+        assert a.steps.mean() < 1.3 * b.steps.mean()
+
+
+# Starts and layers of a rough lane and of one beside it, and tolerances.
+@pytest.mark.parametrize(
+    ("x0", "w", "rtol"),
+    [
+        ([[-1.5388841876859423, 0.6768148895202053], [-1.9736059048771808, -1.2686284841811974]],
+         1.0640328673541056e-05, 1.271721536163608e-07),
+        ([[-0.015026758634928417, -0.256327737750885], [0.40717886254580504, 1.4001128170196018]],
+         1.3808158999086137e-06, 2.8595890416671205e-08),
+        ([[0.6301794676698897, 0.4291152418744839], [-1.872910299726433, -0.007852723215940216]],
+         6.016326725102038e-06, 4.513453685317424e-08),
+    ],
+)  # fmt: skip
+def test_stiffness_is_judged_alike_beside_rough_lanes(x0, w, rtol):
+    """Steps of a line with such lanes have both kinds of columns."""
+    field = Field.from_function(
+        lambda s, w: (s[1], -s[0] - s[0] / np.sqrt(s[0] ** 2 + w)), 2, w=[1e-8, w]
+    )
+    run, alone = (flow(of, x, time=20.0, rtol=rtol) for of, x in ((field, x0), (field[1], x0[1])))
+    np.testing.assert_array_equal(run.x[-1, 1], alone.x[-1])
+
+
+def test_derivatives():
+    """Columns of derivatives have the sets of x; their determinant is 1."""
+    field = Field.from_function(henon_heiles, 4, a=0.9)
+    run = flow(field, STATES, time=[3.0, 9.0], rtol=1e-10, derivatives=("x0", "a"))
+    np.testing.assert_allclose(np.linalg.det(run.derivative("x0")), 1.0, rtol=1e-8)
+    d = 1e-4
+    ends = [
+        flow(field.with_parameters(a=0.9 + s), STATES, time=[3.0, 9.0], rtol=1e-13).x
+        for s in (d, -d)
+    ]
+    np.testing.assert_allclose(
+        run.derivative("a"), (ends[0] - ends[1]) / (2 * d), rtol=1e-5, atol=1e-5
+    )
+
+
+def test_changes_and_crossings():
+    """A spring that bounces at 0 moves as |cos t|; the steps end there, and inside at a level."""
+    spring = Field.from_function(lambda s: (s[1], -s[0]), "x v")
+    assert sets(spring) is not None
+    bounce = Change("x", direction=-1, to=lambda s: (0.0, -s[1]))
+    times = np.linspace(0.3, 20.0, 50)
+    run = flow(spring, [1.0, 0.0], time=times, changes=bounce)
+    np.testing.assert_allclose(run.x[:, 0], abs(np.cos(times)), atol=1e-7)
+    found = sf.crossings(spring, [1.0, 0.0], time=20.0, surface=lambda s: s[0] - 0.5, direction=0)
+    turns = 2.0 * np.pi * np.arange(4)
+    where = np.sort(np.concatenate([turns + np.pi / 3.0, turns[1:] - np.pi / 3.0]))
+    np.testing.assert_allclose(found.time, where[where < 20.0], atol=1e-8)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+def test_fast_springs(stiff):
+    """A motion at rest beside one with a million times its rate turns implicit, and stays right."""
+    field = Field.from_function(lambda s: (s[2], s[3], -s[0], -1e12 * (s[1] - s[0])), "x y p q")
+    assert sets(field) is not None
+    run = flow(field, [1.0, 1.0, 0.0, 0.0], time=3.0, rtol=1e-6, atol=1e-6, stiff=stiff)
+    np.testing.assert_allclose(run.x[-1, :2], np.cos(3.0), atol=1e-4)
+    assert run.steps < 20_000

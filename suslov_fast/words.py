@@ -52,6 +52,12 @@ TABLE = {
     ("force mode replace", "overwrite", ""),
     ("fname name", "path", ""),
   ),
+  "hk_bases": (
+    ("degree deg d maxdegree", "monomials", ""),
+  ),
+  "degrees": (
+    ("nmax steps iterations count", "n", ""),
+  ),
   "kahan": (
     ("step", "eps", ""),
   ),

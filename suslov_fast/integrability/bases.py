@@ -18,7 +18,8 @@ from . import arithmetic
 from .arguments import exponents_of
 from .arithmetic import Point, Residues, over_rationals
 from .functions import over_common_denominator, rank_of_quotients
-from .maps import RationalMap, check_map
+from .kahan import checked_map
+from .maps import RationalMap
 from .polynomials import (
     Exponents,
     Polynomials,
@@ -116,7 +117,7 @@ def hk_bases(
     >>> hk_bases(map, 4).integrals
     (4*Omega1^2 + Omega2^2, Omega1*Omega2 + 1024)
     """
-    check_map(map)
+    map = checked_map(map)
     n = map.dimension
     exponents = exponents_of(monomials, n)
     given = random.Random(0).sample(range(2, 100), n) if point is None else point

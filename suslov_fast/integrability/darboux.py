@@ -20,7 +20,8 @@ from . import arithmetic
 from .arguments import check_unknowns
 from .arithmetic import EPS, EXTRA, Residues, over_rationals
 from .functions import RationalFunction, factored, product_of, rational_roots
-from .maps import TERMS, RationalMap, check_map
+from .kahan import checked_map
+from .maps import TERMS, RationalMap
 from .polynomials import (
     Polynomials,
     degree_of,
@@ -90,7 +91,7 @@ def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     (3*x1 + x2 - 9)/(x1 - 3*x2 - 3) (x1,)
     -(3*x1 + x2 + 1)/(x1 - 3*x2 - 3) (x2,)
     """
-    check_map(map)
+    map = checked_map(map)
     degree = integer("degree", degree, 0)
     check_unknowns("degree", degree, map.dimension)
     one = RationalFunction(())

@@ -15,7 +15,8 @@ from .arguments import check_unknowns
 from .darboux import cofactors_of_degree, space_of
 from .functions import RationalFunction, factored
 from .invariants import Invariants, NormalForms
-from .maps import RationalMap, check_map
+from .kahan import checked_map
+from .maps import RationalMap
 from .polynomials import Polynomials, renamed, sort_key
 
 
@@ -30,7 +31,7 @@ def darboux_polynomials(map: RationalMap, degree: int, cofactor: Any = None) -> 
     Parameters
     ----------
     map : KahanMap or RationalMap
-        Made by `kahan` or `rational_map`.
+        Made by `kahan` or `rational_map`; a field or a body is its Kahan map with a symbolic eps.
     degree : int
         Largest degree of P.
     cofactor : number, RationalFunction or callable, optional
@@ -67,7 +68,7 @@ def darboux_polynomials(map: RationalMap, degree: int, cofactor: Any = None) -> 
     (1, [(2*Omega1 + Omega2, 1), (4*Omega1^2 + Omega2^2, 1)])
     (1, [(2*Omega1 + Omega2, 1), (Omega1*Omega2 + 1024, 1)])
     """
-    check_map(map)
+    map = checked_map(map)
     degree = integer("degree", degree, 0)
     check_unknowns("degree", degree, map.dimension)
     if cofactor is None:

@@ -18,7 +18,8 @@ import numpy as np
 from ..checks import integer, short, wrong
 from ..keywords import public
 from .arithmetic import DRAWS, random_prime
-from .maps import RationalMap, check_map
+from .kahan import checked_map
+from .maps import RationalMap
 from .polynomials import random_line
 
 
@@ -52,7 +53,7 @@ def degrees(map: RationalMap, n: int) -> list[int]:
     >>> degrees(kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), 0.25), 8)
     [2, 4, 6, 8, 10, 12, 14, 16]
     """
-    check_map(map)
+    map = checked_map(map)
     return [*islice(agreed_degrees(map), integer("n", n, 0))]
 
 

@@ -25,7 +25,7 @@ from ..keywords import public
 from ..words import in_place_of
 from .arithmetic import as_decimal, constant, matrix, moduli
 from .functions import MODULAR, RationalFunction, factored, quotient_of
-from .maps import LONGEST, TERMS, RationalMap
+from .maps import LONGEST, TERMS, RationalMap, check_map
 from .polynomials import coprime, cramer, degree_of
 
 
@@ -264,6 +264,13 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     if decimals:
         exact = _in_decimals(field)
     return KahanMap(exact, None if eps is None else constant("eps", eps, decimals))
+
+
+def checked_map(map: Any) -> Any:
+    """Return a map, or the Kahan map of a field or a body with a symbolic eps, after a check."""
+    checked = kahan(map) if isinstance(map, Body) else map
+    check_map(checked)
+    return checked
 
 
 def _in_decimals(body: Any) -> QuadraticField:

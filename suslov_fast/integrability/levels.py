@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..keywords import public
-from .maps import RationalMap, check_map
+from .kahan import checked_map
+from .maps import RationalMap
 from .report import report
 from .surfaces import Level, level_of
 
@@ -58,7 +59,7 @@ def on_level(
     >>> level.map.degree, planar_entropy(level.map).entropy
     (2, 0.0)
     """
-    check_map(map)
+    map = checked_map(map)
     if integrals is None:
         integrals = report(map).integrals[: map.dimension - 2]
     return level_of(map, integrals, point, letter)

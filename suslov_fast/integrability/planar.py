@@ -21,7 +21,8 @@ from ..keywords import public
 from .contracted import Passage, Plane, is_proved, passages_across
 from .functions import IDENTITY, RationalFunction
 from .growth import agreed_degrees, moduli_outside, rational_series
-from .maps import RationalMap, check_map
+from .kahan import checked_map
+from .maps import RationalMap
 from .orbits import POINTS, points_of_line, why_never
 from .polynomials import determinant, exponents_in_x
 
@@ -145,7 +146,7 @@ def planar_entropy(map: RationalMap) -> PlanarEntropy:
     >>> found.lengths, found.minimal, round(found.entropy, 6), found.proved
     ((None, 4, None), x^4 - x^3 - x^2 - x - 1, 0.656256, True)
     """
-    check_map(map)
+    map = checked_map(map)
     if map.dimension != 2:
         raise wrong("map", "one of two variables", f"of {map.dimension}")
     if not map.is_planar:

@@ -57,7 +57,7 @@ _MANY = 2**14
 # from 1e-60 to 1e60.
 MOMENTS, OTHERS = 50, 60
 OF_SYMBOLS = (
-    "symbols have no values: formulas are report(system).integrals and kahan(field).forms of "
+    "symbols have no values: formulas are report(system).integrals and kahan(field).formulas of "
     "suslov_fast.integrability, where eps alone is symbolic, and sympy.lambdify([names], "
     "expressions) makes a function of expressions"
 )

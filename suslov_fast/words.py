@@ -182,7 +182,8 @@ TABLE = {
     ("error residuals", "residual", ""),
   ),
   "RationalMap": (
-    ("formula expression equation component numerator denominator latex sympy", "forms", ""),
+    ("formula expression equation component latex sympy", "formulas", ""),
+    ("numerator denominator", "forms", ""),
     ("det detjacobian", "determinant", ""),
     ("iterate step orbit next", "", "x = map(x), in a loop"),
     ("invariant integral firstintegral", "", "suslov_fast.integrability.report(field).integrals"),
@@ -500,7 +501,7 @@ TABLE = {
      "suslov_fast.integrability.report(field)"),
     ("fromarray fromcoefficient frommatrices", "", "QuadraticField(quadratic, linear, constant)"),
     ("map kahanmap hirotakimura discretize discretization formula", "",
-     "suslov_fast.step(system, x, eps), or suslov_fast.integrability.kahan(field), with forms"),
+     "suslov_fast.step(system, x, eps), or suslov_fast.integrability.kahan(field).formulas"),
     ("zoo example dataset systems henon lyness toda kepler duffing pendulum lorenz roessler "
      "rossler henonheiles lotkavolterra vanderpol eulertop", "",
      "from_function(f, names), or field, eps = suslov_fast.integrability.zoo()[name]"),

@@ -235,8 +235,8 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     Returns
     -------
     KahanMap
-        It is callable, and has `inverse`, `jacobian`, `determinant`, `dimension`, `field`, `eps`,
-        and `subs`.
+        It is callable, and has `formulas`, `inverse`, `jacobian`, `determinant`, `dimension`,
+        `field`, `eps`, and `subs`.
 
     Raises
     ------
@@ -250,8 +250,8 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     >>> map = kahan(QuadraticField([[[1]]]), eps=1)  # x' = x**2
     >>> [str(x) for x in map([2])], [str(x) for x in map.inverse([-2])]
     (['-2'], ['2'])
-    >>> kahan(map.field)([2])
-    (2/(-2*eps + 1),)
+    >>> kahan(map.field)([2]), kahan(map.field).formulas
+    ((2/(-2*eps + 1),), (x1/(-eps*x1 + 1),))
     """
     if not isinstance(field, Body):
         received = f"{kind_of(field)}{in_place_of(field)}"

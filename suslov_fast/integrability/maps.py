@@ -71,9 +71,18 @@ class RationalMap(WithLetter):
         self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse
         self.letter = letter
 
+    @property
+    def formulas(self) -> tuple[RationalFunction, ...]:
+        """The components of the image, in the variables and the symbolic letter."""
+        return self._in_letters(self.forms)
+
+    def _in_letters(self, forms: Sequence[Any]) -> tuple[RationalFunction, ...]:
+        """Return F_i / F_0 of polynomials in factors, with the names of variables."""
+        *numerators, denominator = (factored(F).renamed(self.names, self.letter) for F in forms)
+        return tuple(F / denominator for F in numerators)
+
     def __repr__(self) -> str:
-        *numerators, denominator = (factored(F).renamed(None, self.letter) for F in self.forms)
-        return f"rational_map({', '.join(str(F / denominator) for F in numerators)})"
+        return f"rational_map({', '.join(map(str, self.formulas))})"
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RationalMap) and self.__reduce__() == other.__reduce__()
@@ -189,9 +198,7 @@ class RationalMap(WithLetter):
         x = arithmetic.rationals("point", point, self.dimension)
         scale = math.lcm(*(a.denominator for a in x))  # of homogeneous coordinates (x, 1)
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
-        image = (factored(F) for F in self.homogeneous_image(constants))
-        *numerators, denominator = (F.renamed(self.names, self.letter) for F in image)
-        return tuple(a / denominator for a in numerators)
+        return self._in_letters(self.homogeneous_image(constants))
 
     @public
     def jacobian(self, point: Any) -> tuple[Point, ...]:

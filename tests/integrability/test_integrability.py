@@ -690,6 +690,7 @@ def test_formulas_in_eps(name):
 
 def test_symbolic_eps_in_relations_and_polynomials():
     symbolic = kahan(of(BODY))
+    assert tuple(f([1, 2], EPS) for f in symbolic.formulas) == MAP([1, 2])
     found = hk_bases(BODY, 3)
     assert (found.degree, found.independent, found.complete, found.basis) == (2, 1, True, None)
     texts = ["4*Omega1^2 + Omega2^2", "eps^2*Omega1*Omega2 + 64"]

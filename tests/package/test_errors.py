@@ -452,7 +452,7 @@ ATTRIBUTES = [
     (POINTS, "t_events", r"time\[trajectory == k\]"), (POINTS, "index", "trajectory"),
     (POINTS, "split", r"\[points\.trajectory == k\]"), (FIELD, "f", "field"),
     (sf.PeriodicOrbit(0, 1, 2, 3), "stable", "multipliers"),
-    (sf.integrability.kahan(FIELD), "formula", "forms"),
+    (sf.integrability.kahan(FIELD), "formula", "formulas"),
     (POINTS, "trajectories", "trajectory"), (sf, "from_inertia", r"Suslov3D\.from_inertia"),
     (COFACTOR, "sympify", "str"), (sf.PeriodicOrbit(0, 1, 2, 3), "x0", "state"),
     (BODY, "energy", r"suslov_fast\.energy\(system, x\)"), (BODY, "k1", r"closed_form\(body, "),

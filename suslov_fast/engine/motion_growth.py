@@ -43,7 +43,7 @@ _DEAD = 2.0**-40  # part of the largest entry, below which the shortest segment 
 _OF_PROGRESS = 1000  # parts of the time
 # Segments after which a trajectory has a frame, if they are less than a part of the time; most
 # components of one; and by how many times `rtol` its columns may differ from orthonormal ones.
-_FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 6, 32.0
+_FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0
 # With changes: part of the transient and of a phase, which segments end at first. They should not
 # end where a state comes from a surface, because they begin without memory, and changes often act
 # at simple parts of the time.

@@ -12,6 +12,7 @@ from functools import singledispatch
 import numpy as np
 
 from suslov_fast.core.lists.dense import DenseRightHandSide
+from suslov_fast.core.lists.hidden import POINTS
 from suslov_fast.core.lists.sparse import Head
 from suslov_fast.core.lists.step import evaluate
 from suslov_fast.core.lists.tables import is_table
@@ -445,25 +446,47 @@ class StepsInNumPy:
         """
         x, new, f, f_new = (each[: self.half.watched] for each in states)
         far, is_far = self._rows("far", self.half.watched), self.row("outer") == np.inf
-        parts, before = dict.fromkeys(("crossed", "place", "end"), 0.0), x
-        for k in range(1, rules.PARTS + 1):
-            u, point = k / rules.PARTS, new
-            if k < rules.PARTS and self.half.is_implicit:
-                point = rules.carried_out(rules.POINT_IMPLICIT, x=x, new=new, u=u)["point"]
-            elif k < rules.PARTS:
-                inputs = {"x": x, "new": new, "f": f, "f_new": f_new, "signed": signed, "u": u}
-                point = rules.carried_out(rules.POINT, **inputs)["point"]
-            part, crosses, *_ = self._watch(before, point)
-            own = {"part": part, "crosses": crosses, "u": u, "taken": taken}
+        rule, rates = rules.POINT, {"signed": signed, "f": f, "f_new": f_new}
+        if self.half.is_implicit:
+            rule, rates = rules.POINT_IMPLICIT, {}
+        elif self.half.hidden:
+            rule = rules.POINT_WITH_QUARTIC
+            rates["quartic"] = self._quartic(states, signed)[: len(x)]
+        points = [x]
+        for u in POINTS[:-1]:
+            point = rules.carried_out(rule, x=x, new=new, u=u, **rates)["point"]
+            points.append(np.broadcast_to(point, x.shape))
+        points.append(new)
+        parts, ends = dict.fromkeys(("crossed", "place", "end"), 0.0), (0.0, *POINTS)
+        for k, u in enumerate(POINTS):
+            part, crosses, *_ = self._watch(*points[k : k + 2])
+            own = {"part": part, "crosses": crosses, "u": u, "width": u - ends[k], "taken": taken}
             parts = self._apply(rules.LOOK, **own, **parts)
-            far[:] = np.where(is_far & (parts.pop("is_first") > 0.0), point, far)
-            before = point
+            far[:] = np.where(is_far & (parts.pop("is_first") > 0.0), points[k + 1], far)
+        found |= {"hidden": 0.0, "twice": 0.0, "known": np.inf, "starts": parts["crossed"]}
+        found["goal"] = self.motion.numbers[NUMBER.last]
+        if self.half.hidden:
+            rtol = np.full(len(taken), self.motion.numbers[NUMBER.rtol])
+            rows = [*np.concatenate(points), rtol, *self.table]
+            found["hidden"], found["twice"] = of_list(self.half.hidden, rows)
+            found["known"] = taken if self.f.hidden[True] else np.inf
         part, *_ = self._watch(new, far)
         whole_part, crosses, jumps, *kinks = self._watch(x, new)
+        if self.half.hidden and not self.half.is_implicit:
+            found["starts"] = np.where(found["twice"] > 0.0, 1.0, crosses)
         inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
         found = self._apply(rules.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
         far[:] = np.where(found.pop("beyond") > 0.0, new, far)
         return found, kinks
+
+    def _quartic(self, states, signed):
+        """Return what polynomials of degree 4 have in an explicit step beside cubics."""
+        names = "x", "new", "f", "f_new"
+        own = {name: each[: self.D] for name, each in zip(names, states, strict=True)}
+        own["signed"] = signed
+        point = rules.carried_out(rules.POINT, u=POINTS[0], **own)["point"]
+        f_point = self._value(point)[: self.D]
+        return rules.carried_out(rules.QUARTIC, f_point=f_point, **own)["quartic"]
 
     # ----------------------------------------------------------------------------------- choices
     def _choices_at(self, x):

@@ -13,6 +13,7 @@ import itertools
 
 from .changes import changes_of, emitted, is_section
 from .elapsed import Elapsed
+from .hidden import hidden_of
 from .numbers import Number, larger, smaller
 from .records import same
 from .right_hand_side import Expressions, List, RightHandSide, needed_for
@@ -153,7 +154,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
         f = RightHandSide(values, results, P, by, on_surfaces, kept=kept, twice=twice)
         f.changes, f.offsets = changes, offsets
         if on_surfaces:
-            f.watch = watch_of(f, [], 0)
+            f.watch, f.hidden = watch_of(f, [], 0), hidden_of(f, [], 0, [])
         return f
     first = D + P
     counts = [choices_of(kind) for kind in kinds.values()]
@@ -217,6 +218,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     places, found = [k for k, number in enumerate(kinds) if number in shifts], [*kinds.values()]
     f.changes, f.offsets = changes, offsets
     f.watch = watch_of(f, found, len(jumps))
+    f.hidden = hidden_of(f, found, len(jumps), [*choices.values()])
     f.choices = _choices(tests, found, len(jumps), [truths[a] for a in kinds], first)
     f.derived = _derived(f, range(first, first + counts_of_jumps))
     f.conditions = Conditions(found, len(jumps), P, places)

@@ -12,7 +12,8 @@ class DenseRightHandSide:
     each component c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
-    is_dense, conditions, watch, changes, offsets = True, None, None, None, {}
+    is_dense, changes, offsets = True, None, {}
+    conditions, watch, hidden = None, None, (None, None)
     clocks = of_one_sign = denominators = ()
     fixed = ()
 

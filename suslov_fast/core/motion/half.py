@@ -5,6 +5,7 @@ import functools
 import numpy as np
 
 from ..lists.elimination import Elimination, operations_of
+from ..lists.hidden import POINTS
 from ..lists.planned_elimination import elimination_order, filled
 from ..lists.right_hand_side import List
 from ..lists.sparse import Sparse
@@ -45,6 +46,7 @@ class Half:
     beside       the rule for a state that differs by rounding, None without a second trial
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
+    hidden       the list of `f.hidden` for this half
     changes      `Changes` of the state, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
@@ -94,6 +96,11 @@ class Half:
             rows = 2 * self.block.D + 2 * (f.changes.surfaces if f.changes else 0)
             places = {rows + k: k for k in range(len(self.block.table))}
             self.functions["watch"] = of_list(f.watch, rows, places, LONGEST_OF_CONDITIONS)
+        self.hidden = f.hidden[is_implicit]
+        if self.hidden:
+            rows = (1 + len(POINTS)) * self.block.D + 1
+            places = {rows + k: k for k in range(len(self.block.table))}
+            self.functions["hidden"] = of_list(self.hidden, rows, places, LONGEST_OF_CONDITIONS)
         if c:
             self._add_changes()
         of_choices = self._add_choices() if f.conditions else [0] * 6
@@ -105,7 +112,8 @@ class Half:
         apart, nodes = (1, 0) if is_implicit else (columns, 6)
         self.numbers = len(self.table_of(np.zeros(len(f.table))))
         sizes = D, extended, columns, apart, nodes, entries, factors
-        others = self.couplings * is_implicit, self.watched, len(self.kinks)
+        hidden = self.watched if self.hidden else 0
+        others = self.couplings * is_implicit, hidden, self.watched, len(self.kinks)
         others = *others, self._sizes_of_changes(), of_choices, scratch
         self.work = work_of(self.rows.size, self.numbers, *sizes, *others)
 

@@ -40,10 +40,10 @@ nothing. After `patience` steps with h |mu| above `limit` a lane becomes implici
 count OF_FALSE of these, because the shorter step after them looks less stiff; it leaves this
 half if h |mu| stays below twice the limit for EASY steps, with |mu| by the power iteration on f'.
 
-Steps end on surfaces where f jumps or has a kink. Where one is crossed between the ends of PARTS of
-a step, the step is taken again and again from the same state, with lengths between `inner`, at
-whose end none is crossed, and `outer`. Points inside a step are rough, so the first length is that
-of the part. The next ones are where a straight line between states at both sides crosses the
+Steps end on surfaces where f jumps or has a kink. Where one is crossed between POINTS of a step,
+the step is taken again and again from the same state, with lengths between `inner`, at whose end
+none is crossed, and `outer`. Points inside a step are rough, so the first length is that of the
+part. The next ones are where a straight line between states at both sides crosses the
 surface. If it is always the same side that comes nearer, the other one counts half, a quarter, ...
 (the rule of Illinois); after ROUNDS it is the middle. Once both lengths differ by less than PLACE
 of the time, the step of length `outer` is taken. Towards surfaces of changes Newton's method leads,
@@ -58,6 +58,7 @@ from math import inf, prod, sqrt
 from typing import NamedTuple
 
 from ..lists.functions import from_bits
+from ..lists.hidden import POINTS
 from ..lists.numbers import Number, larger, smaller
 from ..lists.step import Values, evaluate
 from .rows import State
@@ -66,6 +67,7 @@ from .rows import State
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 OF_SEED = 2.0**-41  # of `Component.seeds`, which are below 2**-10
 TINY_STEP = 2.0**-40  # part of the time
+HIDDEN_FROM = 2.0**-20  # part of the time, below which no step hides crossings
 GROWN, STAYS = 1000.0, 0.125
 # OF_NAN has many digits: steps that met a time without a value of f should not meet it again.
 AFTER_TRIAL = 3.875  # less than LONGER, so that it tells
@@ -76,7 +78,6 @@ REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
 SHORTEST, LEAST = 2.0**-44, 2.0**-1000  # of a step: part of the time, and length
 SMALLEST_SCALE = 2.0**-60
-PARTS = 4
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
@@ -460,12 +461,34 @@ def TURN_IMPLICIT(
 
 
 # ------------------------------------------------------------------- surfaces on which steps end
-@_rule
-def POINT(x, new, f, f_new, signed, u):
-    """A component at a part u of an explicit step: the cubic with values and rates at the ends."""
-    change = new - x
+def _point(x, new, f, f_new, signed, u, quartic=0.0):
+    """A component at a part u of an explicit step: the cubic with values and rates at the ends.
+
+    The rate at another point, see `QUARTIC`, makes it a polynomial of degree 4.
+    """
+    change, product = new - x, u * (u - 1.0)
     bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
-    return {"point": x + u * change + bend * (u * (u - 1.0))}
+    return {"point": x + u * change + (bend + product * quartic) * product}
+
+
+POINT, POINT_WITH_QUARTIC = _rule(_point), _rule(_point, "quartic")
+
+
+@_rule
+def QUARTIC(x, new, f, f_new, signed, f_point):
+    """What to add to the cubic, times u**2 (1 - u)**2, so that its rate at POINTS[0] is that of f.
+
+    It is 0 where f has no value there.
+    """
+    u = POINTS[0]
+    change, slope = new - x, u * (u - 1.0)
+    of_bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
+    of_cubic = (
+        change + (2.0 * u - 1.0) * of_bend
+        + slope * (signed * f + signed * f_new - 2.0 * change)
+    )  # fmt: skip
+    own = (signed * f_point - of_cubic) * (1.0 / (2.0 * slope * (2.0 * u - 1.0)))
+    return {"quartic": (abs(own) < inf).select(own, 0.0)}
 
 
 @_rule
@@ -475,12 +498,12 @@ def POINT_IMPLICIT(x, new, u):
 
 
 @_rule
-def LOOK(crossed, place, end, part, crosses, u, taken, inner):
-    """Where in a step a surface is crossed first, from what `watch` finds in the part before u."""
+def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
+    """Where in a step a surface is crossed first, from what `watch` finds in the part up to u."""
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
         "crossed": is_first.select(1.0, crossed),
-        "place": is_first.select(u - (1.0 - part) / PARTS, place),
+        "place": is_first.select(u - (1.0 - part) * width, place),
         "end": is_first.select(u, end),
         "is_first": is_first.select(1.0, 0.0),
     }
@@ -488,10 +511,14 @@ def LOOK(crossed, place, end, part, crosses, u, taken, inner):
 
 def _cut(
     before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
-    crosses, jumps, whole_part, part, inner, outer, weight, rounds, whole, mode, most, last,
-    aim=None, since=None, is_smooth=None,
+    crosses, jumps, starts, hidden, twice, known, whole_part, part, inner, outer, weight, rounds,
+    whole, longer, mode, most, last, goal, aim=None, since=None, is_smooth=None,
 ):  # fmt: skip
     """A step that crosses a surface: is it taken, and how long is the next one?
+
+    One that may hide two crossings (`hidden`, see `lists.hidden`) is taken again with half of its
+    length or more. Where points tell of two, `twice` is 1. A search starts by `starts`, and after
+    it a step has at most the length `known`, within which values were told. At a `goal` steps end.
 
     A straight line to the end of this step crosses the surface at `whole_part`, one from there to
     the state at `outer` at `part`. A step aside on the way to a surface counts as all others. Of
@@ -500,19 +527,24 @@ def _cut(
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last
-    seen = is_near.select(crosses, crossed) > 0.0
+    seen = is_near.select(larger(crosses, twice), starts) > 0.0
     seen = seen & (taken > 0.0) & (total < inf)
     is_last = is_near & (taken - inner <= sought)
     if aim is not None:
         is_last = is_last | (is_near & (since <= sought))
     cut = seen & (is_last.select(0.0, 1.0) > 0.0)
-    is_right = seen.select(0.0, accepted + served) > 0.0
-    holds = is_near & is_right & (taken < larger(outer, 0.25 * whole))
+    is_long = taken > HIDDEN_FROM * last
+    again = (hidden >= 1.0) & is_long & (cut.select(0.0, accepted + served) > 0.0)
+    is_right = (seen | again).select(0.0, accepted + served) > 0.0
+    holds = is_near & is_right & (taken < larger(outer, 0.25 * whole)) & (t < goal)
     misses = holds & (taken >= outer)  # the surface lies farther
     searches = cut | holds
-    moved = searches.select(0.0, accepted) > 0.0
+    told = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error there is of order 4
     forgets = (searches.select(0.0, 1.0) > 0.0) & (taken > 0.0)
-    outer_now = cut.select(is_near.select(1.0, end) * taken, misses.select(4.0 * taken, outer))
+    searches = searches | again
+    moved = searches.select(0.0, accepted) > 0.0
+    first = (crossed > 0.0).select(end, 1.0) * taken
+    outer_now = cut.select(first, misses.select(4.0 * taken, outer))
     inner_now = holds.select(taken, inner)
     width = outer_now - inner_now
     of_step = (crossed > 0.0).select(place, whole_part)
@@ -532,6 +564,8 @@ def _cut(
     guess = smaller(larger(guess, inner_now + 0.75 * sought), outer_now - 0.75 * sought)
     is_rough = is_rough | misses
     guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
+    after_this = (moved & is_near).select(whole, wanted)
+    after_this = (moved & is_long).select(smaller(after_this, told), after_this)
     of_hold = holds.select(-of_outer, forgets.select(0.0, weight))
     running = (tries > most).select(float(State.TOO_MANY), mode)
     stopped = (state >= State.DONE).select(running, state)
@@ -539,16 +573,17 @@ def _cut(
     after = jumped.select(running, state)
     return {
         "accepted": moved.select(1.0, 0.0),
-        "served": cut.select(0.0, served),
+        "served": (cut | again).select(0.0, served),
         "t": searches.select(before, t),
         "steps": searches.select(steps - accepted, steps),
         "state": searches.select(stopped, after),
-        "wanted": searches.select(guess, (moved & is_near).select(whole, wanted)),
+        "wanted": again.select(told, searches.select(guess, after_this)),
+        "longer": again.select(AFTER_REFUSED, longer),
         "inner": forgets.select(0.0, inner_now),
         "outer": forgets.select(inf, outer_now),
         "weight": cut.select(is_rough.select(0.0, of_inner), of_hold),
         "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
-        "whole": is_near.select(whole, wanted),
+        "whole": is_near.select(whole, smaller(wanted, known)),
         "beyond": (cut & is_near).select(1.0, 0.0),
         "at_surface": (moved & seen).select(1.0, 0.0),
         "jumped": jumped.select(1.0, 0.0),
@@ -585,7 +620,7 @@ def START(value, rate, side, level, ahead, end, taken, first, sign):
     a, b, of_rate = value - level, ahead - level, sign * rate * (end * taken)
     is_above = side > 0.5
     leads = is_above.select(of_rate, -of_rate) > 0.0
-    is_on = ((b >= 0.0) ^ is_above) & leads & (abs(a) <= ON * abs(b)) & (end <= 1.0 / PARTS)
+    is_on = ((b >= 0.0) ^ is_above) & leads & (abs(a) <= ON * abs(b)) & (end <= POINTS[0])
     return {"first": smaller(is_on.select(end * (of_rate / (of_rate - b)), inf), first)}
 
 

@@ -1,16 +1,20 @@
 """Surfaces on which conditions of f change: steps end just beyond them.
 
-A step looks for surfaces at the ends of PARTS of its length, where the state is (`rules.POINT`)
+A step looks for surfaces at POINTS of its length, where the state is (`rules.POINT`)
 
 x + u d + u (u - 1) ((1 - 2 u) d + (u - 1) h f(x) + u h f(x_next)),     d = x_next - x,
 
 and `watch` of the half compares both ends of each part. A step that crosses a surface is taken
-again, shorter, until it ends just beyond (`rules.CUT`).
+again, shorter, until it ends just beyond (`rules.CUT`); and so is one that may hide two crossings
+between points, see `lists.hidden`. Then states there are better known, by f at one of them.
 """
+
+import itertools
 
 import numpy as np
 
 from ..code.text import Carried
+from ..lists.hidden import POINTS
 from . import rules
 
 
@@ -35,23 +39,39 @@ def cut(lines, before, total):
     parts = dict.fromkeys(("crossed", "place", "end"), text.value(0.0))
     outer = line.outer[0]
     is_far = ~(outer < np.inf)
-    for k in range(1, rules.PARTS + 1):
-        u = text.value(k / rules.PARTS)
-        if k < rules.PARTS:
-            put_point(lines, u, point)
+    hidden, quartic = lines.half.hidden is not None, None
+    if hidden:
+        text.copy(x, work.points, watched)
+        if not lines.half.is_implicit:
+            quartic = work.quartic
+            _find_quartic(lines)
+    for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
+        if end < 1.0:
+            put_point(lines, text.value(end), point, quartic)
         else:
             text.copy(new, point, watched)
-        inputs = look("part", "crosses") | parts | {"u": u, "taken": taken}
-        parts = lines.apply(rules.LOOK, **inputs)
+        if hidden:
+            text.copy(point, work.points.after(k * watched), watched)
+        inputs = look("part", "crosses") | parts | {"u": end, "width": end - begin}
+        parts = lines.apply(rules.LOOK, taken=taken, **inputs)
         keep_far((parts.pop("is_first") > 0.0) & is_far)
         text.copy(point, pair, watched)
     inputs = {"total": total, "before": before, "taken": taken}
-    inputs |= parts | {"mode": lines.mode}
+    inputs |= parts | {"mode": lines.mode, "goal": lines.goal().get("last", lines.number("last"))}
     text.copy(far, point, watched)
     inputs |= look("part")
     text.copy(x, pair, watched)
     text.copy(new, point, watched)
     inputs |= look("whole_part", "crosses", "jumps")
+    inputs |= {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0, "known": np.inf}
+    if hidden:
+        work.points[(1 + len(POINTS)) * watched] = lines.number("rtol")
+        lines.call("hidden", work.points, lines.table, work.told)
+        inputs |= {"hidden": work.told[0], "twice": work.told[1]}
+        if lines.f.hidden[True] is not None:  # a longer step may fit the periods of a clock
+            inputs["known"] = taken
+        if quartic is not None:  # points that differ by their errors are not crossings
+            inputs["starts"] = (work.told[1] > 0.0).select(1.0, inputs["crosses"])
     rule = rules.CUT
     if lines.half.changes and lines.half.changes.surfaces:
         rule, inputs = rules.CUT_WITH_AIM, inputs | _aim(lines, inputs, is_far)
@@ -107,10 +127,24 @@ def _aim(lines, inputs, is_far):
     return {"aim": aim, "since": since, "place": place, "is_smooth": is_smooth}
 
 
-def put_point(lines, u, to):
-    """Write the state at a part u of the step."""
+def put_point(lines, u, to, quartic=None):
+    """Write the state at a part u of the step, in which `quartic` may be known."""
     text, work = lines.text, lines.work
-    rule = rules.POINT_IMPLICIT if lines.half.is_implicit else rules.POINT
+    rule = rules.POINT if quartic is None else rules.POINT_WITH_QUARTIC
+    if lines.half.is_implicit:
+        rule = rules.POINT_IMPLICIT
     signed = work.signed[0]
     for i in text.each(lines.half.block.D):
         to[i] = lines.apply(rule, i, signed=signed, u=u)["point"]
+
+
+def _find_quartic(lines):
+    """Find what polynomials of degree 4 have in an explicit step beside cubics."""
+    text, work = lines.text, lines.work
+    signed, u = work.signed[0], text.value(POINTS[0])
+    for i in text.each(lines.D):
+        work.start[i] = lines.apply(rules.POINT, i, signed=signed, u=u)["point"]
+    lines.call("f", work.start, lines.table, work.f)
+    for i in text.each(lines.half.block.D):
+        of_point = {"f_point": work.f[i], "signed": signed}
+        work.quartic[i] = lines.apply(rules.QUARTIC, i, **of_point)["quartic"]

@@ -1,0 +1,148 @@
+"""Surfaces that a step may cross twice: what values at its points tell of them.
+
+s_0 ... s_4 are the values of a surface at the beginning of a step and at POINTS of it, with the
+sign of the last one. Where the first has this sign, too, the surface is crossed twice or not at
+all. With e, OF_ERROR times the error at the middle point of the cubic through the others, and m,
+the least of the three values inside and of the parabolas through three neighbours,
+
+- m < -e tells that it is crossed twice;
+- |m| <= e tells nothing, and the step must be shorter, by the fourth root of e / |m|;
+- m > e tells that it is not crossed.
+
+A state is known within its tolerance, so that a distance of a part rtol of the numbers that are
+compared tells nothing, either: no step becomes shorter for less. Within ROUNDING of them nothing is
+crossed, as where a temperature comes to that of a room.
+"""
+
+from math import inf, prod
+
+from .numbers import Number, larger, smaller
+from .right_hand_side import List, needed_for
+from .step import Values
+from .tables import LARGEST, is_table
+
+POINTS = 0.23, 0.49, 0.76, 1.0  # not even: waves whose period is a part of a step would hide
+OF_ERROR, ROUNDING, TINY, MOST = 16.0, 2.0**-40, 2.0**-1000, 1e4
+_ENDS = 0.0, *POINTS
+_MIDDLE = 2
+
+
+def hidden_of(f, kinds, jumps, choices):
+    """Return what values of surfaces tell in explicit and in implicit steps, see `_list_of`.
+
+    `choices` are the numbers of the choices of `kinds`, of which the first `jumps` are those of
+    surfaces where f jumps; the surfaces of changes follow. Left out are surfaces that are linear in
+    clocks and, within implicit steps, where states are not known, all that depend on them. For
+    kinks that depend on states, near which a fast mode may stay, no step becomes shorter.
+    """
+    results, count = f.surfaces.results, f.changes.surfaces if f.changes else 0
+    degrees, by_states = _degrees(f), _by_states(f)
+    kinks = {*results[jumps : len(kinds)]} & by_states
+    own = [*zip(results, kinds, choices, strict=False)]
+    own += [(a, "", 0) for a in results[len(kinds) : len(kinds) + count]]
+    own = [(a, *of) for a, *of in own if not (isinstance(a, float) or a in degrees)]
+    own = [each for each in own if each[1] != "oeq"]  # which holds at the surface alone
+    of_clocks = [each for each in own if each[0] not in by_states]
+    return tuple(_list_of(f, each, by_states, kinks) for each in (own, of_clocks))
+
+
+def _list_of(f, own, by_states, kinks):
+    """Return the `List` of what values of surfaces tell, None if there are `kinks` alone.
+
+    Results are the largest e / |m|, at most MOST, which it is where the parabolas alone tell of two
+    crossings, and 1 where the points do, else 0. Values are five states, one after the other, rtol,
+    and those of the table.
+    """
+    if not {a for a, *_ in own} - kinks:
+        return None
+    D, rtol = f.D, len(_ENDS) * f.D
+    of_table = {number: rtol + 1 + place for number, place in f.places.items()}
+    values = Values(rtol + 1 + len(f.table), ())
+    states = [{i: k * D + i for i in range(D)} | of_table for k in range(len(_ENDS))]
+    for new in states:
+        for name, number, operands in f.surfaces.operations:
+            of = (a if isinstance(a, float) else new[a] for a in operands)
+            new[number] = values.emit(name, *of)
+    sizes = _sizes(values.emit, f.surfaces.operations, states[_MIDDLE])
+    largest, some = 0.0, 0.0
+    for a, kind, choice in own:
+        points = [Number(values.emit, new[a]) for new in states]
+        surfaces = [points]
+        if is_table(kind) or kind == "floor":
+            low = Number(values.emit, of_table[choice])
+            high = Number(values.emit, of_table[choice + 1]) if is_table(kind) else low + 1.0
+            surfaces = [[s - low for s in points], [high - s for s in points]]
+        rounding = ROUNDING * sizes[a]
+        tells_nothing = Number(values.emit, rtol) * sizes[a] if a in by_states else rounding
+        for each in surfaces:
+            ratio, twice = _told(each, rounding, tells_nothing)
+            largest, some = largest if a in kinks else larger(ratio, largest), larger(twice, some)
+    results = [largest.number, some.number]
+    return List(needed_for(values.operations, results), results)
+
+
+def _told(points, rounding, tells_nothing):
+    """Return e / |m| of one surface, and 1 where the points tell that it is crossed twice."""
+    agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
+    sign = (agree.select(points[-1], points[_MIDDLE]) >= 0.0).select(1.0, -1.0)
+    points = [sign * s for s in points]
+    inside = least = smaller(smaller(points[1], points[2]), points[3])
+    for k in range(3):
+        (a, s, b), (u, v, w) = points[k : k + 3], _ENDS[k : k + 3]
+        before, after = (s - a) * (1.0 / (v - u)), (b - s) * (1.0 / (w - v))
+        bend = (after - before) * (1.0 / (w - u))
+        slope = before * ((w - v) / (w - u)) + after * ((v - u) / (w - u))
+        place = slope / (bend * -2.0)
+        is_inside = (bend > 0.0) & (place > u - v) & (place < w - v)
+        least = is_inside.select(smaller(s + 0.5 * (slope * place), least), least)
+    others = [k for k in range(len(_ENDS)) if k != _MIDDLE]
+    guess = 0.0
+    for k in others:
+        weight = prod((_ENDS[_MIDDLE] - _ENDS[j]) / (_ENDS[k] - _ENDS[j]) for j in others if j != k)
+        guess = guess + weight * points[k]
+    error = OF_ERROR * abs(points[_MIDDLE] - guess)
+    error = (error < inf).select(error, 0.0)
+    below = -(error + rounding)
+    ratio = smaller(error / larger(larger(abs(least), tells_nothing), TINY), MOST)
+    ratio = (inside < below).select(0.0, (least < below).select(MOST, ratio))
+    twice = (inside < below).select(1.0, 0.0)
+    return (agree | (inside >= 0.0)).select(ratio, 0.0), agree.select(twice, 0.0)
+
+
+def _sizes(emit, operations, state):
+    """Return what values are the sums of, by modulus, at a state; of others their moduli."""
+    sizes = {a: abs(Number(emit, number)) for a, number in state.items()}
+    for name, number, operands in operations:
+        a, b = (abs(a) if isinstance(a, float) else sizes[a] for a in (*operands, 0.0)[:2])
+        if name in ("fadd", "fsub"):
+            sizes[number] = a + b
+        elif name == "fmul":
+            sizes[number] = a * b
+    return sizes
+
+
+def _degrees(f):
+    """Return the degrees, 0 or 1, of values that are linear in clocks."""
+    degrees = dict.fromkeys(f.table, 0) | dict.fromkeys(f.steady, 1)
+    for name, number, operands in f.surfaces.operations:
+        of = [0 if isinstance(a, float) else degrees.get(a, 2) for a in operands]
+        if name == "fmul":
+            degree = sum(of)
+        elif name in ("max", "min") and operands[0] in (-LARGEST, LARGEST):
+            degree = of[1]  # the argument of a table
+        elif name in ("fadd", "fsub") or (name == "fdiv" and not of[1]):
+            degree = max(of)
+        else:
+            degree = 2 * max(of)
+        if degree < 2:
+            degrees[number] = degree
+    return degrees
+
+
+def _by_states(f):
+    """Return the numbers of values that depend on components that are no clocks."""
+    found = {*range(f.D)}.difference(f.steady)
+    for _, number, operands in f.surfaces.operations:
+        if any(a in found for a in operands if not isinstance(a, float)):
+            found.add(number)
+    return found

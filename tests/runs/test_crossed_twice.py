@@ -1,0 +1,121 @@
+"""Surfaces that a motion crosses and crosses back within a part of a step."""
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+
+field = sf.Field.from_function
+RNG = np.random.default_rng(5)
+
+
+def time_above(c, phase):
+    """Return how long the sine has been above c up to a phase, in radians, from 0."""
+    turns, a = np.floor(phase / (2 * np.pi)), np.arcsin(c)
+    rest = phase - 2 * np.pi * turns
+    below = np.clip(rest, 0, np.pi - a) + np.clip(rest - (2 * np.pi + a), 0, -a)
+    last = np.where(c >= 0, np.clip(rest - a, 0, np.pi - 2 * a), below)
+    return turns * (np.pi - 2 * a) + last
+
+
+HOURS = 100 * 24 * (np.pi - 2 * np.arcsin(0.99)) / (2 * np.pi)  # of light in 100 days
+AREA = 100 * 24 * (np.sqrt(1 - 0.99**2) / np.pi) - 0.99 * HOURS
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize(
+    ("rate", "end"),
+    [
+        (lambda sun: np.where(sun > 0.99, 1.0, 0.0), HOURS),
+        (lambda sun: np.floor(abs(sun) / 0.99), 2 * HOURS),
+        (lambda sun: np.maximum(sun, 0.99) - 0.99, AREA),
+        (lambda sun: np.interp(sun, [0.98, 0.99, 1.0], [0.0, 0.0, 0.01]), AREA),
+    ],
+)
+def test_light_of_an_hour_a_day(rate, end, stiff):
+    day = field(lambda s: (rate(np.sin(2 * np.pi * s[1] / 24)), 1.0), "light t")
+    motion = sf.flow(day, [[0.0, 0.0]] * 3, time=2400.0, stiff=stiff)
+    np.testing.assert_allclose(motion.x[0, :, 0], end, rtol=1e-7)
+
+
+def test_derivatives_of_hours_of_light():
+    day = field(lambda s, c: (np.where(np.sin(s[1]) > c, 1.0, 0.0), 1.0), "light t", c=0.99)
+    motion = sf.flow(day, [0.0, 0.0], time=200 * np.pi, derivatives="c")
+    slope = -200 / np.sqrt(1 - 0.99**2)
+    np.testing.assert_allclose(motion.derivative("c")[0, 0], slope, rtol=1e-6)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("c", [0.99, 0.999, 0.9999])
+def test_peaks_of_an_oscillator(c, rtol):
+    """x = sin(t + p): it is the state that crosses c twice, between points of steps."""
+    f = field(lambda s, c: (np.where(s[1] > c, 1.0, 0.0), s[2], -s[1]), "y x v", c=c)
+    p = RNG.uniform(0.0, 6.0, 100)
+    motion = sf.flow(f, np.stack([0 * p, np.sin(p), np.cos(p)], 1), time=20.0, rtol=rtol)
+    expected = time_above(c, p + 20.0) - time_above(c, p)
+    np.testing.assert_allclose(motion.x[0, :, 0], expected, atol=200 * rtol / np.sqrt(1 - c))
+
+
+def test_changes_at_peaks():
+    """One is added at each peak of a clock's sine, and of an oscillator, by two surfaces."""
+    f = field(lambda s: (0.0, 1.0, s[3], -s[2]), "n t x v")
+    changes = [
+        sf.Change(lambda s: np.sin(s[1]) - 0.999, direction=1, to=lambda s: (s[0] + 1, *s[1:])),
+        sf.Change(lambda s: s[2] - 0.999, direction=-1, to=lambda s: (s[0] + 100, *s[1:])),
+    ]
+    p = RNG.uniform(-1.0, 1.0, 20)
+    x0 = np.stack([0 * p, 0 * p, np.sin(p), np.cos(p)], 1)
+    motion = sf.flow(f, x0, time=40 * np.pi, changes=changes)
+    np.testing.assert_array_equal(motion.x[0, :, 0], 2020.0)
+
+
+@pytest.mark.parametrize("stiff", [None, True, False])
+@pytest.mark.parametrize(
+    ("f", "x0"),
+    [
+        (lambda s: (1 - s[0], np.where(s[0] > 1, 1.0, 0.0)), [2.0, 0.0]),
+        (
+            lambda s: (s[1] - s[0], 0.4 * (s[0] - s[1]), np.where(s[0] > s[1], 1.0, 0.0)),
+            [2.0, 1, 0],
+        ),
+        (lambda s: (-s[0], -2 * s[1], np.where(s[0] * s[1] > 0, 1.0, 0.0)), [2.0, 1.0, 0.0]),
+        (lambda s: (0 * s[0], np.where(s[0] > 0, 1.0, 0.0)), [0.0, 0.0]),
+    ],
+)
+def test_a_motion_that_comes_to_a_surface_takes_few_steps(f, x0, stiff):
+    motion = sf.flow(field(f, len(x0)), [x0, x0], time=500.0, stiff=stiff)
+    assert motion.ok
+    assert motion.steps.max() < 1000
+
+
+def test_a_kink_that_a_motion_comes_to_does_not_keep_it_from_the_last_time():
+    f = field(lambda s: (s[1], 1 - s[0] - 20 * s[1], abs(s[0] - 1)), "x v y")
+    np.testing.assert_allclose(sf.flow(f, [2.0, 1.0, 0.0], time=3000.0).x[0, 2], 21.0, rtol=1e-7)
+
+
+def test_bits_depend_on_no_neighbour():
+    f = field(
+        lambda s, c: (np.where(s[1] > c, 1.0, 0.0) + np.sign(np.sin(s[3]) - c), s[2], -s[1], 1.0),
+        "y x v t",
+        c=RNG.uniform(-1.0, 1.0, 21),
+    )
+    x0 = RNG.normal(size=(21, 4))
+    together = sf.flow(f, x0, time=30.0).x
+    alone = [sf.flow(f[k], x0[k], time=30.0).x for k in range(21)]
+    np.testing.assert_array_equal(together[0], np.concatenate(alone))
+
+
+@pytest.mark.slow
+def test_a_survey_of_pulses():
+    """Of 400 parabolas none, of 1,500 waves few are wrong: 4, whose steps are four periods long."""
+    a, w = RNG.uniform(0.5, 9.5, 400), 10 ** RNG.uniform(-3, -0.3, 400)
+    f = field(lambda s, a, w: (np.where((s[1] - a) ** 2 < w * w, 1.0, 0.0), 1.0), "x t", a=a, w=w)
+    found = sf.flow(f, [0.0, 0.0], time=10.0).x[0, :, 0]
+    np.testing.assert_allclose(found, np.minimum(a + w, 10) - np.maximum(a - w, 0), atol=1e-8)
+    w, p, c = (RNG.uniform(low, high, 1500) for low, high in ((0, 2), (0, 6), (-0.99, 0.99)))
+    w = 10**w
+    f = field(lambda s, w, p, c: (np.where(np.sin(w * s[1] + p) > c, 1.0, 0.0), 1.0), "x t",
+              w=w, p=p, c=c)  # fmt: skip
+    found = sf.flow(f, [0.0, 0.0], time=10.0).x[0, :, 0]
+    expected = (time_above(c, w * 10.0 + p) - time_above(c, p)) / w
+    assert (abs(found - expected) > 1e-6).sum() <= 15

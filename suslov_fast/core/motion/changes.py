@@ -227,9 +227,13 @@ def _go_on(lines, is_at_stop):
     for i in lines.text.each(lines.D, sums):
         inputs = {"x": work.new[i], "f": work.f_new[i]}
         sums.update(lines.apply(rules.BEGIN_COMPONENT, i, **inputs, **vars(sums)))
+    before = Carried(size=0.0, rate=0.0, total=0.0)  # largest states, f where the step began
+    for i in lines.text.each(lines.D, before):
+        inputs = {"x": lines.line.largest[i], "f": lines.line.f[i]}
+        before.update(lines.apply(rules.BEGIN_COMPONENT, i, **inputs, **vars(before)))
     endless = (work.noted[0] >= rules.MOST_AT_ONCE).select(1.0, 0.0)
     inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless}
-    inputs["since"] = work.aim[1]
+    inputs |= {"since": work.aim[1], "largest": before.size, "rate_before": before.rate}
     if conditions and conditions.jumps:
         is_changed = (inputs["number"] > 0.0) & lines.line.state[0].equals(lines.mode)
         work.jumped.choose(is_changed, 0, 1.0)

@@ -136,12 +136,12 @@ class Stops(NamedTuple):
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
         found[:, :-1, 1] = self.which
-        most = row = 1
-        if n > 1:
-            for k in range(1, n):
-                is_same = self.times[:, k] == self.times[:, k - 1]
-                row = np.where(is_same & np.isfinite(self.times[:, k]), row + 1, 1)
-                most = max(most, int(np.max(row)))
+        number = np.arange(n)  # of a time, and of the first one that equals it
+        is_same = np.isfinite(self.times)
+        is_same[:, :1] = False
+        is_same[:, 1:] &= self.times[:, 1:] == self.times[:, :-1]
+        first = np.maximum.accumulate(np.where(is_same, 0, number), axis=1)
+        most = 1 + int((number - first).max())
         return found, most
 
 

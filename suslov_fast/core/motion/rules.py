@@ -697,6 +697,7 @@ def INFLOW(low, before, after):
 # A trajectory ends whose changes follow one another so often within so small a part of the time, or
 # so often at one instant.
 CHANGES_AT_ONCE, MOST_AT_ONCE, ROUNDING = 12.0, 64.0, 2.0**-50
+FASTER = 4.0  # rate after changes, beside that where the step before them began
 
 
 @_rule
@@ -882,10 +883,14 @@ def AFTER_OWN(value, rate, before, up, by_motion, sign):
 
 @_rule
 def CHANGED_STATE(
-    size, rate, total, number, endless, t, wanted, longer, state, stiff, easy, tries, at, often,
-    pause, since, part, last, longest,
+    size, rate, total, largest, rate_before, number, endless, t, wanted, longer, state, stiff,
+    easy, tries, at, often, pause, since, part, last, longest,
 ):  # fmt: skip
-    """The next length after changes of the state, which is that of a first step if that is more.
+    """The next length after changes of the state.
+
+    It is that of a first step if that is more. Where the rate is FASTER times that at which the
+    last step began, as after a dose, it is at most that of a first step of a state as large as the
+    largest so far.
 
     Where changes accumulate, their limit follows from the last three times as by Aitken. A surface
     that has been crossed for longer than since the last change, as far as its rate tells, shows
@@ -893,7 +898,9 @@ def CHANGED_STATE(
     """
     is_changed = number > 0.0
     guess = (size > 0.0).select(part * (size / rate), 0.0)
-    guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), wanted), last), longest)
+    of_largest = part * (larger(size, largest) / rate)
+    least = (rate > FASTER * rate_before).select(smaller(wanted, of_largest), wanted)
+    guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), least), last), longest)
     own = t - at
     is_at_once = (own <= AT_ONCE * larger(t, wanted)) | (since > own)
     limit = smaller(t + (pause > own).select(own * own / (pause - own), 0.0), last)

@@ -41,13 +41,8 @@ SLOWEST = "first_calls cases docs promises integrability numba hashes flows"
 @pytest.hookimpl(tryfirst=True)  # before `-m` selects
 def pytest_collection_modifyitems(config, items):
     """Mark slow tests: those in tests/slow, and all but some cases of tests marked `sampled`."""
-    # Not in the process that waits for those of `-n`.
-    from numba import config as settings
+    from numba import config as settings  # not in the process that waits for those of `-n`
 
-    from suslov_fast.core.code import compiler
-
-    if config.option.markexpr.strip() == "not slow":
-        compiler.HIGHEST = 0  # a third of the processor time; slow tests have the code of users
     cases = defaultdict(list)
     for item in items:
         if "slow" in item.path.relative_to(config.rootpath).parent.parts:

@@ -390,19 +390,31 @@ def test_orbits_that_are_not_stiff_stay_explicit():
 
 @pytest.mark.parametrize("B", [1, 9])
 def test_llvms_passes_after_many_steps(B, monkeypatch):
-    """Other code for implicit steps of small systems alone, with the same bits."""
-    f, others = right_hand_side(van_der_pol, 2), right_hand_side(van_der_pol, 2)
+    """Code is optimised after some steps, that of small implicit ones again, with the same bits."""
     x0, found = np.linspace((2.0, 0.0), (1.0, 1.0), B), []
-    for each, steps in ((f, 0), (others, 10**7)):
+    for steps in (0, 2**19, 10**7):
+        each = right_hand_side(van_der_pol, 2)
         half = engine.half_of(each, True, False)
         monkeypatch.setattr(half, "steps", steps)
         states = np.empty((2, *x0.shape))
         settings = engine.Settings(1e-7, stiff=True)
         engine.Motion(each, np.zeros(0), x0, np.array([1.0, 900.0]), 1.0, settings, states).run()
         found.append((states, engine.code_of_half(half, 1 if B == 1 else engine.WIDTH, False)))
-    (usual, code), (after, passed) = found
-    assert np.array_equal(usual, after)
-    assert code != passed
+    states, codes = zip(*found, strict=True)
+    assert all(np.array_equal(each, states[0]) for each in states)
+    assert len({*codes}) == 3
+
+
+def test_code_of_one_trajectory_is_optimised_after_some_steps():
+    f, settings = right_hand_side(van_der_pol, 2), engine.Settings(1e-6, stiff=False)
+    x0, times = np.array([2.0, 0.0]).tobytes(), np.array([3.0]).tobytes()
+    first = one.motion_of_one(f, b"", x0, times, 1.0, settings)
+    own, code = engine.half_of(f, False, False), one._plan(f, b"", settings, 1.0)[0]
+    usual, (_, _, steps, *_) = code.code, first
+    assert own.steps == steps
+    own.steps = 2**20
+    assert one.motion_of_one(f, b"", x0, times, 1.0, settings) == first
+    assert code.code != usual
 
 
 # Values of the test set for initial value problems, and the most steps at each tolerance.

@@ -22,9 +22,6 @@ from ..lists.tables import is_table
 # Codes that are kept, beside those that last. Each takes two memory mappings; Linux grants 65,530
 # to a process, and LLVM ends the process where it gets none.
 MOST_CODES = 4096
-# The highest level of optimisation. Tests of numbers set 0, which takes a third of the time to
-# compile, and has the same bits.
-HIGHEST = 2
 
 
 def pointer(kind):
@@ -331,14 +328,14 @@ def compiled(key, text_of, level=2, lasts=False, passes=False):
     `key` tells the text from others; `level` is that of LLVM's optimisation, which takes three
     times as long with `passes` over its text.
     """
-    key = key, passes, lasts
+    key = key, level, passes, lasts
     with _lock:
         if key not in known_codes:
             _free_old()
             name = f"code_{next(_numbers)}"
             text = text_of(name)  # an error here is the package's own
             try:
-                known_codes[key] = _compile(text, name, min(level, HIGHEST), lasts, passes)
+                known_codes[key] = _compile(text, name, level, lasts, passes)
             # LLVM cannot read the text, or llvmlite has a function no more, or in another form.
             except (RuntimeError, AttributeError, TypeError) as error:
                 text = f"LLVM refuses the code of a field ({error})"

@@ -29,6 +29,10 @@ BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-
 # LLVM's passes leave .66 to .87 of the time of implicit steps of systems with so few components,
 # with the same bits; they are worth their time after so many steps, which take about a second.
 SMALL, WORTH_PASSES = 10, 4_000_000
+# Without optimisation LLVM takes a third of the time, for code that takes 1.03 to 2 times as long,
+# with the same bits. It takes the first steps, by lanes: some tenths of a second, implicit ones a
+# quarter of these.
+FIRST_STEPS = {1: 2**16, WIDTH: 2**19}
 NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
 
 half_of = functools.lru_cache(64)(Half)
@@ -87,24 +91,31 @@ def set_times(numbers, f, first, second, last):
         numbers[NUMBER.longest] = min(numbers[NUMBER.longest], last / 32.0)
 
 
+def first_steps(half, W):
+    """Return the number of steps that code without optimisation takes."""
+    return FIRST_STEPS[W] // (4 if half.is_implicit else 1)
+
+
 def code_of_half(half, W, for_each):
-    """Return the `Address` of the code of a half."""
+    """Return the `Address` of the code of a half, whose steps say how good it has to be."""
     return compiled(
         ("motion", half.key, W, for_each),
         lambda name: text_of_half(half, name, W, for_each),
-        level=1,  # code as fast as at level 2, in a half to a fifth of LLVM's time
+        # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
+        level=int(half.steps > first_steps(half, W)),
         passes=half.is_implicit and half.f.D <= SMALL and half.steps > WORTH_PASSES,
     )
 
 
 def prepare(f, settings, B, for_each):
-    """Make the code of the halves that B trajectories may need.
+    """Make the code of the halves that B trajectories may need, which take many steps.
 
     `for_each` says whether each trajectory has numbers of its own.
     """
     for is_implicit in (False, True) if settings.stiff is None else (settings.stiff,):
-        half = half_of(f, is_implicit, settings.atol is not None)
-        code_of_half(half, 1 if B == 1 else WIDTH, for_each or f.conditions is not None)
+        half, W = half_of(f, is_implicit, settings.atol is not None), 1 if B == 1 else WIDTH
+        half.steps = max(half.steps, first_steps(half, W) + 1)
+        code_of_half(half, W, for_each or f.conditions is not None)
 
 
 def records_at_once(changes, equal):
@@ -320,8 +331,6 @@ class Motion:
                     abandoned.append(True)
             if is_done:
                 break
-        if half.is_implicit:
-            half.steps += rows[:, half.rows.steps].sum()
         self.keep_choices(which, table)
 
     def keep_choices(self, which, table):
@@ -331,8 +340,7 @@ class Motion:
 
     def _taker(self, half, rows, table, W, budget=None):
         """Return the function that takes steps of trajectories, and returns whether it is done."""
-        for_each = table.ndim > 1
-        code = code_of_half(half, W, for_each)
+        for_each, steps = table.ndim > 1, rows[:, half.rows.steps]
         work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
         arguments = array("q", Arguments(
             rows=address_of(rows), count=len(rows), following=0, budget=0, table=address_of(table),
@@ -347,8 +355,10 @@ class Motion:
 
         def take(kept=(rows, table, work)):  # the arguments point there
             arguments[SLOT.budget] = max(BUDGET // half.f.work, 1) if budget is None else budget
+            before, code = steps.sum(), code_of_half(half, W, for_each)
             if is_done := code.call(at):
                 arguments[SLOT.following] = 0
+            half.steps += steps.sum() - before
             if count := arguments[SLOT.recorded]:
                 self.records.append(buffer[:count].copy())
                 arguments[SLOT.recorded] = 0

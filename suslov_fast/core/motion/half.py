@@ -50,7 +50,7 @@ class Half:
     changes      `Changes` of the state, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
-    steps        that trajectories of batches had taken when this half ended, in all
+    steps        that trajectories have taken in this half, in all
     """
 
     steps = 0

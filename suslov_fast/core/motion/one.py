@@ -16,6 +16,7 @@ from .engine import (
     NO_TIMES,
     code_of_half,
     components_of,
+    first_steps,
     half_of,
     numbers_of,
     records_at_once,
@@ -28,6 +29,20 @@ PLANS = 256  # that are kept
 _SIZE = 8  # bytes of a number
 
 
+class _Code:
+    """The code of a half for one trajectory; after `last` steps it is to be renewed."""
+
+    def __init__(self, half):
+        self.half = half
+        self.renew()
+
+    def renew(self):
+        """Take the code that is worth its time by now."""
+        half, most = self.half, first_steps(self.half, 1)
+        self.code = code_of_half(half, 1, half.f.conditions is not None)
+        self.last = most if half.steps <= most else inf
+
+
 @functools.lru_cache(PLANS)
 def _plan(f, table, settings, sign):
     """Return code, arguments, numbers and rows of one trajectory.
@@ -35,7 +50,7 @@ def _plan(f, table, settings, sign):
     `table` has the bytes of the table of f. The arguments point to arrays that the plan keeps.
     """
     half = half_of(f, bool(settings.stiff), settings.atol is not None)
-    code = code_of_half(half, 1, f.conditions is not None)
+    code = _Code(half)
     own = array("d", half.table_of(np.frombuffer(table)))
     components = components_of(f, settings.atol)
     arguments = Arguments(
@@ -87,10 +102,14 @@ def motion_of_one(f, table, x, times, sign, settings, stops=None, enough=inf, si
     arguments[SLOT.numbers] = numbers.buffer_info()[0]
     arguments[SLOT.times] = times.buffer_info()[0]
     arguments[SLOT.states] = states.buffer_info()[0]
-    at = arguments.buffer_info()[0]
+    at, half, before = arguments.buffer_info()[0], code.half, 0.0
     while True:
         arguments[SLOT.budget] = budget
-        is_done = code.call(at)
+        if half.steps > code.last:
+            code.renew()
+        is_done = code.code.call(at)
+        taken = rows[places.steps]
+        half.steps, before = half.steps + taken - before, taken
         if stops is not None and (recorded := arguments[SLOT.recorded]):
             found.append(buffer[:recorded].copy())
             arguments[SLOT.recorded] = 0

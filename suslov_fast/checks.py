@@ -193,9 +193,10 @@ def _floats(name: str, value: Any) -> FloatArray:
         array = np.asarray(value)
         if array.dtype.kind == "O" and all(isinstance(each, numbers.Real) for each in array.flat):
             exact, array = array, array.astype(np.float64)
-            if any(isinstance(each, Fraction) and each != float(each) for each in exact.flat):
-                how = "integrability.kahan(field, eps) keeps those of a field, of eps and of states"
-                warn(f"{name}: fractions become floats here: {how}")
+            whole = numbers.Integral, float
+            if any(not isinstance(each, whole) and each != float(each) for each in exact.flat):
+                how = "integrability.kahan(field, eps) keeps fractions of a field, eps and states"
+                warn(f"{name}: numbers of more digits become floats here: {how}")
     except (ValueError, OverflowError) as error:
         expected = "numbers in the range of float64, with rows of equal length"
         raise wrong(name, expected, short(value)) from error

@@ -168,6 +168,8 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         if args and getattr(args[0], "called", "") == "a run":
             first = "[0]" * ("0'" in str(error))  # of x0 or omega0
             how += f", for a run pass run.body, run.states{first}"
+        if "'monomials'" in str(error):
+            how += ", a degree or a list of exponents, as 2"
         if "'dimension'" in str(error):
             how += ", the number of variables, or their names, as 'x y'"
         kind = type(args[0]) if args else None

@@ -28,11 +28,15 @@ TABLE = {
     ("symplectic conserve project", "",
      "iterate(field, x0, eps, steps), a map that conserves energies of a QuadraticField"),
     ("finalonly last final", "", "time=T, one time"),
+    ("attitude orientation rotation", "",
+     "iterate(body, x0, eps, steps, attitude=True), of the map: flow computes none"),
   ),
   "iterate": (
     ("transient burnin skip discard", "", "run.states[k:], of k steps, or crossings(transient=k)"),
     ("finalonly last final returnall", "", "save_every=None, which keeps the last states alone"),
     ("symplectic", "method", ""),
+    ("derivatives derivative jacobian variational", "",
+     "suslov_fast.jacobian(system, run.states[:-1], eps), of each step"),
   ),
   "crossings": (
     ("g plane component names value level", "surface", ""),
@@ -51,6 +55,9 @@ TABLE = {
   "save": (
     ("force mode replace", "overwrite", ""),
     ("fname name", "path", ""),
+  ),
+  "degrees hk_bases cofactors darboux_polynomials planar_entropy on_level": (
+    ("eps h step", "", "kahan(field, eps) as the map"),
   ),
   "hk_bases": (
     ("degree deg d maxdegree", "monomials", ""),
@@ -96,6 +103,7 @@ TABLE = {
     ("dt h stepsize deltat", "eps", ""),
     ("n nsteps iterations multiplicity", "steps", ""),
     ("maxiter maxiterations", "", "a nearer start: Newton's steps end by themselves"),
+    ("energy level integral", "", "a start on that level: the orbit of a family near it is found"),
     ("guess", "", "the second argument, without a name, and period="),
     ("section surface plane", "", "a start and period= alone: no section is needed"),
   ),
@@ -104,6 +112,7 @@ TABLE = {
     ("region bounds box grid n seed range all", "",
      "near= with a grid of states (..., D), and np.unique of its states, rounded, on axis 0"),
     ("tol maxiter method", "", "near= alone: Newton's method goes on to rounding errors"),
+    ("eps steps", "", "near= alone: maps have the same ones, and multipliers(system, x, eps)"),
   ),
   "report": (
     ("dt h step stepsize deltat", "eps", ""),
@@ -166,6 +175,12 @@ TABLE = {
     ("qrt qrtmap birational birationalmap rational henonmap", "",
      "suslov_fast.integrability.rational_map(f, dimension), of f that maps a state to the next"),
   ),
+  "from_hamiltonian": (
+    ("poisson j structure bracket omega symplectic poissonmatrix poissontensor", "K", ""),
+  ),
+  "Suslov3D SuslovGyrostat SuslovND": (
+    ("equation formula latex", "", "str(body.field()), or sympy.latex(body)"),
+  ),
   "Suslov3D SuslovND": (
     ("steadystate steadyline equilibria equilibrium fixedpoint", "",
      "suslov_fast.fixed_points(system, near=x0): the steady states are a line through 0"),
@@ -177,7 +192,8 @@ TABLE = {
   "PeriodicOrbit": (
     ("eigenvalues eig stable isstable stability", "",
      "multipliers: it is stable if, but for one that is 1, their moduli are below 1"),
-    ("states x points trajectory orbit plot run", "",
+    ("states x points", "state", ""),
+    ("trajectory orbit plot run", "",
      "flow(system, orbit.state, time=np.linspace(0, orbit.period, 201)), and its plot()"),
     ("error residuals", "residual", ""),
   ),

@@ -233,6 +233,10 @@ class Body(Members):
         """Return the equations of a single body for notebooks, which show a batch as a text."""
         return None if self.shape else equations(*self._rows_in_latex())
 
+    def _latex(self, _: Any) -> str:
+        """Return the same for ``sympy.latex``."""
+        return (self._repr_latex_() or str(self)).removeprefix("$\\displaystyle ").strip("$")
+
     def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
         """Return left sides in LaTeX, and texts, and the LaTeX of variables with other names."""
         field, labels = self.field(), [*map(symbol, self.labels)]

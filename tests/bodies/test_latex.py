@@ -76,6 +76,7 @@ def test_formulas_of_reports():
     for f in (*found.integrals, *found.measures, *found.polynomials):
         assert f._repr_latex_().strip("$") in text
     latex = pytest.importorskip("sympy").latex
+    assert field._repr_latex_() == rf"$\displaystyle {latex(field)}$"
     assert latex([found.integrals[0]]) == rf"\left[ {latex(found.integrals[0])}\right]"
     assert r"\mathtt" not in latex(found.integrals[0])
     assert text.count("$") == 2

@@ -1,8 +1,6 @@
 """Stored runs equal those of `iterate`, bit for bit, whatever happened in between."""
 
-import errno
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -465,37 +463,6 @@ def test_attributes_are_plain(store):
     assert json.loads(json.dumps(dataset.attrs)) == dataset.attrs
     assert json.loads(dataset.attrs["rho"]) == FAMILY.parameters["rho"].tolist()
     assert (dataset.attrs["eps"], dataset.attrs["steps"]) == (0.01, 9)
-
-
-class Wrapper(zarr.storage.WrapperStore):
-    """A view of a store, which Zarr opens for reading; its own does so from version 3.1.6 on."""
-
-    def with_read_only(self, read_only=False):
-        return type(self)(self._store.with_read_only(read_only))
-
-
-class Full(Wrapper):
-    """A store on a disk that fills up while tiles are written."""
-
-    left = 0
-
-    async def set(self, key, value):
-        if key.startswith("status/c") and not Full.left:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), key)
-        Full.left -= key.startswith("status/c")
-        await self._store.set(key, value)
-
-
-def test_a_disk_that_fills_up_on_the_way(monkeypatch):
-    """Its whole tiles stay, no others count, and the same call goes on."""
-    asked = ASKED | {"omega0": np.eye(5, 2)}
-    place = Full(zarr.storage.MemoryStore())
-    monkeypatch.setattr(Full, "left", 1)
-    with pytest.raises(OSError, match="No space left"):
-        call(ensemble, **asked, store=place, chunk=2)
-    assert (open_ensemble(place).status != PENDING).sum() == 2
-    monkeypatch.setattr(Full, "left", 9)
-    assert_same(call(ensemble, **asked, store=place, chunk=2), call(iterate, **asked))
 
 
 def test_a_store_in_a_zip_file(store):

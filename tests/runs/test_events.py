@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from children import TWO_THREADS
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
@@ -199,19 +198,6 @@ def test_crossings_in_the_transient_are_ignored():
     later = of_oscillator([1.0, 0.0], time=20.0, transient=10.0)
     np.testing.assert_array_equal(later.time, every.time[every.time > 10.0])
     np.testing.assert_array_equal(later.final, every.final)
-
-
-def test_a_batch_has_the_bits_of_single_trajectories_and_of_threads():
-    x0 = np.random.default_rng(5).normal(size=(2, 9, 2))
-    batch = of_oscillator(x0, time=15.0, threads=1)
-    for k, start in enumerate(x0.reshape(-1, 2)):
-        one, own = of_oscillator(start, time=15.0), batch.trajectory == k
-        np.testing.assert_array_equal(batch.states[own], one.states)
-        np.testing.assert_array_equal(batch.time[own], one.time)
-    assert of_oscillator(x0, time=15.0, threads=TWO_THREADS) == batch
-    x0 = np.random.default_rng(6).normal(size=(2100, 2))
-    serial = of_oscillator(x0, time=3.0, threads=1)
-    assert of_oscillator(x0, time=3.0, threads=TWO_THREADS) == serial
 
 
 def test_a_family_and_a_surface_of_each_member():

@@ -168,6 +168,8 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         if args and getattr(args[0], "called", "") == "a run":
             first = "[0]" * ("0'" in str(error))  # of x0 or omega0
             how += f", for a run pass run.body, run.states{first}"
+        if "'store'" in str(error):
+            how += ", a folder to write: flow and iterate keep their results in memory"
         if "'monomials'" in str(error):
             how += ", a degree or a list of exponents, as 2"
         if "'dimension'" in str(error):

@@ -44,6 +44,7 @@ TABLE = {
     ("limit nmax max maxn maxcount", "most", ""),
     ("count n", "", "most= for a number of crossings, beside time=T, or eps= and steps="),
     ("skip", "transient", ""),
+    ("change", "", "flow(system, x0, time=t, changes=[Change(g), ...]), in which g alone records"),
   ),
   "plot": (
     ("save savefig path filename file", "", "plot().figure.savefig(path)"),
@@ -233,6 +234,8 @@ TABLE = {
     ("orientation", "", "attitude of iterate(..., attitude=True); flow has none"),
     ("parameters params", "", "body.parameters"),
     ("statistics stats info", "", "steps, status and ok"),
+    ("tevents yevents event", "",
+     "changes of a motion with changes=, or crossings(system, x0, time=T, surface=...)"),
     ("field system", "body", ""),
     ("stopped stop_time", "", "ok, status and end"),
     ("df dataframe to_df to_pandas", "to_dataframe", ""),

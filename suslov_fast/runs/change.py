@@ -60,8 +60,9 @@ class Change:
         The name of a component, or a function s of the state, ``lambda x: x[0] - 30``: the change
         acts where s becomes positive, or stops being so, by the motion or by another change. A
         start on the surface is no such event.
-    to : callable, optional
-        A function that takes the state and returns the new one, ``lambda x: (x[0], -x[1])``.
+    to : callable or sequence of str or float, optional
+        A function that takes the state and returns the new one, ``lambda x: (x[0], -x[1])``, or
+        the new components, as formulas of the old ones and numbers: ``("h", "-v")``, ``(1, 0)``.
         Without it the state stays, and the change is a record.
     direction : {0, 1, -1}
         Both (the default), only where s increases, or only where it decreases, along the motion as
@@ -112,7 +113,7 @@ class Change:
 
     surface: str | Callable[..., Any] | None = None
     _: KW_ONLY
-    to: Callable[..., Any] | Sequence[str] | None = None
+    to: Callable[..., Any] | Sequence[str | float] | None = None
     direction: int = 0
     times: Any = None  # so that type checkers ask for no test of None
     ends: bool = False
@@ -128,10 +129,12 @@ class Change:
         if self.surface is not None:
             _check_surface(self.surface)
         to = self.to
-        if isinstance(to, (tuple, list)) and all(isinstance(text, str) for text in to):
-            to = tuple(to)
+        to = to.tolist() if isinstance(to, np.ndarray) else to
+        if isinstance(to, (tuple, list)) and all(isinstance(a, (str, int, float)) for a in to):
+            to = tuple(a if isinstance(a, str) else repr(float(a)) for a in to)
         elif to is not None and not callable(to):
-            raise wrong("to", _NEW_STATE, f"{short(to)}", TypeError)
+            how = ": what changes is a variable, of the rate 0" * isinstance(to, dict)
+            raise wrong("to", _NEW_STATE, f"{short(to)}{how}", TypeError)
         expected = "0 (both), 1 (upwards) or -1 (downwards)"
         direction, most = integer("direction", self.direction, -1, expected, 1), self.most
         if direction and self.surface is None:

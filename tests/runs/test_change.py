@@ -43,6 +43,12 @@ def test_text(change):
             np.testing.assert_allclose([eval(each, names) for each in text.to], right, 1e-14)
 
 
+@pytest.mark.parametrize("to", [(100, "blood"), ("100", "blood"), lambda x: (100.0, x[1])])
+def test_new_states_by_component(to):
+    motion = flow(PK, [3.0, 4.0], time=[1.0], changes=Change(times=[1.0], to=to))
+    assert motion.changes.states[0].tolist() == [100.0, motion.changes.before[0, 1]]
+
+
 def test_changes_differ():
     first = Change(times=[1.0, np.nan])
     assert first == Change(times=[1.0, np.nan])

@@ -27,7 +27,8 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     """Write a result to a .npz file, which appears under its name when it is complete."""
     from ... import __version__
 
-    others = "to_xarray().to_netcdf(path) and ensemble(store=...) write other formats"
+    others = "to_dataframe().to_csv(path), to_xarray().to_netcdf(path)"
+    others += " and ensemble(store=...) write other formats"
     target = Path(
         os.path.realpath(_checked(path, others))
     )  # a link stays, and its target is written

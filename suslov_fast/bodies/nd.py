@@ -276,7 +276,7 @@ def check_known(body: SuslovND, function: str) -> None:
         expected += ", or three of which one has a coupling"
     if not known.all():
         which = f"body {spell(first_index(~known))}" if known.ndim else "this body"
-        known_for = f"only for bodies that SuslovND.reduced takes to {expected}"
+        known_for = f"only for those that equal J, or I = 0, reduce to {expected} (see reduced)"
         text = f"{function} has no known formula for {which}, {known_for}: use {how}"
         error = NotIntegrableError(text)
         error.known = known

@@ -52,16 +52,32 @@ def find_crossings(lines):
     with text.when(crosses.any(), likely=False):
         directions = _directions(lines)
         first = text.numbers(f"{lines.name}_first_parts", [part / parts for part in range(parts)])
-        for part in text.each(parts, most=0):
-            for k in text.each(count, most=0):
-                inputs = {"a": values[part * count + k], "b": values[(part + 1) * count + k]}
-                # Where a solution slides all its crossings tell which of them count.
-                direction = 0.0 if lines.f.conditions else directions[k]
-                inputs |= {"first": first[part], "accepted": work.accepted[0]}
-                inputs |= {"direction": direction}
-                inside = lines.apply(rules.IN_PART, **inputs)
-                with text.when(inside["crosses"].any(), likely=False):
-                    _find(lines, k, inside)
+        for k in text.each(count, most=0):
+            # Where a solution slides all its crossings tell which of them count.
+            direction = 0.0 if lines.f.conditions else directions[k]
+            for now in text.rounds(Carried(last=-1.0)):
+                found = _first_after(lines, k, now.last, first, direction)
+                crosses = found.first < np.inf
+                with text.when(crosses.any(), likely=False):
+                    _find(lines, k, crosses, found)
+                now.last, now.goes_on = found.first, crosses.any()
+
+
+def _first_after(lines, k, last, first, direction):
+    """Return the first part after `last` in which surface k is crossed, in each lane its own.
+
+    So one search along steps is that of all lanes.
+    """
+    text, values, count = lines.text, lines.work.values, lines.half.changes.sections
+    found = Carried(first=np.inf, u=0.0, low=0.0, high=1.0, a=0.0, b=0.0, up=0.0)
+    for part in text.each(rules.SECTION_PARTS, found, most=0):
+        inputs = {"a": values[part * count + k], "b": values[(part + 1) * count + k]}
+        inputs |= {"first": first[part], "accepted": lines.work.accepted[0]}
+        inside = lines.apply(rules.IN_PART, direction=direction, **inputs)
+        is_first = inside.pop("crosses") & (found.first >= np.inf) & (first[part] > last)
+        for name, value in (inside | {"first": first[part]}).items():
+            setattr(found, name, is_first.select(value, getattr(found, name)))
+    return found
 
 
 def record_jumps(lines, is_there):
@@ -99,24 +115,24 @@ def _rates(lines, x, f):
     lines.call("section_rates", work.pair, lines.table, work.rates)
 
 
-def _find(lines, k, found):
-    """Find the crossing of surface k in a part of the step, and record it."""
+def _find(lines, k, crosses, found):
+    """Find crossings of surface k in parts of the step, and record them."""
     text, line, work = lines.text, lines.line, lines.work
     columns, p = (IMPLICIT, 1) if lines.half.is_implicit else (EXPLICIT, 2)
     own, taken = weights(columns, p), work.taken[0]
-    up, sign = found["up"], lines.number("sign")
-    bracket = {name: found[name] for name in ("u", "low", "high")}
+    up, sign = found.up, lines.number("sign")
+    bracket = {name: getattr(found, name) for name in ("u", "low", "high")}
     _restore_length(lines)
     for now in text.rounds(Carried(**bracket, round=0)):  # where the interpolation says it is
         put_point(lines, now.u, work.start)
         lines.call("sections", work.start, lines.table, work.rates)
         value = work.rates[k]
         next_ = lines.apply(rules.NARROWED, value=value, up=up, u=now.u, low=now.low,
-                            high=now.high, a=found["a"], b=found["b"])  # fmt: skip
+                            high=now.high, a=found.a, b=found.b)  # fmt: skip
         now.update(next_)
         now.round = now.round + 1
         now.goes_on = now.round < rules.GUESSES
-    bracket["u"], left = now.u, found["crosses"].select(1.0, 0.0)
+    bracket["u"], left = now.u, crosses.select(1.0, 0.0)
     work.moment[0] = 0.0
     work.ok[0] = 0.0
     for now in text.rounds(Carried(**bracket, left=left, round=0)):
@@ -129,7 +145,7 @@ def _find(lines, k, found):
         _rates(lines, work.start, work.f)
         value, rate = work.rates[k * 2], work.rates.after(1)[k * 2]
         inputs = {"value": value, "rate": rate, "up": up, "taken": taken, "start": work.t[0]}
-        inputs |= {"a": found["a"], "b": found["b"]}
+        inputs |= {"a": found.a, "b": found.b}
         result = lines.apply(rules.NEWTON, **inputs, **{name: getattr(now, name) for name in
                              ("u", "low", "high", "left")})  # fmt: skip
         is_found = result.pop("found")

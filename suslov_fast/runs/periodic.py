@@ -31,6 +31,7 @@ _ROUGH = 1e-8  # tolerance of the search for a near return
 _OF_FORCE = 1e-6  # part of the rates by which those a period later may differ
 _NEARER = "a start nearer to it, as flow(system, start, time={T}).x[-1] is if the orbit attracts"
 _FAR = 0.1  # of log T, beyond which an orbit away from the start is not the one asked for
+_MOST_STEPS, _TRIED = 64, 3  # of a map, after which a start may return, and nearest returns
 _SAME = 0.01  # part of a period that is given, by which that of a near return may differ
 _FRACTIONS = np.arange(1, 32) / 32  # of the period, at which states are looked at
 
@@ -268,10 +269,28 @@ def _of_map(
         search = shooting.found(of_map, x, T, rtol, 1)
     if found := _not_an_orbit(search, T):
         far = f"start, {name} = {size:g} or steps = {steps} is too far from an orbit"
+        others = _other_steps(of_map, x, float(size), rtol) if eps is not None else None
+        far += f": pass steps={others}" if others else ""
         raise RuntimeError(f"periodic_orbit found {found}: {far}")
     if eps is not None:
         _warn_of_fewer_steps(search, steps)
     return search
+
+
+def _other_steps(of_map: OfMap, x: FloatArray, eps: float, rtol: float) -> int | None:
+    """Return a number of steps that close an orbit near the start, because it was found."""
+
+    def of(steps: int) -> OfMap:
+        return OfMap(of_map.field, of_map.rate, steps, of_map.method, True)
+
+    with np.errstate(all="ignore"):
+        ((_, states),) = of(_MOST_STEPS).steps(x, _MOST_STEPS * eps)
+        nearest = np.argsort(abs(states - x).max(axis=1))  # the first is the start
+        for k in [k for k in nearest.tolist() if k > 1][:_TRIED]:
+            search = shooting.found(of(k), x, k * eps, rtol, 1)
+            if not _not_an_orbit(search, k * eps) and shooting.passes(search, x):
+                return int(k)
+    return None
 
 
 def _warn_of_fewer_steps(search: Shooting, steps: int) -> None:

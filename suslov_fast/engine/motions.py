@@ -173,13 +173,14 @@ def _in_order(records: list[tuple[Any, FloatArray]], sign: int, starts: FloatArr
         own = slice(first, first := first + len(part))
         if where is not ALL:
             trajectory[own] = where[trajectory[own]]
-    order = np.argsort(trajectory, kind="stable")
-    of_next = trajectory[order[1:]] == trajectory[order[:-1]]
-    if (of_next & (rows[order[1:], 2] < rows[order[:-1], 2])).any():
-        # Several in a step may be in another order. It takes six times as long.
-        order = np.lexsort((rows[:, 2], trajectory))
-    rows = np.take(rows, order, axis=0)  # a quarter of the time of rows[order]
-    trajectory, which = trajectory[order], which[order]
+    small = np.min_scalar_type(len(starts))  # NumPy sorts 16 bits by digits, seven times as fast
+    rows = np.take(rows, np.argsort(trajectory.astype(small), kind="stable"), axis=0)
+    trajectory, which = rows[:, :2].view(np.int64).T
+    if ((trajectory[1:] == trajectory[:-1]) & (rows[1:, 2] < rows[:-1, 2])).any():
+        # Several in a step may be in another order. It takes many times as long.
+        rows = np.take(rows, np.lexsort((rows[:, 2], trajectory)), axis=0)
+        trajectory, which = rows[:, :2].view(np.int64).T
+    trajectory, which = trajectory.copy(), which.copy()
     before, states = rows[:, 3 : 3 + D].copy(), rows[:, 3 + D :].copy()
     return Records(trajectory, which, sign * rows[:, 2], before, states)
 

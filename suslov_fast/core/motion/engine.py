@@ -340,7 +340,9 @@ class Motion:
 
     def _taker(self, half, rows, table, W, budget=None):
         """Return the function that takes steps of trajectories, and returns whether it is done."""
-        for_each, steps = table.ndim > 1, rows[:, half.rows.steps]
+        for_each, steps, before = table.ndim > 1, rows[:, half.rows.steps], 0.0
+        code, is_small = code_of_half(half, W, for_each), half.is_implicit and half.f.D <= SMALL
+        most = WORTH_PASSES if is_small else first_steps(half, W)  # after these it is the best
         work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
         arguments = array("q", Arguments(
             rows=address_of(rows), count=len(rows), following=0, budget=0, table=address_of(table),
@@ -354,11 +356,15 @@ class Motion:
             buffer = self._point_to_changes(arguments, W)
 
         def take(kept=(rows, table, work)):  # the arguments point there
+            nonlocal code, before
             arguments[SLOT.budget] = max(BUDGET // half.f.work, 1) if budget is None else budget
-            before, code = steps.sum(), code_of_half(half, W, for_each)
             if is_done := code.call(at):
                 arguments[SLOT.following] = 0
-            half.steps += steps.sum() - before
+            if half.steps <= most:
+                taken = steps.sum()
+                half.steps, before = half.steps + taken - before, taken
+                if not is_done:
+                    code = code_of_half(half, W, for_each)
             if count := arguments[SLOT.recorded]:
                 self.records.append(buffer[:count].copy())
                 arguments[SLOT.recorded] = 0

@@ -42,6 +42,12 @@ class _Code:
         self.code = code_of_half(half, 1, half.f.conditions is not None)
         self.last = most if half.steps <= most else inf
 
+    def count(self, steps):
+        """Note steps that were taken."""
+        self.half.steps += steps
+        if self.half.steps > self.last:
+            self.renew()
+
 
 @functools.lru_cache(PLANS)
 def _plan(f, table, settings, sign):
@@ -102,14 +108,14 @@ def motion_of_one(f, table, x, times, sign, settings, stops=None, enough=inf, si
     arguments[SLOT.numbers] = numbers.buffer_info()[0]
     arguments[SLOT.times] = times.buffer_info()[0]
     arguments[SLOT.states] = states.buffer_info()[0]
-    at, half, before = arguments.buffer_info()[0], code.half, 0.0
+    at, before = arguments.buffer_info()[0], 0.0
     while True:
         arguments[SLOT.budget] = budget
-        if half.steps > code.last:
-            code.renew()
         is_done = code.code.call(at)
-        taken = rows[places.steps]
-        half.steps, before = half.steps + taken - before, taken
+        if code.last < inf:
+            taken = rows[places.steps]
+            code.count(taken - before)
+            before = taken
         if stops is not None and (recorded := arguments[SLOT.recorded]):
             found.append(buffer[:recorded].copy())
             arguments[SLOT.recorded] = 0

@@ -235,6 +235,7 @@ TABLE = {
     ("orientation attitude", "", "attitude of iterate(..., attitude=True); flow has none"),
     ("parameters params", "", "body.parameters"),
     ("statistics stats info", "", "steps, status and ok"),
+    ("count nevents", "count", "changes.count, of a motion with changes="),
     ("tevents yevents event", "",
      "changes of a motion with changes=, or crossings(system, x0, time=T, surface=...)"),
     ("field system", "body", ""),

@@ -144,13 +144,15 @@ class Crossings(Points, OfMotion):
     def __repr__(self) -> str:
         states, size = f"{self._variable}: {self.states.shape}", self.status.size
         states += f", trajectory: 0 to {size - 1}" * (size > 1)
+        none = {1: "none upwards", -1: "none downwards", 0: "none"}[self.direction]
         if self.map is None:
+            time = span(self.time) if self.time.size else none
             ended = ended_in_words(self.status)
-            return f"Crossings({states}, time: {span(self.time)}, rtol: {self.rtol:g}{ended})"
+            return f"Crossings({states}, time: {time}, rtol: {self.rtol:g}{ended})"
         n = self.n
         steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n))
         if not n.size:
-            steps = {1: "none upwards", -1: "none downwards", 0: "none"}[self.direction]
+            steps = none
         return f"Crossings({states}, n: {steps}, {in_short(self)})"
 
 

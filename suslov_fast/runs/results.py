@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray
+from ..checks import FloatArray, warn
 from ..engine.status import count_in_words
 from ..keywords import Answering, lacking, public
 from ..words import answer
@@ -290,7 +290,8 @@ class States(Result):
     ) -> Any:
         """Draw the states over two components, over time, or in space (extra `plots`).
 
-        Of more than 1,000,000 dots it draws as many, chosen at random. A space-time picture of a
+        Of more than 1,000,000 dots it draws as many, chosen at random. A single orbit at one or two
+        times, which are no more than dots, is drawn with a warning. A space-time picture of a
         chain of many variables is ``ax.imshow(run.x, aspect="auto")``.
 
         Parameters
@@ -330,6 +331,8 @@ class States(Result):
         """
         from . import drawing  # which imports Matplotlib
 
+        if len(self) < 3 and self.status.size == 1 and "map" not in vars(self):
+            warn(f"the motion has states at {len(self)} times: pass time=np.linspace(0, T, 201)")
         chosen = names[0] if len(names) == 1 else names or components
         return drawing.plot_run(self._in_order(), chosen, lines, color, title, ax)
 

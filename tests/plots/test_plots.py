@@ -294,4 +294,6 @@ def test_starts_have_a_colour_each():
     axes = points.plot("time", "q")
     np.testing.assert_array_equal(axes.collections[0].get_array(), points.trajectory)
     assert len(axes.get_legend().get_texts()) == 3
-    assert sf.flow(field, x0[0], time=[0.0, 1.0]).plot().get_legend() is None
+    assert sf.flow(field, x0[0], time=[0.0, 0.5, 1.0]).plot().get_legend() is None
+    with pytest.warns(UserWarning, match="2 times"):
+        sf.flow(field, x0[0], time=(0.0, 1.0)).plot("time")

@@ -109,8 +109,9 @@ def crossings(
     Crossings
         Along a motion. Each trajectory takes the steps of :func:`flow`, and a crossing is a state
         after a shorter step of the method. Signs of s are compared at the ends of a step and at
-        seven points inside it: crossings within an eighth of a step of one another, and points
-        where a motion touches the surface, may be missed. A smaller `max_step` looks closer.
+        seven points inside it, and where s comes near 0 and goes back, at its least value. Two
+        crossings within a step of the implicit method, and points where a motion touches the
+        surface, may be missed. A smaller `max_step` looks closer.
     Crossings
         Along a map. Its points are as accurate as the states. For methods of order 2 they lie on
         the straight lines between consecutive states; for higher orders they are the states, with

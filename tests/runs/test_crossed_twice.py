@@ -69,6 +69,25 @@ def test_changes_at_peaks():
     np.testing.assert_array_equal(motion.x[0, :, 0], 2020.0)
 
 
+@pytest.mark.parametrize("direction", [1, 0, -1])
+@pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6])
+def test_records_of_peaks(depth, direction):
+    """Records shorten no steps, of which the oscillator takes about twelve a period."""
+    f, p = field(lambda s: (s[1], -s[0]), "x v"), RNG.uniform(-1.0, 1.0, 9)
+    x0 = np.stack([np.cos(p), -np.sin(p)], 1)
+    options = {"time": -60.0 if direction else 60.0, "direction": direction}
+    level, a = (1 - depth) * (direction or 1), np.arccos(1 - depth)
+    at = 2 * np.pi * np.arange(-12, 12) + (np.pi if level < 0 else 0)
+    crossed = np.ravel(at + (a if direction else np.array([[-a], [a]])))
+    found = sf.crossings(f, x0, surface=lambda s: s[0] - level, **options)
+    for k, each in enumerate(p):
+        times = np.sort(abs(crossed - each)[(crossed - each) / options["time"] >= 0])
+        own = abs(found.time[found.trajectory == k])
+        np.testing.assert_allclose(own, times[times < 60.0], atol=2e-8 / np.sqrt(depth))
+    alone = sf.crossings(f, x0[4], surface=lambda s: s[0] - level, **options)
+    np.testing.assert_array_equal(alone.states, found.states[found.trajectory == 4])
+
+
 @pytest.mark.parametrize("stiff", [None, True, False])
 @pytest.mark.parametrize(
     ("f", "x0"),

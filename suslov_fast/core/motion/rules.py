@@ -722,6 +722,9 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 # the time by which its state goes on, each four times the one before, to lie beyond.
 SECTION_PARTS, MARGIN, GUESSES, MOST_LOOKS = 8, 2.0**-5, 3, 70
 FOUND, WIDTH, NUDGE, NUDGES = 2.0**-29, 2.0**-48, 2.0**-54, 20
+# Of a surface that comes near 0 and goes back: how near, beside its bend over a part of the step,
+# that a step looks whether it is crossed; how many such steps at most.
+CLOSE, LOWER = 0.5, 4
 NAN = float("nan")
 
 
@@ -764,6 +767,56 @@ def IN_PART(a, b, direction, first, accepted):
         "high": high,
         "a": a,
         "b": b,
+    }
+
+
+@_rule
+def DIP(a, b, c, first, last, accepted):
+    """Whether a surface with these values at the ends of two parts comes near 0 in between.
+
+    The parabola through them has its least value at `place` parts from the middle, which is from
+    `first` to `last`; `bend` is its second difference, with the sign of b.
+    """
+    side = (b >= 0.0).select(1.0, -1.0)
+    before, here, after = side * a, side * b, side * c
+    slope, bend = 0.5 * (after - before), (before - here) + (after - here)
+    place = -slope / bend
+    least = here + 0.5 * (slope * place)
+    dips = (before >= 0.0) & (after >= 0.0) & (accepted > 0.0) & (least <= CLOSE * bend)
+    dips = dips & (bend > 0.0) & (bend < inf) & (place >= first) & (place < last)
+    return {"dips": dips, "place": place, "bend": side * bend}
+
+
+@_rule
+def DEEPER(value, rate, bend, u, middle, left, taken, sign):
+    """Whether a surface is beyond 0 at a part u of the step, and where its least value may be."""
+    side = (bend >= 0.0).select(1.0, -1.0)
+    is_beyond = (left > 0.0) & (side * value < 0.0)
+    ahead = side * (sign * rate) * taken
+    next_ = u - ahead / (abs(bend) * float(SECTION_PARTS**2))
+    part = 1.0 / SECTION_PARTS
+    next_ = larger(smaller(next_, smaller(middle + part, 1.0)), larger(middle - part, 0.0))
+    goes_on = (left > 0.0) & (side * value >= 0.0) & (next_ < inf)
+    return {
+        "u": goes_on.select(next_, u),
+        "left": goes_on.select(1.0, 0.0),
+        "found": is_beyond,
+        "half": (abs(value / bend) * 2.0).sqrt() * (1.0 / SECTION_PARTS),
+    }
+
+
+@_rule
+def BESIDE_LEAST(u, middle, half):
+    """Where both crossings beside a value at u beyond 0 may lie, and a guess."""
+    part = 1.0 / SECTION_PARTS + MARGIN
+    low, high = larger(middle - part, 0.0), smaller(middle + part, 1.0)
+    return {
+        "u_before": larger(u - half, 0.5 * (low + u)),
+        "low_before": low,
+        "high_before": u,
+        "u_after": smaller(u + half, 0.5 * (high + u)),
+        "low_after": u,
+        "high_after": high,
     }
 
 
@@ -818,8 +871,8 @@ def COUNTS(truth, up, direction, moment, latest, since):
     """Whether a crossing counts: not one that follows another at once, as where f slides."""
     way = (up > 0.5).select(1.0, -1.0) * direction
     counts = (truth > 0.0) & (way >= 0.0) & (moment > since)
-    counts = counts & (moment - latest > AT_ONCE * moment)
-    return {"counts": counts, "latest": (truth > 0.0).select(moment, latest)}
+    counts = counts & (abs(moment - latest) > AT_ONCE * moment)  # pairs follow in any order
+    return {"counts": counts, "latest": (truth > 0.0).select(larger(moment, latest), latest)}
 
 
 def _level(value, rate, is_above):

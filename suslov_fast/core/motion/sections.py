@@ -16,6 +16,13 @@ from .rows import State
 from .scope import weighted
 from .surfaces import put_point
 
+# Where the least of three values may lie, in parts from the middle one: nearest to that, or in the
+# first or last part of the step.
+_LIMITS = [
+    (-1.0 if part == 0 else -0.5, 1.0 if part == rules.SECTION_PARTS - 2 else 0.5)
+    for part in range(rules.SECTION_PARTS - 1)
+]
+
 
 def begin_sections(lines, begins):
     """Keep the values of surfaces where trajectories of these lanes begin, with their sides."""
@@ -48,10 +55,14 @@ def find_crossings(lines):
             known = lines.apply(rules.KNOWN, value=own[k], before=before[k])
             own[k], before[k] = known["value"], known["before"]
             found.some = known["differs"].select(1.0, found.some)
+            if part > 1:
+                dip = _dip(lines, (part - 2) * count + k, *_LIMITS[part - 2])
+                found.some = dip["dips"].select(1.0, found.some)
     crosses = accepted & (found.some > 0.0)
     with text.when(crosses.any(), likely=False):
         directions = _directions(lines)
         first = text.numbers(f"{lines.name}_first_parts", [part / parts for part in range(parts)])
+        limits = text.numbers(f"{lines.name}_limits_of_dips", _LIMITS)
         for k in text.each(count, most=0):
             # Where a solution slides all its crossings tell which of them count.
             direction = 0.0 if lines.f.conditions else directions[k]
@@ -59,8 +70,13 @@ def find_crossings(lines):
                 found = _first_after(lines, k, now.last, first, direction)
                 crosses = found.first < np.inf
                 with text.when(crosses.any(), likely=False):
-                    _find(lines, k, crosses, found)
+                    _find(lines, k, crosses, found, _nearer(lines, k, found))
                 now.last, now.goes_on = found.first, crosses.any()
+            for part in text.each(len(_LIMITS), most=0):
+                least = limits[part * 2], limits.after(1)[part * 2]
+                dip = _dip(lines, part * count + k, *least)
+                with text.when(dip["dips"].any(), likely=False):
+                    _find_pair(lines, k, dip, first[part] + 1.0 / parts)
 
 
 def _first_after(lines, k, last, first, direction):
@@ -78,6 +94,14 @@ def _first_after(lines, k, last, first, direction):
         for name, value in (inside | {"first": first[part]}).items():
             setattr(found, name, is_first.select(value, getattr(found, name)))
     return found
+
+
+def _dip(lines, i, first, last):
+    """Return what `rules.DIP` says of the values of a surface from row i on."""
+    values, count = lines.work.values, lines.half.changes.sections
+    a, b, c = (values.after(j * count)[i] for j in range(3))
+    inputs = {"a": a, "b": b, "c": c, "first": first, "last": last}
+    return lines.apply(rules.DIP, accepted=lines.work.accepted[0], **inputs)
 
 
 def record_jumps(lines, is_there):
@@ -115,35 +139,79 @@ def _rates(lines, x, f):
     lines.call("section_rates", work.pair, lines.table, work.rates)
 
 
-def _find(lines, k, crosses, found):
-    """Find crossings of surface k in parts of the step, and record them."""
-    text, line, work = lines.text, lines.line, lines.work
-    columns, p = (IMPLICIT, 1) if lines.half.is_implicit else (EXPLICIT, 2)
-    own, taken = weights(columns, p), work.taken[0]
-    up, sign = found.up, lines.number("sign")
+def _nearer(lines, k, found):
+    """Return the part of the step where the interpolation says that a crossing is."""
+    text, work = lines.text, lines.work
     bracket = {name: getattr(found, name) for name in ("u", "low", "high")}
     _restore_length(lines)
-    for now in text.rounds(Carried(**bracket, round=0)):  # where the interpolation says it is
+    for now in text.rounds(Carried(**bracket, round=0)):
         put_point(lines, now.u, work.start)
         lines.call("sections", work.start, lines.table, work.rates)
-        value = work.rates[k]
-        next_ = lines.apply(rules.NARROWED, value=value, up=up, u=now.u, low=now.low,
-                            high=now.high, a=found.a, b=found.b)  # fmt: skip
+        next_ = lines.apply(rules.NARROWED, value=work.rates[k], up=found.up, u=now.u,
+                            low=now.low, high=now.high, a=found.a, b=found.b)  # fmt: skip
         now.update(next_)
         now.round = now.round + 1
         now.goes_on = now.round < rules.GUESSES
-    bracket["u"], left = now.u, crosses.select(1.0, 0.0)
+    return now.u
+
+
+def _find_pair(lines, k, dip, middle):
+    """Find both crossings of surface k beside its least value, if that lies beyond 0."""
+    text, part = lines.text, 1.0 / rules.SECTION_PARTS
+    begin = {"u": middle + part * dip["place"], "left": dip["dips"].select(1.0, 0.0)}
+    for now in text.rounds(Carried(**begin, deep=0.0, half=0.0, value=0.0, round=0)):
+        value, rate = _step_to(lines, k, now.u, now.left)
+        inputs = {"value": value, "rate": rate, "bend": dip["bend"], "middle": middle}
+        found = lines.apply(rules.DEEPER, u=now.u, left=now.left, **inputs)
+        is_found = found["found"]
+        now.deep = is_found.select(1.0, now.deep)
+        now.half = is_found.select(found["half"], now.half)
+        now.value = is_found.select(value, now.value)
+        now.u, now.left = found["u"], found["left"]
+        now.round = now.round + 1
+        now.goes_on = (now.left > 0.0).any() & (now.round < rules.LOWER)
+    crosses, value = now.deep > 0.0, now.value
+    up = (dip["bend"] > 0.0).select(0.0, 1.0)
+    ends = lines.apply(rules.BESIDE_LEAST, middle=middle, u=now.u, half=now.half)
+    before, after = ({key: ends[f"{key}_{side}"] for key in ("u", "low", "high")}
+                     for side in ("before", "after"))  # fmt: skip
+    with text.when(crosses.any()):
+        for now in text.rounds(Carried(**before, up=up, a=value, b=value, round=0)):
+            _find(lines, k, crosses, now, now.u)
+            now.update(after)
+            now.up = 1.0 - up
+            now.round = now.round + 1
+            now.goes_on = now.round < 2
+
+
+def _step_to(lines, k, u, left):
+    """Take a step to a part u of this one; return the value of surface k there, and its rate.
+
+    The state is in `start`, and its rates in `f`, of the lanes that are left.
+    """
+    work, line = lines.work, lines.line
+    columns, p = (IMPLICIT, 1) if lines.half.is_implicit else (EXPLICIT, 2)
+    own, sign = weights(columns, p), lines.number("sign")
+    work.signed[0] = (left > 0.0).select(sign * (u * work.taken[0]), 0.0)
+    lines.columns(line.x, line.f, len(columns))
+    for i in lines.text.each(lines.D):
+        new = line.x[i] + weighted(own, lines.of_columns(work.ends, i))
+        work.start[i] = new
+    lines.call("f", work.start, lines.table, work.f)
+    _rates(lines, work.start, work.f)
+    return work.rates[k * 2], work.rates.after(1)[k * 2]
+
+
+def _find(lines, k, crosses, found, u):
+    """Find crossings of surface k in parts of the step, and record them; u is a guess."""
+    text, work, taken = lines.text, lines.work, lines.work.taken[0]
+    up, sign = found.up, lines.number("sign")
+    bracket = {"u": u, "low": found.low, "high": found.high}
+    left = crosses.select(1.0, 0.0)
     work.moment[0] = 0.0
     work.ok[0] = 0.0
     for now in text.rounds(Carried(**bracket, left=left, round=0)):
-        work.signed[0] = (now.left > 0.0).select(sign * (now.u * taken), 0.0)
-        lines.columns(line.x, line.f, len(columns))
-        for i in text.each(lines.D):
-            new = line.x[i] + weighted(own, lines.of_columns(work.ends, i))
-            work.start[i] = new
-        lines.call("f", work.start, lines.table, work.f)
-        _rates(lines, work.start, work.f)
-        value, rate = work.rates[k * 2], work.rates.after(1)[k * 2]
+        value, rate = _step_to(lines, k, now.u, now.left)
         inputs = {"value": value, "rate": rate, "up": up, "taken": taken, "start": work.t[0]}
         inputs |= {"a": found.a, "b": found.b}
         result = lines.apply(rules.NEWTON, **inputs, **{name: getattr(now, name) for name in

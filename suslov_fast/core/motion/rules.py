@@ -780,11 +780,11 @@ def DIP(a, b, c, first, last, accepted):
     side = (b >= 0.0).select(1.0, -1.0)
     before, here, after = side * a, side * b, side * c
     slope, bend = 0.5 * (after - before), (before - here) + (after - here)
-    place = -slope / bend
-    least = here + 0.5 * (slope * place)
-    dips = (before >= 0.0) & (after >= 0.0) & (accepted > 0.0) & (least <= CLOSE * bend)
-    dips = dips & (bend > 0.0) & (bend < inf) & (place >= first) & (place < last)
-    return {"dips": dips, "place": place, "bend": side * bend}
+    # Where they come near 0: here - slope**2 / (2 * bend) <= CLOSE * bend, without a division.
+    is_near = bend * (here - CLOSE * bend) <= 0.5 * (slope * slope)
+    is_inside = (-slope >= first * bend) & (-slope < last * bend)
+    dips = (before >= 0.0) & (after >= 0.0) & (bend > 0.0) & is_inside & is_near & (accepted > 0.0)
+    return {"dips": dips & (bend < inf), "place": -slope / bend, "bend": side * bend}
 
 
 @_rule

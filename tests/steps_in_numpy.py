@@ -12,7 +12,7 @@ from functools import singledispatch
 import numpy as np
 
 from suslov_fast.core.lists.dense import DenseRightHandSide
-from suslov_fast.core.lists.hidden import POINTS
+from suslov_fast.core.lists.hidden import MIDDLE, POINTS
 from suslov_fast.core.lists.sparse import Head
 from suslov_fast.core.lists.step import evaluate
 from suslov_fast.core.lists.tables import is_table
@@ -283,8 +283,16 @@ class StepsInNumPy:
     def _solve(self, factors, right):
         return carried_out(self.half.functions["solve"], [*factors, *right])
 
+    def _surfaces(self, x):
+        """Return the values of the surfaces at states (watched, lanes)."""
+        f, values = self.f, dict(enumerate(x))
+        values |= {number: self.table[place] for number, place in self.half.block.places.items()}
+        evaluate(f.watched.operations, values)
+        found = [a if isinstance(a, float) else values[a] for a in f.watched.results]
+        return np.array([np.broadcast_to(a, x.shape[1:]) for a in found])
+
     def _watch(self, before, after):
-        """Return what `watch` finds between two states (watched, lanes)."""
+        """Return what `watch` finds between two points, from the values of surfaces there."""
         return of_list(self.f.watch, [*before, *after, *self.table])
 
     @staticmethod
@@ -449,7 +457,7 @@ class StepsInNumPy:
         rule, rates = rules.POINT, {"signed": signed, "f": f, "f_new": f_new}
         if self.half.is_implicit:
             rule, rates = rules.POINT_IMPLICIT, {}
-        elif self.half.hidden:
+        elif self.half.has_quartic:
             rule = rules.POINT_WITH_QUARTIC
             rates["quartic"] = self._quartic(states, signed)[: len(x)]
         points = [x]
@@ -458,8 +466,9 @@ class StepsInNumPy:
             points.append(np.broadcast_to(point, x.shape))
         points.append(new)
         parts, ends = dict.fromkeys(("crossed", "place", "end"), 0.0), (0.0, *POINTS)
+        surfaces = [self._surfaces(point) for point in points]
         for k, u in enumerate(POINTS):
-            part, crosses, *_ = self._watch(*points[k : k + 2])
+            part, crosses, *_ = self._watch(*surfaces[k : k + 2])
             own = {"part": part, "crosses": crosses, "u": u, "width": u - ends[k], "taken": taken}
             parts = self._apply(rules.LOOK, **own, **parts)
             far[:] = np.where(is_far & (parts.pop("is_first") > 0.0), points[k + 1], far)
@@ -467,12 +476,12 @@ class StepsInNumPy:
         found["goal"] = self.motion.numbers[NUMBER.last]
         if self.half.hidden:
             rtol = np.full(len(taken), self.motion.numbers[NUMBER.rtol])
-            rows = [*np.concatenate(points), rtol, *self.table]
+            rows = [*np.concatenate(surfaces), *points[MIDDLE], rtol, *self.table]
             found["hidden"], found["twice"] = of_list(self.half.hidden, rows)
             found["known"] = taken if self.f.hidden[True] else np.inf
-        part, *_ = self._watch(new, far)
-        whole_part, crosses, jumps, *kinks = self._watch(x, new)
-        if self.half.hidden and not self.half.is_implicit:
+        part, *_ = self._watch(surfaces[-1], self._surfaces(far))
+        whole_part, crosses, jumps, *kinks = self._watch(surfaces[0], surfaces[-1])
+        if self.half.has_quartic:
             found["starts"] = np.where(found["twice"] > 0.0, 1.0, crosses)
         inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
         found = self._apply(rules.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)

@@ -50,29 +50,21 @@ def choices_of(kind):
 def watch_of(f, kinds, jumps):
     """Return the `List` that finds where a straight line from x to y crosses surfaces of f first.
 
-    Values 0 to D - 1 are x, the next D are y, and those of the table follow, where the choices
+    Values are those of the surfaces at x, those at y, and those of the table, where the choices
     stand after the parameters. Results are the part of the line before a surface, which is 1 where
     none is crossed; 1 where one is crossed, else 0; 1 where f jumps there; and the choices of kinks
     at y, for a table its argument. `kinds` are those of `Conditions`, and `jumps` the number of
     surfaces where f jumps.
 
-    The last surfaces of f are those of changes, whose sides and levels, see `Rows`, follow y; with
-    both the last result is 1 where one of f is crossed.
+    The last surfaces are those of changes, whose sides and levels, see `Rows`, follow y; with both
+    the last result is 1 where one of f is crossed.
     """
-    D, choice_number = f.D, f.D + f.P - sum(map(choices_of, kinds))
-    side, of_changes = 2 * D, f.changes.surfaces if f.changes else 0
+    choice_number, count = f.D + f.P - sum(map(choices_of, kinds)), len(f.watched.results)
+    side, of_changes = 2 * count, f.changes.surfaces if f.changes else 0
     first = side + 2 * of_changes
     of_table = {number: first + place for number, place in f.places.items()}
     values = Values(first + len(f.table), ())
-    ends = []
-    for begin in (0, D):
-        new = {i: begin + i for i in range(D)} | of_table
-        for name, number, operands in f.surfaces.operations:
-            of = (a if isinstance(a, float) else new[a] for a in operands)
-            new[number] = values.emit(name, *of)
-        results = f.surfaces.results[: len(kinds) + of_changes]
-        results = (a if isinstance(a, float) else new[a] for a in results)
-        ends.append([Number(values.emit, a) for a in results])
+    ends = [[Number(values.emit, begin + k) for k in range(count)] for begin in (0, count)]
     changes, now, part = [], [], 1.0
     for kind, a, b in zip([*kinds, *["side"] * of_changes], *ends, strict=True):
         if kind == "side":
@@ -154,7 +146,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
         f = RightHandSide(values, results, P, by, on_surfaces, kept=kept, twice=twice)
         f.changes, f.offsets = changes, offsets
         if on_surfaces:
-            f.watch, f.hidden = watch_of(f, [], 0), hidden_of(f, [], 0, [])
+            _watch(f, [], 0, [])
         return f
     first = D + P
     counts = [choices_of(kind) for kind in kinds.values()]
@@ -217,12 +209,18 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     f.steady, f.clocks = plain.steady, plain.clocks
     places, found = [k for k, number in enumerate(kinds) if number in shifts], [*kinds.values()]
     f.changes, f.offsets = changes, offsets
-    f.watch = watch_of(f, found, len(jumps))
-    f.hidden = hidden_of(f, found, len(jumps), [*choices.values()])
+    _watch(f, found, len(jumps), [*choices.values()])
     f.choices = _choices(tests, found, len(jumps), [truths[a] for a in kinds], first)
     f.derived = _derived(f, range(first, first + counts_of_jumps))
     f.conditions = Conditions(found, len(jumps), P, places)
     return f
+
+
+def _watch(f, kinds, jumps, choices):
+    """Add to f what finds crossings of its surfaces: those of `kinds`, and those of changes."""
+    results = f.surfaces.results[: len(kinds) + (f.changes.surfaces if f.changes else 0)]
+    f.watched = List(needed_for(f.surfaces.operations, results), results)
+    f.watch, f.hidden = watch_of(f, kinds, jumps), hidden_of(f, kinds, jumps, choices)
 
 
 def _derived(f, choices):

@@ -13,7 +13,8 @@ class DenseRightHandSide:
     """
 
     is_dense, changes, offsets = True, None, {}
-    conditions, watch, hidden = None, None, (None, None)
+    conditions = watched = watch = None
+    hidden = None, None
     clocks = of_one_sign = denominators = ()
     fixed = ()
 

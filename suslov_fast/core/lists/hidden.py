@@ -14,6 +14,7 @@ compared tells nothing, either: no step becomes shorter for less. Within ROUNDIN
 crossed, as where a temperature comes to that of a room.
 """
 
+from itertools import zip_longest
 from math import inf, prod
 
 from .numbers import Number, larger, smaller
@@ -24,7 +25,7 @@ from .tables import LARGEST, is_table
 POINTS = 0.23, 0.49, 0.76, 1.0  # not even: waves whose period is a part of a step would hide
 OF_ERROR, ROUNDING, TINY, MOST = 16.0, 2.0**-40, 2.0**-1000, 1e4
 _ENDS = 0.0, *POINTS
-_MIDDLE = 2
+MIDDLE = 2
 
 
 def hidden_of(f, kinds, jumps, choices):
@@ -35,40 +36,38 @@ def hidden_of(f, kinds, jumps, choices):
     clocks and, within implicit steps, where states are not known, all that depend on them. For
     kinks that depend on states, near which a fast mode may stay, no step becomes shorter.
     """
-    results, count = f.surfaces.results, f.changes.surfaces if f.changes else 0
-    degrees, by_states = _degrees(f), _by_states(f)
+    results, (degrees, by_states) = f.watched.results, (_degrees(f), _by_states(f))
     kinks = {*results[jumps : len(kinds)]} & by_states
-    own = [*zip(results, kinds, choices, strict=False)]
-    own += [(a, "", 0) for a in results[len(kinds) : len(kinds) + count]]
-    own = [(a, *of) for a, *of in own if not (isinstance(a, float) or a in degrees)]
-    own = [each for each in own if each[1] != "oeq"]  # which holds at the surface alone
-    of_clocks = [each for each in own if each[0] not in by_states]
-    return tuple(_list_of(f, each, by_states, kinks) for each in (own, of_clocks))
+    own = [*enumerate(zip_longest(results, kinds, choices))]
+    own = [(k, *of) for k, of in own if not (isinstance(of[0], float) or of[0] in degrees)]
+    own = [each for each in own if each[2] != "oeq"]  # which holds at the surface alone
+    of_clocks = [each for each in own if each[1] not in by_states]
+    found = _list_of(f, of_clocks, by_states, kinks)
+    return found if own == of_clocks else _list_of(f, own, by_states, kinks), found
 
 
 def _list_of(f, own, by_states, kinks):
     """Return the `List` of what values of surfaces tell, None if there are `kinks` alone.
 
     Results are the largest e / |m|, at most MOST, which it is where the parabolas alone tell of two
-    crossings, and 1 where the points do, else 0. Values are five states, one after the other, rtol,
-    and those of the table.
+    crossings, and 1 where the points do, else 0. Values are those of the surfaces at five points,
+    the state at the middle one, rtol, and those of the table.
     """
-    if not {a for a, *_ in own} - kinks:
+    if not {a for _, a, *_ in own} - kinks:
         return None
-    D, rtol = f.D, len(_ENDS) * f.D
+    count = len(f.watched.results)
+    middle, rtol = len(_ENDS) * count, len(_ENDS) * count + f.D
     of_table = {number: rtol + 1 + place for number, place in f.places.items()}
     values = Values(rtol + 1 + len(f.table), ())
-    states = [{i: k * D + i for i in range(D)} | of_table for k in range(len(_ENDS))]
-    for new in states:
-        for name, number, operands in f.surfaces.operations:
-            of = (a if isinstance(a, float) else new[a] for a in operands)
-            new[number] = values.emit(name, *of)
-    sizes = _sizes(values.emit, f.surfaces.operations, states[_MIDDLE])
-    largest, some = 0.0, 0.0
-    for a, kind, choice in own:
-        points = [Number(values.emit, new[a]) for new in states]
+    state = {i: middle + i for i in range(f.D)} | of_table
+    for name, number, operands in f.watched.operations:
+        of = (a if isinstance(a, float) else state[a] for a in operands)
+        state[number] = values.emit(name, *of)
+    sizes, largest, some = _sizes(values.emit, f.watched.operations, state), 0.0, 0.0
+    for k, a, kind, choice in own:
+        points = [Number(values.emit, n * count + k) for n in range(len(_ENDS))]
         surfaces = [points]
-        if is_table(kind) or kind == "floor":
+        if kind == "floor" or is_table(kind):
             low = Number(values.emit, of_table[choice])
             high = Number(values.emit, of_table[choice + 1]) if is_table(kind) else low + 1.0
             surfaces = [[s - low for s in points], [high - s for s in points]]
@@ -84,7 +83,7 @@ def _list_of(f, own, by_states, kinks):
 def _told(points, rounding, tells_nothing):
     """Return e / |m| of one surface, and 1 where the points tell that it is crossed twice."""
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
-    sign = (agree.select(points[-1], points[_MIDDLE]) >= 0.0).select(1.0, -1.0)
+    sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)
     points = [sign * s for s in points]
     inside = least = smaller(smaller(points[1], points[2]), points[3])
     for k in range(3):
@@ -95,12 +94,12 @@ def _told(points, rounding, tells_nothing):
         place = slope / (bend * -2.0)
         is_inside = (bend > 0.0) & (place > u - v) & (place < w - v)
         least = is_inside.select(smaller(s + 0.5 * (slope * place), least), least)
-    others = [k for k in range(len(_ENDS)) if k != _MIDDLE]
+    others = [k for k in range(len(_ENDS)) if k != MIDDLE]
     guess = 0.0
     for k in others:
-        weight = prod((_ENDS[_MIDDLE] - _ENDS[j]) / (_ENDS[k] - _ENDS[j]) for j in others if j != k)
+        weight = prod((_ENDS[MIDDLE] - _ENDS[j]) / (_ENDS[k] - _ENDS[j]) for j in others if j != k)
         guess = guess + weight * points[k]
-    error = OF_ERROR * abs(points[_MIDDLE] - guess)
+    error = OF_ERROR * abs(points[MIDDLE] - guess)
     error = (error < inf).select(error, 0.0)
     below = -(error + rounding)
     ratio = smaller(error / larger(larger(abs(least), tells_nothing), TINY), MOST)
@@ -124,7 +123,7 @@ def _sizes(emit, operations, state):
 def _degrees(f):
     """Return the degrees, 0 or 1, of values that are linear in clocks."""
     degrees = dict.fromkeys(f.table, 0) | dict.fromkeys(f.steady, 1)
-    for name, number, operands in f.surfaces.operations:
+    for name, number, operands in f.watched.operations:
         of = [0 if isinstance(a, float) else degrees.get(a, 2) for a in operands]
         if name == "fmul":
             degree = sum(of)
@@ -142,7 +141,7 @@ def _degrees(f):
 def _by_states(f):
     """Return the numbers of values that depend on components that are no clocks."""
     found = {*range(f.D)}.difference(f.steady)
-    for _, number, operands in f.surfaces.operations:
+    for _, number, operands in f.watched.operations:
         if any(a in found for a in operands if not isinstance(a, float)):
             found.add(number)
     return found

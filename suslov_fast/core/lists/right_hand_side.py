@@ -183,6 +183,7 @@ class RightHandSide:
     slopes       `List` of derivatives of the surfaces on which f jumps, by components j, and by the
                  parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
     conditions, watch, hidden, choices, derived   see `conditions`; None where f has none
+    watched      `List` of the surfaces whose crossings end steps, or None
     offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
     changes      `Changes` of the state along the motion, or None
     key          what tells this right-hand side from others
@@ -239,7 +240,7 @@ class RightHandSide:
         self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, changes, offsets = False, None, {}
-    conditions = watch = choices = derived = None
+    conditions = watched = watch = choices = derived = None
     hidden = None, None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
@@ -247,7 +248,15 @@ class RightHandSide:
     @functools.cached_property
     def key(self):
         """What tells the lists of this right-hand side from those of others."""
-        lists = self.f, self.fixed, self.derivative, self.pattern, self.watch, self.second
+        lists = (
+            self.f,
+            self.fixed,
+            self.derivative,
+            self.pattern,
+            self.watched,
+            self.watch,
+            self.second,
+        )
         lists += self.hidden, self.choices, self.slopes, self.slope_places
         kinds = None if self.conditions is None else self.conditions.kinds
         return repr((self.D, self.table, kinds, *lists, self.changes))

@@ -46,7 +46,9 @@ class Half:
     beside       the rule for a state that differs by rounding, None without a second trial
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
+    watched      how many components surfaces are functions of, `surfaces` how many there are
     hidden       the list of `f.hidden` for this half
+    has_quartic  whether states within a step have to be known well for it
     changes      `Changes` of the state, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
@@ -92,15 +94,11 @@ class Half:
         if self.sets:
             for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
                 self.functions[name] = self._rates(components)
-        if self.watched:
-            rows = 2 * self.block.D + 2 * (f.changes.surfaces if f.changes else 0)
-            places = {rows + k: k for k in range(len(self.block.table))}
-            self.functions["watch"] = of_list(f.watch, rows, places, LONGEST_OF_CONDITIONS)
+        self.surfaces = len(f.watched.results) if self.watched else 0
         self.hidden = f.hidden[is_implicit]
-        if self.hidden:
-            rows = (1 + len(POINTS)) * self.block.D + 1
-            places = {rows + k: k for k in range(len(self.block.table))}
-            self.functions["hidden"] = of_list(self.hidden, rows, places, LONGEST_OF_CONDITIONS)
+        self.has_quartic = self.hidden is not f.hidden[True]
+        if self.watched:
+            self._add_surfaces()
         if c:
             self._add_changes()
         of_choices = self._add_choices() if f.conditions else [0] * 6
@@ -112,8 +110,7 @@ class Half:
         apart, nodes = (1, 0) if is_implicit else (columns, 6)
         self.numbers = len(self.table_of(np.zeros(len(f.table))))
         sizes = D, extended, columns, apart, nodes, entries, factors
-        hidden = self.watched if self.hidden else 0
-        others = self.couplings * is_implicit, hidden, self.watched, len(self.kinks)
+        others = self.couplings * is_implicit, self.watched, self.surfaces, len(self.kinks)
         others = *others, self._sizes_of_changes(), of_choices, scratch
         self.work = work_of(self.rows.size, self.numbers, *sizes, *others)
 
@@ -136,6 +133,19 @@ class Half:
         of_base += [f.before - (f.q - c) * block.D + i for c in range(f.q) for i in own]
         of_base += [f.before + k for k in entries]
         return Tangents(f, part_of(f.base, of_base), part_of(_product(block), own), own)
+
+    def _add_surfaces(self):
+        """Add the functions of surfaces whose crossings end steps."""
+        f, D, most = self.f, self.block.D, LONGEST_OF_CONDITIONS
+        sides = 2 * (f.changes.surfaces if f.changes else 0)
+        rows = 2 * self.surfaces + sides, (1 + len(POINTS)) * self.surfaces + D + 1
+        self.functions["surfaces"] = of_list(f.watched, D, self.block.places, most)
+        for name, list_, first in zip(
+            ("watch", "hidden"), (f.watch, self.hidden), rows, strict=True
+        ):
+            if list_:
+                places = {first + k: k for k in range(len(self.block.table))}
+                self.functions[name] = of_list(list_, first, places, most)
 
     def _add_changes(self):
         """Add the functions of changes."""

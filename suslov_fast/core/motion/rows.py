@@ -138,10 +138,11 @@ class Work(NamedTuple):
     fallen: int  # 1 where a component may be low, see `rules.LOW`
     at_surface: int  # 1 where the step ends on a surface, else 0
     jumped: int  # 1 where f may have jumped there
-    points: int  # states at the beginning of a step and at POINTS of it (5 watched), and rtol
+    points: int  # surfaces at the beginning of a step and at POINTS of it, and what `hidden` needs
+    point: int  # the state at such a point (watched)
     quartic: int  # what polynomials of degree 4 have there beside cubics (watched)
     told: int  # what `hidden` tells of them (2)
-    between: int  # two states, between which surfaces are crossed or not (2 watched)
+    between: int  # surfaces at two points, between which they are crossed or not
     sides: int  # what `Rows.side` holds (2 surfaces)
     seen: int  # what `watch` finds there (4 + kinks)
     changed: int  # what functions of changes return (D)
@@ -169,8 +170,8 @@ class Work(NamedTuple):
 
 
 def work_of(
-    rows, numbers, D, denominators, columns, apart, nodes, entries, factors, couplings, hidden,
-    watched, kinks, of_changes, of_choices, scratch,
+    rows, numbers, D, denominators, columns, apart, nodes, entries, factors, couplings, watched,
+    surfaces, kinks, of_changes, of_choices, scratch,
 ):  # fmt: skip
     """Return the rows of `Work`.
 
@@ -180,8 +181,8 @@ def work_of(
     extended = D + denominators
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
              nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 1, 1, 1,
-             5 * hidden + 1, hidden, 2, 2 * watched, of_changes[0], 4 + kinks,
-             *of_changes[1:10], *of_choices, *of_changes[10:], scratch]  # fmt: skip
+             5 * surfaces + watched + 1, watched, watched, 2, 2 * surfaces, of_changes[0],
+             4 + kinks, *of_changes[1:10], *of_choices, *of_changes[10:], scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

@@ -14,7 +14,7 @@ import itertools
 import numpy as np
 
 from ..code.text import Carried
-from ..lists.hidden import POINTS
+from ..lists.hidden import MIDDLE, POINTS
 from . import rules
 
 
@@ -22,51 +22,55 @@ def cut(lines, before, total):
     """Take a step again that crosses a surface, or is on the way to one, with a better length."""
     text, line, work, watched = lines.text, lines.line, lines.work, lines.half.watched
     taken = work.taken[0]
-    pair, point, seen = work.between, work.between.after(watched), work.seen
-    x, far, new = line.x, line.far, work.new
+    count, pair, point, points = lines.half.surfaces, work.between, work.point, work.points
+    x, far, new, seen = line.x, line.far, work.new, work.seen
+
+    def value(state, to):
+        lines.call("surfaces", state, lines.table, to)
 
     def look(*names):
         lines.call("watch", pair, lines.table, seen)
         return {name: seen[k] for k, name in enumerate(names)}
 
-    def keep_far(truth):
+    def keep_far(truth, state):
         for i in text.each(watched):
-            far.put_chosen(i, truth.select(point[i], far[i]))
+            far.put_chosen(i, truth.select(state[i], far[i]))
 
-    text.copy(x, pair, watched)
+    value(x, points)
     if lines.half.changes and lines.half.changes.surfaces:
         text.copy(line.side, work.sides, 2 * lines.half.changes.surfaces)
     parts = dict.fromkeys(("crossed", "place", "end"), text.value(0.0))
     outer = line.outer[0]
     is_far = ~(outer < np.inf)
     hidden, quartic = lines.half.hidden is not None, None
-    if hidden:
-        text.copy(x, work.points, watched)
-        if not lines.half.is_implicit:
-            quartic = work.quartic
-            _find_quartic(lines)
+    middle = points.after((1 + len(POINTS)) * count)
+    if lines.half.has_quartic:
+        quartic = work.quartic
+        _find_quartic(lines)
     for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
+        state = point if end < 1.0 else new
         if end < 1.0:
             put_point(lines, text.value(end), point, quartic)
-        else:
-            text.copy(new, point, watched)
-        if hidden:
-            text.copy(point, work.points.after(k * watched), watched)
+        value(state, points.after(k * count))
+        if hidden and k == MIDDLE:
+            text.copy(point, middle, watched)
+        text.copy(points.after((k - 1) * count), pair, 2 * count)
         inputs = look("part", "crosses") | parts | {"u": end, "width": end - begin}
         parts = lines.apply(rules.LOOK, taken=taken, **inputs)
-        keep_far((parts.pop("is_first") > 0.0) & is_far)
-        text.copy(point, pair, watched)
+        keep_far((parts.pop("is_first") > 0.0) & is_far, state)
     inputs = {"total": total, "before": before, "taken": taken}
     inputs |= parts | {"mode": lines.mode, "goal": lines.goal().get("last", lines.number("last"))}
-    text.copy(far, point, watched)
+    of_new = points.after(len(POINTS) * count)
+    text.copy(of_new, pair, count)
+    value(far, pair.after(count))
     inputs |= look("part")
-    text.copy(x, pair, watched)
-    text.copy(new, point, watched)
+    text.copy(points, pair, count)
+    text.copy(of_new, pair.after(count), count)
     inputs |= look("whole_part", "crosses", "jumps")
     inputs |= {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0, "known": np.inf}
     if hidden:
-        work.points[(1 + len(POINTS)) * watched] = lines.number("rtol")
-        lines.call("hidden", work.points, lines.table, work.told)
+        middle[watched] = lines.number("rtol")
+        lines.call("hidden", points, lines.table, work.told)
         inputs |= {"hidden": work.told[0], "twice": work.told[1]}
         if lines.f.hidden[True] is not None:  # a longer step may fit the periods of a clock
             inputs["known"] = taken
@@ -76,7 +80,7 @@ def cut(lines, before, total):
     if lines.half.changes and lines.half.changes.surfaces:
         rule, inputs = rules.CUT_WITH_AIM, inputs | _aim(lines, inputs, is_far)
     found = lines.apply(rule, **inputs)
-    keep_far(found.pop("beyond") > 0.0)
+    keep_far(found.pop("beyond") > 0.0, new)
     own = "at_surface", "jumped", "accepted", "served"
     lines.keep(work, {name: found.pop(name) for name in own})
     lines.keep(line, found)

@@ -56,6 +56,16 @@ def test_peaks_of_an_oscillator(c, rtol):
     np.testing.assert_allclose(motion.x[0, :, 0], expected, atol=200 * rtol / np.sqrt(1 - c))
 
 
+@pytest.mark.parametrize("c", [0.99, 0.999, 0.9999])
+def test_kinks_at_peaks_of_an_oscillator(c):
+    f = field(lambda s, c: (np.maximum(s[1] - c, 0.0), s[2], -s[1]), "y x v", c=c)
+    p = RNG.uniform(-1.0, 1.0, 100)
+    x0 = np.stack([0 * p, np.sin(p), np.cos(p)], 1)
+    motion = sf.flow(f, x0, time=8 * np.pi, stiff=False)
+    expected = 8 * (np.sqrt(1 - c * c) - c * np.arccos(c))
+    np.testing.assert_allclose(motion.x[0, :, 0], expected, atol=2e-7)
+
+
 def test_changes_at_peaks():
     """One is added at each peak of a clock's sine, and of an oscillator, by two surfaces."""
     f = field(lambda s: (0.0, 1.0, s[3], -s[2]), "n t x v")

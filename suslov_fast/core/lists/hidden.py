@@ -10,8 +10,9 @@ the least of the three values inside and of the parabolas through three neighbou
 - m > e tells that it is not crossed.
 
 A state is known within its tolerance, so that a distance of a part rtol of the numbers that are
-compared tells nothing, either: no step becomes shorter for less. Within ROUNDING of them nothing is
-crossed, as where a temperature comes to that of a room.
+compared tells nothing, either: no step becomes shorter for less. Beyond a kink, where f bends, it
+is rtol**(3/4): there a motion is for a part that is the root of it, and misses less than rtol.
+Within ROUNDING of the numbers nothing is crossed, as where a temperature comes to that of a room.
 """
 
 from itertools import zip_longest
@@ -33,8 +34,7 @@ def hidden_of(f, kinds, jumps, choices):
 
     `choices` are the numbers of the choices of `kinds`, of which the first `jumps` are those of
     surfaces where f jumps; the surfaces of changes follow. Left out are surfaces that are linear in
-    clocks and, within implicit steps, where states are not known, all that depend on them. For
-    kinks that depend on states, near which a fast mode may stay, no step becomes shorter.
+    clocks and, within implicit steps, where states are not known, all that depend on them.
     """
     results, (degrees, by_states) = f.watched.results, (_degrees(f), _by_states(f))
     kinks = {*results[jumps : len(kinds)]} & by_states
@@ -47,13 +47,13 @@ def hidden_of(f, kinds, jumps, choices):
 
 
 def _list_of(f, own, by_states, kinks):
-    """Return the `List` of what values of surfaces tell, None if there are `kinks` alone.
+    """Return the `List` of what values of surfaces tell, None if there are none.
 
     Results are the largest e / |m|, at most MOST, which it is where the parabolas alone tell of two
     crossings, and 1 where the points do, else 0. Values are those of the surfaces at five points,
     the state at the middle one, rtol, and those of the table.
     """
-    if not {a for _, a, *_ in own} - kinks:
+    if not own:
         return None
     count = len(f.watched.results)
     middle, rtol = len(_ENDS) * count, len(_ENDS) * count + f.D
@@ -72,10 +72,13 @@ def _list_of(f, own, by_states, kinks):
             high = Number(values.emit, of_table[choice + 1]) if is_table(kind) else low + 1.0
             surfaces = [[s - low for s in points], [high - s for s in points]]
         rounding = ROUNDING * sizes[a]
-        tells_nothing = Number(values.emit, rtol) * sizes[a] if a in by_states else rounding
+        tells_nothing = rounding
+        if a in by_states:
+            root = Number(values.emit, rtol).sqrt()
+            tells_nothing = (root * root.sqrt() if a in kinks else root * root) * sizes[a]
         for each in surfaces:
             ratio, twice = _told(each, rounding, tells_nothing)
-            largest, some = largest if a in kinks else larger(ratio, largest), larger(twice, some)
+            largest, some = larger(ratio, largest), larger(twice, some)
     results = [largest.number, some.number]
     return List(needed_for(values.operations, results), results)
 

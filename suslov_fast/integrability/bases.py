@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..bodies.base import Body
 from ..keywords import public
 from . import arithmetic
 from .arguments import exponents_of
@@ -73,7 +74,7 @@ class HKBasis:
 
 @public
 def hk_bases(
-    map: RationalMap,
+    map: RationalMap | Body,
     monomials: int | Sequence[Sequence[int]],
     *,
     point: Any = None,

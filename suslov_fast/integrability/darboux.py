@@ -14,6 +14,7 @@ from typing import Any
 
 import flint
 
+from ..bodies.base import Body
 from ..checks import integer
 from ..keywords import public
 from . import arithmetic
@@ -57,7 +58,7 @@ def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
 
 
 @public
-def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
+def cofactors(map: RationalMap | Body, degree: int) -> tuple[RationalFunction, ...]:
     """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
 
     They are constants times products of powers of the factors of det DPhi and of the map's

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from ..bodies.base import Body
 from ..checks import integer
 from ..keywords import public
 from . import arithmetic
@@ -21,7 +22,7 @@ from .polynomials import Polynomials, renamed, sort_key
 
 
 @public
-def darboux_polynomials(map: RationalMap, degree: int, cofactor: Any = None) -> Polynomials:
+def darboux_polynomials(map: RationalMap | Body, degree: int, cofactor: Any = None) -> Polynomials:
     """Find the polynomials P with P(map(x)) = C(x) P(x) of any cofactor C, or of a given one.
 
     Quotients of two such polynomials with one C are first integrals; 1 / P with C = det DPhi is the

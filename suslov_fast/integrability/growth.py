@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import flint
 import numpy as np
 
+from ..bodies.base import Body
 from ..checks import integer, short, wrong
 from ..keywords import public
 from .arithmetic import DRAWS, random_prime
@@ -24,7 +25,7 @@ from .polynomials import random_line
 
 
 @public
-def degrees(map: RationalMap, n: int) -> list[int]:
+def degrees(map: RationalMap | Body, n: int) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
     The degree is the largest of those of the numerators and their common denominator, without

@@ -266,7 +266,7 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     return KahanMap(exact, None if eps is None else constant("eps", eps, decimals))
 
 
-def checked_map(map: Any) -> Any:
+def checked_map(map: RationalMap | Body) -> RationalMap:
     """Return a map, or the Kahan map of a field or a body with a symbolic eps, after a check."""
     checked = kahan(map) if isinstance(map, Body) else map
     check_map(checked)

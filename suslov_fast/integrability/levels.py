@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..bodies.base import Body
 from ..keywords import public
 from .kahan import checked_map
 from .maps import RationalMap
@@ -13,7 +14,7 @@ from .surfaces import Level, level_of
 
 @public
 def on_level(
-    map: RationalMap, integrals: Any = None, *, point: Any = None, letter: str = "h"
+    map: RationalMap | Body, integrals: Any = None, *, point: Any = None, letter: str = "h"
 ) -> Level:
     """Restrict a map of D variables to a level of D - 2 first integrals.
 

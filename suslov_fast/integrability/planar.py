@@ -16,6 +16,7 @@ from typing import Any
 import flint
 import numpy as np
 
+from ..bodies.base import Body
 from ..checks import wrong
 from ..keywords import public
 from .contracted import Passage, Plane, is_proved, passages_across
@@ -108,7 +109,7 @@ class PlanarEntropy:
 
 
 @public
-def planar_entropy(map: RationalMap) -> PlanarEntropy:
+def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     """Find the algebraic entropy of a birational map of the plane from its singularities.
 
     The map contracts some curves to points. If the orbit of such a point comes to a point without

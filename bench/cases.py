@@ -244,7 +244,7 @@ AT_ERRORS = {
     "order4": (OURS, "", work.by_order, "order4", {1e-3: 22, 1e-6: 123, 1e-9: 687}),
     "order6": (OURS, "", work.by_order, "order6", {1e-3: 13, 1e-6: 34, 1e-9: 104}),
     "order8": (OURS, "", work.by_order, "order8", {1e-3: 10, 1e-6: 20, 1e-9: 44}),
-    "flow": (OURS, "`flow`", work.by_flow, None, {1e-3: 7.9e-4, 1e-6: 2.5e-6, 1e-9: 1e-8}),
+    "flow": (OURS, "`flow`", work.by_flow, None, {1e-3: 3.2e-3, 1e-6: 1e-5, 1e-9: 3.2e-8}),
     "dop853": (
         C,
         "C, DOP853, 8 lanes",

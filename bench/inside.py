@@ -66,8 +66,8 @@ METHODS = {
 }
 # The largest tolerances of a search, by `main`, whose errors are below the bound.
 TOLERANCES = {
-    ("flow", "1,001 times"): 3.2e-09,
-    ("flow", "crossings of y = 0"): 2e-08,
+    ("flow", "1,001 times"): 1.3e-08,
+    ("flow", "crossings of y = 0"): 7.9e-08,
     ("heyoka", "1,001 times"): 1.3e-08,
     ("heyoka", "crossings of y = 0"): 1.3e-08,
     ("scipy", "1,001 times"): 1.6e-10,

@@ -179,7 +179,8 @@ class StepsInNumPy:
         self.p = 1 if half.is_implicit else 2
         self.mode = float(State.IMPLICIT if half.is_implicit else State.EXPLICIT)
         self.own = weights(self.columns, self.p)
-        self.of_error = weights_of_errors(self.columns, self.p)
+        factor = rules.CAUTION if half.sets else 1.0
+        self.of_error = [factor * w for w in weights_of_errors(self.columns, self.p)]
 
     def take(self):
         """Take a step of all trajectories; return whether none was in this half."""

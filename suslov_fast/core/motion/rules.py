@@ -85,6 +85,7 @@ ON = 2.0**-8  # part of its value at the end of a part, by which a start on a su
 # Largest sum that vanishes on true steps, beside the allowed error, and the next length after a
 # step that it refuses. With 30 some true steps are refused, with 100 more false ones are taken.
 MOST_APART, OF_APART = 50.0, 0.5
+CAUTION = 4.0  # see `stormer`: factor of its estimate of the error
 # See `stormer`: when a lane is rough, what a step takes away, the most, and a large error.
 ROUGH, CALMER, MOST_ROUGH, FAR = 2.0, 0.25, 3.0, 100.0
 TINY = 2.0**-1000  # in place of an allowed error of 0

@@ -39,6 +39,8 @@ def take_step(lines):
     text, half, line, work = lines.text, lines.half, lines.line, lines.work
     columns, p = (IMPLICIT, 1) if half.is_implicit else (EXPLICIT, 2)
     own, of_error = weights(columns, p), weights_of_errors(columns, p)
+    if half.sets:
+        of_error = [rules.CAUTION * w for w in of_error]
     rate = derive(lines) if half.is_implicit else None
     lines.columns(line.x, line.f, len(columns))
     kept, sizes = _next_states(lines, own, of_error)

@@ -850,14 +850,15 @@ def NEWTON(value, rate, up, a, b, u, low, high, left, taken, start, sign):
     part = move / taken
     next_ = u + part
     is_near = is_right & (abs(part) <= FOUND)
-    is_end = (high - low <= WIDTH) & is_beyond & (abs(value) <= larger(abs(a), abs(b)))
+    is_narrow = high - low <= WIDTH
+    is_end = is_narrow & is_beyond & (abs(value) <= larger(abs(a), abs(b)))
     is_found = (left > 0.0) & (is_near | is_end)
     is_inside = (next_ > low) & (next_ < high) & is_right
-    is_narrow = high - low <= 0.5 * WIDTH
-    goes_on = is_narrow.select(0.0, is_found.select(0.0, left))
+    is_last = (is_narrow & is_beyond) | (low >= high)
+    goes_on = (is_last | is_found).select(0.0, left)
     move = is_near.select(move, 0.0)
     return {
-        "u": is_inside.select(next_, 0.5 * (low + high)),
+        "u": is_inside.select(next_, is_narrow.select(high, 0.5 * (low + high))),
         "low": low,
         "high": high,
         "left": goes_on,

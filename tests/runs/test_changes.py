@@ -487,3 +487,20 @@ def test_many_changes_at_time_0_fill_the_buffer_of_records():
     assert (found.changes.states[39::40] == 40.0).all()
     assert (found.status == Status.STOPPED).all()
     assert (found.end == 0.0).all()
+
+
+def test_bits_with_changes_depend_on_no_neighbour():
+    def f(s, a):
+        x, y, p, q = s
+        r2 = x * x + y * y + 1e-3
+        return p, q, -a * x / (r2 * np.sqrt(r2)), -a * y / (r2 * np.sqrt(r2))
+
+    rng = np.random.default_rng(1)
+    field = Field.from_function(f, "x y p q", a=rng.uniform(0.5, 1.0, 16))
+    x0 = rng.normal(size=(16, 4)) * 0.4
+    bounce = Change("x", direction=-1, to=lambda s: (-s[0], s[1], -0.9 * s[2], s[3]))
+    options = {"time": -6.0, "rtol": 1e-6, "changes": bounce}
+    together = flow(field, x0, **options)
+    for k in range(16):
+        alone = flow(field[k], x0[k], **options)
+        np.testing.assert_array_equal(alone.x[0], together.x[0, k])

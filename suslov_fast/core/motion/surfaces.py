@@ -109,12 +109,14 @@ def _aim(lines, inputs, is_far):
         return own | {"side": line.side[2 * k], "level": line.side.after(1)[2 * k]}
 
     is_first = is_far & (inputs["crossed"] > 0.0)
-    with text.when((~is_far | is_first).any(), likely=False):
+    looks = ~is_far | is_first
+    with text.when(looks.any(), likely=False):
         look_at_changes(lines, work.new, work.f_new, work.toward)
         sums = Carried(aim=np.inf, since=0.0)
         for k in text.each(count, sums):
             sums.update(lines.apply(rules.AIM, **of(k, work.toward), **vars(sums)))
-        work.aim[0], work.aim[1] = sums.aim, sums.since
+        work.aim.choose(looks, 0, sums.aim)
+        work.aim.choose(looks, 1, sums.since)
         with text.when(is_first.any()):
             look_at_changes(lines, line.x, line.f, work.toward)
             look_at_changes(lines, line.far, line.f, work.ahead)
@@ -122,7 +124,7 @@ def _aim(lines, inputs, is_far):
             for k in text.each(count, sums):
                 own = of(k, work.toward) | {"ahead": work.ahead[2 * k], "end": inputs["end"]}
                 sums.update(lines.apply(rules.START, **own, **vars(sums)))
-            work.aim[2] = (sums.first < np.inf).select(sums.first, place)
+            work.aim.choose(is_first & (sums.first < np.inf), 2, sums.first)
     aim, since, place = (work.aim[k] for k in range(3))
     if conditions:  # whose surfaces may be crossed, too
         others = work.seen[3 + len(lines.half.kinks)]

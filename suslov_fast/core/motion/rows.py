@@ -8,6 +8,8 @@ import itertools
 from enum import IntEnum
 from typing import NamedTuple
 
+from ..lists.hidden import POINTS
+
 
 class State:
     """What a lane does next; the numbers stand in `Rows.state`.
@@ -181,8 +183,9 @@ def work_of(
     extended = D + denominators
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
              nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 1, 1, 1,
-             5 * surfaces + watched + 1, watched, watched, 2, 2 * surfaces, of_changes[0],
-             4 + kinks, *of_changes[1:10], *of_choices, *of_changes[10:], scratch]  # fmt: skip
+             (1 + len(POINTS)) * surfaces + watched + 1, watched, watched, 2, 2 * surfaces,
+             of_changes[0], 4 + kinks, *of_changes[1:10], *of_choices,
+             *of_changes[10:], scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

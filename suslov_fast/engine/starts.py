@@ -127,6 +127,20 @@ def checked_starts(
     return flat_arrays(x, batch), batch
 
 
+def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
+    """Warn if times begin where a clock does, as if they were its values: they count from x0."""
+    first = float(times[0])
+    if len(times) == 1 or first == 0.0 or not (x == first).all(axis=0).any():
+        return
+    for clock in field.right_hand_sides[0][1].clocks:
+        if (x[:, clock] == first).all():
+            name = field.labels[clock]
+            checks.warn(
+                f"times count from x0, where {name} is {first:g}: pass time - {first:g} if these "
+                f"are values of {name}"
+            )
+
+
 def warn_of_ends(found: Found, x: FloatArray, batch: tuple[int, ...]) -> None:
     """Warn once of all solutions that stop before the last time, but for starts of NaN."""
     others = found.t, found.is_stopped, x, batch, found.causes

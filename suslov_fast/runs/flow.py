@@ -27,6 +27,7 @@ from ..engine.starts import (
     checked_times,
     warn_of_ends,
     warn_of_growth,
+    warn_of_times,
 )
 from ..engine.status import Status
 from ..engine.stretches import Progress, reporter
@@ -146,6 +147,8 @@ def flow(
         field = field or field_of(system)
         acts = acts_of(field, acting)
     x, batch = checked_starts(system, x0, count, batch_of(acting))
+    if isinstance(system, FieldOfFunction):
+        warn_of_times(system, x, times)
     if acting:
         stops = stops_of(acting, sign, batch)
     with reporter(progress, len(times) * math.prod(batch)) as report:

@@ -298,6 +298,16 @@ def test_one_warning_names_the_first():
     assert np.isnan(none.x).all()
 
 
+def test_times_that_look_like_values_of_a_clock():
+    field = of(lambda s: (-s[0], 1.0), "x t")
+    times = np.linspace(5.0, 10.0, 6)
+    with pytest.warns(UserWarning, match="where t is 5: pass time - 5"):
+        found = flow(field, [[1.0, 5.0], [2.0, 5.0]], time=times)
+    np.testing.assert_allclose(found.x[:, 0, 1], times + 5.0, rtol=1e-14)
+    flow(field, [5.0, 0.0], time=times)  # a state, not a clock: no warning
+    flow(field, [1.0, 5.0], time=times - 5.0)
+
+
 @pytest.mark.compiled
 def test_solutions_that_need_ever_shorter_steps():
     """Backward in time Lorenz's y and z turn at the rate x, which grows like exp(-10 t)."""

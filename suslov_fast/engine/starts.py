@@ -129,8 +129,10 @@ def checked_starts(
 
 def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
     """Warn if times begin where a clock does, as if they were its values: they count from x0."""
+    if len(times) < 2 or times[0] == 0.0:
+        return
     first = float(times[0])
-    if len(times) == 1 or first == 0.0 or not (x == first).all(axis=0).any():
+    if not (x == first).all(axis=0).any():
         return
     for clock in field.right_hand_sides[0][1].clocks:
         if (x[:, clock] == first).all():

@@ -299,7 +299,7 @@ def test_one_warning_names_the_first():
 
 
 def test_times_that_look_like_values_of_a_clock():
-    field = of(lambda s: (-s[0], 1.0), "x t")
+    field = Field.from_function(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")
     times = np.linspace(5.0, 10.0, 6)
     with pytest.warns(UserWarning, match="where t is 5: pass time - 5"):
         found = flow(field, [[1.0, 5.0], [2.0, 5.0]], time=times)

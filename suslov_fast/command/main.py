@@ -167,7 +167,7 @@ def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict
     body, starts, eps, steps = work
     starts = _states_of(starts, body)
     settings = {"save_every": None, "on_singular": "ignore", **settings}
-    few = min(steps, CROSSOVER // max(1, len(starts)) + 1)
+    few = min(max(1, steps), CROSSOVER // max(1, len(starts)) + 1)
     short = settings | {"progress": None}
     _tell_if_long(lambda steps: sf.iterate(body, starts, eps, steps, **short), few, steps)
     seconds, result = _seconds(partial(sf.iterate, body, starts, eps, steps, **settings))

@@ -203,6 +203,11 @@ def test_a_long_run_says_so_before(monkeypatch):
         assert "this takes about 0 seconds; Ctrl-C ends it" in run(line).err
 
 
+def test_a_run_of_no_steps_keeps_the_start():
+    facts = facts_of("run --trajectories 9 --steps 0")
+    assert (facts["steps"], facts["status"]) == (0, {"OK": 9})
+
+
 def test_a_motion_of_a_body_keeps_its_energy():
     facts = facts_of("run --figure 1 --time 2 --trajectories 9")
     assert facts["drift"]["energy"] < 1e-12

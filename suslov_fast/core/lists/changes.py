@@ -34,10 +34,10 @@ class Act(NamedTuple):
 
     def read(self):
         """Return the numbers of the first values on which the surface and new values depend."""
-        found = set() if self.surface is None else _operands(self.surface, self.surface.results)
+        found = set() if self.surface is None else read_by(self.surface, self.surface.results)
         if self.to is not None:
             new = (a for i, a in enumerate(self.to.results) if type(a) is not int or a != i)
-            found |= _operands(self.to, new)
+            found |= read_by(self.to, new)
         return found
 
     @staticmethod
@@ -46,7 +46,7 @@ class Act(NamedTuple):
         return List(tuple(needed_for(values.operations, results)), tuple(results))
 
 
-def _operands(list_, results):
+def read_by(list_, results):
     """Return all operands that are read for results, and these."""
     return {a for each in list_.operations for a in each[2]} | {*results}
 

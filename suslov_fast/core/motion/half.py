@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 
+from ..lists.changes import read_by
 from ..lists.elimination import Elimination, operations_of
 from ..lists.hidden import POINTS
 from ..lists.planned_elimination import elimination_order, filled
@@ -47,6 +48,7 @@ class Half:
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
     watched      how many components surfaces are functions of, `surfaces` how many there are
+    read         the components that `surfaces` and `sections` read
     hidden       the list of `f.hidden` for this half
     has_quartic  whether states within a step have to be known well for it
     changes      `Changes` of the state, or None
@@ -95,6 +97,7 @@ class Half:
             for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
                 self.functions[name] = self._rates(components)
         self.surfaces = len(f.watched.results) if self.watched else 0
+        self.read = {"surfaces": _read(f.watched, self.watched)}
         self.hidden = f.hidden[is_implicit]
         self.has_quartic = self.hidden is not f.hidden[True]
         if self.watched:
@@ -150,6 +153,8 @@ class Half:
     def _add_changes(self):
         """Add the functions of changes."""
         P, block = self.changes.P, self.block
+        if self.changes.sections:
+            self.read["sections"] = _read(self.changes.parts["sections"].list_, block.D)
         for name, (list_, rows) in self.changes.parts.items():
             if self.f is block and name.startswith(("tau", "column")):
                 continue  # there are no columns
@@ -246,6 +251,11 @@ class Half:
             places[name] = first
             first += len(function.numbers(table))
         return places
+
+
+def _read(list_, D):
+    """Return the numbers of the components that a list reads."""
+    return [i for i in range(D) if i in read_by(list_, list_.results)]
 
 
 def _product(f):

@@ -719,10 +719,11 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 
 # Of crossings that are recorded: parts of a step at whose ends signs are compared, and part of the
 # step beside a part where its crossing may lie; guesses along the interpolation; steps that look
-# for it; its width, or the part of the step from where Newton's method goes to it at once; parts of
-# the time by which its state goes on, each four times the one before, to lie beyond.
+# for it; its width, or the part of the step from where Newton's method goes to it at once; the part
+# within which short steps of order 4 have an error of some 2**-45; parts of the time by which its
+# state goes on, each four times the one before, to lie beyond.
 SECTION_PARTS, MARGIN, GUESSES, MOST_LOOKS = 8, 2.0**-5, 3, 70
-FOUND, WIDTH, NUDGE, NUDGES = 2.0**-29, 2.0**-48, 2.0**-54, 20
+FOUND, WIDTH, WITHIN, NUDGE, NUDGES = 2.0**-29, 2.0**-48, 2.0**-10, 2.0**-54, 20
 # Of a surface that comes near 0 and goes back: how near, beside its bend over a part of the step,
 # that a step looks whether it is crossed; how many such steps at most.
 CLOSE, LOWER = 0.5, 4

@@ -2,8 +2,9 @@
 
 After a step, values of the surfaces at the ends of SECTION_PARTS of it, where `rules.POINT` says
 that the state is, and at its end tell which are crossed. A crossing is then found by Newton's
-method along steps from the same state, as accurate as the step itself, and lies on the side to
-which the motion goes. Steps and states stay those of a motion without the surfaces.
+method along steps from the same state, as accurate as the step itself, of which short ones lead on,
+and lies on the side to which the motion goes. Steps and states stay those of a motion without the
+surfaces.
 """
 
 import numpy as np
@@ -46,7 +47,7 @@ def find_crossings(lines):
     found = Carried(some=0.0)
     for part in range(1, parts + 1):
         if part < parts:
-            put_point(lines, text.value(part / parts), work.start)
+            put_point(lines, text.value(part / parts), work.start, "sections")
         own, before = values.after(part * count), values.after((part - 1) * count)
         lines.call("sections", work.start if part < parts else work.new, lines.table, own)
         for k in text.each(count, found):
@@ -145,7 +146,7 @@ def _nearer(lines, k, found):
     bracket = {name: getattr(found, name) for name in ("u", "low", "high")}
     _restore_length(lines)
     for now in text.rounds(Carried(**bracket, round=0)):
-        put_point(lines, now.u, work.start)
+        put_point(lines, now.u, work.start, "sections")
         lines.call("sections", work.start, lines.table, work.rates)
         next_ = lines.apply(rules.NARROWED, value=work.rates[k], up=found.up, u=now.u,
                             low=now.low, high=now.high, a=found.a, b=found.b)  # fmt: skip
@@ -160,7 +161,8 @@ def _find_pair(lines, k, dip, middle):
     text, part = lines.text, 1.0 / rules.SECTION_PARTS
     begin = {"u": middle + part * dip["place"], "left": dip["dips"].select(1.0, 0.0)}
     for now in text.rounds(Carried(**begin, deep=0.0, half=0.0, value=0.0, round=0)):
-        value, rate = _step_to(lines, k, now.u, now.left)
+        _step_to(lines, now.u, now.left)
+        value, rate = _look(lines, k)
         inputs = {"value": value, "rate": rate, "bend": dip["bend"], "middle": middle}
         found = lines.apply(rules.DEEPER, u=now.u, left=now.left, **inputs)
         is_found = found["found"]
@@ -184,11 +186,16 @@ def _find_pair(lines, k, dip, middle):
             now.goes_on = now.round < 2
 
 
-def _step_to(lines, k, u, left):
-    """Take a step to a part u of this one; return the value of surface k there, and its rate.
+def _look(lines, k):
+    """Return the value of surface k at the state `start`, and its rate; f there is in `f`."""
+    work = lines.work
+    lines.call("f", work.start, lines.table, work.f)
+    _rates(lines, work.start, work.f)
+    return work.rates[k * 2], work.rates.after(1)[k * 2]
 
-    The state is in `start`, and its rates in `f`, of the lanes that are left.
-    """
+
+def _step_to(lines, u, left):
+    """Take a step to a part u of this one, in the lanes that are left, which ends at `start`."""
     work, line = lines.work, lines.line
     columns, p = (IMPLICIT, 1) if lines.half.is_implicit else (EXPLICIT, 2)
     own, sign = weights(columns, p), lines.number("sign")
@@ -197,21 +204,51 @@ def _step_to(lines, k, u, left):
     for i in lines.text.each(lines.D):
         new = line.x[i] + weighted(own, lines.of_columns(work.ends, i))
         work.start[i] = new
-    lines.call("f", work.start, lines.table, work.f)
-    _rates(lines, work.start, work.f)
-    return work.rates[k * 2], work.rates.after(1)[k * 2]
+
+
+def _go_near(lines, signed):
+    """Take a short step of the method of Runge and Kutta from `before`, which ends at `start`."""
+    text, work, rates = lines.text, lines.work, lines.work.f_before
+    text.copy(rates, work.a, lines.D)
+    for part, weight in ((0.5, 2.0), (0.5, 2.0), (1.0, 1.0)):
+        for i in text.each(lines.D):
+            work.start[i] = work.before[i] + part * signed * rates[i]
+        rates = work.f
+        lines.call("f", work.start, lines.table, rates)
+        for i in text.each(lines.D):
+            work.a[i] = work.a[i] + weight * rates[i]
+    for i in text.each(lines.D):
+        work.start[i] = work.before[i] + signed * (1.0 / 6.0) * work.a[i]
 
 
 def _find(lines, k, crosses, found, u):
-    """Find crossings of surface k in parts of the step, and record them; u is a guess."""
+    """Find crossings of surface k in parts of the step, and record them; u is a guess.
+
+    The first look is a step from its start. Where the next ones are WITHIN a part of the step from
+    there, they are steps from there, because short ones need f a few times only.
+    """
     text, work, taken = lines.text, lines.work, lines.work.taken[0]
     up, sign = found.up, lines.number("sign")
+    within = 0.0 if lines.half.is_implicit else rules.WITHIN
     bracket = {"u": u, "low": found.low, "high": found.high}
     left = crosses.select(1.0, 0.0)
     work.moment[0] = 0.0
     work.ok[0] = 0.0
-    for now in text.rounds(Carried(**bracket, left=left, round=0)):
-        value, rate = _step_to(lines, k, now.u, now.left)
+    for now in text.rounds(Carried(**bracket, left=left, base=np.inf, round=0)):
+        is_left, part = now.left > 0.0, now.u - now.base
+        is_near = is_left & (abs(part) <= within)
+        is_far = is_left & ~is_near
+        with text.when(is_far.any()):
+            _step_to(lines, now.u, is_far.select(1.0, 0.0))
+            for i in text.each(lines.D):
+                work.before.choose(is_far, i, work.start[i])
+        if within:
+            with text.when(is_near.any()):
+                _go_near(lines, is_near.select(sign * (part * taken), 0.0))
+        now.base = is_far.select(now.u, now.base)
+        value, rate = _look(lines, k)
+        for i in text.each(lines.D):
+            work.f_before.choose(is_far, i, work.f[i])
         inputs = {"value": value, "rate": rate, "up": up, "taken": taken, "start": work.t[0]}
         inputs |= {"a": found.a, "b": found.b}
         result = lines.apply(rules.NEWTON, **inputs, **{name: getattr(now, name) for name in

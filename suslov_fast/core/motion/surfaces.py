@@ -33,7 +33,7 @@ def cut(lines, before, total):
         return {name: seen[k] for k, name in enumerate(names)}
 
     def keep_far(truth, state):
-        for i in text.each(watched):
+        for i in _read(lines):
             far.put_chosen(i, truth.select(state[i], far[i]))
 
     value(x, points)
@@ -50,7 +50,7 @@ def cut(lines, before, total):
     for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
         state = point if end < 1.0 else new
         if end < 1.0:
-            put_point(lines, text.value(end), point, quartic)
+            put_point(lines, text.value(end), point, quartic=quartic)
         value(state, points.after(k * count))
         if hidden and k == MIDDLE:
             text.copy(point, middle, watched)
@@ -133,15 +133,23 @@ def _aim(lines, inputs, is_far):
     return {"aim": aim, "since": since, "place": place, "is_smooth": is_smooth}
 
 
-def put_point(lines, u, to, quartic=None):
-    """Write the state at a part u of the step, in which `quartic` may be known."""
-    text, work = lines.text, lines.work
+def put_point(lines, u, to, of="surfaces", quartic=None):
+    """Write the components that surfaces read at a part u of the step to a state.
+
+    `quartic` of them may be known.
+    """
     rule = rules.POINT if quartic is None else rules.POINT_WITH_QUARTIC
     if lines.half.is_implicit:
         rule = rules.POINT_IMPLICIT
-    signed = work.signed[0]
-    for i in text.each(lines.half.block.D):
+    signed = lines.work.signed[0]
+    for i in _read(lines, of):
         to[i] = lines.apply(rule, i, signed=signed, u=u)["point"]
+
+
+def _read(lines, of="surfaces"):
+    """Add a loop over the components that surfaces read, see `Half.read`."""
+    name = f"{lines.name}_read_{len(lines.text.target.constants)}"
+    return lines.text.listed(name, lines.half.read[of])()
 
 
 def _find_quartic(lines):
@@ -151,6 +159,6 @@ def _find_quartic(lines):
     for i in text.each(lines.D):
         work.start[i] = lines.apply(rules.POINT, i, signed=signed, u=u)["point"]
     lines.call("f", work.start, lines.table, work.f)
-    for i in text.each(lines.half.block.D):
+    for i in _read(lines):
         of_point = {"f_point": work.f[i], "signed": signed}
         work.quartic[i] = lines.apply(rules.QUARTIC, i, **of_point)["quartic"]

@@ -55,7 +55,7 @@ class Records(NamedTuple):
     which: NDArray[np.int64]  # (K,), numbers of changes in the order of code
     time: FloatArray  # (K,)
     before: FloatArray  # (K, D)
-    states: FloatArray  # (K, D), after the change
+    states: FloatArray  # (K, D), after the change; `before` where none acts
 
 
 class Found(NamedTuple):
@@ -166,7 +166,7 @@ def _noted(
 def _in_order(records: list[tuple[Any, FloatArray]], sign: int, starts: FloatArray) -> Records:
     """Return records in order, from those of the engine and the trajectories they belong to."""
     D = starts.shape[1]
-    rows = np.concatenate([np.empty((0, 3 + 2 * D)), *(rows for _, rows in records)])
+    rows = np.concatenate([rows for _, rows in records] or [np.empty((0, 3 + D))])
     trajectory, which = rows[:, :2].view(np.int64).T
     first = 0
     for where, part in records:
@@ -181,7 +181,9 @@ def _in_order(records: list[tuple[Any, FloatArray]], sign: int, starts: FloatArr
         rows = np.take(rows, np.lexsort((rows[:, 2], trajectory)), axis=0)
         trajectory, which = rows[:, :2].view(np.int64).T
     trajectory, which = trajectory.copy(), which.copy()
-    before, states = rows[:, 3 : 3 + D].copy(), rows[:, 3 + D :].copy()
+    before = states = rows[:, 3 : 3 + D].copy()
+    if rows.shape[1] > 3 + D:
+        states = rows[:, 3 + D :].copy()
     return Records(trajectory, which, sign * rows[:, 2], before, states)
 
 

@@ -170,7 +170,7 @@ def changes_of_records(
         "trajectory": records.trajectory,
         "which": numbers[records.which],
         "time": records.time,
-        "before": records.before[:, :D],
+        "before": records.before[:, :D].copy(),
         "states": records.states[:, :D],
     }
     return changes_of(columns, system, changes, batch)

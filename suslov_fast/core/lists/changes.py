@@ -90,6 +90,10 @@ class Changes(NamedTuple):
     acting = property(lambda self: len(self.most) - len(self.of_sections))
     at_times = property(lambda self: self.acting - len(self.directions))
 
+    def record(self, D):
+        """Return how many numbers a record has: states before and after, or one if none changes."""
+        return 3 + D * (1 + (self.acting > 0))
+
 
 def in_order_of_code(acts):
     """Return the numbers of changes in the order of `Changes`."""

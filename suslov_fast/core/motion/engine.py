@@ -179,10 +179,9 @@ def counted_from_start(f, table, x0):
 
 
 def add_starts(f, records, starts):
-    """Add the starts (-, clocks) of clocks to records (-, 3 + 2 D) of changes."""
-    clocks = np.array([*f.offsets])
-    records[:, 3 + clocks] += starts
-    records[:, 3 + f.D + clocks] += starts
+    """Add the starts (-, clocks) of clocks to the states in records of changes."""
+    for first in range(3, records.shape[1], f.D):
+        records[:, first + np.array([*f.offsets])] += starts
 
 
 class Motion:
@@ -197,8 +196,8 @@ class Motion:
              that component of each
     causes   pairs: numbers of trajectories that ended, and why, a `Cause` of each
     stops    `Stops` of changes, if f has them; times may then begin with 0
-    records  arrays (-, 3 + 2 D) of what changes did: the trajectory and the number of the change,
-             two integers, the modulus of the time, and the states before and after
+    records  arrays of what changes did, see `Changes.record`: the trajectory and the number of the
+             change, two integers, the modulus of the time, and the states before and after
     """
 
     def __init__(self, f, table, x0, times, sign, settings, states, stops=None):
@@ -375,7 +374,7 @@ class Motion:
     def _point_to_changes(self, arguments, W):
         """Let arguments point to the times of changes; return an array for records."""
         at_once = records_at_once(self.f.changes, self.equal_stops) * W
-        buffer = np.empty((max(RECORDS, 4 * at_once), 3 + 2 * self.f.D))
+        buffer = np.empty((max(RECORDS, 4 * at_once), self.f.changes.record(self.f.D)))
         arguments[SLOT.stops] = self.stops.ctypes.data
         arguments[SLOT.stop_bytes] = self.stops.strides[0] if len(self.stops) > 1 else 0
         arguments[SLOT.records], arguments[SLOT.full] = buffer.ctypes.data, len(buffer) - at_once

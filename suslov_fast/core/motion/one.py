@@ -100,7 +100,7 @@ def motion_of_one(f, table, x, times, sign, settings, stops=None, enough=inf, si
         rows[first + OF_CHANGES.stop], rows[first + OF_CHANGES.stop_which] = of_stops[0, 0].tolist()
         numbers[NUMBER.enough], numbers[NUMBER.since] = enough, since
         at_once, found = records_at_once(f.changes, equal), []
-        buffer = np.empty((4 * at_once, 3 + 2 * f.D))
+        buffer = np.empty((4 * at_once, f.changes.record(f.D)))
         arguments[SLOT.stops], arguments[SLOT.records] = of_stops.ctypes.data, buffer.ctypes.data
         arguments[SLOT.full] = 3 * at_once
     arguments[SLOT.rows] = rows.buffer_info()[0]

@@ -21,7 +21,6 @@ from .formulas import (
 from .methods import (
     COMPOSITIONS,
     FIELD,
-    GAUSS,
     STEPS_3D,
     STEPS_ND,
     STEPS_WITH_ROTOR,
@@ -45,7 +44,7 @@ for _record in (
         name="SuslovND",
         title="Discrete Suslov problem in n dimensions",
         body=SuslovND,
-        methods={"auto": STEPS_ND, "gauss": GAUSS},
+        methods={"auto": STEPS_ND, "gauss": FIELD},
         formulas=IN_ND,
         conserved=("first_integral", "modified_energy"),
         attitude="in_rows",

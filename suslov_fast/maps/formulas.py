@@ -91,7 +91,8 @@ def _check_hamiltonian(body: Any) -> None:
 
 
 def _energy(problem: Problem) -> FloatArray:
-    return values_by_terms(quantities_field.energy, problem, problem.body.field().H.terms)
+    terms = problem.body.field().H.terms
+    return values_by_terms(quantities_field.cubic_form, problem, terms, problem.omega)
 
 
 def _modified_energy(problem: Problem) -> FloatArray:

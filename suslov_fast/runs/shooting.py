@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Protocol
 
 import numpy as np
@@ -24,8 +25,7 @@ from ..checks import FloatArray
 from ..core.lists.changes import Act
 from ..core.lists.step import evaluate
 from ..core.motion.engine import Settings
-from ..core.motion.rows import State
-from ..core.motion.stepping import Stepping
+from ..core.motion.stepping import attempts
 from ..engine.motions import Asked, Found
 from ..engine.sensitivity import Columns, WithColumns
 from ..engine.status import Status
@@ -184,18 +184,13 @@ class OfMotion:
                 begin, end = end, min(2.0 * end, last)
             return
         (_, f, table), *_ = self.field.right_hand_sides
-        states, which = np.empty((1, 1, f.D)), np.zeros(1, np.int64)
-        engine = Stepping(f, table[0], x[np.newaxis], [last], 1, self.settings, states, 1)
-        places = engine.rows
-        tries = 0
-        while tries < _MOST and engine.flat[0, places.state] <= State.IMPLICIT:
-            count = max(_STEPS, tries)
-            ((_, found),) = engine.attempts(engine.flat.copy(), which, last, count)
-            rows = found[:, 0]
-            tries += len(rows) - 1
-            is_taken = np.diff(rows[:, places.steps], prepend=-1.0) > 0.0
-            yield rows[is_taken, places.t], rows[is_taken, : f.D]
-            engine.flat[0] = rows[-1]
+        tried = attempts(f, table[0], x, last, self.settings)
+        found, tries = [next(tried)], 0
+        while tries < _MOST and (some := [*islice(tried, max(_STEPS, tries))]):
+            found, tries = [found[-1], *some], tries + len(some)
+            t, steps, states = map(np.array, zip(*found, strict=True))
+            is_taken = np.diff(steps, prepend=-1.0) > 0.0
+            yield t[is_taken], states[is_taken]
 
 
 class OfMap:

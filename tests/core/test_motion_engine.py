@@ -450,17 +450,13 @@ def test_populations_keep_their_sign():
 @pytest.mark.parametrize("name", CASES)
 def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
     f, x0, T = CASES[name]
-    f, states = right_hand_side(f, x0.shape[1]), np.full((1, *x0.shape), np.nan)
-    settings = engine.Settings(1e-6)
-    steps = stepping.Stepping(f, np.zeros(0), x0, [T], 1.0, settings, states, 1)
-    state = steps.flat[:, steps.rows.state]
-    while (k := np.flatnonzero(state < State.DONE)).size:
-        some = steps.flat[k]
-        for own, rows in steps.attempts(some, k, T, 1):
-            steps.flat[k[own]] = rows[-1]
-    rows = steps.rows
-    found = states, *(steps.flat[:, row] for row in (rows.t, rows.steps, rows.state))
-    assert_equal(found, motion(f, x0, [T]))
+    f, settings = right_hand_side(f, x0.shape[1]), engine.Settings(1e-6)
+    states, *others = motion(f, x0, [T])
+    for k, x in enumerate(x0):
+        *_, (t, steps, end) = stepping.attempts(f, np.zeros(0), x, T, settings)
+        assert (t, steps) == (others[0][k], others[1][k])
+        if others[2][k] == State.DONE:
+            np.testing.assert_array_equal(end, states[0, k])
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 """Gaussian elimination with pivoting, for systems A y = b where A is the identity plus other terms.
 
 Where elimination in a planned order loses digits `solve` takes one system at a time. Units of the
-unknowns that are powers of two change no digit. A system is an array (m, columns, 1), the columns
-of A followed by right sides.
+unknowns that are powers of two change no digit. A system is an array (m, columns), the columns of
+A followed by right sides.
 """
 
 import math
@@ -31,36 +31,9 @@ def simd_min(v, w):
     return select(v < w, v, w) + 0.0
 
 
-@formula
-def exchange(a, k):
-    """Exchange row k for that with the largest entry in column k; return the number of that row.
-
-    Row k changes its sign there, which keeps the determinant.
-    """
-    m, columns = a.shape
-    pivot = k
-    for i in range(k + 1, m):
-        if abs(a[i, k]) > abs(a[pivot, k]):
-            pivot = i
-    if pivot != k:
-        for j in range(columns):
-            a[k, j], a[pivot, j] = a[pivot, j], -a[k, j]
-    return pivot
-
-
-@formula
-def eliminate_below(a, k):
-    """Eliminate column k from the rows below row k; multipliers take its place."""
-    m, columns = a.shape
-    for i in range(k + 1, m):
-        a[i, k] /= a[k, k]
-        for j in range(k + 1, columns):
-            a[i, j] -= a[i, k] * a[k, j]
-
-
 @function
-def solve(system, units):
-    """Solve one system (m, columns, 1) by scaling and partial pivoting; return its status.
+def solve(a, units):
+    """Solve one system (m, columns) by scaling and partial pivoting; return its status.
 
     Solutions replace the right sides, and pivots of the scaled rows replace the diagonal. A pivot
     that is 0 to rounding becomes NaN (SINGULAR); numbers that are not finite make NONFINITE.
@@ -68,7 +41,7 @@ def solve(system, units):
     pivot k / units[1, k].
     """
     for_size()
-    a, weights, undefined, size = system[:, :, 0], units[1], 0.0, 0.0
+    weights, undefined, size = units[1], 0.0, 0.0
     m, columns = a.shape
     balance(a, units[0])
     for i in range(m):
@@ -80,14 +53,23 @@ def solve(system, units):
             undefined += 0.0 * a[i, j]
             a[i, j] /= largest
     for k in range(m):
-        pivot = exchange(a, k)
-        weights[k], weights[pivot] = weights[pivot], weights[k]
+        pivot = k
+        for i in range(k + 1, m):
+            if abs(a[i, k]) > abs(a[pivot, k]):
+                pivot = i
+        if pivot != k:
+            weights[k], weights[pivot] = weights[pivot], weights[k]
+            for j in range(columns):  # the sign keeps the determinant
+                a[k, j], a[pivot, j] = a[pivot, j], -a[k, j]
         terms = weights[k] + abs(a[k, k])  # the scaled 1 of the identity, the pivot, and products
         for j in range(k):
             terms += abs(a[k, j] * a[j, k])
         if abs(a[k, k]) <= m * ZERO_TO_ROUNDING * terms:
             a[k, k] = np.nan
-        eliminate_below(a, k)
+        for i in range(k + 1, m):
+            a[i, k] /= a[k, k]
+            for j in range(k + 1, columns):
+                a[i, j] -= a[i, k] * a[k, j]
     for i in range(m - 1, -1, -1):
         size += 0.0 * a[i, i]
         for r in range(m, columns):
@@ -137,20 +119,13 @@ def balance(a, units):
 
 
 @formula
-def parts_of_determinant(system, units):
+def parts_of_determinant(a, units):
     """Return m and e of the determinant m 2**e of A after `solve`; m = 0 if it is 0 to rounding.
 
     The product of many pivots may leave the range of numbers.
     """
     product, exponent = 1.0, 0
-    for k in range(len(system)):
-        product, power = math.frexp(product * (system[k, k, 0] / units[1, k]))
+    for k in range(len(a)):
+        product, power = math.frexp(product * (a[k, k] / units[1, k]))
         exponent += power
     return 0.0 if np.isnan(product) else product, exponent
-
-
-@formula
-def determinant_of(system, units):
-    """Return the determinant of A after `solve`; 0 if it is 0 to rounding."""
-    mantissa, exponent = parts_of_determinant(system, units)
-    return np.ldexp(mantissa, exponent)

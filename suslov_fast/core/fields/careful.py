@@ -25,13 +25,13 @@ def fill_system(indices, half, sign, x, system):
     D = len(x)
     for i in range(D):
         for j in range(D):
-            system[i, j, 0] = 1.0 if i == j else 0.0
+            system[i, j] = 1.0 if i == j else 0.0
     for t in range(indices.shape[1]):
         i, j, k, v = indices[0, t], indices[1, t], indices[2, t], sign * half[t]
         if j < D:
-            system[i, j, 0] -= v * (x[k] if k < D else 1.0)
+            system[i, j] -= v * (x[k] if k < D else 1.0)
         if k < D:
-            system[i, k, 0] -= v * x[j]
+            system[i, k] -= v * x[j]
 
 
 @function
@@ -40,15 +40,15 @@ def solve_lane(indices, half, x, system, units):
     D, negative = len(x), False
     fill_system(indices, half, 1.0, x, system)
     for i in range(D):
-        system[i, D, 0] = x[i]
+        system[i, D] = x[i]
     for t in range(indices.shape[1]):
         i, j, k = indices[0, t], indices[1, t], indices[2, t]
         if k == D:
-            system[i, D, 0] += half[t] * x[j] if j < D else 2.0 * half[t]
+            system[i, D] += half[t] * x[j] if j < D else 2.0 * half[t]
     status = solve(system, units)
     for i in range(D):
-        x[i] = system[i, D, 0] if status == OK else np.nan
-        negative ^= system[i, i, 0] < 0.0
+        x[i] = system[i, D] if status == OK else np.nan
+        negative ^= system[i, i] < 0.0
     return status, negative
 
 
@@ -100,7 +100,7 @@ def step_carefully(arrays, first, line, bad, negative, n):
     stages = len(arrays.fractions)
     fraction, n = arrays.fractions[n % stages], first + n // stages + 1
     memory, halves = arrays.memory, arrays.halves
-    system = memory[: D * (D + 1)].reshape((D, D + 1, 1))
+    system = memory[: D * (D + 1)].reshape((D, D + 1))
     units = memory[D * (D + 1) : D * (D + 3)].reshape((2, D))
     state, half = memory[D * (D + 3) : D * (D + 4)], memory[D * (D + 4) :]
     for l in range(W):

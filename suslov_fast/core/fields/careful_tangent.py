@@ -21,23 +21,23 @@ def multiply_columns(indices, half, before, after, columns, system, units):
     fill_system(indices, half, -1.0, after, system)
     for i in range(D):
         for r in range(D):
-            system[i, D + r, 0] = 0.0
+            system[i, D + r] = 0.0
             for j in range(D):
-                system[i, D + r, 0] -= system[i, j, 0] * columns[r, j]
+                system[i, D + r] -= system[i, j] * columns[r, j]
     for r in range(D):
         for i in range(D):
-            columns[r, i] = system[i, D + r, 0]
-            system[i, D + r, 0] = 0.0
+            columns[r, i] = system[i, D + r]
+            system[i, D + r] = 0.0
     solve(system, units)
     of_back, power_of_back = parts_of_determinant(system, units)
     fill_system(indices, half, 1.0, before, system)
     for i in range(D):
         for r in range(D):
-            system[i, D + r, 0] = columns[r, i]
+            system[i, D + r] = columns[r, i]
     solve(system, units)
     for i in range(D):
         for r in range(D):
-            columns[r, i] = system[i, D + r, 0]
+            columns[r, i] = system[i, D + r]
     mantissa, power = parts_of_determinant(system, units)
     # In Python 1 / 0 raises.
     return np.ldexp(of_back / np.float64(mantissa), power_of_back - power)

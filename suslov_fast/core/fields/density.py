@@ -7,7 +7,7 @@ where that loses digits it is found by elimination with pivoting.
 import numpy as np
 
 from ..compiling.arrays import keep, uncounted
-from ..compiling.elimination import determinant_of, solve
+from ..compiling.elimination import parts_of_determinant, solve
 from ..compiling.numba import kernel, share
 from ..lists.step import evaluate
 from .careful import fill_system
@@ -17,12 +17,12 @@ from .careful import fill_system
 def determinants(part, parts, indices, halves, x, out):
     """Fill out (B,) with det A at states x (B, D), by `solve`; 0 where it is 0 to rounding."""
     indices, halves, x, D = uncounted(indices), uncounted(halves), uncounted(x), x.shape[1]
-    counted = np.empty((D, D, 1)), np.empty((2, D))
+    counted = np.empty((D, D)), np.empty((2, D))
     system, units = uncounted(counted)
     for k in range(*share(len(x), part, parts)):
         fill_system(indices, halves[k % len(halves)], 1.0, x[k], system)
         solve(system, units)
-        out[k] = determinant_of(system, units)
+        out[k] = np.ldexp(*parts_of_determinant(system, units))
     keep(counted)
 
 

@@ -8,7 +8,7 @@ of them ignore, and states (B, D). `tangent` has the quantities that need elimin
 import numpy as np
 
 from ..compiling.llvm import lesser
-from ..compiling.numba import formula, function, inlined, universal
+from ..compiling.numba import formula, function, universal
 
 LANES = 128  # states at once
 FIELD = "(c,t),(t),(b),(b,d)->"
@@ -50,28 +50,14 @@ def vector_field(places, values, eps, x, out):
                 out[first + l, i] = f[i, l]
 
 
-@universal(FIELD + "(b)")
-def energy(places, values, eps, x, out):
-    """H(x)."""
-    add_terms(places, values, x, None, out)
-
-
 @universal("(c,t),(t),(b),(b,d),(b,d)->(b)")
 def cubic_form(places, values, eps, x, z, out):
-    """The sum of v x_i x_j z_k."""
-    add_terms(places, values, x, z, out)
-
-
-@inlined
-def add_terms(places, values, x, z, out):
-    """Fill `out` with the sum of v x_i x_j z_k; None stands for z = x."""
+    """The sum of v x_i x_j z_k, which is H(x) for z = x."""
     D = x.shape[1]
-    y, h = np.empty((D + 1, LANES)), np.empty((LANES,))
-    after = y if z is None else np.empty((D + 1, LANES))
+    y, after, h = np.empty((D + 1, LANES)), np.empty((D + 1, LANES)), np.empty((LANES,))
     for first in range(0, len(x), LANES):
         count = read_states(x, first, y)
-        if z is not None:
-            read_states(z, first, after)
+        read_states(z, first, after)
         for l in range(count):
             h[l] = 0.0
         for i in range(D):

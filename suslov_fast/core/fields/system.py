@@ -40,7 +40,7 @@ def system_of(indices, half, D):
 def field_memory(system):
     """The memory of `field_step_of_one`."""
     D = system.dimension
-    return np.empty((D, D + 1, 1)), np.empty((2, D)), np.empty((D,))
+    return np.empty((D, D + 1)), np.empty((2, D)), np.empty((D,))
 
 
 @function

@@ -179,8 +179,8 @@ class Memory(NamedTuple):
     statuses: Any  # (W,)
     half: Any  # (T,), eps / 2 times the values of a lane
     after: Any  # (D,)
-    matrix: Any  # (D, D + 1, 1)
-    tangent: Any  # (D, 2 D, 1)
+    matrix: Any  # (D, D + 1)
+    tangent: Any  # (D, 2 D)
     units: Any  # (2, D)
 
 
@@ -192,7 +192,7 @@ def memory_of(arguments, D):
         np.empty((2 * D + LENGTHS + D * arguments.room, W)),
         np.empty((arguments.kept, W)), np.empty((W, D)), np.empty((W, D, D)), np.empty((W, 2)),
         np.zeros(W, np.int64), np.empty((T,)), np.empty((D,)),
-        np.empty((D, D + 1, 1)), np.empty((D, 2 * D, 1)), np.empty((2, D)),
+        np.empty((D, D + 1)), np.empty((D, 2 * D)), np.empty((2, D)),
     )  # fmt: skip
 
 

@@ -201,10 +201,8 @@ class Motion:
     """
 
     def __init__(self, f, table, x0, times, sign, settings, states, stops=None):
-        self.f, self.table, self.x0, self.states = f, table, x0, states
-        self.starts = None
-        if self.counts_from_start:
-            self.table, self.x0, self.starts = counted_from_start(f, table, x0)
+        self.f, self.states = f, states
+        self.table, self.x0, self.starts = counted_from_start(f, table, x0)
         self.settings, self.times = settings, np.concatenate([times, NO_TIMES])
         first, second, self.last = self.times[[0, 1, len(times) - 1]].tolist()
         self.components = components_of(f, settings.atol)
@@ -222,8 +220,6 @@ class Motion:
         if f.conditions:  # trajectories have choices of their own, which the code makes
             shape = len(x0), self.table.shape[-1]
             self.table = np.broadcast_to(self.table, shape).copy()
-
-    counts_from_start = True  # clocks
 
     def run(self, threads=1, report=None):
         """Take all steps of all trajectories.
@@ -337,7 +333,7 @@ class Motion:
         if self.f.conditions:
             self.table[which] = table[:, : self.table.shape[1]]
 
-    def _taker(self, half, rows, table, W, budget=None):
+    def _taker(self, half, rows, table, W):
         """Return the function that takes steps of trajectories, and returns whether it is done."""
         for_each, steps, before = table.ndim > 1, rows[:, half.rows.steps], 0.0
         code, is_small = code_of_half(half, W, for_each), half.is_implicit and half.f.D <= SMALL
@@ -356,7 +352,7 @@ class Motion:
 
         def take(kept=(rows, table, work)):  # the arguments point there
             nonlocal code, before
-            arguments[SLOT.budget] = max(BUDGET // half.f.work, 1) if budget is None else budget
+            arguments[SLOT.budget] = max(BUDGET // half.f.work, 1)
             if is_done := code.call(at):
                 arguments[SLOT.following] = 0
             if half.steps <= most:

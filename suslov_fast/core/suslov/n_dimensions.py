@@ -156,18 +156,18 @@ def eliminate_one(c, b, l, a, units):
     for i in range(m):
         of_w = b[EPS, l] * c[I_, i, l] / c[J_, i, l]
         of_I = 0.5 * b[EPS, l] * c[W, i, l] / c[J_, i, l]
-        others, a[i, m, 0] = 0.0, c[W, i, l]
+        others, a[i, m] = 0.0, c[W, i, l]
         for j in range(m):
             if j != i:
-                a[i, j, 0] = of_w * c[W, j, l] - of_I * c[I_, j, l]
+                a[i, j] = of_w * c[W, j, l] - of_I * c[I_, j, l]
                 others += c[I_, j, l] * c[W, j, l]
         # Without w_i, which cancels in p - I_i w_i.
-        a[i, i, 0] = 1.0 - 0.5 * b[EPS, l] * others / c[J_, i, l]
+        a[i, i] = 1.0 - 0.5 * b[EPS, l] * others / c[J_, i, l]
     status = solve(a, units)  # equation (16)
     b[OF_W, l], b[OF_I, l], b[DET, l] = 0.0, 0.0, 1.0
     for i in range(m):
-        c[W, i, l], c[INVERSE, i, l] = a[i, m, 0], 0.0
-        b[DET, l] *= -1.0 if a[i, i, 0] < 0.0 else 1.0
+        c[W, i, l], c[INVERSE, i, l] = a[i, m], 0.0
+        b[DET, l] *= -1.0 if a[i, i] < 0.0 else 1.0
     if status != OK:
         end_lane(c, b, l)
     return status
@@ -199,7 +199,7 @@ def nd_memory(system):
     return (
         np.empty((4, m + m % 2, 1)),
         np.empty((ROWS, 1)),
-        np.empty((m, m + 1, 1)),
+        np.empty((m, m + 1)),
         np.empty((2, m)),
     )
 
@@ -230,7 +230,7 @@ def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status,
     memory = (
         np.empty((4, m + m % 2, lanes)),
         np.empty((ROWS, lanes)),
-        np.empty((m, m + 1, 1)),
+        np.empty((m, m + 1)),
         np.empty((2, m)),
     )
     c, b, a, units = uncounted(memory)

@@ -48,9 +48,9 @@ TABLE = {
   ),
   "plot": (
     ("save savefig path filename file", "", "plot().figure.savefig(path)"),
-    ("fig axes axis size title label log", "ax", ""),
-    ("s marker style linestyle ls lw linewidth alpha cmap", "",
-     "lines=False for dots, or ax.plot(run.time, run.states[..., 0], ...) of Matplotlib"),
+    ("fig axes axis size title log", "ax", ""),
+    ("s marker style linestyle ls lw linewidth alpha cmap label", "",
+     "lines=False for dots, or ax.plot(run.time, run['name'], ...) of Matplotlib"),
     ("show", "", "plt.show()"),
   ),
   "save": (
@@ -243,6 +243,10 @@ TABLE = {
     ("df dataframe to_df to_pandas", "to_dataframe", ""),
     ("to_csv csv export output to_excel", "",
      "to_dataframe(), a table of pandas, and its to_csv or to_excel"),
+  ),
+  "Motion": (
+    ("jacobian sensitivity sensitivities gradient tangent variational", "",
+     "derivative('x0') of flow(..., derivatives=('x0', 'a'))"),
   ),
   "Points": (
     ("trajectories orbit index member which id", "trajectory", ""),
@@ -577,14 +581,12 @@ def answer(word: str, known: Collection[str], *places: str) -> str:
 
 def _looked_up(plain: str, known: Collection[str], places: Sequence[str]) -> str:
     """Return what to use for a word, or for a part of one, in the first place that knows it."""
-    if plain in known:
-        return plain
     for place in places:
         row = _ROWS.get((place, plain)) or _ROWS.get((place, plain.removesuffix("s")))
         names, how = row or ([], "")
         if found := next((name for name in names if name.partition("[")[0] in known), how):
             return found
-    return ""
+    return plain if plain in known else ""
 
 
 def in_place_of(value: Any, maker: str = "QuadraticField") -> str:

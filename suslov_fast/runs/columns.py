@@ -73,7 +73,7 @@ MOTION = (
     Column("end", "float64", "batch", "time at which a solution ends"),
     Column("steps", "int64", "batch", "number of steps", fill=PENDING),
     Column("status", "int8", "batch", fill=PENDING, is_last=True),
-    Column("_derivatives", "float64", "time batch component direction", when="derivatives"),
+    Column("_derivatives", "float64", "time batch component direction", when="by"),
     *(column._replace(name=f"changes.{column.name}", when="changes") for column in CHANGES),
     Column("changes.count", "int64", "batch change", "number of changes", PENDING, "changes"),
 )
@@ -99,7 +99,7 @@ OF_KIND = {"Trajectories": RUN, "Crossings": CROSSINGS, "Motion": MOTION}
 ARGUMENTS: dict[str, tuple[str, ...]] = {
     "Trajectories": ("method", "steps", "save_every"),
     "Crossings": ("method", "steps", "last", "transient", "direction", "most", *Settings._fields),
-    "Motion": (*Settings._fields, "derivatives"),
+    "Motion": (*Settings._fields, "by"),
 }
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`

@@ -171,7 +171,7 @@ def flow(
             "end": found.t.reshape(batch),
             "steps": found.steps.reshape(batch),
             **settings._asdict(),
-            "derivatives": names,
+            "by": names,
             "_derivatives": of_columns,
             "changes": changed,
         }

@@ -43,7 +43,11 @@ class Motion(States, OfMotion):
         Number of steps that were taken; 0 where the solution is exact.
     changes : Changes or None
         What changes of the state did, in the order of trajectories and times.
-    body, rtol, atol, max_step, stiff, derivatives
+    by : tuple of str
+        What derivatives are with respect to: the argument `derivatives` of :func:`flow`.
+    derivatives : dict of str to ndarray
+        Them all: ``motion.derivatives["x0"]`` is ``motion.derivative("x0")``.
+    body, rtol, atol, max_step, stiff
         The arguments of :func:`flow`.
 
     Notes
@@ -72,7 +76,7 @@ class Motion(States, OfMotion):
     status: NDArray[np.int8]
     end: FloatArray
     steps: NDArray[np.int64]
-    derivatives: tuple[str, ...] = ()
+    by: tuple[str, ...] = ()
     _derivatives: FloatArray | None = None  # (n, ..., D, C) those by x0 first
     changes: Changes | None = None
 
@@ -98,7 +102,7 @@ class Motion(States, OfMotion):
         Parameters
         ----------
         by : str
-            "x0", or the name of a parameter: one of `derivatives`, see :func:`flow`.
+            "x0", or the name of a parameter: one of `by`, see :func:`flow`.
 
         Returns
         -------
@@ -117,16 +121,21 @@ class Motion(States, OfMotion):
         (array([[ 0.      ],
                [-2.207277]]), [[[1.0]], [[0.367879]]])
         """
-        if not self.derivatives:
+        if not self.by:
             how = "a name in derivatives: flow(..., derivatives=('x0',))"
             raise wrong("by", how, short(by))
-        by, D = one_of("by", by, self.derivatives), self.body.dimension
+        by, D = one_of("by", by, self.by), self.body.dimension
         assert self._derivatives is not None
         if by == "x0":
             return np.ascontiguousarray(self._derivatives[..., :D])
-        parameters = [name for name in self.derivatives if name != "x0"]
-        k = parameters.index(by) + D * ("x0" in self.derivatives)
+        parameters = [name for name in self.by if name != "x0"]
+        k = parameters.index(by) + D * ("x0" in self.by)
         return np.ascontiguousarray(self._derivatives[..., k])
+
+    @property
+    def derivatives(self) -> dict[str, FloatArray]:
+        """The derivatives of the states, by what they are with respect to."""
+        return {name: self.derivative(name) for name in self.by}
 
     @property
     def final(self) -> FloatArray:

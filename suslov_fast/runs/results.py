@@ -173,7 +173,7 @@ class Result(metaclass=Answering):
             for name in names:
                 if name not in labels:
                     known = f"run.{name}" if name in dir(self) else ", ".join(labels)
-                    if name in getattr(self, "derivatives", ()):
+                    if name in getattr(self, "by", ()):
                         known = f"run.derivative({name!r})"
                     raise KeyError(f"run[{name!r}] is no component: use {known}")
             numbers = [labels.index(name) for name in names]

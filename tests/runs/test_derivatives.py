@@ -166,6 +166,8 @@ def test_batches_and_families(rng):
     assert motion.derivative("x0").shape == (3, 5, 2, 2, 2)
     assert motion.derivative("b").shape == (3, 5, 2, 2)
     assert (motion.derivative("x0")[1] == np.eye(2)).all()
+    assert [*motion.derivatives] == ["b", "x0"]
+    assert (motion.derivatives["b"] == motion.derivative("b")).all()
     assert not motion.derivative("b")[1].any()
     for k in (0, 1):
         options = {"derivatives": ("x0", "b"), "threads": TWO_THREADS}

@@ -109,7 +109,7 @@ class Times:
     @property
     def arguments(self) -> dict[str, Any]:
         """The arguments of :func:`flow`, as a motion has them."""
-        return self.settings._asdict() | {"derivatives": ()}
+        return self.settings._asdict() | {"by": ()}
 
     def pieces(self, part: Problem, rows: int) -> Iterator[Piece]:
         """Yield the states, `rows` at a time, and at last the other columns."""

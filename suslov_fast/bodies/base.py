@@ -146,24 +146,7 @@ class Body(Members):
 
     @public
     def field(self) -> Any:
-        """Return the equations of motion as a field, as :meth:`QuadraticField.of` does.
-
-        Returns
-        -------
-        QuadraticField
-            A field of the batch shape of the body, with exact coefficients for a single body.
-
-        Raises
-        ------
-        TypeError
-            If the body is a `Field`, whose equations need not be quadratic.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D
-        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=0).field()
-        QuadraticField(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1^2)
-        """
+        """Return the equations of motion as a field, as :meth:`QuadraticField.of` does."""
         raise NotImplementedError
 
     @property
@@ -269,25 +252,7 @@ class Body(Members):
     @classmethod
     @public
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
-        """Return the body that a dictionary from :meth:`to_dict` of this class describes.
-
-        Parameters
-        ----------
-        parameters : mapping
-            The dictionary, also if it was saved as JSON and read again.
-
-        Returns
-        -------
-        body
-            An instance of this class.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D
-        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-        >>> Suslov3D.from_dict(body.to_dict()) == body
-        True
-        """
+        """Return the body of this class in a dictionary, as :func:`body_from_dict` does."""
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
         how = ": body_from_dict makes a body of any class"

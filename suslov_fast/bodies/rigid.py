@@ -256,27 +256,10 @@ class SuslovGyrostat(_In3D):
     def from_inertia(
         cls, I: ArrayLike, a: ArrayLike, k: ArrayLike
     ) -> tuple[SuslovGyrostat, FloatArray]:
-        """Return the body with this inertia tensor, constrained axis and momentum of its rotor.
+        """Return the body and the rotation, as :meth:`Suslov3D.from_inertia` does.
 
-        Parameters
-        ----------
-        I, a : array_like
-            As in :meth:`Suslov3D.from_inertia`, for the whole body, the rotor included.
-        k : array_like(float, shape=(...))
-            Momentum of the rotor along a, positive in the direction of a. Unit: I * omega.
-
-        Returns
-        -------
-        body, rotation : SuslovGyrostat, ndarray(float, shape=(..., 3, 3))
-            As in :meth:`Suslov3D.from_inertia`.
-
-        Examples
-        --------
-        >>> from suslov_fast import SuslovGyrostat
-        >>> I = [[4, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
-        >>> body, rotation = SuslovGyrostat.from_inertia(I, a=[0, 0, 2], k=0.9)
-        >>> body
-        SuslovGyrostat(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, k=0.9, I3=3.0)
+        I is that of the whole body, the rotor included; k (...) is the momentum of the rotor along
+        a, positive in the direction of a, in the unit of I * omega.
         """
         I1, I2, I13, I23, I3, rotation = _in_adapted_basis(I, a)
         return cls(I1, I2, I13, I23, k, I3), rotation

@@ -202,47 +202,13 @@ class RationalMap(WithLetter):
 
     @public
     def jacobian(self, point: Any) -> tuple[Point, ...]:
-        """Return the matrix of derivatives at a point, exactly, as a tuple of rows.
-
-        Parameters
-        ----------
-        point : sequence
-            D integers, fractions or floats, which are taken exactly.
-
-        Returns
-        -------
-        tuple of tuple of Fraction
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField
-        >>> from suslov_fast.integrability import kahan
-        >>> kahan(QuadraticField([[[1]]]), eps=1).jacobian([2])
-        ((Fraction(1, 1),),)
-        """
+        """Return the derivatives at a point, D exact numbers, as a tuple of rows of fractions."""
         rows = self.derivative(self._numbers(point)).tolist()
         return tuple(tuple(map(arithmetic.fraction, row)) for row in rows)
 
     @public
     def determinant(self, point: Any) -> Fraction:
-        """Return the determinant of the matrix of derivatives at a point, exactly.
-
-        Parameters
-        ----------
-        point : sequence
-            D integers, fractions or floats, which are taken exactly.
-
-        Returns
-        -------
-        Fraction
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField
-        >>> from suslov_fast.integrability import kahan
-        >>> kahan(QuadraticField([[[1]]]), eps=1).determinant([2])
-        Fraction(1, 1)
-        """
+        """Return the determinant of :meth:`jacobian` at a point, an exact fraction."""
         return arithmetic.fraction(self.derivative(self._numbers(point)).det())
 
     def _numbers(self, point: Any) -> list[Any]:

@@ -212,28 +212,7 @@ class Change:
     @classmethod
     @public
     def from_dict(cls, description: Mapping[str, Any]) -> Change:
-        """Return the change that :meth:`to_dict` describes.
-
-        Parameters
-        ----------
-        description : dict
-            As by :meth:`to_dict`.
-
-        Returns
-        -------
-        Change
-
-        Raises
-        ------
-        TypeError, ValueError
-            If an entry is wrong.
-
-        Examples
-        --------
-        >>> from suslov_fast import Change
-        >>> Change.from_dict({"surface": "v - 30", "to": ["-65", "u + d"], "direction": 1})
-        Change('v - 30', to=('-65', 'u + d'), direction=1)
-        """
+        """Return the change in a dictionary of :meth:`to_dict`, also one read from JSON."""
         instance("description", description, Mapping)
         entries = dict(description)
         definitions = entries.pop("definitions", {})

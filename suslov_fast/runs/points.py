@@ -14,7 +14,6 @@ from ..keywords import public
 from .results import Result
 
 if TYPE_CHECKING:
-    import pandas
     import xarray
 
 
@@ -52,42 +51,16 @@ class Points(Result):
 
     @public
     def to_xarray(self) -> xarray.Dataset:
-        """Return the crossings as a labelled `xarray.Dataset` (extra `xarray`).
+        """Return a labelled dataset, as :meth:`Trajectories.to_xarray` does.
 
-        Returns
-        -------
-        xarray.Dataset
-            Dimensions: "crossing" and "component". The points are "omega", or "x" for a field;
-            along a map there are also `before`, `after` and `fraction`. Coordinates along
-            "crossing": `trajectory`, `time`, `n` and `eps` or `surface`, and each parameter of the
-            body that varies.
-
-        Examples
-        --------
-        >>> data = points.to_xarray()  # doctest: +SKIP
-        >>> chaotic = data.where(data.rho > 24.74, drop=True)  # doctest: +SKIP
+        Dimensions: "crossing" and "component". The points are "omega", or "x" for a field; along a
+        map there are also `before`, `after` and `fraction`. Coordinates along "crossing":
+        `trajectory`, `time`, `n` and `eps` or `surface`, and parameters of the body that vary:
+        ``data.where(data.rho > 24.74, drop=True)``.
         """
         from .files.datasets import crossings_to_xarray
 
         return crossings_to_xarray(self)
-
-    @public
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return a table with a row for each point; needs pandas.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Columns: the coordinates of :meth:`to_xarray`, parameters that vary, and the components
-            of the state.
-
-        Examples
-        --------
-        >>> points.to_dataframe().to_csv("points.csv")  # doctest: +SKIP
-        """
-        from .files.frames import of_points
-
-        return of_points(self)
 
     @public
     def plot(
@@ -98,36 +71,12 @@ class Points(Result):
         title: str | bool | None = None,
         ax: Any = None,
     ) -> Any:
-        """Draw the crossings over two components, over time, or in space (extra `plots`).
+        """Draw the points, as :meth:`Trajectories.plot` does states: ``points.plot("y", "py")``.
 
-        Of more than 1,000,000 crossings it draws as many, chosen at random.
-
-        Parameters
-        ----------
-        *names : int or str
-            The components to draw, as in ``points.plot("y", "py")``; one tuple, or `components`, is
-            the same.
-        components : sequence of int or str, optional
-            Two or three indices or labels, such as ``("x2", "x3")``, or "time". By default the
-            first two that vary; of a canonical Hamiltonian field a coordinate and its momentum.
-        color : str or array_like(float, shape=(K,) or (...)), optional
-            A parameter that varies, "trajectory" or "time", along maps also "eps" or "n", and along
-            motions "surface"; a number for each crossing, or each trajectory; or a colour of
-            Matplotlib. By default the parameter of a family, or else
-            a colour for each trajectory.
-        title : str or bool, optional
-            True: the system and the number of crossings. By default none, unless crossings are
-            left out.
-        ax : matplotlib.axes.Axes, optional
-            Axes to draw on; by default those of a new figure.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Examples
-        --------
-        >>> points.plot(color="trajectory").figure.savefig("section.png")  # doctest: +SKIP
+        By default the components are the first two that vary; of a canonical Hamiltonian field a
+        coordinate and its momentum. `color` may also be "trajectory" or "time", along maps "n",
+        along motions "surface", or a number for each point (K,). Of more than 1,000,000 points it
+        draws as many, chosen at random.
         """
         from . import drawing  # which imports Matplotlib
 

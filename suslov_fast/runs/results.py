@@ -27,17 +27,6 @@ T = TypeVar("T", bound=np.generic)
 QUANTITIES: set[str] = set()
 # Quantities that take a step size, which is 0 along the motion.
 _OF_STEPS = {"first_integral"}
-_DOCUMENTED = """Return :func:`suslov_fast.{name}` of the states.
-
-Returns
--------
-ndarray(float)
-    The values, in the units of the function; time is the first axis, (n, ...).
-
-Examples
---------
->>> run.{name}()  # doctest: +SKIP
-"""
 
 
 def quantity(name: str) -> Callable[[Any], FloatArray]:
@@ -48,7 +37,9 @@ def quantity(name: str) -> Callable[[Any], FloatArray]:
         return values
 
     method.__name__, method.__qualname__ = name, f"States.{name}"
-    method.__doc__ = _DOCUMENTED.format(name=name)
+    method.__doc__ = (
+        f"Return the values (n, ...) of the states, as :func:`suslov_fast.{name}` does."
+    )
     QUANTITIES.add(name)
     return public(method)
 
@@ -195,6 +186,28 @@ class Result(metaclass=Answering):
         return bool((self.status >= 0).all())
 
     @public
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return a table with a row for each state or point, by trajectories; needs pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns: the number of the trajectory in the order of ``status.ravel()`` if there are
+            several; "n" along a map; "time", and what else tells points apart; parameters that
+            vary; the components of the state.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
+        >>> run.to_dataframe().to_csv("states.csv")  # doctest: +SKIP
+        """
+        from .files.frames import table
+
+        return table(self)
+
+    @public
     def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
         """Write the result to a file, without loss; :func:`suslov_fast.load` reads it.
 
@@ -227,24 +240,7 @@ class Result(metaclass=Answering):
     @classmethod
     @public
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Return the result in a file of `save`; `extend` can continue those of maps.
-
-        Parameters
-        ----------
-        path : str or path-like
-            The name of the file.
-
-        Returns
-        -------
-        Trajectories, Crossings or Motion
-            An instance of the class whose method this is, equal to the saved one. Errors are those
-            of :func:`suslov_fast.load`, and a ValueError for a file of another class.
-
-        Examples
-        --------
-        >>> from suslov_fast import Trajectories
-        >>> later = Trajectories.load("run.npz").extend(1000)  # doctest: +SKIP
-        """
+        """Return the result of this class in a file, as :func:`suslov_fast.load` does."""
         from .files.storage import load
 
         result: Self = load(path, cls.__name__)
@@ -375,27 +371,6 @@ class States(Result):
         from .files.datasets import to_xarray
 
         return to_xarray(self, dims)
-
-    @public
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return a table with a row for each state, one trajectory after another; needs pandas.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Columns: the number of the trajectory in the order of ``status.ravel()`` if there are
-            several; "n" along a map; "time"; parameters that vary; the components of the state.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D, iterate
-        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-        >>> run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
-        >>> run.to_dataframe().to_csv("states.csv")  # doctest: +SKIP
-        """
-        from .files.frames import of_states
-
-        return of_states(self)
 
 
 @public

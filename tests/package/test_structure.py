@@ -343,8 +343,10 @@ def test_public_docstrings(name, thing):
     assert "\n" not in text.partition("\n\n")[0]
     found = [each for each in re.findall(r"\n(\w+)\n---", text) if each in SECTIONS]
     assert found == sorted(found, key=SECTIONS.index)
-    if not inspect.isfunction(thing) or name == "LiftedField.field":
+    if not inspect.isfunction(thing):
         return
+    if "." in name and ("\n" not in text or re.search(r", as :\w+:`[\w.]+` do", text)):
+        return  # methods that a line explains, or that do as another one
     assert "Examples" in found
     if "." not in name:  # methods name errors that are not obvious
         assert ("Raises" in found) == (name not in WITHOUT_ERRORS), found

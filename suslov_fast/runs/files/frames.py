@@ -19,8 +19,21 @@ def _parameters(result: Any) -> Iterator[tuple[str, FloatArray]]:
             yield name, values
 
 
-def of_states(run: Any) -> Any:
-    """Return a table of a run or a motion, trajectory by trajectory; see `States.to_dataframe`."""
+def table(result: Any) -> Any:
+    """Return a result as a table; see `Result.to_dataframe`."""
+    if hasattr(result, "coordinates"):
+        columns = {name: getattr(result, name) for name in result.coordinates}
+        columns |= {name: result._at_crossings(values) for name, values in _parameters(result)}
+        states = result.states
+    else:
+        columns, states = _of_runs(result)
+    for name, column in zip(result.body.labels, states.T, strict=True):
+        columns[f"{name}_" if name in columns else name] = column
+    return extra("pandas", "xarray").DataFrame(columns)
+
+
+def _of_runs(run: Any) -> tuple[dict[str, Any], FloatArray]:
+    """Return the columns of a run or a motion, and its states, trajectory by trajectory."""
     N, batch = len(run), run.status.shape
     columns: dict[str, Any] = {}
     if batch:
@@ -32,17 +45,4 @@ def of_states(run: Any) -> Any:
     for name, values in _parameters(run):
         columns[name] = np.repeat(np.broadcast_to(values, batch).ravel(), N)
     states = np.moveaxis(run.states, 0, -2).reshape(-1, len(run.body.labels))
-    return _table(columns, run.body.labels, states)
-
-
-def of_points(points: Any) -> Any:
-    """Return a table of crossings or changes; see `Points.to_dataframe`."""
-    columns = {name: getattr(points, name) for name in points.coordinates}
-    columns |= {name: points._at_crossings(values) for name, values in _parameters(points)}
-    return _table(columns, points.body.labels, points.states)
-
-
-def _table(columns: dict[str, Any], labels: Any, states: FloatArray) -> Any:
-    for name, column in zip(labels, states.T, strict=True):
-        columns[f"{name}_" if name in columns else name] = column
-    return extra("pandas", "xarray").DataFrame(columns)
+    return columns, states

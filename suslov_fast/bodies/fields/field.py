@@ -166,7 +166,9 @@ class QuadraticField(_FieldOfTerms):
         return cls._of(parts_of(terms, names))
 
     @classmethod
-    def _by_function(cls, f: Any, names: tuple[str, ...], values: dict[str, Any]) -> QuadraticField:
+    def _by_function(
+        cls, f: Any, names: tuple[str, ...], values: dict[str, Any], M: None
+    ) -> QuadraticField:
         terms = terms_of_function("f", f, names, values, 2)
         field = cls._of({**parts_of(terms, names), **values})
         return field._made_by(cls.from_function, f, names)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import checks
-from ...checks import FloatArray
+from ...checks import FloatArray, arguments_of
 from ...core.lists.changes import Act
 from ...core.lists.conditions import with_fixed_choices
 from ...core.lists.dense import DenseRightHandSide, dense_parameters
@@ -22,6 +22,7 @@ from ...keywords import public
 from ..base import Body, Parameters, frozen, summary
 from .calls import check_function
 from .latex import symbol
+from .mass import parted
 from .names import labels, variables
 from .polynomials import named_parameters
 from .symbolic import Symbols
@@ -63,15 +64,21 @@ class FieldOfFunction(Body):
     _formulas: ClassVar[Any]  # the texts of f, component by component
 
     has_map: ClassVar[bool] = True  # whether datasets of runs have the names eps and n
-    _by_function: ClassVar[Any]  # makes the field of f, names and checked parameters
+    _by_function: ClassVar[Any]  # makes the field of f, names, checked parameters and M
     _by_hamiltonian: ClassVar[Any]  # makes that of H, names, checked parameters and K
 
     @classmethod
     @public
     def from_function(
-        cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
+        cls,
+        f: Callable[..., Any],
+        /,
+        dimension: int | str | Sequence[str],
+        *,
+        mass: Any = None,
+        **parameters: Any,
     ) -> Self:
-        """Return the field ``x' = f(x, **parameters)``, or a family of fields.
+        """Return the field ``x' = f(x, **parameters)``, or a family; with `mass` M x' = f.
 
         Parameters
         ----------
@@ -83,9 +90,15 @@ class FieldOfFunction(Body):
             the double nearest to 1/10.
         dimension : int, str or sequence of str
             The number of variables, D, or their names, such as ``"u v w"``.
+        mass : callable or array_like(float, shape=(D, D)), optional
+            Of a `Field`: the matrix M of equations ``M(x) x' = f(x)``, numbers, or a function of
+            the state, and of parameters by name, that returns it. M is eliminated as formulas,
+            without row exchanges: where it depends on x, for D up to some 12, if it is not sparse.
+            Where a pivot becomes 0 solutions end. If f itself takes `mass`, it is a parameter.
         **parameters : float or array_like(float, shape=(...))
-            Named parameters of f. Numbers remain exact; arrays broadcast, and make a batch of
-            fields. Names of variables, t, those of datasets, and eps with a map, are refused.
+            Named parameters of f, and of `mass`. Numbers remain exact; arrays broadcast, and make a
+            batch of fields. Names of variables, t, those of datasets, and eps with a map, are
+            refused.
 
         Returns
         -------
@@ -97,7 +110,8 @@ class FieldOfFunction(Body):
         TypeError, ValueError
             If f does not take the state as one argument, lacks a parameter, returns another number
             of derivatives or formulas that the class does not have, asks for the value of a symbol
-            as Python's ``if`` does, or returns something else when it is called again.
+            as Python's ``if`` does, or returns something else when it is called again; if M is
+            singular, or has another shape.
 
         Examples
         --------
@@ -115,11 +129,25 @@ class FieldOfFunction(Body):
         >>> Field.from_function(thermostat, "T", least=[18.0, 20.0])([19.0])
         array([[-1.9],
                [-0.9]])
+
+        A bead on a parabola q**2 / 2, whose inertia depends on q:
+
+        >>> Field.from_function(
+        ...     lambda x: (x[1], -x[0] * (x[1] ** 2 + 1)),
+        ...     "q v",
+        ...     mass=lambda x: [[1, 0], [0, 1 + x[0] ** 2]],
+        ... )
+        Field(q' = v, v' = -q*(v**2 + 1)/(1 + q**2))
         """
         names = variables("dimension", dimension, has_map=cls.has_map)
-        check_function("f", f, names, parameters)
+        if mass is not None and (cls.has_map or "mass" in arguments_of(f)):
+            parameters, mass = {**parameters, "mass": mass}, None
+        if mass is None:
+            check_function("f", f, names, parameters)
+        else:
+            f, mass = parted(f, mass, names, parameters)
         values = named_parameters(parameters, names, has_map=cls.has_map)
-        field: Self = cls._by_function(f, names, values)
+        field: Self = cls._by_function(f, names, values, mass)
         return field
 
     @classmethod

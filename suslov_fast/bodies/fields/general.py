@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ... import checks
-from ...checks import FloatArray, arguments_of
+from ...checks import FloatArray
 from ...core.lists.changes import Act
 from ...core.lists.conditions import with_fixed_choices
 from ...core.lists.derivative import gradients
@@ -19,10 +19,10 @@ from ...core.lists.right_hand_side import RightHandSide, in_order
 from ...core.lists.step import evaluate
 from ...keywords import public, public_class
 from ..base import frozen
-from .calls import called_by_name, check_function, operands_of_function
+from .calls import called_by_name, operands_of_function
 from .coefficients import structure_matrix
 from .field_of_terms import LONGEST, NAMES, FieldOfFunction, OfMembers
-from .mass import parted, rates
+from .mass import rates
 from .names import variables
 from .polynomials import named_parameters, to_lists
 from .symbolic import Symbol, Symbols, Tracer
@@ -270,75 +270,9 @@ class Field(FieldOfFunction):
         return np.asarray(found + 0.0 * x.sum(axis=-1))[()]
 
     @classmethod
-    @public
-    def from_function(
-        cls,
-        f: Callable[..., Any],
-        /,
-        dimension: int | str | Sequence[str],
-        *,
-        mass: Any = None,
-        **parameters: Any,
-    ) -> Field:
-        """Return the field ``x' = f(x, **parameters)``, or a family; with `mass` M x' = f.
-
-        Parameters
-        ----------
-        f : callable
-            Takes the state x, an array of D variables, and returns their D derivatives: formulas
-            that the class has. Time is a variable with the rate 1: ``lambda s: (..., 1.0)`` and
-            names ``"x v t"``. It is called with symbols, twice or more.
-        dimension : int, str or sequence of str
-            The number of variables, D, or their names, such as ``"u v w"``.
-        mass : callable or array_like(float, shape=(D, D)), optional
-            The matrix M of equations ``M(x) x' = f(x)``: numbers, or a function of the state, and
-            of parameters by name, that returns it. M is eliminated as formulas, without row
-            exchanges: where it depends on x, for D up to some 12, if it is not sparse. Where a
-            pivot becomes 0 solutions end. If f itself takes `mass`, it is a parameter.
-        **parameters : float or array_like(float, shape=(...))
-            Named parameters of f, and of `mass`, each of which may take some. Arrays broadcast, and
-            make a batch of fields. Names of variables, t and those of datasets are refused.
-
-        Returns
-        -------
-        Field
-            A single field, or a batch of the shape of the parameters.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As :meth:`QuadraticField.from_function`; also if M is singular, or has another shape.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from suslov_fast import Field
-        >>> def thermostat(x, least):
-        ...     return (np.where(x[0] < least, 1.0, 0.0) - 0.1 * x[0],)
-        >>> Field.from_function(thermostat, "T", least=[18.0, 20.0])([19.0])
-        array([[-1.9],
-               [-0.9]])
-
-        A bead on a parabola q**2 / 2, whose inertia depends on q:
-
-        >>> Field.from_function(
-        ...     lambda x: (x[1], -x[0] * (x[1] ** 2 + 1)),
-        ...     "q v",
-        ...     mass=lambda x: [[1, 0], [0, 1 + x[0] ** 2]],
-        ... )
-        Field(q' = v, v' = -q*(v**2 + 1)/(1 + q**2))
-        """
-        names = variables("dimension", dimension, has_map=False)
-        if mass is not None and "mass" in arguments_of(f):
-            parameters, mass = {**parameters, "mass": mass}, None
-        if mass is None:
-            check_function("f", f, names, parameters)
-        else:
-            f, mass = parted(f, mass, names, parameters)
-        values = named_parameters(parameters, names, has_map=False)
+    def _by_function(cls, f: Any, names: tuple[str, ...], values: dict[str, Any], M: Any) -> Field:
         tracer, rows = operands_of_function("f", f, names, values)
-        if mass is not None:
-            rows = rates(tracer, mass, rows)
+        rows = rows if M is None else rates(tracer, M, rows)
         equations = Equations(names, [*values], tracer.values, rows)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 

@@ -21,7 +21,7 @@ Kind = TypeVar("Kind", bound="Body")
 HIDDEN = frozenset(
     "arrays axes batch_of_one called constants coordinates derived_by described labels "
     "has_map listed_right_hand_sides may_escape of_member parts positive read reduction "
-    "remake right_hand_side right_hand_sides steady texts with_parts without_value".split()
+    "remake right_hand_side right_hand_sides steady texts variable with_parts without_value".split()
 )
 
 
@@ -59,6 +59,8 @@ class Body(Members):
         The steady states as a formula, for messages.
     called : str
         What messages call the class.
+    variable : {"omega", "x"}
+        The name of the states.
     may_escape : bool
         Whether motions may escape to infinity.
     read, texts : callable, tuple of str
@@ -72,6 +74,7 @@ class Body(Members):
     axes: ClassVar[dict[str, int]] = {}
     positive: ClassVar[dict[str, int]] = {}
     called: ClassVar[str] = "a body or a field"
+    variable: ClassVar[str] = "omega"
     steady: ClassVar[str] = ""
     if not TYPE_CHECKING:  # type checkers know the property below
         dimension: ClassVar[Any] = 2

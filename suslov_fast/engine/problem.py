@@ -80,7 +80,7 @@ def check(
     if components is None and len(labels) != body.dimension:
         expected = f"have {body.dimension} entries, the dimension of {type(body).__name__}"
         raise wrong("labels", expected, checks.short(labels))
-    if map.variable == "x":
+    if body.variable == "x":
         name = {"omega": "x", "omega0": "x0"}.get(name, name)
     if isinstance(omega, RandomStarts):
         states = omega.states(math.prod(omega.shape), 0, len(labels))

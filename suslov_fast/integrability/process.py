@@ -29,9 +29,9 @@ def search(report: Any) -> Iterator[Part]:
     tasks = facts.queue
     for _ in tasks:
         facts.fill(report)
-        yield Part(report, tasks.done, tasks.done + len(tasks))
+        yield Part(report, tasks.done, tasks.done + len(tasks.waiting))
     report.finished = True
-    known = tasks.done + len(tasks)
+    known = tasks.done + len(tasks.waiting)
     yield Part(report, known, known)
 
 

@@ -6,13 +6,13 @@ cofactors of its products with earlier ones, and to a task for its proof.
 
 from __future__ import annotations
 
-import heapq
 import math
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from .darboux import candidate_cofactors, nullity, space_of, with_constants
@@ -56,7 +56,7 @@ ONE = RationalFunction(())
 Tasks = Iterable["Task"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Task:
     """The search for one fact: a degree, the polynomials of a cofactor, a proof.
 
@@ -79,64 +79,39 @@ class Task:
 
 
 class Queue:
-    """Waiting tasks.
+    """Tasks that are `waiting`; iteration runs them in their order, and yields each when done.
 
-    Iteration runs them in their order, and yields each task when it is done. A task that is not
-    `needed` runs only while ``is_wanted(degree)`` is True; until then it is set aside.
+    A task that is not `needed` waits until ``is_wanted(degree)`` is True.
     """
 
     def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[int], bool]) -> None:
-        self.done = 0
-        self._is_wanted = is_wanted
-        self._heap: list[tuple[tuple[int, int, int], int, Task]] = []
-        self._aside: dict[int, list[Task]] = {}  # by degree
-        self._open = Counter[tuple[str, int]]()  # tasks that are not done, by kind and degree
-        self._degrees: dict[str, set[int]] = {}  # of all tasks so far, by kind
-        self._pushed = 0  # number of tasks that were pushed, which orders those of equal places
+        self.done, self.waiting, self._is_wanted = 0, list[Task](), is_wanted
+        self._degrees = defaultdict[str, set[int]](set)  # of all tasks so far, by kind
         self._add(tasks)
-
-    def __len__(self) -> int:
-        return len(self._heap) + sum(map(len, self._aside.values()))
-
-    def __iter__(self) -> Iterator[Task]:
-        while self._heap:
-            _, _, task = heapq.heappop(self._heap)
-            if task.needed or self._is_wanted(task.degree):
-                self._add(task.run())
-                self._open[task.kind, task.degree] -= 1
-                self.done += 1
-                yield task
-            else:
-                self._aside.setdefault(task.degree, []).append(task)
-            self._push_wanted()
-
-    def _push_wanted(self) -> None:
-        """Push the tasks again that were set aside and are wanted now."""
-        for degree in [degree for degree in self._aside if self._is_wanted(degree)]:
-            for task in self._aside.pop(degree):
-                self._push(task)
 
     def _add(self, tasks: Iterable[Task]) -> None:
         for task in tasks:
-            self._open[task.kind, task.degree] += 1
-            self._degrees.setdefault(task.kind, set()).add(task.degree)
-            self._push(task)
+            self.waiting.append(task)
+            self._degrees[task.kind].add(task.degree)
 
-    def _push(self, task: Task) -> None:
-        self._pushed += 1
-        heapq.heappush(self._heap, (task.place, self._pushed, task))
+    def __iter__(self) -> Iterator[Task]:
+        while ready := [task for task in self.waiting if self._is_ready(task)]:
+            task = min(ready, key=attrgetter("place"))
+            self._add(task.run())
+            self.waiting.remove(task)
+            self.done += 1
+            yield task
 
-    @property
-    def has_set_aside(self) -> bool:
-        """True if tasks are set aside."""
-        return bool(self._aside)
+    def _is_ready(self, task: Task) -> bool:
+        return task.needed or self._is_wanted(task.degree)
 
     def finished(self) -> dict[str, int]:
         """Return, for each kind, the degree up to which all tasks are done."""
+        left = {(task.kind, task.degree) for task in self.waiting}
         highest: dict[str, int] = {}
         for kind, degrees in self._degrees.items():
             for degree in sorted(degrees):
-                if self._open[kind, degree]:
+                if (kind, degree) in left:
                     break
                 highest[kind] = degree
         return highest
@@ -526,7 +501,7 @@ class Search:
                 yield text.format(k=k, count=count)
         if "factors" in degrees and not self.invariants.has_factors:
             yield "no other Darboux polynomials, since det DPhi is too long"
-        if self.is_complete and self.queue.has_set_aside:
+        if self.is_complete and self.queue.waiting:
             yield "no more, since as many integrals as relations show are known"
 
 

@@ -22,6 +22,9 @@ Method = Literal["auto", "gauss", "order4", "order6", "order8"]
 
 Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
 
+# Quantities that are conserved, exactly or nearly: of a map the first one that it has.
+_CONSERVED = "first_integral", "modified_energy", "energy"
+
 
 @dataclass(frozen=True, eq=False)
 class Map:
@@ -44,8 +47,6 @@ class Map:
     formulas : mapping of str to Formula
         How to compute the public functions of a state that the map supports, by their names (see
         `maps/formulas.py`).
-    conserved : tuple of str
-        Names of formulas: the first one that a body has is conserved, exactly or nearly.
     stages : Stages
         Stages of a composition: a step consists of Kahan steps by these fractions of eps. WHOLE for
         Kahan's map itself.
@@ -61,10 +62,6 @@ class Map:
         states, as an array (..., D), from which the `multipliers` follow.
     serves : tuple of str
         Public functions that the map supports without a formula of their own.
-    variable : {"omega", "x"}
-        The name of the state variable in runs and datasets.
-    meaning : str
-        What a state is, for datasets: "angular velocity" or "state".
     """
 
     name: str
@@ -72,15 +69,12 @@ class Map:
     body: type[Any]
     methods: Mapping[str, Steps]
     formulas: Mapping[str, Formula]
-    conserved: tuple[str, ...] = ()
     stages: Stages = WHOLE
     order: int = 2
     attitude: Literal["axial", "in_rows"] | None = None
     plane: Plane | None = None
     eigenvalues: Eigenvalues = eigenvalues
     serves: tuple[str, ...] = ALWAYS
-    variable: str = "omega"
-    meaning: str = "angular velocity"
 
     def has(self, name: str) -> bool:
         """Return whether the map supports a public function, at least for some bodies."""
@@ -128,7 +122,7 @@ class Map:
     def conserves(self, body: Any) -> str | None:
         """Return the name of a conserved, or nearly conserved, quantity; None without one."""
         known = self.functions(body)
-        return next((name for name in self.conserved if name in known), None)
+        return next((name for name in _CONSERVED if name in known), None)
 
     def __reduce__(self) -> Any:
         return named, (self.name,)

@@ -34,7 +34,6 @@ for _record in (
         body=Suslov3D,
         methods={"auto": STEPS_3D},
         formulas=IN_3D,
-        conserved=("first_integral",),
         attitude="axial",
         plane=SOLVED_ALREADY,
         eigenvalues=eigenvalues_in_3d,
@@ -46,7 +45,6 @@ for _record in (
         body=SuslovND,
         methods={"auto": STEPS_ND, "gauss": FIELD},
         formulas=IN_ND,
-        conserved=("first_integral", "modified_energy"),
         attitude="in_rows",
         plane=IN_PLANE,
         eigenvalues=eigenvalues_nd,
@@ -58,7 +56,6 @@ for _record in (
         body=SuslovGyrostat,
         methods={"auto": STEPS_WITH_ROTOR},
         formulas=GYROSTAT,
-        conserved=("first_integral",),
         attitude="axial",
         plane=SOLVED_ALREADY,
         eigenvalues=eigenvalues_of_gyrostat,
@@ -70,9 +67,6 @@ for _record in (
         body=QuadraticField,
         methods={"auto": FIELD},
         formulas=KAHAN,
-        conserved=("modified_energy",),
-        variable="x",
-        meaning="state",
     ),
     *(
         Map(
@@ -81,11 +75,8 @@ for _record in (
             body=QuadraticField,
             methods={f"order{order}": field_in(COMPOSITIONS[order])},
             formulas=OF_ORDER,
-            conserved=("energy",),
             stages=COMPOSITIONS[order],
             order=order,
-            variable="x",
-            meaning="state",
         )
         for order in COMPOSITIONS
     ),

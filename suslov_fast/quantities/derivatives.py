@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.classes import AnyBody, BodyOrField
+from ..bodies.fields.terms import Terms, slopes_at, sums_at
 from ..checks import FloatArray, Reals, first_index, spell
 from ..engine.problem import Problem
 from ..keywords import public
@@ -225,20 +226,13 @@ def multipliers(
 
 def _slopes_at_fixed_points(checked: Problem) -> FloatArray:
     """Return f' (..., D, D); raise ValueError where f is not 0 to rounding."""
-    x, D = checked.omega, checked.body.dimension
-    (i, j, k), values = checked.body._terms
+    x, terms = checked.omega, Terms(*checked.body._terms)
+    (i, j, k), values = terms
     y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
-    left, right = values * y[..., j], values * y[..., k]
-    products = left * y[..., k]
-    # f, the sum of the moduli of its terms, and f' with a last column for the factor 1.
-    f, sizes = np.zeros((2, D, *products.shape[:-1]))
-    slopes = np.zeros((D, D + 1, *products.shape[:-1]))
-    np.add.at(f, i, np.moveaxis(products, -1, 0))
-    np.add.at(sizes, i, np.moveaxis(abs(products), -1, 0))
-    np.add.at(slopes, (i, j), np.moveaxis(right, -1, 0))
-    np.add.at(slopes, (i, k), np.moveaxis(left, -1, 0))
-    f, sizes = np.moveaxis(f, 0, -1), np.moveaxis(sizes, 0, -1)
-    derivative = np.moveaxis(slopes[:, :D], (0, 1), (-2, -1))
+    products = values * y[..., j] * y[..., k]
+    # f, and the sum of the moduli of its terms.
+    f, sizes = (sums_at(i, each, x.shape[-1]) for each in (products, abs(products)))
+    derivative = slopes_at(terms, x)
     moves = ~((abs(f) <= _FIXED * sizes) & (sizes < np.inf)) & ~np.isnan(x)
     if moves.any():
         moves &= ~_is_near_fixed_point(f, sizes, derivative, x)[..., np.newaxis]

@@ -33,7 +33,6 @@ from .files.datasets import to_xarray, with_time
 from .files.tiles import Steps, Task, Times, count_in, finish
 from .iterate import checked_counts
 from .motion import Motion
-from .results import variable_of
 from .trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -261,9 +260,8 @@ def _template(whole: Problem, task: Task, dims: Any) -> xarray.Dataset:
     }
     identity["x0"] = stores.described("x0", x0, few=0)
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
-    variable = map.variable if map else variable_of(type(body))  # the name of states in the dataset
     identity["tiled"] = sorted(
-        ({*filled, variable} | {*data.variables} & {"count"}) - {"states", "time"}
+        ({*filled, body.variable} | {*data.variables} & {"count"}) - {"states", "time"}
     )
     return data.assign_attrs(identity, format=FORMAT)
 

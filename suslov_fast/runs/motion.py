@@ -163,10 +163,6 @@ class Motion(States, OfMotion):
         return {"title": f"Motion of a {type(self.body).__name__}"}
 
     @property
-    def _meaning(self) -> str:
-        return "state" if self._variable == "x" else "angular velocity"
-
-    @property
     def _heading(self) -> tuple[str, str, int]:
         last = max(self.time, key=abs, default=0.0)
         return self._titles["title"], f"to t = {last:g}", len(self.time)

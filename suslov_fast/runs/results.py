@@ -59,7 +59,11 @@ class Result(metaclass=Answering):
     @property
     def _variable(self: Any) -> str:
         """The name of the states, "omega" or "x"."""
-        return variable_of(type(self.body))
+        return self.body.variable  # type: ignore[no-any-return]
+
+    @property
+    def _meaning(self) -> str:
+        return "state" if self._variable == "x" else "angular velocity"
 
     @property
     def _conserved(self: Any) -> str | None:
@@ -261,14 +265,12 @@ class States(Result):
     """The base of `Trajectories` and `Motion`, which have states with time on the first axis.
 
     For plots they have `_is_whole`, whether states follow one another, and `_heading`: what they
-    are, how far orbits go, and the number of states of one; for datasets `_titles`, attributes, and
-    `_meaning` of states.
+    are, how far orbits go, and the number of states of one; for datasets `_titles`, attributes.
     """
 
     _is_whole: Any
     _heading: Any
     _titles: Any
-    _meaning: Any
 
     first_integral = quantity("first_integral")
     energy = quantity("energy")
@@ -407,14 +409,6 @@ def load(path: str | os.PathLike[str]) -> Any:
     from .files.storage import load
 
     return load(path)
-
-
-def variable_of(kind: type[Any]) -> str:
-    """Return the name of the states of a class of systems, "omega" or "x"."""
-    from ..maps import methods_of
-
-    records = methods_of(kind)
-    return next(iter(records.values())).variable if records else "x"
 
 
 def read_only(array: NDArray[T]) -> NDArray[T]:

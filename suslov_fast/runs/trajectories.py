@@ -141,10 +141,6 @@ class Trajectories(States):
         return {"title": self.map.title, "map": self.map.name}
 
     @property
-    def _meaning(self) -> str:
-        return self.map.meaning
-
-    @property
     def _is_whole(self) -> bool:
         return bool(self.n[-1] == len(self) - 1)
 

@@ -49,7 +49,7 @@ def store(tmp_path):
 
 def assert_same(dataset, orbits):
     """Compare all stored variables with the results of `iterate`, bit for bit."""
-    for name in (orbits.map.variable, "final", "status", "failed_at", "attitude", "n", "time"):
+    for name in (orbits.body.variable, "final", "status", "failed_at", "attitude", "n", "time"):
         expected = getattr(orbits, name)
         if expected is None:
             assert name not in dataset

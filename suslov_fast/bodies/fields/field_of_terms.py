@@ -63,6 +63,7 @@ class FieldOfFunction(Body):
     _slopes_at: ClassVar[Any]  # f'(x) (..., D, D) at checked states
     _formulas: ClassVar[Any]  # the texts of f, component by component
 
+    variable: ClassVar[str] = "x"
     has_map: ClassVar[bool] = True  # whether datasets of runs have the names eps and n
     _by_function: ClassVar[Any]  # makes the field of f, names, checked parameters and M
     _by_hamiltonian: ClassVar[Any]  # makes that of H, names, checked parameters and K

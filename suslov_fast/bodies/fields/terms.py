@@ -167,10 +167,10 @@ def values_at(terms: Terms, x: Any, names: Sequence[str], degree: int) -> Any:
         products = values * y[..., j] * y[..., k]
         if degree == 3:
             return (products * y[..., i]).sum(axis=-1) + 0.0 * x[..., 0]
-        return _sums_at(i, products, D) + 0.0 * x
+        return sums_at(i, products, D) + 0.0 * x
 
 
-def _sums_at(places: Any, numbers: FloatArray, count: int) -> FloatArray:
+def sums_at(places: Any, numbers: FloatArray, count: int) -> FloatArray:
     """Return the sums (..., count) of those numbers (..., T) that have the same place."""
     order = np.argsort(places, kind="stable")
     there, first = np.unique(places[order], return_index=True)
@@ -189,7 +189,7 @@ def slopes_at(terms: Terms, x: FloatArray) -> FloatArray:
     places, others = np.hstack([i * (D + 1) + j, i * (D + 1) + k]), np.hstack([k, j])
     with np.errstate(all="ignore"):
         products = np.concatenate([values, values], axis=-1) * y[..., others]
-        sums = _sums_at(places, products, D * (D + 1))
+        sums = sums_at(places, products, D * (D + 1))
         slopes: FloatArray = sums.reshape(*sums.shape[:-1], D, D + 1)[..., :D]
         return slopes + 0.0 * x[..., np.newaxis, :]
 

@@ -120,7 +120,7 @@ def crossings_to_xarray(points: Any) -> Any:
     is_of_map, of_steps = map is not None, {}
     variables: dict[str, Any] = {}
     dim = "crossing" if points.what == "crossings" else "changed"
-    there = f"{map.meaning} there" if is_of_map else ""
+    there = f"{points._meaning} there" if is_of_map else ""
     for column in OF_KIND.get(type(points).__name__, CHANGES):
         values = getattr(points, column.name)
         is_one = column.axes.startswith(dim) and column.name not in points.coordinates

@@ -22,7 +22,6 @@ from ..change import Change, field_of
 from ..changes import acts_of, changes_of_records, stops_of
 from ..columns import RUN
 from ..flow import motion_of, motion_with_changes
-from ..results import variable_of
 from .stores import group_of
 
 # Tiles that are queued per thread of a Dask worker.
@@ -189,7 +188,7 @@ def _compute(part: Problem, task: Task, where: Where, store: Any) -> None:
     if isinstance(part.omega, RandomStarts):  # drawn here, so that no process holds all states
         drawn = part.omega._part(along(part.omega.shape, where), part.body.dimension)
         part = part._replace(omega=drawn)
-    variable = part.map.variable if part.map else variable_of(type(part.body))
+    variable = part.body.variable
     # A chunk that is not there was lost.
     kept = {"write_empty_chunks": True}
     arrays = {name: array.with_config(kept) for name, array in group_of(store, "r+").arrays()}

@@ -23,7 +23,7 @@ from ..bodies.fields.terms import Terms
 from ..checks import kind_of, wrong
 from ..keywords import public
 from ..words import in_place_of
-from .arithmetic import as_decimal, constant, matrix, moduli
+from .arithmetic import as_decimal, constant, matrix
 from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap, check_map
 from .polynomials import coprime, cramer, degree_of
@@ -41,7 +41,6 @@ class KahanMap(RationalMap):
         self.field, self.eps, self._sign = field, eps, sign
         self.dimension, self.letter = field.dimension, "eps" if eps is None else ""
         self.names = None if field.names == labels(field.dimension) else field.names
-        self._parts: dict[tuple[int, ...], tuple[list[Any], Any]] = {}  # see `_matrices`
 
     @cached_property
     def inverse(self) -> KahanMap:
@@ -91,6 +90,7 @@ class KahanMap(RationalMap):
                 forms[i][k].setdefault(j, [0, 0])[1] += v if k == D else -v
         return [[[(j, *form[j]) for j in sorted(form)] for form in row] for row in forms]
 
+    @cached_property
     def _forms(self) -> list[Any]:
         """Return `_equations` with entries (j, a), for terms a x_j, at eps."""
         if self.eps is None:
@@ -105,41 +105,22 @@ class KahanMap(RationalMap):
     def _system(self, x: Sequence[Any]) -> list[list[Any]]:
         """Return the rows of (A | b) at a point."""
         zero = 0 * x[-1]
-        return [[sum((a * x[j] for j, a in form), zero) for form in row] for row in self._forms()]
+        return [[sum((a * x[j] for j, a in form), zero) for form in row] for row in self._forms]
 
-    def _matrices(self, x: Sequence[Any]) -> tuple[Any, Any]:
-        """Return A and b at a point of numbers."""
-        modulus = (*moduli(x[0]),)
-        if modulus not in self._parts:
-            self._parts[modulus] = self._parts_of(*modulus)
-        parts, B = self._parts[modulus]
-        A = sum((a * part for a, part in zip(x[1:], parts[1:], strict=True)), x[0] * parts[0])
-        return A, B * matrix([[a] for a in x])
-
-    def _parts_of(self, *modulus: int) -> tuple[list[Any], Any]:
-        """Return the matrices A_j of A = sum_j x_j A_j, and the matrix B of b = B x."""
-        D = self.dimension
-        rows_of_A = [[[0] * D for _ in range(D)] for _ in range(D + 1)]
-        rows_of_B = [[0] * (D + 1) for _ in range(D)]
-        for i, row in enumerate(self._forms()):
-            for k, form in enumerate(row):
-                for j, a in form:
-                    if k < D:
-                        rows_of_A[j][i][k] = a
-                    else:
-                        rows_of_B[i][j] = a
-        of = flint.nmod_mat if modulus else flint.fmpq_mat
-        return [of(rows, *modulus) for rows in rows_of_A], of(rows_of_B, *modulus)
+    def _left(self, x: Sequence[Any]) -> Any:
+        """Return A at a point of numbers."""
+        return matrix([row[:-1] for row in self._system(x)])
 
     def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
+        system = self._system(x)
         if not isinstance(x[-1], flint.nmod | flint.fmpq):  # polynomials
-            return cramer(self._system(x))
-        A, b = self._matrices(x)
+            return cramer(system)
+        A, b = matrix([row[:-1] for row in system]), matrix([row[-1:] for row in system])
         return [*A.solve(b).entries(), x[-1]]
 
     def derivative(self, x: Sequence[Any]) -> Any:
         # A(x; eps) DPhi(x) = A(Phi(x); -eps)
-        return self._matrices(x)[0].solve(self.inverse._matrices(self.image(x))[0])
+        return self._left(x).solve(self.inverse._left(self.image(x)))
 
     @cached_property
     def _solution(self) -> list[Any]:

@@ -11,7 +11,7 @@ import math
 import random
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import lru_cache, reduce
+from functools import cache, reduce
 from itertools import combinations_with_replacement
 from typing import Any, TypeVar
 
@@ -221,37 +221,16 @@ def homogenized(P: Any, degree: int, forms: Sequence[Any], ring: Any) -> Any:
 
 def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> list[Any]:
     """Return monomials in the first coordinates of a point."""
-    products, places = _products(tuple(exponents), len(x))
-    values = [x[0] ** 0, *x]
-    for i, j in products:
-        values.append(values[i] * values[j])
-    return [values[k] for k in places]
+    known = {(): x[0] ** 0}  # products of the first powers
+    powers = cache(lambda i, k: x[i] ** int(k))
 
+    def value(e: tuple[int, ...]) -> Any:
+        if e not in known:
+            first, i, k = value(e[:-1]), len(e) - 1, e[-1]
+            known[e] = first * powers(i, k) if k else first
+        return known[e]
 
-@lru_cache(maxsize=256)
-def _products(exponents: Exponents, n: int) -> tuple[list[tuple[int, int]], list[int]]:
-    """Return products that make monomials one after the other, and the places of the monomials.
-
-    A product is of two values at earlier places: 1 is at place 0, the n coordinates follow.
-    """
-    products: list[tuple[int, int]] = []
-
-    def times(i: int, j: int) -> int:
-        if i and j:
-            products.append((i, j))
-            return n + len(products)
-        return i or j
-
-    powers = [[0] for _ in range(n)]
-    for i, highest in enumerate(map(max, zip(*exponents, strict=True)), start=1):
-        for _ in range(highest):
-            powers[i - 1].append(times(powers[i - 1][-1], i))
-    found: dict[tuple[int, ...], int] = {(): 0}  # of the first factors of monomials
-    for e in exponents:
-        known = next(k for k in range(len(e), -1, -1) if e[:k] in found)
-        for k in range(known, len(e)):
-            found[e[: k + 1]] = times(found[e[:k]], powers[k][e[k]])
-    return products, [found[e] for e in exponents]
+    return [*map(value, exponents)]
 
 
 def modulo(P: Any, p: int, eps: Any) -> Any:

@@ -23,7 +23,6 @@ from ..core.motion.refine import crossing_fractions
 from ..engine.arguments import flat_parameter
 from ..engine.status import Status
 from ..engine.stretches import March, Report
-from .functions import returned_at, values_at
 
 # Numbers in a piece: long, because each piece costs as much as some steps, and each round of a
 # refinement as much as many; but shorter than outputs that kernels write past the caches
@@ -34,6 +33,7 @@ STATES, _LARGE = 8, 2**22
 # Steps of the first piece of a run that may end early; the length doubles from piece to piece.
 _FIRST = 64
 _WITHOUT_END = 2**62
+_LAST = "components on the last axis, as x[..., 0]"
 
 Surface = Callable[[FloatArray], ArrayLike]
 
@@ -61,6 +61,41 @@ def checked_surface(surface: Any, labels: Sequence[str]) -> Any:
         expected = "a function without the attributes of SciPy's events"
         raise wrong("surface", expected, f"{received}: {how}", TypeError)
     return surface
+
+
+def values_at(surface: Surface, states: FloatArray, all_exist: bool) -> FloatArray:
+    """Return the values (...) of a surface at states (..., D), which it cannot change, checked.
+
+    They are NaN at states that are NaN, because a function with integer values returns numbers
+    there; with `all_exist` the caller knows that there are none.
+    """
+    states = states.view()
+    states.flags.writeable = False
+    try:
+        # No warnings, because states after the end of a trajectory are NaN or may overflow here.
+        with np.errstate(over="ignore", invalid="ignore"):
+            returned = surface(states)
+    except (TypeError, AttributeError, IndexError, ValueError) as error:
+        if type(error).__module__ != "builtins":
+            raise
+        raise type(error)(f"surface must take {_LAST}: {error}") from error
+    values, what = np.asarray(returned), "have real numbers as values"
+    if isinstance(returned, np.ma.MaskedArray):
+        how = "return NaN where there is no value, for example by values.filled(np.nan)"
+        raise wrong("surface", what, f"a masked array: {how}", TypeError)
+    if values.dtype.kind == "b":
+        how = "pass the difference, not the comparison"
+        raise wrong("surface", what, f"bool: {how}", TypeError)
+    if values.dtype.kind not in "iuf":
+        received = "None: return a value" if returned is None else values.dtype
+        raise wrong("surface", what, received, TypeError)
+    if values.shape != states.shape[:-1]:
+        received = f"values {values.shape} for states {states.shape}"
+        expected = f"have a value for each state, (...) for states (..., D), with {_LAST}"
+        raise wrong("surface", expected, received)
+    # Writeable, because Numba would compile for read-only arrays anew.
+    values = np.require(values, np.float64, ["C", "A", "W"])
+    return values if all_exist else np.where(np.isnan(states[..., 0]), np.nan, values)
 
 
 class _Found(NamedTuple):
@@ -150,14 +185,9 @@ class Search:
         self.march.status.reshape(-1)[self.counts >= self.limit] = Status.NONFINITE
 
     def values_of(self, states: FloatArray) -> FloatArray:
-        """Return the checked values (rows, B) of the surface at states (rows, ..., D).
-
-        At states that are NaN they are NaN, because a function with integer values returns numbers.
-        """
-        returned = returned_at("surface", self.surface, states)
+        """Return the checked values (rows, B) of the surface at states (rows, ..., D)."""
         exist = self.march.n > 0 and (self.march.status >= 0).all()
-        values = values_at("surface", states, returned, all_exist=bool(exist))
-        return values.reshape(len(states), -1)
+        return values_at(self.surface, states, bool(exist)).reshape(len(states), -1)
 
     def run(self, transient: int, end: int, report: Report | None) -> None:
         """March to state `end`, and search among the states from `transient` on."""

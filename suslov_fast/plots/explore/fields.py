@@ -1,7 +1,7 @@
 """The numbers that the page draws for a field: orbits of its map, or motions, in a plane."""
 
 from typing import Any, NamedTuple
-from urllib.parse import parse_qsl, urlencode
+from urllib.parse import urlencode
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from ...engine.status import Status
 from ...maps import methods_of
 from ...runs.flow import flow
 from ...runs.iterate import iterate
-from .scene import MOST_STEPS, as_answer, number_in
+from .scene import MOST_STEPS, as_answer, checked_steps, number_in, values_in
 
 # Most orbits, and the number of times at which a motion is drawn.
 _MOST_STARTS, _TIMES = 20, 2001
@@ -80,12 +80,7 @@ class FieldScene:
 
     def view(self, query: str) -> View:
         """Return the view in a query, checked; what is missing is that of the first one."""
-        pairs = parse_qsl(query, keep_blank_values=True)
-        values: dict[str, Any] = dict(pairs)
-        known = self.first.parts
-        if len(values) < len(pairs) or not values.keys() <= {*known}:
-            names = ", ".join(name for name, _ in pairs)
-            raise wrong("parameters", f"each of {', '.join(known)} once", names)
+        values = values_in(query, [*self.first.parts])
         for name in values.keys() & {"eps", "steps", "time", "rtol"}:
             values[name] = number_in(name, values[name])
         if "starts" in values:
@@ -115,10 +110,8 @@ class FieldScene:
             view = view._replace(time=float(real_number("time", view.time)))
         else:
             one_of("method", view.method, self.methods)
-            eps, steps = float(real_number("eps", view.eps)), view.steps or 0
-            if steps not in range(1, MOST_STEPS + 1):
-                raise wrong("steps", f"an integer from 1 to {MOST_STEPS}", short(steps))
-            view = view._replace(eps=eps, steps=int(steps))
+            eps, steps = float(real_number("eps", view.eps)), checked_steps(view.steps or 0)
+            view = view._replace(eps=eps, steps=steps)
         if len(view.starts) > _MOST_STARTS:
             raise wrong("starts", f"at most {_MOST_STARTS} states", len(view.starts))
         shape = self.field.shape

@@ -58,17 +58,27 @@ class Parameters(NamedTuple):
 
 def parse_query(query: str) -> Parameters:
     """Return the parameters in a query, checked."""
-    pairs = parse_qsl(query, keep_blank_values=True)
-    values: dict[str, Any] = dict(pairs)
-    needed, names = Parameters._fields[:-2], [name for name, _ in pairs]
-    if len(values) < len(names) or not {*needed} <= values.keys() <= {*Parameters._fields}:
-        raise wrong("parameters", f"each of {', '.join(needed)} once", ", ".join(names) or "none")
+    values = values_in(query, Parameters._fields, Parameters._fields[:-2])
     for name in [name for name in values if name != "show"]:
         values[name] = number_in(name, values[name])
-    steps = values["steps"]
+    return Parameters(**values | {"steps": checked_steps(values["steps"])})
+
+
+def values_in(query: str, known: Sequence[str], needed: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the texts in a query by their names, all of which are known, and no one twice."""
+    pairs = parse_qsl(query, keep_blank_values=True)
+    values: dict[str, Any] = dict(pairs)
+    if len(values) < len(pairs) or not {*needed} <= values.keys() <= {*known}:
+        names = ", ".join(name for name, _ in pairs) or "none"
+        raise wrong("parameters", f"each of {', '.join(needed or known)} once", names)
+    return values
+
+
+def checked_steps(steps: float) -> int:
+    """Return a number of steps that the page can draw."""
     if steps not in range(1, MOST_STEPS + 1):
         raise wrong("steps", f"an integer from 1 to {MOST_STEPS}", f"{steps:g}")
-    return Parameters(**values | {"steps": int(steps)})
+    return int(steps)
 
 
 def number_in(name: str, text: str) -> float:

@@ -86,12 +86,8 @@ class Changes(Points):
     def save(self, *_: Any, **__: Any) -> None:
         raise TypeError("save: a file of the motion holds its changes: motion.save(path)")
 
-    @classmethod
-    def load(cls, *_: Any) -> Any:
-        raise TypeError("load: a file of the motion holds its changes: Motion.load(path).changes")
-
     def __dir__(self) -> list[str]:
-        return [name for name in super().__dir__() if name not in ("load", "ok", "save", "what")]
+        return [name for name in super().__dir__() if name not in ("ok", "save", "what")]
 
     @property
     def _batch(self) -> tuple[int, ...]:

@@ -230,25 +230,16 @@ class Result(metaclass=Answering):
         Examples
         --------
         >>> import tempfile
-        >>> from suslov_fast import Suslov3D, Trajectories, iterate
+        >>> from suslov_fast import Suslov3D, iterate, load
         >>> run = iterate(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2, steps=25)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     run.save(f"{folder}/run.npz")
-        ...     Trajectories.load(f"{folder}/run.npz") == run
+        ...     load(f"{folder}/run.npz") == run
         True
         """
         from .files.storage import save
 
         save(self, path, overwrite)
-
-    @classmethod
-    @public
-    def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Return the result of this class in a file, as :func:`suslov_fast.load` does."""
-        from .files.storage import load
-
-        result: Self = load(path, cls.__name__)
-        return result
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -377,7 +368,7 @@ class States(Result):
 
 @public
 def load(path: str | os.PathLike[str]) -> Any:
-    """Return the result in a file of `save`, of whichever class it is.
+    """Return the result in a file of `save`, of whichever class it is; `extend` continues runs.
 
     Parameters
     ----------

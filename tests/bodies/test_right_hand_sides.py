@@ -634,5 +634,5 @@ def test_a_parameter_may_be_called_eps(tmp_path):
     motion = sf.flow(field, [1.0, 0.0], time=[1.0, 2.0])
     np.testing.assert_allclose(motion.x[:, 1, 0], np.cos([1.0, 2.0]), atol=1e-8)
     motion.save(tmp_path / "motion.npz")
-    assert sf.Motion.load(tmp_path / "motion.npz") == motion
+    assert sf.load(tmp_path / "motion.npz") == motion
     assert Field.from_dict(field[0].to_dict()) == field[0]

@@ -151,7 +151,7 @@ def test_dictionaries_and_files_are_answered_at_once(name, saved, tmp_path, caps
     body = io.BytesIO()
     np.save(body, text)
     write(tmp_path / "run.npz", saved, **{"body.npy": body.getvalue()})
-    assert "run.npz" in str(seconds(sf.Trajectories.load, tmp_path / "run.npz"))
+    assert "run.npz" in str(seconds(sf.load, tmp_path / "run.npz"))
 
 
 @pytest.mark.parametrize("text", [*LONG.values(), *SHORT], ids=[*LONG, *map(repr, SHORT)])
@@ -172,7 +172,7 @@ def test_objects_in_files_of_runs_are_not_read(saved, tmp_path):
     np.save(objects, np.array([print], object), allow_pickle=True)
     for name in ("states", "about", "body"):
         write(path, saved, **{f"{name}.npy": objects.getvalue()})
-        assert "run.npz" in str(seconds(sf.Trajectories.load, path))
+        assert "run.npz" in str(seconds(sf.load, path))
 
 
 def test_stores_of_strangers(tmp_path):

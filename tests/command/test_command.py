@@ -148,7 +148,7 @@ def test_run_is_iterate(options):
     body, omega0 = given.pop("body"), given.pop("omega0")
     expected = sf.iterate(body, omega0, **given, on_singular="ignore")
     facts = facts_of(f"run {options} --steps 4 -o o.npz")
-    assert sf.Trajectories.load("o.npz") == expected
+    assert sf.load("o.npz") == expected
     assert (facts["body"], facts["eps"]) == (expected.body.to_dict(), expected.eps)
     assert "status" in succeed("info o.npz")
     succeed(f"run {options} --steps 4 -o o.zarr")
@@ -168,7 +168,7 @@ def test_a_motion_is_flow():
     family = sf.Field.from_dict(pendulum().to_dict() | {"parameters": {"a": [[1.0], [2.0]]}})
     states = sf.RandomStarts(3, 2.0).states(3, dimension=2)
     expected = sf.flow(family, states, time=np.linspace(0, 5, 11), rtol=1e-6, atol=1e-8)
-    assert sf.Motion.load("m.npz") == expected
+    assert sf.load("m.npz") == expected
     assert facts["steps"] == expected.steps.sum() > 0
     assert (facts["trajectories"], facts["time"], facts["saved_states"]) == (6, 5, 11)
     assert facts["status"] == {"OK": 6}
@@ -176,7 +176,7 @@ def test_a_motion_is_flow():
     assert {**facts, **found} == facts | {"file": "m.npz"}
     points = sf.crossings(pendulum(), [1.0, 0.5], surface=lambda x: x[..., 0], time=9.0)
     points.save("c.npz")
-    assert sf.Crossings.load("c.npz") == points
+    assert sf.load("c.npz") == points
     assert facts_of("info c.npz")["crossings"] == len(points)
     assert succeed("plot m.npz -o m.png --components time,q") == "m.png\n"
     assert facts_of(f"{line} -o m.zarr")["status"] == {"OK": 6}
@@ -255,7 +255,7 @@ def test_a_family_and_a_box_of_starts(tmp_path):
     for encoding in ("utf-8", "utf-8-sig", "utf-16"):
         (tmp_path / "family.json").write_bytes(text.encode(encoding))
         succeed(f"run --body family.json {options} -o {encoding}.npz")
-        family = sf.Trajectories.load(f"{encoding}.npz")
+        family = sf.load(f"{encoding}.npz")
         assert family.status.shape == (3, 5)
         for k, a in enumerate([1.0, 2.0, 3.0]):
             one = sf.iterate(field.sel(a=a), starts, 1 / 64, 9, save_every=None, method="order4")

@@ -250,7 +250,7 @@ def test_crossings_tell_of_poles_before_they_end(most, tmp_path):
     for cut in (0, 6, 7, 8, 31, 32, 40, 69):
         points = sf.crossings(*given, cut, surface, **options)
         points.save(tmp_path / "points.npz", overwrite=True)
-        assert sf.Crossings.load(tmp_path / "points.npz") == points
+        assert sf.load(tmp_path / "points.npz") == points
         transient = sf.crossings(
             *given, 70 - min(cut, 6), surface, transient=min(cut, 6), **options
         )

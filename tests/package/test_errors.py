@@ -315,7 +315,7 @@ TABLE = [
     (ValueError, "rtol", motion(rtol=0), motion(rtol=NAN), orbit(rtol=0.5), section(rtol=0.0),
      exponents(time=1.0, rtol=1.0)),
     (KeyError, "run", lambda: RUN["time"]),
-    (FileNotFoundError, "run.npz", lambda: sf.Trajectories.load("nowhere/run.npz")),
+    (FileNotFoundError, "run.npz", lambda: sf.load("nowhere/run.npz")),
     (TypeError, "save_every", run(save_every=1.5)),
     (ValueError, "save_every", run(save_every=0)),
     (ValueError, "sel", lambda: BODY.sel(I1=4)),
@@ -429,7 +429,7 @@ KEYWORDS = [
     (sf.Suslov3D, (), "I31", "I13"),
     (sf.Suslov3D, (), "eps", "iterate"),
     (sf.Suslov3D, (), "inertia I12", "from_inertia"),
-    (sf.Trajectories.load, (), "filename", "path"),
+    (sf.load, (), "filename", "path"),
     (RUN.plot, (), "colour", "color"),
 ]
 

@@ -49,7 +49,7 @@ def test_each_column_is_everywhere(tmp_path, kind):
         stored = sf.ensemble(escaping, STARTS, time=[2.0, 0.0, 6.0], store=store, chunk=1)
     assert (run.status < 0).any()
     run.save(tmp_path / "run.npz")
-    assert type(run).load(tmp_path / "run.npz") == run
+    assert sf.load(tmp_path / "run.npz") == run
     found, data = entries(tmp_path / "run.npz"), run.to_xarray()
     public = columns.in_stores(kind)
     assert {column.name for column in columns.in_stores("Trajectories")} == NAMES - {"attitude"}
@@ -72,7 +72,7 @@ def test_columns_of_orientations(tmp_path):
         expected = columns.present(columns.RUN, {"turns"} if turns else ())
         assert found == {column.name for column in expected}
         assert ("attitude" in run.to_xarray()) == turns
-        assert sf.Trajectories.load(tmp_path / "run.npz") == run
+        assert sf.load(tmp_path / "run.npz") == run
 
 
 def test_stores_without_a_column_are_refused(tmp_path):

@@ -352,7 +352,7 @@ def test_a_run_that_ended_in_its_transient(monkeypatch, stop, tmp_path):
     np.testing.assert_array_equal(points.final, sf.iterate(LORENZ, TWO, 1 / 64, stop).final)
     assert (len(points), points.steps) == (0, max(stop - 100, 0))
     points.save(tmp_path / "p.npz")
-    assert sf.Crossings.load(tmp_path / "p.npz") == points
+    assert sf.load(tmp_path / "p.npz") == points
 
 
 TWO = np.array([[1.0, 1.0, 20.0], [-2.0, 1.0, 20.0]])

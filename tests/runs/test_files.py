@@ -28,7 +28,7 @@ def path(tmp_path):
 def test_a_file_holds_all_of_a_run(name, path):
     run = run_of(name)
     run.save(path)
-    again = sf.Trajectories.load(path)
+    again = sf.load(path)
     assert again == run
     assert again.body.to_dict() == run.body.to_dict()
     assert again.extend(3, on_singular="ignore") == run.extend(3, on_singular="ignore")
@@ -46,21 +46,21 @@ def test_a_file_of_trajectories_that_fail_at_once(path):
         run = sf.iterate(body, starts, 1.0, steps, on_singular="ignore")
         assert run.failed_at.tolist() == failed_at
         run.save(path, overwrite=True)
-        assert sf.Trajectories.load(path) == run
+        assert sf.load(path) == run
         points = sf.crossings(
             body, starts, 1.0, steps, lambda omega: omega[..., 0], on_singular="ignore"
         )
         assert points.failed_at.tolist() == failed_at
         assert len(points) == 0
         points.save(path, overwrite=True)
-        assert sf.Crossings.load(path) == points
+        assert sf.load(path) == points
     count_up = sf.QuadraticField.from_function(lambda x: (1,), 1)
     points = sf.crossings(
         count_up, [0.0], 1.0, 2, lambda x: -((x[..., 0] - 1) ** 2), direction=0, most=2
     )
     assert points.n.tolist() == [0, 1]
     points.save(path, overwrite=True)
-    assert sf.Crossings.load(path) == points
+    assert sf.load(path) == points
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, None])
@@ -80,7 +80,7 @@ def test_what_interrupts_a_save_leaves_no_part_and_the_old_file(path, monkeypatc
         if code is not None:
             assert (told.value.errno, told.value.filename) == (code, str(target))
     assert os.listdir(path.parent) == [path.name]
-    assert sf.Trajectories.load(path) == run
+    assert sf.load(path) == run
 
 
 def test_existing_files(path):
@@ -90,14 +90,14 @@ def test_existing_files(path):
         run.save(path)
     assert path.read_bytes() == b"kept"
     run.save(os.fspath(path), overwrite=True)
-    assert sf.Trajectories.load(path) == run
+    assert sf.load(path) == run
     for name in ("run.nc", "run", "run.zarr"):
         with pytest.raises(ValueError, match=r"^path.*\.npz.*ensemble"):
             run.save(path.with_name(name))
     with pytest.raises(FileNotFoundError, match=r"absent.+run\.npz"):
         run.save(path.parent / "absent" / "run.npz")
     with pytest.raises(FileNotFoundError):
-        sf.Trajectories.load(path.with_name("absent.npz"))
+        sf.load(path.with_name("absent.npz"))
 
 
 def entries(path):
@@ -112,7 +112,7 @@ def test_files_of_other_formats_are_refused(path, change):
     about = str(found["about"]).replace(f'"format": {FORMAT}', f'"format": {FORMAT + change}')
     np.savez(path, **found | {"about": about.replace(sf.__version__, "7.8.9")})
     with pytest.raises(ValueError, match=rf"run\.npz .*{FORMAT + change}.*7\.8\.9"):
-        sf.Trajectories.load(path)
+        sf.load(path)
 
 
 def test_a_tilde_is_the_home_folder(path, monkeypatch):
@@ -122,7 +122,7 @@ def test_a_tilde_is_the_home_folder(path, monkeypatch):
     monkeypatch.chdir(path.parent)
     run = run_of("one")
     run.save("~/run.npz")
-    assert sf.Trajectories.load(Path("~/run.npz")) == run
+    assert sf.load(Path("~/run.npz")) == run
     made = sf.ensemble(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5], 0.1, 5, store="~/runs.zarr")
     assert sf.open_ensemble(path.parent / "runs.zarr").identical(made)
     Path("body.json").write_text(json.dumps(run.body.to_dict()))
@@ -138,11 +138,11 @@ def test_damaged_files(path):
     for cut in (0, 10, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:cut])
         with pytest.raises(ValueError, match=r"run\.npz "):
-            sf.Trajectories.load(path)
+            sf.load(path)
     for place in range(200, len(whole) // 2, 301):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 255]) + whole[place + 1 :])
         with contextlib.suppress(ValueError):
-            assert sf.Trajectories.load(path) == run_of("batch")
+            assert sf.load(path) == run_of("batch")
 
 
 FORCED = sf.Field.from_function(lambda x, a: (x[1], -a * x[0]), "q p", a=2.0)
@@ -163,39 +163,33 @@ OF_EACH_KIND = {
 }
 
 
-def loader_of(kind):
-    return getattr(sf, kind.partition(" ")[0]).load
-
-
 @pytest.mark.parametrize("kind", OF_EACH_KIND)
 def test_a_lost_or_renamed_entry_is_told(kind, path):
     """Renamed by a single bit in the directory of the archive, or everywhere."""
     result = OF_EACH_KIND[kind]()
     result.save(path)
-    load = loader_of(kind)
-    assert load(path) == result
+    assert sf.load(path) == result
     whole, found = path.read_bytes(), entries(path)
     for name in found:
         others = {key: array for key, array in found.items() if key != name}
         np.savez(path, **others)
         with pytest.raises(ValueError, match=rf"run\.npz .*\b{name}\b"):
-            load(path)
+            sf.load(path)
         np.savez(path, **others, **{f"{name}_": found[name]})
         with pytest.raises(ValueError, match=r"run\.npz "):
-            load(path)
+            sf.load(path)
         place = whole.rindex(f"{name}.npy".encode())
         for k in range(len(name)):
             flipped = bytes([whole[place + k] ^ 4])
             path.write_bytes(whole[: place + k] + flipped + whole[place + k + 1 :])
             with pytest.raises(ValueError, match=r"run\.npz "):
-                load(path)
+                sf.load(path)
 
 
 @pytest.mark.parametrize("kind", OF_EACH_KIND)
 def test_arrays_that_do_not_belong_together(kind, path):
     result = OF_EACH_KIND[kind]()
     result.save(path)
-    load = loader_of(kind)
     found = entries(path)
     for name, array in found.items():
         if array.dtype.kind == "U":
@@ -209,7 +203,7 @@ def test_arrays_that_do_not_belong_together(kind, path):
         for other in others:
             np.savez(path, **found | {name: other})
             with pytest.raises(ValueError, match=r"run\.npz "):
-                load(path)
+                sf.load(path)
 
 
 @pytest.mark.parametrize("links", [True, False])
@@ -237,7 +231,7 @@ def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
             told = [*pool.map(attempt, runs)]
             assert told.count("") == 1
             assert all(f"pass overwrite=True: {os.fspath(path)!r}" in text for text in told if text)
-            assert sf.Trajectories.load(path) == runs[told.index("")]
+            assert sf.load(path) == runs[told.index("")]
             assert os.listdir(path.parent) == [path.name]
             path.unlink()
 
@@ -263,13 +257,13 @@ def test_overwriting_keeps_mode_and_link(path, monkeypatch):
         other.save(path, overwrite=True)
         assert path.is_symlink()
         assert stat.S_IMODE(real.stat().st_mode) == mode == seen[-1]
-        assert sf.Trajectories.load(real) == other
+        assert sf.load(real) == other
     with pytest.raises(FileExistsError, match=r"run\.npz"):
         run.save(path)
     real.unlink()  # the link now names a file that is yet to be made
     run.save(path)
     assert path.is_symlink()
-    assert sf.Trajectories.load(real) == run
+    assert sf.load(real) == run
     assert sorted(os.listdir(path.parent)) == [real.name, path.name]
 
 
@@ -286,17 +280,14 @@ def two_crossings(path):
     return points
 
 
-def test_each_kind_of_file_names_what_loads_it(path):
+def test_a_file_of_crossings(path):
     points = two_crossings(path)
     assert points.count.tolist() == [2, 1, 2]
     assert points.status.tolist() == [0, -1, 0]
-    again = sf.Crossings.load(path)
+    again = sf.load(path)
     assert again == points
     assert not any(each.flags.writeable for each in (again.before, again.trajectory, again.status))
-    with pytest.raises(ValueError, match=r"run\.npz .* Crossings\.load"):
-        sf.Trajectories.load(path)
     with pytest.raises(FileExistsError):
         points.save(path)
     run_of("batch").save(path, overwrite=True)
-    with pytest.raises(ValueError, match=r"run\.npz .* Trajectories\.load"):
-        sf.Crossings.load(path)
+    assert sf.load(path) == run_of("batch")

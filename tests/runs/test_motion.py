@@ -12,7 +12,7 @@ from systems import FRICTION, HENON_HEILES, LORENZ, SPRING
 from test_orders import FLOWS, SQUARE, motion
 
 import suslov_fast as sf
-from suslov_fast import Field, Motion, PoleWarning, QuadraticField, Status, flow
+from suslov_fast import Field, PoleWarning, QuadraticField, Status, flow
 from suslov_fast.core.motion import engine
 
 
@@ -370,12 +370,10 @@ def test_files(tmp_path, system, x, by):
     options = {"atol": 1e-12, "stiff": False, "derivatives": by}
     found = flow(system, x, time=[0.5, 0.25], **options, max_step=0.125)
     found.save(tmp_path / "motion.npz")
-    loaded = Motion.load(tmp_path / "motion.npz")
+    loaded = sf.load(tmp_path / "motion.npz")
     assert loaded == found
     assert pickle.loads(pickle.dumps(found)) == found
     assert loaded != flow(system, x, time=[0.5, 0.25], **options)
-    with pytest.raises(ValueError, match=r"Motion\.load"):
-        sf.Trajectories.load(tmp_path / "motion.npz")
 
 
 def test_datasets():

@@ -204,6 +204,6 @@ def test_a_pole_within_a_step_gives_the_chord_and_a_status(tmp_path):
         assert ((first > 0) & (first <= points.n + 1))[over].all()
         assert {*status[over]} <= {*sf.Status} - {sf.Status.OK}
         points.save(tmp_path / "points.npz", overwrite=True)
-        assert sf.Crossings.load(tmp_path / "points.npz") == points
+        assert sf.load(tmp_path / "points.npz") == points
         seen += over.sum()
     assert seen > 20

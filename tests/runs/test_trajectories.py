@@ -114,7 +114,7 @@ def test_arrays_of_a_run_are_read_only(path):
     run.save(path)
     written = sf.iterate(BODY, STARTS, 0.2, 7, out=out)
     copies = [pickle.loads(pickle.dumps(run)), deepcopy(run), replace(run), run.extend(2)]
-    for each in (run, *copies, sf.Trajectories.load(path)):
+    for each in (run, *copies, sf.load(path)):
         for name in ARRAYS:
             before = getattr(each, name).copy()
             with pytest.raises(ValueError, match=r"read-only|output array"):

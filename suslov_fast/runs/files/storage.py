@@ -102,30 +102,26 @@ def _rename(part: Path, target: Path) -> None:
         os.replace(part, target)
 
 
-def load(path: PathLike, *kinds: str) -> Any:
+def load(path: PathLike) -> Any:
     """Return the result in a file of `save`; errors name the file.
 
-    `kinds` are names of classes to accept; without them any is. Only known entries are read, whose
-    checksums `zipfile` compares.
+    Only known entries are read, whose checksums `zipfile` compares.
     """
     name = os.fspath(_checked(path, "open_ensemble reads a store"))
-    writers = " or ".join(f"{kind}.save" for kind in kinds or OF_KIND)
     try:
         with open(name, "rb") as file, zipfile.ZipFile(file) as entries:
             about = json.loads(str(_entry(entries, "about")))
             if (number := about.get("format")) != FORMAT:
                 raise OtherFormat(number, about.get("version"))
             kind = checks.one_of("kind", about["kind"], OF_KIND)
-            if not kinds or kind in kinds:
-                own = getattr(import_module("suslov_fast"), kind)
-                return own._restored(_read(entries, kind, about), about)
+            own = getattr(import_module("suslov_fast"), kind)
+            return own._restored(_read(entries, kind, about), about)
     except (OSError, MemoryError):
         raise
     except OtherFormat as error:
         raise ValueError(f"{name} is {error}") from None
     except Exception as error:  # from NumPy, zipfile or json
-        raise ValueError(f"{name} is not a complete file of {writers}: {error}") from error
-    raise ValueError(f"{name} is a file of {kind}.save: load it by {kind}.load")
+        raise ValueError(f"{name} is not a complete file of run.save: {error}") from error
 
 
 def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:

@@ -54,10 +54,13 @@ def vector_field(places, values, eps, x, out):
 def cubic_form(places, values, eps, x, z, out):
     """The sum of v x_i x_j z_k, which is H(x) for z = x."""
     D = x.shape[1]
-    y, after, h = np.empty((D + 1, LANES)), np.empty((D + 1, LANES)), np.empty((LANES,))
+    is_same = x.ctypes.data == z.ctypes.data
+    y, h = np.empty((D + 1, LANES)), np.empty((LANES,))
+    after = y if is_same else np.empty((D + 1, LANES))
     for first in range(0, len(x), LANES):
         count = read_states(x, first, y)
-        read_states(z, first, after)
+        if not is_same:
+            read_states(z, first, after)
         for l in range(count):
             h[l] = 0.0
         for i in range(D):

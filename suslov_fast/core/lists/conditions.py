@@ -14,7 +14,7 @@ import itertools
 from .changes import changes_of, emitted, is_section
 from .elapsed import Elapsed
 from .hidden import hidden_of
-from .numbers import Number, larger, smaller
+from .numbers import Number, larger, operand_of, smaller
 from .records import same
 from .right_hand_side import Expressions, List, RightHandSide, needed_for
 from .stairs import with_stairs
@@ -103,7 +103,7 @@ def watch_of(f, kinds, jumps):
 
     of_kinks = now[len(now) - (len(kinds) - jumps) :]
     of_conditions = [some(changes[: len(kinds)])] if of_changes and kinds else []
-    results = [_operand(part), some(changes), some(changes[:jumps]), *of_kinks, *of_conditions]
+    results = [operand_of(part), some(changes), some(changes[:jumps]), *of_kinks, *of_conditions]
     return List(needed_for(values.operations, results), results)
 
 
@@ -254,12 +254,8 @@ def _choices(tests, kinds, jumps, found, first):
         some = differs.select(1.0, some)
         if k < jumps:
             surface = differs.select(float(k), surface)
-    results = [_operand(surface), _operand(some), *reversed(results)]
+    results = [operand_of(surface), operand_of(some), *reversed(results)]
     return List(needed_for(tests.operations, results), results)
-
-
-def _operand(a):
-    return a if isinstance(a, float) else a.number
 
 
 def _finite(values, argument):

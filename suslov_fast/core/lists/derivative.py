@@ -1,6 +1,6 @@
 """Derivatives of lists of operations, as lists: the chain rule from the state to the results."""
 
-from .records import RECORDS, power, same
+from .records import FUNCTIONS, RECORDS, same
 from .step import OF_TRUTH_VALUES
 from .tables import is_table
 
@@ -23,7 +23,9 @@ def _row_of(values, instruction, number, operands, rows):
     name, of, *_ = values.written.get(number, ("", ()))
     if name == "power" and isinstance(of[1], float) and not isinstance(of[0], float):
         base, exponent = of
-        factor = values.emit("fmul", exponent, power(values, base, exponent - 1.0))
+        factor = values.emit(
+            "fmul", exponent, FUNCTIONS["power"].rule(values, base, exponent - 1.0)
+        )
         return _sum(values.emit, [(factor, rows.get(base, {}))])
     return _row(values.emit, instruction, number, operands, rows)
 
@@ -59,7 +61,7 @@ def _row(emit, instruction, number, operands, rows):
     if is_table(instruction):
         partials = (emit(instruction.derivative, *operands),)
     else:
-        partials = RECORDS[instruction].derivative(emit, *operands, number)
+        partials = RECORDS[instruction].partials(emit, *operands, number)
     return _sum(emit, zip(partials, of, strict=True))
 
 

@@ -17,7 +17,7 @@ class Number:
         return self._of(instruction, self, *others)
 
     def _of(self, instruction, *operands):
-        numbers = (a.number if isinstance(a, Number) else float(a) for a in operands)
+        numbers = [a.number if type(a) is Number else float(a) for a in operands]
         return Number(self.emit, self.emit(instruction, *numbers))
 
     def __neg__(self):
@@ -54,7 +54,9 @@ class Number:
 
 def _operator(instruction, is_reflected=False):
     def method(self, other):
-        return self._of(instruction, *((other, self) if is_reflected else (self, other)))
+        other = other.number if type(other) is Number else float(other)
+        operands = (other, self.number) if is_reflected else (self.number, other)
+        return Number(self.emit, self.emit(instruction, *operands))
 
     return method
 
@@ -66,6 +68,11 @@ for _name, _instruction in (
     setattr(Number, f"__{_name}__", _operator(_instruction))
 for _name, _instruction in (("sub", "fsub"), ("truediv", "fdiv")):
     setattr(Number, f"__r{_name}__", _operator(_instruction, True))
+
+
+def operand_of(a):
+    """Return the operand that a `Number` or a constant is."""
+    return a.number if isinstance(a, Number) else a
 
 
 def larger(a, b):

@@ -59,7 +59,7 @@ from typing import NamedTuple
 
 from ..lists.functions import from_bits
 from ..lists.hidden import POINTS
-from ..lists.numbers import Number, larger, smaller
+from ..lists.numbers import Number, larger, operand_of, smaller
 from ..lists.step import Values, evaluate
 from .rows import State
 
@@ -125,7 +125,7 @@ def _rule(function, *others):
     inputs = [each.name for each in parameters if each.default is each.empty or each.name in others]
     values = Values(len(inputs), ())
     found = function(**{name: Number(values.emit, k) for k, name in enumerate(inputs)})
-    results = {name: a.number if isinstance(a, Number) else a for name, a in found.items()}
+    results = {name: operand_of(a) for name, a in found.items()}
     return Rule(inputs, values.operations, results)
 
 

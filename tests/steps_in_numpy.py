@@ -485,6 +485,10 @@ class StepsInNumPy:
         if self.half.has_quartic:
             found["starts"] = np.where(found["twice"] > 0.0, 1.0, crosses)
         inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
+        rates = self.motion.numbers[NUMBER.sign] * f_new
+        aim, since = of_list(self.f.aim[self.half.is_implicit], [*new, *rates, *self.table])
+        inputs |= {"aim": np.where(is_far, np.inf, taken + aim)}
+        inputs |= {"since": np.where(is_far, 0.0, since)}
         found = self._apply(rules.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
         far[:] = np.where(found.pop("beyond") > 0.0, new, far)
         return found, kinks

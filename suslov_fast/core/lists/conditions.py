@@ -11,6 +11,7 @@ become parameters: f has the straight line through this interval, and two surfac
 import functools
 import itertools
 
+from .aim import aim_of
 from .changes import changes_of, emitted, is_section
 from .elapsed import Elapsed
 from .hidden import hidden_of
@@ -56,8 +57,7 @@ def watch_of(f, kinds, jumps):
     at y, for a table its argument. `kinds` are those of `Conditions`, and `jumps` the number of
     surfaces where f jumps.
 
-    The last surfaces are those of changes, whose sides and levels, see `Rows`, follow y; with both
-    the last result is 1 where one of f is crossed.
+    The last surfaces are those of changes, whose sides and levels, see `Rows`, follow y.
     """
     choice_number, count = f.D + f.P - sum(map(choices_of, kinds)), len(f.watched.results)
     side, of_changes = 2 * count, f.changes.surfaces if f.changes else 0
@@ -102,8 +102,7 @@ def watch_of(f, kinds, jumps):
         return functools.reduce(lambda a, b: a | b, truths).select(1.0, 0.0).number
 
     of_kinks = now[len(now) - (len(kinds) - jumps) :]
-    of_conditions = [some(changes[: len(kinds)])] if of_changes and kinds else []
-    results = [operand_of(part), some(changes), some(changes[:jumps]), *of_kinks, *of_conditions]
+    results = [operand_of(part), some(changes), some(changes[:jumps]), *of_kinks]
     return List(needed_for(values.operations, results), results)
 
 
@@ -221,6 +220,7 @@ def _watch(f, kinds, jumps, choices):
     results = f.surfaces.results[: len(kinds) + (f.changes.surfaces if f.changes else 0)]
     f.watched = List(needed_for(f.surfaces.operations, results), results)
     f.watch, f.hidden = watch_of(f, kinds, jumps), hidden_of(f, kinds, jumps, choices)
+    f.aim = tuple(aim_of(f, kinds, choices, is_implicit) for is_implicit in (False, True))
 
 
 def _derived(f, choices):

@@ -13,7 +13,7 @@ class DenseRightHandSide:
     """
 
     is_dense, changes, offsets = True, None, {}
-    conditions = watched = watch = None
+    conditions = watched = watch = aim = None
     hidden = None, None
     clocks = of_one_sign = denominators = ()
     fixed = ()

@@ -182,7 +182,7 @@ class RightHandSide:
     surfaces     `List` of the surfaces on which steps end
     slopes       `List` of derivatives of the surfaces on which f jumps, by components j, and by the
                  parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
-    conditions, watch, hidden, choices, derived   see `conditions`; None where f has none
+    conditions, watch, hidden, aim, choices, derived   see `conditions`; None where f has none
     watched      `List` of the surfaces whose crossings end steps, or None
     offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
     changes      `Changes` of the state along the motion, or None
@@ -240,7 +240,7 @@ class RightHandSide:
         self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, changes, offsets = False, None, {}
-    conditions = watched = watch = choices = derived = None
+    conditions = watched = watch = aim = choices = derived = None
     hidden = None, None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
@@ -257,7 +257,7 @@ class RightHandSide:
             self.watch,
             self.second,
         )
-        lists += self.hidden, self.choices, self.slopes, self.slope_places
+        lists += self.hidden, self.aim, self.choices, self.slopes, self.slope_places
         kinds = None if self.conditions is None else self.conditions.kinds
         return repr((self.D, self.table, kinds, *lists, self.changes))
 

@@ -36,7 +36,7 @@ class Variational:
         self.clocks, self.of_one_sign = f.clocks, f.of_one_sign
         self.denominators, self.entries = f.denominators, f.entries
         self.conditions, self.watch, self.changes = f.conditions, f.watch, f.changes
-        self.hidden, self.watched = f.hidden, f.watched
+        self.hidden, self.watched, self.aim = f.hidden, f.watched, f.aim
         self.offsets = f.offsets
         self.q = len(f.by) // f.D
         lists = f.f, f.derivative, f.of_parameters

@@ -141,11 +141,10 @@ class Half:
         """Add the functions of surfaces whose crossings end steps."""
         f, D, most = self.f, self.block.D, LONGEST_OF_CONDITIONS
         sides = 2 * (f.changes.surfaces if f.changes else 0)
-        rows = 2 * self.surfaces + sides, (1 + len(POINTS)) * self.surfaces + D + 1
+        rows = 2 * self.surfaces + sides, (1 + len(POINTS)) * self.surfaces + D + 1, 2 * D + sides
         self.functions["surfaces"] = of_list(f.watched, D, self.block.places, most)
-        for name, list_, first in zip(
-            ("watch", "hidden"), (f.watch, self.hidden), rows, strict=True
-        ):
+        lists = {"watch": f.watch, "hidden": self.hidden, "aim": f.aim[self.is_implicit]}
+        for (name, list_), first in zip(lists.items(), rows, strict=True):
             if list_:
                 places = {first + k: k for k in range(len(self.block.table))}
                 self.functions[name] = of_list(list_, first, places, most)
@@ -180,12 +179,12 @@ class Half:
     def _sizes_of_changes(self):
         """Return how many rows of `Work` changes need, from `sides` to `tau`."""
         if not self.changes:
-            return [0] * 15
+            return [0] * 14
         D, surfaces = self.block.D, self.changes.surfaces
         sections, whole = self.changes.sections, self.f.D
-        return [2 * surfaces, whole, whole, whole, 4 * D + 1, 2 * surfaces, 2 * surfaces, 3,
-                surfaces, 1,
-                (rules.SECTION_PARTS + 1) * sections, 2 * sections, 1, 1, whole // D]  # fmt: skip
+        return [2 * surfaces, whole, whole, whole, 4 * D + 1, 2 * surfaces, 2 * surfaces,
+                surfaces, 1, (rules.SECTION_PARTS + 1) * sections, 2 * sections, 1, 1,
+                whole // D]  # fmt: skip
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""

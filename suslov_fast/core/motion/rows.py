@@ -144,6 +144,8 @@ class Work(NamedTuple):
     point: int  # the state at such a point (watched)
     quartic: int  # what polynomials of degree 4 have there beside cubics (watched)
     told: int  # what `hidden` tells of them (2)
+    end: int  # the state, f there, and sides, for `aim` (2 watched + 2 surfaces of changes)
+    aim: int  # when surfaces are crossed, see `surfaces` (5)
     between: int  # surfaces at two points, between which they are crossed or not
     sides: int  # what `Rows.side` holds (2 surfaces)
     seen: int  # what `watch` finds there (4 + kinks)
@@ -153,7 +155,6 @@ class Work(NamedTuple):
     pair: int  # a state and f there, and what columns need beside them (4 D + 1)
     toward: int  # surfaces of changes at that state, and their rates (2 surfaces)
     ahead: int  # the same at the end of a part of a step (2 surfaces)
-    aim: int  # where surfaces of changes are crossed, see `surfaces` (3)
     fired: int  # 1 where the change at a surface acts at this instant (surfaces)
     noted: int  # number of changes at surfaces at this instant, if there are changes
     chooses: int  # 1 where choices are made anew
@@ -183,9 +184,9 @@ def work_of(
     extended = D + denominators
     sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
              nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 1, 1, 1,
-             (1 + len(POINTS)) * surfaces + watched + 1, watched, watched, 2, 2 * surfaces,
-             of_changes[0], 4 + kinks, *of_changes[1:10], *of_choices,
-             *of_changes[10:], scratch]  # fmt: skip
+             (1 + len(POINTS)) * surfaces + watched + 1, watched, watched, 2,
+             2 * watched + of_changes[0], 5, 2 * surfaces, of_changes[0], 4 + kinks,
+             *of_changes[1:9], *of_choices, *of_changes[9:], scratch]  # fmt: skip
     firsts = [0]
     for size in sizes:
         firsts.append(firsts[-1] + size)

@@ -42,13 +42,14 @@ half if h |mu| stays below twice the limit for EASY steps, with |mu| by the powe
 
 Steps end on surfaces where f jumps or has a kink. Where one is crossed between POINTS of a step,
 the step is taken again and again from the same state, with lengths between `inner`, at whose end
-none is crossed, and `outer`. Points inside a step are rough, so the first length is that of the
-part. The next ones are where a straight line between states at both sides crosses the
-surface. If it is always the same side that comes nearer, the other one counts half, a quarter, ...
-(the rule of Illinois); after ROUNDS it is the middle. Once both lengths differ by less than PLACE
-of the time, the step of length `outer` is taken. Towards surfaces of changes Newton's method leads,
-by values and rates at the ends of these steps (`AIM`), and a motion that starts on one, as a ball
-after a bounce, comes back where a parabola does (`START`).
+none is crossed, and `outer`. To the surface Newton's method leads, by values and rates at the ends
+of these steps (`lists.aim`). Where it does not, the next length is where a straight line between
+states at both sides crosses the surface. If it is always the same side that comes nearer, the other
+one counts half, a quarter, ... (the rule of Illinois); after ROUNDS it is the middle. Once both
+lengths differ by less than PLACE of the time, or a surface has been crossed for less, the step of
+length `outer` is taken. Points inside an implicit step are rough, so there the first length is that
+of the part. A motion that starts on a surface of a change, as a ball after a bounce,
+comes back where a parabola does (`START`).
 
 Each rule below is a list of operations on the numbers of one lane.
 """
@@ -510,10 +511,11 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
     }
 
 
-def _cut(
+@_rule
+def CUT(
     before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
     crosses, jumps, starts, hidden, twice, known, whole_part, part, inner, outer, weight, rounds,
-    whole, longer, mode, most, last, goal, aim=None, since=None, is_smooth=None,
+    whole, longer, mode, most, last, goal, aim, since,
 ):  # fmt: skip
     """A step that crosses a surface: is it taken, and how long is the next one?
 
@@ -522,17 +524,15 @@ def _cut(
     it a step has at most the length `known`, within which values were told. At a `goal` steps end.
 
     A straight line to the end of this step crosses the surface at `whole_part`, one from there to
-    the state at `outer` at `part`. A step aside on the way to a surface counts as all others. Of
-    surfaces of changes `AIM` says how long the step would be that ends there, and the longest time
-    since which one is crossed; `is_smooth` says that there are no others: then `place` is a guess.
+    the state at `outer` at `part`. A step aside on the way to a surface counts as all others. Once
+    a step has ended near a surface `aim` is the length of that which ends there, and `since` the
+    longest time since which one is crossed, see `lists.aim`.
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last
     seen = is_near.select(larger(crosses, twice), starts) > 0.0
     seen = seen & (taken > 0.0) & (total < inf)
-    is_last = is_near & (taken - inner <= sought)
-    if aim is not None:
-        is_last = is_last | (is_near & (since <= sought))
+    is_last = is_near & ((taken - inner <= sought) | (since <= sought))
     cut = seen & (is_last.select(0.0, 1.0) > 0.0)
     is_long = taken > HIDDEN_FROM * last
     again = (hidden >= 1.0) & is_long & (cut.select(0.0, accepted + served) > 0.0)
@@ -555,15 +555,10 @@ def _cut(
     of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
     a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
     guess = inner_now + width * (rounds > ROUNDS).select(0.5, a / (a + b))
-    is_rough = (end < 1.0) & (is_near.select(0.0, 1.0) > 0.0)
-    if aim is not None:
-        has_aim = is_near & (aim > inner_now) & (aim < outer_now) & (rounds <= ROUNDS)
-        guess = has_aim.select(aim + 0.5 * sought, guess)
-        is_first = (is_smooth > 0.0) & (is_near.select(0.0, 1.0) > 0.0)
-        guess = is_first.select(place * taken, guess)
-        is_rough = is_first.select(0.0, is_rough.select(1.0, 0.0)) > 0.0
+    has_aim = is_near & (aim > inner_now) & (aim < outer_now) & (rounds <= ROUNDS)
+    guess = has_aim.select(aim + 0.5 * sought, guess)
     guess = smaller(larger(guess, inner_now + 0.75 * sought), outer_now - 0.75 * sought)
-    is_rough = is_rough | misses
+    is_rough = misses | ((end < 1.0) & (is_near.select(0.0, mode) > 0.0))
     guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
     after_this = (moved & is_near).select(whole, wanted)
     after_this = (moved & is_long).select(smaller(after_this, told), after_this)
@@ -588,26 +583,6 @@ def _cut(
         "beyond": (cut & is_near).select(1.0, 0.0),
         "at_surface": (moved & seen).select(1.0, 0.0),
         "jumped": jumped.select(1.0, 0.0),
-    }
-
-
-CUT, CUT_WITH_AIM = _rule(_cut), _rule(_cut, "aim", "since", "is_smooth")
-
-
-@_rule
-def AIM(value, rate, side, level, taken, aim, since, sign):
-    """The least length of a step that ends on a surface, by value and rate at the end of this one.
-
-    `since` is the longest time since which one is crossed, as far as its rate tells.
-    """
-    own, ahead = value - level, sign * rate
-    is_crossed = (own >= 0.0) ^ (side > 0.5)
-    leads = (side > 0.5).select(-ahead, ahead) > 0.0
-    left = -own / ahead
-    since_own = leads.select(-left, inf)
-    return {
-        "aim": smaller(leads.select(taken + left, inf), aim),
-        "since": is_crossed.select(larger(since, since_own), since),
     }
 
 

@@ -76,10 +76,7 @@ def cut(lines, before, total):
             inputs["known"] = taken
         if quartic is not None:  # points that differ by their errors are not crossings
             inputs["starts"] = (work.told[1] > 0.0).select(1.0, inputs["crosses"])
-    rule = rules.CUT
-    if lines.half.changes and lines.half.changes.surfaces:
-        rule, inputs = rules.CUT_WITH_AIM, inputs | _aim(lines, inputs, is_far)
-    found = lines.apply(rule, **inputs)
+    found = lines.apply(rules.CUT, **inputs | _aim(lines, inputs, is_far))
     keep_far(found.pop("beyond") > 0.0, new)
     own = "at_surface", "jumped", "accepted", "served"
     lines.keep(work, {name: found.pop(name) for name in own})
@@ -95,42 +92,43 @@ def look_at_changes(lines, x, f, to):
 
 
 def _aim(lines, inputs, is_far):
-    """Return where surfaces of changes are crossed, for `rules.CUT_WITH_AIM`.
+    """Return `aim` and `since` of `rules.CUT`, and where `rules.START` finds a surface.
 
     `is_far` is true in lanes that were not looking for a surface before this step.
     """
-    text, line, work, count = lines.text, lines.line, lines.work, lines.half.changes.surfaces
-    conditions, place = lines.f.conditions, inputs["place"]
-    for k, value in enumerate((np.inf, 0.0, place)):
+    text, line, work, D = lines.text, lines.line, lines.work, lines.half.block.D
+    changes, found = lines.half.changes, work.aim.after(3)
+    for k, value in enumerate((np.inf, 0.0, inputs["place"])):
         work.aim.put_chosen(k, value)
+    with text.when((~is_far).any(), likely=False):
+        sign = lines.number("sign")
+        text.copy(work.new, work.end, D)
+        for i in text.each(D):
+            work.end.after(D)[i] = sign * work.f_new[i]
+        if changes and changes.surfaces:
+            text.copy(line.side, work.end.after(2 * D), 2 * changes.surfaces)
+        lines.call("aim", work.end, lines.table, found)
+        work.aim.choose(~is_far, 0, inputs["taken"] + found[0])
+        work.aim.choose(~is_far, 1, found[1])
+    if changes and changes.surfaces:
+        is_first = is_far & (inputs["crossed"] > 0.0)
+        with text.when(is_first.any(), likely=False):
+            _start(lines, is_first, inputs)
+    return dict(zip(("aim", "since", "place"), (work.aim[k] for k in range(3)), strict=True))
 
-    def of(k, values):
-        own = {"value": values[2 * k], "rate": values.after(1)[2 * k], "taken": inputs["taken"]}
-        return own | {"side": line.side[2 * k], "level": line.side.after(1)[2 * k]}
 
-    is_first = is_far & (inputs["crossed"] > 0.0)
-    looks = ~is_far | is_first
-    with text.when(looks.any(), likely=False):
-        look_at_changes(lines, work.new, work.f_new, work.toward)
-        sums = Carried(aim=np.inf, since=0.0)
-        for k in text.each(count, sums):
-            sums.update(lines.apply(rules.AIM, **of(k, work.toward), **vars(sums)))
-        work.aim.choose(looks, 0, sums.aim)
-        work.aim.choose(looks, 1, sums.since)
-        with text.when(is_first.any()):
-            look_at_changes(lines, line.x, line.f, work.toward)
-            look_at_changes(lines, line.far, line.f, work.ahead)
-            sums = Carried(first=np.inf)
-            for k in text.each(count, sums):
-                own = of(k, work.toward) | {"ahead": work.ahead[2 * k], "end": inputs["end"]}
-                sums.update(lines.apply(rules.START, **own, **vars(sums)))
-            work.aim.choose(is_first & (sums.first < np.inf), 2, sums.first)
-    aim, since, place = (work.aim[k] for k in range(3))
-    if conditions:  # whose surfaces may be crossed, too
-        others = work.seen[3 + len(lines.half.kinks)]
-        since = (others > 0.0).select(np.inf, since)
-    is_smooth = text.value(0.0 if conditions else 1.0)
-    return {"aim": aim, "since": since, "place": place, "is_smooth": is_smooth}
+def _start(lines, is_first, inputs):
+    """Find where motions that start on a surface of a change come back to it."""
+    line, work = lines.line, lines.work
+    look_at_changes(lines, line.x, line.f, work.toward)
+    look_at_changes(lines, line.far, line.f, work.ahead)
+    sums = Carried(first=np.inf)
+    for k in lines.text.each(lines.half.changes.surfaces, sums):
+        own = {"value": work.toward[2 * k], "rate": work.toward.after(1)[2 * k]}
+        own |= {"side": line.side[2 * k], "level": line.side.after(1)[2 * k]}
+        own |= {"ahead": work.ahead[2 * k], "end": inputs["end"], "taken": inputs["taken"]}
+        sums.update(lines.apply(rules.START, **own, **vars(sums)))
+    work.aim.choose(is_first & (sums.first < np.inf), 2, sums.first)
 
 
 def put_point(lines, u, to, of="surfaces", quartic=None):

@@ -1,0 +1,66 @@
+"""Where the motion crosses surfaces: Newton's method, by values and rates at the end of a step.
+
+A surface with the value s and the rate s' = grad s . f is crossed a time -s / s' later, if it lies
+ahead, or has been crossed for s / s', if the state is beyond. Rates at the ends of implicit steps
+tell of fast modes, so that within them this is for changes, and for surfaces of clocks.
+"""
+
+from math import inf
+
+from .derivative import gradients
+from .numbers import Number, larger, operand_of, smaller
+from .right_hand_side import Expressions, List, needed_for
+from .tables import is_table
+
+
+def aim_of(f, kinds, choices, is_implicit):
+    """Return the `List` that finds when surfaces of f and of its changes are crossed.
+
+    Values are the state, f there with the sign of time, sides and levels of the surfaces of
+    changes, see `Rows`, and those of the table. `kinds` are those of `Conditions`, and `choices`
+    the numbers of their choices. Results are the least time to a surface that the state is not
+    beyond or has just passed, and the longest time for which it is beyond one: that of Newton's
+    method, infinity if the rate leads back.
+    """
+    D, of_changes = f.D, f.changes.surfaces if f.changes else 0
+    first = 2 * (D + of_changes)
+    count = first + len(f.table)
+    values = Expressions(count, range(D, count))
+    new = {i: i for i in range(D)} | {a: first + place for a, place in f.places.items()}
+    for name, number, operands in f.watched.operations:
+        of = (a if isinstance(a, float) else new[a] for a in operands)
+        new[number] = values.emit(name, *of)
+    results = [a if isinstance(a, float) else new[a] for a in f.watched.results]
+    slopes = gradients(values, [*values.operations], results, D)
+    aim, since = inf, 0.0
+    kinds = [*zip(kinds, choices, strict=True), *(("side", k) for k in range(of_changes))]
+
+    def number(a):
+        return Number(values.emit, a)
+
+    for (kind, choice), a, row in zip(kinds, results, slopes, strict=True):
+        s, rate = number(a), 0.0
+        tells = kind == "side" or not is_implicit or {*row} <= {*f.steady}
+        for j, slope in row.items() if tells else ():
+            rate = rate + number(slope) * number(D + j)
+        if kind == "side":
+            above, level = (number(2 * (D + choice) + k) for k in (0, 1))
+            ends = [(s - level, above > 0.5)]
+        elif is_table(kind) or kind == "floor":
+            low = number(new[choice])
+            high = number(new[choice + 1]) if is_table(kind) else low + 1.0
+            truth = low.equals(low)
+            ends = [(s - low, truth), (s - high, truth ^ truth)]
+        else:
+            ends = [(s, number(new[choice]) > 0.5)]
+        for value, is_above in ends:
+            is_beyond = (value >= 0.0) ^ is_above
+            if not tells:
+                since = is_beyond.select(inf, since)
+                continue
+            leads = is_above.select(-rate, rate) > 0.0
+            left = value / -rate
+            aim = smaller(leads.select(left, inf), aim)
+            since = is_beyond.select(larger(since, leads.select(-left, inf)), since)
+    results = [operand_of(aim), operand_of(since)]
+    return List(needed_for(values.operations, results), results)

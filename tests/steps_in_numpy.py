@@ -48,14 +48,14 @@ def carried_out(function, rows):
 @carried_out.register
 def _tangent_factors(function: functions.TangentFactors, rows):
     *own, s = rows
-    factors = carried_out(function.factors, [*own[: function.entries], s])
+    factors = carried_out(function.parts["block"], [*own[: function.entries], s])
     return np.concatenate([factors, s * np.array(own[function.entries :])])
 
 
 @carried_out.register
 def _first_block(function: functions.FirstBlock, rows):
     found = np.zeros((function.rows, *np.shape(rows[0])))
-    found[: function.D] = carried_out(function.function, rows)
+    found[: function.D] = carried_out(function.parts["block"], rows)
     return found
 
 
@@ -65,12 +65,12 @@ def _blocks(function: functions.Blocks, rows):
     D, size, count = function.D, len(function.pattern), function.count
     end = count + size * function.columns
     factors, couplings, right = rows[:count], rows[count:end], np.array(rows[end:])
-    right[:D] = x = carried_out(function.solution, [*factors, *right[:D]])
+    right[:D] = x = carried_out(function.parts["block"], [*factors, *right[:D]])
     for c in range(function.columns):
         own = right[D * (1 + c) : D * (2 + c)]
         for (i, j), entry in zip(function.pattern, couplings[c * size :], strict=False):
             own[i] = own[i] + entry * x[j]
-        own[:] = carried_out(function.solution, [*factors, *own])
+        own[:] = carried_out(function.parts["block"], [*factors, *own])
     return right
 
 

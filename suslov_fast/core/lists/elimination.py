@@ -10,7 +10,7 @@ A small pivot shows as a value that is not finite, or as an error of the step, w
 from collections import defaultdict
 
 from .planned_elimination import before_and_after
-from .right_hand_side import List, needed_for
+from .right_hand_side import List, needed_for, renumbered
 from .step import Values
 
 
@@ -71,16 +71,10 @@ class Elimination:
                 right[k] = emit("fsub", right[k], product)
             if k in inverse:
                 right[k] = emit("fmul", right[k], inverse[k])
-        renamed = {number: place for place, number in enumerate(found)}
-        for i in range(D):
-            renamed[count + 1 + i] = len(found) + i
-        first = len(found) + D
-        operations = []
-        for instruction, number, operands in values.operations:
-            renamed[number] = first + len(operations)
-            operands = tuple(renamed[a] for a in operands)
-            operations.append((instruction, renamed[number], operands))
-        self.solution = List(operations, [renamed[right[i]] for i in range(D)])
+        given = {number: place for place, number in enumerate(found)}
+        given |= {count + 1 + i: len(found) + i for i in range(D)}
+        solution = List(values.operations, [right[i] for i in range(D)])
+        self.solution = renumbered(solution, given)
 
 
 def operations_of(fill):

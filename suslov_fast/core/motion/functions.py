@@ -2,8 +2,8 @@
 
 Each is a function void name(from, table, to, scratch) of a text: it reads rows at one address, and
 writes rows at another. Short lists of operations are straight-line code, long ones are runs
-(`code.runs`), and dense matrices have loops. `numbers(table)` are those that a function reads after
-the table of f, and `scratch` the rows that it needs for itself.
+(`code.runs`), and dense matrices have loops. `numbers(table)` are the `reads` numbers that it reads
+after the table of f, and `scratch` the rows that it needs for itself.
 """
 
 import math
@@ -31,7 +31,7 @@ class OfList:
     Results that are None are not there: their rows stay as they are.
     """
 
-    scratch, called = 0, frozenset()
+    scratch, reads, called = 0, 0, frozenset()
 
     def __init__(self, list_, inputs, places):
         self.list_, self.inputs, self.places = list_, inputs, places
@@ -126,6 +126,7 @@ class OfLongList:
         row = dict(zip(distinct, self.program.results.tolist(), strict=True))
         self._rows = {k: row[a] for k, a in values.items()}
         self.scratch, self.in_table = self.program.rows, len(table)
+        self.reads = self._numbers.count
         self.called = {instruction for instruction, *_ in list_.operations}
 
     def numbers(self, table):
@@ -160,12 +161,26 @@ _ADDRESSES = "%from", "%table", "%to", "%scratch"
 
 
 class _Loops:
-    """A function that is written as loops."""
+    """A function that is written as loops; it may call others, `parts`, by their names.
 
-    length, scratch, called = np.inf, 0, frozenset()
+    `own` are the rows of its scratch before those of the parts.
+    """
+
+    length, own, parts = np.inf, 0, {}
+    scratch = property(
+        lambda self: self.own + max((a.scratch for a in self.parts.values()), default=0)
+    )
+    reads = property(lambda self: sum(part.reads for part in self.parts.values()))
+    called = property(lambda self: frozenset().union(*(a.called for a in self.parts.values())))
 
     def numbers(self, table):
-        return table[:0]
+        return np.concatenate([table[:0], *(part.numbers(table) for part in self.parts.values())])
+
+    def add_parts(self, text, name, for_each, first):
+        """Add the parts as functions name_part."""
+        for key, part in self.parts.items():
+            part.add(text, f"{name}_{key}", for_each, first)
+            first += part.reads
 
 
 class Tangents(_Loops):
@@ -176,22 +191,15 @@ class Tangents(_Loops):
 
     def __init__(self, f, base, product, own):
         self.f, self.inputs, self.rows = f, f.of.D, own
-        self.first = of_list(base, self.inputs, f.places)
-        self.product = of_list(product, f.entries + 1 + self.inputs)
+        first = of_list(base, self.inputs, f.places)
+        product = of_list(product, f.entries + 1 + self.inputs)
+        self.parts = {"first": first, "product": product}
         self.own = len(f.base.results) + 1 + self.inputs
-        parts = self.first, self.product
-        self.scratch = self.own + max(part.scratch for part in parts)
-        self.called = {name for part in parts for name in part.called}
-        self.length = max(INLINED + 1, *(part.length for part in parts))
-
-    def numbers(self, table):
-        return np.concatenate([self.first.numbers(table), self.product.numbers(table)])
+        self.length = max(INLINED + 1, first.length, product.length)
 
     def add(self, text, name, for_each, first):
         f, D = self.f, self.inputs
-        self.first.add(text, f"{name}_first", for_each, first)
-        later = first + len(self.first.numbers(np.zeros(len(f.table))))
-        self.product.add(text, f"{name}_product", for_each, later)
+        self.add_parts(text, name, for_each, first)
         extended, of_parameters = D + len(f.denominators), f.before - f.q * D
         x, found, to = (text.array(f"%{each}") for each in ("from", "scratch", "to"))
         entries, vector = f.before, f.before + f.entries + 1
@@ -227,25 +235,17 @@ class TangentEntries(_Loops):
     def __init__(self, f, after):
         D, second = f.of.D, f.of.second
         self.f, self.D, self.after = f, D, after
-        self.first = of_list(f.derivative, D, f.places)
         of_table = {number: 2 * D + place for number, place in f.of.places.items()}
         given = {i: i for i in range(D)} | of_table
         given |= {number: D + k for k, number in enumerate(second.directions)}
         places = {number: number - 2 * D for number in of_table.values()}
-        self.second = of_list(renumbered(second.entries, given), 2 * D, places)
+        second = of_list(renumbered(second.entries, given), 2 * D, places)
+        self.parts = {"first": of_list(f.derivative, D, f.places), "second": second}
         self.own = len(f.derivative.results) + 2 * D
-        parts = self.first, self.second
-        self.scratch = self.own + max(part.scratch for part in parts)
-        self.called = {name for part in parts for name in part.called}
-
-    def numbers(self, table):
-        return np.concatenate([self.first.numbers(table), self.second.numbers(table)])
 
     def add(self, text, name, for_each, first):
         f, D, entries = self.f, self.D, self.f.entries
-        self.first.add(text, f"{name}_first", for_each, first)
-        later = first + len(self.first.numbers(np.zeros(len(f.table))))
-        self.second.add(text, f"{name}_second", for_each, later)
+        self.add_parts(text, name, for_each, first)
         x, found, to = (text.array(f"%{each}") for each in ("from", "scratch", "to"))
         pair = len(f.derivative.results)
         with text.function(name):
@@ -272,15 +272,11 @@ class TangentFactors(_Loops):
     """
 
     def __init__(self, factors, to, entries, after, couplings):
-        self.factors, self.to, self.entries = factors, to, entries
+        self.parts, self.to, self.entries = {"block": factors}, to, entries
         self.after, self.couplings = after, couplings
-        self.scratch, self.called = factors.scratch, factors.called
-
-    def numbers(self, table):
-        return self.factors.numbers(table)
 
     def add(self, text, name, for_each, first):
-        self.factors.add(text, f"{name}_block", for_each, first)
+        self.add_parts(text, name, for_each, first)
         with text.function(name):
             text.invoke(f"{name}_block", *_ADDRESSES)
             entries = text.array("%from")
@@ -294,14 +290,10 @@ class FirstBlock(_Loops):
     """A function of the first of equal blocks, and 0 for the others, `rows` in all."""
 
     def __init__(self, function, D, rows):
-        self.function, self.D, self.rows = function, D, rows
-        self.scratch, self.called = function.scratch, function.called
-
-    def numbers(self, table):
-        return self.function.numbers(table)
+        self.parts, self.D, self.rows = {"block": function}, D, rows
 
     def add(self, text, name, for_each, first):
-        self.function.add(text, f"{name}_block", for_each, first)
+        self.add_parts(text, name, for_each, first)
         with text.function(name):
             text.invoke(f"{name}_block", *_ADDRESSES)
             for k in text.each(self.rows - self.D):
@@ -317,16 +309,13 @@ class Blocks(_Loops):
     """
 
     def __init__(self, solution, count, f, pattern):
-        self.solution, self.count, self.D, self.columns = solution, count, f.of.D, f.columns
+        self.parts, self.count, self.columns = {"block": solution}, count, f.columns
+        self.own = self.D = f.of.D
         self.pattern, self.after = pattern, count + f.D
-        self.scratch, self.called = self.D + solution.scratch, solution.called
-
-    def numbers(self, table):
-        return self.solution.numbers(table)
 
     def add(self, text, name, for_each, first):
         """Add the function; solutions read a block at `%to`."""
-        self.solution.add(text, f"{name}_block", for_each, first)
+        self.add_parts(text, name, for_each, first)
         D, size = self.D, len(self.pattern)
         kept, to, couplings = (
             text.array("%scratch"),
@@ -358,7 +347,7 @@ class SparseFactors(_Loops):
     add_function = staticmethod(add_factors)
 
     def __init__(self, plan):
-        self.plan, self.scratch = plan, len(plan.order)
+        self.plan, self.own = plan, len(plan.order)
 
     def add(self, text, name, for_each, first):
         plan = self.plan

@@ -1,6 +1,7 @@
 """The two halves of the motion of a right-hand side: the functions that their code is made of."""
 
 import functools
+import itertools
 
 import numpy as np
 
@@ -111,7 +112,7 @@ class Half:
             factors = self._add_implicit()
         scratch = max(function.scratch for function in self.functions.values())
         apart, nodes = (1, 0) if is_implicit else (columns, 6)
-        self.numbers = len(self.table_of(np.zeros(len(f.table))))
+        self.numbers = len(f.table) + sum(function.reads for function in self.functions.values())
         sizes = D, extended, columns, apart, nodes, entries, factors
         others = self.couplings * is_implicit, self.watched, self.surfaces, len(self.kinks)
         others = *others, self._sizes_of_changes(), of_choices, scratch
@@ -244,12 +245,9 @@ class Half:
 
     def firsts(self):
         """Return the places of these numbers, by names of functions."""
-        first, places = len(self.f.table), {}
-        table = np.zeros(first)
-        for name, function in self.functions.items():
-            places[name] = first
-            first += len(function.numbers(table))
-        return places
+        counts = [function.reads for function in self.functions.values()]
+        firsts = itertools.accumulate(counts, initial=len(self.f.table))
+        return dict(zip(self.functions, firsts, strict=False))
 
 
 def _read(list_, D):

@@ -39,6 +39,47 @@ def of_list(list_, rows):
                      for a in list_.results])  # fmt: skip
 
 
+def _applied(rule, **inputs):
+    """Return the results of a rule by name, for numbers or arrays."""
+    values = {k: inputs[name] for k, name in enumerate(rule.inputs)}
+    evaluate(rule.operations, values)
+    return {name: a if isinstance(a, float) else values[a] for name, a in rule.results.items()}
+
+
+def _value_of_columns(whole, x, table):
+    """Return f and the denominators of a `Variational` at states (D, ...)."""
+    f, shape = whole.of, np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
+    values = dict(enumerate(x[: f.D]))
+    values |= {number: table[place] for number, place in whole.places.items()}
+    with np.errstate(all="ignore"):
+        evaluate(whole.base.operations, values)
+        known = [a if isinstance(a, float) else values[a] for a in whole.base.results]
+        entries, found = known[whole.before :], np.zeros((whole.D + len(f.denominators), *shape))
+        found[: f.D] = np.array([np.broadcast_to(a, shape) for a in known[: f.D]])
+        for k, a in enumerate(f.denominators):
+            found[whole.D + k] = values[a]
+        for c in range(whole.columns):
+            first = f.D * (1 + c)
+            for k, total in _product(f, entries, x[first : first + f.D]).items():
+                found[first + k] = total
+        parts = found[f.D * (1 + whole.columns - whole.q) :]
+        by = known[whole.before - len(f.by) : whole.before]
+        for part, a in zip(parts, by, strict=False):
+            part += a
+        if whole.has_trace:
+            found[whole.D - 1] = x[whole.D - 2] * known[f.D + len(f.denominators)]
+    return found
+
+
+def _product(f, entries, vector):
+    """Return the components of f' times a vector that are not 0, with sums in order."""
+    totals = {}
+    for (i, j), entry in zip(f.pattern, entries, strict=True):
+        part = entry * vector[j]
+        totals[i] = totals[i] + part if i in totals else part
+    return totals
+
+
 @singledispatch
 def carried_out(function, rows):
     """Return the results (-, ...) of a function of a half, for rows (-, ...) without a table."""
@@ -214,7 +255,7 @@ class StepsInNumPy:
                 inputs[name] = self.motion.numbers[getattr(NUMBER, name)]
             else:
                 inputs[name] = self.row(name)
-        found, shape = rules.carried_out(rule, **inputs), self.lanes.shape[1:]
+        found, shape = _applied(rule, **inputs), self.lanes.shape[1:]
         return {name: np.broadcast_to(a, shape).copy() for name, a in found.items()}
 
     def _apply_to(self, rule, i, **inputs):
@@ -229,6 +270,8 @@ class StepsInNumPy:
 
     def _value(self, x):
         """Return f, and the denominators of clocks, at states (D, lanes)."""
+        if isinstance(self.f, Variational):
+            return _value_of_columns(self.f, x, self.table)
         return self.f.value_and_denominators(x, self.table)
 
     def _begin(self):
@@ -463,7 +506,7 @@ class StepsInNumPy:
             rates["quartic"] = self._quartic(states, signed)[: len(x)]
         points = [x]
         for u in POINTS[:-1]:
-            point = rules.carried_out(rule, x=x, new=new, u=u, **rates)["point"]
+            point = _applied(rule, x=x, new=new, u=u, **rates)["point"]
             points.append(np.broadcast_to(point, x.shape))
         points.append(new)
         parts, ends = dict.fromkeys(("crossed", "place", "end"), 0.0), (0.0, *POINTS)
@@ -498,9 +541,9 @@ class StepsInNumPy:
         names = "x", "new", "f", "f_new"
         own = {name: each[: self.D] for name, each in zip(names, states, strict=True)}
         own["signed"] = signed
-        point = rules.carried_out(rules.POINT, u=POINTS[0], **own)["point"]
+        point = _applied(rules.POINT, u=POINTS[0], **own)["point"]
         f_point = self._value(point)[: self.D]
-        return rules.carried_out(rules.QUARTIC, f_point=f_point, **own)["quartic"]
+        return _applied(rules.QUARTIC, f_point=f_point, **own)["quartic"]
 
     # ----------------------------------------------------------------------------------- choices
     def _choices_at(self, x):
@@ -708,7 +751,7 @@ class StepsInNumPy:
         inputs = {"x": passed.x, "f": passed.f[: self.D], "signed": signed}
         for k, (x, f) in enumerate([*nodes, (passed.new, passed.f_new[: self.D])], 1):
             inputs |= {f"x{k}": x, f"f{k}": f}
-        return rules.carried_out(rules.INTERPOLATED, **inputs, **weights)["value"]
+        return _applied(rules.INTERPOLATED, **inputs, **weights)["value"]
 
     def _with_signs(self, states, passed):
         if self.f.of_one_sign:

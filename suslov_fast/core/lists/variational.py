@@ -6,7 +6,6 @@ import itertools
 import numpy as np
 
 from .right_hand_side import List
-from .step import evaluate
 
 
 class Variational:
@@ -86,43 +85,6 @@ class Variational:
     def table_with(self, parameters, table):
         """Return the table (n, ...) for other parameters, with the scales of `table`."""
         return self.table_of(self.of.table_of(parameters), table[len(self.of.table) :])
-
-    def value_and_denominators(self, x, table):
-        """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
-        f, shape = self.of, np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
-        values = dict(enumerate(x[: f.D]))
-        values |= {number: table[place] for number, place in self.places.items()}
-        with np.errstate(all="ignore"):
-            evaluate(self.base.operations, values)
-            known = [a if isinstance(a, float) else values[a] for a in self.base.results]
-            entries, found = known[self.before :], np.zeros((self.D + len(f.denominators), *shape))
-            found[: f.D] = np.array([np.broadcast_to(a, shape) for a in known[: f.D]])
-            for k, a in enumerate(f.denominators):
-                found[self.D + k] = values[a]
-            for c in range(self.columns):
-                first = f.D * (1 + c)
-                for k, total in product(f, entries, x[first : first + f.D]).items():
-                    found[first + k] = total
-            parts = found[f.D * (1 + self.columns - self.q) :]
-            by = known[self.before - len(f.by) : self.before]
-            for part, a in zip(parts, by, strict=False):
-                part += a
-            if self.has_trace:
-                found[self.D - 1] = x[self.D - 2] * known[f.D + len(f.denominators)]
-        return found
-
-    def value(self, x, table):
-        """Return f (D, ...) at states (D, ...)."""
-        return self.value_and_denominators(x, table)[: self.D]
-
-
-def product(f, entries, vector):
-    """Return the components of f' times a vector that are not 0, with sums in order."""
-    totals = {}
-    for (i, j), entry in zip(f.pattern, entries, strict=True):
-        part = entry * vector[j]
-        totals[i] = totals[i] + part if i in totals else part
-    return totals
 
 
 variational = functools.lru_cache(64)(Variational)

@@ -285,21 +285,21 @@ class Motion:
 
     def _causes_of_end(self, flat, which):
         """Return a `Cause` for each of these rows of trajectories `which`."""
-        rows, f = self.rows, self.f
-        D = f.of.D if isinstance(f, Variational) else f.D
-        table = self.table if self.table.ndim == 1 else self.table[which]
-        x, t = flat[:, : f.D].T, flat[:, rows.t]
-        rates = flat[:, rows.f : rows.f + f.D + len(f.denominators)].T
+        rows, whole = self.rows, self.f.D
+        f = self.f.of if isinstance(self.f, Variational) else self.f
+        table = (self.table if self.table.ndim == 1 else self.table[which])[..., : len(f.table)]
+        x, t, rates = flat[:, : f.D].T, flat[:, rows.t], flat[:, rows.f : rows.f + f.D].T
+        denominators = flat[:, rows.f + whole : rows.f + whole + len(f.denominators)].T
         has_none = has_pole = np.zeros(len(flat), bool)
         with np.errstate(all="ignore"):
             for part in _AHEAD:
-                ahead = x + self.numbers[NUMBER.sign] * part * t * rates[: f.D]
+                ahead = x + self.numbers[NUMBER.sign] * part * t * rates
                 found = f.value_and_denominators(ahead, table.T)
-                has_none = has_none | np.isnan(found[:D]).any(axis=0)
-                has_pole = has_pole | (found[f.D :] * rates[f.D :] < 0.0).any(axis=0)
-            growth = self.numbers[NUMBER.sign] * x[:D] * rates[:D]
-            doubles = (growth * (_AT_ONCE * t) >= x[:D] ** 2) & (growth > 0.0)
-        escapes = doubles.any(axis=0) | ~np.isfinite(rates[:D]).all(axis=0)
+                has_none = has_none | np.isnan(found[: f.D]).any(axis=0)
+                has_pole = has_pole | (found[f.D :] * denominators < 0.0).any(axis=0)
+            growth = self.numbers[NUMBER.sign] * x * rates
+            doubles = (growth * (_AT_ONCE * t) >= x**2) & (growth > 0.0)
+        escapes = doubles.any(axis=0) | ~np.isfinite(rates).all(axis=0)
         of_others = np.where(escapes, Cause.ESCAPE, Cause.POLE)
         return np.where(has_pole, Cause.POLE, np.where(has_none, Cause.NO_VALUE, of_others))
 

@@ -61,7 +61,7 @@ from typing import NamedTuple
 from ..lists.functions import from_bits
 from ..lists.hidden import POINTS
 from ..lists.numbers import Number, larger, operand_of, smaller
-from ..lists.step import Values, evaluate
+from ..lists.step import Values
 from .rows import State
 
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
@@ -128,13 +128,6 @@ def _rule(function, *others):
     found = function(**{name: Number(values.emit, k) for k, name in enumerate(inputs)})
     results = {name: operand_of(a) for name, a in found.items()}
     return Rule(inputs, values.operations, results)
-
-
-def carried_out(rule, **inputs):
-    """Return the results of a rule by name, for numbers or arrays."""
-    values = {k: inputs[name] for k, name in enumerate(rule.inputs)}
-    evaluate(rule.operations, values)
-    return {name: a if isinstance(a, float) else values[a] for name, a in rule.results.items()}
 
 
 # ------------------------------------------------------------------------- sums over the components

@@ -195,8 +195,10 @@ def _floats(name: str, value: Any) -> FloatArray:
             exact, array = array, array.astype(np.float64)
             whole = numbers.Integral, float
             if any(not isinstance(each, whole) and each != float(each) for each in exact.flat):
-                how = "integrability.kahan(field, eps) keeps fractions of a field, eps and states"
-                warn(f"{name}: numbers of more digits become floats here: {how}")
+                warn(
+                    f"{name}: fractions, and numbers of more digits, become floats here: "
+                    "integrability.kahan(field, eps) keeps fractions of a field, eps and states"
+                )
     except (ValueError, OverflowError) as error:
         expected = "numbers in the range of float64, with rows of equal length"
         raise wrong(name, expected, short(value)) from error

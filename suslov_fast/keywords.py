@@ -171,7 +171,7 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         if "'store'" in str(error):
             how += ", a folder to write: flow and iterate keep their results in memory"
         if "'monomials'" in str(error):
-            how += ", a degree or a list of exponents, as 2"
+            how += ", a degree, such as 2, or a list of exponents"
         if "'dimension'" in str(error):
             how += ", the number of variables, or their names, as 'x y'"
         kind = type(args[0]) if args else None

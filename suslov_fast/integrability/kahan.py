@@ -240,7 +240,8 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     if field.shape:
         raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
     if str(eps).isidentifier() and eps is not None:  # as a text, or of SymPy
-        raise wrong("eps", "a number, or left out, which makes it a symbol", repr(eps), TypeError)
+        how = "leave it out, kahan(field), for formulas in eps"
+        raise wrong("eps", "a number", f"the symbol {eps}: {how}", TypeError)
     exact = QuadraticField.of(field)
     if decimals:
         exact = _in_decimals(field)

@@ -15,7 +15,7 @@ from ...words import answer
 from .names import TIME, of_time
 from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
 
-_OF_SYMPY = "of expressions sympy.lambdify([names], expressions) makes one"
+_OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
 
 
 def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:

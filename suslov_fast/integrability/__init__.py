@@ -10,7 +10,7 @@ on each result; they are the same ones each time. Extra `algebra`: python-flint.
 The files, in an order in which each uses only those before it:
 
 - `arithmetic`, `polynomials`, `functions`: exact numbers, polynomials and rational functions in
-  factors. `arguments`: their checks.
+  factors.
 - `maps`, `kahan`: birational maps, and the Kahan maps of fields. `zoo`: examples.
 - `growth`: degrees of iterates. `reducible`: reducible polynomials of a space. `contracted`,
   `orbits`, `planar`: the entropy of maps of the plane, from the curves that they contract, and of

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from ..bodies.base import Body
+from ..checks import integer, short, wrong
 from ..keywords import public
 from . import arithmetic
-from .arguments import exponents_of
 from .arithmetic import Point, Residues, over_rationals
+from .darboux import check_unknowns
 from .functions import over_common_denominator, rank_of_quotients
 from .kahan import checked_map
 from .maps import RationalMap
@@ -31,6 +32,8 @@ from .polynomials import (
 )
 from .relations import count_relations, integrals_of_relations, relations_along
 from .search import Search
+
+_MOST = 500  # monomials of relations along orbits
 
 
 @dataclass(frozen=True)
@@ -120,7 +123,7 @@ def hk_bases(
     """
     map = checked_map(map)
     n = map.dimension
-    exponents = exponents_of(monomials, n)
+    exponents = _exponents_of(monomials, n)
     given = random.Random(0).sample(range(2, 100), n) if point is None else point
     start = arithmetic.rationals("point", given, n)
     dimension, independent = count_relations(map, exponents)
@@ -156,6 +159,23 @@ def hk_bases(
         basis,
         map.names,
     )
+
+
+def _exponents_of(monomials: Any, n: int) -> Exponents:
+    """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
+    if isinstance(monomials, int | np.integer):
+        degree = integer("monomials", monomials, 0)
+        check_unknowns("monomials", degree, n, _MOST)
+        return exponents_up_to(degree, n)
+    expected = f"a degree, or a list of at most {_MOST} different tuples of {n} exponents"
+    try:
+        exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
+    except TypeError:
+        raise wrong("monomials", expected, short(monomials), TypeError) from None
+    are_different = len({*exponents}) == len(exponents)
+    if {*map(len, exponents)} != {n} or not are_different or len(exponents) > _MOST:
+        raise wrong("monomials", expected, short(monomials))
+    return exponents
 
 
 def _integrals_up_to(map: RationalMap, degree: int, enough: int) -> Polynomials:

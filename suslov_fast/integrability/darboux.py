@@ -6,6 +6,7 @@ factors of det DPhi and of the denominator (Celledoni and others, arXiv:1902.047
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Iterator
 from fractions import Fraction
@@ -15,10 +16,9 @@ from typing import Any
 import flint
 
 from ..bodies.base import Body
-from ..checks import integer
+from ..checks import integer, wrong
 from ..keywords import public
 from . import arithmetic
-from .arguments import check_unknowns
 from .arithmetic import EPS, EXTRA, Residues, over_rationals
 from .functions import RationalFunction, factored, product_of, rational_roots
 from .kahan import checked_map
@@ -106,6 +106,14 @@ def cofactors(map: RationalMap | Body, degree: int) -> tuple[RationalFunction, .
             known = [*known, *more]
     different = dict.fromkeys([one, map.jacobian_cofactor or one, *(C for _, C in known)])
     return tuple(C.renamed(map.names, map.letter) for C in different)
+
+
+def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
+    """Raise an error if polynomials of a degree in n variables have too many coefficients."""
+    if (unknowns := math.comb(n + degree, n)) > most:
+        largest = next(d for d in range(degree) if math.comb(n + d + 1, n) > most)
+        expected = f"at most {largest} for {n} variables ({math.comb(n + largest, n)} coefficients)"
+        raise wrong(name, expected, f"{degree} ({unknowns} coefficients)")
 
 
 def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunction]:

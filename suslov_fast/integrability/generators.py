@@ -12,8 +12,7 @@ from ..bodies.base import Body
 from ..checks import integer
 from ..keywords import public
 from . import arithmetic
-from .arguments import check_unknowns
-from .darboux import cofactors_of_degree, space_of
+from .darboux import check_unknowns, cofactors_of_degree, space_of
 from .functions import RationalFunction, factored
 from .invariants import Invariants, NormalForms
 from .kahan import checked_map

@@ -17,7 +17,7 @@ from ..bodies.base import Body
 from ..bodies.fields.field import QuadraticField
 from ..checks import integer, is_false, kind_of, real_number, wrong
 from ..keywords import public, with_answers
-from .arguments import check_unknowns, progress_function
+from .darboux import check_unknowns
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .kahan import KahanMap, kahan
@@ -325,7 +325,9 @@ def report(
     if isinstance(map, KahanMap) and not map.is_invertible:
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
     check_unknowns("degree", degree, map.dimension)
-    report_progress = progress_function(progress)
+    if progress is not None and not callable(progress):
+        expected = "a function that is called as progress(done, parts)"
+        raise wrong("progress", expected, type(progress).__name__, TypeError)
     latest = Report(map, degree, notes=notes)
     if time_limit is None:
         parts: Any = search(latest)
@@ -338,7 +340,7 @@ def report(
         try:
             for part in parts:
                 latest = part.report
-                if is_false(report_progress(part.done, part.known)):
+                if progress and is_false(progress(part.done, part.known)):
                     raise KeyboardInterrupt("progress returned False")
         except KeyboardInterrupt as error:
             error.report = latest  # type: ignore[attr-defined]

@@ -14,10 +14,8 @@ from ..engine.arguments import flat_parameter
 from ..engine.status import ended_in_words, first_beyond
 from ..engine.stretches import March
 from ..maps import Map
-from .failures import OnSingular, report_failures
 from .points import Points, span
 from .results import OfMotion, in_short, read_only
-from .search import Search
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -156,37 +154,7 @@ class Crossings(Points, OfMotion):
         return f"Crossings({states}, n: {steps}, {in_short(self)})"
 
 
-def searched(
-    search: Search,
-    steps: int,
-    transient: int,
-    method: str,
-    on_singular: OnSingular,
-    reports: Any,
-) -> Crossings:
-    """Carry out a search, report its failures, and return the crossings."""
-    march = search.march
-    with reports as report:
-        search.run(transient, transient + steps, report)
-    if search.is_stopped:
-        steps = max(march.n - transient, 0)
-    problem = march.problem
-    attributes = search.result() | {
-        "body": problem.body,
-        "eps": problem.eps,
-        "map": problem.map,
-        "method": method,
-        "steps": steps,
-        "transient": transient,
-        "direction": search.direction,
-        "most": search.most,
-    }
-    points = Crossings._of(attributes | _at_points(march, attributes))
-    report_failures(points, march, on_singular, 0, name="crossings")
-    return points
-
-
-def _at_points(march: March, found: dict[str, Any]) -> dict[str, Any]:
+def at_points(march: March, found: dict[str, Any]) -> dict[str, Any]:
     """Return times and states on the surface, which surface it is, and times of ends."""
     batch, which, fraction = found["count"].shape, found["trajectory"], found["fraction"]
     before, after, eps = found["before"], found["after"], np.asarray(found["eps"])

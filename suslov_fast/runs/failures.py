@@ -83,8 +83,12 @@ def report_failures(
     at_once = (status == Status.NONFINITE) & (failed_at == 1)
     if texts and since <= 1 and at_once.any():
         texts.append(march.problem.body.without_value(march.problem.omega, at_once))
-    message = "; ".join(filter(None, texts))
+    told("; ".join(filter(None, texts)), run, name, on_singular, SingularStepWarning)
+
+
+def told(message: str, result: Any, name: str, on_singular: OnSingular, category: Any) -> None:
+    """Warn of a message, or raise an error that has the result as its attribute `name`."""
     if message and on_singular == "raise":
-        raise SingularStepError(message, run, name)
+        raise SingularStepError(message, result, name)
     if message and on_singular == "warn":
-        warn(message, SingularStepWarning)
+        warn(message, category)

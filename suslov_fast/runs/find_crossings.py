@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.general import with_changes
-from ..checks import FloatArray, Reals, integer, one_of, real_number, short, warn, wrong
+from ..checks import FloatArray, Reals, integer, one_of, real_number, short, wrong
 from ..core.motion.engine import Settings
 from ..engine.motions import Asked, solve
 from ..engine.problem import check, warn_of_times
@@ -32,8 +32,8 @@ from ..keywords import public
 from ..maps import map_of
 from .change import Change, field_of
 from .changes import acts_of, stops_of
-from .crossings import Crossings, searched
-from .failures import ON_SINGULAR, OnSingular, SingularStepError
+from .crossings import Crossings, at_points
+from .failures import ON_SINGULAR, OnSingular, report_failures, told
 from .search import Search, Surface, checked_surface
 
 
@@ -171,8 +171,25 @@ def crossings(
     warn_of_times(problem)
     if type(problem.eps) is not float:  # copied, because the result keeps it
         problem = problem._replace(eps=np.array(problem.eps))
-    search = Search(March(problem, method), along_map, direction, most)
-    return searched(search, steps, transient, method, on_singular, reports)
+    march = March(problem, method)
+    search = Search(march, along_map, direction, most)
+    with reports as report:
+        search.run(transient, transient + steps, report)
+    if search.is_stopped:
+        steps = max(march.n - transient, 0)
+    attributes = search.result() | {
+        "body": system,
+        "eps": problem.eps,
+        "map": map,
+        "method": method,
+        "steps": steps,
+        "transient": transient,
+        "direction": direction,
+        "most": most,
+    }
+    points = Crossings._of(attributes | at_points(march, attributes))
+    report_failures(points, march, on_singular, name="crossings")
+    return points
 
 
 def _along_motion(
@@ -222,7 +239,9 @@ def _along_motion(
             **settings._asdict(),
         }
     )
-    report_ends(points, x, batch, found.is_stopped, on_singular)
+    ends = points.end.ravel()
+    message = ends_in_words(points.status.ravel(), ends, found.is_stopped, x, batch)
+    told(message, points, "crossings", on_singular, PoleWarning)
     return points
 
 
@@ -267,22 +286,3 @@ def _number(name: str, value: Any) -> float:
         received = f"an array of shape {number.shape}: {how}"
         raise wrong(name, "a number", received)
     return number
-
-
-def report_ends(
-    points: Crossings,
-    x: FloatArray,
-    batch: tuple[int, ...],
-    is_stopped: bool,
-    on_singular: OnSingular,
-) -> None:
-    """Warn of solutions that end early, or raise an error."""
-    if on_singular == "ignore":
-        return
-    ends = points.end.ravel()
-    status = points.status.ravel()
-    message = ends_in_words(status, ends, is_stopped, x, batch)
-    if message and on_singular == "raise":
-        raise SingularStepError(message, points, "crossings")
-    if message:
-        warn(message, PoleWarning)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -116,7 +115,26 @@ def lyapunov_exponents(
     """
     others = {"method": method, "rtol": rtol, "changes": changes}
     if either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
-        return _of_motion(system, x0, time, transient, rtol, changes, threads, progress)
+        checks.instance("system", system, Body)
+        time, before = checks.positive("time", time), checks.real_number("transient", transient)
+        if not isinstance(before, float) or before < 0.0:
+            raise wrong("transient", "a time, 0 or more", short(transient))
+        settings = checked_settings(system, rtol)
+        acting = checked_changes(changes)
+        if any(each.ends or each.most is not None for each in acting):
+            received = "ends or most, with which a trajectory ends"
+            raise wrong("changes", "those with which trajectories go on", received)
+        acting = tuple(each for each in acting if each.to is not None)
+        x, batch = checked_starts(system, x0, 1, batch_of(acting))
+        field = field_of(system)
+        acts = acts_of(field, acting)
+        stops = stops_of(acting, 1, batch) if acts else None
+        count = threads_for(len(x), thread_count(threads))
+        with reporter(progress, 1000) as report:
+            arguments = time, before, settings, count, report, acts, stops
+            exponents, found = exponents_of(field, x, batch, *arguments)
+        warn_of_ends(found, x, batch)
+        return exponents.reshape(*batch, exponents.shape[1])
     checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)
@@ -140,36 +158,3 @@ def lyapunov_exponents(
     if found.steps == 0:  # `progress` ended the run in its transient
         return exponents
     return mask_and_warn(checked, exponents, poles=True)
-
-
-def _of_motion(
-    system: Any,
-    x0: Any,
-    time: Any,
-    transient: Any,
-    rtol: Any,
-    changes: Any,
-    threads: int | None,
-    progress: Progress,
-) -> FloatArray:
-    """Return the exponents of the motion."""
-    checks.instance("system", system, Body)
-    time, before = checks.positive("time", time), checks.real_number("transient", transient)
-    if not isinstance(before, float) or before < 0.0:
-        raise wrong("transient", "a time, 0 or more", short(transient))
-    settings = checked_settings(system, rtol)
-    acting = checked_changes(changes)
-    if any(each.ends or each.most is not None for each in acting):
-        received = "ends or most, with which a trajectory ends"
-        raise wrong("changes", "those with which trajectories go on", received)
-    acting = tuple(each for each in acting if each.to is not None)
-    x, batch = checked_starts(system, x0, 1, batch_of(acting))
-    field = field_of(system)
-    acts = acts_of(field, acting)
-    stops = stops_of(acting, 1, batch) if acts else None
-    count = threads_for(len(x), thread_count(threads))
-    with reporter(progress, 1000) as report:
-        arguments = time, before, settings, count, report, acts, stops
-        exponents, found = exponents_of(field, x, batch, *arguments)
-    warn_of_ends(found, x, batch)
-    return exponents.reshape(*batch, exponents.shape[1])

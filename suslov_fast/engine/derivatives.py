@@ -42,25 +42,15 @@ def _at_states(
     """Return the values (..., *shape) that compute(scheme, values, eps, states, out) writes.
 
     Parameters have the last axes of the batch, `own`; along those before them are more states of
-    the same fields. Each call is for states (rows, fields, D) of a part of the batch, so that
-    Python handles Ctrl-C in between.
+    the same fields. Each call is for states (rows, fields, D).
     """
     D, batch = problem.body.dimension, problem.batch
     rows, fields = math.prod(batch[: len(batch) - len(own)]), math.prod(own)
     x = flat_arrays(problem.omega, batch).reshape(rows, fields, D)
-    cost, out = len(problem.map.stages.fractions) * D**3, np.empty((rows, fields, *shape))
-    width = max(STRETCH // (16 * cost), 1)  # few enough for tables in the caches
-    for where, (scheme, *parameters) in groups_of_alike(problem, own):
-        states, values = x[:, where], out[:, where]  # views if where is ALL, else copies
-        count = states.shape[1]
-        across = max(width // min(rows or 1, WIDTH), 1)
-        down = max(width // min(count or 1, across), 1)
-        for begin in range(0, count, across):
-            part = slice(begin, begin + across)
-            of_part = _of_part(part, *parameters)
-            for first in range(0, rows, down):
-                some = slice(first, first + down), part
-                compute(scheme, *of_part, states[some], values[some])
+    out = np.empty((rows, fields, *shape))
+    for where, of_group in groups_of_alike(problem, own):
+        values = out[:, where]  # a view if where is ALL, else a copy
+        compute(*of_group, x[:, where], values)
         if where is not ALL:
             out[:, where] = values
     return out.reshape((*batch, *shape))

@@ -153,7 +153,7 @@ def test_run_is_iterate(options):
     assert "status" in succeed("info o.npz")
     succeed(f"run {options} --steps 4 -o o.zarr")
     stored = sf.open_ensemble("o.zarr")
-    for name in (expected.map.variable, "final"):
+    for name in (expected.body.variable, "final"):
         np.testing.assert_array_equal(stored[name], getattr(expected, name))
 
 

@@ -30,7 +30,7 @@ from .functions import (
     Tangents,
     of_list,
 )
-from .rows import rows_of, work_of
+from .rows import OF_CHANGES, Rows, Work, firsts_of
 
 
 class Half:
@@ -62,7 +62,7 @@ class Half:
 
     def __init__(self, f, is_implicit, has_atol):
         self.f, self.is_implicit, self.has_atol = f, is_implicit, has_atol
-        D, extended = f.D, len(f.denominators)
+        D = f.D
         if has_atol:
             self.largest, self.allowed = rules.NO_SIZE, rules.ALLOWED_WITH_ATOL
         elif f.clocks:
@@ -81,10 +81,7 @@ class Half:
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
         self.couplings = 0 if self.block is f else f.columns * f.coupling
         self.changes = f.changes
-        c = f.changes
-        counts = (c.surfaces, c.acting, c.sections) if c else ()
         self.low = 0 if has_atol else self.block.D
-        self.rows = rows_of(D, extended, self.low, self.watched, int(bool(f.conditions)), *counts)
         self.sets = None if is_implicit else self._sets()
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
@@ -103,20 +100,48 @@ class Half:
         self.has_quartic = self.hidden is not f.hidden[True]
         if self.watched:
             self._add_surfaces()
-        if c:
+        if f.changes:
             self._add_changes()
-        of_choices = self._add_choices() if f.conditions else [0] * 6
-        columns, entries, factors = len(EXPLICIT), 0, 0
-        if is_implicit:
-            columns, entries = len(IMPLICIT), f.entries + 1 + D + self.couplings
-            factors = self._add_implicit()
-        scratch = max(function.scratch for function in self.functions.values())
-        apart, nodes = (1, 0) if is_implicit else (columns, 6)
+        if f.conditions:
+            self._add_choices()
+        factors = self._add_implicit() if is_implicit else 0
         self.numbers = len(f.table) + sum(function.reads for function in self.functions.values())
-        sizes = D, extended, columns, apart, nodes, entries, factors
-        others = self.couplings * is_implicit, self.watched, self.surfaces, len(self.kinks)
-        others = *others, self._sizes_of_changes(), of_choices, scratch
-        self.work = work_of(self.rows.size, self.numbers, *sizes, *others)
+        self._set_rows(factors)
+
+    def _set_rows(self, factors):
+        """Set `rows` and `work`, for so many factors of 1 - s f'."""
+        f, D, block, c, watched = self.f, self.f.D, self.block, self.changes, self.watched
+        extended, chooses, changes = D + len(f.denominators), int(bool(f.conditions)), int(bool(c))
+        surfaces, acting, sections = (c.surfaces, c.acting, c.sections) if c else (0, 0, 0)
+        of_f = dict.fromkeys(("f", "f_new", "b", "f_last"), extended)
+        self.rows = firsts_of(Rows, of_f | {
+            "x": D, "largest": D, "mode": D, "low": self.low, "far": watched,
+            "chosen_at": chooses, "chosen_often": chooses, "side": 2 * surfaces,
+            "section": sections, "latest": sections, "counts": acting,
+            "of_changes": changes * len(OF_CHANGES),
+        })  # fmt: skip
+        columns = len(IMPLICIT if self.is_implicit else EXPLICIT) * D
+        jumps = bool(chooses and f.conditions.jumps and f is not block)
+        self.work = firsts_of(Work, of_f | {
+            "line": self.rows.size, "table": self.numbers, "start": D, "a": D, "ends": columns,
+            "apart": D if self.is_implicit else columns, "nodes": 0 if self.is_implicit else 6 * D,
+            "new": D, "error": D, "factors": factors,
+            "right": D + self.couplings * self.is_implicit,
+            "jacobian": f.entries + 1 + D + self.couplings if self.is_implicit else 0,
+            "points": (1 + len(POINTS)) * self.surfaces + watched + 1, "point": watched,
+            "quartic": watched, "told": 2, "end": 2 * (watched + surfaces), "aim": 5,
+            "between": 2 * self.surfaces, "sides": 2 * surfaces, "seen": 4 + len(self.kinks),
+            "changed": changes * D, "before": changes * D, "f_before": changes * D,
+            "pair": changes * (4 * block.D + 1), "toward": 2 * surfaces, "ahead": 2 * surfaces,
+            "fired": surfaces, "noted": changes, "chooses": chooses,
+            "chosen": len(block.choices.results) if chooses else 0,
+            "derived": len(block.derived.results) if chooses else 0, "f_old": chooses * block.D,
+            "slopes": len(block.slope_places) if jumps else 0,
+            "gradient": block.D + f.q if jumps else 0,
+            "values": (rules.SECTION_PARTS + 1) * sections, "rates": 2 * sections,
+            "moment": changes, "ok": changes, "tau": changes * D // block.D,
+            "scratch": max(function.scratch for function in self.functions.values()),
+        })  # fmt: skip
 
     def _sets(self):
         """Return the `Sets` of all components: each column of derivatives has those of x."""
@@ -164,28 +189,15 @@ class Half:
             self.functions[name] = of_list(list_, rows, places)
 
     def _add_choices(self):
-        """Add the functions of choices; return the sizes of rows of `Work` from `chooses` on."""
+        """Add the functions of choices."""
         f, conditions = self.block, self.f.conditions
         given = conditions.P + conditions.jumps + conditions.kinks
         places = {f.D + p: p for p in range(given)}
         self.functions["choices"] = of_list(f.choices, f.D, places, LONGEST_OF_CONDITIONS)
         if f.derived.results:
             self.functions["derived"] = of_list(f.derived, 0, places)
-        sizes = [1, len(f.choices.results), len(f.derived.results)]
-        if f is self.f or not conditions.jumps:
-            return [*sizes, f.D, 0, 0]
-        self.functions["slopes"] = of_list(f.slopes, f.D, f.places)
-        return [*sizes, f.D, len(f.slope_places), f.D + self.f.q]
-
-    def _sizes_of_changes(self):
-        """Return how many rows of `Work` changes need, from `sides` to `tau`."""
-        if not self.changes:
-            return [0] * 14
-        D, surfaces = self.block.D, self.changes.surfaces
-        sections, whole = self.changes.sections, self.f.D
-        return [2 * surfaces, whole, whole, whole, 4 * D + 1, 2 * surfaces, 2 * surfaces,
-                surfaces, 1, (rules.SECTION_PARTS + 1) * sections, 2 * sections, 1, 1,
-                whole // D]  # fmt: skip
+        if f is not self.f and conditions.jumps:
+            self.functions["slopes"] = of_list(f.slopes, f.D, f.places)
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""

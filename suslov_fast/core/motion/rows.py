@@ -8,8 +8,6 @@ import itertools
 from enum import IntEnum
 from typing import NamedTuple
 
-from ..lists.hidden import POINTS
-
 
 class State:
     """What a lane does next; the numbers stand in `Rows.state`.
@@ -96,18 +94,10 @@ class OfChanges(NamedTuple):
 OF_CHANGES = OfChanges(*range(len(OfChanges._fields)))
 
 
-def rows_of(D, denominators, low, watched, chooses, surfaces=0, acting=0, sections=0):
-    """Return the rows of a line; surfaces are functions of the first `watched` components.
-
-    `chooses` is 1 if f chooses, else 0. `surfaces`, `acting` and `sections` are the numbers of
-    surfaces of changes, of all changes that act, and of surfaces of records.
-    """
-    parts = [D, D + denominators, D, D, low, watched, chooses, chooses]
-    parts += [2 * surfaces, sections, sections, acting]
-    parts += [len(OF_CHANGES) * (acting + sections > 0)]
-    firsts = [0, *itertools.accumulate(parts)]
-    scalars = firsts.pop()
-    return Rows(*firsts, *range(scalars, scalars + len(Rows._fields) - len(firsts)))
+def firsts_of(kind, sizes):
+    """Return the first rows of the parts of `Rows` or `Work`; those without a size have one row."""
+    counts = [sizes.get(name, 1) for name in kind._fields[:-1]]
+    return kind(*itertools.accumulate(counts, initial=0))
 
 
 class Work(NamedTuple):
@@ -170,24 +160,3 @@ class Work(NamedTuple):
     tau: int  # how much later columns reach this instant (columns of a `Variational`)
     scratch: int  # rows that functions need
     size: int
-
-
-def work_of(
-    rows, numbers, D, denominators, columns, apart, nodes, entries, factors, couplings, watched,
-    surfaces, kinks, of_changes, of_choices, scratch,
-):  # fmt: skip
-    """Return the rows of `Work`.
-
-    `of_changes` are the sizes of those from `sides` to `tau`, but for those from `chooses` to
-    `gradient`, which are `of_choices`.
-    """
-    extended = D + denominators
-    sizes = [rows, 1, numbers, D, extended, D, extended, extended, columns * D, apart * D,
-             nodes * D, D, extended, D, entries, factors, D + couplings, *[1] * 6, 1, 1, 1,
-             (1 + len(POINTS)) * surfaces + watched + 1, watched, watched, 2,
-             2 * watched + of_changes[0], 5, 2 * surfaces, of_changes[0], 4 + kinks,
-             *of_changes[1:9], *of_choices, *of_changes[9:], scratch]  # fmt: skip
-    firsts = [0]
-    for size in sizes:
-        firsts.append(firsts[-1] + size)
-    return Work(*firsts)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from suslov_fast.core.code import compiler as machine_code
+from suslov_fast.core.code.text import Code, Integers
 from suslov_fast.core.lists.functions import ELEMENTARY
 from suslov_fast.core.lists.step import FUNCTIONS, OF_LIBRARY
 
@@ -135,12 +136,11 @@ def code(name, count, W):
     """Return the address of code that writes f of lines of W lanes, and its number of lines."""
 
     def text_of(_, own, *_others):
-        text = machine_code.Text(W)
-        text.add(f"define i64 @{own}(i64 %given) #0 {{")
-        text.label("entry")
-        rows = [text.load("i64", text.plus("%given", 8 * k)) for k in range(count + 2)]
-        with text.loop("line", rows.pop()) as line:
-            places = [text.integer("add", row, text.integer("mul", line, 8 * W)) for row in rows]
+        text = Code(W)
+        text.begin(own, "given")
+        *rows, lines = (Integers(text, "%given")[k] for k in range(count + 2))
+        for line in text.each(lines):
+            places = [row + line * (8 * W) for row in rows]
             values = {k: text.load(text.V, place) for k, place in enumerate(places[:-1])}
             text.carry_out([(name, count, tuple(range(count)))], values, None)
             text.store(text.V, values[count], places[-1])

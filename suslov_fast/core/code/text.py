@@ -1,5 +1,6 @@
-"""Text of machine code as formulas: values and arrays with operators, loops and conditions.
+"""LLVM's intermediate representation as text: values and arrays with operators, loops, conditions.
 
+Addresses are integers, because versions of LLVM write the types of pointers differently.
 Python's operators add instructions to the text, from left to right as Python carries them out:
 
     for i in text.each(D):
@@ -10,14 +11,16 @@ values, `Index` an integer; `Array`, `Shared` and `Integers` are memory that bra
 write. Loops are `Code.each` and `Code.rounds`, which carry on values in a `Carried`.
 """
 
+import itertools
 from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
 
-from ..lists.step import OF_TRUTH_VALUES
-from ..lists.tables import LARGEST, Table
-from .compiler import Text, pointer
+from ..lists.far import LIMIT, PARTS, text_of_far
+from ..lists.step import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES, list_of
+from ..lists.tables import LARGEST, Table, is_table
+from .compiler import pointer
 
 WRITTEN_OUT = 4  # indices of which loops are written out
 
@@ -118,13 +121,13 @@ class Value(_Comparable):
         return self.text.constant(other) if isinstance(other, float) else other
 
     def __abs__(self):
-        return Value(self.text, self.text.absolute(self))
+        return Value(self.text, self.text._call("fabs", self))
 
     def root(self):
-        return Value(self.text, self.text.root(self))
+        return Value(self.text, self.text._call("sqrt", self))
 
     def floor(self):
-        return Value(self.text, self.text.floor(self))
+        return Value(self.text, self.text._call("floor", self))
 
 
 class Index(_Comparable):
@@ -178,7 +181,7 @@ class Array:
         self.text.store(self.text.V, self.text.value(value), self._place(i))
 
     def put_chosen(self, i, value):
-        """Write a row that is a choice between this one and others, see `Text.store_chosen`."""
+        """Write a row that is a choice between this one and others, see `Code.store_chosen`."""
         self.text.store_chosen(self.text.value(value), self._place(i))
 
     def choose(self, truth, i, value):
@@ -242,17 +245,67 @@ class Carried:
         vars(self).update(values)
 
 
-class Code(Text):
-    """Text with loops and conditions, for the rows of lines."""
+class Code:
+    """The text of functions for lines of W lanes; instructions go to `target`, if there is one.
+
+    V, M and I are the types of W numbers, of W truth values and of the bits of W numbers; `size`
+    are the bytes from row to row.
+    """
 
     def __init__(self, W, target=None, size=None):
-        super().__init__(W, target)
-        self.blocks, self.size = 0, size or 8 * W  # bytes from row to row
-        self.has_runs, self.called, self.constants = False, frozenset(), []
+        self.W, self.target, self.size = W, target or self, size or 8 * W
+        self.lines, self.count, self.blocks = [], 0, 0
+        self.declared, self.functions, self.constants = set(), {}, []
+        self.has_runs, self.called = False, frozenset()
+        self._usual = {}  # whether no lane is far, by operand
+        self.V = f"<{W} x double>" if W > 1 else "double"
+        self.M = f"<{W} x i1>" if W > 1 else "i1"
+        self.I = f"<{W} x i64>" if W > 1 else "i64"
+        self.suffix = f"v{W}f64" if W > 1 else "f64"
 
     def finished(self):
-        """Return the text, see `Text.finished`, after the arrays that are part of it."""
-        return "\n".join([*self.constants, super().finished()])
+        """Return the text with the end of the function and all that it refers to."""
+        return "\n".join([
+            *self.constants, *self.lines, "}", *sorted(self.declared),
+            *itertools.chain(*self.functions.values()),
+            # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
+            # stack, registers saved there may lie across cache lines, in one process or another.
+            'attributes #0 = { nounwind "stackrealign" "min-legal-vector-width"="512" }',
+            '!0 = !{!"branch_weights", i32 1000000, i32 1}', "!1 = !{i32 1}",
+            '!2 = !{!"branch_weights", i32 1, i32 1000000}', "",
+        ])  # fmt: skip
+
+    def add(self, line):
+        self.target.lines.append(line)
+
+    def new(self, instruction):
+        """Add an instruction; return the name of its value."""
+        self.target.count += 1
+        self.target.lines.append(f"  %v{self.target.count} = {instruction}")
+        return f"%v{self.target.count}"
+
+    def jump(self, label):
+        self.add(f"  br label %{label}")
+
+    def branch(self, truth, label, other, likely=None):
+        """Go to `label` if a truth value is true, else to `other`; `likely` is a hint for LLVM."""
+        weights = {None: "", True: ", !prof !0", False: ", !prof !2"}[likely]
+        self.add(f"  br i1 {truth}, label %{label}, label %{other}{weights}")
+
+    def load(self, kind, address, align=8):
+        pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
+        return self.new(f"load {kind}, {pointer(kind)} {pointed}, align {align}")
+
+    def store(self, kind, value, address, align=8, mark="", how=""):
+        pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
+        self.add(f"  store {how}{kind} {value}, {pointer(kind)} {pointed}, align {align}{mark}")
+
+    def store_chosen(self, value, address):
+        """Store W numbers that are a choice between those at the address and others.
+
+        LLVM would make a masked store of it, which takes up to 40 cycles on processors of AMD.
+        """
+        self.store(self.V, value, address, how="volatile ")
 
     def _name(self, kind):
         self.target.blocks += 1
@@ -528,3 +581,179 @@ class Code(Text):
         return self.new(
             f"icmp ne i{self.W} {self.new(f'bitcast {self.M} {truth} to i{self.W}')}, 0"
         )
+
+    # ------------------------------------------------------------------------------------ integers
+    def integer(self, instruction, a, b):
+        return self.new(f"{instruction} i64 {a}, {b}")
+
+    def plus(self, address, offset):
+        return self.integer("add", address, offset) if offset else address
+
+    def compare_integers(self, how, a, b):
+        return self.new(f"icmp {how} i64 {a}, {b}")
+
+    # --------------------------------------------------------------------------------------- lists
+    def constant(self, number):
+        """Return W equal constants, without the type V."""
+        bits = f"0x{np.float64(number).view(np.uint64):016X}"
+        return bits if self.W == 1 else f"<{', '.join([f'double {bits}'] * self.W)}>"
+
+    def splat(self, number, W):
+        """Return a vector of W numbers that are equal to a number."""
+        kind = f"<{W} x double>"
+        first = self.new(f"insertelement {kind} undef, double {number}, i32 0")
+        return self.new(f"shufflevector {kind} {first}, {kind} undef, <{W} x i32> zeroinitializer")
+
+    def _call(self, name, *operands):
+        function = f"{self.V} @llvm.{name}.{self.suffix}"
+        kinds = ", ".join([self.V] * len(operands))
+        self.target.declared.add(f"declare {function}({kinds})")
+        return self.new(f"call {function}({self._typed(operands)})")
+
+    def _typed(self, operands):
+        return ", ".join(f"{self.V} {operand}" for operand in operands)
+
+    def _operate_on_bits(self, instruction, *operands):
+        a, b = (self.new(f"bitcast {self.V} {operand} to {self.I}") for operand in operands)
+        bits = self.new(f"{instruction} {self.I} {a}, {b}")
+        return self.new(f"bitcast {self.I} {bits} to {self.V}")
+
+    def compare(self, how, a, b):
+        return self.new(f"fcmp {how} {self.V} {a}, {b}")
+
+    def select(self, truth, a, b):
+        return self.new(f"select {self.M} {truth}, {self.V} {a}, {self.V} {b}")
+
+    def joined(self, instruction, truths):
+        """Return all truth values joined by an instruction, from left to right."""
+        result, *others = truths
+        for truth in others:
+            result = self.new(f"{instruction} {self.M} {result}, {truth}")
+        return result
+
+    def all_true(self, truth):
+        """Return whether the truth values of all lanes are true."""
+        if self.W == 1:
+            return truth
+        truth = self.new(f"bitcast {self.M} {truth} to i{self.W}")
+        return self.new(f"icmp eq i{self.W} {truth}, -1")
+
+    def bits(self, truth):
+        """Return the truth values of all lanes as the bits of an integer."""
+        if self.W > 1:
+            truth = self.new(f"bitcast {self.M} {truth} to i{self.W}")
+        return self.new(f"zext i{self.W} {truth} to i64")
+
+    def carry_out(self, operations, values, load):
+        """Add operations; `load` returns the name of a value that is not in the dict `values`."""
+        M = self.M
+        for instruction, number, operands in operations:
+            names = []
+            for operand in operands:
+                if isinstance(operand, float):
+                    names.append(self.constant(operand))
+                    continue
+                if operand not in values:
+                    values[operand] = load(operand)
+                names.append(values[operand])
+            if instruction in ("fabs", "sqrt", "floor", "copysign"):
+                name = self._call(instruction, *names)
+            elif instruction == "sum":
+                name = names.pop(0) if len(names) % 2 else None
+                for a, b in zip(names[::2], names[1::2], strict=True):
+                    product = Value(self, a) * Value(self, b)
+                    name = product if name is None else Value(self, name) + product
+            elif instruction in ("max", "min"):
+                is_first = self.compare("ogt" if instruction == "max" else "olt", *names)
+                name = self.select(is_first, *names)
+            elif instruction == "select":
+                name = self.select(*names)
+            elif instruction in ("and", "or", "xor"):
+                name = self.new(f"{instruction} {M} {names[0]}, {names[1]}")
+            elif instruction in OF_TRUTH_VALUES:
+                name = self.compare(instruction, *names)
+            elif instruction in OF_BITS:
+                name = self._operate_on_bits(instruction.removeprefix("bits_"), *names)
+            elif instruction in PARTS:
+                name = self._far_part(instruction, *names)
+            elif instruction in OF_LISTS:
+                name = self._call_list(instruction, names)
+            elif instruction in OF_LIBRARY:
+                kinds = ", ".join(["double"] * len(names))
+                self.target.declared.add(f"declare double @{instruction}({kinds})")
+                name = self._by_lane(f"double @{instruction}", names)
+            elif is_table(instruction):
+                name = self._by_lane(f"double @{self.table(instruction)}", names)
+            else:
+                name = self.new(f"{instruction} {self.V} {names[0]}, {names[1]}")
+            values[number] = name
+
+    def _by_lane(self, function, operands):
+        """Call a function of numbers for each lane; return the results."""
+        if self.W == 1:
+            return self.new(f"call {function}({self._typed(operands)})")
+        result = "undef"
+        for l in range(self.W):
+            of_lane = [self.new(f"extractelement {self.V} {a}, i32 {l}") for a in operands]
+            numbers = ", ".join(f"double {number}" for number in of_lane)
+            number = self.new(f"call {function}({numbers})")
+            result = self.new(f"insertelement {self.V} {result}, double {number}, i32 {l}")
+        return result
+
+    def _call_list(self, name, operands):
+        """Call the function of W lanes that carries out the list of an elementary function.
+
+        The text defines it once.
+        """
+        function = f"lanes_{name}_{self.W}"
+        if function not in self.target.functions:
+            operations, result = list_of(name)
+            text, values = Code(self.W), {k: f"%x{k}" for k in range(len(operands))}
+            given = text._typed(values.values())
+            text.add(f"define internal {self.V} @{function}({given}) #0 {{")
+            text.label("entry")
+            text.carry_out(operations, values, None)
+            text.add(f"  ret {self.V} {values[result]}")
+            self.target.functions |= text.functions | {function: [*text.lines, "}"]}
+            self.target.declared |= text.declared
+        return self.new(f"call {self.V} @{function}({self._typed(operands)})")
+
+    def _far_part(self, instruction, x, usual):
+        """Return a value of `far.remainder` for lanes from LIMIT on, else `usual`."""
+        target, label = self.target, f"{instruction}_{self.target.count}"
+        before = target.block
+        if x not in self._usual:  # once for all values of x
+            self._usual[x] = self.compare_integers("eq", self.bits(self._is_far(x)), 0)
+        is_usual = self._usual[x]
+        target.branch(is_usual, f"{label}_end", label, likely=True)
+        target.label(label)
+        operands = f"{self._typed([x, usual])}, i64 {[*PARTS].index(instruction)}"
+        far = self.new(f"call {self.V} @far_{self.W}({operands})")
+        target.jump(f"{label}_end")
+        target.label(f"{label}_end")
+        if f"far_{self.W}" not in target.functions:
+            target.functions |= {"far": [text_of_far(pointer)], f"far_{self.W}": self._far_lanes()}
+            target.declared.add("declare i192 @llvm.ctlz.i192(i192, i1)")
+        return self.new(f"phi {self.V} [ {usual}, %{before} ], [ {far}, %{label} ]")
+
+    def _is_far(self, x):
+        from_limit = self.compare("oge", x, self.constant(LIMIT))
+        return self.joined("and", [from_limit, self.compare("olt", x, self.constant(np.inf))])
+
+    def _far_lanes(self):
+        """Return the lines of the function for `_far_part`, which loops over lanes."""
+        text = Code(self.W)
+        one = text.lanes(1)
+        operands = f"{self.V} %x, {self.V} %usual, i64 %number"
+        text.add(f"define internal {self.V} @far_{self.W}({operands}) #0 {{")
+        text.label("entry")
+        memory = text.new(f"alloca {self.V}, i64 2, align 64")
+        memory = text.array(text.new(f"ptrtoint {pointer(self.V)} {memory} to i64"))
+        memory[0], memory[1] = Value(text, "%x"), Value(text, "%usual")
+        for lane in text.each(self.W, most=0):
+            given, result = (one.array(memory.at(k) + lane * 8) for k in range(2))
+            x = given[0]
+            with text.when(one._is_far(x)):
+                result[0] = Value(one, text.new(f"call double @far(double {x}, i64 %number)"))
+        text.add(f"  ret {self.V} {memory[1]}")
+        return [*text.lines, "}"]

@@ -47,7 +47,7 @@ def solve(plan, entries, right):
         text = Code(W)
 
         def arrays_of(*names):
-            arrays = {k: text.integers(f"{kind}_{k}", getattr(plan, k)).base for k in names}
+            arrays = {k: text.constants(getattr(plan, k)).base for k in names}
             lengths = [Index(text, n) for n in lengths_of(plan)]
             return Arrays(*lengths, *(arrays.get(k) for k in ARRAYS))
 

@@ -107,8 +107,8 @@ def test_arrays_begin_at_rows_and_share_numbers():
         lanes = Code(2, text)
         pairs = Array(lanes, y.at(5))
         pairs[0] = Value(lanes, lanes.splat(shared[0], 2)) + Array(lanes, x.base)[0]
-        integers[1] = text.integers("of_integers", [3, 5])[1]
-        text.array(y.at(7))[0] = text.numbers("of_numbers", [2.5, 3.5])[1]
+        integers[1] = text.constants([3, 5])[1]
+        text.array(y.at(7))[0] = text.constants([2.5, 3.5])[1]
 
     x, y, integers = computed(body, 1, NUMBERS, 8)
     x, y = x.ravel(), y.ravel()

@@ -212,13 +212,13 @@ class Integers(Shared):
 class Intervals:
     """The rows of a `Table` as a part of a text, `bytes` apart; their number is a power of 2."""
 
-    def __init__(self, text, name, table):
+    def __init__(self, text, table, name=None):
         count = table.rows.shape[1]
         self.half = max(2 ** (count - 1).bit_length() // 2, 1)
         self.text, self.bytes = text, 16 * self.half
         numbers = np.full((Table.ROWS, 2 * self.half), np.inf)
         numbers[:, :count] = table.rows
-        self.base = text.numbers(name, numbers).base
+        self.base = text.constants(numbers, name).base
 
     def holding(self, x, less=0.0):
         """Return the address of the interval that holds x + less, by bisection."""
@@ -255,7 +255,7 @@ class Code:
     def __init__(self, W, target=None, size=None):
         self.W, self.target, self.size = W, target or self, size or 8 * W
         self.lines, self.count, self.blocks = [], 0, 0
-        self.declared, self.functions, self.constants = set(), {}, []
+        self.declared, self.functions, self.arrays_of_text = set(), {}, []
         self.has_runs, self.called = False, frozenset()
         self._usual = {}  # whether no lane is far, by operand
         self.V = f"<{W} x double>" if W > 1 else "double"
@@ -266,7 +266,7 @@ class Code:
     def finished(self):
         """Return the text with the end of the function and all that it refers to."""
         return "\n".join([
-            *self.constants, *self.lines, "}", *sorted(self.declared),
+            *self.arrays_of_text, *self.lines, "}", *sorted(self.declared),
             *itertools.chain(*self.functions.values()),
             # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
             # stack, registers saved there may lie across cache lines, in one process or another.
@@ -342,24 +342,18 @@ class Code:
         self.jump(name)
         self.label(name)
 
-    def integers(self, name, array):
-        """Return an array of integers, which is part of the text."""
-        array = np.asarray(array)
-        kind = f"i{8 * array.itemsize}"
-        return Integers(self, self._part(name, kind, array.ravel().tolist()))
-
-    def numbers(self, name, array):
-        """Return an array of numbers, which is part of the text."""
-        bits = np.asarray(array, np.float64).ravel().view(np.uint64)
-        values = [f"0x{number:016X}" for number in bits.tolist()]
-        return Shared(self, self._part(name, "double", values, ", align 64"))
-
-    def _part(self, name, kind, values, mark=""):
-        """Return the address of an array that is part of the text."""
-        array = f"[{len(values)} x {kind}]"
-        values = ", ".join(f"{kind} {value}" for value in values)
-        self.target.constants.append(f"@{name} = private constant {array} [{values}]{mark}")
-        return Index(self, self.new(f"ptrtoint {pointer(array)} @{name} to i64"))
+    def constants(self, values, name=None):
+        """Return an array of integers or of numbers, which is part of the text."""
+        values, name = np.asarray(values), name or f"array{len(self.target.arrays_of_text)}"
+        if values.dtype == float:
+            rows, kind, mark, bits = Shared, "double", ", align 64", values.ravel().view(np.uint64)
+            values = [f"0x{number:016X}" for number in bits.tolist()]
+        else:
+            rows, kind, mark = Integers, f"i{8 * values.itemsize}", ""
+            values = values.ravel().tolist()
+        whole, values = f"[{len(values)} x {kind}]", ", ".join(f"{kind} {a}" for a in values)
+        self.target.arrays_of_text.append(f"@{name} = private constant {whole} [{values}]{mark}")
+        return rows(self, Index(self, self.new(f"ptrtoint {pointer(whole)} @{name} to i64")))
 
     def table(self, table):
         """Return the name of the function of a number that is a `Table`; the text defines it."""
@@ -368,14 +362,14 @@ class Code:
             text = Code(1)
             text.add(f"define internal double @{name}(double %x) #0 {{")
             text.label("entry")
-            x, intervals = Value(text, "%x"), Intervals(text, f"{name}_rows", table)
+            x, intervals = Value(text, "%x"), Intervals(text, table, f"{name}_rows")
             x = (x > LARGEST).select(LARGEST, (x < -LARGEST).select(-LARGEST, x))
             at = intervals.holding(x)
             rows = (Shared(text, at + k * intervals.bytes)[0] for k in range(Table.ROWS))
             low, _, height, slope = rows
             text.add(f"  ret double {slope * (x - low) + height}")
             self.target.functions |= {name: [*text.lines, "}"]}
-            self.target.constants += text.constants
+            self.target.arrays_of_text += text.arrays_of_text
         return name
 
     def prefetch(self, address):
@@ -494,15 +488,15 @@ class Code:
             at.index = at.index + 1
             at.goes_on = at.index < count
 
-    def listed(self, name, indices):
+    def listed(self, indices):
         """Return a function that adds a loop over indices, whose body is that of `for`.
 
-        If it has to read them they stand in an array with this name, whose address is found here.
+        If it has to read them they stand in an array, whose address is found here.
         """
         first, count = min(indices, default=0), len(indices)
         if [*indices] == [*range(first, first + count)]:
             return lambda carried=None: (k + first for k in self.each(count, carried))
-        array = indices if count <= WRITTEN_OUT else self.integers(name, indices)
+        array = indices if count <= WRITTEN_OUT else self.constants(indices)
         return lambda carried=None: (array[k] for k in self.each(count, carried))
 
     # ------------------------------------------------------------------------------ names, memory

@@ -128,9 +128,8 @@ def _change_columns(lines, truth):
     D, gradient = block.D, work.gradient
     for j in text.each(D + f.q):
         gradient[j] = 0.0
-    name = f"{lines.name}_slopes_{len(text.target.constants)}"
-    surfaces = text.numbers(f"{name}_of", [float(k) for k, _ in block.slope_places])
-    places = text.integers(name, [j for _, j in block.slope_places])
+    surfaces = text.constants([float(k) for k, _ in block.slope_places])
+    places = text.constants([j for _, j in block.slope_places])
     for n in text.each(len(block.slope_places)):
         gradient.choose(work.chosen[0].equals(surfaces[n]), places[n], work.slopes[n])
     ends = Carried(before=0.0, after=0.0, jumps=0.0)
@@ -208,8 +207,7 @@ def _put_all(lines, truth):
     derived = lines.half.block.derived.results
     if derived:
         lines.call("derived", lines.table, lines.table, work.derived)
-        name = f"{lines.name}_derived_{len(text.target.constants)}"
-        places = text.integers(name, [lines.half.block.places[a] for a in derived])
+        places = text.constants([lines.half.block.places[a] for a in derived])
         table = text.array(lines.table)
         for k in text.each(len(derived)):
             table.choose(truth, places[k], work.derived[k])
@@ -220,8 +218,8 @@ def _put_copies(lines):
     """Write what functions of long lists read of the table once more."""
     places, copies = lines.half.copies()
     if len(places):
-        text, name = lines.text, f"{lines.name}_copies_{len(lines.text.target.constants)}"
-        sources, targets = text.integers(f"{name}_of", places), text.integers(name, copies)
+        text = lines.text
+        sources, targets = text.constants(places), text.constants(copies)
         table = text.array(lines.table)
         for k in text.each(len(places)):
             table[targets[k]] = table[sources[k]]
@@ -258,8 +256,7 @@ def shift_of(f, number):
 def _put_interval(lines, table, bits, argument, place, shift):
     """Write the interval of a table that holds an argument to the table of lanes with bits."""
     text, one = lines.text, lines.text.lanes(1)
-    name = f"{lines.name}_interval_{len(text.target.constants)}"
-    intervals = Intervals(text, name, table)
+    intervals = Intervals(text, table)
     for offset in lines.lanes_with(bits):
         x = one.array(lines.work.line.at() + offset, argument.first)[0]
         of_lane = one.array(lines.table + offset)

@@ -88,16 +88,9 @@ class ExplicitColumns(Scope):
     @contextmanager
     def body(self):
         """Add the function, whose body is the block of `with`."""
-        name = f"{self.name}_{self.function}"
-        with self.text.function(name, ARGUMENTS):
-            self.of_a, self.of_b = (
-                self.text.listed(f"{name}_{k}", own) for k, own in enumerate(self.rows)
-            )
+        with self.text.function(f"{self.name}_{self.function}", ARGUMENTS):
+            self.of_a, self.of_b = map(self.text.listed, self.rows)
             yield
-
-    def constants(self, name, values):
-        """Return an array that is part of the text."""
-        return super().constants(f"{self.function}_{name}", values)
 
     def leave_to_others(self):
         """Leave the function where another one has the columns."""
@@ -136,10 +129,10 @@ class ExplicitColumns(Scope):
         """Add the first `count` columns, pair by pair of sub-steps."""
         text, work, D = self.text, self.half.work, self.D
         pairs = [pair for [pair] in in_turn((EXPLICIT,))]
-        columns = self.constants("column", [EXPLICIT.index(pair.N) for pair in pairs])
-        inverses = self.constants("inverse", [1.0 / pair.N for pair in pairs])
-        begins = self.constants("begins", [int(pair.begins) for pair in pairs])
-        ends = self.constants("ends", [int(pair.ends) for pair in pairs])
+        columns = text.constants([EXPLICIT.index(pair.N) for pair in pairs])
+        inverses = text.constants([1.0 / pair.N for pair in pairs])
+        begins = text.constants([int(pair.begins) for pair in pairs])
+        ends = text.constants([int(pair.ends) for pair in pairs])
         for k in text.each(len(pairs), most=0):
             column, begin, end = columns[k], begins[k], ends[k]
             inverse = Shared(inner, inverses.base)[k]
@@ -276,12 +269,10 @@ class ExplicitColumns(Scope):
         """
         text, work, D = self.text, self.work, self.D
         rounds = [(*each, each[0]) for each in in_turn(CHAINS)]
-        parts = self.constants("parts", [[1.0 / pair.N for pair in each] for each in rounds])
-        last = self.constants(
-            "last", [[1.0 if pair.ends else 2.0 for pair in each] for each in rounds]
-        )
-        begin = self.constants("begin", [[float(pair.begins) for pair in each] for each in rounds])
-        has_end = self.constants("ends", [int(any(pair.ends for pair in each)) for each in rounds])
+        parts = text.constants([[1.0 / pair.N for pair in each] for each in rounds])
+        last = text.constants([[1.0 if pair.ends else 2.0 for pair in each] for each in rounds])
+        begin = text.constants([[float(pair.begins) for pair in each] for each in rounds])
+        has_end = text.constants([int(any(pair.ends for pair in each)) for each in rounds])
         # a, b and f of all lanes, then ends, and how far they lie apart; none lies across two lines
         # of the cache, where memory of one trajectory may begin anywhere
         rows = (work.size.at() + (8 * LANES - 1)) & -(8 * LANES)

@@ -91,8 +91,8 @@ class OfList:
             copies = [(a, k) for a, places in rows.items() if a < self.inputs for k in places]
             if len(copies) > BLOCK:
                 sources, targets = zip(*copies, strict=True)
-                sources = text.integers(f"{name}_sources", sources)
-                targets = text.integers(f"{name}_targets", targets)
+                sources = text.constants(sources)
+                targets = text.constants(targets)
                 for k in text.each(len(copies)):
                     to[targets[k]] = x[sources[k]]
                 rows = {a: places for a, places in rows.items() if a >= self.inputs}
@@ -141,12 +141,12 @@ class OfLongList:
         runs, size = self.program.runs, text.size if for_each else 8
         rows, to = text.array("%scratch"), text.array("%to")
         with text.function(name):
-            heads, places = (text.integers(f"{name}_{k}", each).base for k, each in enumerate(runs))
+            heads, places = (text.constants(each).base for each in runs)
             table = text.plus("%table", size * first)
             text.copy("%from", rows, self.inputs)
             text.invoke("runs", rows, table, heads, places, len(runs.heads))
-            places = text.integers(f"{name}_rows", [*self._rows.values()])
-            targets = text.integers(f"{name}_to", [*self._rows])
+            places = text.constants([*self._rows.values()])
+            targets = text.constants([*self._rows])
             for k in text.each(len(self._rows)):
                 to[targets[k]] = rows[places[k]]
 
@@ -206,7 +206,7 @@ class Tangents(_Loops):
         with text.function(name):
             inner = found.at(self.own)
             text.invoke(f"{name}_first", x, "%table", found, inner)
-            own = text.listed(f"{name}_own", self.rows)
+            own = text.listed(self.rows)
             for i in own():
                 to[i] = found[i]
             for k in range(D, extended):
@@ -354,7 +354,7 @@ class SparseFactors(_Loops):
 
         def arrays_of(*names):
             lengths = [Index(text, n) for n in lengths_of(plan)]
-            arrays = {k: text.integers(f"{name}_{k}", getattr(plan, k)).base for k in names}
+            arrays = {k: text.constants(getattr(plan, k)).base for k in names}
             return Arrays(*lengths, *(arrays.get(k) for k in ARRAYS))
 
         self.add_function(text, name, arrays_of)

@@ -39,10 +39,10 @@ class ImplicitColumns(Scope):
         """Add the function."""
         text, work = self.text, self.work
         with text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
-            lengths = self.constants("lengths", IMPLICIT)
-            inverses = self.constants("inverses", [1.0 / N for N in IMPLICIT])
+            lengths = text.constants(IMPLICIT)
+            inverses = text.constants([1.0 / N for N in IMPLICIT])
             of_rates = [N * w for N, w in zip(IMPLICIT, weights(IMPLICIT, 1), strict=True)]
-            of_rates = self.constants("of_rates", of_rates)
+            of_rates = text.constants(of_rates)
             for i in text.each(self.D):
                 work.apart[i] = 0.0
             for c in text.each(Index(text, "%count"), most=0):

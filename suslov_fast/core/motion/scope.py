@@ -3,8 +3,6 @@
 `Scope` is a function that has rows of `Work`, and `Lines` that which takes steps of lines of lanes.
 """
 
-import numpy as np
-
 from ..code.text import Integers, Shared, Truth
 from . import rules
 from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Component, Numbers
@@ -20,12 +18,6 @@ class Scope:
         self.f, self.D = half.f, half.f.D
         self.extended = self.D + len(self.f.denominators)
         self.work = text.arrays(work, half.work)
-
-    def constants(self, name, values):
-        """Return an array of integers or of numbers, which is part of the text."""
-        values = np.array(values)
-        add = self.text.numbers if values.dtype == float else self.text.integers
-        return add(f"{self.name}_{name}", values)
 
     def call(self, function, *addresses):
         """Call one of the functions of the half, see `functions`: from, table, to."""

@@ -62,8 +62,8 @@ def find_crossings(lines):
     crosses = accepted & (found.some > 0.0)
     with text.when(crosses.any(), likely=False):
         directions = _directions(lines)
-        first = text.numbers(f"{lines.name}_first_parts", [part / parts for part in range(parts)])
-        limits = text.numbers(f"{lines.name}_limits_of_dips", _LIMITS)
+        first = text.constants([part / parts for part in range(parts)])
+        limits = text.constants(_LIMITS)
         for k in text.each(count, most=0):
             # Where a solution slides all its crossings tell which of them count.
             direction = 0.0 if lines.f.conditions else directions[k]
@@ -123,8 +123,7 @@ def record_jumps(lines, is_there):
 
 def _directions(lines):
     """Return the directions of surfaces, as numbers that are part of the text."""
-    name = f"{lines.name}_directions_{len(lines.text.target.constants)}"
-    return lines.text.numbers(name, lines.half.changes.of_sections)
+    return lines.text.constants(np.array(lines.half.changes.of_sections, float))
 
 
 def _restore_length(lines):

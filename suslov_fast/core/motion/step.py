@@ -156,9 +156,9 @@ def _differences_of_sets(lines):
     That does not depend on how large components of either are allowed to be.
     """
     text, work, sums = lines.text, lines.work, []
-    for number, components in enumerate(lines.half.sets):
+    for components in lines.half.sets:
         own = Carried(rates=0.0, states=0.0)
-        for i in text.listed(f"{lines.name}_set_{number}", components)(own):
+        for i in text.listed(components)(own):
             inputs = {"last": work.a[i], "inverse": work.error[i], "taken": work.taken[0]}
             own.update(lines.apply(rules.DIFFERENCES, i, **vars(own) | inputs))
         sums.append(own)

@@ -77,10 +77,7 @@ class _Both(ExplicitColumns):
         """Add the function."""
         self.is_inlined = False
         with self.body():
-            self.in_sets = [
-                self.text.listed(f"{self.name}_both_in_{k}", own)
-                for k, own in enumerate(self.half.sets)
-            ]
+            self.in_sets = [*map(self.text.listed, self.half.sets)]
             self.in_turn(self.text)
 
     def rates_at_end(self, a, b, table, of_b, call=None):

@@ -146,8 +146,7 @@ def put_point(lines, u, to, of="surfaces", quartic=None):
 
 def _read(lines, of="surfaces"):
     """Add a loop over the components that surfaces read, see `Half.read`."""
-    name = f"{lines.name}_read_{len(lines.text.target.constants)}"
-    return lines.text.listed(name, lines.half.read[of])()
+    return lines.text.listed(lines.half.read[of])()
 
 
 def _find_quartic(lines):

@@ -23,6 +23,7 @@ from suslov_fast.core.motion.choosing import shift_of
 from suslov_fast.core.motion.columns import (
     EXPLICIT,
     IMPLICIT,
+    QUARTERS,
     weights,
     weights_of_errors,
     weights_of_few,
@@ -293,6 +294,7 @@ class StepsInNumPy:
         """Return y_c - x at the ends of the first columns; the last y_N and f there are kept."""
         column = self._implicit_column if self.half.is_implicit else self._explicit_column
         self.apart = [] if not self.half.is_implicit else np.zeros_like(x)
+        self.quarters = np.zeros((3, *x.shape))
         return [column(x, f, signed * (1.0 / N), N) for N in self.columns[:count]]
 
     def _explicit_column(self, x, f, s, N):
@@ -315,7 +317,10 @@ class StepsInNumPy:
         factors = carried_out(self.half.functions["factor"], [*self.entries, s])
         change = self._solve(factors, s * f[: self.D])
         weight = N * self.own[self.columns.index(N)]
+        of_quarter = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True)).get(N, 0.0)
         for m in range(N - 1):
+            if of_quarter and 4 * (m + 1) % N == 0:
+                self.quarters[4 * (m + 1) // N - 1] += of_quarter * change
             right = s * self._value(x + change)[: self.D]
             if m == 0:
                 self.apart = self.apart + weight * (right - change)
@@ -500,8 +505,10 @@ class StepsInNumPy:
         far, is_far = self._rows("far", self.half.watched), self.row("outer") == np.inf
         rule, rates = rules.POINT, {"signed": signed, "f": f, "f_new": f_new}
         if self.half.is_implicit:
-            rule, rates = rules.POINT_IMPLICIT, {}
-        elif self.half.has_quartic:
+            quarters = self.quarters[:, : len(x)]
+            rates = {f"quarter{k}": own for k, own in enumerate(quarters, 1)}
+            rule = rules.POINT_IMPLICIT
+        elif self.half.reads_states:
             rule = rules.POINT_WITH_QUARTIC
             rates["quartic"] = self._quartic(states, signed)[: len(x)]
         points = [x]
@@ -522,10 +529,10 @@ class StepsInNumPy:
             rtol = np.full(len(taken), self.motion.numbers[NUMBER.rtol])
             rows = [*np.concatenate(surfaces), *points[MIDDLE], rtol, *self.table]
             found["hidden"], found["twice"] = of_list(self.half.hidden, rows)
-            found["known"] = taken if self.f.hidden[True] else np.inf
+            found["known"] = taken if self.half.has_waves else np.inf
         part, *_ = self._watch(surfaces[-1], self._surfaces(far))
         whole_part, crosses, jumps, *kinks = self._watch(surfaces[0], surfaces[-1])
-        if self.half.has_quartic:
+        if self.half.reads_states:
             found["starts"] = np.where(found["twice"] > 0.0, 1.0, crosses)
         inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
         rates = self.motion.numbers[NUMBER.sign] * f_new

@@ -189,7 +189,7 @@ def test_kinks_keep_the_digits_of_the_tolerance():
     fast = field(lambda s: (-1e6 * (s[0] - np.cos(s[1])), 1 + 0.1 * abs(s[0] - np.cos(s[1]))), 2)
     motion = sf.flow(fast, [1.0, 0.0], time=100 * np.pi)
     np.testing.assert_allclose(motion.x[0, 1] - 100 * np.pi, 2e-5, rtol=0.1)
-    assert motion.steps < 1000
+    assert motion.steps < 4000
 
 
 def test_a_kink_that_is_only_touched_costs_little():

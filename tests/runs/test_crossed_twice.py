@@ -45,28 +45,33 @@ def test_derivatives_of_hours_of_light():
     np.testing.assert_allclose(motion.derivative("c")[0, 0], slope, rtol=1e-6)
 
 
+@pytest.mark.parametrize("stiff", [None, True])
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("c", [0.99, 0.999, 0.9999])
-def test_peaks_of_an_oscillator(c, rtol):
+def test_peaks_of_an_oscillator(c, rtol, stiff):
     """x = sin(t + p): it is the state that crosses c twice, between points of steps."""
     f = field(lambda s, c: (np.where(s[1] > c, 1.0, 0.0), s[2], -s[1]), "y x v", c=c)
     p = RNG.uniform(0.0, 6.0, 100)
-    motion = sf.flow(f, np.stack([0 * p, np.sin(p), np.cos(p)], 1), time=20.0, rtol=rtol)
+    motion = sf.flow(
+        f, np.stack([0 * p, np.sin(p), np.cos(p)], 1), time=20.0, rtol=rtol, stiff=stiff
+    )
     expected = time_above(c, p + 20.0) - time_above(c, p)
     np.testing.assert_allclose(motion.x[0, :, 0], expected, atol=200 * rtol / np.sqrt(1 - c))
 
 
+@pytest.mark.parametrize("stiff", [False, True])
 @pytest.mark.parametrize("c", [0.99, 0.999, 0.9999])
-def test_kinks_at_peaks_of_an_oscillator(c):
+def test_kinks_at_peaks_of_an_oscillator(c, stiff):
     f = field(lambda s, c: (np.maximum(s[1] - c, 0.0), s[2], -s[1]), "y x v", c=c)
     p = RNG.uniform(-1.0, 1.0, 100)
     x0 = np.stack([0 * p, np.sin(p), np.cos(p)], 1)
-    motion = sf.flow(f, x0, time=8 * np.pi, stiff=False)
+    motion = sf.flow(f, x0, time=8 * np.pi, stiff=stiff)
     expected = 8 * (np.sqrt(1 - c * c) - c * np.arccos(c))
     np.testing.assert_allclose(motion.x[0, :, 0], expected, atol=2e-7)
 
 
-def test_changes_at_peaks():
+@pytest.mark.parametrize("stiff", [None, True])
+def test_changes_at_peaks(stiff):
     """One is added at each peak of a clock's sine, and of an oscillator, by two surfaces."""
     f = field(lambda s: (0.0, 1.0, s[3], -s[2]), "n t x v")
     changes = [
@@ -75,17 +80,18 @@ def test_changes_at_peaks():
     ]
     p = RNG.uniform(-1.0, 1.0, 20)
     x0 = np.stack([0 * p, 0 * p, np.sin(p), np.cos(p)], 1)
-    motion = sf.flow(f, x0, time=40 * np.pi, changes=changes)
+    motion = sf.flow(f, x0, time=40 * np.pi, changes=changes, stiff=stiff)
     np.testing.assert_array_equal(motion.x[0, :, 0], 2020.0)
 
 
+@pytest.mark.parametrize("stiff", [None, True])
 @pytest.mark.parametrize("direction", [1, 0, -1])
 @pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6])
-def test_records_of_peaks(depth, direction):
+def test_records_of_peaks(depth, direction, stiff):
     """Records shorten no steps, of which the oscillator takes about twelve a period."""
     f, p = field(lambda s: (s[1], -s[0]), "x v"), RNG.uniform(-1.0, 1.0, 9)
     x0 = np.stack([np.cos(p), -np.sin(p)], 1)
-    options = {"time": -60.0 if direction else 60.0, "direction": direction}
+    options = {"time": -60.0 if direction else 60.0, "direction": direction, "stiff": stiff}
     level, a = (1 - depth) * (direction or 1), np.arccos(1 - depth)
     at = 2 * np.pi * np.arange(-12, 12) + (np.pi if level < 0 else 0)
     crossed = np.ravel(at + (a if direction else np.array([[-a], [a]])))
@@ -115,6 +121,17 @@ def test_a_motion_that_comes_to_a_surface_takes_few_steps(f, x0, stiff):
     motion = sf.flow(field(f, len(x0)), [x0, x0], time=500.0, stiff=stiff)
     assert motion.ok
     assert motion.steps.max() < 1000
+
+
+@pytest.mark.parametrize("rate", [1e4, 1e6, 1e8])
+def test_a_fast_state_beside_a_surface(rate):
+    """x - cos t is sin t / rate, which the end of a step knows better than points within it."""
+    f = field(
+        lambda s: (-rate * (s[0] - np.cos(s[2])), np.where(s[0] > np.cos(s[2]), 1.0, 0.0), 1.0), 3
+    )
+    motion = sf.flow(f, [1.0, 0.0, 0.0], time=20.0)
+    np.testing.assert_allclose(motion.x[0, 1], 20.0 - 3 * np.pi, atol=1e-4 + 10 / rate)
+    assert motion.steps < 1000
 
 
 def test_a_kink_that_a_motion_comes_to_does_not_keep_it_from_the_last_time():

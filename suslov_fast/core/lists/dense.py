@@ -14,7 +14,7 @@ class DenseRightHandSide:
 
     is_dense, changes, offsets = True, None, {}
     conditions = watched = watch = aim = None
-    hidden = None, None
+    hidden = None, False, False
     clocks = of_one_sign = denominators = ()
     fixed = ()
 

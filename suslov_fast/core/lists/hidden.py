@@ -30,11 +30,11 @@ MIDDLE = 2
 
 
 def hidden_of(f, kinds, jumps, choices):
-    """Return what values of surfaces tell in explicit and in implicit steps, see `_list_of`.
+    """Return what values of surfaces tell, see `_list_of`, and whether some depend on clocks alone.
 
-    `choices` are the numbers of the choices of `kinds`, of which the first `jumps` are those of
-    surfaces where f jumps; the surfaces of changes follow. Left out are surfaces that are linear in
-    clocks and, within implicit steps, where states are not known, all that depend on them.
+    Whether some depend on states follows. `choices` are the numbers of the choices of `kinds`, of
+    which the first `jumps` are those of surfaces where f jumps; the surfaces of changes follow.
+    Left out are surfaces that are linear in clocks.
     """
     results, (degrees, by_states) = f.watched.results, (_degrees(f), _by_states(f))
     kinks = {*results[jumps : len(kinds)]} & by_states
@@ -42,8 +42,7 @@ def hidden_of(f, kinds, jumps, choices):
     own = [(k, *of) for k, of in own if not (isinstance(of[0], float) or of[0] in degrees)]
     own = [each for each in own if each[2] != "oeq"]  # which holds at the surface alone
     of_clocks = [each for each in own if each[1] not in by_states]
-    found = _list_of(f, of_clocks, by_states, kinks)
-    return found if own == of_clocks else _list_of(f, own, by_states, kinks), found
+    return _list_of(f, own, by_states, kinks), bool(of_clocks), len(of_clocks) < len(own)
 
 
 def _list_of(f, own, by_states, kinks):

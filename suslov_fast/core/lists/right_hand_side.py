@@ -241,7 +241,7 @@ class RightHandSide:
 
     is_dense, changes, offsets = False, None, {}
     conditions = watched = watch = aim = choices = derived = None
-    hidden = None, None
+    hidden = None, False, False
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 

@@ -20,6 +20,7 @@ import numpy as np
 
 EXPLICIT = 2, 4, 6, 8, 10
 IMPLICIT = 2, 3, 4, 6, 8, 12, 16
+QUARTERS = 4, 8, 12, 16  # implicit columns that pass the quarters of a step
 
 # Columns of one trajectory are lanes, where those of different chains take turns: none waits for
 # its last sub-step. Those of a chain follow one another. For lines of lanes turns gain nothing with

@@ -50,8 +50,9 @@ class Half:
                  columns are large by must not loosen the tolerance of x
     watched      how many components surfaces are functions of, `surfaces` how many there are
     read         the components that `surfaces` and `sections` read
-    hidden       the list of `f.hidden` for this half
-    has_quartic  whether states within a step have to be known well for it
+    hidden       the list of `f.hidden`
+    has_waves    whether some of its surfaces depend on clocks alone
+    reads_states whether some depend on states, which have to be known well within a step
     changes      `Changes` of the state, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
@@ -96,8 +97,7 @@ class Half:
                 self.functions[name] = self._rates(components)
         self.surfaces = len(f.watched.results) if self.watched else 0
         self.read = {"surfaces": _read(f.watched, self.watched)}
-        self.hidden = f.hidden[is_implicit]
-        self.has_quartic = self.hidden is not f.hidden[True]
+        self.hidden, self.has_waves, self.reads_states = f.hidden
         if self.watched:
             self._add_surfaces()
         if f.changes:
@@ -124,7 +124,7 @@ class Half:
         jumps = bool(chooses and f.conditions.jumps and f is not block)
         self.work = firsts_of(Work, of_f | {
             "line": self.rows.size, "table": self.numbers, "start": D, "a": D, "ends": columns,
-            "apart": D if self.is_implicit else columns, "nodes": 0 if self.is_implicit else 6 * D,
+            "apart": D if self.is_implicit else columns, "nodes": 6 * D,
             "new": D, "error": D, "factors": factors,
             "right": D + self.couplings * self.is_implicit,
             "jacobian": f.entries + 1 + D + self.couplings if self.is_implicit else 0,
@@ -234,6 +234,11 @@ class Half:
             others = count + f.D, f.entries, after, self.couplings
             functions["factor"] = TangentFactors(functions["factor"], *others)
         functions["solve"] = Blocks(functions["solve"], count, f, pattern)
+
+    @property
+    def looks_inside(self):
+        """Whether some surface reads states within steps."""
+        return any(self.read.values())
 
     @functools.cached_property
     def key(self):

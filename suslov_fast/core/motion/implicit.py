@@ -14,6 +14,9 @@ tell, because they vanish on true steps after extrapolation: c_1 is s f(x) + s J
 tested by A**-1, of the last column, times the first and half of the second, so that layers at both
 of its ends do not cancel.
 
+Columns 4, 8, 12 and 16 pass the quarters of the step. States there, extrapolated as those at the
+end, are of order 4, and as stable: they tell where surfaces are crossed.
+
 The power iteration on f' shows the largest rate |mu| of the motion: with
 components z_i measured by their largest moduli S_i,
 
@@ -22,7 +25,7 @@ w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
 
 from ..code.text import Carried, Index
 from . import rules
-from .columns import IMPLICIT, weights
+from .columns import IMPLICIT, QUARTERS, weights
 from .scope import Scope
 
 
@@ -43,15 +46,17 @@ class ImplicitColumns(Scope):
             inverses = text.constants([1.0 / N for N in IMPLICIT])
             of_rates = [N * w for N, w in zip(IMPLICIT, weights(IMPLICIT, 1), strict=True)]
             of_rates = text.constants(of_rates)
+            if self.half.looks_inside:
+                self.begin_quarters()
             for i in text.each(self.D):
                 work.apart[i] = 0.0
             for c in text.each(Index(text, "%count"), most=0):
                 N = lengths[c]
                 s = work.signed[0] * inverses[c]
-                self.column(N, s, of_rates[c], work.ends.from_here(c * self.D))
+                self.column(c, N, s, of_rates[c], work.ends.from_here(c * self.D))
 
-    def column(self, N, s, weight, ends):
-        """Add a column of N sub-steps; its increments c are added up in `ends`."""
+    def column(self, c, N, s, weight, ends):
+        """Add column c, of N sub-steps; its increments c are added up in `ends`."""
         text, work, D = self.text, self.work, self.D
         x, f = text.array("%x"), text.array("%f")
         a, b, right, apart = work.a, work.b, work.right, work.apart
@@ -63,6 +68,8 @@ class ImplicitColumns(Scope):
         for i in text.each(D):
             ends[i] = right[i]
         for m in text.each(N - 1, most=0):
+            if self.half.looks_inside:
+                self.add_to_quarter(c, m, ends)
             for i in text.each(D):
                 a[i] = x[i] + ends[i]
             self.call("f", a, "%table", b)
@@ -77,6 +84,31 @@ class ImplicitColumns(Scope):
         half = weight * 0.5
         for i in text.each(D):
             apart[i] = apart[i] + half * right[i]
+
+    def begin_quarters(self):
+        """Begin the sums of columns at the quarters of the step; 3 is the number of no quarter."""
+        own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
+        numbers = [
+            4 * m // N - 1 if N in own and 4 * m % N == 0 else 3
+            for N in IMPLICIT
+            for m in range(1, N)
+        ]
+        self.numbers = self.constants("quarters", numbers)
+        self.firsts = self.constants(
+            "firsts", [sum(IMPLICIT[:c]) - c for c in range(len(IMPLICIT))]
+        )
+        self.of_quarters = self.constants("of_quarters", [own.get(N, 0.0) for N in IMPLICIT])
+        self.sums = self.work.nodes.after(3 * self.D)
+        for k in self.text.each(3 * self.D):
+            self.sums[k] = 0.0
+
+    def add_to_quarter(self, c, m, ends):
+        """Add column c to the sums of a quarter if one ends after m + 1 sub-steps."""
+        number = self.numbers[self.firsts[c] + m]
+        with self.text.when(number < 3, likely=False):
+            sums, weight = self.sums.from_here(number * self.D), self.of_quarters[c]
+            for i in self.text.each(self.D):
+                sums[i] = sums[i] + weight * ends[i]
 
 
 def find_apart(lines):

@@ -114,7 +114,8 @@ class Work(NamedTuple):
     f_last: int  # f(y_N) (D + denominators)
     ends: int  # y_c - x at the ends of columns (columns D)
     apart: int  # what shows false steps, of each explicit column or of all implicit ones (- D)
-    nodes: int  # states at the ends of the first three quarters of an explicit step, and f (6 D)
+    nodes: int  # states at the ends of the first three quarters of an explicit step, and f; of an
+    # implicit one they are less x, and those of the last columns follow (6 D)
     new: int  # the next state (D)
     f_new: int  # f there (D + denominators)
     error: int  # (D)

@@ -487,9 +487,16 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
 
 
 @_rule
-def POINT_IMPLICIT(x, new, u):
-    """The same in an implicit step, whose rates tell of fast modes: on a straight line."""
-    return {"point": x + u * (new - x)}
+def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
+    """The same in an implicit step, whose rates tell of fast modes: by states at its quarters.
+
+    The polynomial of degree 4 through them, which are given less x, has no rates.
+    """
+    v = [4.0 * u - float(k) for k in range(5)]
+    of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)
+    outer, inner = v[0] * v[2] * v[4] * (-1.0 / 6.0), v[0] * v[1] * v[3] * v[4] * 0.25
+    sides = outer * v[3] * quarter1 + outer * v[1] * quarter3
+    return {"point": x + (sides + inner * quarter2 + of_new * (new - x))}
 
 
 @_rule

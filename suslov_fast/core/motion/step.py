@@ -43,6 +43,8 @@ def take_step(lines):
         of_error = [rules.CAUTION * w for w in of_error]
     rate = derive(lines) if half.is_implicit else None
     lines.columns(line.x, line.f, len(columns))
+    if half.is_implicit and half.looks_inside:  # shorter steps overwrite them
+        text.copy(work.nodes.after(3 * lines.D), work.nodes, 3 * lines.D)
     kept, sizes = _next_states(lines, own, of_error)
     if half.is_implicit:
         find_apart(lines)

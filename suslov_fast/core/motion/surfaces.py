@@ -6,7 +6,8 @@ x + u d + u (u - 1) ((1 - 2 u) d + (u - 1) h f(x) + u h f(x_next)),     d = x_ne
 
 and `watch` of the half compares both ends of each part. A step that crosses a surface is taken
 again, shorter, until it ends just beyond (`rules.CUT`); and so is one that may hide two crossings
-between points, see `lists.hidden`. Then states there are better known, by f at one of them.
+between points, see `lists.hidden`. Then states there are better known, by f at one of them. In an
+implicit step they lie on the polynomial of degree 4 through the states at its quarters.
 """
 
 import itertools
@@ -44,7 +45,7 @@ def cut(lines, before, total):
     is_far = ~(outer < np.inf)
     hidden, quartic = lines.half.hidden is not None, None
     middle = points.after((1 + len(POINTS)) * count)
-    if lines.half.has_quartic:
+    if lines.half.reads_states and not lines.half.is_implicit:
         quartic = work.quartic
         _find_quartic(lines)
     for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
@@ -72,9 +73,9 @@ def cut(lines, before, total):
         middle[watched] = lines.number("rtol")
         lines.call("hidden", points, lines.table, work.told)
         inputs |= {"hidden": work.told[0], "twice": work.told[1]}
-        if lines.f.hidden[True] is not None:  # a longer step may fit the periods of a clock
+        if lines.half.has_waves:  # a longer step may fit the periods of a clock
             inputs["known"] = taken
-        if quartic is not None:  # points that differ by their errors are not crossings
+        if lines.half.reads_states:  # points that differ by their errors are not crossings
             inputs["starts"] = (work.told[1] > 0.0).select(1.0, inputs["crosses"])
     found = lines.apply(rules.CUT, **inputs | _aim(lines, inputs, is_far))
     keep_far(found.pop("beyond") > 0.0, new)
@@ -137,11 +138,14 @@ def put_point(lines, u, to, of="surfaces", quartic=None):
     `quartic` of them may be known.
     """
     rule = rules.POINT if quartic is None else rules.POINT_WITH_QUARTIC
-    if lines.half.is_implicit:
+    signed, is_implicit, inputs = lines.work.signed[0], lines.half.is_implicit, {}
+    if is_implicit:
         rule = rules.POINT_IMPLICIT
-    signed = lines.work.signed[0]
+    quarters = [lines.work.nodes.after(k * lines.D) for k in range(3)]
     for i in _read(lines, of):
-        to[i] = lines.apply(rule, i, signed=signed, u=u)["point"]
+        if is_implicit:
+            inputs = {f"quarter{k}": own[i] for k, own in enumerate(quarters, 1)}
+        to[i] = lines.apply(rule, i, signed=signed, u=u, **inputs)["point"]
 
 
 def _read(lines, of="surfaces"):

@@ -93,11 +93,9 @@ class ImplicitColumns(Scope):
             for N in IMPLICIT
             for m in range(1, N)
         ]
-        self.numbers = self.constants("quarters", numbers)
-        self.firsts = self.constants(
-            "firsts", [sum(IMPLICIT[:c]) - c for c in range(len(IMPLICIT))]
-        )
-        self.of_quarters = self.constants("of_quarters", [own.get(N, 0.0) for N in IMPLICIT])
+        self.numbers = self.text.constants(numbers)
+        self.firsts = self.text.constants([sum(IMPLICIT[:c]) - c for c in range(len(IMPLICIT))])
+        self.of_quarters = self.text.constants([own.get(N, 0.0) for N in IMPLICIT])
         self.sums = self.work.nodes.after(3 * self.D)
         for k in self.text.each(3 * self.D):
             self.sums[k] = 0.0

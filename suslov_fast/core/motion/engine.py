@@ -31,8 +31,8 @@ BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-
 SMALL, WORTH_PASSES = 10, 4_000_000
 # Without optimisation LLVM takes a third of the time, for code that takes 1.03 to 2 times as long,
 # with the same bits. It takes the first steps, by lanes: some tenths of a second, implicit ones a
-# quarter of these.
-FIRST_STEPS = {1: 2**16, WIDTH: 2**19}
+# quarter of these. Loops take three times as long, and so a part of these.
+FIRST_STEPS, PART_OF_LONG = {1: 2**16, WIDTH: 2**19}, 64
 NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
 
 half_of = functools.lru_cache(64)(Half)
@@ -93,7 +93,7 @@ def set_times(numbers, f, first, second, last):
 
 def first_steps(half, W):
     """Return the number of steps that code without optimisation takes."""
-    return FIRST_STEPS[W] // (4 if half.is_implicit else 1)
+    return FIRST_STEPS[W] // (4 if half.is_implicit else 1) // (PART_OF_LONG if half.is_long else 1)
 
 
 def code_of_half(half, W, for_each):

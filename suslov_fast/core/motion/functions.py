@@ -20,9 +20,9 @@ from ..lists.step import OF_LIBRARY, OF_LISTS
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
 BLOCK = 64  # operations of a block of straight-line code
-# Operations of straight-line code: a longer list takes seconds to compile. Lists that look for
-# surfaces have hundreds of conditions of a kind, of which runs would make little.
-LONGEST, LONGEST_OF_CONDITIONS = 4000, 16_000
+# Operations of straight-line code: 20 us each to compile, 80 with optimisation. Steps take 2 to 4
+# times as long with runs, or with loops over banded matrices.
+LONGEST = 20_000
 
 
 class OfList:
@@ -82,7 +82,9 @@ class OfList:
             for begin in range(0, len(operations), BLOCK):
                 if begin:
                     text.next_block()
-                block, found = operations[begin : begin + BLOCK], computed.copy()
+                block = operations[begin : begin + BLOCK]
+                used = {a for *_, operands in block for a in operands}
+                found = {a: computed[a] for a in used if a in computed}
                 text.carry_out(block, found, load)
                 for _, number, _ in block:
                     computed[number] = found[number]
@@ -151,9 +153,9 @@ class OfLongList:
                 to[targets[k]] = rows[places[k]]
 
 
-def of_list(list_, inputs, places=None, longest=LONGEST):
-    """Return the function of a list of any length, by runs if it is longer."""
-    kind = OfList if len(list_.operations) <= longest else OfLongList
+def of_list(list_, inputs, places=None):
+    """Return the function of a list of any length, by runs if it is long."""
+    kind = OfList if len(list_.operations) <= LONGEST else OfLongList
     return kind(list_, inputs, places or {})
 
 

@@ -18,7 +18,6 @@ from . import rules
 from .columns import EXPLICIT, IMPLICIT
 from .functions import (
     LONGEST,
-    LONGEST_OF_CONDITIONS,
     Blocks,
     DenseProduct,
     DenseQuadratic,
@@ -56,6 +55,7 @@ class Half:
     changes      `Changes` of the state, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
+    is_long      whether loops carry out f or the elimination
     steps        that trajectories have taken in this half, in all
     """
 
@@ -80,6 +80,7 @@ class Half:
             self.parts.append((self.block.D, D - self.block.D))
         self.watched = self.block.D if f.watch else 0
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
+        self.is_long = f.is_dense or f.work > LONGEST
         self.couplings = 0 if self.block is f else f.columns * f.coupling
         self.changes = f.changes
         self.low = 0 if has_atol else self.block.D
@@ -165,15 +166,15 @@ class Half:
 
     def _add_surfaces(self):
         """Add the functions of surfaces whose crossings end steps."""
-        f, D, most = self.f, self.block.D, LONGEST_OF_CONDITIONS
+        f, D = self.f, self.block.D
         sides = 2 * (f.changes.surfaces if f.changes else 0)
         rows = 2 * self.surfaces + sides, (1 + len(POINTS)) * self.surfaces + D + 1, 2 * D + sides
-        self.functions["surfaces"] = of_list(f.watched, D, self.block.places, most)
+        self.functions["surfaces"] = of_list(f.watched, D, self.block.places)
         lists = {"watch": f.watch, "hidden": self.hidden, "aim": f.aim[self.is_implicit]}
         for (name, list_), first in zip(lists.items(), rows, strict=True):
             if list_:
                 places = {first + k: k for k in range(len(self.block.table))}
-                self.functions[name] = of_list(list_, first, places, most)
+                self.functions[name] = of_list(list_, first, places)
 
     def _add_changes(self):
         """Add the functions of changes."""
@@ -193,7 +194,7 @@ class Half:
         f, conditions = self.block, self.f.conditions
         given = conditions.P + conditions.jumps + conditions.kinks
         places = {f.D + p: p for p in range(given)}
-        self.functions["choices"] = of_list(f.choices, f.D, places, LONGEST_OF_CONDITIONS)
+        self.functions["choices"] = of_list(f.choices, f.D, places)
         if f.derived.results:
             self.functions["derived"] = of_list(f.derived, 0, places)
         if f is not self.f and conditions.jumps:
@@ -211,7 +212,7 @@ class Half:
         order = elimination_order(f.pattern, D)
         fill = filled(f.pattern, order)
         if operations_of(fill) > LONGEST:
-            plan = Sparse(f.pattern, order, fill)
+            plan, self.is_long = Sparse(f.pattern, order, fill), True
             functions["factor"], functions["solve"] = SparseFactors(plan), SparseSolution(plan)
             count = D + plan.size
         else:

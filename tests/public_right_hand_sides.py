@@ -1,7 +1,7 @@
 """Right-hand sides as people type them for SciPy: name, variables, parameters, f, and a state."""
 
 import numpy as np
-from scipy.special import erf, expit
+from scipy.special import erf
 
 
 def hodgkin_huxley(x, current):
@@ -19,22 +19,6 @@ def hodgkin_huxley(x, current):
     )
 
 
-def drag(s, k):
-    _, _, u, v = s
-    speed = np.sqrt(u**2 + v**2)
-    return [u, v, -k * u * speed, -9.81 - k * v * speed]
-
-
-def monod(y, mu, K, Y):
-    S, X = y
-    growth = mu * S / (K + S) * X
-    return -growth / Y, growth
-
-
-def hill(x, h):
-    return (x[0] ** 2.2 / (x[0] ** 2.2 + 0.5**2.2) - x[0] / (1 + x[0] ** h) + 0.1,)
-
-
 def thermostat(x, on, off):
     T, heater = x
     wanted = np.where(on > T, 1.0, np.where(off < T, 0.0, heater))
@@ -47,30 +31,9 @@ def dose(x):
     return rate - 0.3 * c, 1.0
 
 
-def cart(x, m, M, length):
-    _, v, theta, w = x
-    s, c = np.sin(theta), np.cos(theta)
-    d = M + m * s**2
-    return (
-        v,
-        (m * length * w**2 * s - m * 9.81 * s * c) / d,
-        w,
-        ((M + m) * 9.81 * s - m * length * w**2 * s * c) / (length * d),
-    )
-
-
 def kuramoto(theta, K):
     omega = np.linspace(-1, 1, 30)
     return omega + K / 30 * np.sin(theta[None, :] - theta[:, None]).sum(axis=1)
-
-
-def cr3bp(s, mu):
-    x, y, z, vx, vy, vz = s
-    r1 = np.sqrt((x + mu) ** 2 + y**2 + z**2)
-    r2 = np.sqrt((x - 1 + mu) ** 2 + y**2 + z**2)
-    ax = 2 * vy + x - (1 - mu) * (x + mu) / r1**3 - mu * (x - 1 + mu) / r2**3
-    ay = -2 * vx + y - (1 - mu) * y / r1**3 - mu * y / r2**3
-    return vx, vy, vz, ax, ay, -(1 - mu) * z / r1**3 - mu * z / r2**3
 
 
 def calcium(x, beta):
@@ -101,17 +64,8 @@ def brusselator(x, alpha):
     return np.concatenate([du.ravel(), dv.ravel()])
 
 
-def friction(x, mu):
-    return x[1], -x[0] - mu * np.sign(x[1])
-
-
 def bouncing(x):
     return x[1], -9.81 + np.maximum(-x[0], 0) * 1e4 - 5 * x[1] * (x[0] < 0)
-
-
-def wilson_cowan(x, a):
-    E, I = x
-    return -E + expit(a * E - 12 * I + 1.25), -I + expit(15 * E - 3 * I)
 
 
 def diode(x, Is):
@@ -124,15 +78,6 @@ def diffusion(u, d):
     """With reflecting ends."""
     padded = np.concatenate([u[:1], u, u[-1:]])
     return d * np.diff(padded, 2) + np.where(np.abs(u) > 1, 0, u * (1 - u) * (u - 0.2))
-
-
-def morris_lecar(x, current):
-    v, w = x
-    m = 0.5 * (1 + np.tanh((v + 1.2) / 18))
-    w_inf = 0.5 * (1 + np.tanh((v - 2) / 30))
-    tau = 1 / np.cosh((v - 2) / 60)
-    dv = (current - 4.4 * m * (v - 120) - 8 * w * (v + 84) - 2 * (v + 60)) / 20
-    return dv, 0.04 * (w_inf - w) / tau
 
 
 def pulses(x):
@@ -164,23 +109,15 @@ def predator_prey(x, r, K, a, h):
 _rng = np.random.default_rng(1)
 PUBLIC = {
     "Hodgkin-Huxley": (hodgkin_huxley, "v m h n", {"current": 10.0}, [-60.0, 0.1, 0.6, 0.3]),
-    "drag": (drag, "x y u v", {"k": 0.01}, [0.0, 0.0, 100.0, 20.0]),
-    "Monod": (monod, "S X", {"mu": 0.5, "K": 0.2, "Y": 0.4}, [3.0, 0.1]),
-    "Hill": (hill, "A", {"h": 3.0}, [0.7]),
     "thermostat": (thermostat, "T heater", {"on": 18.0, "off": 22.0}, [19.0, 0.3]),
     "table": (dose, "c t", {}, [1.0, 0.5]),
-    "cart": (cart, "x v theta w", {"m": 0.1, "M": 1.0, "length": 0.5}, [0.0, 1.0, 0.4, 2.0]),
     "Kuramoto": (kuramoto, 30, {"K": 2.0}, _rng.uniform(0, 6, 30)),
-    "CR3BP": (cr3bp, "x y z vx vy vz", {"mu": 0.01215}, [0.8, 0.1, 0.05, 0.1, 0.2, -0.1]),
     "calcium": (calcium, "z y", {"beta": 0.3}, [0.15, 1.6]),
     "Pleiades": (pleiades, 28, {}, _rng.normal(size=28) * 3),
     "Brusselator": (brusselator, 32, {"alpha": 0.2}, _rng.uniform(1, 3, 32)),
-    "friction": (friction, "x v", {"mu": 0.3}, [1.0, -0.5]),
     "bouncing": (bouncing, "h v", {}, [-0.01, -3.0]),
-    "Wilson-Cowan": (wilson_cowan, "E I", {"a": 16.0}, [0.3, 0.2]),
     "diode": (diode, "v t", {"Is": 1e-12}, [0.4, 0.2]),
     "diffusion": (diffusion, 6, {"d": 0.7}, [0.1, 0.3, 1.5, 0.2, -0.4, 0.9]),
-    "Morris-Lecar": (morris_lecar, "v w", {"current": 90.0}, [-20.0, 0.1]),
     "pulses": (pulses, "c t", {}, [2.0, 48.5]),
     "laser": (laser, "x y n", {"gain": 1.1}, [0.6, -0.7, 0.4]),
     "matrix": (matrix, "a b c", {}, [0.7, 1e-4, 0.3]),

@@ -292,21 +292,17 @@ MISTAKES = """
 2 | simulate | run
 2 | run --stpes 3 | --steps
 2 | run --x0 1,2 | --omega0
-2 | run --rho 28 | --rho
 2 | run --rho 28 --dt 1 | --eps
 2 | run --n 3 | --trajectories
 2 | run --omega0 1 2 | --omega0 1,0.5
 2 | report x*(1-y) | --equations "x' =
 2 | figures --format pdf | plot RUN.npz -o RUN.pdf
-2 | run --equations x'=sin(x) --eps 1 | --time
 2 | run --equations x'=1 | --eps
 2 | run --equations x'=1 --I1 1 | --I1
 1 | run --equations x'=2x --time 1 | 2*x
-1 | run --equations x'=x^2 --time 1 | x**2
 1 | run --equations x'=z --time 1 | 'z'
 1 | run --equations x=y --time 1 | x' = y
 1 | report --equations x*(1-y) | x' =
-2 | flow --time 3 | run
 2 | run good.json | good.json
 2 | --steps run | --steps comes after the command
 2 | run --steps 1.5 | --steps
@@ -318,29 +314,19 @@ MISTAKES = """
 2 | run --omega0 1,2 --seed 0 | --seed
 2 | run --low 1 | --high
 2 | run --save-every 3 | --save-every
-2 | run --body good.json | --eps
 2 | run --body field.json --eps 1 | --time
 2 | run --time 3 --eps 1 | --eps
-2 | run --rtol 1e-3 | --rtol
 2 | report --body good.json --eps 1/0 | --eps
 2 | explore --port 65536 | --port
 2 | plot run.npz -o o.docx | o.docx
 1 | run --omega0 1,2,3 | --omega0
-1 | run --J 1,-2 --I 1,1 --eps 1 | --J
 1 | run --trajectories 1e12 --steps 9 | memory
-1 | run --threads 0 | --threads
-1 | run --method order9 | --method
 1 | run --low 1 --high 0 | --low
-1 | run --time inf | time
-1 | report --body good.json --degree 0 | --degree
 1 | run --body missing.json --eps 1 | missing.json
 1 | run --body cut.json --eps 1 | cut.json
-1 | run --body wrong.json --eps 1 | wrong.json
 1 | run --initial cut.npy | cut.npy
-1 | run --initial nan.npy | nan.npy
 1 | run -o good.npz | good.npz exists
 1 | run -o missing/o.npz | missing/o.npz
-1 | info wrong.json | wrong.json
 1 | info foreign.npz | foreign.npz
 1 | info folder.zarr | folder.zarr
 1 | plot run.npz -o figure1.png | figure1.png exists
@@ -355,13 +341,12 @@ def bad_files(tmp_path_factory):
     (folder / "folder.zarr").mkdir()
     (folder / "folder.zarr" / "thesis.tex").touch()
     np.save(folder / "good.npy", np.ones((4, 2)))
-    np.save(folder / "nan.npy", [[1, 2], [3, 4], [5, np.nan]])
     np.savez(folder / "foreign.npz", x=np.ones(3))
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
     sf.iterate(BODY, [1.0, 0.5], 0.2, 3).save(folder / "run.npz")
     body = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": 0, "I23": 1}
-    texts = {"good.json": json.dumps(body), "wrong.json": json.dumps(body | {"I1": -4})}
-    texts |= {"cut.json": '{"body": ', "good.npz": "precious", "figure1.png": "precious"}
+    texts = {"good.json": json.dumps(body), "cut.json": '{"body": '}
+    texts |= {"good.npz": "precious", "figure1.png": "precious"}
     texts["field.json"] = json.dumps(pendulum().to_dict())
     for name, text in texts.items():
         (folder / name).write_text(text)

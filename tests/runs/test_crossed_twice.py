@@ -86,7 +86,7 @@ def test_changes_at_peaks(stiff):
 
 @pytest.mark.parametrize("stiff", [None, True])
 @pytest.mark.parametrize("direction", [1, 0, -1])
-@pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6, 1e-8])
 def test_records_of_peaks(depth, direction, stiff):
     """Records shorten no steps, of which the oscillator takes about twelve a period."""
     f, p = field(lambda s: (s[1], -s[0]), "x v"), RNG.uniform(-1.0, 1.0, 9)

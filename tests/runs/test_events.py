@@ -146,6 +146,30 @@ def test_surfaces_crossed_where_f_jumps():
     np.testing.assert_allclose(points.final, [5.0, 3.0], rtol=1e-12)
 
 
+def test_surfaces_crossed_just_before_a_kink():
+    """The step ends on the kink; before it f has the other branch."""
+    rise = sf.Field.from_function(lambda x: (1 + 3 * abs(x[0]),), "x")
+    below = np.linspace(0.06, 1.0, 50)
+    points = sf.crossings(rise, -below[:, np.newaxis], surface=lambda x: x[0] + 0.05, time=3.0)
+    assert (points.count == 1).all()
+    exact = np.log((1 + 3 * below) / 1.15) / 3
+    np.testing.assert_allclose(points.time, exact, atol=1e-8)
+
+
+def test_ripples_that_a_step_does_not_see(rng):
+    """Fast forces that are allowed errors of x, almost: v changes its sign many times in a step."""
+    w, a = 10 ** rng.uniform(0.2, 2, 100), 10 ** rng.uniform(-3, 0, 100)
+    field = sf.Field.from_function(
+        lambda s, w, a: (s[1], -s[0] + a * np.cos(w * s[2]), 1.0), "x v t", w=w, a=a
+    )
+    points = sf.crossings(field, [1.0, 0.1, 0.0], surface="v", time=20.0, direction=0)
+    t, part = np.linspace(0, 20, 100_001)[:, np.newaxis], a / (1 - w * w)
+    v = 0.1 * np.cos(t) - np.sin(t) + part * (np.sin(t) - w * np.sin(w * t))
+    exact = ((v[1:] >= 0.0) != (v[:-1] >= 0.0)).sum(axis=0)
+    assert (points.count == exact).all()
+    assert abs(points.states[:, 1]).max() < 1e-12
+
+
 def test_a_motion_that_only_touches_the_surface_does_not_cross_it():
     points = of_oscillator([0.0, 1.0], lambda x: x[..., 0] - 1.0 - 1e-7, time=100.0, direction=0)
     assert len(points) == 0

@@ -72,17 +72,13 @@ def _find_nodes(lines):
     count = needs.any().bits() + rules.FEW
     factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
     factors = factors[: rules.FEW + 1]
-    x, f = line.x, line.f
-    for k in range(3):
-        lines.columns(x, f, count)
-        node = work.nodes.after(2 * k * D)
-        for i in text.each(D):
-            ends = lines.of_columns(work.ends, i)[: rules.FEW + 1]
-            ends[rules.FEW] = needs.select(ends[rules.FEW], 0.0)  # it may not be there
-            node[i] = x[i] + weighted(factors, ends)
-        lines.call("f", node, lines.table, work.f)
-        x, f = node, node.after(D)
-        text.copy(work.f, f, D)
+
+    def end(i):
+        ends = lines.of_columns(work.ends, i)[: rules.FEW + 1]
+        ends[rules.FEW] = needs.select(ends[rules.FEW], 0.0)  # it may not be there
+        return weighted(factors, ends)
+
+    _take_quarters(lines, count, end)
     sums = Carried(ratio=0.0, total=0.0)
     for v in rules.TESTS:
         of_value, of_slope = rules.weights_of_test(v)
@@ -98,6 +94,34 @@ def _find_nodes(lines):
         for name, value in found.items():
             getattr(line, name).choose(fails, 0, value)
         work.accepted.choose(fails, 0, 0.0)
+
+
+def put_points(lines):
+    """Yield v quarters of a step whose state is in `start` then, at the ends of its eighths.
+
+    `signed` is the length of a quarter.
+    """
+    own = weights(EXPLICIT, 2)
+    _take_quarters(
+        lines, len(EXPLICIT), lambda i: weighted(own, lines.of_columns(lines.work.ends, i))
+    )
+    for part in range(1, 8):
+        _put_between(lines, rules.weights_at(0.5 * part))
+        yield part
+
+
+def _take_quarters(lines, count, end):
+    """Find the nodes by so many columns; `end(i)` is that of component i of a quarter, less x."""
+    text, work, D = lines.text, lines.work, lines.D
+    x, f = lines.line.x, lines.line.f
+    for k in range(3):
+        lines.columns(x, f, count)
+        node = work.nodes.after(2 * k * D)
+        for i in text.each(D):
+            node[i] = x[i] + end(i)
+        lines.call("f", node, lines.table, work.f)
+        x, f = node, node.after(D)
+        text.copy(work.f, f, D)
 
 
 def _between(lines, weights, i):

@@ -133,7 +133,7 @@ class Work(NamedTuple):
     jumped: int  # 1 where f may have jumped there
     points: int  # surfaces at the beginning of a step and at POINTS of it, and what `hidden` needs
     point: int  # the state at such a point (watched)
-    quartic: int  # what polynomials of degree 4 have there beside cubics (watched)
+    quartic: int  # what polynomials of degree 4 have there beside cubics (D if they are needed)
     told: int  # what `hidden` tells of them (2)
     end: int  # the state, f there, and sides, for `aim` (2 watched + 2 surfaces of changes)
     aim: int  # when surfaces are crossed, see `surfaces` (5)

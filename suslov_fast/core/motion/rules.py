@@ -697,8 +697,11 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 # for it; its width, or the part of the step from where Newton's method goes to it at once; the part
 # within which short steps of order 4 have an error of some 2**-45; parts of the time by which its
 # state goes on, each four times the one before, to lie beyond.
-SECTION_PARTS, MARGIN, GUESSES, MOST_LOOKS = 8, 2.0**-5, 3, 70
+SECTION_PARTS, MARGIN, GUESSES, MOST_LOOKS = 8, 2.0**-5, 2, 70
 FOUND, WIDTH, WITHIN, NUDGE, NUDGES = 2.0**-29, 2.0**-48, 2.0**-10, 2.0**-54, 20
+# A step is looked at more closely where OF_POINTS times the error of its points is as large as the
+# least of the values there.
+OF_POINTS = 4.0
 # Of a surface that comes near 0 and goes back: how near, beside its bend over a part of the step,
 # that a step looks whether it is crossed; how many such steps at most.
 CLOSE, LOWER = 0.5, 4
@@ -714,6 +717,12 @@ def FIRST_VALUE(value, rate, sign):
     is_on, ahead = value.equals(0.0), sign * rate
     on = ahead.equals(0.0).select(NAN, (ahead < 0.0).select(-LEAST, 0.0))
     return {"first": is_on.select(on, value)}
+
+
+@_rule
+def IS_ROUGH(error, least, rough):
+    """Whether errors of points in a step may hide a crossing."""
+    return {"rough": (abs(error) * OF_POINTS > least).select(1.0, rough)}
 
 
 @_rule
@@ -969,7 +978,7 @@ def QUARTER(t, after, taken, next, accepted, sign):
     return {"signed": is_inside.select(0.25 * (sign * taken), 0.0)}
 
 
-def _weights_at(v):
+def weights_at(v):
     """Return the weights of states less x, and of rates times the length of a quarter, by name."""
     of_states, of_rates = {}, {}
     for j in _NODES:
@@ -984,12 +993,12 @@ def _weights_at(v):
 @_rule
 def BETWEEN(t, taken, next):
     """The weights at the next time."""
-    return _weights_at(4.0 * ((next - t) / taken))
+    return weights_at(4.0 * ((next - t) / taken))
 
 
 def weights_of_test(v):
     """Return the weights of the polynomial at v quarters, and those of its derivative by v."""
-    weights = _weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
+    weights = weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
     return (
         {name: weight.real for name, weight in weights},
         {name: weight.imag * 2.0**60 for name, weight in weights},

@@ -1,10 +1,11 @@
 """Records of crossings: surfaces whose crossings change nothing, so that steps do not end there.
 
-After a step, values of the surfaces at the ends of SECTION_PARTS of it, where `rules.POINT` says
-that the state is, and at its end tell which are crossed. A crossing is then found by Newton's
-method along steps from the same state, as accurate as the step itself, of which short ones lead on,
-and lies on the side to which the motion goes. Steps and states stay those of a motion without the
-surfaces.
+After a step, values of the surfaces at the ends of SECTION_PARTS of it, where `surfaces` says that
+the state is, and at its end tell which are crossed. Where the error of these points is as large as
+values there, as within fast ripples, states come from shorter steps (`inside`). A crossing is then
+found by Newton's method along steps from the same state, as accurate as the step itself, of which
+short ones lead on, and lies on the side to which the motion goes. Steps and states stay those of a
+motion without the surfaces.
 """
 
 import numpy as np
@@ -12,10 +13,11 @@ import numpy as np
 from ..code.text import Carried
 from . import rules
 from .columns import EXPLICIT, IMPLICIT, weights
+from .inside import put_points
 from .records import record
 from .rows import State
 from .scope import weighted
-from .surfaces import put_point
+from .surfaces import find_quartic, put_point
 
 # Where the least of three values may lie, in parts from the middle one: nearest to that, or in the
 # first or last part of the step.
@@ -44,12 +46,19 @@ def find_crossings(lines):
     accepted = work.accepted[0] > 0.0
     _restore_length(lines)
     text.copy(line.section, values, count)
+    quartic = None
+    if not lines.half.is_implicit:
+        quartic = work.quartic
+        find_quartic(lines, "sections")
+    for part in range(1, parts):
+        put_point(lines, text.value(part / parts), work.start, "sections", quartic)
+        lines.call("sections", work.start, lines.table, values.after(part * count))
+    lines.call("sections", work.new, lines.table, values.after(parts * count))
+    if not lines.half.is_implicit:
+        _look_closer(lines, accepted)
     found = Carried(some=0.0)
     for part in range(1, parts + 1):
-        if part < parts:
-            put_point(lines, text.value(part / parts), work.start, "sections")
         own, before = values.after(part * count), values.after((part - 1) * count)
-        lines.call("sections", work.start if part < parts else work.new, lines.table, own)
         for k in text.each(count, found):
             if part == parts:
                 line.section.choose(accepted, k, own[k])
@@ -78,6 +87,30 @@ def find_crossings(lines):
                 dip = _dip(lines, part * count + k, *least)
                 with text.when(dip["dips"].any(), likely=False):
                     _find_pair(lines, k, dip, first[part] + 1.0 / parts)
+
+
+def _look_closer(lines, accepted):
+    """Find values at the parts of steps anew, by shorter steps, where points are not known."""
+    text, work, parts = lines.text, lines.work, rules.SECTION_PARTS
+    count, values = lines.half.changes.sections, work.values
+    put_point(lines, text.value(0.5), work.start, "sections")
+    lines.call("sections", work.start, lines.table, work.rates)
+    found = Carried(rough=0.0)
+    for k in text.each(count, found):
+        least = abs(values.after(count)[k])
+        for part in range(2, parts + 1):
+            value = abs(values.after(part * count)[k])
+            least = (value < least).select(value, least)
+        error = work.rates[k] - values.after(parts // 2 * count)[k]
+        found.update(lines.apply(rules.IS_ROUGH, error=error, least=least, **vars(found)))
+    is_rough = accepted & (found.rough > 0.0)
+    with text.when(is_rough.any(), likely=False):
+        work.signed[0] = is_rough.select(0.25 * work.signed[0], 0.0)
+        for part in put_points(lines):
+            lines.call("sections", work.start, lines.table, work.rates)
+            for k in text.each(count):
+                values.after(part * count).choose(is_rough, k, work.rates[k])
+        _restore_length(lines)
 
 
 def _first_after(lines, k, last, first, direction):
@@ -144,8 +177,9 @@ def _nearer(lines, k, found):
     text, work = lines.text, lines.work
     bracket = {name: getattr(found, name) for name in ("u", "low", "high")}
     _restore_length(lines)
+    quartic = None if lines.half.is_implicit else work.quartic
     for now in text.rounds(Carried(**bracket, round=0)):
-        put_point(lines, now.u, work.start, "sections")
+        put_point(lines, now.u, work.start, "sections", quartic)
         lines.call("sections", work.start, lines.table, work.rates)
         next_ = lines.apply(rules.NARROWED, value=work.rates[k], up=found.up, u=now.u,
                             low=now.low, high=now.high, a=found.a, b=found.b)  # fmt: skip

@@ -76,13 +76,13 @@ def take_step(lines):
     if half.watched:
         surfaces.cut(lines, before, sums["total"])
     inside.save_states(lines)
+    if half.changes and half.changes.sections:
+        sections.find_crossings(lines)  # by the choices of the step
     if half.kinks:
         choosing.choose(lines)
     if half.low:
         _watch_small(lines)
     if half.changes:
-        if half.changes.sections:
-            sections.find_crossings(lines)
         changes.change(lines)
         inside.save_at_end(lines)
     if lines.f.conditions:

@@ -47,7 +47,7 @@ def cut(lines, before, total):
     middle = points.after((1 + len(POINTS)) * count)
     if lines.half.reads_states and not lines.half.is_implicit:
         quartic = work.quartic
-        _find_quartic(lines)
+        find_quartic(lines)
     for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
         state = point if end < 1.0 else new
         if end < 1.0:
@@ -153,13 +153,13 @@ def _read(lines, of="surfaces"):
     return lines.text.listed(lines.half.read[of])()
 
 
-def _find_quartic(lines):
+def find_quartic(lines, of="surfaces"):
     """Find what polynomials of degree 4 have in an explicit step beside cubics."""
     text, work = lines.text, lines.work
     signed, u = work.signed[0], text.value(POINTS[0])
     for i in text.each(lines.D):
         work.start[i] = lines.apply(rules.POINT, i, signed=signed, u=u)["point"]
     lines.call("f", work.start, lines.table, work.f)
-    for i in _read(lines):
+    for i in _read(lines, of):
         of_point = {"f_point": work.f[i], "signed": signed}
         work.quartic[i] = lines.apply(rules.QUARTIC, i, **of_point)["quartic"]

@@ -80,8 +80,7 @@ def _jump(lines, jumped):
     if lines.half.changes and lines.half.changes.acting:
         acted = line.t[0].equals(lines.of_changes.at[0]).select(1.0, 0.0)
     _choose(lines, jumped, acted)
-    for name, value in lines.apply(rules.CHOSEN, mode=lines.mode, acted=acted).items():
-        getattr(line, name).choose(jumped, 0, value)
+    lines.keep(line, lines.apply(rules.CHOSEN, mode=lines.mode, acted=acted), jumped)
     ahead = lines.apply(rules.LOOK_AHEAD, part=rules.AHEAD)
     _put_ahead(lines, work.new, work.f_new, ahead["signed"])
     _look(lines, work.start)
@@ -89,8 +88,7 @@ def _jump(lines, jumped):
     with lines.text.when(back.any(), likely=False):
         for i in lines.text.each(lines.half.watched):
             line.far.choose(back, i, work.start[i])
-        for name, value in lines.apply(rules.SEEK, ahead=ahead["ahead"]).items():
-            getattr(line, name).choose(back, 0, value)
+        lines.keep(line, lines.apply(rules.SEEK, ahead=ahead["ahead"]), back)
 
 
 def _put_ahead(lines, x, f, signed):
@@ -191,8 +189,7 @@ def _go_on(lines, ended):
             _put_ahead(lines, work.new, work.f_new, signed)
             inside.save(lines, passed().bits(), work.start)
             now.goes_on = passed().any()
-    for name, value in after.items():
-        getattr(line, name).choose(goes_on, 0, value)
+    lines.keep(line, after, goes_on)
     _put_ahead(lines, work.new, work.f_new, found["signed"])
     for i in text.each(lines.D):
         work.new.choose(goes_on, i, work.start[i])

@@ -91,8 +91,7 @@ def _find_nodes(lines):
     found = lines.apply(rules.FAILS, signed=work.signed[0], **_of_step(lines), **vars(sums))
     fails = found.pop("fails") > 0.0
     with text.when(fails.any(), likely=False):
-        for name, value in found.items():
-            getattr(line, name).choose(fails, 0, value)
+        lines.keep(line, found, fails)
         work.accepted.choose(fails, 0, 0.0)
 
 

@@ -276,7 +276,10 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
 # -------------------------------------------------------------------------------- one for each lane
 @_rule
 def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
-    """Of the first step: |x| changes by a part of itself, or x at rest by a part of the time."""
+    """Of the first step: |x| changes by a part of itself, or x at rest by a part of the time.
+
+    Other rows are 0, as they were made.
+    """
     relative = size / rate
     guess = (size > 0.0).select(larger(relative, FIRST_OF_TIME * last), FIRST_AT_REST * last)
     wanted = (rate > 0.0).select(part * guess, last)
@@ -287,20 +290,8 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
         "next": first_next,
         "second": second_next,
         "state": has_value.select(first_state, float(State.NO_VALUE)),
-        "rough": 0.0,
-        "stiff": 0.0,
-        "easy": 0.0,
         "patience": PATIENCE,
-        "trial": 0.0,
-        "steps": 0.0,
-        "tries": 0.0,
-        "t": 0.0,
-        "watches": 0.0,
-        "inner": 0.0,
         "outer": inf,
-        "weight": 0.0,
-        "rounds": 0.0,
-        "whole": 0.0,
     }
 
 

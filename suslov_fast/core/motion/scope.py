@@ -107,10 +107,11 @@ class Lines(Scope):
             with self.text.when(bit.equals(1)):
                 yield lane * 8
 
-    def keep(self, rows, found):
-        """Write results of a rule to the rows of `line` or of `work` with their names."""
+    def keep(self, rows, found, truth=None):
+        """Write results of a rule to rows of `line` or `work` with their names, in these lanes."""
         for name, value in found.items():
-            getattr(rows, name).put_chosen(0, value)
+            own = getattr(rows, name)
+            own.put_chosen(0, value if truth is None else truth.select(value, own[0]))
 
 
 def weighted(factors, values):

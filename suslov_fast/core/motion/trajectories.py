@@ -76,8 +76,7 @@ def _begin(lines, begins):
         line.largest.choose(begins, i, abs(x))
         line.mode.choose(begins, i, 1.0)
         sums.update(lines.apply(rules.BEGIN_COMPONENT, i, x=x, f=f, **vars(sums)))
-    for name, value in lines.apply(rules.BEGIN, **vars(sums)).items():
-        getattr(line, name).choose(begins, 0, value)
+    lines.keep(line, lines.apply(rules.BEGIN, **vars(sums)), begins)
     if lines.half.changes:
         _begin_with_changes(lines, begins)
 

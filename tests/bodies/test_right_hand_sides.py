@@ -601,14 +601,6 @@ def test_what_belongs_to_a_map_names_the_quadratic_field(call):
         call(*field_of("calcium"))
 
 
-def test_equilibria_are_found_as_the_error_says():
-    field, x = field_of("calcium")
-    with pytest.raises(TypeError, match="near=x0"):
-        sf.fixed_points(field)
-    found = sf.fixed_points(field, near=x)
-    assert abs(field(found.states)).max() < 1e-9
-
-
 # ------------------------------------------------------------------------------- files of strangers
 def read(equations, **others):
     return Field.from_dict({"body": "Field", "names": ["x"], "equations": equations} | others)
@@ -626,13 +618,3 @@ def test_dictionaries_of_strangers_are_refused():
             read(["x"], **others)
     with pytest.raises(TypeError, match="definitions"):
         read(["x"], definitions=["u"])
-
-
-def test_a_parameter_may_be_called_eps(tmp_path):
-    """No step has a size here, so datasets have room for it."""
-    field = Field.from_function(lambda x, eps: (x[1], -eps * x[0]), "u v", eps=[0.25, 1.0])
-    motion = sf.flow(field, [1.0, 0.0], time=[1.0, 2.0])
-    np.testing.assert_allclose(motion.x[:, 1, 0], np.cos([1.0, 2.0]), atol=1e-8)
-    motion.save(tmp_path / "motion.npz")
-    assert sf.load(tmp_path / "motion.npz") == motion
-    assert Field.from_dict(field[0].to_dict()) == field[0]

@@ -433,20 +433,6 @@ def test_stiff_problems(function, x0, last, right, steps):
         assert taken[0] <= most
 
 
-def test_populations_keep_their_sign():
-    def lotka_volterra(s):
-        x, y = s
-        return x * (1.0 - y), y * (x - 1.0)
-
-    f = right_hand_side(lotka_volterra, 2)
-    assert list(f.of_one_sign) == [0, 1]
-    x0 = np.array([[20.0, 0.01], [5.0, 1e-6], [0.0, 1.0]])
-    for stiff in (False, True):
-        states, *_ = motion(f, x0, np.linspace(1.0, 60.0, 60), 1e-3, stiff=stiff)
-        assert (states[:, :2] > 0.0).all()
-        assert (states[:, 2, 0] == 0.0).all()
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
     f, x0, T = CASES[name]

@@ -33,7 +33,6 @@ from suslov_fast.integrability import (
     degrees,
     growth as growth_of,
     hk_bases,
-    invariants,
     kahan,
     polynomials,
     process,
@@ -860,25 +859,6 @@ def test_a_polynomial_has_one_sign_in_a_report(field):
     assert all(P.leading_coefficient() > 0 for P in limits)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("field", [EULER, CUBIC])
-def test_symbolic_eps_and_number_print_the_same(field):
-    """And the limit for eps to 0 is an integral of the field."""
-    symbolic, number = reported(field), reported(field, F(2, 5))
-    assert [str(f.subs(F(2, 5))) for f in symbolic.integrals] == [*map(str, number.integrals)]
-    of_symbolic = [P.subs(F(2, 5)).factors for P in symbolic.polynomials]
-    assert [*map(str, of_symbolic)] == [str(P.factors) for P in number.polynomials]
-    x = [F(2 * k + 3, 7) for k in range(field.dimension)]
-    slopes = field(x)
-    for f in symbolic.integrals:
-        assert f.denominator(0, *(int(7 * a) for a in x)) != 0
-        h = F(1, 10**20)
-        moved = [a + h * v for a, v in zip(x, slopes, strict=True)]
-        back = [a - h * v for a, v in zip(x, slopes, strict=True)]
-        assert abs(f(moved, 0) - f(back, 0)) / h < F(1, 10**15)
-        assert f(x, 0) != f([a + 1 for a in x], 0)
-
-
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("field", "symmetries"),
@@ -1051,24 +1031,6 @@ def test_the_normal_form_at_a_number_is_that_of_a_symbolic_eps():
     assert {str(g) for g in known.generators} == {str(energy), str(denominator)}
     [integral] = known.forms[known.value(cofactor)]
     assert str(integral) == f"16*({energy})/({denominator})"
-
-
-def test_echelon_form_is_that_of_the_matrix_of_coefficients():
-    """Rows of Gauss and Jordan's elimination from the first and then from the last column."""
-    x, y = polynomials.polynomial_ring(2, False).gens()
-    space = [3 * x**2 + 2 * y + 5, 2 * x**2 - y**2 + 7 * y + x, y**2 + 4 * y - 3 + 2 * x, 9 + x - y]
-    columns = [(2, 0), (0, 2), (1, 0), (0, 1), (0, 0)]
-
-    def matrix(some):
-        return np.array([[int(P.to_dict().get(e, 0)) for e in columns] for P in some])
-
-    found = matrix(invariants.in_echelon_form(space))
-    both = np.vstack([found, matrix(space)])
-    assert np.linalg.matrix_rank(found) == np.linalg.matrix_rank(both) == len(space)
-    for k, row in enumerate(found):
-        first, *_, last = np.flatnonzero(row)
-        assert not found[k + 1 :, first].any()
-        assert not found[:k, last].any()
 
 
 def test_functions_along_orbits_are_floats():

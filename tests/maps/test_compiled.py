@@ -3,11 +3,11 @@
 import pickle
 
 import children
-import naive
 import numpy as np
 import pytest
 from numba import njit
 from numba.core.errors import TypingError
+from systems import LORENZ as FIELD
 
 import suslov_fast as sf
 from suslov_fast import compiled
@@ -19,13 +19,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 BODY, EPS = sf.Suslov3D(4, 3, -0.4, -0.2), 0.2
 GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
 ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
-
-
-def lorenz(x):
-    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
-
-
-FIELD = sf.QuadraticField.from_function(lorenz, 3)
 
 
 @njit
@@ -50,30 +43,9 @@ def system_after(system, x, steps):
     return status
 
 
-def condition(body, state, eps, following):
-    found = np.linalg.norm(sf.jacobian(body, state, eps)) * np.linalg.norm(state)
-    return max(1.0, found / np.linalg.norm(following))
-
-
 OTHERS = [sf.Suslov3D(1, 1, 1, 0), sf.Suslov3D(0.3, 7, 1e-3, 2)]
 OTHERS += [sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, k) for k in (1e6, 1e-9)]
 OTHERS += [sf.SuslovGyrostat(2.3, 1.4, 0, 0, 3)]
-
-
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
-@pytest.mark.parametrize("body", [BODY, GYROSTAT, *OTHERS], ids=repr)
-def test_a_step_is_accurate(body, rng):
-    """Also far from the line, where the increment cancels the state, and for negative eps."""
-    *inertia, k = (*body.constants, 0.0)[:5]
-    worst = 0.0
-    for scale in (1e-3, 1.0, 30.0, 1e6):
-        for eps in (0.2, -1.5):
-            omega = rng.normal(size=2) * scale
-            exact = naive.step(*inertia, eps, omega, k=k)
-            computed = compiled.step(system(body, eps), *omega)
-            size = condition(body, omega, eps, np.array(exact, float))
-            worst = max(worst, naive.relative_error(computed, exact) / size)
-    assert worst < 8 * 2.0**-52
 
 
 @pytest.mark.slow_to_compile
@@ -107,21 +79,11 @@ def test_steps_in_any_dimension_are_those_of_the_package(body, size, eps, method
     np.testing.assert_array_equal(x, expected)
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("body", [BODY, GYROSTAT], ids=["body", "gyrostat"])
-def test_loops_of_users_follow_orbits(body, rng):
-    omega = rng.uniform(-2, 2, (65, 2))
-    *inertia, k = (*body.constants, 0.0)[:5]
-    constants = system(body, EPS)
-    found = after(constants, omega, 50)
-    exact = naive.orbit(*inertia, EPS, omega[7], 50, k=k)[-1]
-    assert naive.relative_error(found[7], exact) < 1e-14
-
-
-@pytest.mark.parametrize("body", [BODY, GYROSTAT, sf.Suslov3D(1, 2, 0, 0)], ids=repr)
+@pytest.mark.parametrize("body", [BODY, GYROSTAT, sf.Suslov3D(1, 2, 0, 0), *OTHERS], ids=repr)
 def test_steps_in_three_dimensions_are_those_of_the_package(body, rng):
-    """Of two numbers and of arrays; out may be the state."""
+    """Of two numbers and of arrays, also far from the line; out may be the state."""
     constants, omega = system(body, EPS), rng.normal(size=(65, 2))
+    omega[:9] *= 1e6
     expected = sf.step(body, omega, EPS)
     np.testing.assert_array_equal(after(constants, omega, 1), expected)
     assert (system_after(constants, omega, 1) == sf.Status.OK).all()

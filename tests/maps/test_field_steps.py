@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import spsolve
+from systems import lorenz
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
@@ -21,10 +22,6 @@ from suslov_fast.core.lists import step as plans
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 of_function = sf.QuadraticField.from_function
-
-
-def lorenz(x):
-    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
 
 
 def henon_heiles(x):

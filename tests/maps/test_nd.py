@@ -94,17 +94,6 @@ def test_huge_steps(rng, speed):
             assert naive.relative_error(one_step(method, J, I, eps, omega).final, exact[1]) < 2e-13
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_inverse_and_steady_states(rng, method):
-    J, I, eps, omega = random_problem(rng, 6, 0.5)
-    body = sf.SuslovND(J, I)
-    there = sf.iterate(body, omega, eps, 5, method=method).final
-    back = sf.iterate(body, there, -eps, 5, method=method).final
-    np.testing.assert_allclose(back, omega, atol=1e-14)
-    final = sf.iterate(body, 0.7 * I, eps, 20, method=method).final
-    np.testing.assert_allclose(final, 0.7 * I, rtol=1e-13)
-
-
 @pytest.mark.compiled
 def test_many_dimensions(rng):
     J, I = rng.uniform(1, 4, 4999), rng.normal(size=4999) / 70

@@ -114,17 +114,6 @@ def test_the_number_of_the_step_is_the_time_of_escape():
         assert abs(run.failed_at - end / eps) < 5
 
 
-def test_an_even_number_of_eigenvalues_is_not_seen():
-    """The motion z' = z**2 escapes at t = 1, and det A is a square; the pages say so."""
-    complex_square = QuadraticField.from_function(
-        lambda x: (x[0] ** 2 - x[1] ** 2, 2 * x[0] * x[1]), 2
-    )
-    run = iterate(complex_square, [1, 0], 0.03, 50)
-    assert run.status == Status.OK
-    assert run.x[33, 0] > 90
-    assert run.x[34, 0] < 0  # it came back from the other side
-
-
 def test_the_last_state_is_not_looked_at():
     """No step is taken from it; `extend` finds it first, and tells."""
     run = iterate(SQUARE, [1.0], 0.03, 33)

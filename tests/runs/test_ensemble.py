@@ -142,22 +142,6 @@ def test_a_stored_motion_equals_flow(store, rng, system, shape, ours):
         np.testing.assert_array_equal(again.end, data.end)
 
 
-def test_an_interrupted_motion_goes_on(store):
-    starts, seen = RandomStarts(20, 2.0, seed=3), []
-
-    def stop(done, total):
-        seen.append((done, total))
-        return done < 2 * 8
-
-    run = {"time": [1.0, 2.0], "store": store, "chunk": 4}
-    data = ensemble(PENDULUM, starts, **run, progress=stop)
-    assert seen == [(0, 40), (8, 40), (16, 40)]
-    assert (data.status == PENDING).sum() == 12
-    assert np.isnan(data.x.values[:, 8:]).all()
-    data = ensemble(PENDULUM, starts, **run)
-    assert np.array_equal(data.x, flow(PENDULUM, starts, time=[1.0, 2.0]).x)
-
-
 def test_every_initial_state_identifies_a_run(tmp_path):
     """Of many states there is a digest, of all of their parts."""
     array, store = np.linspace(-1.0, 1.0, 1400).reshape(700, 2), tmp_path / "run.zarr"

@@ -146,10 +146,11 @@ def test_damaged_files(path):
 
 
 FORCED = sf.Field.from_function(lambda x, a: (x[1], -a * x[0]), "q p", a=2.0)
+SETTINGS = {"atol": 1e-12, "stiff": False, "max_step": 0.125, "derivatives": ("x0", "a")}
 OF_EACH_KIND = {
     "Trajectories": lambda: sf.iterate(BODY, [[1.0, 0.5]] * 2, 0.1, 5, attitude=True),
     "Crossings": lambda: sf.crossings(BODY, [1.0, 0.5], 0.5, 99, "Omega2", direction=0),
-    "Motion": lambda: sf.flow(FORCED, [1.0, 0.5], time=[0.5, 1.0], derivatives=("x0", "a")),
+    "Motion": lambda: sf.flow(FORCED, [1.0, 0.5], time=[0.5, 1.0], **SETTINGS),
     "Motion with changes": lambda: sf.flow(
         FORCED,
         [1.0, 0.5],

@@ -1,8 +1,5 @@
 """`flow`: the motion at given times, and its result, `Motion`."""
 
-import pickle
-from fractions import Fraction
-
 import mpmath
 import numpy as np
 import pytest
@@ -357,37 +354,6 @@ def test_the_result_is_like_its_states():
     assert abs(np.diff(exact.first_integral())).max() < 1e-14
 
 
-@pytest.mark.parametrize(
-    ("system", "x", "by"),
-    [
-        (LORENZ, [[1.0, 1, 20], [np.nan, 0, 0]], ()),
-        (FOOD_CHAIN.with_parameters(a=[1.0, 2.0]), [0.5, 0.5], ("a", "x0")),
-        (sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5], ()),
-        (of(lambda x: (Fraction(1, 3) * x[0],), 1), [1.0], ()),
-    ],
-)
-def test_files(tmp_path, system, x, by):
-    options = {"atol": 1e-12, "stiff": False, "derivatives": by}
-    found = flow(system, x, time=[0.5, 0.25], **options, max_step=0.125)
-    found.save(tmp_path / "motion.npz")
-    loaded = sf.load(tmp_path / "motion.npz")
-    assert loaded == found
-    assert pickle.loads(pickle.dumps(found)) == found
-    assert loaded != flow(system, x, time=[0.5, 0.25], **options)
-
-
-def test_datasets():
-    pytest.importorskip("xarray")
-    family = FOOD_CHAIN.with_parameters(a=[1.0, 2.0, 3.0])
-    found = flow(family, [0.5, 0.5], time=[0.0, 0.5, 1.0])
-    data = found.to_xarray()
-    assert data.x.dims == ("time", "a", "component")
-    assert data.x.sel(time=0.5, a=2.0, component="prey").item() == found.x[1, 1, 0]
-    assert data.status.dims == data.steps.dims == ("a",)
-    with pytest.raises(ValueError, match=r"^dims"):
-        found.to_xarray(dims=["x", "y"])
-
-
 def test_plots():
     plt = pytest.importorskip("matplotlib.pyplot")
     found = flow(PENDULUM, [[2.5, 0.0], [1.0, 0.0]], time=np.linspace(20, 0, 201))
@@ -395,6 +361,3 @@ def test_plots():
     assert len(lines) == 2
     assert (np.diff(lines[0][:, 0]) > 0).all()
     plt.close("all")
-
-
-# --------------------------------------------------------------------------------------- bad input

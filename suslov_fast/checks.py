@@ -180,8 +180,10 @@ def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
     if shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
         rotated = "(omega @ rotation.T)[..., :2]" if len(shape) > 1 else "(rotation @ omega)[:2]"
         return f": for vectors in space pass {rotated}, with the rotation of from_inertia"
-    is_transposed = len(shape) > 1 and shape[0] == len(labels)
-    return ": pass the transpose, because the last axis holds the components" * is_transposed
+    if len(shape) < 2 or shape[0] != len(labels):
+        return ""
+    how = "np.moveaxis(x0, 0, -1)" if len(shape) > 2 else "the transpose"
+    return f": pass {how}, because the last axis holds the components"
 
 
 def _floats(name: str, value: Any) -> FloatArray:

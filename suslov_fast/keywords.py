@@ -170,6 +170,8 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
             how += f", for a run pass run.body, run.states{first}"
         if "'store'" in str(error):
             how += ", a folder to write: flow and iterate keep their results in memory"
+        if "'eps'" in str(error):
+            how += ", the step size of Kahan's map of an ODE"
         if "'monomials'" in str(error):
             how += ", a degree, such as 2, or a list of exponents"
         if "'dimension'" in str(error):

@@ -242,7 +242,7 @@ TABLE = {
     ("stopped", "", "ok, status and end"),
     ("df dataframe to_df to_pandas", "to_dataframe", ""),
     ("to_csv csv export output to_excel", "",
-     "to_dataframe(), a table of pandas, and its to_csv or to_excel"),
+     "to_dataframe().to_csv(path, index=False), or to_excel"),
   ),
   "Motion": (
     ("jacobian sensitivity sensitivities gradient tangent variational", "",
@@ -306,7 +306,7 @@ TABLE = {
   # What is passed in place of a system.
   "system": (
     ("class", "", "pass an object of the class"),
-    ("function", "", "pass QuadraticField.from_function(f, names)"),
+    ("function", "", "pass QuadraticField.from_function(f, names), of the ODE x' = f(x)"),
     ("tuple", "", "pass its first item: figure returns eps, and from_inertia a rotation, too"),
     ("list", "", "pass one, with arrays as parameters"),
     ("SuslovGyrostat", "", "with a rotor use exact, iterate or flow"),

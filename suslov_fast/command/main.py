@@ -73,7 +73,8 @@ def run(options: argparse.Namespace) -> None:
     """
     path = options.output
     if path is not None and path.suffix not in (".npz", ".zarr"):
-        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr")
+        how = "load(path).to_dataframe() of suslov_fast makes tables"
+        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr; {how}")
     is_motion = options.time is not None
     for name in _OF_STEPS if is_motion else _OF_TIMES:
         if getattr(options, name) is not None and getattr(options, name) is not False:
@@ -276,7 +277,10 @@ def plot(options: argparse.Namespace) -> None:
     from ..runs.files.storage import load
 
     chosen = {"components": options.components} if options.components else {}
-    figure = load(options.file).plot(**chosen).figure
+    result = load(options.file)
+    if len(result) == 1:
+        _tell("the file holds one state of each trajectory: --save-every of run keeps more")
+    figure = result.plot(**chosen).figure
     with about(options.output):
         figure.savefig(options.output, dpi=150)
         plt.close()
@@ -307,6 +311,9 @@ def report(options: argparse.Namespace) -> None:
 
 def figures(options: argparse.Namespace) -> None:
     """Draw the four figures of the paper as PNG. The gallery of the documentation has others."""
+    if options.output.suffix:
+        how = "a folder, of figure1.png to figure4.png"
+        options.usage_error(f"argument -o/--output: '{options.output}' must be {how}")
     from ..bodies.rigid import FIGURES
     from ..plots.phase import plot_phase
     from ..runs.drawing import plt

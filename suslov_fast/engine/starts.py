@@ -58,7 +58,9 @@ def either_map_or_motion(name: str, eps: Any, steps: Any, time: Any, **others: A
     """
     is_motion = time is not None
     if not is_motion and (eps is None or steps is None):
-        raise TypeError(f"{name} takes time=T along a motion, or eps and steps along a map")
+        raise TypeError(
+            f"{name} takes time=T along a motion, or eps and steps along Kahan's map of it"
+        )
     given = {"eps": eps is not None, "steps": steps is not None} if is_motion else {}
     for argument, default in (_OF_MAPS if is_motion else _OF_MOTIONS).items():
         value = others.get(argument, default)

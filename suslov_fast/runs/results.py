@@ -205,7 +205,7 @@ class Result(metaclass=Answering):
         >>> from suslov_fast import Suslov3D, iterate
         >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
         >>> run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
-        >>> run.to_dataframe().to_csv("states.csv")  # doctest: +SKIP
+        >>> run.to_dataframe().to_csv("states.csv", index=False)  # doctest: +SKIP
         """
         from .files.frames import table
 

@@ -305,6 +305,8 @@ MISTAKES = """
 1 | report --equations x*(1-y) | x' =
 2 | run good.json | good.json
 2 | --steps run | --steps comes after the command
+2 | figures -o a.png | a folder
+2 | run -o a.csv | to_dataframe
 2 | run --steps 1.5 | --steps
 2 | run --steps 1e-99999999 | --steps
 2 | run --omega0 1,x | --omega0

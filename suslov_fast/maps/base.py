@@ -15,7 +15,7 @@ from ..core.fields.stages import WHOLE, Stages
 from ..engine.problem import Problem, check
 from ..engine.stretches import Steps
 from ..words import answer, in_place_of
-from .formulas import ALWAYS, SOLVED, Formula, Plane, eigenvalues
+from .formulas import Formula, Plane, eigenvalues
 
 Method = Literal["auto", "gauss", "order4", "order6", "order8"]
 
@@ -45,7 +45,7 @@ class Map:
     methods : mapping of str to Steps
         Ways to compute the steps, by the values of the argument `method`, the default first.
     formulas : mapping of str to Formula
-        How to compute the public functions of a state that the map supports, by their names (see
+        How to compute the public functions that the map supports, by their names (see
         `maps/formulas.py`).
     stages : Stages
         Stages of a composition: a step consists of Kahan steps by these fractions of eps. WHOLE for
@@ -60,8 +60,6 @@ class Map:
     eigenvalues : callable
         ``eigenvalues(problem, slopes)`` returns those of f', the `slopes` (..., D, D), at steady
         states, as an array (..., D), from which the `multipliers` follow.
-    serves : tuple of str
-        Public functions that the map supports without a formula of their own.
     """
 
     name: str
@@ -74,15 +72,10 @@ class Map:
     attitude: Literal["axial", "in_rows"] | None = None
     plane: Plane | None = None
     eigenvalues: Eigenvalues = eigenvalues
-    serves: tuple[str, ...] = ALWAYS
-
-    def has(self, name: str) -> bool:
-        """Return whether the map supports a public function, at least for some bodies."""
-        return name in self.formulas or name in self.serves
 
     def functions(self, body: Any) -> list[str]:
-        """Return the names of the public functions of a state that the map supports for a body."""
-        return [name for name in (*self.formulas, *self.serves) if self._has_for(name, body)]
+        """Return the names of the public functions that the map supports for a body."""
+        return [name for name in self.formulas if self._has_for(name, body)]
 
     def _has_for(self, name: str, body: Any) -> bool:
         try:
@@ -93,13 +86,13 @@ class Map:
 
     def require(self, name: str, body: Any) -> None:
         """Raise an error unless the map supports a public function for this body."""
-        if not self.has(name):
+        if name not in self.formulas:
             if self is not map_of(body):
                 received = f"{', '.join(map(repr, self.methods))}: {self.title} has no {name}"
                 if name == "modified_energy" and "energy" in self.functions(body):
                     received += ": use energy, which varies along orbits"
                 raise checks.wrong("method", "'auto'", received, TypeError)
-            having = dict.fromkeys(each.body for each in MAPS.values() if each.has(name))
+            having = dict.fromkeys(m.body for m in MAPS.values() if name in m.formulas)
             received, names = checks.kind_of(body), [kind.__name__ for kind in having]
             if isinstance(body, tuple(having)):
                 received += f", whose map ({self.title}) has no {name}"
@@ -109,10 +102,8 @@ class Map:
             raise checks.wrong(
                 "system", checks.either(names or ["another one"]), received, TypeError
             )
-        if name in self.formulas and (check := self.formulas[name].check):
+        if check := self.formulas[name].check:
             check(body)
-        if name in SOLVED and self.plane and self.plane.check:
-            self.plane.check(body, name)
 
     def formula(self, name: str, body: Any) -> Formula:
         """Return the formula of a public function; raise if there is none for this body."""

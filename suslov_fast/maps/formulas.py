@@ -25,7 +25,8 @@ from ..engine.stretches import states_after
 class Formula(NamedTuple):
     """The computation of a public function of a state, for one map."""
 
-    compute: Callable[[Problem], Any]  # returns the values (...), or an array for each state
+    # Returns the values (...), or an array for each state; None for functions of their own.
+    compute: Any = None
     check: Callable[[Any], None] | None = None  # raises an error for a body without the quantity
     poles: bool = False  # True if infinite values are results; else they become NaN
 
@@ -35,7 +36,6 @@ class Plane(NamedTuple):
 
     # Returns an equivalent problem, and the function that maps its states back.
     reduce: Callable[[Problem], tuple[Problem, Callable[[FloatArray], FloatArray]]]
-    check: Callable[[Any, str], None] | None = None  # raises an error for a body and a function
 
 
 def values_by_constants(formula: Universal, problem: Problem) -> Any:
@@ -110,6 +110,8 @@ def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
 
 # The formulas of Kahan's map of any field; for a body they use the terms of its field.
 KAHAN = {
+    "multipliers": Formula(),
+    "lyapunov_exponents": Formula(),
     "vector_field": Formula(partial(values_by_terms, quantities_field.vector_field)),
     "matrix": Formula(partial(values_by_terms, quantities_field.matrix)),
     "jacobian": Formula(jacobian),
@@ -180,6 +182,7 @@ GYROSTAT = {
     "criticality": Formula(partial(values_by_rows, quantities.criticality)),
     "step": Formula(partial(values_by_rows, quantities.step)),
     **formulas_named("invariant_density", poles=True),
+    **dict.fromkeys("exact flow limits plot_phase explore".split(), Formula()),
     "to_matrix": Formula(_matrix_in_3d),
     "to_vector": Formula(whole_states),
     "momentum": Formula(_momentum_in_3d),
@@ -189,6 +192,7 @@ IN_3D = {
     **formulas_named("to_xy from_xy"),
     "closed_form": Formula(_closed_form),
     "step_full": Formula(_step_full),
+    "scattering_angle": Formula(),
 }
 
 
@@ -279,8 +283,8 @@ def _density_nd(problem: Problem) -> FloatArray:
 
 def _nd(name: str, compute: Any = None, **options: Any) -> dict[str, Formula]:
     """Return, by its name, the formula of a function that is not known for all bodies."""
-    if compute is None:
-        compute = partial(values_by_constants, getattr(quantities, f"{name}_nd"))
+    if formula := getattr(quantities, f"{name}_nd", None):
+        compute = compute or partial(values_by_constants, formula)
     return {name: Formula(compute, partial(check_known, function=name), **options)}
 
 
@@ -293,12 +297,10 @@ IN_ND = {
     **_nd("vector_field"),
     **_nd("invariant_density", _density_nd, poles=True),
     **_nd("reaction", _reaction_nd),
+    **_nd("exact"),
+    **_nd("flow"),
+    **_nd("limits"),
     "to_matrix": Formula(_matrix_nd),
     "momentum": Formula(_momentum_nd),
 }
-IN_PLANE = Plane(_in_plane, check_known)
-# Public functions that need no formula of their own.
-ALWAYS = "multipliers", "lyapunov_exponents"
-SOLVED = "exact", "flow", "limits"
-OF_BODIES = *ALWAYS, *SOLVED
-OF_BODIES_IN_3D = *OF_BODIES, "plot_phase", "explore"
+IN_PLANE = Plane(_in_plane)

@@ -10,8 +10,6 @@ from .formulas import (
     IN_ND,
     IN_PLANE,
     KAHAN,
-    OF_BODIES,
-    OF_BODIES_IN_3D,
     OF_ORDER,
     SOLVED_ALREADY,
     eigenvalues_in_3d,
@@ -37,7 +35,6 @@ for _record in (
         attitude="axial",
         plane=SOLVED_ALREADY,
         eigenvalues=eigenvalues_in_3d,
-        serves=(*OF_BODIES_IN_3D, "scattering_angle"),
     ),
     Map(  # equation (15)
         name="SuslovND",
@@ -48,7 +45,6 @@ for _record in (
         attitude="in_rows",
         plane=IN_PLANE,
         eigenvalues=eigenvalues_nd,
-        serves=OF_BODIES,
     ),
     Map(
         name="SuslovGyrostat",
@@ -59,7 +55,6 @@ for _record in (
         attitude="axial",
         plane=SOLVED_ALREADY,
         eigenvalues=eigenvalues_of_gyrostat,
-        serves=OF_BODIES_IN_3D,
     ),
     Map(
         name="Kahan",

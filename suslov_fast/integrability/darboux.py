@@ -121,7 +121,7 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 
     The others are products of these and of those of lower degrees.
     """
-    for candidate in filter(None, candidate_cofactors(map, degree)):
+    for candidate in candidate_cofactors(map, degree):
         yield from with_constants(map, degree, candidate)
     yield from _of_poles(map, degree)
 
@@ -201,10 +201,10 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> _Points:
     return _Points(map, degree, p, eps)
 
 
-def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction | None]:
+def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield products of powers of factors that are cofactors of polynomials up to constants.
 
-    Necessary ones, not sufficient. Between them None is yielded, so that a search can pause there.
+    Necessary ones, not sufficient.
     """
     if (determinant := map.jacobian_cofactor) is None:
         needed = f"a map with an inverse, and factors of at most {TERMS} terms"
@@ -216,10 +216,7 @@ def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunct
     at_infinity = (map.dimension + 1) * (map.degree - 1) > jacobian.degree
     poles = factored(map.forms[-1]) ** -degree
     for powers in _divisors(map, degree, factors, at_infinity):
-        if powers is None:
-            yield None
-        else:
-            yield product_of(zip(factors, powers, strict=True), Fraction(1)) * poles
+        yield product_of(zip(factors, powers, strict=True), Fraction(1)) * poles
 
 
 def with_constants(
@@ -251,10 +248,8 @@ def with_constants(
 
 def _divisors(
     map: RationalMap, degree: int, factors: list[Any], at_infinity: bool
-) -> Iterator[tuple[int, ...] | None]:
+) -> Iterator[tuple[int, ...]]:
     """Yield the exponents of products of factors that divide the pullback of some polynomial.
-
-    Between them None is yielded, so that a search can pause there.
 
     The test is modulo a prime, on random lines. A product has the degree `degree` (map.degree - 1),
     so that the quotient has `degree`; one of its factors may be the hyperplane at infinity.
@@ -289,15 +284,12 @@ def _divisors(
     for f, size in zip(divisors, sizes, strict=True):
         systems.append([[]])
         for power in range(1, most // size + 1):
-            yield None
             if len(rows := equations(f, size, power)) == count:
                 break
             systems[-1].append(rows)
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
-    def extended(
-        powers: tuple[int, ...], system: Residues, left: int
-    ) -> Iterator[tuple[int, ...] | None]:
+    def extended(powers: tuple[int, ...], system: Residues, left: int) -> Iterator[tuple[int, ...]]:
         """Extend powers of the first factors that all divide some pullback, to the degree left."""
         k = len(powers)
         if k == len(divisors):
@@ -311,7 +303,6 @@ def _divisors(
                 continue
             joint = system
             if rows:
-                yield None
                 joint = arithmetic.row_space(system + rows, p)
                 if len(joint) == count:  # higher powers divide no pullback either
                     return

@@ -11,7 +11,7 @@ import math
 import random
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cache, reduce
+from functools import lru_cache, reduce
 from itertools import combinations_with_replacement
 from typing import Any, TypeVar
 
@@ -221,16 +221,27 @@ def homogenized(P: Any, degree: int, forms: Sequence[Any], ring: Any) -> Any:
 
 def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> list[Any]:
     """Return monomials in the first coordinates of a point."""
-    known = {(): x[0] ** 0}  # products of the first powers
-    powers = cache(lambda i, k: x[i] ** int(k))
+    steps, places = _steps(tuple(exponents))
+    values = [x[0] ** 0]
+    for place, i in steps:
+        values.append(values[place] * x[i])
+    return [values[place] for place in places]
 
-    def value(e: tuple[int, ...]) -> Any:
-        if e not in known:
-            first, i, k = value(e[:-1]), len(e) - 1, e[-1]
-            known[e] = first * powers(i, k) if k else first
-        return known[e]
 
-    return [*map(value, exponents)]
+@lru_cache(maxsize=256)
+def _steps(exponents: Exponents) -> tuple[list[tuple[int, int]], list[int]]:
+    """Return how monomials are products of earlier ones and a variable, and where they stand."""
+    steps: list[tuple[int, int]] = []
+    places = {(0,) * len(e): 0 for e in exponents}
+
+    def place(e: tuple[int, ...]) -> int:
+        if e not in places:
+            i = max(k for k, power in enumerate(e) if power)
+            steps.append((place((*e[:i], e[i] - 1, *e[i + 1 :])), i))
+            places[e] = len(steps)
+        return places[e]
+
+    return steps, [place(e) for e in exponents]
 
 
 def modulo(P: Any, p: int, eps: Any) -> Any:

@@ -95,15 +95,16 @@ class Queue:
             self._degrees[task.kind].add(task.degree)
 
     def __iter__(self) -> Iterator[Task]:
-        while ready := [task for task in self.waiting if self._is_ready(task)]:
+        while self.waiting:
+            wanted = {k for k in {task.degree for task in self.waiting} if self._is_wanted(k)}
+            ready = [task for task in self.waiting if task.needed or task.degree in wanted]
+            if not ready:
+                break
             task = min(ready, key=attrgetter("place"))
             self._add(task.run())
             self.waiting.remove(task)
             self.done += 1
             yield task
-
-    def _is_ready(self, task: Task) -> bool:
-        return task.needed or self._is_wanted(task.degree)
 
     def finished(self) -> dict[str, int]:
         """Return, for each kind, the degree up to which all tasks are done."""
@@ -333,7 +334,7 @@ class Search:
                 yield self._next_candidate(candidate_cofactors(self.map, k), k)
 
     def _next_candidate(
-        self, candidates: Iterator[RationalFunction | None], k: int, steps: int = 1
+        self, candidates: Iterator[RationalFunction], k: int, steps: int = 1
     ) -> Task:
         """Return the task that takes the next candidate cofactor, and returns the task after it.
 
@@ -342,9 +343,8 @@ class Search:
 
         def run() -> Tasks:
             for candidate in candidates:
-                if candidate is not None:
-                    find = partial(self._find_constants, candidate, k)
-                    yield Task(find, "all", k, needed=False, turn=4 * steps)
+                find = partial(self._find_constants, candidate, k)
+                yield Task(find, "all", k, needed=False, turn=4 * steps)
                 yield self._next_candidate(candidates, k, steps + 1)
                 return
 

@@ -415,8 +415,7 @@ class StepsInNumPy:
             sums |= {name: of_sets[0][name] * of_sets[1][name] for name in zero}
             sums["limit"] = self.motion.numbers[NUMBER.limit] ** 2
         sums["on_trial"] = 0.0
-        if self.half.beside is not None:
-            sums |= self._second_trial(sums, (x, f, new, f_new, error, apart, inverse), taken)
+        sums |= self._second_trial(sums, (x, f, new, f_new, error, apart, inverse), taken)
         sums |= {"taken": taken, "kept": kept, "aside": aside}
         before = self.row("t").copy()
         near = self._apply(rules.NEAR)
@@ -476,17 +475,16 @@ class StepsInNumPy:
         refused = refused & (sums["total"] < np.inf) & again
         if not refused.any():
             return {}
-        f_beside, change = [
-            self._value(np.array([
-                self._apply_to(self.half.beside, i, state=state[i], f=f[i])["beside"]
-                for i in range(self.D)
-            ]))
-            for state in (new, x)
-        ]  # fmt: skip
-        change = change - f
+        changes = []
+        for state, rates in ((x, f), (new, f_new)):
+            beside = [self._apply_to(rules.BESIDE, i, state=state[i], f=f[i])["beside"]
+                      for i in range(self.D)]  # fmt: skip
+            change = (self._value(np.array(beside)) - rates)[: self.D]
+            changes.append(self._solve(self.factors, change) if self.half.is_implicit else change)
         trial = {"ratio": 0.0, "of_apart": 0.0}
         for i in range(self.D):
-            own = {"f_new": f_new[i], "f_beside": f_beside[i], "change": change[i], "taken": taken}
+            own = {"before": changes[0][i], "after": changes[1][i], "taken": taken}
+            own["grows"] = rules.GROWS[self.half.is_implicit]
             own |= {"error": error[i], "apart": apart[i], "inverse": inverse[i]}
             trial = self._apply(rules.SECOND, **own, **trial)
             inverse[i] = np.where(refused, trial.pop("inverse"), inverse[i])

@@ -59,15 +59,16 @@ def test_peaks_of_an_oscillator(c, rtol, stiff):
     np.testing.assert_allclose(motion.x[0, :, 0], expected, atol=200 * rtol / np.sqrt(1 - c))
 
 
-@pytest.mark.parametrize("stiff", [False, True])
-@pytest.mark.parametrize("c", [0.99, 0.999, 0.9999])
-def test_kinks_at_peaks_of_an_oscillator(c, stiff):
+@pytest.mark.parametrize(("stiff", "rtol"), [(False, 1e-9), (True, 1e-9), (True, 1e-12)])
+@pytest.mark.parametrize("c", [0.99, 0.999, 0.9999, 0.99998])
+def test_kinks_at_peaks_of_an_oscillator(c, stiff, rtol):
+    """The integral begins at 0, where x - c is 0 but for the rounding of x."""
     f = field(lambda s, c: (np.maximum(s[1] - c, 0.0), s[2], -s[1]), "y x v", c=c)
     p = RNG.uniform(-1.0, 1.0, 100)
     x0 = np.stack([0 * p, np.sin(p), np.cos(p)], 1)
-    motion = sf.flow(f, x0, time=8 * np.pi, stiff=stiff)
+    motion = sf.flow(f, x0, time=8 * np.pi, stiff=stiff, rtol=rtol)
     expected = 8 * (np.sqrt(1 - c * c) - c * np.arccos(c))
-    np.testing.assert_allclose(motion.x[0, :, 0], expected, atol=2e-7)
+    np.testing.assert_allclose(motion.x[0, :, 0], expected, atol=200 * rtol)
 
 
 @pytest.mark.parametrize("stiff", [None, True])

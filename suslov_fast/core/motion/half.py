@@ -44,7 +44,6 @@ class Half:
     largest      the rule for the size of all components
     allowed      the rule for the error that one may have
     low          how many components are told of that fall and grow
-    beside       the rule for a state that differs by rounding, None without a second trial
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
     watched      how many components surfaces are functions of, `surfaces` how many there are
@@ -70,9 +69,6 @@ class Half:
             self.largest, self.allowed = rules.LARGEST_WITH_CLOCKS, rules.ALLOWED_WITH_CLOCKS
         else:
             self.largest, self.allowed = rules.LARGEST, rules.ALLOWED
-        self.beside = rules.CLOCK_BESIDE if is_implicit else rules.BESIDE
-        if is_implicit and not f.clocks:
-            self.beside = None
         # What the derivative has a block of for x, and the same for each column beside it.
         self.block = f.of if isinstance(f, Variational) else f
         self.parts = [(0, self.block.D)]

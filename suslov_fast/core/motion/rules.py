@@ -14,9 +14,10 @@ weighted sum of columns, if that is more.
 
 The state is rounded, and f with it, which shows where components cancel, where f is steep in time
 or begins at 0. So a step that would be refused has a second trial, where |h (f(x') - f(x))| is
-allowed, for states x' beside those at both ends of the step, whichever is less. There clocks are
-2**-50 of their values later, and in an explicit step others differ by some 2**-51 of theirs. It
-takes time, and so it is for steps after one that was refused, or that was taken by such a trial.
+allowed, for states x' beside those at both ends of the step, whichever is less; in an implicit step
+A**-1 of that, see `implicit`, because fast modes forget it. There clocks are 2**-50 of their values
+later, and others differ by some 2**-51 of theirs. It takes time, and so it is for steps after one
+that was refused, or that was taken by such a trial.
 
 A component that has been large, falls below its allowed error in two steps in a row, and grows to
 GROWN times that again may have no digits, and is told of (`LOW`).
@@ -67,6 +68,7 @@ from .rows import State
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 OF_SEED = 2.0**-41  # of `Component.seeds`, which are below 2**-10
+GROWS = {False: 1.0, True: 16.0}  # what rounding of f becomes by the weights of implicit columns
 TINY_STEP = 2.0**-40  # part of the time
 HIDDEN_FROM = 2.0**-20  # part of the time, below which no step hides crossings
 GROWN, STAYS = 1000.0, 0.125
@@ -214,22 +216,16 @@ def BESIDE(t, state, f, counts, seeds):
 
 
 @_rule
-def CLOCK_BESIDE(t, state, f, counts):
-    """The same where only clocks differ."""
-    later = state + OF_CLOCK * larger(abs(state), t * abs(f))
-    return {"beside": (counts > 0.0).select(state, later)}
-
-
-@_rule
-def SECOND(t, taken, error, apart, inverse, change, f_new, f_beside, ratio, of_apart):
+def SECOND(t, taken, error, apart, inverse, before, after, grows, ratio, of_apart):
     """The largest ratios of a second trial, and the inverse of what it allows.
 
-    `change` is that of f beside the beginning of the step. Of a step that is not much longer than
-    what time is rounded to only that counts, because its sub-steps see little but rounding.
+    `before` and `after` are the changes of f beside both ends of the step. Of a step that is not
+    much longer than what time is rounded to only the first counts, because its sub-steps see little
+    but rounding, which `grows` in the sum of columns.
     """
     is_short = taken <= TINY_STEP * t
-    at_end = is_short.select(inf, abs(f_beside - f_new))
-    of_rounding = taken * smaller(at_end, abs(change))
+    at_end = is_short.select(inf, abs(after))
+    of_rounding = grows * (taken * smaller(at_end, abs(before)))
     own = (of_rounding < inf).select(smaller(1.0 / of_rounding, inverse), inverse)
     return {
         "ratio": larger(abs(error) * own, ratio),

@@ -53,8 +53,7 @@ def take_step(lines):
         sums["apart"] = _apart_of_rough(lines, own)
         sums |= _differences_of_sets(lines)
     sums["on_trial"] = text.value(0.0)
-    if half.beside is not None:
-        sums |= _second_trial(lines, own, of_error, sums)
+    sums |= _second_trial(lines, own, of_error, sums)
     sums |= {"kept": kept, "taken": work.taken[0], "rate": rate, **lines.near()}
     before = line.t[0]
     found = lines.apply(rules.AFTER, **sums, **lines.goal())
@@ -179,20 +178,28 @@ def _second_trial(lines, own, of_error, sums):
     usual = sums | {"on_trial": text.value(0.0)}
 
     def trial():
-        for states in (line.x, work.new):
+        change = work.right if half.is_implicit else work.f
+        if half.is_implicit:
+            text.copy(work.right, work.b, lines.D)
+        for states, rates in ((line.x, line.f), (work.new, work.f_new)):
             if states is work.new:
-                for i in text.each(lines.D):
-                    work.a.put_chosen(i, work.f[i] - line.f[i])
+                text.copy(change, work.a, lines.D)
             for i in text.each(lines.D):
                 of_line = {"t": line.t[0], "f": line.f[i], "state": states[i]}
-                found = lines.apply(half.beside, i, **of_line)
+                found = lines.apply(rules.BESIDE, i, **of_line)
                 work.start.put_chosen(i, found["beside"])
             lines.call("f", work.start, lines.table, work.f)
+            for i in text.each(lines.D):
+                change.put_chosen(i, work.f[i] - rates[i])
+            if half.is_implicit:
+                lines.call("solve", work.factors, lines.table, change)
         found = Carried(ratio=0.0, of_apart=0.0)
         for i in text.each(lines.D, found):
-            inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i))}
-            inputs |= {"inverse": work.error[i], "change": work.a[i], "f_beside": work.f[i]}
-            inputs |= {"t": line.t[0], "taken": work.taken[0], "apart": _apart(lines, own, i)}
+            apart = work.b[i] if half.is_implicit else _apart(lines, own, i)
+            inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i)), "apart": apart}
+            inputs |= {"inverse": work.error[i], "before": work.a[i], "after": change[i]}
+            inputs |= {"t": line.t[0], "taken": work.taken[0]}
+            inputs["grows"] = rules.GROWS[half.is_implicit]
             now = lines.apply(rules.SECOND, i, **inputs, **vars(found))
             work.error.choose(refused, i, now.pop("inverse"))
             found.update(now)

@@ -23,7 +23,7 @@ def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
     given = scheme, np.atleast_2d(values), np.array([0.1])
     lines = steps_field._Lines(given, x, notes, 8)
     stage = called_stages.StageByRuns(lines)
-    heads = weakref.ref(listed.programs_of(scheme.step).usual[0].runs.heads)
+    heads = weakref.ref(listed.programs_of(scheme.step, False)[0].runs.heads)
     listed.programs_of.cache_clear()
     assert heads() is not None
     assert stage.programs[0].runs.heads is heads()

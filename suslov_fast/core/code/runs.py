@@ -315,30 +315,16 @@ def program_of(rows, table, operations, results):
     return Program(len(rows), renamed, results, numbers), numbers
 
 
-class Programs:
-    """The programs of a step: `usual`, and `rare` for states where `good` is false, a list each.
+@functools.lru_cache(16)
+def programs_of(step, are_rare):
+    """Return the programs of a step, a list of one, with numbers of its own.
 
-    Each has numbers of its own. The second one is made when a state first needs it.
+    The usual one has the values `after` and `good`; for states where `good` is false that of the
+    rare one has `after_rare`, `good`, `accurate`, `negative`, and `changed` if that is not None.
     """
-
-    def __init__(self, step):
-        self._step = step
-        results = [*step.after, step.good]
-        self.usual = [Program(step.D, step.usual, results, Numbers(step.places))]
-
-    @functools.cached_property
-    def rare(self):
-        """That of the values `after_rare`, `good`, `accurate`, `negative` and `changed`.
-
-        The last one is missing where it is None.
-        """
-        step = self._step
+    operations, results = step.usual, [*step.after, step.good]
+    if are_rare:
+        operations = [*step.usual, *step.rare]
         results = [*step.after_rare, step.good, step.accurate, step.negative]
         results += [] if step.changed is None else [step.changed]
-        return [Program(step.D, [*step.usual, *step.rare], results, Numbers(step.places))]
-
-
-@functools.lru_cache(8)
-def programs_of(step):
-    """Return the `Programs` of a step."""
-    return Programs(step)
+    return [Program(step.D, operations, results, Numbers(step.places))]

@@ -4,6 +4,8 @@ Each has the address of its code and of its plan, and makes the tables of a line
 what the code lacked where it stopped.
 """
 
+import functools
+
 import numpy as np
 
 from ..code.compiler import code_of
@@ -45,12 +47,12 @@ class StageByRuns(CalledStage):
         self.code = stage_by_runs(lines.W, lines.for_each)
         self.own = np.zeros(len(StagePlan._fields), np.int64)
         self.own[SLOT.D], self.own[SLOT.changed] = step.D, 2 if step.changed is None else 3
-        self.begin(programs_of(step), SLOT, SLOT.heads)
+        self.begin(programs_of, step, SLOT, SLOT.heads)
 
-    def begin(self, programs, slots, first):
+    def begin(self, programs_of, step, slots, first):
         """Begin with the usual programs, whose addresses stand in the plan from a place on."""
-        self.all = programs  # kept here, because a cache may forget them
-        self.programs, self.slots, self.first = programs.usual, slots, first
+        self.rare = functools.partial(programs_of, step, True)
+        self.programs, self.slots, self.first = programs_of(step, False), slots, first
         self.point()
 
     def point(self):
@@ -65,7 +67,7 @@ class StageByRuns(CalledStage):
 
     def prepare(self):
         """Make the other programs."""
-        self.programs = [*self.programs, *self.all.rare]
+        self.programs = [*self.programs, *self.rare()]
         self.own[self.slots.is_rare] = 1
         self.point()
         self.tables_of(self.line)
@@ -106,7 +108,7 @@ class StageByColumns(StageByRuns):
         programs = [0] * (4 * OF_PROGRAM)
         numbers = [*numbers, *lengths_of(sparse), *addresses[place:], *programs]
         self.own = np.array(numbers, np.int64)
-        self.begin(parts_of(step), COLUMNS, len(numbers) - len(programs))
+        self.begin(parts_of, step, COLUMNS, len(numbers) - len(programs))
 
     def tables_of(self, line):
         """Make the tables of a line."""

@@ -107,34 +107,20 @@ def text_of_stage_by_columns(_, name, W, for_each):
     return text.finished()
 
 
-class Parts:
-    """The programs of a `StepByColumns`: `usual`, and `rare` for states where `good` is false."""
+@functools.lru_cache(16)
+def parts_of(step, are_rare):
+    """Return the programs of a `StepByColumns`: the usual ones, or the others."""
 
-    def __init__(self, step):
-        self.step = step
-        self.usual = [
-            self._program(ENTRIES, [*step.entries, *step.right]),
-            self._program(TESTS, [*step.after, step.good]),
-        ]
-
-    @functools.cached_property
-    def rare(self):
-        step = self.step
-        results = [*step.after_rare, step.accurate, step.negative]
-        results += [] if step.changed is None else [step.changed]
-        return [self._program(OF_NEXT, step.of_next), self._program(RARE, results)]
-
-    def _program(self, part, results):
-        """Return the `Program` of a part."""
-        step, given = self.step, GIVEN[part]
-        operations = [*step.usual, *step.rare]
+    def program(part, results):
+        given, operations = GIVEN[part], [*step.usual, *step.rare]
         if given == 1:
             return program_of(range(step.D), step.table, operations, results)[0]
         operations = [each for each in operations if each[1] not in step.before]
         return program_of(step.given[: given * step.D], [], operations, results)[0]
 
-
-@functools.lru_cache(8)
-def parts_of(step):
-    """Return the `Parts` of a `StepByColumns`."""
-    return Parts(step)
+    if not are_rare:
+        first = program(ENTRIES, [*step.entries, *step.right])
+        return [first, program(TESTS, [*step.after, step.good])]
+    results = [*step.after_rare, step.accurate, step.negative]
+    results += [] if step.changed is None else [step.changed]
+    return [program(OF_NEXT, step.of_next), program(RARE, results)]

@@ -1,7 +1,5 @@
 """Right-hand sides of dense quadratic fields, whose coefficients are a table."""
 
-from types import SimpleNamespace
-
 import numpy as np
 
 
@@ -28,30 +26,29 @@ class DenseRightHandSide:
         """Return the table (P, ...) for parameters (P, ...)."""
         return np.array(parameters, np.float64)
 
+    @np.errstate(all="ignore")
     def value(self, x, table):
         """Return f (D, ...) at states (D, ...)."""
-        return np.stack([of.value for of in self._components(x, table)])
+        x, constant, linear, totals = self._parts(x, table)
+        terms = np.concatenate([constant[:, np.newaxis], (linear + totals) * x], axis=1)
+        return np.add.accumulate(terms, axis=1)[:, -1]
 
+    @np.errstate(all="ignore")
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states (D, ...)."""
-        return np.stack([np.stack(of.slopes) for of in self._components(x, table)])
+        _, _, linear, totals = self._parts(x, table)
+        return linear + (totals + totals)
 
     value_and_denominators = value
 
-    def _components(self, x, table):
-        """Yield value and slopes of each component, with sums in the order of machine code."""
-        D = self.D
-        with np.errstate(all="ignore"):
-            for i in range(D):
-                own = table[i * (1 + D + D * D) :]
-                value, slopes = own[0], []
-                for j in range(D):
-                    total = 0.0
-                    for k in range(D):
-                        total = total + own[1 + D + j * D + k] * x[k]
-                    slopes.append(own[1 + j] + (total + total))
-                    value = value + (own[1 + j] + total) * x[j]
-                yield SimpleNamespace(value=value, slopes=slopes)
+    def _parts(self, x, table):
+        """Return x_i, c_i, l_ij, and the sums of q_ijk x_k in the order of machine code."""
+        D, axes = self.D, max(np.ndim(x), np.ndim(table)) - 1
+        x, own = (np.reshape(a, (D, -1, *(np.shape(a)[1:] or [1] * axes))) for a in (x, table))
+        products = own[:, 1 + D :].reshape(D, D, D, *own.shape[2:]) * x[:, 0]
+        shape = D, *np.broadcast_shapes(own.shape[2:], x.shape[2:])
+        constant = np.broadcast_to(own[:, 0], shape)
+        return x[:, 0], constant, own[:, 1 : 1 + D], np.add.accumulate(products, axis=2)[:, :, -1]
 
 
 def dense_parameters(indices, values, D):

@@ -136,15 +136,3 @@ def test_matrices_of_numbers_and_those_that_are_not_symmetric():
 def test_matrices_that_are_refused(mass, message):
     with pytest.raises((TypeError, ValueError), match=message):
         Field.from_function(lambda x: (x[1], -x[0]), 2, mass=mass)
-
-
-def test_solve_in_f_is_answered_by_mass():
-    for f in (
-        lambda x: np.linalg.solve(np.array([[1, 0], [0, 1 + x[0] ** 2]]), x),
-        lambda x: np.linalg.inv(np.array([[1, 0], [0, 1 + x[0] ** 2]])) @ x,
-        lambda x: np.linalg.solve(np.eye(2), x),
-    ):
-        with pytest.raises(TypeError, match="mass=M"):
-            Field.from_function(f, 2)
-    with pytest.raises(TypeError, match="mass"):
-        sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), 2, mass=np.eye(2))

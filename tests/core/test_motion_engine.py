@@ -170,10 +170,11 @@ def test_machine_code_has_the_bits_of_numpy(case, monkeypatch):
 
 
 def dense_field(rng, D=5):
-    """Return a dense right-hand side and its table."""
+    """Return a dense right-hand side, its table, and its terms."""
     indices = [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
     values = 0.1 * rng.normal(size=len(indices))
-    return DenseRightHandSide(D), dense_parameters(np.transpose(indices), values, D)
+    table = dense_parameters(np.transpose(indices), values, D)
+    return DenseRightHandSide(D), table, [(*i, v) for i, v in zip(indices, values, strict=True)]
 
 
 @pytest.mark.filterwarnings("ignore:.*slide along:suslov_fast.PoleWarning")
@@ -181,7 +182,7 @@ def dense_field(rng, D=5):
 def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
     """Choices, kinks, tables, parameters of each, dense fields, starts and ends without a value."""
     rng = np.random.default_rng(5)
-    f, table = dense_field(rng)
+    f, table, _ = dense_field(rng)
 
     def found():
         states = np.full((2, 9, f.D), np.nan)
@@ -336,17 +337,13 @@ def test_one_trajectory_has_the_bits_of_a_batch(case):
 
 def test_dense_fields():
     D, rng = 5, np.random.default_rng(3)
-    i, j, k = np.array(
-        [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
-    ).T
-    v = 0.1 * rng.normal(size=len(i))
-    f, x0 = DenseRightHandSide(D), 0.1 * rng.normal(size=(3, D))
-    table = dense_parameters(np.array([i, j, k]), v, D)
+    f, table, terms_of_f = dense_field(rng, D)
+    x0 = 0.1 * rng.normal(size=(3, D))
 
     def products(s):
         terms = [0.0 * s[0]] * D
         y = [*s, 1.0]
-        for place, *factors, value in zip(i, j, k, v, strict=True):
+        for place, *factors, value in terms_of_f:
             terms[place] = terms[place] + value * y[factors[0]] * y[factors[1]]
         return terms
 

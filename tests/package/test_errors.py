@@ -249,6 +249,7 @@ TABLE = [
     (KeyError, "lorenz", lambda: sf.integrability.zoo()["lorenz"]),
     (ValueError, "low", lambda: sf.RandomStarts(3, low=1, high=1),
      lambda: sf.RandomStarts(3, low=-1.7e308, high=1.7e308)),
+    (TypeError, "mass", field(lambda x: (x[1], -x[0]), mass=np.eye(2))),
     (ValueError, "mass", lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3})),
     (ValueError, "max_step", motion(max_step=0.0)),
     (TypeError, "method", orbit(method="order8"), exponents(time=1.0, method="order4")),

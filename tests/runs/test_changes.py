@@ -243,32 +243,6 @@ def test_endless_changes_at_one_instant():
     assert (motion.status, motion.end) == (Status.ACCUMULATES, pytest.approx(1.0))
 
 
-def test_bits_depend_on_nobody_else():
-    rng = np.random.default_rng(1)
-    f = Field.from_function(lambda x, g: (x[1], -g - 0.1 * np.sign(x[1]) * x[1] ** 2), "h v",
-                            g=rng.uniform(8, 11, 37))  # fmt: skip
-    x = rng.uniform(0.5, 2.0, (37, 2))
-    kick = np.where(rng.random((37, 3)) < 0.2, np.nan, rng.uniform(0, 3, (37, 3)))
-    changes = [
-        Change("h", direction=-1, to=lambda x: (x[0], -0.8 * x[1])),
-        Change(times=kick, to=lambda x: (x[0], x[1] + 1)),
-        Change(lambda x: x[0] - 1),
-    ]
-    time = np.linspace(0.2, 3.0, 8)
-    whole = flow(f, x, time=time, changes=changes, threads=TWO_THREADS)
-    order = rng.permutation(37)
-    for part in (order, order[:9], order[5:6]):
-        own = [*changes]
-        own[1] = Change(times=kick[part], to=changes[1].to)
-        found = flow(f[part], x[part], time=time, changes=own, threads=1)
-        np.testing.assert_array_equal(found.x, whole.x[:, part])
-        np.testing.assert_array_equal(found.changes.count, whole.changes.count[part])
-        first = whole.changes.trajectory == part[0]
-        own = found.changes.trajectory == 0
-        np.testing.assert_array_equal(found.changes.time[own], whole.changes.time[first])
-        np.testing.assert_array_equal(found.changes.states[own], whole.changes.states[first])
-
-
 # -------------------------------------------------------------------------------- derivatives
 def by_complex_steps(f, values):
     """Return the derivatives of f(*values) by each value, in the last axis."""
@@ -498,9 +472,21 @@ def test_bits_with_changes_depend_on_no_neighbour():
     rng = np.random.default_rng(1)
     field = Field.from_function(f, "x y p q", a=rng.uniform(0.5, 1.0, 16))
     x0 = rng.normal(size=(16, 4)) * 0.4
-    bounce = Change("x", direction=-1, to=lambda s: (-s[0], s[1], -0.9 * s[2], s[3]))
-    options = {"time": -6.0, "rtol": 1e-6, "changes": bounce}
-    together = flow(field, x0, **options)
+    options = {"time": -6.0, "rtol": 1e-6}
+
+    def changes(times):
+        return [
+            Change("x", direction=-1, to=lambda s: (-s[0], s[1], -0.9 * s[2], s[3])),
+            Change(times=times, to=lambda s: (s[0], s[1], s[2] + 1, s[3])),
+            Change(lambda s: s[1] - 0.1),
+        ]
+
+    kicks = np.where(rng.random((16, 3)) < 0.2, np.nan, -rng.uniform(0.0, 6.0, (16, 3)))
+    together = flow(field, x0, changes=changes(kicks), threads=TWO_THREADS, **options)
     for k in range(16):
-        alone = flow(field[k], x0[k], **options)
+        alone = flow(field[k], x0[k], changes=changes(kicks[k]), threads=1, **options)
         np.testing.assert_array_equal(alone.x[0], together.x[0, k])
+        np.testing.assert_array_equal(alone.changes.count, together.changes.count[k])
+        own = together.changes.trajectory == k
+        np.testing.assert_array_equal(alone.changes.time, together.changes.time[own])
+        np.testing.assert_array_equal(alone.changes.states, together.changes.states[own])

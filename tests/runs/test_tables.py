@@ -1,4 +1,4 @@
-"""Files of any result by `load`, and tables of pandas."""
+"""Results as tables of pandas."""
 
 import sys
 
@@ -16,19 +16,6 @@ RESULTS = {
     "one": sf.flow(FAMILY[0], [1.0, 0.0], time=[0.0, 1.0]),
     "body": sf.iterate(sf.Suslov3D(4, [1, 2], -0.5, -0.3), [1.0, 0.5], 0.1, 3),
 }
-
-
-@pytest.mark.parametrize("kind", RESULTS)
-def test_any_file_is_loaded(kind, tmp_path):
-    result = RESULTS[kind]
-    result.save(tmp_path / "result.npz")
-    loaded = sf.load(tmp_path / "result.npz")
-    assert (type(loaded), loaded) == (type(result), result)
-    with pytest.raises(FileNotFoundError):
-        sf.load(tmp_path / "other.npz")
-    (tmp_path / "text.npz").write_text("none")
-    with pytest.raises(ValueError, match="not a complete file"):
-        sf.load(tmp_path / "text.npz")
 
 
 @pytest.mark.parametrize("kind", RESULTS)

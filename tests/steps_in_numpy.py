@@ -11,7 +11,6 @@ from functools import singledispatch
 
 import numpy as np
 
-from suslov_fast.core.lists.dense import DenseRightHandSide
 from suslov_fast.core.lists.hidden import MIDDLE, POINTS
 from suslov_fast.core.lists.sparse import Head
 from suslov_fast.core.lists.step import evaluate
@@ -177,12 +176,10 @@ def _dense_product(function: functions.DenseProduct, rows):
 
 def derivative_entries(f, x, table):
     """Return the entries of f' that the implicit half has, at states (D, ...)."""
-    if isinstance(f, DenseRightHandSide):
-        matrix = f.jacobian(x, table)
-        return matrix.reshape(f.D * f.D, *matrix.shape[2:])
     if isinstance(f, Variational):
         return _entries_with_couplings(f, x, table)
-    return f.derivative_entries(x, table)
+    slopes = f.jacobian(x, table)
+    return np.array([slopes[place] for place in f.pattern])
 
 
 def _entries_with_couplings(whole, x, table):

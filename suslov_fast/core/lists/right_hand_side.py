@@ -237,6 +237,7 @@ class RightHandSide:
         both = fixed | values.fixed_truths
         of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
+        self._of_table = List(self.fixed, self.table)
         self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, changes, offsets = False, None, {}
@@ -304,15 +305,8 @@ class RightHandSide:
     def table_of(self, parameters):
         """Return the values of the table (n, ...) for parameters (P, ...)."""
         parameters = np.asarray(parameters, np.float64)
-        values = dict(enumerate(parameters, self.D))
-        table = np.empty((len(self.table), *parameters.shape[1:]))
-        with np.errstate(all="ignore"):
-            if len(self.fixed) > _FEW and math.prod(parameters.shape[1:]) < _MANY:
-                return self._groups_of_table.carried_out(parameters, parameters.shape[1:])
-            evaluate(self.fixed, values)
-        for place, number in enumerate(self.table):
-            table[place] = values[number]
-        return table
+        given = range(self.D, self.D + self.P)
+        return self._carried_out("_of_table", given, parameters, parameters.shape[1:])
 
     def table_with(self, parameters, table):
         """Return the table (n, ...) for other parameters; `table` is the one that there was."""
@@ -320,39 +314,34 @@ class RightHandSide:
 
     def value(self, x, table):
         """Return f (D, ...) at states (D, ...)."""
-        return self._carried_out("f", x, table)
+        return self._at("f", x, table)
 
     def value_and_denominators(self, x, table):
         """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
-        return self._carried_out("_with_denominators", x, table)
-
-    def derivative_entries(self, x, table):
-        """Return the entries of f' (entries, ...) at states (D, ...)."""
-        return self._carried_out("derivative", x, table)
+        return self._at("_with_denominators", x, table)
 
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states (D, ...)."""
-        entries = self.derivative_entries(x, table)
+        entries = self._at("derivative", x, table)
         matrix = np.zeros((self.D, self.D, *entries.shape[1:]))
         for place, entry in zip(self.pattern, entries, strict=True):
             matrix[place] = entry
         return matrix
 
-    @functools.cached_property
-    def _groups_of_table(self):
-        given = range(self.D, self.D + self.P)
-        return Groups(List(self.fixed, self.table), given)
-
-    def _carried_out(self, name, x, table):
-        """Return the results of the list with this name, for states and a table."""
+    def _at(self, name, x, table):
+        """Return the results of the list with this name, at states and for a table."""
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
+        return self._carried_out(name, [*range(self.D), *self.table], [*x, *table], shape)
+
+    def _carried_out(self, name, given, arrays, shape):
+        """Return the results of the list with this name, for the values that are given."""
         list_ = getattr(self, name)
         with np.errstate(all="ignore"):
             if len(list_.operations) > _FEW and math.prod(shape) < _MANY:
                 if name not in self._groups:
-                    self._groups[name] = Groups(list_, [*range(self.D), *self.table])
-                return self._groups[name].carried_out([*x, *table], shape)
-            values = dict(enumerate(x)) | dict(zip(self.table, table, strict=True))
+                    self._groups[name] = Groups(list_, given)
+                return self._groups[name].carried_out(arrays, shape)
+            values = dict(zip(given, arrays, strict=True))
             evaluate(list_.operations, values)
         results = np.empty((len(list_.results), *shape))
         for k, a in enumerate(list_.results):

@@ -5,7 +5,6 @@ A small package with a copy of `core` compiles fast.
 
 import re
 import shutil
-import zipfile
 from pathlib import Path
 
 import children
@@ -274,27 +273,3 @@ def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):
     with pytest.raises(RuntimeError, match=words) as found:
         call()
     assert isinstance(found.value.__cause__, numba.TypingError)
-
-
-@pytest.mark.slow
-def test_all_is_imported_from_an_archive(tmp_path):
-    """It finds its list of names, its sources for the digest, and the files of the page."""
-    archive, package = tmp_path / "package.zip", Path(sf.__file__).parent
-    with zipfile.ZipFile(archive, "w") as file:
-        for path in package.rglob("*"):
-            if path.is_file() and "__pycache__" not in path.parts:
-                file.write(path, path.relative_to(package.parent))
-    code = """
-        import sys
-        sys.path.insert(0, sys.argv[1])
-        import suslov_fast as sf
-        from suslov_fast.core.compiling import cache
-        assert sf.__file__.startswith(sys.argv[1])
-        body = sf.Suslov3D(4, 2, -0.5, -0.3)
-        print(sf.energy(body, [1.0, 0.5]), cache._digest())
-        from suslov_fast.plots.explore.server import PAGE
-        assert b"<html" in (PAGE / "index.html").read_bytes()
-    """
-    places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path)}
-    found = children.run(code, archive, **places)
-    assert found == f"2.25 {cache._digest()}\n"

@@ -8,26 +8,10 @@ import numpy as np
 import pytest
 import xarray
 from numba import njit
+from test_errors import BODY, FIELD, HENON, INF, NAN, OMEGA, Tensor
 
 import suslov_fast as sf
 from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, checks
-
-NAN, INF = float("nan"), float("inf")
-OMEGA = [[1.0, 0.5], [0.2, 0.3]]
-BODY = Suslov3D(4, 1, -0.5, -0.3)
-FIELD = QuadraticField([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
-FAMILY = QuadraticField.from_function(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
-HENON = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
-
-
-class Tensor:
-    """An array of another package, which converts itself."""
-
-    def __init__(self, values):
-        self.values = values
-
-    def __array__(self, dtype=None, copy=None):
-        return np.asarray(self.values, dtype)
 
 
 def field(f, dimension=2, **parameters):

@@ -297,18 +297,18 @@ def _listed(times: FloatArray) -> Any:
     return np.where(np.isfinite(times), times, np.array(None)).tolist()
 
 
+def refuse_event(surface: Any, how: str) -> None:
+    """Raise TypeError for a surface that is an event of `solve_ivp`."""
+    names = [name for name in ("terminal", "direction") if hasattr(surface, name)]
+    if names:
+        received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
+        expected = "a function without the attributes of SciPy's events"
+        raise wrong("surface", expected, f"{received}: {how}", TypeError)
+
+
 def _check_surface(surface: Any) -> None:
     """Raise an error unless a surface is a function of the state, or a text."""
-    names = [name for name in ("terminal", "direction") if hasattr(surface, name)]
-    if names and not isinstance(surface, str):  # the surface is an event of `solve_ivp`
-        received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
-        how = "pass ends=True to end there, direction=-1 for downwards"
-        raise wrong(
-            "surface",
-            "a function without attributes of SciPy's events",
-            f"{received}: {how}",
-            TypeError,
-        )
+    refuse_event(surface, "pass ends=True to end there, direction=-1 for downwards")
     if isinstance(surface, str) or callable(surface):
         return
     is_number = isinstance(surface, (int, float))

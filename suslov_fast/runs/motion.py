@@ -159,10 +159,6 @@ class Motion(States, OfMotion):
     _is_whole = True
 
     @property
-    def _titles(self) -> dict[str, str]:
-        return {"title": f"Motion of a {type(self.body).__name__}"}
-
-    @property
     def _heading(self) -> tuple[str, str, int]:
         last = max(self.time, key=abs, default=0.0)
         return self._titles["title"], f"to t = {last:g}", len(self.time)

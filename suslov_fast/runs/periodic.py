@@ -12,10 +12,10 @@ from .. import checks
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..checks import FloatArray, integer, real_number, short, warn, wrong
+from ..checks import FloatArray, integer, short, warn, wrong
 from ..engine.starts import checked_settings
 from ..keywords import public, with_answers
-from ..maps import Method, problem
+from ..maps import Method, map_of
 from ..quantities.derivatives import vector_field
 from . import shooting
 from .change import Change
@@ -251,17 +251,10 @@ def _of_map(
     if period is None and eps is None:
         raise wrong("eps", "given with steps, or a period", None)
     name, size = ("period", period) if eps is None else ("eps", eps)
-    size = real_number(name, size)
-    if not np.all(np.greater(size, 0.0)):
-        raise wrong(name, "positive", size)
+    size = checks.positive(name, size)
     method = method or ("order8" if eps is None else "auto")
-    checked = problem("jacobian", system, start, size, method=method, name="start")
-    if checked.batch:
-        expected = f"called with a single {type(system).__name__}, state and {name}"
-        raise wrong("periodic_orbit", expected, f"a batch {checked.batch}")
-    x, T = checked.omega, float(size) if eps is None else float(size) * steps
-    if not np.isfinite(x).all():
-        raise wrong("start", "finite", short(start))
+    map_of(system, method).require("jacobian", system)
+    x, T = _checked_start(system, start), size if eps is None else size * steps
     checked_settings(system, rtol)
     _check_return(system)
     of_map = OfMap(system, vector_field(system, x), steps, method, eps is not None)
@@ -269,7 +262,7 @@ def _of_map(
         search = shooting.found(of_map, x, T, rtol, 1)
     if found := _not_an_orbit(search, T):
         far = f"start, {name} = {size:g} or steps = {steps} is too far from an orbit"
-        others = _other_steps(of_map, x, float(size), rtol) if eps is not None else None
+        others = _other_steps(of_map, x, size, rtol) if eps is not None else None
         far += f": pass steps={others}" if others else ""
         raise RuntimeError(f"periodic_orbit found {found}: {far}")
     if eps is not None:

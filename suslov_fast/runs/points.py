@@ -44,7 +44,7 @@ class Points(Result):
     @property
     def _heading(self) -> str:
         """The name of the points in plots."""
-        return f"Motion of a {type(self.body).__name__}"
+        return str(self._titles["title"])
 
     def __len__(self) -> int:
         return len(self.trajectory)

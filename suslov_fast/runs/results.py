@@ -62,6 +62,13 @@ class Result(metaclass=Answering):
         return self.body.variable  # type: ignore[no-any-return]
 
     @property
+    def _titles(self: Any) -> dict[str, str]:
+        """The attributes of datasets that say what this is; titles of plots begin with them."""
+        if (map := vars(self).get("map")) is None:
+            return {"title": f"Motion of a {type(self.body).__name__}"}
+        return {"title": map.title, "map": map.name}
+
+    @property
     def _meaning(self) -> str:
         return "state" if self._variable == "x" else "angular velocity"
 
@@ -256,12 +263,11 @@ class States(Result):
     """The base of `Trajectories` and `Motion`, which have states with time on the first axis.
 
     For plots they have `_is_whole`, whether states follow one another, and `_heading`: what they
-    are, how far orbits go, and the number of states of one; for datasets `_titles`, attributes.
+    are, how far orbits go, and the number of states of one.
     """
 
     _is_whole: Any
     _heading: Any
-    _titles: Any
 
     first_integral = quantity("first_integral")
     energy = quantity("energy")

@@ -23,6 +23,7 @@ from ..core.motion.refine import crossing_fractions
 from ..engine.arguments import flat_parameter
 from ..engine.status import Status
 from ..engine.stretches import March, Report
+from .change import refuse_event
 
 # Numbers in a piece: long, because each piece costs as much as some steps, and each round of a
 # refinement as much as many; but shorter than outputs that kernels write past the caches
@@ -54,12 +55,8 @@ def checked_surface(surface: Any, labels: Sequence[str]) -> Any:
         raise wrong("surface", expected, f"{checks.kind_of(surface)}{how}", TypeError)
     if len(needed := arguments_of(surface)) > 1:
         raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
-    names = [name for name in ("terminal", "direction") if hasattr(surface, name)]
-    if names:  # the surface is an event of `solve_ivp`
-        received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
-        how = "pass most=1 to end at the first crossing, direction=-1 for crossings downwards"
-        expected = "a function without the attributes of SciPy's events"
-        raise wrong("surface", expected, f"{received}: {how}", TypeError)
+    how = "pass most=1 to end at the first crossing, direction=-1 for crossings downwards"
+    refuse_event(surface, how)
     return surface
 
 

@@ -137,10 +137,6 @@ class Trajectories(States):
         )
 
     @property
-    def _titles(self) -> dict[str, str]:
-        return {"title": self.map.title, "map": self.map.name}
-
-    @property
     def _is_whole(self) -> bool:
         return bool(self.n[-1] == len(self) - 1)
 

@@ -116,8 +116,8 @@ def crossings_to_xarray(points: Any) -> Any:
     """Return crossings as a dataset; see `Points.to_xarray`."""
     from ... import __version__
 
-    body, map = points.body, vars(points).get("map")
-    is_of_map, of_steps = map is not None, {}
+    body, is_of_map = points.body, "map" in points._titles
+    of_steps = {"eps": np.asarray(points.eps)} if is_of_map else {}
     variables: dict[str, Any] = {}
     dim = "crossing" if points.what == "crossings" else "changed"
     there = f"{points._meaning} there" if is_of_map else ""
@@ -132,12 +132,8 @@ def crossings_to_xarray(points: Any) -> Any:
             variables[name] = dims_of(column, ()), values, about
     coords: dict[str, Any] = {"component": np.array(body.labels, object)}
     coords |= {name: (dim, getattr(points, name)) for name in points.coordinates}
-    attributes = {"title": f"{points.what.capitalize()} of motions of a {type(body).__name__}"}
-    if is_of_map:
-        of_steps = {"eps": np.asarray(points.eps)}
-        attributes = {"title": map.title, "map": map.name}
     for name, values in (of_steps | varying(body)).items():
         axes = body.axes.get(name, 0)
         coords[name] = (dim, *("component",) * axes), points._at_crossings(values, axes)
-    attributes |= {"version": __version__, **_arguments_of(points)}
+    attributes = {**points._titles, "version": __version__, **_arguments_of(points)}
     return extra("xarray", "xarray").Dataset(variables, coords, attributes)

@@ -132,8 +132,8 @@ def lyapunov_exponents(
         count = threads_for(len(x), thread_count(threads))
         with reporter(progress, 1000) as report:
             arguments = time, before, settings, count, report, acts, stops
-            exponents, found = exponents_of(field, x, batch, *arguments)
-        warn_of_ends(found, x, batch)
+            exponents, ends = exponents_of(field, x, batch, *arguments)
+        warn_of_ends(ends, x, batch)
         return exponents.reshape(*batch, exponents.shape[1])
     checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)

@@ -84,12 +84,11 @@ def values_at(surface: Surface, states: FloatArray, all_exist: bool) -> FloatArr
         how = "pass the difference, not the comparison"
         raise wrong("surface", what, f"bool: {how}", TypeError)
     if values.dtype.kind not in "iuf":
-        received = "None: return a value" if returned is None else values.dtype
+        received: object = "None: return a value" if returned is None else values.dtype
         raise wrong("surface", what, received, TypeError)
     if values.shape != states.shape[:-1]:
-        received = f"values {values.shape} for states {states.shape}"
         expected = f"have a value for each state, (...) for states (..., D), with {_LAST}"
-        raise wrong("surface", expected, received)
+        raise wrong("surface", expected, f"values {values.shape} for states {states.shape}")
     # Writeable, because Numba would compile for read-only arrays anew.
     values = np.require(values, np.float64, ["C", "A", "W"])
     return values if all_exist else np.where(np.isnan(states[..., 0]), np.nan, values)

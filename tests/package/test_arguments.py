@@ -97,19 +97,9 @@ FUNCTIONS = [
 @pytest.mark.parametrize(("name", "function"), FUNCTIONS, ids=[name for name, _ in FUNCTIONS])
 def test_body_and_state_are_positional_only(name, function):
     """A state is omega for a body and x for a field: no name of the argument would fit both."""
+    first = "body field system omega omega0 x x0 xy start run".split()
     for parameter in inspect.signature(function).parameters.values():
-        is_first = parameter.name in {
-            "body",
-            "field",
-            "system",
-            "omega",
-            "omega0",
-            "x",
-            "x0",
-            "xy",
-            "start",
-            "run",
-        }
+        is_first = parameter.name in first
         assert is_first == (parameter.kind == parameter.POSITIONAL_ONLY), parameter
     if name == "suslov_fast.iterate":
         with pytest.raises(TypeError, match="the second argument"):

@@ -92,15 +92,6 @@ def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
             np.testing.assert_array_equal(points.final[k], points.states[own])
 
 
-def test_two_crossings_in_a_step():
-    # Steps are about half a radian long, and q > 0.998 for an eighth of one.
-    points = of_oscillator([0.0, 1.0], lambda x: x[..., 0] - 0.998, time=100.0, direction=0)
-    half = np.arccos(0.998)
-    exact = [np.pi * (2 * k + 0.5) + s * half for k in range(16) for s in (-1, 1)]
-    assert points.steps < 250
-    np.testing.assert_allclose(points.time, exact, atol=1e-6)
-
-
 @pytest.mark.parametrize(
     "surface",
     [

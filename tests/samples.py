@@ -4,7 +4,7 @@ import numpy as np
 
 from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
 from suslov_fast.maps import MAPS
-from suslov_fast.maps.methods import FRACTIONS
+from suslov_fast.maps.methods import COMPOSITIONS
 
 
 def random_3d(rng, shape):
@@ -50,7 +50,7 @@ POLES = {
     "SuslovND": (SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
     "SuslovGyrostat": (SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
     "Kahan": (SQUARE, (1.0,)),
-    **{f"Kahan, order {n}": (SQUARE, (1.0 / first,)) for n, (first, *_) in FRACTIONS.items()},
+    **{f"Kahan, order {n}": (SQUARE, (1.0 / s.fractions[0],)) for n, s in COMPOSITIONS.items()},
 }
 
 

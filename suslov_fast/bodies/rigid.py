@@ -145,25 +145,7 @@ class Suslov3D(_In3D):
     @staticmethod
     @public
     def figure(k: int, /) -> tuple[Suslov3D, float]:
-        """Return the body and the step size of a figure of Dragovic and Gajic, arXiv:0807.2966.
-
-        Parameters
-        ----------
-        k : int
-            The number of the figure, from 1 to 4.
-
-        Returns
-        -------
-        body : Suslov3D
-        eps : float
-            Unit: that of time.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D
-        >>> Suslov3D.figure(2)
-        (Suslov3D(I1=4.0, I2=3.0, I13=-0.4, I23=-0.2), 0.2)
-        """
+        """Return the body and the step size of figure k, 1 to 4, of arXiv:0807.2966."""
         number = checks.integer("k", k, 1)
         if number not in FIGURES:
             raise wrong("k", "the number of a figure of the paper, 1 to 4", number)

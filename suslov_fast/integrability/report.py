@@ -205,20 +205,7 @@ class Report:
 
     @public
     def to_dict(self) -> dict[str, Any]:
-        """Return the report as numbers, strings, lists and dictionaries, for JSON.
-
-        Returns
-        -------
-        dict
-            The attributes of the report by name, and `field` and `eps`; formulas are strings.
-
-        Examples
-        --------
-        >>> from suslov_fast import QuadraticField
-        >>> from suslov_fast.integrability import report
-        >>> report(QuadraticField([[[1]]]), eps=1, degree=1).to_dict()["eps"]
-        '1'
-        """
+        """Return the attributes by name, with `field` and `eps`, for JSON; formulas are strings."""
         parts = _attributes(self)
         parts |= {name: getattr(self.map, name, None) for name in ("field", "eps")}
         parts |= {"growth": self.growth._asdict(), "dimension": self.dimension}

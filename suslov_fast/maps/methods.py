@@ -70,10 +70,7 @@ _TO_THE_MIDDLE = {
         -0.38263596012643665351,
     ],
 }
-FRACTIONS = {order: (*first, *first[-2::-1]) for order, first in _TO_THE_MIDDLE.items()}
-
-
-COMPOSITIONS = {order: Stages(fractions) for order, fractions in FRACTIONS.items()}
+COMPOSITIONS = {n: Stages((*first, *first[-2::-1])) for n, first in _TO_THE_MIDDLE.items()}
 
 
 def field_in(stages: Stages) -> Steps:

@@ -181,20 +181,7 @@ class Change:
 
     @public
     def to_dict(self) -> dict[str, Any]:
-        """Return a description of plain numbers and texts, for JSON; :meth:`from_dict` reads it.
-
-        Returns
-        -------
-        dict
-            Functions have to be text before, by ``Change.of``.
-
-        Examples
-        --------
-        >>> from suslov_fast import Change, Field
-        >>> cell = Field.from_function(lambda x: (0.1 * x[0],), "mass")
-        >>> Change(lambda x: x[0] - 2, to=lambda x: (x[0] / 2,), most=10).of(cell).to_dict()
-        {'surface': 'mass - 2', 'to': ['mass/2'], 'most': 10}
-        """
+        """Return plain numbers and texts for JSON; functions become text by :meth:`of` before."""
         if not self._is_text:
             raise TypeError("to_dict: functions have no text before they are traced: of(system)")
         times = None if self.times is None else _listed(self.times)

@@ -12,7 +12,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.__main__ import main
-from suslov_fast.bodies.fields import bounds
+from suslov_fast.bodies.fields import coefficients
 
 FIELD = {"body": "QuadraticField", "dimension": 2, "indices": [[0, 1], [1, 0], [2, 2]]}
 FIELD |= {"values": [1, -1]}
@@ -220,4 +220,4 @@ def test_names_that_python_would_read_as_others():
 
 
 def test_denominators_that_people_have_are_read():
-    bounds.check_denominators("H", [Fraction(1, p) for p in PRIMES[:200]])
+    coefficients.check_denominators("H", [Fraction(1, p) for p in PRIMES[:200]])

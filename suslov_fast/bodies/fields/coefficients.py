@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -10,13 +11,13 @@ import numpy as np
 
 from ... import checks
 from ...checks import OTHERS, within, wrong
-from .bounds import check_denominators
 from .names import check_order
 from .polynomials import as_given, coefficients, exact, numbers
 from .terms import Terms, collected, fractions, joined
 
 # Indices (axes, n) and values (..., n) of entries of an array.
 Entries = tuple[Any, Any]
+_COMMON_BITS = 2**12  # of the denominator that the numbers of a Hamiltonian share
 
 
 def entries(name: str, array: Any) -> Entries:
@@ -115,6 +116,16 @@ def of_file(indices: Any, values: Any, D: int) -> Entries:
     if len(np.unique((i * (D + 1) + j) * (D + 1) + k)) < len(i):
         raise wrong("indices", "hold each term once", "one of them again")
     return places, found
+
+
+def check_denominators(name: str, values: Iterable[Any]) -> None:
+    """Raise ValueError for numbers whose common denominator is so long that sums take minutes."""
+    common = 1
+    for value in values:
+        if isinstance(value, Fraction):
+            common = math.lcm(common, value.denominator)
+            if common.bit_length() > _COMMON_BITS:
+                raise wrong(name, f"fractions with a denominator below 2**{_COMMON_BITS}", "others")
 
 
 def of_hamiltonian(H: Any, D: int) -> Terms:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...checks import integer, short, wrong
-from .bounds import LONGEST_NAME, MOST_VARIABLES
 
+# What a file may ask for at most.
+_LONGEST_NAME, _MOST_VARIABLES = 200, 2**20
 TIME = {"t", "time"}
 # Names that parameters of fields cannot have, and what they stand for.
 _TAKEN = {
@@ -85,8 +86,8 @@ def variables(
     elif isinstance(given, (list, tuple)) or np.ndim(given) == 1:
         names = [str(each) if hasattr(each, "free_symbols") else each for each in given]
     elif D is None:
-        expected = f'an integer from 1 to {MOST_VARIABLES}, or names: "u v w"'
-        return labels(integer(argument, given, 1, expected, MOST_VARIABLES))
+        expected = f'an integer from 1 to {_MOST_VARIABLES}, or names: "u v w"'
+        return labels(integer(argument, given, 1, expected, _MOST_VARIABLES))
     else:
         raise wrong(argument, 'names, such as "u v w"', short(given), TypeError)
     if not all(isinstance(name, str) for name in names):
@@ -111,8 +112,8 @@ def variables(
 
 def _refused(name: str) -> str:
     """Return why nothing can have this name; "" if it can."""
-    if len(name) > LONGEST_NAME:
-        return f"is longer than {LONGEST_NAME} characters"
+    if len(name) > _LONGEST_NAME:
+        return f"is longer than {_LONGEST_NAME} characters"
     plain = unicodedata.normalize("NFKC", name)  # as Python reads it in source text
     if plain != name or not name.isidentifier() or iskeyword(name):
         return "is no name in Python: use letters, digits and _, and begin with a letter"

@@ -27,9 +27,11 @@ from ...checks import (
     within,
     wrong,
 )
-from .bounds import LARGEST_EXPONENT, LONGEST_NUMBER
 from .names import check_parameter, labels
 from .symbolic import Untraceable
+
+# Of a text "p/q" in a file, in characters; and of the exponent of 10 in a decimal.
+_LONGEST_NUMBER, _LARGEST_EXPONENT = 10_000, 400
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -126,10 +128,10 @@ def from_text(text: str) -> Fraction:
 
     Exponents above 400 are refused, because the fraction of 1e99999999 would take minutes.
     """
-    if len(text) > LONGEST_NUMBER:
+    if len(text) > _LONGEST_NUMBER:
         raise ValueError(text)
     exponent = re.search(r"e([-+]?[\d_]+)", text, re.IGNORECASE)
-    if exponent and abs(int(exponent[1])) > LARGEST_EXPONENT:
+    if exponent and abs(int(exponent[1])) > _LARGEST_EXPONENT:
         raise ValueError(text)
     try:
         return Fraction(text)

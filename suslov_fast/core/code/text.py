@@ -382,7 +382,8 @@ class Code:
 
     def copy(self, source, target, count):
         """Add a loop that copies rows between arrays, or addresses."""
-        source, target = map(self._as_array, (source, target))
+        both = source, target
+        source, target = (a if isinstance(a, Array) else Array(self, a) for a in both)
         for k in self.each(count):
             target[k] = source[k]
 
@@ -520,9 +521,6 @@ class Code:
         """Return an array for each name of a tuple of first rows, after an address."""
         firsts = rows._asdict().items()
         return SimpleNamespace(**{name: Array(self, base, first) for name, first in firsts})
-
-    def _as_array(self, rows):
-        return rows if isinstance(rows, Array) else Array(self, rows)
 
     def place(self, base, first, i=0):
         """Return the address of row first + i from an address on."""

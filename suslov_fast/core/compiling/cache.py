@@ -22,16 +22,13 @@ except ImportError:
 _PACKAGE = __package__.partition(".")[0]
 
 
-def _hash(content):
-    return hashlib.sha256(content).hexdigest()[:12]
-
-
 # --------------------------------------------------------------------------- sources of the package
 @functools.cache
 def _digest():
     package = importlib.resources.files(_PACKAGE)  # a folder, or a part of an archive
     files = [package.joinpath("compiled.py"), *_sources(package.joinpath("core"))]
-    return _hash(b"".join(path.read_bytes() for path in files if path.is_file()))
+    content = b"".join(path.read_bytes() for path in files if path.is_file())
+    return hashlib.sha256(content).hexdigest()[:12]
 
 
 def _sources(folder):

@@ -95,18 +95,14 @@ class _Lines:
         self.D = self.scheme.step.D
         self.for_each, self.bases = max(map(len, parameters)) > 1, None
         self.parameters = parameters
-        if self.for_each and self._computes_tables():
+        step, stages = self.scheme
+        has_tables = not step.usual or step.is_long or len(stages.fractions) == 1
+        if self.for_each and not has_tables:  # machine code computes them, with less memory
             self.for_each, self.halves = OF_HALVES, halves_of(*parameters, W)
         else:
             self.halves, self.table = tables_of(self.scheme, *parameters, W)
         self.marks = np.zeros((2, self.count), np.uint8)
         self.start_from(states)
-
-    def _computes_tables(self):
-        """Return whether machine code computes the tables of stages, which takes less memory."""
-        step, stages = self.scheme
-        has_tables = not step.usual or step.is_long
-        return not (len(stages.fractions) == 1 or has_tables)
 
     @functools.cached_property
     def table(self):

@@ -91,12 +91,6 @@ def _tangent(step):
     return _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
 
 
-def _is_long(step):
-    """Return whether `long_tangent` takes the steps of a field with columns."""
-    tangent = _tangent(step)
-    return tangent.length + length_of(tangent.columns) > sizes.CODE_OF_TANGENT or not tangent.usual
-
-
 @functools.lru_cache(8)
 def _lists_of(tangent):
     return long_tangent.Lists(tangent)
@@ -133,14 +127,17 @@ def arguments_of(scheme, values, eps, count, in_lines=False):
     (step, stages), fractions = scheme, scheme.stages.fractions
     of_stages = np.array(fractions), distinct(fractions)[1]
     of_stages = *of_stages, int(bool(step.of_one_sign)), np.zeros(1, np.int64), None
-    if _is_long(step):
+    tangent = _tangent(step)
+    length = tangent.length + length_of(tangent.columns)
+    if length > sizes.CODE_OF_TANGENT or not tangent.usual:
         fixed, alive = _long_arguments(scheme, values, eps, bool(step.usual))
         return Arguments(*fixed, *of_stages), alive
-    tangent = _tangent(step)
     W = WIDTH if count > 1 else 1
     halves, table = tables_of(Scheme(tangent, stages), values, eps, 1 if in_lines else W)
-    room, is_each = room_of(tangent.D, W), halves.shape[2] > 1
-    codes = code_of(text_of_tangent, tangent, W, is_each), orthonormaliser(step.D, W)
+    D, is_each = step.D, halves.shape[2] > 1
+    room = room_of(D, W)
+    of_D = compiled(("orthonormalise", D, W), lambda name: text_of_orthonormalise(D, name, W))
+    codes = code_of(text_of_tangent, tangent, W, is_each), of_D
     fixed = W, room, 0, step.indices, table, halves, *of_stages
     return Arguments(*map(int, codes), 0, *fixed), codes
 
@@ -151,11 +148,6 @@ def able(arguments):
     Few fields have such lanes, and `solve` takes a third of the time of compiling.
     """
     return arguments._replace(solves=True) if arguments.unable[0] else arguments
-
-
-def orthonormaliser(D, W):
-    """Return the `Address` of the code of `text_of_orthonormalise`."""
-    return compiled(("orthonormalise", D, W), lambda name: text_of_orthonormalise(D, name, W))
 
 
 def operations_of(scheme):

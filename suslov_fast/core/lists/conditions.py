@@ -120,7 +120,11 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     on_surfaces = [act for act in acts if act.surface is not None and not is_section(act)]
     on_surfaces = [emitted(values, act.surface)[0] for act in on_surfaces]
     operations = needed_for(values.operations, [*results, *on_surfaces])
-    varying = [each for each in operations if any(_varies(values, a) for a in each[2])]
+    varying = [
+        each
+        for each in operations
+        if any(type(a) is int and a not in values.fixed for a in each[2])
+    ]
     # Of clocks alone tables that jump are passed as kinks: nothing slides along their knots.
     of_clocks = set() if twice or by else _of_clocks(operations, values.fixed, offsets)
     tables = {number: name for name, number, _ in varying if is_table(name)}
@@ -270,10 +274,6 @@ def _of_clocks(operations, fixed, clocks):
         if all(isinstance(a, float) or a in found for a in operands):
             found.add(number)
     return found
-
-
-def _varies(values, operand):
-    return not isinstance(operand, float) and operand not in values.fixed
 
 
 def _is_0_times(values, operand):

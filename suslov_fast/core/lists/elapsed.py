@@ -38,7 +38,8 @@ class Elapsed:
         self.values, self.results, self.P, self.acts = values, results, P, acts
         self.offsets, self.shifts = {}, {}
         changed = {i for act in acts for i in components_of(act)}
-        clocks = [i for i, a in enumerate(results) if _is_rate(values, a) and i not in changed]
+        rates = [a != 0.0 if isinstance(a, float) else a in values.fixed for a in results]
+        clocks = [i for i, is_rate in enumerate(rates) if is_rate and i not in changed]
         if not clocks:
             return
         of_acts = [[each and emitted(values, each) for each in act[:2]] for act in acts]
@@ -142,10 +143,6 @@ class Elapsed:
 
 def _is_0(a):
     return isinstance(a, float) and a == 0.0  # 0 is the first component
-
-
-def _is_rate(values, a):
-    return a != 0.0 if isinstance(a, float) else a in values.fixed
 
 
 def _joined(emit, name, a, b):

@@ -85,7 +85,7 @@ class Expressions(Values):
             a, b = operands
             if isinstance(b, float):
                 return self.emit("fmul", b, a)
-            if _is_1(a):
+            if isinstance(a, float) and a == 1.0:
                 return b
             inner, of = self._parts_of(b)
             has_constants = isinstance(a, float) and of and isinstance(of[0], float)
@@ -101,10 +101,6 @@ class Expressions(Values):
         if instruction == "select" and same(*operands[1:]):
             return operands[1]
         return None
-
-
-def _is_1(operand):
-    return isinstance(operand, float) and operand == 1.0
 
 
 def _is_power_of_2(operand):

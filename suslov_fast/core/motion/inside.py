@@ -136,16 +136,11 @@ def _between(lines, weights, i):
 def _put_between(lines, weights):
     """Write the state inside the step with these weights to `start`."""
     for i in lines.text.each(lines.D):
-        value = lines.line.x[i] + _between(lines, weights, i)
-        lines.work.start.put_chosen(i, _with_sign(lines, value, i))
-
-
-def _with_sign(lines, value, i):
-    """Return a component inside a step, with its sign if the motion keeps it."""
-    if not lines.f.of_one_sign:
-        return value
-    x, keeps = lines.line.x[i], lines.component("keeps", i)
-    return lines.text.apply(rules.WITH_SIGN, value=value, x=x, keeps=keeps)["value"]
+        x = lines.line.x[i]
+        value = x + _between(lines, weights, i)
+        if lines.f.of_one_sign:
+            value = lines.apply(rules.WITH_SIGN, i, value=value, x=x)["value"]
+        lines.work.start.put_chosen(i, value)
 
 
 def save(lines, bits, states):

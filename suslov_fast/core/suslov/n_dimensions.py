@@ -53,12 +53,6 @@ FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 
 
 @formula
-def lanes_of_block(m, count):
-    """Return the number of lanes of a block for `count` trajectories, a multiple of 8."""
-    return lesser(LANES if m <= 24 else LANES // 2, ((count or 1) + 7) // 8 * 8)
-
-
-@formula
 def sum_terms(J, I, w, half):
     """Return 1 / d of a component, and its terms in alpha, beta and gamma."""
     inverse = 1.0 / (J - half)
@@ -226,7 +220,7 @@ def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status,
     status, failed_at = uncounted(status), uncounted(failed_at)
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
-    lanes = lanes_of_block(m, last - first)
+    lanes = lesser(LANES if m <= 24 else LANES // 2, ((last - first or 1) + 7) // 8 * 8)
     memory = (
         np.empty((4, m + m % 2, lanes)),
         np.empty((ROWS, lanes)),

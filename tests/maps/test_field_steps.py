@@ -106,44 +106,6 @@ def test_random_fields_in_units_far_apart(rng):
             assert abs(found - slope).max() < 1e-13 * abs(slope).max() * condition
 
 
-def random_pattern(rng, D):
-    """Return a random pattern of A, or block diagonal, an arrow, or a chain in another order."""
-    kind, order = rng.integers(5), rng.permutation(D)
-    i, j = np.indices((D, D))
-    patterns = (
-        rng.random((D, D)) < 2.0 / D,
-        i // 3 == j // 3,
-        (i == 0) | (j == 0) | (i == j),
-        abs(i - j)[order][:, order] <= 1,
-        rng.random((D, D)) < 0.7,
-    )
-    return patterns[kind]
-
-
-def test_a_plan_solves_the_equations_of_a_step(rng):
-    """Against NumPy's solve; operations read only values that were made before."""
-    for _ in range(60):
-        D = int(rng.integers(1, 10))
-        linear, quadratic = (random_pattern(rng, D) for _ in range(2))
-        q = rng.normal(size=(D, D, D)) * quadratic[:, :, None] * (rng.random((D, D, D)) < 0.5)
-        linear = rng.normal(size=(D, D)) * linear
-        field = sf.QuadraticField(q, linear, rng.normal(size=D))
-        x, eps = rng.normal(size=D), 0.02
-        indices, values = field.terms
-        step = plans.Step(indices, D)
-        found = dict(enumerate(x))
-        found.update(zip(step.table, step.table_of(0.5 * eps * values), strict=True))
-        plans.evaluate(step.usual, found)
-        plans.evaluate(step.rare, found)
-        slope = np.einsum("ijk,k->ij", q + q.swapaxes(1, 2), x) + linear
-        A = np.eye(D) - 0.5 * eps * slope
-        exact = x + eps * np.linalg.solve(A, sf.vector_field(field, x))
-        after = [found[number] for number in step.after]
-        np.testing.assert_allclose(after, exact, rtol=1e-13, atol=1e-13)
-        assert found[step.negative] == (np.linalg.det(A) < 0)
-        assert found[step.accurate] or not found[step.good]
-
-
 def test_a_plan_uses_zeros(rng):
     """A cyclic chain in any order takes operations in proportion to its length."""
     for D in (16, 64, 256):

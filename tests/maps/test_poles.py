@@ -205,48 +205,6 @@ def test_a_failure_has_a_status_of_its_own():
 # ------------------------------------------------------------------------------------ what is alike
 
 
-@quiet
-@pytest.mark.parametrize("most", [1, 2, None])
-def test_crossings_tell_of_poles_before_they_end(most, tmp_path):
-    """Also where a failure or another pole follows in the same piece; all cuts agree."""
-    field = QuadraticField.from_function(lambda x: (x[0] ** 2, x[1] ** 2, x[3], -x[2]), 4)
-    pole = iterate(SQUARE, [4.0], -0.25, 39).final[0]  # its next states end after 40 steps
-    # The third component crosses 0 downwards between states 6 and 7, 31 and 32, 56 and 57.
-    starts = np.zeros((7, 4))
-    starts[:, 2] = 1.0
-    starts[:, 0] = 0.0, 0.7, 0.7, 1 / 1.6, 1 / 1.8, 1 / 2.1, 0.17  # beyond poles at `poles`
-    poles = [-1, 6, 6, 7, 8, 9, 24]
-    starts[2:, 1] = pole
-    given = field, starts, 0.25
-
-    def surface(x):
-        return x[..., 2]
-
-    options = {"direction": -1, "most": most, "on_singular": "ignore"}
-    whole = sf.crossings(*given, 70, surface, **options)
-    P, F, OK = Status.PASSED_POLE, Status.SINGULAR, Status.OK
-    expected = {
-        1: ([OK, P, P, P, OK, OK, OK], [-1, 6, 6, 7, -1, -1, -1]),
-        2: ([OK, P, P, P, P, P, P], poles),
-        None: ([OK, P, F, F, F, F, F], [-1, 6, 40, 40, 40, 40, 40]),
-    }[most]
-    assert (whole.status.tolist(), whole.failed_at.tolist()) == expected
-    if most:  # as a run that ends there
-        for i in range(7):
-            run = iterate(field, starts[i], 0.25, int(whole.n[whole.trajectory == i][-1]) + 1)
-            assert (run.status, run.failed_at) == (whole.status[i], whole.failed_at[i])
-            assert (run.final == whole.final[i]).all()
-    for cut in (0, 6, 7, 8, 31, 32, 40, 69):
-        points = sf.crossings(*given, cut, surface, **options)
-        points.save(tmp_path / "points.npz", overwrite=True)
-        assert sf.load(tmp_path / "points.npz") == points
-        transient = sf.crossings(
-            *given, 70 - min(cut, 6), surface, transient=min(cut, 6), **options
-        )
-        assert (transient.status == whole.status).all()
-        assert (transient.failed_at == whole.failed_at).all()
-
-
 # ---------------------------------------------------------------- components that keep their signs
 # Two populations. By DOP853 those that start from (0.05, 0.05) stay between 5e-4 and 48.
 PREY = QuadraticField.from_function(

@@ -2,16 +2,13 @@
 
 import pickle
 import threading
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from children import TWO_THREADS
 from samples import POLES, random_bodies
 from systems import LORENZ
 
 import suslov_fast as sf
-from suslov_fast.engine import threads
 from suslov_fast.maps import MAPS
 from suslov_fast.runs import search as module
 
@@ -177,40 +174,15 @@ def test_a_start_on_the_surface_is_no_crossing(direction, method):
     np.testing.assert_allclose(points.time, np.pi, rtol=1e-3)
 
 
-def test_bits_do_not_depend_on_pieces_threads_and_batch(rng, monkeypatch):
-    starts = rng.normal((1, 1, 20), size=(5, 3))
-
-    def surface(x):
-        return x[..., 2] - 27
-
-    whole = sf.crossings(LORENZ, starts, 1 / 64, 700, surface, transient=13)
-    assert len(whole) > 30
-    for piece, states in ((1, 1), (60, 2), (2**10, 1)):
-        monkeypatch.setattr(module, "PIECE", piece)
-        monkeypatch.setattr(module, "STATES", states)
-        for most in (None, 10**6):
-            again = sf.crossings(LORENZ, starts, 1 / 64, 700, surface, transient=13, most=most)
-            assert replace(again, most=None) == whole
-    monkeypatch.undo()
-    for k in range(5):
-        alone = sf.crossings(LORENZ, starts[k], 1 / 64, 700, surface, transient=13, threads=1)
-        own = whole.trajectory == k
-        for name in ("n", "before", "after", "fraction", "states", "time"):
-            np.testing.assert_array_equal(getattr(alone, name), getattr(whole, name)[own])
-        np.testing.assert_array_equal(alone.final, whole.final[k])
-    monkeypatch.setattr(threads, "CROSSOVER", 0)
-    many = rng.normal((1, 1, 20), size=(300, 3))
-    one = sf.crossings(LORENZ, many, 1 / 64, 200, surface, threads=1)
-    assert sf.crossings(LORENZ, many, 1 / 64, 200, surface, threads=TWO_THREADS) == one
-
-
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @pytest.mark.parametrize("name", MAPS)
 def test_every_map(name):
     """States at poles, and random starts."""
     body, pole = sample_of(MAPS[name])
     starts = np.vstack([sf.RandomStarts(8, 1.0, seed=3).states(8, dimension=len(pole)), pole])
-    check(body, starts, 1.0, 30, first, direction=0)
+    for most in (None, 2):
+        check(body, starts, 1.0, 30, first, direction=0, most=most)
+        check(body, starts, 1.0, 27, first, direction=0, most=most, transient=3)
     random = sf.RandomStarts((2, 3), 1.0, seed=5)
     points = sf.crossings(body, random, 0.1, 30, first, direction=0)
     assert points == sf.crossings(

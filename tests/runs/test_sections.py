@@ -141,7 +141,7 @@ def test_a_surface_without_values_within_a_step():
     assert abs(jump.states[0, 0] - 0.3) < 1e-5  # twenty halves
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["auto", *METHODS])
 def test_bits_depend_on_no_cut(rng, monkeypatch, method):
     starts, arguments = rng.uniform(-0.25, 0.25, (9, 4)), {"method": method, "direction": 0}
     whole = sf.crossings(HENON_HEILES, starts, 1 / 8, 200, plane, threads=TWO_THREADS, **arguments)

@@ -130,32 +130,6 @@ def test_exact_numbers_stay_exact():
     assert of_terms([[0], [0], [1]], [2**70 + 1], 1)([1]) == (2**70 + 1,)
 
 
-def test_a_hamiltonian_by_terms_has_its_field():
-    """x' = K grad H, with the gradient from differences of H at exact states."""
-    D = 8
-
-    def H(x):
-        cubes = sum(x[i - 1] * x[i] ** 2 for i in range(D)) + x[3] ** 3 - x[0] * x[3] * x[6]
-        return sum(a * a for a in x) / 2 + cubes * F(2, 7) + 3
-
-    K = np.eye(D, k=1, dtype=int) - np.eye(D, k=-1, dtype=int)
-    field = QuadraticField.from_hamiltonian(H, D, K)
-    assert QuadraticField.from_dict(json.loads(json.dumps(field.to_dict()))) == field
-    assert (field.K == K).all()
-    x, h = [F(k * k - 9, 5) for k in range(D)], F(1, 2)
-
-    def slope(i):  # exact for cubic polynomials, by Richardson's extrapolation
-        d = [
-            (H([*x[:i], x[i] + s, *x[i + 1 :]]) - H([*x[:i], x[i] - s, *x[i + 1 :]])) / (2 * s)
-            for s in (h, 2 * h)
-        ]
-        return (4 * d[0] - d[1]) / 3
-
-    gradient = [slope(i) for i in range(D)]
-    assert [*field(x)] == [sum(int(K[i, j]) * gradient[j] for j in range(D)) for i in range(D)]
-    assert field.H(x) == H(x)
-
-
 def test_tables_that_do_not_fit_are_refused_with_their_size():
     field = of_terms(*lattice(1024), 1024)
     with pytest.raises(MemoryError, match="quadratic would need 8,589,934,592 bytes"):

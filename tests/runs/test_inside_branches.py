@@ -97,11 +97,6 @@ def test_branches_that_end_at_their_surface(rate, exact):
     np.testing.assert_array_equal(motion.x, alone.x[:, np.newaxis].repeat(3, axis=1))
 
 
-def test_an_empty_tank_stays_empty():
-    tank = field(lambda h: np.where(h > 0, -np.sqrt(h), 0), "h")
-    np.testing.assert_allclose(sf.flow(tank, 1.0, time=[1.0, 3.0]).x[:, 0], [0.25, 0], atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("rate", "integral"),
     [

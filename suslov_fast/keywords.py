@@ -167,7 +167,8 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
             how += ", and for the function pass Field.from_function(f, names)"
         if args and getattr(args[0], "called", "") == "a run":
             first = "[0]" * ("0'" in str(error))  # of x0 or omega0
-            how += f", for a run pass run.body, run.states{first}"
+            eps = ", run.eps" * ("eps" in signature.parameters and hasattr(args[0], "eps"))
+            how += f", for a run pass run.body, run.states{first}{eps}"
         if "'store'" in str(error):
             how += ", a folder to write: flow and iterate keep their results in memory"
         if "'eps'" in str(error):

@@ -102,7 +102,9 @@ class Body(Members):
                 makers = [m for m in ("from_inertia", "from_mass_tensor") if m in dir(type(self))]
                 how = f": the order is {', '.join(each.name for each in fields(self))}"
                 if is_tensor and makers:
-                    how = f": a body is made from a tensor by {' or '.join(makers)}"
+                    how = (
+                        f": numbers, as of np.diag; of a tensor {' or '.join(makers)} makes a body"
+                    )
                 raise wrong(name, "positive", f"{array.min()}{how}")
             vars(self)[name] = frozen(array)
         _ = self.shape  # raises if the parameters do not broadcast

@@ -19,7 +19,12 @@ from ..keywords import public
 from . import arithmetic
 from .arithmetic import Point, Residues, over_rationals
 from .darboux import check_unknowns
-from .functions import over_common_denominator, rank_of_quotients
+from .functions import (
+    RationalFunction,
+    over_common_denominator,
+    quotient_of,
+    rank_of_quotients,
+)
 from .kahan import checked_map
 from .maps import RationalMap
 from .polynomials import (
@@ -43,19 +48,24 @@ class HKBasis:
     The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
     `point`: the last nonzero entry of a row is 1, and 0 in the others; None if they are too long,
     or eps is symbolic. On random orbits, `independent` of the coefficients are independent first
-    integrals. The quotients of `integrals` are first integrals too, and `complete` is True if as
-    many of these are independent. `degree` is that of the monomials.
+    integrals. `integrals` are formulas of such, quotients of the polynomials `forms`, and
+    `complete` is True if as many of these are independent. `degree` is that of the monomials.
     """
 
     degree: int
     monomials: Exponents
     dimension: int
     independent: int
-    integrals: Polynomials
+    forms: Polynomials
     complete: bool
     point: Point
     basis: tuple[Point, ...] | None
     names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
+
+    @property
+    def integrals(self) -> tuple[RationalFunction, ...]:
+        """First integrals, as `report` returns them: the quotients of `forms` by the last one."""
+        return tuple(quotient_of(P, self.forms[-1], "") for P in self.forms[:-1])
 
     @property
     def polynomials(self) -> Polynomials:
@@ -71,7 +81,7 @@ class HKBasis:
         )
         if self.complete:
             return text
-        missing = self.independent - rank_of_quotients(self.integrals)
+        missing = self.independent - rank_of_quotients(self.forms)
         return f"{text}; {missing} more independent: try a higher degree, or `report`"
 
 
@@ -119,7 +129,7 @@ def hk_bases(
     >>> hk_bases(map, 1).dimension, hk_bases(map, 4).dimension
     (0, 1)
     >>> hk_bases(map, 4).integrals
-    (4*Omega1^2 + Omega2^2, Omega1*Omega2 + 1024)
+    ((4*Omega1^2 + Omega2^2)/(Omega1*Omega2 + 1024),)
     """
     map = checked_map(map)
     n = map.dimension

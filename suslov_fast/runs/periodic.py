@@ -360,7 +360,7 @@ def _advice(
     far = f": start or period = {T:g} is too far from an orbit"
     if search.flow.is_forced and not changes:
         return f"{far}: pass {_NEARER.format(T=f'{100 * T:.10g}')}"
-    return far if other is None else f"{far}: pass period={other.T:.10g}"
+    return f"{far}, or there is none" if other is None else f"{far}: pass period={other.T:.10g}"
 
 
 def _noise(field: Any, search: Shooting, changes: tuple[Change, ...]) -> float:

@@ -191,7 +191,7 @@ def _parsed(text: Any) -> Any:
     try:
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, RecursionError, MemoryError, ValueError):
-        how = "write formulas as in Python, a product as 2*x and a power as x**2"
+        how = "write formulas as in Python, 2*x, x**2, and x - 1 for x = 1"
         raise ValueError(f"equations: {short(text)} cannot be read: {how}") from None
 
 

@@ -142,7 +142,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
     is_of_fields = str(method) in methods_of(QuadraticField) or str(method).startswith("order")
     instead *= is_of_fields and "order8" not in by_method
     if "order8" in by_method and (not is_of_fields or method == "order2"):
-        instead = ": Kahan's map, of order 2, is 'auto'; flow(field, x0, time=...) integrates to a tolerance"
+        instead = ": Kahan's map, of order 2, is 'auto'; flow(field, x0, time=T) has a tolerance"
     return by_method[checks.one_of("method", method, by_method, instead)]
 
 

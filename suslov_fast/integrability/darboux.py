@@ -11,7 +11,7 @@ import random
 from collections.abc import Iterator
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import flint
 
@@ -139,66 +139,56 @@ def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
 def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: int) -> Any:
     """Return the matrix of C(x) P(x) - P(Phi(x)) at random points, for the coefficients of P."""
     points = _random_points(map, degree, p, eps)
-    at_points = flint.nmod_mat(points.monomials_times(cofactor, sign), p)
-    return at_points - flint.nmod_mat(points.monomials_of_images, p)
+    at_points = flint.nmod_mat(points.times(cofactor, sign), p)
+    return at_points - flint.nmod_mat(points.of_images, p)
 
 
-class _Points:
+class _Points(NamedTuple):
     """Random points modulo a prime, and monomials up to a degree at them and at their images."""
 
-    def __init__(self, map: RationalMap, degree: int, p: int, eps: int) -> None:
-        n, rng = map.dimension, random.Random(p)
-        exponents = exponents_up_to(degree, n)
-        self._map, self._p, self._eps = map.at_eps(eps), p, eps
-        self._values: dict[str, list[Any]] = {}  # of factors of cofactors
-        self._x = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + EXTRA)]
-        self._monomials = [monomial_values(exponents, x) for x in self._x]
-        images = [self._map.image(x) for x in self._x]
-        self.monomials_of_images = [monomial_values(exponents, y) for y in images]
+    map: RationalMap  # at eps
+    eps: int
+    x: list[list[Any]]
+    monomials: list[list[Any]]
+    of_images: list[list[Any]]
 
-    def monomials_times(self, cofactor: Any, sign: int = 1) -> list[Any]:
+    def times(self, cofactor: Any, sign: int = 1) -> list[list[Any]]:
         """Return the monomials at the points times a cofactor."""
         try:
             values = self._values_of(cofactor)
         except ZeroDivisionError:
             raise ArithmeticError("the cofactor is undefined at random points") from None
-        pairs = zip(values, self._monomials, strict=True)
+        pairs = zip(values, self.monomials, strict=True)
         return [[sign * c * a for a in row] for c, row in pairs]
 
     def _values_of(self, cofactor: Any) -> list[Any]:
         """Return the values of a cofactor at the points; None stands for det DPhi."""
         if cofactor is None:
-            if "det" not in self._values:
-                determinants = [self._map.derivative(x).det() for x in self._x]
-                self._values["det"] = determinants
-            return self._values["det"]
+            return [self.map.derivative(x).det() for x in self.x]
+        p = int(self.x[0][0].modulus())
         if isinstance(cofactor, RationalFunction):
-            constant = flint.nmod(arithmetic.fmpq(cofactor.constant), self._p)
-            values = [constant] * len(self._x)
+            values = [flint.nmod(arithmetic.fmpq(cofactor.constant), p)] * len(self.x)
             for P, e in cofactor.factors:
-                values = [c * a**e for c, a in zip(values, self._values_of_factor(P), strict=True)]
+                P = modulo(P, p, self.eps)
+                at_points = (flint.nmod(P(*x[:-1]), p) ** e for x in self.x)
+                values = [c * a for c, a in zip(values, at_points, strict=True)]
             return values
-        return [self._value_of_callable(cofactor, x) for x in self._x]
-
-    def _values_of_factor(self, P: Any) -> list[Any]:
-        text = str(P)
-        if text not in self._values:
-            residue = modulo(P, self._p, self._eps)
-            self._values[text] = [flint.nmod(residue(*x[:-1]), self._p) for x in self._x]
-        return self._values[text]
-
-    def _value_of_callable(self, cofactor: Any, x: list[Any]) -> Any:
-        value = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
-        if isinstance(value, float):
+        numbers = [cofactor(tuple(Fraction(int(a)) for a in x[:-1])) for x in self.x]
+        if floats := [a for a in numbers if isinstance(a, float)]:
             how = "return integers or fractions"
-            raise TypeError(f"the cofactor returns the float {value}: {how}")
-        return flint.nmod(arithmetic.fmpq(arithmetic.rational("cofactor", value)), self._p)
+            raise TypeError(f"the cofactor returns the float {floats[0]}: {how}")
+        return [flint.nmod(arithmetic.fmpq(arithmetic.rational("cofactor", a)), p) for a in numbers]
 
 
 @lru_cache(maxsize=32)
 def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> _Points:
     """Return random points, the same for all cofactors."""
-    return _Points(map, degree, p, eps)
+    n, rng, at_eps = map.dimension, random.Random(p), map.at_eps(eps)
+    exponents = exponents_up_to(degree, n)
+    x = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + EXTRA)]
+    pairs = ([monomial_values(exponents, y) for y in (a, at_eps.image(a))] for a in x)
+    monomials, of_images = zip(*pairs, strict=True)
+    return _Points(at_eps, eps, x, [*monomials], [*of_images])
 
 
 def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
@@ -229,7 +219,7 @@ def with_constants(
 
     def search(p: int, eps: int) -> Residues:
         points = _random_points(map, degree, p, eps)
-        at_points, at_images = points.monomials_times(candidate), points.monomials_of_images
+        at_points, at_images = points.times(candidate), points.of_images
         n = len(at_points[0])
 
         def minimal_polynomial(start: int) -> Any:

@@ -444,7 +444,8 @@ def passes(search: Shooting, start: FloatArray) -> bool:
 # Steps of the first look, and those of all looks; the longest time, in units of |x / f(x)|, and
 # that with changes of the state.
 _STEPS, _MOST, _LAST, _LAST_WITH_CHANGES = 64, 2**14, 2.0**30, 2.0**11
-_INSIDE = np.arange(33) / 32  # parts of a step, where a return is looked for
+_PARTS = 4  # of a step, at whose ends distances are compared
+_INSIDE = np.arange(33) / 32  # parts of two of these, where a return is looked for
 # Of the extent of an orbit: what is not looked at, what is near, and what is far from the start.
 _FAR, _NEAR, _AWAY = 1.0, 0.1, 0.5
 _LATEST = 4.0  # times of the first near return until which the nearest one is looked for
@@ -466,6 +467,10 @@ def near_return(flow: OfMotion, start: FloatArray) -> tuple[float | None, float]
     extent, last, until = np.zeros(own.sum()), 0.0, np.inf
     best: tuple[float, float | None] = _NEAR, None
     for times, states in flow.steps(start, longest):
+        if not flow.keeps_phase:  # steps may be long, and f may jump at their ends
+            parts = np.arange(len(times) * _PARTS - _PARTS + 1) / _PARTS
+            times = np.interp(parts, np.arange(len(times)), times)
+            states = flow.states(states[0], times - times[0])
         ways, last = states[:, own] - start[own], float(times[-1])
         before = np.maximum(extent, np.maximum.accumulate(abs(ways)))
         extent = before[-1]
@@ -473,14 +478,10 @@ def near_return(flow: OfMotion, start: FloatArray) -> tuple[float | None, float]
         was_away = (before / scale).max(axis=1) > _AWAY
         distance = np.sqrt(((ways / scale) ** 2).mean(axis=1))
         near = distance < _FAR
-        if flow.keeps_phase:  # a change may bring it back at once
-            recedes, more = np.append(np.diff(distance) >= 0.0, True), 2
-        else:
-            rates = vector_field(flow.field, states)[:, own]
-            recedes, more = (ways / scale**2 * rates).sum(axis=1) >= 0.0, 1
+        recedes = np.append(np.diff(distance) >= 0.0, True)
         returns = ~recedes[:-1] & recedes[1:] & (near[:-1] | near[1:]) & was_away[:-1]
         for k in np.flatnonzero(returns).tolist():
-            first, length = 0.0, times[min(k + more, len(times) - 1)] - times[k]
+            first, length = 0.0, times[min(k + 2, len(times) - 1)] - times[k]
             for _ in range(2):  # closer around the nearest point
                 inside = first + length * _INSIDE
                 found = (flow.states(states[k], inside)[:, own] - start[own]) / scale

@@ -271,6 +271,19 @@ def test_an_orbit_across_jumps(rtol, about):
     np.testing.assert_allclose(orbit.multipliers, 1.0, atol=1e-6)
 
 
+@pytest.mark.parametrize("start", [(1.0, 0.0), (0.0, 0.4), (0.243, 1.801), (0.774, 0.281)])
+def test_a_return_is_found_wherever_steps_end(start, monkeypatch):
+    """Here they end where x'' = -sign x jumps alone, and pass each half of the orbit in one."""
+    x0, field = np.array(start), Field.from_function(lambda x: (x[1], -np.sign(x[0])), 2)
+    motion = shooting.OfMotion(field, x0, 1e-6)
+    x, v = start
+    speed = np.sqrt(v * v + 2 * abs(x))
+    times = np.append(0.0, speed + v + 2 * speed * np.arange(9) + 1e-12)
+    ends = times, motion.states(x0, times)
+    monkeypatch.setattr(motion, "steps", lambda *_: iter([ends]))
+    assert shooting.near_return(motion, x0)[0] == pytest.approx(4 * speed, rel=0.01)
+
+
 def van_der_pol(mu):
     return Field.from_function(lambda x: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2)
 

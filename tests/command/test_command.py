@@ -178,7 +178,14 @@ def test_a_motion_is_flow():
     points.save("c.npz")
     assert sf.load("c.npz") == points
     assert facts_of("info c.npz")["crossings"] == len(points)
-    assert succeed("plot m.npz -o m.png --components time,q") == "m.png\n"
+    for words, start in (
+        ("plot m.npz -o m.png --components time,q", b"\x89PNG"),
+        ("plot c.npz -o c.pdf", b"%PDF"),
+        ("plot m.npz -o c.pdf --force", b"%PDF"),
+    ):
+        assert succeed(words) == f"{words.split()[3]}\n"
+        assert Path(words.split()[3]).read_bytes().startswith(start)
+    assert not plt.get_fignums()
     assert facts_of(f"{line} -o m.zarr")["status"] == {"OK": 6}
     np.testing.assert_array_equal(sf.open_ensemble("m.zarr").x, expected.x)
     assert facts_of("info m.zarr")["status"] == {"OK": 6}
@@ -217,31 +224,6 @@ def test_a_motion_of_a_body_keeps_its_energy():
     done = run("run --body b.json --time 2 --omega0 1 --omega0 .1")
     assert done.code == 0
     assert json.loads(done.out)["status"]["ENDED"] == 1
-
-
-@pytest.mark.slow
-def test_info_and_plot_of_crossings():
-    field, x = sf.QuadraticField.from_function(lorenz, "u v w"), [[1, 1, 20], [2, 1, 20]]
-    points = sf.crossings(field, x, 1 / 64, 3000, lambda x: x[..., 2] - 27)
-    points.save("p.npz")
-    facts = facts_of("info p.npz")
-    expected = {"crossings": len(points), "trajectories": 2, "direction": 1, "transient": 0}
-    assert {**facts, **expected, "status": {"OK": 2}, "steps": 3000} == facts
-    assert "most" not in facts
-    sf.iterate(BODY, [1.0, 0.5], 0.2, 30).save("r.npz")
-    for name, suffix, start in (
-        ("p", "png", b"\x89PNG"),
-        ("r", "png", b"\x89PNG"),
-        ("r", "pdf", b"%PDF"),
-        ("p", "svg --components u,v", b"<?xml"),
-        ("r", "svg --components time,1", b"<?xml"),
-    ):
-        suffix, _, options = suffix.partition(" ")
-        assert succeed(f"plot {name}.npz -o {name}.{suffix} {options}") == f"{name}.{suffix}\n"
-        assert Path(f"{name}.{suffix}").read_bytes().startswith(start)
-    succeed("plot p.npz -o r.png --force")
-    assert Path("r.png").read_bytes() == Path("p.png").read_bytes()
-    assert not plt.get_fignums()
 
 
 def test_a_family_and_a_box_of_starts(tmp_path):

@@ -295,7 +295,8 @@ class RationalFunction(WithLetter):
         return self._repr_latex_().removeprefix("$\\displaystyle ").removesuffix("$")
 
     def _repr_latex_(self) -> str:
-        text = re.sub(_NAME, lambda name: _latex_of_name(name[0]), str(self))
+        named = {"eps": r"\varepsilon"}
+        text = re.sub(_NAME, lambda name: named.get(name[0]) or symbol(name[0]), str(self))
         if "/" in text:
             numerator, denominator = text.removeprefix("-").split("/")
             numerator = re.sub(r"^\(([^()]*)\)$", r"\1", numerator)
@@ -307,10 +308,6 @@ class RationalFunction(WithLetter):
 
 def _monomial(x: Sequence[Any], powers: Sequence[Any]) -> Any:
     return math.prod(a ** int(power) for a, power in zip(x, powers, strict=True) if power)
-
-
-def _latex_of_name(name: str) -> str:
-    return r"\varepsilon" if name == "eps" else symbol(name)
 
 
 def _power_text(P: Any, e: int, is_one_polynomial: bool, longest: int | None) -> str:

@@ -216,7 +216,8 @@ class Search:
             return
         if map.hamiltonian is not None:
             yield Task(self._modified_energy, "hamiltonian")
-        yield from self._relations()
+        for k in range(1, self.degree + 1):
+            yield Task(partial(self._count_relations, k), "relations", k)
         for cofactor in (ONE, None):
             for sign in (1, -1):
                 yield self._polynomials_of(cofactor, sign, 1, "simple")
@@ -277,10 +278,6 @@ class Search:
         self.invariants.densities.append(density)
         self.version += 1
         return self._add_space(modified.as_quotient(ring)) if modified else []
-
-    def _relations(self) -> Iterator[Task]:
-        for k in range(1, self.degree + 1):
-            yield Task(partial(self._count_relations, k), "relations", k)
 
     def _count_relations(self, k: int) -> Tasks:
         """Count the integrals that relations up to degree k show."""

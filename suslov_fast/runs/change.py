@@ -152,30 +152,7 @@ class Change:
 
     @public
     def of(self, system: Any) -> Change:
-        """Return this change with equations as text, in the names of a system.
-
-        Parameters
-        ----------
-        system : QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
-            The system that :func:`flow` takes.
-
-        Returns
-        -------
-        Change
-            It can be pickled and compared, and :meth:`to_dict` describes it.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If a function cannot be traced for this system.
-
-        Examples
-        --------
-        >>> from suslov_fast import Change, Field
-        >>> ball = Field.from_function(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
-        >>> Change("h", direction=-1, to=lambda x, e: (x[0], -e * x[1])).of(ball)
-        Change('h', to=('h', '-e*v'), direction=-1)
-        """
+        """Return this change with equations as text, in the names of a system: one that pickles."""
         found = traced(self, field_of(system))
         return self if self._is_text else found.text
 

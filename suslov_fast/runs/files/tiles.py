@@ -134,14 +134,12 @@ class Times:
     def of(self, where: Where) -> Times:
         """Return the task of a part of the batch, with its times of changes."""
         own = tuple(
-            each if each.times is None else replace(each, times=_part_of(each.times, where))
+            each
+            if each.times is None
+            else replace(each, times=each.times[along(each.times.shape[:-1], where)])
             for each in self.changes
         )
         return replace(self, changes=own)
-
-
-def _part_of(times: FloatArray, where: Where) -> FloatArray:
-    return times[along(times.shape[:-1], where)]
 
 
 Task = Steps | Times

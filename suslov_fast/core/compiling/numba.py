@@ -243,7 +243,28 @@ def calling_python():
         raise error
 
 
-class CFunction(Patient):
+class _WithFiles(Patient):
+    """A function to which Numba itself gives files."""
+
+    @functools.cached_property
+    def _named(self):
+        """The Python function, with the name of its files."""
+        name_with_digest(self.py_func)
+        return self.py_func
+
+    def _built(self, build, is_whole=bool):
+        """Return what build(cache)(function) makes."""
+        with _compiling():
+            # There is no writable folder; or a file cannot be read, which may raise anything. An
+            # error of compiling comes again.
+            with suppress(Exception), named_folder():
+                compiled = build(cache=not config.BOUNDSCHECK)(self._named)
+                if is_whole(compiled):
+                    return compiled
+            return build(cache=False)(self._named)
+
+
+class CFunction(_WithFiles):
     """A function that machine code calls; it is compiled when its address is first read."""
 
     def __init__(self, signature, py_func):
@@ -251,19 +272,7 @@ class CFunction(Patient):
 
     @functools.cached_property
     def _compiled(self):
-        build = functools.partial(numba.cfunc, self.signature, **_OPTIONS)
-        with _compiling():
-            # There is no writable folder; or a file cannot be read, which may raise anything. An
-            # error of compiling comes again.
-            with suppress(Exception), named_folder():
-                return build(cache=not config.BOUNDSCHECK)(self._named)
-            return build(cache=False)(self._named)
-
-    @functools.cached_property
-    def _named(self):
-        """The Python function, with the name of its files."""
-        name_with_digest(self.py_func)
-        return self.py_func
+        return self._built(functools.partial(numba.cfunc, self.signature, **_OPTIONS))
 
     @property
     def address(self):
@@ -439,7 +448,7 @@ def _address(dispatcher, kinds):
 
 
 # ---------------------------------------------------------------------------- universal functions
-class Universal(Patient):
+class Universal(_WithFiles):
     """A universal function of float64 numbers, made from a function of one state.
 
     With a layout such as "(),(d)->(d,d),()" the function writes to its last two arguments; for a
@@ -468,12 +477,6 @@ class Universal(Patient):
         return self.has_patience(seconds) and not self._is_kept
 
     @functools.cached_property
-    def _named(self):
-        """The Python function, with the name of its files."""
-        name_with_digest(self.py_func)
-        return self.py_func
-
-    @functools.cached_property
     def _is_kept(self):
         return has_files(self._named)
 
@@ -492,13 +495,8 @@ class Universal(Patient):
             return self._vectorized
         dimensions = [*map(len, self.inputs), *(len(axes) or 1 for axes in self.outputs)]
         kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
-        build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
-        with _compiling():
-            with suppress(Exception), named_folder():  # as in `CFunction`
-                compiled = build(cache=not config.BOUNDSCHECK)(self._named)
-                if _is_whole(compiled):
-                    return compiled
-            return build(cache=False)(self._named)
+        kinds = [types.void(*kinds)]
+        return self._built(functools.partial(numba.guvectorize, kinds, self.layout), _is_whole)
 
     def _of_one(self, *arguments):
         arguments, sizes = [np.asarray(each, float)[()] for each in arguments], {}

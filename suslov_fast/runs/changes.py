@@ -166,7 +166,7 @@ def changes_of_records(
         "trajectory": records.trajectory,
         "which": numbers[records.which],
         "time": records.time,
-        "before": records.before[:, :D].copy(),
+        "before": records.before[:, :D],
         "states": records.states[:, :D],
     }
     return changes_of(columns, system, changes, batch)

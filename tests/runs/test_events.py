@@ -159,6 +159,8 @@ def test_ripples_that_a_step_does_not_see(rng):
     exact = ((v[1:] >= 0.0) != (v[:-1] >= 0.0)).sum(axis=0)
     assert (points.count == exact).all()
     assert abs(points.states[:, 1]).max() < 1e-12
+    circle = of_oscillator([1.0, 0.1], lambda x: x[0] ** 2 + x[1] ** 2 - 1.01 + 1e-6, time=99.0)
+    assert len(circle) == 0  # errors of points in a step are larger than the distance
 
 
 def test_a_motion_that_only_touches_the_surface_does_not_cross_it():

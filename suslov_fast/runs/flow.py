@@ -77,7 +77,7 @@ def flow(
         Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
         times the largest absolute value that the component has had on the trajectory, or 2**-60 of
         the largest component's if that is more. One warning names a component that fell below that
-        and grew to 1,000 times it again: pass ``atol=0``.
+        and grew to 1,000 times it again, or a tenth of its own size: pass ``atol=0``.
     atol : float or array_like(float, shape=(D,)), optional
         Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
         below ``atol[i] + rtol * abs(x[i])``, or the rounding error of the step if that is more, so

@@ -20,7 +20,7 @@ later, and others differ by some 2**-51 of theirs. It takes time, and so it is f
 that was refused, or that was taken by such a trial.
 
 A component that has been large, falls below its allowed error in two steps in a row, and grows to
-GROWN times that again may have no digits, and is told of (`LOW`).
+GROWN times that again, or a tenth of its size, may have no digits, and is told of (`LOW`).
 
 The next length is 0.75 ratio**(-7/64) times this one, within 3.4 percent, by the bits of the ratio:
 the estimate of an explicit step is of order 9. A step that is refused is taken again with it, and a
@@ -234,10 +234,15 @@ def SECOND(t, taken, error, apart, inverse, before, after, grows, ratio, of_apar
     }
 
 
+def _grown(rtol):
+    """Return the part of its allowed error to which a component has grown again."""
+    return smaller(GROWN, 0.1 / rtol)
+
+
 def _is_low(new, largest, f_new, inverse, last, rtol):
     """Whether a component that was large is below what is allowed, and does not just cross 0."""
     stays = abs(f_new) * inverse * (last * rtol) < STAYS
-    return (abs(new) * inverse < 1.0) & (largest * inverse > GROWN) & stays
+    return (abs(new) * inverse < 1.0) & (largest * inverse > _grown(rtol)) & stays
 
 
 @_rule
@@ -249,7 +254,7 @@ def FALLEN(new, largest, rtol, fallen):
 @_rule
 def LOW(new, largest, f_new, inverse, last, rtol, low, watches):
     """In how many steps in a row a component is low, 2 at most; 3 if it grew after that."""
-    since = (low >= 2.0).select((abs(new) * inverse > GROWN).select(3.0, low), 0.0)
+    since = (low >= 2.0).select((abs(new) * inverse > _grown(rtol)).select(3.0, low), 0.0)
     is_low = _is_low(new, largest, f_new, inverse, last, rtol)
     now = (low >= 3.0).select(low, is_low.select(smaller(low + 1.0, 2.0), since))
     return {"low": now, "watches": larger((now < 3.0).select(now, 0.0), watches)}

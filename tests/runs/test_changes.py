@@ -490,3 +490,23 @@ def test_bits_with_changes_depend_on_no_neighbour():
         own = together.changes.trajectory == k
         np.testing.assert_array_equal(alone.changes.time, together.changes.time[own])
         np.testing.assert_array_equal(alone.changes.states, together.changes.states[own])
+
+
+def test_a_change_at_a_knot_of_f():
+    """From there a step ends on the knot, so near that the state does not move."""
+    spring = Field.from_function(lambda s: (s[1], np.interp(s[0], [-1, 0.4, 1], [1, 0, -2])), "x v")
+    bounce = Change(lambda s: s[0] - 0.4, to=lambda s: (s[0], -0.7 * s[1]), direction=1)
+    motion = flow(spring, [0.4, -0.5], time=2.0, changes=bounce)
+    np.testing.assert_allclose(motion.x[0], flow(spring, [0.4, -0.5], time=2.0).x[0], atol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+def test_bounces_that_accumulate_away_from_0():
+    """There the state does not move any more while its value on the surface is not 0."""
+    push = Field.from_function(
+        lambda s: (s[1], -s[0] - 50 * (s[1] - np.where(s[0] > 0, 0.5, -0.2))), 2
+    )
+    bounce = Change(lambda s: s[0] - 0.4, to=lambda s: (s[0], -0.7 * s[1]), direction=1)
+    starts = np.random.default_rng(1).normal(size=(20, 2))
+    motion = flow(push, starts, time=10.0, changes=bounce)
+    assert set(motion.status.tolist()) <= {Status.OK, Status.ACCUMULATES}

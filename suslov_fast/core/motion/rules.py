@@ -860,6 +860,11 @@ def _level(value, rate, is_above):
     return rests.select(is_above.select(0.0, TINY), 0.0)
 
 
+def _beyond(value):
+    """Return a level that is more than the value of a surface, by rounding."""
+    return value + (ROUNDING * abs(value) + TINY)
+
+
 @_rule
 def FIRST_SIDE(value, rate, sign):
     """On which side of a surface a trajectory starts, on the surface that to which it goes."""
@@ -879,16 +884,17 @@ def CROSSED(value, rate, side, level, is_here, by_motion, sign):
 
     A change may leave the state beyond the surface by rounding, on its way back. A step ends there,
     too, but a crossing by the motion whose rate contradicts it is none: then the surface lies where
-    the state is, until its next change.
+    the state is, until its next change, and just beyond where the state does not move any more.
     """
     is_above = value >= level
     differs = (is_here > 0.0) & (is_above ^ (side > 0.5))
     ahead = is_above.select(sign * rate, -(sign * rate))
     is_back = differs & (by_motion > 0.0) & (ahead < 0.0)
+    stays = is_above & value.equals(level)
     crosses = is_back.select(0.0, differs.select(1.0, 0.0)) > 0.0
     return {
         "side": crosses.select(is_above.select(1.0, 0.0), side),
-        "level": is_back.select(value, level),
+        "level": is_back.select(stays.select(_beyond(value), value), level),
         "up": crosses & is_above,
         "down": is_above.select(0.0, crosses.select(1.0, 0.0)) > 0.0,
     }
@@ -905,8 +911,7 @@ def AFTER_OWN(value, rate, before, up, by_motion, sign):
     is_on = value.equals(0.0) | is_near
     ahead = sign * rate
     goes_up = ahead.equals(0.0).select(1.0 - up, (ahead > 0.0).select(1.0, 0.0))
-    beyond = larger(value, 0.0) + (ROUNDING * abs(value) + TINY)
-    level = (goes_up > 0.5).select(smaller(value, 0.0), beyond)
+    level = (goes_up > 0.5).select(smaller(value, 0.0), _beyond(larger(value, 0.0)))
     return {
         "side": is_on.select(goes_up, (value >= 0.0).select(1.0, 0.0)),
         "level": is_on.select(level, 0.0),

@@ -6,7 +6,11 @@ import pytest
 import suslov_fast as sf
 
 field = sf.Field.from_function
-RNG = np.random.default_rng(5)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
 
 
 def time_above(c, phase):
@@ -48,10 +52,10 @@ def test_derivatives_of_hours_of_light():
 @pytest.mark.parametrize("stiff", [None, True])
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("c", [0.99, 0.999, 0.9999])
-def test_peaks_of_an_oscillator(c, rtol, stiff):
+def test_peaks_of_an_oscillator(c, rtol, stiff, rng):
     """x = sin(t + p): it is the state that crosses c twice, between points of steps."""
     f = field(lambda s, c: (np.where(s[1] > c, 1.0, 0.0), s[2], -s[1]), "y x v", c=c)
-    p = RNG.uniform(0.0, 6.0, 100)
+    p = rng.uniform(0.0, 6.0, 100)
     motion = sf.flow(
         f, np.stack([0 * p, np.sin(p), np.cos(p)], 1), time=20.0, rtol=rtol, stiff=stiff
     )
@@ -61,10 +65,10 @@ def test_peaks_of_an_oscillator(c, rtol, stiff):
 
 @pytest.mark.parametrize(("stiff", "rtol"), [(False, 1e-9), (True, 1e-9), (True, 1e-12)])
 @pytest.mark.parametrize("c", [0.99, 0.999, 0.9999, 0.99998])
-def test_kinks_at_peaks_of_an_oscillator(c, stiff, rtol):
+def test_kinks_at_peaks_of_an_oscillator(c, stiff, rtol, rng):
     """The integral begins at 0, where x - c is 0 but for the rounding of x."""
     f = field(lambda s, c: (np.maximum(s[1] - c, 0.0), s[2], -s[1]), "y x v", c=c)
-    p = RNG.uniform(-1.0, 1.0, 100)
+    p = rng.uniform(-1.0, 1.0, 100)
     x0 = np.stack([0 * p, np.sin(p), np.cos(p)], 1)
     motion = sf.flow(f, x0, time=8 * np.pi, stiff=stiff, rtol=rtol)
     expected = 8 * (np.sqrt(1 - c * c) - c * np.arccos(c))
@@ -72,14 +76,14 @@ def test_kinks_at_peaks_of_an_oscillator(c, stiff, rtol):
 
 
 @pytest.mark.parametrize("stiff", [None, True])
-def test_changes_at_peaks(stiff):
+def test_changes_at_peaks(stiff, rng):
     """One is added at each peak of a clock's sine, and of an oscillator, by two surfaces."""
     f = field(lambda s: (0.0, 1.0, s[3], -s[2]), "n t x v")
     changes = [
         sf.Change(lambda s: np.sin(s[1]) - 0.999, direction=1, to=lambda s: (s[0] + 1, *s[1:])),
         sf.Change(lambda s: s[2] - 0.999, direction=-1, to=lambda s: (s[0] + 100, *s[1:])),
     ]
-    p = RNG.uniform(-1.0, 1.0, 20)
+    p = rng.uniform(-1.0, 1.0, 20)
     x0 = np.stack([0 * p, 0 * p, np.sin(p), np.cos(p)], 1)
     motion = sf.flow(f, x0, time=40 * np.pi, changes=changes, stiff=stiff)
     np.testing.assert_array_equal(motion.x[0, :, 0], 2020.0)
@@ -88,9 +92,9 @@ def test_changes_at_peaks(stiff):
 @pytest.mark.parametrize("stiff", [None, True])
 @pytest.mark.parametrize("direction", [1, 0, -1])
 @pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6, 1e-8])
-def test_records_of_peaks(depth, direction, stiff):
+def test_records_of_peaks(depth, direction, stiff, rng):
     """Records shorten no steps, of which the oscillator takes about twelve a period."""
-    f, p = field(lambda s: (s[1], -s[0]), "x v"), RNG.uniform(-1.0, 1.0, 9)
+    f, p = field(lambda s: (s[1], -s[0]), "x v"), rng.uniform(-1.0, 1.0, 9)
     x0 = np.stack([np.cos(p), -np.sin(p)], 1)
     options = {"time": -60.0 if direction else 60.0, "direction": direction, "stiff": stiff}
     level, a = (1 - depth) * (direction or 1), np.arccos(1 - depth)
@@ -140,26 +144,26 @@ def test_a_kink_that_a_motion_comes_to_does_not_keep_it_from_the_last_time():
     np.testing.assert_allclose(sf.flow(f, [2.0, 1.0, 0.0], time=3000.0).x[0, 2], 21.0, rtol=1e-7)
 
 
-def test_bits_depend_on_no_neighbour():
+def test_bits_depend_on_no_neighbour(rng):
     f = field(
         lambda s, c: (np.where(s[1] > c, 1.0, 0.0) + np.sign(np.sin(s[3]) - c), s[2], -s[1], 1.0),
         "y x v t",
-        c=RNG.uniform(-1.0, 1.0, 21),
+        c=rng.uniform(-1.0, 1.0, 21),
     )
-    x0 = RNG.normal(size=(21, 4))
+    x0 = rng.normal(size=(21, 4))
     together = sf.flow(f, x0, time=30.0).x
     alone = [sf.flow(f[k], x0[k], time=30.0).x for k in range(21)]
     np.testing.assert_array_equal(together[0], np.concatenate(alone))
 
 
 @pytest.mark.slow
-def test_a_survey_of_pulses():
+def test_a_survey_of_pulses(rng):
     """Of 400 parabolas none, of 1,500 waves few are wrong: 4, whose steps are four periods long."""
-    a, w = RNG.uniform(0.5, 9.5, 400), 10 ** RNG.uniform(-3, -0.3, 400)
+    a, w = rng.uniform(0.5, 9.5, 400), 10 ** rng.uniform(-3, -0.3, 400)
     f = field(lambda s, a, w: (np.where((s[1] - a) ** 2 < w * w, 1.0, 0.0), 1.0), "x t", a=a, w=w)
     found = sf.flow(f, [0.0, 0.0], time=10.0).x[0, :, 0]
     np.testing.assert_allclose(found, np.minimum(a + w, 10) - np.maximum(a - w, 0), atol=1e-8)
-    w, p, c = (RNG.uniform(low, high, 1500) for low, high in ((0, 2), (0, 6), (-0.99, 0.99)))
+    w, p, c = (rng.uniform(low, high, 1500) for low, high in ((0, 2), (0, 6), (-0.99, 0.99)))
     w = 10**w
     f = field(lambda s, w, p, c: (np.where(np.sin(w * s[1] + p) > c, 1.0, 0.0), 1.0), "x t",
               w=w, p=p, c=c)  # fmt: skip

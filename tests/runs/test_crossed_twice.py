@@ -1,5 +1,7 @@
 """Surfaces that a motion crosses and crosses back within a part of a step."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -89,10 +91,11 @@ def test_changes_at_peaks(stiff, rng):
     np.testing.assert_array_equal(motion.x[0, :, 0], 2020.0)
 
 
-@pytest.mark.parametrize("stiff", [None, True])
 @pytest.mark.parametrize("direction", [1, 0, -1])
-@pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6, 1e-8])
-def test_records_of_peaks(depth, direction, stiff, rng):
+@pytest.mark.parametrize(
+    ("depth", "stiff"), [*itertools.product([1e-2, 1e-4, 1e-6], [None, True]), (1e-8, None)]
+)
+def test_records_of_peaks(depth, stiff, direction, rng):
     """Records shorten no steps, of which the oscillator takes about twelve a period."""
     f, p = field(lambda s: (s[1], -s[0]), "x v"), rng.uniform(-1.0, 1.0, 9)
     x0 = np.stack([np.cos(p), -np.sin(p)], 1)

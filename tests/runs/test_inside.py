@@ -67,6 +67,19 @@ def test_layers_thinner_than_sub_steps(kind, stiff):
         np.testing.assert_allclose(motion.x[0, :, :2], ends, rtol=0, atol=1e-5)
 
 
+def test_steps_do_not_bounce_within_a_layer():
+    """The tolerance is about the width of the layer: columns may stay at both sides."""
+    a, w, x = np.array([
+        [0.14599, 1.140727e-07, 0.88792], [0.525308, 1.940725e-06, 1.177582],
+        [0.33399618, 4.4143375e-07, 1.36589931], [0.29911339, 3.63027818e-07, 0.60888322],
+        [0.27050731, 1.670399e-07, 1.12678694], [0.3371479, 3.1884726e-07, 0.93898711],
+    ]).T  # fmt: skip
+    f = field(lambda s, a, w: (s[1], -s[0] - a * np.tanh(s[1] / w)), 2, a=a, w=w)
+    for rtol in 1e-5, 1e-6:
+        motion = sf.flow(f, np.stack([x, 0 * x], 1), time=20.0, rtol=rtol)
+        assert motion.steps.max() < 5000
+
+
 def test_smooth_equations_take_no_step_more():
     def energy(x):
         return (x[2:] ** 2).sum() / 2 + (x[:2] ** 2).sum() / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3

@@ -97,7 +97,9 @@ MOST_STEPS = 250_000  # between two times that are asked for
 # Steps that look stiff before a lane becomes implicit, those in between that make it forget them;
 # implicit steps that are a trial, those that explicit ones would do as well, and the most patience.
 PATIENCE, FORGET, TRIAL, EASY, MOST_PATIENCE = 5.0, 6.0, 8.0, 3.0, 100.0
-OF_FALSE = 2.0  # steps that look stiff, for one that is false
+# Steps that look stiff, for one that is false, and for one that is taken with a sum above BOUNCES:
+# it may bounce between both sides of a layer, where f looks flat.
+OF_FALSE, OF_BOUNCE, BOUNCES = 2.0, 0.25, 10.0
 
 
 def first_part(rtol):
@@ -392,7 +394,7 @@ def REFUSALS(rough, ratio, taken, accepted, served):
 @_rule
 def LOOKS(t, taken, wanted, tries, rates, states, stiff, ratio, apart, shortest, limit, most):
     """Whether `TURN_EXPLICIT` changes anything."""
-    is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | _is_false(ratio, apart)
+    is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
     is_over = (wanted < larger(shortest * t, LEAST)) | (tries > most)
     return {"looks": (taken > 0.0) & (is_stiff | is_over)}
 
@@ -405,8 +407,9 @@ def TURN_EXPLICIT(
     """Whether the motion ends, or a lane becomes implicit, after `AFTER`."""
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
-    easy_now = is_stiff.select(0.0, (stiff > 0.0).select(easy + 1.0, 0.0))
-    stiff_now = is_stiff.select(stiff + 1.0, (easy_now < FORGET).select(stiff, 0.0))
+    more = is_stiff.select(1.0, (apart > BOUNCES).select(OF_BOUNCE, 0.0))
+    easy_now = (more > 0.0).select(0.0, (stiff > 0.0).select(easy + 1.0, 0.0))
+    stiff_now = (more > 0.0).select(stiff + more, (easy_now < FORGET).select(stiff, 0.0))
     easy = accepted.select((stiff_now > 0.0).select(easy_now, 0.0), easy)
     is_false = (taken > 0.0) & _is_false(ratio, apart)
     stiff = accepted.select(stiff_now, is_false.select(stiff + OF_FALSE, stiff))

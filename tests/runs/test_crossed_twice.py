@@ -97,7 +97,7 @@ def test_changes_at_peaks(stiff, rng):
 )
 def test_records_of_peaks(depth, stiff, direction, rng):
     """Records shorten no steps, of which the oscillator takes about twelve a period."""
-    f, p = field(lambda s: (s[1], -s[0]), "x v"), rng.uniform(-1.0, 1.0, 9)
+    f, p = field(lambda s: (s[1], -s[0]), "x v"), rng.uniform(-1.0, 1.0, 100)
     x0 = np.stack([np.cos(p), -np.sin(p)], 1)
     options = {"time": -60.0 if direction else 60.0, "direction": direction, "stiff": stiff}
     level, a = (1 - depth) * (direction or 1), np.arccos(1 - depth)

@@ -698,8 +698,9 @@ FOUND, WIDTH, WITHIN, NUDGE, NUDGES = 2.0**-29, 2.0**-48, 2.0**-10, 2.0**-54, 20
 # least of the values there.
 OF_POINTS = 4.0
 # Of a surface that comes near 0 and goes back: how near, beside its bend over a part of the step,
-# that a step looks whether it is crossed; how many such steps at most.
-CLOSE, LOWER = 0.5, 4
+# that a step looks whether it is crossed; how many such steps at most; and what is almost 0 beside
+# the values at both neighbours of a point.
+CLOSE, LOWER, ALMOST_0 = 0.5, 4, 2.0**-10
 NAN = float("nan")
 
 
@@ -721,11 +722,19 @@ def IS_ROUGH(error, least, rough):
 
 
 @_rule
-def KNOWN(value, before):
-    """A value of a surface, that before it if it is no number, and whether they differ in sign."""
+def KNOWN(value, before, after):
+    """A value of a surface, that before it if it is no number, and whether they differ in sign.
+
+    One that is almost 0 between two of the other sign counts as one of theirs: whether it lies
+    beyond 0 is for `DIP` to find out.
+    """
     is_number = abs(value) < inf
     before = (abs(before) < inf).select(before, value)
     value = is_number.select(value, before)
+    is_above = before >= 0.0
+    is_alone = ((value >= 0.0) ^ is_above) & ((value >= 0.0) ^ (after >= 0.0))
+    is_alone = is_alone & (abs(value) <= ALMOST_0 * smaller(abs(before), abs(after)))
+    value = is_alone.select(is_above.select(0.0, -TINY), value)
     differs = is_number & ((value >= 0.0) ^ (before >= 0.0))
     return {"value": value, "before": before, "differs": differs}
 

@@ -62,7 +62,8 @@ def find_crossings(lines):
         for k in text.each(count, found):
             if part == parts:
                 line.section.choose(accepted, k, own[k])
-            known = lines.apply(rules.KNOWN, value=own[k], before=before[k])
+            after = values.after(min(part + 1, parts) * count)[k]
+            known = lines.apply(rules.KNOWN, value=own[k], before=before[k], after=after)
             own[k], before[k] = known["value"], known["before"]
             found.some = known["differs"].select(1.0, found.some)
             if part > 1:

@@ -50,7 +50,7 @@ TABLE = {
     ("save savefig path filename file", "", "plot().figure.savefig(path)"),
     ("fig axes axis size title log", "ax", ""),
     ("s marker style linestyle ls lw linewidth alpha cmap label", "",
-     "lines=False for dots, or ax.plot(run.time, run['name'], ...) of Matplotlib"),
+     "ax.plot(run['name'], run['other'], ...) of Matplotlib"),
     ("show", "", "plt.show()"),
   ),
   "save": (
@@ -225,7 +225,7 @@ TABLE = {
     ("integral firstintegral invariant", "first_integral", ""),
     ("amplitude maximum minimum", "",
      "crossings(field, x0, time=T, surface=lambda x: -field(x)[..., 0]), of its maxima"),
-    ("message", "", "suslov_fast.Status(run.status).message"),
+    ("message", "", "[suslov_fast.Status(k).message for k in run.status.flat]"),
     ("endtime stoptime stoppedat", "end", ""),
     ("array asarray tolist", "states", ""),
     ("fft psd powerspectrum spectrum autocorrelation", "",
@@ -306,7 +306,8 @@ TABLE = {
   # What is passed in place of a system.
   "system": (
     ("class", "", "pass an object of the class"),
-    ("function", "", "pass QuadraticField.from_function(f, names), of the ODE x' = f(x)"),
+    ("function", "", "pass QuadraticField.from_function(f, names), of the ODE x' = f(x): "
+     "a map x -> f(x) of your own is a loop"),
     ("tuple", "", "pass its first item: figure returns eps, and from_inertia a rotation, too"),
     ("list", "", "pass one, with arrays as parameters"),
     ("SuslovGyrostat", "", "with a rotor use exact, iterate or flow"),

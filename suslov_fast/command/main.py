@@ -217,7 +217,9 @@ def _check_writable(path: Path | None, force: bool) -> None:
     if path is not None:
         _require_new([path], force)
         if not os.access(f"{path.absolute().parent}/", os.W_OK):
-            raise PermissionError(f"{path}: nothing can be written there: choose another folder")
+            folder = path.absolute().parent
+            how = "choose another folder" if folder.exists() else f"make the folder {folder}"
+            raise PermissionError(f"{path}: nothing can be written there: {how}")
 
 
 def _states_of(starts: Any, body: Any) -> Any:

@@ -53,6 +53,10 @@ class _Parser(argparse.ArgumentParser):
             message += "; equations are an option: --equations \"x' = x*(1 - y); y' = y*(x - 1)\""
         elif "output" in names and "--format" in message:
             message += "; the ending of a file is its format: suslov-fast plot RUN.npz -o RUN.pdf"
+        elif self.prog.endswith(" figures"):
+            message += "; figures draws all four of the paper into the folder -o"
+        elif self.prog.endswith(" plot"):
+            message += "; plot draws a file of suslov-fast run --save-every 1 -o RUN.npz"
         super().error(message)
 
 

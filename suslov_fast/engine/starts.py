@@ -45,7 +45,8 @@ _CAUSES = {
         "larger rtol)"
     ),
     Status.ACCUMULATES: (
-        "have changes that follow one another without end, as a ball that comes to rest"
+        "have changes that follow one another without end, as a ball that comes to rest "
+        "(Change(..., most=n) ends them before)"
     ),
     Status.NONFINITE: "have no value: f is NaN or infinite, as 0/0 and log of a negative number",
 }

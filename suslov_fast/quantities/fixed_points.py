@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.general import Field
 from ..checks import FloatArray, OneOrEach, extra, instance, warn, wrong
 from ..keywords import public
 from .equilibria import Equilibria, equilibria
@@ -118,6 +119,8 @@ def fixed_points(system: BodyOrField, /, near: ArrayLike | None = None) -> OneOr
     instance("system", system, Body)
     if near is not None:
         return equilibria(system, near)
+    if isinstance(system, Field):
+        raise TypeError("fixed_points of a Field takes near=x0, a state or many of them")
     exact = QuadraticField.of(system)
     if exact.dimension > 3:
         raise wrong("system", "have at most 3 variables", f"{exact.dimension}: {_BEYOND}")

@@ -37,7 +37,7 @@ from ..keywords import public, public_class
 from .results import read_only
 
 _ON_SURFACE = "a function of the state, such as lambda x: x[0] - 1, or the name of a component"
-_NEW_STATE = "a function that returns the new state, such as lambda x: (x[0] + 1, x[1])"
+_NEW_STATE = "a function of the state that returns the new one, or a list of its components"
 _MOST_TRACED = 64  # fields, for which a change keeps what was traced
 
 
@@ -133,7 +133,7 @@ class Change:
         if isinstance(to, (tuple, list)) and all(isinstance(a, (str, int, float)) for a in to):
             to = tuple(a if isinstance(a, str) else repr(float(a)) for a in to)
         elif to is not None and not callable(to):
-            how = ": what changes is a variable, of the rate 0" * isinstance(to, dict)
+            how = ": a parameter that changes is a variable of the rate 0" * isinstance(to, dict)
             raise wrong("to", _NEW_STATE, f"{short(to)}{how}", TypeError)
         expected = "0 (both), 1 (upwards) or -1 (downwards)"
         direction, most = integer("direction", self.direction, -1, expected, 1), self.most

@@ -201,7 +201,7 @@ def test_what_is_no_orbit_is_told(field, start, period, reason):
 def test_a_tolerance_that_works_is_named():
     """Differences of large numbers have errors above the tolerance, not both small by luck."""
     field = Field.from_function(  # friction, because two sets may be lucky
-        lambda x: (x[1], 1e7 - (1e7 + x[0]) - 1e-99 * x[1], x[3], 2e7 - (2e7 + x[2])), 4
+        lambda x: (x[1], 3e6 - (3e6 + x[0]) - 1e-99 * x[1], x[3], 6e6 - (6e6 + x[2])), 4
     )
     start = [1.0, 0.0, 1.0, 0.0]
     with pytest.raises(RuntimeError, match="pass rtol=") as told:

@@ -19,6 +19,7 @@ from .formulas import (
 from .methods import (
     COMPOSITIONS,
     FIELD,
+    GAUSS,
     STEPS_3D,
     STEPS_ND,
     STEPS_WITH_ROTOR,
@@ -40,7 +41,7 @@ for _record in (
         name="SuslovND",
         title="Discrete Suslov problem in n dimensions",
         body=SuslovND,
-        methods={"auto": STEPS_ND, "gauss": FIELD},
+        methods={"auto": STEPS_ND, "gauss": GAUSS},
         formulas=IN_ND,
         attitude="in_rows",
         plane=IN_PLANE,

@@ -75,8 +75,8 @@ def solve_rows(a, most):
     """Replace the last column of a (D, D + 1) by the solution, with pivots on the diagonal.
 
     A is replaced by its factors, with inverse pivots on the diagonal. Return whether this kept
-    digits, because no pivot was small beside the largest (one of `most` counts, too), and
-    det A < 0. One row after the other is eliminated, because a row stays in the first cache.
+    digits, as `elimination.keeps_digits` (a pivot of `most` counts, too), and det A < 0. One row
+    after the other is eliminated, because a row stays in the first cache.
     """
     D, least, largest, negative = len(a), most, 1.0, False
     for i in range(D):

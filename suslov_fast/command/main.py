@@ -205,6 +205,8 @@ def _tell_if_long(call: Callable[[int], Any], part: int, whole: int) -> None:
     call(part)
     while (seconds := _seconds(partial(call, part))[0]) < LONG / 100 and part < whole:
         part = min(whole, 4 * part)
+    if seconds * whole / part > LONG:  # it may have compiled only then
+        seconds = min(seconds, _seconds(partial(call, part))[0])
     seconds *= whole / part
     if seconds > LONG:
         units = (86_400, "days"), (3_600, "hours"), (60, "minutes")

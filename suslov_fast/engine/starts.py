@@ -162,7 +162,7 @@ def warn_of_growth(found: Found, names: Any, batch: tuple[int, ...]) -> None:
     name = names[int(found.grown[int(np.argmax(which))])]
     checks.warn(
         f"{np.count_nonzero(which)} of {which.size} solutions have a component that fell below "
-        f"its allowed error and grew far above it again, perhaps without right "
+        "its allowed error and grew far above it again, perhaps without right "
         f"digits (first: {name} of trajectory {index}): pass atol=0, or an atol of its own"
     )
 

@@ -27,7 +27,7 @@ EPS = 2**40 + 7  # as good as a random number
 EXTRA = 10  # equations more than unknowns
 DRAWS = 8  # of primes with points or lines, of which two must agree
 _LONG = 2**20  # denominators of floats such as 0.1
-_ODD = 1000  # factors of denominators of fractions of floats
+_ODD = 1000  # above factors of denominators of fractions of floats, and of ratios
 
 
 # Rational numbers.
@@ -51,28 +51,30 @@ def rationals(name: str, value: Any, count: int) -> Point:
 def constant(name: str, value: Any, decimals: bool = True) -> Fraction:
     """Return a coefficient or a step size, a number or a string, as a fraction.
 
-    A float is the decimal as which it was written, or its binary value without `decimals`.
+    A float is what was written, 0.1 or 8/3, or its binary value without `decimals`.
     """
     value = from_lists(name, value)
     exact = rational(name, value)
-    return as_decimal(exact) if decimals and isinstance(value, float) else exact
+    return as_written(exact) if decimals and isinstance(value, float) else exact
 
 
-def as_decimal(a: Any) -> Fraction:
-    """Return the decimal as which a float was written, or its binary value, as that of 1/3.
+def as_written(a: Any) -> Fraction:
+    """Return the number as which a float was written: a decimal, such as 0.1, or a ratio, as 8/3.
 
-    It has 15 digits at most, or 12 if the float is only near to it, as a sum or product of floats.
+    A decimal has 15 digits at most, or 12 if the float is only near to it, as a sum or product of
+    floats; a ratio has a denominator of three digits. Other floats are their binary values.
     """
     binary = Fraction(a)
     q = binary.denominator
     odd = q // (q & -q)  # without its power of two: 1 for a float
     if 1 < odd < _ODD:  # a third of a float, for example, as in a Hamiltonian
-        return as_decimal(binary * odd) / odd
+        return as_written(binary * odd) / odd
     if odd > 1 or q < _LONG:
         return binary
     near, exact = (Fraction(f"{float(binary):.{digits}g}") for digits in (12, 15))
-    if abs(near - binary) <= abs(binary) / 2**50:
-        return near
+    for written in (near, binary.limit_denominator(_ODD)):
+        if abs(written - binary) <= abs(binary) / 2**50:
+            return written
     return exact if float(exact) == binary else binary
 
 

@@ -23,7 +23,7 @@ from ..bodies.fields.terms import Terms
 from ..checks import kind_of, wrong
 from ..keywords import public
 from ..words import in_place_of
-from .arithmetic import as_decimal, constant, matrix
+from .arithmetic import as_written, constant, matrix
 from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap, check_map
 from .polynomials import coprime, cramer, degree_of
@@ -210,8 +210,8 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
         Step size, of any sign; a string may be "1/3". Without it, eps is symbolic in all that is
         found for the map.
     decimals : bool, optional
-        If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10.
-        If False, they are binary numbers.
+        If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
+        and 8/3 is a ratio. If False, they are binary numbers.
 
     Returns
     -------
@@ -256,8 +256,8 @@ def checked_map(map: RationalMap | Body) -> RationalMap:
 
 
 def _in_decimals(body: Any) -> QuadraticField:
-    """Return the field of a single body or field with its floats as decimals."""
-    decimals, parts = np.vectorize(as_decimal, "O"), dict(body.parts)
+    """Return the field of a single body or field with its floats as what was written."""
+    decimals, parts = np.vectorize(as_written, "O"), dict(body.parts)
     is_field = isinstance(body, QuadraticField)
     for name in {H_VALUES, VALUES, *body.parameters} & {*parts} if is_field else parts:
         parts[name] = decimals(parts[name])[()]

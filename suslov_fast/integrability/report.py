@@ -270,8 +270,8 @@ def report(
     degree : int, optional
         Largest degree of polynomials, by default 3.
     decimals : bool, optional
-        If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10.
-        If False, they are binary numbers.
+        If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
+        and 8/3 is a ratio. If False, they are binary numbers.
     time_limit : float, optional
         Limit in seconds; the report then contains the results found so far. With a limit the search
         runs in a separate process, so a script calls it below ``if __name__ == "__main__":``, as

@@ -777,6 +777,8 @@ def test_decimals():
     binary = F(47205641, 2**19)  # its digits are too many to be a decimal
     short = QuadraticField([[[0.0]]], [[float(binary)]])
     assert report(short, 1, 1).map.field.linear[0, 0] == binary
+    for ratio in (F(8, 3), F(-1, 3), F(1234, 999), F(2, 3) * 10**6):
+        assert kahan(QuadraticField([[[0.0]]], [[float(ratio)]])).field.linear[0, 0] == ratio
     assert_holds(found)
 
 

@@ -132,19 +132,15 @@ class March:
         problem: Problem,
         method: str | None = None,
         earlier: Checkpoint | None = None,
-        arguments: Arguments | None = None,
     ) -> None:
-        self.method = method or problem.method
-        self.steps = problem.map.methods[self.method]
+        self.steps = problem.map.methods[method or problem.method]
         self.problem, batch = problem, problem.batch
         self.omega0 = flat_arrays(problem.omega, batch)
         size, D = self.omega0.shape
-        if arguments is None:
-            arguments = self.steps.arguments(problem.body, problem.eps, problem.batch)
-        self.arguments = arguments
-        self.groups: list[Any] = [(ALL, arguments)]
+        self.arguments = self.steps.arguments(problem.body, problem.eps, problem.batch)
+        self.groups: list[Any] = [(ALL, self.arguments)]
         if self.steps.divide is not None and problem.body.shape:
-            self.groups = [*self.steps.divide(arguments)]
+            self.groups = [*self.steps.divide(self.arguments)]
         self.turned: FloatArray | None = None
         if earlier is not None:
             self.n = earlier.n
@@ -183,13 +179,6 @@ class March:
         if not self.steps.notes_poles:
             return np.zeros(len(self.omega0), np.int64), codes.OK
         return abs(self.carry[0]).astype(np.int64), codes.PASSED_POLE
-
-    def note_pole(self, trajectory: int, n: int) -> None:
-        """Note that a trajectory passed a pole before state n, unless it had failed before."""
-        self.carry[0, trajectory] = n
-        if self.status.flat[trajectory] >= codes.OK:
-            self.status.flat[trajectory] = codes.PASSED_POLE
-            self.failed_at.flat[trajectory] = n
 
     def to(
         self,
@@ -253,20 +242,6 @@ class March:
         if not every:
             return self.final[np.newaxis]
         return saved.reshape(len(saved), *self.problem.batch, D)
-
-    def step_of(
-        self, trajectories: NDArray[np.int64], states: FloatArray, eps: FloatArray
-    ) -> FloatArray:
-        """Return the states (K, D) after one step of eps (K,), each of one of the trajectories."""
-        *others, _ = self.arguments  # the last one is eps
-        rows = (
-            a[trajectories] if isinstance(a, np.ndarray) and a.dtype == float and len(a) > 1 else a
-            for a in others
-        )
-        problem = self.problem._replace(omega=states, batch=eps.shape, orientation=None)
-        march = March(problem, self.method, arguments=(*rows, eps))
-        march.to(1)
-        return march.final
 
     def pieces(
         self, steps: int, every: int, rows: int

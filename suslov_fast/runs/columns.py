@@ -90,7 +90,6 @@ CROSSINGS = (
     Column("before", "float64", "crossing component", "state n", when="map"),
     Column("after", "float64", "crossing component", "state n + 1", when="map"),
     Column("fraction", "float64", "crossing", when="map"),
-    Column("over_pole", "bool", "crossing", "a pole within the step", when="map"),
     Column("failed_at", "int64", "batch", when="map"),
     Column("first_pole", "int64", "batch", when="map"),
 )

@@ -12,7 +12,6 @@ from ..bodies.classes import BodyOrField
 from ..checks import FloatArray
 from ..engine.arguments import flat_parameter
 from ..engine.status import ended_in_words, first_beyond
-from ..engine.stretches import March
 from ..maps import Map
 from .points import Points, span
 from .results import OfMotion, in_short, read_only
@@ -32,8 +31,7 @@ class Crossings(Points, OfMotion):
     time, states : ndarray(float, shape=(K,) and (K, D))
         Times and states of the crossings. Along a motion they have the digits of the tolerance,
         and lie on the surface to rounding, on the side to which the motion goes. Along a map the
-        points lie between `before` and `after`, on the straight line for methods of order 2, and
-        for higher orders on a step of the method; times are (n + fraction) eps.
+        points lie on the straight line from `before` to `after`, and times are (n + fraction) eps.
     surface : ndarray(int, shape=(K,))
         Which of the surfaces is crossed; 0 if there is one.
     count : ndarray(int, shape=(...))
@@ -56,13 +54,8 @@ class Crossings(Points, OfMotion):
         `after`: rounding may put a point of `states` below the surface, where it crosses again at
         once.
     fraction : ndarray(float, shape=(K,))
-        The part of the step from n to n + 1 before the crossing, from 0 to 1. For methods of order
-        2 it is a / (a - b), where a and b are the values of the surface at n and n + 1; for higher
-        orders a step of the length ``fraction * eps`` from `before` ends on the surface.
-    over_pole : ndarray(bool, shape=(K,))
-        True where the surface changes its sign through infinity, because a step of a higher order
-        has a pole within its length. Its point lies on the straight line from `before` to `after`,
-        and its trajectory has the status `PASSED_POLE`.
+        The part of the step from n to n + 1 before the crossing, a / (a - b), from 0 to 1, where a
+        and b are the values of the surface at n and n + 1.
     failed_at, first_pole : ndarray(int, shape=(...))
         As in :class:`Trajectories`.
     valid : ndarray(bool, shape=(K,))
@@ -112,7 +105,6 @@ class Crossings(Points, OfMotion):
     before: FloatArray | Any = None
     after: FloatArray | Any = None
     fraction: FloatArray | Any = None
-    over_pole: NDArray[np.bool_] | Any = None
     failed_at: NDArray[np.int64] | Any = None
     first_pole: NDArray[np.int64] | Any = None
     eps: float | FloatArray | Any = None
@@ -131,7 +123,7 @@ class Crossings(Points, OfMotion):
         if self.map is None:
             return read_only(np.ones(len(self), np.bool_))
         first = first_beyond(self.failed_at, self.first_pole).ravel()
-        return read_only((self.n + 1 < first[self.trajectory]) & ~self.over_pole)
+        return read_only(self.n + 1 < first[self.trajectory])
 
     @property
     def _heading(self) -> str:
@@ -154,7 +146,7 @@ class Crossings(Points, OfMotion):
         return f"Crossings({states}, n: {steps}, {in_short(self)})"
 
 
-def at_points(march: March, found: dict[str, Any]) -> dict[str, Any]:
+def at_points(found: dict[str, Any]) -> dict[str, Any]:
     """Return times and states on the surface, which surface it is, and times of ends."""
     batch, which, fraction = found["count"].shape, found["trajectory"], found["fraction"]
     before, after, eps = found["before"], found["after"], np.asarray(found["eps"])
@@ -162,9 +154,6 @@ def at_points(march: March, found: dict[str, Any]) -> dict[str, Any]:
     states = after - before
     states *= fraction[:, np.newaxis]  # in place, in two fifths of the time
     states += before
-    if found["map"].order > 2:
-        steps = march.step_of(which, before, fraction * own)
-        states = np.where(found["over_pole"][:, np.newaxis], states, steps)
     has_failed = found["status"] < 0
     return {
         "time": (found["n"] + fraction) * own,

@@ -82,9 +82,8 @@ def crossings(
         is traced once, as that of a `Field`, and may take parameters of the system by name. Along a
         map it takes states (..., D) and returns real values (...), each from its own state alone,
         by NumPy or compiled by Numba. It is called with read-only pieces (rows, ..., D) of the
-        orbits, which later pieces overwrite: copy states that you keep. Between the states of a run
-        it is called with others, NaN where there is none. A value of s that is NaN or infinite
-        makes no crossing.
+        orbits, NaN where there is no state, which later pieces overwrite: copy states that you
+        keep. A value of s that is NaN or infinite makes no crossing.
     time : float
         Along a motion: the time after the transient; negative backwards in time.
     rtol, atol, max_step, stiff
@@ -113,11 +112,10 @@ def crossings(
         crossings within a step of the implicit method, and points where a motion touches the
         surface, may be missed. A smaller `max_step` looks closer.
     Crossings
-        Along a map. Its points are as accurate as the states. For methods of order 2 they lie on
-        the straight lines between consecutive states; for higher orders they are the states, with
-        s = 0, after a step of the length fraction * eps from `before`, unless the step has a pole
-        within its length (`over_pole`), over which the chord leads. If eps is too large for the map
-        to follow the motion, use `before` or `after` instead.
+        Along a map. Its points lie on the straight lines between consecutive states, whose error is
+        O(eps**2) for every method: of order 2 they are as accurate as the states, while along a map
+        of higher order `time` finds the crossings of the motion to more digits. If eps is too large
+        for the map to follow the motion, use `before` or `after` instead.
 
     Raises
     ------
@@ -187,7 +185,7 @@ def crossings(
         "direction": direction,
         "most": most,
     }
-    points = Crossings._of(attributes | at_points(march, attributes))
+    points = Crossings._of(attributes | at_points(attributes))
     report_failures(points, march, on_singular, name="crossings")
     return points
 

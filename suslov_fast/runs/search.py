@@ -19,15 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..checks import FloatArray, arguments_of, require, wrong
-from ..core.motion.refine import crossing_fractions
-from ..engine.arguments import flat_parameter
 from ..engine.status import Status
 from ..engine.stretches import March, Report
 from .change import refuse_event
 
-# Numbers in a piece: long, because each piece costs as much as some steps, and each round of a
-# refinement as much as many; but shorter than outputs that kernels write past the caches
-# (`STREAM_FROM`), because the surface reads them again.
+# Numbers in a piece: long, because each piece costs as much as some steps; but shorter than outputs
+# that kernels write past the caches (`STREAM_FROM`), because the surface reads them again.
 PIECE = 3 * 2**18
 # Least number of states of each trajectory in a piece, unless these are more than _LARGE numbers.
 STATES, _LARGE = 8, 2**22
@@ -102,9 +99,7 @@ class _Found(NamedTuple):
     n: NDArray[np.int64]
     before: FloatArray  # (K, D), the states n and n + 1
     after: FloatArray
-    values: tuple[FloatArray, FloatArray]  # of the surface, at these states
     fraction: FloatArray
-    over_pole: NDArray[np.bool_]
 
 
 def _crossings_at(
@@ -145,8 +140,7 @@ def _crossings_at(
     fraction = scale * earlier / (scale * earlier - scale * later)
     rows = states.reshape(-1, states.shape[-1])
     before, after = rows.take(places, axis=0), rows.take(places + B, axis=0)
-    over_pole = np.zeros(len(i), bool)
-    return _Found(i, rank, n + k, before, after, (earlier, later), fraction, over_pole)
+    return _Found(i, rank, n + k, before, after, fraction)
 
 
 class Search:
@@ -169,7 +163,6 @@ class Search:
         self.changed: Any = {1: np.greater, -1: np.less, 0: np.not_equal}[direction]
         self.direction, self.most = direction, most
         self.limit = most or _WITHOUT_END
-        self.is_refined = march.problem.map.order > 2  # else a chord is as accurate as the states
         B, D = march.omega0.shape
         self.batch, self.is_stopped = march.problem.batch, False
         self.pieces: list[_Found] = []
@@ -229,58 +222,16 @@ class Search:
             is_positive[0] = np.where(self.last == 0.0, is_positive[1], is_positive[0])
         changes = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
         if changes.size:
-            flat, earlier = states.reshape(*is_positive.shape, -1), self.counts.copy()
+            flat = states.reshape(*is_positive.shape, -1)
             given = changes, n, self.last, values, flat
-            found = _crossings_at(*given, self.limit, self.counts)
-            if not len(found.n):
-                return
-            if self.is_refined:
-                fraction, over_pole = self._fractions(found, earlier)
-                found = found._replace(fraction=fraction, over_pole=over_pole)
-                self._note_poles(found)
-            self.pieces.append(found)
-
-    def _fractions(
-        self, crossings: _Found, earlier: NDArray[np.int64]
-    ) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Return the fractions of crossings on the steps of the method, and which are over a pole.
-
-        `earlier` (B,) is how many crossings each trajectory had before the piece.
-        """
-        march, which = self.march, crossings.trajectory
-        rows, D = crossings.rank - earlier[which], march.omega0.shape[1]
-        eps = flat_parameter(march.problem.eps, self.batch)
-        eps = eps[which] if len(eps) > 1 else np.repeat(eps, len(which))
-        states = np.full((int(rows.max()) + 1, len(self.counts), D), np.nan)
-
-        def values_at(some: NDArray[np.int64], fractions: FloatArray) -> FloatArray:
-            before = crossings.before[some]
-            after = march.step_of(which[some], before, fractions * eps[some])
-            states[rows[some], which[some]] = after
-            values = self.values_of(states.reshape(len(states), *self.batch, D))
-            found: FloatArray = values[rows[some], which[some]]
-            return found
-
-        found: tuple[FloatArray, NDArray[np.bool_]]
-        found = crossing_fractions(values_at, crossings.fraction, *crossings.values)
-        return found
-
-    def _note_poles(self, found: _Found) -> None:
-        """Give trajectories whose steps have a pole within their length the status of one."""
-        march, over = self.march, found.over_pole
-        if not march.steps.notes_poles:
-            return
-        for i, n in zip(found.trajectory[over].tolist(), found.n[over].tolist(), strict=True):
-            first = march.carry[0, i]
-            if not 0.0 < abs(first) <= n + 1:
-                march.note_pole(i, n + 1)
+            self.pieces.append(_crossings_at(*given, self.limit, self.counts))
 
     def result(self) -> dict[str, Any]:
         """Return the arrays of all crossings, in order."""
         march, counts = self.march, self.counts
         ends = np.cumsum(counts)
         starts, K, D = ends - counts, int(counts.sum()), march.omega0.shape[1]
-        n, fraction, over_pole = np.empty(K, np.int64), np.empty(K), np.empty(K, bool)
+        n, fraction = np.empty(K, np.int64), np.empty(K)
         before, after = np.empty((K, D)), np.empty((K, D))
         trajectory = np.repeat(np.arange(len(counts)), counts)
         self.pieces.reverse()
@@ -288,7 +239,6 @@ class Search:
             found = self.pieces.pop()
             places = starts[found.trajectory] + found.rank
             n[places], fraction[places] = found.n, found.fraction
-            over_pole[places] = found.over_pole
             before[places], after[places] = found.before, found.after
         final, status, failed_at = march.final.copy(), march.status.copy(), march.failed_at.copy()
         ended = counts >= self.limit
@@ -308,7 +258,6 @@ class Search:
             "before": before,
             "after": after,
             "fraction": fraction,
-            "over_pole": over_pole,
             "count": counts.reshape(self.batch),
             "status": status,
             "failed_at": failed_at,

@@ -5,8 +5,9 @@ import threading
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 from samples import POLES, random_bodies
-from systems import LORENZ
+from systems import HENON_HEILES, LORENZ
 
 import suslov_fast as sf
 from suslov_fast.maps import MAPS
@@ -30,9 +31,9 @@ def sample_of(map):
     return body, np.full(body.dimension, 0.3)
 
 
-def slow(body, omega0, eps, steps, surface, direction=1, transient=0, most=None):
+def slow(body, omega0, eps, steps, surface, direction=1, transient=0, most=None, method="auto"):
     """Find the crossings of each trajectory in all its states, one by one, as defined."""
-    run = sf.iterate(body, omega0, eps, transient + steps, on_singular="ignore")
+    run = sf.iterate(body, omega0, eps, transient + steps, method=method, on_singular="ignore")
     batch, D = run.status.shape, run.states.shape[-1]
     values = np.asarray(surface(run.states), float).reshape(len(run), -1)
     states = run.states.reshape(len(run), -1, D)
@@ -111,6 +112,25 @@ def test_crossings_are_those_of_all_states(rng, body, batch, eps, steps, directi
     points = check(body, omega0, eps, steps, lambda x: first(x) - level, **options)
     assert len(points)
     assert points.ok == (points.status >= 0).all() == (not batch)
+
+
+@pytest.mark.parametrize("method", ["order4", "order8"])
+def test_points_of_every_method_lie_on_the_chord(rng, method):
+    starts = rng.normal(size=(30, 3))
+    assert len(check(LORENZ, starts, 1 / 32, 60, first, direction=0, method=method))
+
+
+@pytest.mark.parametrize("method", ["auto", "order8"])
+def test_bits_depend_on_no_cut(rng, monkeypatch, method):
+    starts, arguments = rng.uniform(-0.25, 0.25, (9, 4)), {"method": method, "direction": 0}
+    whole = sf.crossings(HENON_HEILES, starts, 1 / 8, 200, first, threads=TWO_THREADS, **arguments)
+    assert len(whole)
+    assert whole == sf.crossings(HENON_HEILES, starts, 1 / 8, 200, first, threads=1, **arguments)
+    one = sf.crossings(HENON_HEILES, starts[4], 1 / 8, 200, first, **arguments)
+    np.testing.assert_array_equal(one.states, whole.states[whole.trajectory == 4])
+    monkeypatch.setattr(module, "PIECE", 64)
+    monkeypatch.setattr(module, "STATES", 3)
+    assert whole == sf.crossings(HENON_HEILES, starts, 1 / 8, 200, first, **arguments)
 
 
 @pytest.mark.parametrize("most", [1, 3])

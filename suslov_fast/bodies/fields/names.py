@@ -32,7 +32,7 @@ _TAKEN = {
 _OF_MAPS = {
     "eps": "the step size",
     **dict.fromkeys(
-        ("n", "failed_at", "first_pole", "attitude", "before", "after", "fraction", "over_pole"),
+        ("n", "failed_at", "first_pole", "attitude", "before", "after", "fraction"),
         "a name in datasets of runs and crossings",
     ),
 }

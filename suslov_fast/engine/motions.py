@@ -115,7 +115,8 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
         if alone is not None:
             return alone
     if not B:
-        return nothing_found(starts, len(times))
+        records = None if stops is None else _in_order([], sign, starts)
+        return nothing_found(starts, len(times))._replace(records=records)
     groups = [*right_hand_sides(field.right_hand_sides, field.shape, batch)]
     if starts.size * len(times) > MANY:  # LLVM ends the process where it finds no memory
         for where, f, table in groups:

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import suslov_fast as sf
 
@@ -110,6 +111,25 @@ def test_records_of_peaks(depth, stiff, direction, rng):
         np.testing.assert_allclose(own, times[times < 60.0], atol=2e-8 / np.sqrt(depth))
     alone = sf.crossings(f, x0[4], surface=lambda s: s[0] - level, **options)
     np.testing.assert_array_equal(alone.states, found.states[found.trajectory == 4])
+
+
+@pytest.mark.parametrize(
+    ("c", "depth", "max_step", "lost"),
+    [(2, 3e-6, 0.5, 90), (2, 1e-4, 0.5, 0), (4, 1e-2, 1.0, 0), (-4, 1e-2, 1.0, 0)],
+)
+def test_records_beside_a_least_value_that_is_not_where_a_parabola_has_it(c, depth, max_step, lost):
+    """Of 3,000 clocks, whose steps have one length; some pairs begin as a step begins."""
+    clock, t0 = field(lambda s: (1.0,), "t"), np.linspace(-2.0, -1.0, 3000)
+
+    def surface(s):
+        return (1 - np.cos(s[0])) * np.exp(c * np.sin(s[0])) - depth
+
+    options = {"time": 3.0, "direction": 0, "max_step": max_step}
+    found = sf.crossings(clock, t0[:, np.newaxis], surface=surface, **options)
+    assert (found.count != 2).sum() <= lost
+    exact = [brentq(lambda t: surface([t]), *ends, xtol=1e-15) for ends in ((-0.7, 0), (0, 1))]
+    times = found.time[np.lexsort((found.time, found.trajectory))].reshape(-1, 2)
+    np.testing.assert_allclose(times, exact - t0[found.count == 2, np.newaxis], atol=1e-11)
 
 
 @pytest.mark.parametrize("stiff", [None, True, False])

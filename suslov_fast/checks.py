@@ -57,9 +57,10 @@ _MANY = 2**14
 # from 1e-60 to 1e60.
 MOMENTS, OTHERS = 50, 60
 OF_SYMBOLS = (
-    "symbols have no values: formulas are report(system).integrals and kahan(field).formulas of "
-    "suslov_fast.integrability, where eps alone is symbolic, and sympy.lambdify([names], "
-    "expressions) makes a function of expressions"
+    "symbols have no values: functions such as exact compute floats; formulas, symbolic in eps and "
+    "the state, are report(system).integrals and, of one step, kahan(field).formulas of "
+    "suslov_fast.integrability, and those of the paper are on the page docs/theory/paper.md; "
+    "sympy.lambdify([names], expressions) makes a function of expressions"
 )
 _PACKAGES = {"flint": "python-flint"}  # packages whose modules have another name
 # Requests for up to this many bytes are not checked, for speed; this many bytes are kept free.
@@ -115,7 +116,8 @@ def positive(name: str, value: Any) -> float:
     """Return a positive finite number as a float."""
     number = real_number(name, value)
     if not isinstance(number, float) or number <= 0.0:
-        raise wrong(name, "a positive number", value)
+        how = ": one number, in a call for each" * isinstance(number, np.ndarray)
+        raise wrong(name, "a positive number", f"{short(value)}{how}")
     return number
 
 
@@ -198,8 +200,8 @@ def _floats(name: str, value: Any) -> FloatArray:
             whole = numbers.Integral, float
             if any(not isinstance(each, whole) and each != float(each) for each in exact.flat):
                 warn(
-                    f"{name}: fractions, and numbers of more digits, become floats here: "
-                    "integrability.kahan(field, eps) keeps fractions of a field, eps and states"
+                    f"{name}: fractions, and numbers of more digits, become floats here; map = "
+                    "suslov_fast.integrability.kahan(field, eps), with x = map(x), keeps fractions"
                 )
     except (ValueError, OverflowError) as error:
         expected = "numbers in the range of float64, with rows of equal length"

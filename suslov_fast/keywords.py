@@ -163,8 +163,9 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         if missing or (len(args) > unnamed and (named or takes_any)):
             how = f", pass {'parameters, as a=1,' if takes_any else named} by name"
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
-        if called == "flow" and args and inspect.isroutine(args[0]):
-            how += ", and for the function pass Field.from_function(f, names)"
+        if called in ("flow", "iterate") and args and inspect.isroutine(args[0]):
+            kind = "Field" if called == "flow" else "QuadraticField"
+            how += f", and for the function pass {kind}.from_function(f, names)"
         if args and getattr(args[0], "called", "") == "a run":
             first = "[0]" * ("0'" in str(error))  # of x0 or omega0
             eps = ", run.eps" * ("eps" in signature.parameters and hasattr(args[0], "eps"))
@@ -172,7 +173,8 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         if "'store'" in str(error):
             how += ", a folder to write: flow and iterate keep their results in memory"
         if "'eps'" in str(error):
-            how += ", the step size of Kahan's map of an ODE"
+            how += ", the step size of Kahan's map of an ODE x' = f(x), where a map x -> f(x) of "
+            how += "your own is a loop in NumPy"
         if "'monomials'" in str(error):
             how += ", a degree, such as 2, or a list of exponents"
         if "'dimension'" in str(error):

@@ -28,8 +28,12 @@ TABLE = {
     ("symplectic conserve project", "",
      "iterate(field, x0, eps, steps), a map that conserves energies of a QuadraticField"),
     ("finalonly last final", "", "time=T, one time"),
+    ("teval", "", "time= with all times, as time=np.linspace(0, T, 500): two are two times"),
     ("attitude orientation rotation", "",
      "iterate(body, x0, eps, steps, attitude=True), of the map: flow computes none"),
+  ),
+  "iterate crossings ensemble lyapunov_exponents step jacobian": (
+    ("order", "", "method='order4', 'order6' or 'order8'; without it the order is 2"),
   ),
   "iterate": (
     ("transient burnin skip discard", "", "run.states[k:], of k steps, or crossings(transient=k)"),
@@ -125,6 +129,8 @@ TABLE = {
     ("period every repeat", "", "times=np.arange(T, last, T)"),
     ("map new jump", "to", ""),
     ("guard g", "surface", ""),
+    ("parameter param p set", "",
+     "to=, and a variable of the rate 0 in place of a parameter that changes"),
     ("sign dir", "direction", ""),
     ("n count maxcount", "most", ""),
   ),
@@ -176,6 +182,9 @@ TABLE = {
     ("qrt qrtmap birational birationalmap rational henonmap", "",
      "suslov_fast.integrability.rational_map(f, dimension), of f that maps a state to the next"),
   ),
+  "from_inertia from_mass_tensor": (
+    ("axis normal direction vector n", "a", ""),
+  ),
   "from_hamiltonian": (
     ("poisson j structure bracket omega symplectic poissonmatrix poissontensor", "K", ""),
   ),
@@ -205,6 +214,9 @@ TABLE = {
     ("iterate step orbit next", "", "x = map(x), in a loop"),
     ("invariant integral firstintegral", "", "suslov_fast.integrability.report(field).integrals"),
     ("degree growth", "", "suslov_fast.integrability.degrees(map, 8)"),
+  ),
+  "HKBasis": (
+    ("bases formula invariant", "integrals", ""),
   ),
   "Report": (
     ("formula invariant text conserved", "integrals", ""),
@@ -249,7 +261,8 @@ TABLE = {
      "derivative('x0') of flow(..., derivatives=('x0', 'a'))"),
   ),
   "Points": (
-    ("trajectories orbit index member which id", "trajectory", ""),
+    ("trajectories orbit index member id", "trajectory", ""),
+    ("which", "", "surface, the number of the surface that is crossed, and trajectory"),
     ("hits number ncrossings nhits", "count", ""),
     ("split group groupby bytrajectory pertrajectory of", "",
      "[points.states[points.trajectory == k] for k in range(points.count.size)]"),
@@ -308,7 +321,8 @@ TABLE = {
     ("class", "", "pass an object of the class"),
     ("function", "", "pass QuadraticField.from_function(f, names), of the ODE x' = f(x): "
      "a map x -> f(x) of your own is a loop"),
-    ("tuple", "", "pass its first item: figure returns eps, and from_inertia a rotation, too"),
+    ("tuple", "", "pass its first item: figure returns eps, from_inertia and "
+     "from_mass_tensor a rotation, too"),
     ("list", "", "pass one, with arrays as parameters"),
     ("SuslovGyrostat", "", "with a rotor use exact, iterate or flow"),
     ("Hamiltonian Energy", "", "pass the field, whose Hamiltonian this is"),
@@ -322,6 +336,10 @@ TABLE = {
   ),
   # Options and commands.
   "command": (
+    ("dt deltat stepsize h", "", "--eps X of the map, or --points N of the motion to --time T"),
+    ("system field ode rhs", "equations", ""),
+    ("p param parameter", "", "--equations \"x' = a*x; a = 2\", with the parameter"),
+    ("hamiltonian", "", "--equations \"q' = p; p' = -q\"; from_hamiltonian of Python takes H"),
     ("x0 y0 u0 start state states", "omega0", ""),
     ("flow iterate ensemble solve integrate", "run", ""),
     ("n size samples", "trajectories", ""),

@@ -20,7 +20,7 @@ Kind = TypeVar("Kind", bound="Body")
 # Attributes for other modules, which `dir` hides from users.
 HIDDEN = frozenset(
     "arrays axes batch_of_one called constants coordinates derived_by described labels "
-    "has_map listed_right_hand_sides may_escape of_member parts positive read reduction "
+    "has_map listed_right_hand_sides may_escape meaning of_member parts positive read reduction "
     "remake right_hand_side right_hand_sides steady texts variable with_parts without_value".split()
 )
 
@@ -55,8 +55,8 @@ class Body(Members):
         The arguments of formulas and kernels of the map, by default the parameters.
     coordinates : tuple of str
         Parameters that are coordinates of datasets, and that ``==`` ignores.
-    steady : str
-        The steady states as a formula, for messages.
+    steady, meaning : str
+        The steady states as a formula, and what parameters are, for messages.
     called : str
         What messages call the class.
     variable : {"omega", "x"}
@@ -76,6 +76,7 @@ class Body(Members):
     called: ClassVar[str] = "a body or a field"
     variable: ClassVar[str] = "omega"
     steady: ClassVar[str] = ""
+    meaning: ClassVar[str] = ""
     if not TYPE_CHECKING:  # type checkers know the property below
         dimension: ClassVar[Any] = 2
     labels: ClassVar[Any] = "Omega1", "Omega2"
@@ -100,7 +101,8 @@ class Body(Members):
             if name in self.positive and not (array > 0).all():
                 is_tensor = array.ndim > 1 and array.shape[-1] == array.shape[-2]
                 makers = [m for m in ("from_inertia", "from_mass_tensor") if m in dir(type(self))]
-                how = f": the order is {', '.join(each.name for each in fields(self))}"
+                names = ", ".join(each.name for each in fields(self))
+                how = f": the order is {names}{self.meaning}"
                 if is_tensor and makers:
                     how = (
                         f": numbers, as of np.diag; of a tensor {' or '.join(makers)} makes a body"

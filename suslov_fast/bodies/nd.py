@@ -18,6 +18,7 @@ from ..checks import (
     real_array,
     spell,
     states,
+    warn,
     within,
     wrong,
 )
@@ -73,14 +74,21 @@ class SuslovND(Body):
     axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1}
     positive: ClassVar[dict[str, int]] = {"J": OTHERS}
     steady: ClassVar[str] = "c I for all numbers c, or all states if I = 0"
+    meaning: ClassVar[str] = (
+        ", of n - 1 numbers J_i = I_ii + I_nn and n - 1 couplings I_in of a mass tensor, as 1.3, "
+        "2.1, 3.7 and 0.4, -0.7, 0.5; from_mass_tensor(I) takes the tensor, and "
+        "Suslov3D(I1, I2, I13, I23) is the body in three dimensions"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         J, I = np.shape(self.J), np.shape(self.I)
         if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
-            how = ": n - 1 numbers J_i = I_ii + I_nn and n - 1 couplings I_in of a mass tensor, as "
-            how += "1.3, 2.1, 3.7 and 0.4, -0.7, 0.5; from_mass_tensor(I) takes the tensor"
-            raise wrong("J and I", "have the shape (..., n - 1), both", f"{J} and {I}{how}")
+            received = f"{J} and {I}{self.meaning}"
+            raise wrong("J and I", "have the shape (..., n - 1), both", received)
+        if len(J) == 2 and J[0] == J[1] > 2 and len(I) == 1 and (self.J == self.J.T).all():
+            how = "SuslovND.from_mass_tensor(M) takes a tensor, and I[np.newaxis] tells a family"
+            warn(f"J: the rows of this symmetric matrix are bodies of a family: {how}")
 
     @cached_property
     def dimension(self) -> int:

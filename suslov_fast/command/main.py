@@ -284,7 +284,7 @@ def plot(options: argparse.Namespace) -> None:
     result = load(options.file)
     if len(result) == 1:
         _tell("the file holds one state of each trajectory: --save-every of run keeps more")
-    figure = result.plot(**chosen).figure
+    figure = result.plot(*options.names, **chosen).figure
     with about(options.output):
         figure.savefig(options.output, dpi=150)
         plt.close()

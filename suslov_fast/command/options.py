@@ -43,20 +43,23 @@ class _Parser(argparse.ArgumentParser):
         options = r" --?([^\s=]+)" if "unrecognized" in message else "invalid choice: '([^']*)'"
         for word in re.findall(options, message):
             plain = word.replace("-", "_")
-            if here := names.get(answer(plain, names, "command", "words")):
+            if (here := answer(plain, names, "command")).startswith("--"):
+                message += f"; for {word} use {here}"
+            elif here := names.get(answer(plain, names, "command", "words")):
                 message += f"; for {word} did you mean {here}?"
             elif word in dir(sf):
                 message += f"; call suslov_fast.{word} in Python"
         if "body" in names and re.search(r"arguments: [\d.,-]+$", message):
             message += "; a list is written with commas, --omega0 1,0.5"
-        elif "body" in names and re.search("arguments: [^-]|mean --body", message):
+        elif "body" in names and re.search("arguments: [^-]|mean --(body|equations)", message):
             message += "; equations are an option: --equations \"x' = x*(1 - y); y' = y*(x - 1)\""
+            message += ", with a state --omega0 2,1" * ("omega0" in names)
         elif "output" in names and "--format" in message:
             message += "; the ending of a file is its format: suslov-fast plot RUN.npz -o RUN.pdf"
         elif self.prog.endswith(" figures"):
             message += "; figures draws all four of the paper into the folder -o"
         elif self.prog.endswith(" plot"):
-            message += "; plot draws a file of suslov-fast run --save-every 1 -o RUN.npz"
+            message += "; the call is suslov-fast plot RUN.npz x z -o RUN.png"
         super().error(message)
 
 
@@ -193,8 +196,9 @@ def _info(parser: Any) -> None:
 def _plot(parser: Any) -> None:
     add = parser.add_argument
     add("file", type=path, metavar="FILE.npz", help="a file of a run, of crossings or of a motion")
-    which = "two or three components, such as x,z or time,x (default: the first two)"
-    add("--components", type=names_or_indices, metavar="X,Y", help=which)
+    which = "two or three components, such as x z or time x (default: the first two)"
+    add("names", nargs="*", metavar="NAME", help=which)
+    add("--components", type=names_or_indices, metavar="X,Y", help="the same, such as x,z")
     add("-o", "--output", type=path, metavar="FILE.png", required=True, help="the figure")
     add("--force", action="store_true", help=_FORCE)
 

@@ -7,7 +7,7 @@ integrals (Petrera, Pfadler and Suris, arXiv:1008.1040).
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from ..bodies.base import Body
 from ..checks import integer, short, wrong
-from ..keywords import public
+from ..keywords import public, with_answers
 from . import arithmetic
 from .arithmetic import Point, Residues, over_rationals
 from .darboux import check_unknowns
@@ -41,6 +41,7 @@ from .search import Search
 _MOST = 500  # monomials of relations along orbits
 
 
+@with_answers
 @dataclass(frozen=True)
 class HKBasis:
     """Linear relations between `monomials` along orbits, as `hk_bases` returns them.
@@ -48,8 +49,9 @@ class HKBasis:
     The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
     `point`: the last nonzero entry of a row is 1, and 0 in the others; None if they are too long,
     or eps is symbolic. On random orbits, `independent` of the coefficients are independent first
-    integrals. `integrals` are formulas of such, quotients of the polynomials `forms`, and
-    `complete` is True if as many of these are independent. `degree` is that of the monomials.
+    integrals. `integrals` are formulas of such, quotients of the polynomials `forms`, over which a
+    loop runs, and `complete` is True if as many of these are independent. `degree` is that of the
+    monomials.
     """
 
     degree: int
@@ -66,6 +68,9 @@ class HKBasis:
     def integrals(self) -> tuple[RationalFunction, ...]:
         """First integrals, as `report` returns them: the quotients of `forms` by the last one."""
         return tuple(quotient_of(P, self.forms[-1], "") for P in self.forms[:-1])
+
+    def __iter__(self) -> Iterator[RationalFunction]:
+        return iter(self.integrals)
 
     @property
     def polynomials(self) -> Polynomials:

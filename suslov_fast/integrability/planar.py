@@ -149,7 +149,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     """
     map = checked_map(map)
     if map.dimension != 2:
-        raise wrong("map", "one of two variables", f"of {map.dimension}")
+        raise wrong("map", "one of two variables", f"of {map.dimension}: use degrees(map, 8)")
     if not map.is_planar:
         missing = "det DPhi = 0" if not map.is_invertible else "no inverse was given"
         return PlanarEntropy(reason=f"the map is not known to be birational: {missing}")

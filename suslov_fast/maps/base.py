@@ -17,7 +17,7 @@ from ..engine.stretches import Steps
 from ..words import answer, in_place_of
 from .formulas import Formula, Plane, eigenvalues
 
-Method = Literal["auto", "gauss", "order4", "order6", "order8"]
+Method = Literal["auto", "gauss", "order2", "order4", "order6", "order8"]
 
 
 Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
@@ -137,12 +137,11 @@ def map_of(body: Any, method: str = "auto") -> Map:
         raise checks.wrong("system", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
     if f"order{method}" in by_method:
         checks.one_of("method", method, by_method, f": pass 'order{method}'")
-    of_fields = ", ".join(repr(name) for name in methods_of(QuadraticField) if name != "auto")
-    instead = f": QuadraticField.of(body) has the methods {of_fields}"
-    is_of_fields = str(method) in methods_of(QuadraticField) or str(method).startswith("order")
-    instead *= is_of_fields and "order8" not in by_method
-    if "order8" in by_method and (not is_of_fields or method == "order2"):
-        instead = ": Kahan's map, of order 2, is 'auto'; flow(field, x0, time=T) has a tolerance"
+    instead = ": Kahan's map, of order 2, is 'auto'; flow(system, x0, time=T) has a tolerance"
+    if method != "order2" and str(method).startswith("order"):
+        of_fields = ", ".join(repr(name) for name in methods_of(QuadraticField) if name != "auto")
+        instead = f": QuadraticField.of(body) has the methods {of_fields}"
+        instead *= "order8" not in by_method
     return by_method[checks.one_of("method", method, by_method, instead)]
 
 

@@ -87,7 +87,7 @@ def _check_hamiltonian(body: Any) -> None:
         how = "make it by QuadraticField.from_hamiltonian, or use integrability.report(field)"
         kind = kind_of(body)
         field = "this field" if kind == "QuadraticField" else f"the field of {kind}"
-        raise TypeError(f"body: {field} has no Hamiltonian: {how}")
+        raise TypeError(f"system: {field} has no Hamiltonian: {how}")
 
 
 def _energy(problem: Problem) -> FloatArray:

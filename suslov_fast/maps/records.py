@@ -61,7 +61,7 @@ for _record in (
         name="Kahan",
         title="Kahan map of a quadratic field",
         body=QuadraticField,
-        methods={"auto": FIELD},
+        methods={"auto": FIELD, "order2": FIELD},
         formulas=KAHAN,
     ),
     *(

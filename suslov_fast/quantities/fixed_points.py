@@ -45,8 +45,9 @@ def fixed_points(system: BodyOrField, /, near: ArrayLike | None = None) -> OneOr
     """Equilibria near given states, or all real ones of a quadratic field of few variables.
 
     With `near` they are found by Newton's method for f(x) = 0 with the exact f', from all states at
-    once; a body without a rotor has a line of them, of which it is the nearest one. Without `near`
-    they are found by exact elimination (Groebner bases), so none is missed.
+    once; members of a family may go to different equilibria: to follow one, pass the last one found
+    as `near` of the next. A body without a rotor has a line of them, of which it is the nearest
+    one. Without `near` they are found by exact elimination (Groebner bases), so none is missed.
     The fixed points of Kahan's map are the same for every step size, because
     (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x).
 

@@ -60,9 +60,10 @@ class Change:
         The name of a component, or a function s of the state, ``lambda x: x[0] - 30``: the change
         acts where s becomes positive, or stops being so, by the motion or by another change. A
         start on the surface is no such event.
-    to : callable or sequence of str or float, optional
+    to : callable or sequence of str or float, or one of these, optional
         A function that takes the state and returns the new one, ``lambda x: (x[0], -x[1])``, or
-        the new components, as formulas of the old ones and numbers: ``("h", "-v")``, ``(1, 0)``.
+        the new components, as formulas of the old ones and numbers: ``("h", "-v")``, ``(1, 0)``,
+        and 0 for one variable.
         Without it the state stays, and the change is a record.
     direction : {0, 1, -1}
         Both (the default), only where s increases, or only where it decreases, along the motion as
@@ -113,7 +114,7 @@ class Change:
 
     surface: str | Callable[..., Any] | None = None
     _: KW_ONLY
-    to: Callable[..., Any] | Sequence[str | float] | None = None
+    to: Callable[..., Any] | Sequence[str | float] | str | float | None = None
     direction: int = 0
     times: Any = None  # so that type checkers ask for no test of None
     ends: bool = False
@@ -130,6 +131,7 @@ class Change:
             _check_surface(self.surface)
         to = self.to
         to = to.tolist() if isinstance(to, np.ndarray) else to
+        to = [to] if isinstance(to, (str, int, float)) else to  # of one variable
         if isinstance(to, (tuple, list)) and all(isinstance(a, (str, int, float)) for a in to):
             to = tuple(a if isinstance(a, str) else repr(float(a)) for a in to)
         elif to is not None and not callable(to):

@@ -212,6 +212,11 @@ def _along_motion(
     given = surface if is_many else [surface]
     if not given:
         raise wrong("surface", "a function, or one or more", "none")
+    if len(given) == 2 and isinstance(given[1], (int, float)):  # a component and its value
+        k, value = given
+        how = f"'{k} - {value}'" if isinstance(k, str) else f"lambda x: x[{k}] - {value}"
+        received = f"{short(surface)}: pass {how}"
+        raise wrong("surface", "a function, or one or more", received, TypeError)
     is_text = all(isinstance(each, str) for each in given)  # what a function returns may change
     changes = (_of_texts if is_text else _of_surfaces)(tuple(given), direction)
     x, batch = checked_starts(system, x0, 2)

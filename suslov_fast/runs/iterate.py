@@ -99,7 +99,9 @@ def iterate(
     on_singular: OnSingular = "warn",
     progress: Progress = None,
 ) -> Trajectories:
-    """Iterate the map of a field or a body: orbits from a batch of initial states.
+    """Iterate Kahan's map of an ODE x' = f(x), a field or a body, from a batch of initial states.
+
+    It is no iteration of f: a map x -> f(x) of your own is a loop in NumPy.
 
     The shapes of the field, of `eps` and of the initial states without their last axis broadcast
     to the batch shape ``...``. A trajectory is bit-identical whatever else is in the batch, and for

@@ -82,13 +82,15 @@ def periodic_orbit(
     Of the motion, of a map for a step size, by `eps` and `steps`, or of a map for some step size
     near ``period / steps``.
 
+    A system with an integral, such as an energy, has families of periodic orbits, of which it finds
+    a member near `start`, not that of its energy: the farther `period` is off, the farther away.
+
     Newton's method solves for the state and the period together, along the motion as :func:`flow`
     computes it, with its derivatives, by steps of least norm. If derivatives grow much within a
-    period, the orbit is divided into arcs that are solved for together (multiple shooting). A
-    system with an integral has families of periodic orbits, of which it finds a member near
-    `start`. The state that is returned is where the motion is slow if it is much faster at `start`,
-    as on the jump of a relaxation cycle. A rest state of a forced system is found, too: its
-    multipliers say whether it is stable.
+    period, the orbit is divided into arcs that are solved for together (multiple shooting). The
+    state that is returned is where the motion is slow if it is much faster at `start`, as on the
+    jump of a relaxation cycle. A rest state of a forced system is found, too: its multipliers say
+    whether it is stable.
 
     Parameters
     ----------

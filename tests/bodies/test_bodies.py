@@ -272,3 +272,10 @@ def test_bodies_as_fields(rng):
         assert QuadraticField.of(field) is field
         np.testing.assert_allclose(field(x), vector_field(body, x), rtol=1e-13)
         assert vector_field(body, np.ones(body.dimension)).shape == x.shape
+
+
+def test_a_tensor_in_place_of_a_vector_is_told_of():
+    matter = np.diag([1.0, 2.0, 3.0]) + 0.1
+    with pytest.warns(UserWarning, match="from_mass_tensor"):
+        assert SuslovND(matter, [0.1, 0.2, 0.3]).shape == (3,)
+    assert SuslovND(matter, [[0.1, 0.2, 0.3]]).shape == (3,)

@@ -180,12 +180,13 @@ def test_a_motion_is_flow():
     assert sf.load("c.npz") == points
     assert facts_of("info c.npz")["crossings"] == len(points)
     for words, start in (
-        ("plot m.npz -o m.png --components time,q", b"\x89PNG"),
+        ("plot m.npz time q -o m.png", b"\x89PNG"),
         ("plot c.npz -o c.pdf", b"%PDF"),
         ("plot m.npz -o c.pdf --force", b"%PDF"),
     ):
-        assert succeed(words) == f"{words.split()[3]}\n"
-        assert Path(words.split()[3]).read_bytes().startswith(start)
+        path = words.partition("-o ")[2].split()[0]
+        assert succeed(words) == f"{path}\n"
+        assert Path(path).read_bytes().startswith(start)
     assert not plt.get_fignums()
     assert facts_of(f"{line} -o m.zarr")["status"] == {"OK": 6}
     np.testing.assert_array_equal(sf.open_ensemble("m.zarr").x, expected.x)
@@ -277,6 +278,9 @@ MISTAKES = """
 2 | run --x0 1,2 | --omega0
 2 | run --rho 28 --dt 1 | --eps
 2 | run --n 3 | --trajectories
+2 | run --time 2 --dt 0.1 | --points
+2 | run --system lorenz --time 1 | --equations "x' =
+2 | report --hamiltonian q**2+p**2 | --equations
 2 | run --omega0 1 2 | --omega0 1,0.5
 2 | report x*(1-y) | --equations "x' =
 2 | figures --format pdf | plot RUN.npz -o RUN.pdf

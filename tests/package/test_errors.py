@@ -338,7 +338,8 @@ TABLE = [
      crossings(lambda x: x[..., 0] > 1),
      crossings(lambda x: np.ma.masked_where(x[..., 0] > 1e9, x[..., 0])),
      crossings(surface_with(terminal=True)), section(surface=lambda x: x[..., 0] > 0),
-     section(surface=None), section(surface=(lambda x: x[..., 0], 3))),
+     section(surface=None), section(surface=[lambda x: x[..., 0], len, 3]),
+     section(surface=(1, 0.5))),
     (ValueError, "surface", crossings(lambda x: x[0] - 27),
      crossings(lambda x: [a for a, b, c in [x]]), section(surface=())),
     (ValueError, "threads", motion(threads=0)),
@@ -350,8 +351,9 @@ TABLE = [
     (TypeError, "times", changed_by(times=["a"])),
     (ValueError, "times of changes", lambda: sf.flow(
         SMOOTH, np.zeros((3, 2)), time=1.0, changes=sf.Change(times=np.ones((4, 2))))),
-    (TypeError, "to", changed_by("x1", to=3), changed_by("x1", to=lambda x, a: (x[0], a))),
+    (TypeError, "to", changed_by("x1", to={}), changed_by("x1", to=lambda x, a: (x[0], a))),
     (ValueError, "to", changed_by("x1", to=lambda x: (x[0],)), changed_by("x1", to=("x1",)),
+     changed_by("x1", to=3),
      changed_by("x1", to=("x1", "y")), changed_by("x1", to=lambda x: x * random.random())),
     (TypeError, "to_dict", lambda: sf.Change(lambda x: x[0]).to_dict()),
     (ValueError, "description", lambda: sf.Change.from_dict({"surface": "x1", "at": 1})),
@@ -401,7 +403,8 @@ KEYWORDS = [
     (sf.plot_phase, (BODY, 0.1), "steps states", "iterate"),
     (RUN.plot, (), "filename", "savefig"),
     (FIELD.jacobian, ([1, 0],), "eps dt", r"suslov_fast\.jacobian"),
-    (sf.Change, (), "affect action", "to"),
+    (sf.Change, (), "affect action parameters", "to"),
+    (sf.iterate, (NAMED, [1, 0], 0.1, 9), "order", "order4"),
     (sf.crossings, (BODY, [1, 0], 0.1, 10, sum), "terminal", "most"),
     (sf.integrability.report, (FIELD,), "order", "degree"),
     (sf.RandomStarts, (3, 1.0), "rng random_state", "seed"),
@@ -425,6 +428,7 @@ ATTRIBUTES = [
     (RUN, "lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"),
     (sf.iterate(FAMILY, [1.0], 0.1, 1), "rho", r"run\.body\.parameters\['rho'\]"),
     (MOTION, "omega1", r"run\['Omega1'\]"), (POINTS, "t_events", r"time\[trajectory == k\]"),
+    (POINTS, "which", "surface"),
     (FIELD, "f", "field"), (FIELD, "sigma", ""), (NAMED, "rho", "parameters"),
     (BODY, "energy", r"suslov_fast\.energy\(system, x\)"), (BODY, "steady_states", "a line"),
     (EQUILIBRIA, "stable", "eigenvalues"), (sf.PeriodicOrbit(0, 1, 2, 3), "stable", "multipliers"),
@@ -545,7 +549,7 @@ def test_the_table_of_words_names_what_there_is():
     """Arguments, attributes, functions and options; a function is called with its arguments."""
     lab = sf.integrability.PlanarEntropy, sf.integrability.KahanMap
     things = [*MADE_BY_USERS, sf.PeriodicOrbit, RUN, MOTION, POINTS, EQUILIBRIA, *lab]
-    options = "figures force info omega0 output run trajectories warm_up".split()  # of the command
+    options = "equations figures force info omega0 output run trajectories warm_up".split()
     known = {*dir(sf), *dir(sf.integrability), *options}
     known |= {name for thing in things for name in dir(thing)}
     known |= {name for _, each in callables() for name in inspect.signature(each).parameters}

@@ -259,7 +259,7 @@ class Field(FieldOfFunction):
             return self._value_at(x)
         if self.H is None:
             raise TypeError(
-                "body: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
+                "system: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
                 "that of another field call energy(another, run.states)"
             )
         values: FloatArray = self.H(x)

@@ -47,6 +47,10 @@ def exact(name: str, value: Any) -> Fraction:
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
         if isinstance(value, str) and re.fullmatch(r"-?\d+(/\d+)?", value):
             received += f": pass fractions.Fraction({value!r})"
+        if callable(value):
+            received += ": what changes in time is a formula in f, with a variable t of the rate 1"
+        if hasattr(value, "_mpf_"):
+            received += ": pass fractions.Fraction(str(value))"
         if isinstance(value, dict):
             how = f"**{name}, and let f take {', '.join(map(str, value))}"
             received += f": pass {f'{name}={value[name]}' if name in value else how}"
@@ -143,7 +147,7 @@ class NoPolynomial(Untraceable):
     """An operation on a polynomial whose result is not a polynomial."""
 
     def __init__(self, what: str) -> None:
-        super().__init__(f"{what}: QuadraticField takes polynomials, and Field any formula")
+        super().__init__(f"{what}: QuadraticField takes polynomials; use Field, and flow")
 
 
 Number = int | Fraction  # integers stay such, because fractions take ten times as long

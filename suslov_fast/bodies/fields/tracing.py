@@ -118,6 +118,6 @@ def _terms_of(value: Any, D: int, most: int, *row: int) -> _Places:
     value = alone(value)
     terms = Polynomial.of(value.operand if isinstance(value, Symbol) else value).terms
     if (degree := max(map(len, terms), default=0)) > most:
-        raise ValueError(f"a formula has degree {degree}, above {most}: use Field")
+        raise ValueError(f"a formula has degree {degree}, above {most}: use Field, and flow")
     one = (D,) * most
     return {(*row, *indices, *one[len(indices) :]): c for indices, c in terms.items()}

@@ -164,8 +164,8 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
             how = f", pass {'parameters, as a=1,' if takes_any else named} by name"
         takes = signature.replace(parameters=shown, return_annotation=inspect.Signature.empty)
         if called in ("flow", "iterate") and args and inspect.isroutine(args[0]):
-            kind = "Field" if called == "flow" else "QuadraticField"
-            how += f", and for the function pass {kind}.from_function(f, names)"
+            maker = "Field" if called == "flow" else "QuadraticField"
+            how += f", and for the function pass {maker}.from_function(f, names)"
         if args and getattr(args[0], "called", "") == "a run":
             first = "[0]" * ("0'" in str(error))  # of x0 or omega0
             eps = ", run.eps" * ("eps" in signature.parameters and hasattr(args[0], "eps"))

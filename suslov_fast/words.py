@@ -43,7 +43,8 @@ TABLE = {
      "suslov_fast.jacobian(system, run.states[:-1], eps), of each step"),
   ),
   "crossings": (
-    ("g plane component names value level", "surface", ""),
+    ("g plane component names", "surface", ""),
+    ("value level threshold", "", "the difference as the surface, as surface='x - 1'"),
     ("sign dir up down both rising falling", "direction", ""),
     ("limit nmax max maxn maxcount", "most", ""),
     ("count n", "", "most= for a number of crossings, beside time=T, or eps= and steps="),
@@ -53,7 +54,7 @@ TABLE = {
   "plot": (
     ("save savefig path filename file", "", "plot().figure.savefig(path)"),
     ("fig axes axis size title log", "ax", ""),
-    ("s marker style linestyle ls lw linewidth alpha cmap label", "",
+    ("s marker style linestyle ls lw linewidth alpha cmap", "",
      "ax.plot(run['name'], run['other'], ...) of Matplotlib"),
     ("show", "", "plt.show()"),
   ),

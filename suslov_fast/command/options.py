@@ -43,8 +43,8 @@ class _Parser(argparse.ArgumentParser):
         options = r" --?([^\s=]+)" if "unrecognized" in message else "invalid choice: '([^']*)'"
         for word in re.findall(options, message):
             plain = word.replace("-", "_")
-            if (here := answer(plain, names, "command")).startswith("--"):
-                message += f"; for {word} use {here}"
+            if (how := answer(plain, names, "command")).startswith("--"):
+                message += f"; for {word} use {how}"
             elif here := names.get(answer(plain, names, "command", "words")):
                 message += f"; for {word} did you mean {here}?"
             elif word in dir(sf):

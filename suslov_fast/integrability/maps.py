@@ -213,7 +213,8 @@ class RationalMap(WithLetter):
 
     def _numbers(self, point: Any) -> list[Any]:
         if self.is_symbolic:
-            how = f"set it by map.subs({self.letter}=Fraction(1, 3))"
+            how = f"set it by map.subs({self.letter}=Fraction(1, 3)); for a formula of it "
+            how += "sympy.Matrix([sympy.sympify(F) for F in map.formulas]).jacobian(symbols)"
             raise TypeError(f"{self.letter} is symbolic here: {how}")
         x = arithmetic.rationals("point", point, self.dimension)
         return [arithmetic.fmpq(a) for a in (*x, 1)]

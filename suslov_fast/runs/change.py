@@ -38,6 +38,7 @@ from .results import read_only
 
 _ON_SURFACE = "a function of the state, such as lambda x: x[0] - 1, or the name of a component"
 _NEW_STATE = "a function of the state that returns the new one, or a list of its components"
+_DIRECTIONS = {"up": 1, "down": -1, "both": 0}
 _MOST_TRACED = 64  # fields, for which a change keeps what was traced
 
 
@@ -65,7 +66,7 @@ class Change:
         the new components, as formulas of the old ones and numbers: ``("h", "-v")``, ``(1, 0)``,
         and 0 for one variable.
         Without it the state stays, and the change is a record.
-    direction : {0, 1, -1}
+    direction : {0, 1, -1} or {"both", "up", "down"}
         Both (the default), only where s increases, or only where it decreases, along the motion as
         it is computed, backwards in time if the times of :func:`flow` are negative.
     times : array_like(float, shape=(k,) or (..., k)), optional
@@ -115,7 +116,7 @@ class Change:
     surface: str | Callable[..., Any] | None = None
     _: KW_ONLY
     to: Callable[..., Any] | Sequence[str | float] | str | float | None = None
-    direction: int = 0
+    direction: int | str = 0
     times: Any = None  # so that type checkers ask for no test of None
     ends: bool = False
     most: int | None = None
@@ -137,8 +138,7 @@ class Change:
         elif to is not None and not callable(to):
             how = ": a parameter that changes is a variable of the rate 0" * isinstance(to, dict)
             raise wrong("to", _NEW_STATE, f"{short(to)}{how}", TypeError)
-        expected = "0 (both), 1 (upwards) or -1 (downwards)"
-        direction, most = integer("direction", self.direction, -1, expected, 1), self.most
+        direction, most = checked_direction(self.direction), self.most
         if direction and self.surface is None:
             raise wrong("direction", "left out beside times")
         if not isinstance(self.ends, (bool, np.bool_)):
@@ -263,6 +263,12 @@ def _listed(times: FloatArray) -> Any:
     return np.where(np.isfinite(times), times, np.array(None)).tolist()
 
 
+def checked_direction(value: Any) -> int:
+    """Return 1, -1 or 0 for the direction of a change or a crossing."""
+    number = _DIRECTIONS.get(value, value) if isinstance(value, str) else value
+    return integer("direction", number, -1, "1 or 'up', -1 or 'down', 0 or 'both'", 1)
+
+
 def refuse_event(surface: Any, how: str) -> None:
     """Raise TypeError for a surface that is an event of `solve_ivp`."""
     names = [name for name in ("terminal", "direction") if hasattr(surface, name)]
@@ -294,7 +300,7 @@ class Traced:
         most = math.inf if change.most is None else float(change.most)
         at = None if self.surface is None else self._list_of([self.surface])
         to = None if self.to is None else self._list_of(self.to)
-        self.act = Act(at, to, change.direction, 1.0 if change.ends else most)
+        self.act = Act(at, to, int(change.direction), 1.0 if change.ends else most)
 
     def _list_of(self, results: Sequence[Any]) -> Any:
         return Act.list_of(self.tracer.values, results)

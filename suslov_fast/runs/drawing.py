@@ -91,15 +91,25 @@ class _Colours(NamedTuple):
 
     def _key(self, axes: Any, values: Any, names: Sequence[str]) -> None:
         style: Any = {"marker": "s", "markersize": 5, "linestyle": "none"}
-        squares = [Line2D([], [], color=COLOURS(self.norm(value)), **style) for value in values]
-        if squares:
-            axes.legend(squares, names, fontsize="small")
+        _key_of(axes, names, [COLOURS(self.norm(value)) for value in values], **style)
 
 
-def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: Any, ax: Any) -> Any:
+def _key_of(axes: Any, names: Sequence[str], shades: Sequence[Any], **style: Any) -> None:
+    """Add a legend, whose entries ``axes.legend()`` finds again."""
+    keys = [
+        axes.add_line(Line2D([], [], color=shade, label=name, **style))
+        for name, shade in zip(names, shades, strict=True)
+    ]
+    if keys:
+        axes.legend(handles=keys, fontsize="small")
+
+
+def plot_run(
+    run: Any, components: Any, lines: bool | None, color: Any, title: Any, ax: Any, label: Any
+) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
     if several := _several_over_time(run, components):
-        return _plot_over_time(run, several, lines, color, title, ax)
+        return _plot_over_time(run, several, lines, color, title, ax, label)
     chosen = _components(run, components)
     if lines not in (None, True, False):
         raise wrong("lines", "True, False or None", repr(lines))
@@ -112,6 +122,7 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: A
         lines = are_few and run._is_whole and (_are_near(states) or _TIME in chosen)
     most = _MOST_OVER_TIME if _TIME in chosen else _MOST_ON_LINES
     drawn, count = _draw(axes, states, colours, lines, most)
+    drawn.set_label(label)
     colours.explain(axes, drawn)
     _label(axes, run, chosen)
     what, reach, total = run._heading
@@ -133,24 +144,26 @@ def _several_over_time(run: Any, components: Any) -> list[str]:
 
 
 def _plot_over_time(
-    run: Any, labels: list[str], lines: bool | None, color: Any, title: Any, ax: Any
+    run: Any, labels: list[str], lines: bool | None, color: Any, title: Any, ax: Any, label: Any
 ) -> Any:
     """Draw several components over time, each in its own colour."""
-    if color is not None:
-        raise wrong("color", "None for several components, which have a colour each", short(color))
+    for name, given in (("color", color), ("label", label)):
+        if given is not None:
+            expected = f"None for several components, which have a {name} each"
+            raise wrong(name, expected, short(given))
     axes = axes_for(ax, (5.4, 4.0))
     shades = [to_hex(shade) for shade in COLOURS(np.linspace(0.0, 1.0, len(labels)))]
-    for label, shade in zip(labels, shades, strict=True):
-        plot_run(run, ("time", label), lines, shade, title, axes)
+    for name, shade in zip(labels, shades, strict=True):
+        plot_run(run, ("time", name), lines, shade, title, axes, None)
     axes.set_ylabel("")
-    keys = [Line2D([], [], color=shade, linewidth=1.5) for shade in shades]
-    names = [_symbol(str(label)) for label in labels]
-    if len(names) <= _IN_KEY:
-        axes.legend(keys, names, fontsize="small")
+    if len(labels) <= _IN_KEY:
+        _key_of(axes, [_symbol(str(name)) for name in labels], shades, linewidth=1.5)
     return axes
 
 
-def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any) -> Any:
+def plot_crossings(
+    points: Any, components: Any, color: Any, title: Any, ax: Any, label: Any
+) -> Any:
     """Draw crossings, and return the axes; see `Crossings.plot`."""
     K = len(points)
     chosen = _components(points, _varying(points) if components is None else components)
@@ -158,6 +171,7 @@ def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any
     colours = _colours(points, color, (K,), of_crossings)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
     drawn, count = _dots(axes, _drawn(points, points.states, chosen), colours, np.arange(K))
+    drawn.set_label(label)
     colours.explain(axes, drawn)
     _label(axes, points, chosen)
     shown = f"{count:,} of {K:,}" if count < K else f"{K:,}"

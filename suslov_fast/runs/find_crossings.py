@@ -30,7 +30,7 @@ from ..engine.stretches import March, Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
-from .change import Change, field_of
+from .change import Change, checked_direction, field_of
 from .changes import acts_of, stops_of
 from .crossings import Crossings, at_points
 from .failures import ON_SINGULAR, OnSingular, report_failures, told
@@ -51,7 +51,7 @@ def crossings(
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
-    direction: int = 1,
+    direction: int | str = 1,
     transient: float = 0,
     most: int | None = None,
     method: str = "auto",
@@ -88,7 +88,7 @@ def crossings(
         Along a motion: the time after the transient; negative backwards in time.
     rtol, atol, max_step, stiff
         As in :func:`flow`.
-    direction : {1, -1, 0}
+    direction : {1, -1, 0} or {"up", "down", "both"}
         Upwards (the default), downwards, or both. SciPy's events have the default 0.
     transient : int or float
         Number of steps, or the time, at first in which crossings are ignored.
@@ -147,7 +147,7 @@ def crossings(
     >>> section.n[:3]
     array([502, 548, 599])
     """
-    direction = integer("direction", direction, -1, "1 (upwards), -1 (downwards) or 0 (both)", 1)
+    direction = checked_direction(direction)
     if most is not None:
         most = integer("most", most, 1, "None or an integer of at least 1")
     one_of("on_singular", on_singular, ON_SINGULAR)

@@ -70,6 +70,7 @@ class Points(Result):
         color: Any = None,
         title: str | bool | None = None,
         ax: Any = None,
+        label: str | None = None,
     ) -> Any:
         """Draw the points, as :meth:`Trajectories.plot` does states: ``points.plot("y", "py")``.
 
@@ -81,7 +82,7 @@ class Points(Result):
         from . import drawing  # which imports Matplotlib
 
         chosen = names[0] if len(names) == 1 else names or components
-        return drawing.plot_crossings(self, chosen, color, title, ax)
+        return drawing.plot_crossings(self, chosen, color, title, ax, label)
 
 
 def span(times: FloatArray) -> str:

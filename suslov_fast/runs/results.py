@@ -282,6 +282,7 @@ class States(Result):
         color: Any = None,
         title: str | bool | None = None,
         ax: Any = None,
+        label: str | None = None,
     ) -> Any:
         """Draw the states over two components, over time, or in space (extra `plots`).
 
@@ -310,6 +311,8 @@ class States(Result):
             unless states are left out.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on, 3-D axes for three components; by default those of a new figure.
+        label : str, optional
+            The name of the run in ``ax.legend()``.
 
         Returns
         -------
@@ -329,7 +332,7 @@ class States(Result):
         if len(self) < 3 and self.status.size == 1 and "map" not in vars(self):
             warn(f"the motion has states at {len(self)} times: pass time=np.linspace(0, T, 201)")
         chosen = names[0] if len(names) == 1 else names or components
-        return drawing.plot_run(self._in_order(), chosen, lines, color, title, ax)
+        return drawing.plot_run(self._in_order(), chosen, lines, color, title, ax, label)
 
     def _in_order(self) -> Any:
         """Return the run with its states in the order of time."""

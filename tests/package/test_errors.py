@@ -184,6 +184,7 @@ TABLE = [
      terms(*NONE, 0), terms(*NONE, "u u")),
     (TypeError, "dims", lambda: RUN.to_xarray(3)),
     (ValueError, "dims", lambda: RUN.to_xarray("a")),
+    (TypeError, "direction", section(direction="left")),
     (ValueError, "direction", section(direction=2), changed_by("x1", direction=2),
      changed_by(times=[1.0], direction=1)),
     (TypeError, "eps", lambda: sf.integrability.kahan(FIELD, "eps")),

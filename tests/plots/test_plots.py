@@ -216,7 +216,9 @@ def test_time_is_a_component():
     single = sf.iterate(sf.QuadraticField([[[1.0]]]), [0.1], 0.1, 5).plot()  # its only component
     assert (single.get_xlabel(), single.get_ylabel()) == ("$t$", "$x_{1}$")
     varied = sf.iterate(field, starts, np.array([0.1, 0.2, 0.3]), 50).plot(components=("time", 0))
-    assert varied.get_legend() is not None  # of eps
+    assert len(varied.legend().get_texts()) == 3  # of eps, also found by Matplotlib
+    both = run.plot("px", color="red", label="x", ax=run.plot("py", color="blue", label="y"))
+    assert [text.get_text() for text in both.legend().get_texts()] == ["y", "x"]
     points = sf.crossings(field, starts, 1 / 16, 400, lambda x: x[..., 0])
     of_time = points.plot(components=("time", "py")).collections[0].get_offsets()
     np.testing.assert_array_equal(np.asarray(of_time)[:, 0], points.time)
@@ -233,8 +235,9 @@ def test_several_components_over_time_have_a_colour_each():
         for label, each in zip(labels, joined, strict=True):
             drawn = np.array([path.vertices for path in each.get_paths()])
             np.testing.assert_array_equal(drawn[:, :, 1], run.x[..., field.labels.index(label)].T)
-    with pytest.raises(ValueError, match=r"^color\b"):
-        run.plot("time", color="red")
+    for name in "color", "label":
+        with pytest.raises(ValueError, match=rf"^{name}\b"):
+            run.plot("time", **{name: "red"})
 
 
 def test_three_components_are_drawn_in_space():

@@ -112,7 +112,7 @@ def test_other_systems():
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     motion = flow(body, [1.0, 0.5], time=2.0, changes=Change(times=[1.0]))
     np.testing.assert_allclose(motion.omega, flow(body, [1.0, 0.5], time=2.0).omega, rtol=1e-9)
-    section = crossings(body, [1.0, 0.5], surface="Omega2", time=20.0, direction=0)
+    section = crossings(body, [1.0, 0.5], surface="Omega2", time=20.0, direction="both")
     assert len(section) == 1
     assert abs(section.states[0, 1]) < 1e-14
     found = flow(body, [1.0, 0.5], time=20.0, changes=Change("Omega2")).changes
@@ -158,7 +158,7 @@ def test_spikes():
     """Of leaky neurons, whose period is log(I / (I - 1))."""
     current = np.linspace(1.2, 3.0, 5)
     neuron = Field.from_function(lambda x, I: (I - x[0],), "v", I=current)
-    spike = Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0,))
+    spike = Change(lambda x: x[0] - 1, direction="up", to=lambda x: (0,))
     found = flow(neuron, [0.0], time=20.0, changes=spike).changes
     period = np.log(current / (current - 1.0))
     assert found.count[:, 0].tolist() == np.floor(20.0 / period).tolist()

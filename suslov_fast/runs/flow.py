@@ -151,7 +151,8 @@ def flow(
         warn_of_times(system, x, times)
     if acting:
         stops = stops_of(acting, sign, batch)
-    with reporter(progress, len(times) * math.prod(batch)) as report:
+    total = len(times) * math.prod(batch)
+    with reporter(progress, total) as report:
         asked = Asked(times, sign, settings, thread_count(threads), report, stops)
         if names:
             found, of_columns = _with_derivatives(field, x, batch, names, asked, acts)
@@ -159,6 +160,8 @@ def flow(
             found = motion_with_changes(field, x, batch, acts, asked)
         else:
             found = motion_of(system, x, batch, asked)
+        if report is not None and total and not found.is_stopped:
+            report(total)  # the engine counts neither a time twice nor states after an end
     warn_of_ends(found, x, batch)
     warn_of_growth(found, system.labels, batch)
     changed = changes_of_records(found.records, system, acting, batch) if acting else None
@@ -239,10 +242,7 @@ def motion_of(system: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) 
         return to_tolerance(system, x, batch, asked)
     is_exact = _are_exact(system)
     if is_exact is True:
-        found = _exact(system, x, batch, asked)
-        if asked.report is not None:
-            asked.report(found.states[..., 0].size)
-        return found
+        return _exact(system, x, batch, asked)
     if is_exact is False:
         return to_tolerance(system.field(), x, batch, asked)
     is_exact = np.broadcast_to(is_exact, batch).ravel()
@@ -253,7 +253,7 @@ def motion_of(system: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) 
         part = motion_of(members, x[where], count, asked)
         found.states[:, where], found.t[where] = part.states, part.t
         found.steps[where], found.status[where] = part.steps, part.status
-    return found
+    return found._replace(is_stopped=part.is_stopped)
 
 
 def _are_exact(body: Any) -> Any:

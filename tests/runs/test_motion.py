@@ -326,6 +326,7 @@ def test_progress(rng, monkeypatch):
     assert len(seen) > 2
     assert [done for done, _ in seen] == sorted(done for done, _ in seen)
     assert {total for _, total in seen} == {160}
+    assert seen[-1] == (160, 160)  # though a time is asked twice
     assert found.ok
     stopped = flow(HENON_HEILES, x, time=times, progress=lambda done, total: len(seen) < 0)
     assert (stopped.status == Status.TOO_MANY_STEPS).any()

@@ -173,8 +173,9 @@ def _mistake(called: str, signature: inspect.Signature, args: Any, kwargs: Any) 
         if "'store'" in str(error):
             how += ", a folder to write: flow and iterate keep their results in memory"
         if "'eps'" in str(error):
-            how += ", the step size of Kahan's map of an ODE x' = f(x), where a map x -> f(x) of "
-            how += "your own is a loop in NumPy"
+            how += ", the step size of Kahan's map of an ODE x' = f(x)"
+            own = ", where a map x -> f(x) of your own is a loop in NumPy"
+            how += own * (called in ("iterate", "step"))
         if "'monomials'" in str(error):
             how += ", a degree, such as 2, or a list of exponents"
         if "'dimension'" in str(error):

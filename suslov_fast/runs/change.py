@@ -146,7 +146,8 @@ class Change:
         if most is not None:
             most = integer("most", most, 1, "None or an integer of at least 1")
         if self.ends and most is not None:
-            raise wrong("most", "left out beside ends=True, which ends at the first")
+            how = "left out beside ends=True, at the first: most=3 alone ends at the third"
+            raise wrong("most", how)
         vars(self).update(to=to, direction=direction, most=most, ends=bool(self.ends))
         if self.times is not None:
             times = real_array("times", self.times, allow_nan=True, allow_infinite=True)

@@ -59,9 +59,10 @@ def flow(
     """Return the motion: the solution of the equations at given times, from x0 at time 0.
 
     The times are those at which states are wanted: ``(0, 10)`` are two, and those before x0 are
-    negative. Each trajectory takes steps of its own, by extrapolation of order 10, or of order 7
-    where the equations are stiff. Their lengths follow from its own estimate of the error, and the
-    times do not shorten them. The motion of a body whose closed form is known is exact.
+    negative. NaN in x0 gives NaN. Each trajectory takes steps of its own, by extrapolation of order
+    10, or of order 7 where the equations are stiff. Their lengths follow from its own estimate of
+    the error, and the times do not shorten them. The motion of a body whose closed form is known is
+    exact.
 
     Parameters
     ----------

@@ -44,6 +44,7 @@ RUN, POINTS = (
     sf.crossings(FIELD, [0.1, 0.2], 0.1, 1, lambda x: x[..., 0] - 9),
 )
 MOTION = sf.flow(BODY, [1.0, 0.5], time=[0.0, 1.0])
+CHANGES = sf.flow(SMOOTH, [1.0, 0.5], time=1.0, changes=sf.Change("x1")).changes
 EQUILIBRIA = sf.fixed_points(SMOOTH, near=[0.1, 0.0])
 COFACTOR = sf.integrability.cofactors(sf.integrability.kahan(FIELD), 1)[-1]
 
@@ -429,7 +430,7 @@ ATTRIBUTES = [
     (RUN, "lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"),
     (sf.iterate(FAMILY, [1.0], 0.1, 1), "rho", r"run\.body\.parameters\['rho'\]"),
     (MOTION, "omega1", r"run\['Omega1'\]"), (POINTS, "t_events", r"time\[trajectory == k\]"),
-    (POINTS, "which", "surface"),
+    (POINTS, "which", "surface"), (CHANGES, "surface", "which"),
     (FIELD, "f", "field"), (FIELD, "sigma", ""), (NAMED, "rho", "parameters"),
     (BODY, "energy", r"suslov_fast\.energy\(system, x\)"), (BODY, "steady_states", "a line"),
     (EQUILIBRIA, "stable", "eigenvalues"), (sf.PeriodicOrbit(0, 1, 2, 3), "stable", "multipliers"),
@@ -549,7 +550,7 @@ def test_what_an_error_says_works(first, said, second, value):
 def test_the_table_of_words_names_what_there_is():
     """Arguments, attributes, functions and options; a function is called with its arguments."""
     lab = sf.integrability.PlanarEntropy, sf.integrability.KahanMap
-    things = [*MADE_BY_USERS, sf.PeriodicOrbit, RUN, MOTION, POINTS, EQUILIBRIA, *lab]
+    things = [*MADE_BY_USERS, sf.PeriodicOrbit, RUN, MOTION, CHANGES, POINTS, EQUILIBRIA, *lab]
     options = "equations figures force info omega0 output run trajectories warm_up".split()
     known = {*dir(sf), *dir(sf.integrability), *options}
     known |= {name for thing in things for name in dir(thing)}

@@ -84,6 +84,8 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
             how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
             if "subscriptable" in text:
                 how = "a parameter is one number, as p0=..., p1=...: an array makes a family"
+            elif "is used, but the dimension" in text:
+                how = "name all variables, as 'x y'"
             elif "'Symbols' object is not callable" in text:
                 how = "x is an array, no function of time: delays need another package"
             elif "'Symbols' object has no" in text or "valid indices" in text:

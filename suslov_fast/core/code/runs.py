@@ -5,17 +5,12 @@ has the operations of a list in runs: those of a run have the same kind, and non
 one. The code of `runs_code` is common to all programs: it takes run after run, and reads and
 writes rows of W lanes. A sum of products, which is what most of a list consists of, is one
 operation, whose sum stays in a register. Bits are those of `lists.step.evaluate`.
-
-For one orbit, reading the places of operands takes longer than the arithmetic. So the values of a
-run are in neighbouring rows, in the order in which a later run reads them. Operations whose
-operands are in neighbouring rows, too, two thirds of those of a lattice, are regular runs, whose
-code reads the places of the first operation alone.
 """
 
 import functools
 import math
 from collections import Counter, defaultdict
-from itertools import chain, pairwise, product
+from itertools import chain, product
 from typing import NamedTuple
 
 import numpy as np
@@ -39,107 +34,55 @@ KINDS = [
     *(("select", "r" + a + b) for a, b in product("rt", "rt")),
     *((function, "r") for function in CALLED if function not in OF_TWO),
     *((function, "r") for function in ("fabs", "sqrt", "floor")),
-    ("copy", "r"),
 ]  # fmt: skip
 _NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
-LEAST = 8  # operations of a regular run
-# Kinds that have regular runs. Others are rare, and LLVM would compile a loop for each.
-REGULAR = [
-    number
-    for number, (instruction, kinds) in enumerate(KINDS)
-    if kinds.count("t") < 2 and instruction not in CALLED
-]
-
-
-def operand_kinds(kind, n=2):
-    """Return the kinds of the operands of an operation of a kind; a long sum has n of them."""
-    instruction, kinds = KINDS[kind]
-    if "sum" not in instruction:
-        return kinds
-    return kinds[:-2] + kinds[-2:] * (int(instruction[3:]) or n // 2)
 
 
 class Runs(NamedTuple):
-    """Runs of operations.
-
-    The kind of a regular run is larger by the number of KINDS. `heads` has the number of its
-    operations in place of the bytes of one, and `places` those of its first operation.
-    """
+    """Runs of operations."""
 
     heads: np.ndarray  # (runs, 3): the kind, and the bytes of `places` of an operation and of all
     places: np.ndarray  # of each operation: the row of its value, and places of its operands
 
 
 class Numbers:
-    """The numbers that are no rows: those of a table, constants, and copies of both.
-
-    `places` has the places of values in the table. A regular run reads copies, one after the other.
-    """
+    """The numbers that are no rows: those of a table, whose values have `places`, and constants."""
 
     def __init__(self, places):
-        self.in_table, self.places = len(places), places
-        self.constants, self.order = {}, [*range(self.in_table)]
+        self.in_table, self.places, self.constants = len(places), places, {}
 
-    count = property(lambda self: len(self.order))
+    count = property(lambda self: self.in_table + len(self.constants))
 
     def place(self, constant):
         """Return the place of a constant."""
         key = constant, math.copysign(1.0, constant)  # 0 equals -0
-        if key not in self.constants:
-            self.order.append(self.in_table + len(self.constants))
-            self.constants[key] = len(self.order) - 1
-        return self.constants[key]
-
-    def copied(self, places):
-        """Return the place of the first of copies of numbers."""
-        self.order += [self.order[place] for place in places]
-        return len(self.order) - len(places)
-
-    @functools.cached_property
-    def _arrays(self):
-        constants = np.array([constant for constant, _ in self.constants], float)
-        return constants[:, np.newaxis], np.array(self.order, int)
+        return self.constants.setdefault(key, self.count)
 
     def of(self, table):
         """Return the numbers (-, W) of a table (n, W), when all have places."""
-        constants, order = self._arrays
-        constants = np.broadcast_to(constants, (len(constants), table.shape[1]))
-        return np.concatenate([table, constants])[order]
-
-
-class _Run(NamedTuple):
-    """Operations of one kind that do not wait for each other."""
-
-    kind: int
-    numbers: np.ndarray  # (operations,), of their values
-    operands: np.ndarray  # (operations, operands), numbers of values
+        constants = np.array([constant for constant, _ in self.constants], float)[:, np.newaxis]
+        return np.concatenate([table, np.broadcast_to(constants, (len(constants), table.shape[1]))])
 
 
 class Program:
     """Operations as runs, on `rows` rows of lanes.
 
     The first D rows have the values 0 to D - 1, and the rows `results` the values with these
-    numbers. The first run copies the first D rows, to the order in which they are read. Within this
-    class, these have the numbers after those of all values, and constants have negative numbers.
+    numbers. Within this class constants have negative numbers.
     """
 
     def __init__(self, D, operations, results, numbers):
-        self._D, self.numbers = D, numbers
+        self.rows, self.numbers = D, numbers
         operations = _with_sums(operations, results, numbers.places)
-        runs = self._runs(operations, _tests(operations, results))
-        runs = _in_order_of_use(runs, len(self._place))
-        self.runs = self._placed(runs, results)
-        self.rows, self.results = len(self._is_free), self._place[results]
+        self.runs = self._placed(self._runs(operations), results)
+        self.results = self._place[results]
 
-    def _runs(self, operations, tests):
-        """Return runs in a possible order, the first of which copies the first rows.
-
-        Tests come last, because those of a kind then are in one run.
-        """
+    def _runs(self, operations):
+        """Return runs in a possible order: the kind, and the numbers of values and operands."""
         places, constants = self.numbers.places, {}
-        count = 1 + max([self._D - 1, *places, *(number for _, number, _ in operations)])
-        # How many operations a value waits for, one after the other: of tests, and of others.
-        levels, runs = ([0] * count, [0] * count), defaultdict(list)
+        count = 1 + max([self.rows - 1, *places, *(number for _, number, _ in operations)])
+        # How many operations a value waits for, one after the other.
+        level, runs = [0] * count, defaultdict(list)
 
         def named(a):
             """Return a number in place of a constant."""
@@ -148,15 +91,12 @@ class Program:
             place = self.numbers.place(a)
             if place not in constants:
                 constants[place] = -1 - len(constants)
-                for level in levels:
-                    level.append(0)
+                level.append(0)
             return constants[place]
 
         for instruction, number, operands in operations:
             if float in map(type, operands):
                 operands = tuple(map(named, operands))
-            is_test = number in tests
-            level = levels[is_test]
             level[number] = 1 + max(map(level.__getitem__, operands), default=0)
             is_sum = instruction == "sum"
             of_kind = operands[: 2 + len(operands) % 2] if is_sum else operands
@@ -164,101 +104,35 @@ class Program:
             if is_sum:
                 n = len(operands) // 2
                 instruction = f"sum{n if n <= SHORT else 0}"
-            key = is_test, level[number], _NUMBER_OF[instruction, kinds], len(operands)
-            runs[key].append((number, operands))
+            key = level[number], _NUMBER_OF[instruction, kinds], len(operands)
+            runs[key].append((number, *operands))
         # The row of each value; the place of a number of the table, or of a constant.
-        self._values, self._place = count, np.full(count + self._D + len(constants), -1)
+        self._place = np.full(count + len(constants), -1)
+        self._place[: self.rows] = range(self.rows)
         self._place[[*places]] = [*places.values()]
         self._place[[*constants.values()]] = [*constants]
-        rows = np.arange(self._D)
-        self._place[count + rows] = rows
-        found = [_Run(_NUMBER_OF["copy", "r"], rows, count + rows[:, np.newaxis])]
-        for key in sorted(runs):
-            numbers, operands = zip(*runs[key], strict=True)
-            found.append(_Run(key[2], np.array(numbers), np.array(operands)))
-        return found
+        return [(key[1], np.array(runs[key])) for key in sorted(runs)]
 
     def _placed(self, runs, results):
         """Give each value of runs a row; return `Runs`."""
         last = np.full(len(self._place), -1)  # run that reads a value, after which its row is free
-        for n, (_, numbers, operands) in enumerate(runs):
-            last[numbers] = last[operands] = n
-        last[results] = len(runs)
-        last[[*self.numbers.places]] = last[self._values :] = len(runs)  # they have no rows of runs
+        for n, (_, numbers) in enumerate(runs):
+            last[numbers] = n
+        last[self._place.size - len(self.numbers.constants) :] = len(runs)
+        last[[*self.numbers.places, *results]] = len(runs)
         ending, ends = np.argsort(last, kind="stable"), [*range(len(runs) + 1)]
         ends = np.searchsorted(last[ending], ends)
-        heads, places, self._is_free = [], [np.empty(0, np.int32)], bytearray(self._D)
-        for run, (kind, numbers, operands) in enumerate(runs):
-            self._take_rows(numbers)
-            of_run = np.column_stack([self._place[numbers], self._place[operands]])
-            of_run = of_run.astype(np.int32)
-            is_left = np.ones(len(of_run), bool)
-            for begin, end in _regular(kind, of_run):
-                first, is_left[begin:end] = of_run[begin].copy(), False
-                for k, each in enumerate(operand_kinds(kind, operands.shape[1]), 1):
-                    if each == "t":
-                        first[k] = self.numbers.copied(of_run[begin:end, k])
-                heads.append((len(KINDS) + kind, end - begin, first.nbytes))
-                places.append(first)
-            if is_left.any():
-                left = of_run[is_left]
-                heads.append((kind, left[0].nbytes, left.nbytes))
-                places.append(left.ravel())
-            ended = ending[ends[run] : ends[run + 1]]
-            np.frombuffer(self._is_free, np.uint8)[self._place[ended]] = 1
+        heads, places, free = [], [np.empty(0, np.int32)], np.empty(0, np.int64)
+        for run, (kind, numbers) in enumerate(runs):
+            taken, free = np.split(free, [len(numbers)])
+            more = len(numbers) - len(taken)
+            self._place[numbers[:, 0]] = [*taken, *range(self.rows, self.rows + more)]
+            self.rows += more
+            of_run = self._place[numbers].astype(np.int32)
+            heads.append((kind, of_run[0].nbytes, of_run.nbytes))
+            places.append(of_run.ravel())
+            free = np.append(self._place[ending[ends[run] : ends[run + 1]]], free)
         return Runs(np.array(heads, np.int64).reshape(-1, 3), np.concatenate(places))
-
-    def _take_rows(self, numbers):
-        """Give values free rows that follow each other, or as many of them as possible."""
-        parts = [numbers]
-        while parts:
-            part = parts.pop()
-            n, first = len(part), self._is_free.find(b"\1" * len(part))
-            if first < 0 and n > 1:
-                parts += part[n // 2 :], part[: n // 2]
-                continue
-            if first < 0:
-                first = len(self._is_free)
-            self._is_free[first : first + n] = bytes(n)
-            self._place[part] = range(first, first + n)
-
-
-def _tests(operations, results):
-    """Return the numbers of values that only lead to truth values among the results."""
-    instructions = {number: instruction for instruction, number, _ in operations}
-    needed = {a for a in results if instructions.get(a) not in OF_TRUTH_VALUES}
-    tests = set()
-    for _, number, operands in reversed(operations):
-        if number in needed:
-            needed.update(operands)
-        else:
-            tests.add(number)
-    return tests
-
-
-def _in_order_of_use(runs, count):
-    """Return runs whose values are in the order in which a later run first reads them."""
-    base = sum(operands.size for _, _, operands in runs)
-    first, found = np.full(count, base), []  # the place where each value is first read
-    for kind, numbers, operands in reversed(runs):
-        order = np.argsort(first[numbers], kind="stable")
-        numbers, operands = numbers[order], operands[order]
-        base -= operands.size
-        # By the first operands of all operations, then their second ones; the least place stays.
-        first[operands.T.ravel()[::-1]] = np.arange(base, base + operands.size)[::-1]
-        found.append(_Run(kind, numbers, operands))
-    return found[::-1]
-
-
-def _regular(kind, places):
-    """Return the begins and ends of regular runs among operations of a kind with these places."""
-    if len(places) < LEAST or kind not in REGULAR:
-        return []
-    kinds = operand_kinds(kind, places.shape[1] - 1)
-    in_rows = [0, *(k for k, each in enumerate(kinds, 1) if each == "r")]
-    follows = (np.diff(places[:, in_rows], axis=0) == 1).all(axis=1)
-    ends = [0, *(np.flatnonzero(~follows) + 1).tolist(), len(places)]
-    return [(a, b) for a, b in pairwise(ends) if b - a >= LEAST]
 
 
 def _with_sums(operations, results, places):

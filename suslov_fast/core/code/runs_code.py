@@ -8,7 +8,7 @@ import numpy as np
 from ..compiling.codes import CHANGED
 from ..lists.step import OF_NUMBERS, Step
 from .compiler import code_of
-from .runs import CALLED, JOINING, KINDS, REGULAR, operand_kinds
+from .runs import CALLED, JOINING, KINDS
 from .text import Carried, Code, Index, Integers, Truth, Value
 
 
@@ -90,15 +90,16 @@ def add_runs(text, name, for_each, called=(), only_sums=False):
     """Add the function void name(rows, table, heads, places, count), which carries out runs.
 
     Of the functions in CALLED it has these alone, because each takes longer to compile than all
-    others; with `only_sums` it has sums and copies alone.
+    others; with `only_sums` it has sums alone.
     """
     own_kinds = [k for k, kind in enumerate(KINDS) if kind[0] in called or kind[0] not in CALLED]
     if only_sums:
-        own_kinds = [k for k in own_kinds if KINDS[k][0].rstrip("0123") in ("sum", "copy")]
-    regular = [k for k in REGULAR if k in own_kinds]
+        own_kinds = [k for k in own_kinds if KINDS[k][0].startswith("sum")]
     with text.function(name, ("rows", "table", "heads", "places", "count")):
         first, places, count = (Index(text, f"%{key}") for key in ("heads", "places", "count"))
         end = first + count * 24
+        with text.when(count.equals(0), likely=False):
+            text.leave("void")
         for now in text.rounds(Carried(head=first, places=places)):
             head = Integers(text, now.head)
             kind, own, size = (head[k] for k in range(3))
@@ -106,8 +107,6 @@ def add_runs(text, name, for_each, called=(), only_sums=False):
             given = own, for_each, now.places, last
             for k in own_kinds:
                 cases[k] = functools.partial(_add_run, text, k, *given)
-            for k in regular:
-                cases[len(KINDS) + k] = functools.partial(_add_regular_run, text, k, *given)
             text.switch(kind, cases)
             now.head, now.places = now.head + 24, last
             now.goes_on = now.head < end
@@ -126,45 +125,16 @@ def _add_run(text, number, size, for_each, begin, end):
         now.place, now.goes_on = following, following < end
 
 
-def _add_regular_run(text, number, count, for_each, begin, end):
-    """Add the loop of a regular run of a kind, whose operands are in rows that follow each other.
-
-    It takes four operations of a single lane at once, and some of the last four twice.
-    """
-    at_once = 4 if text.W == 1 else 1
-    inner, kinds = Code(max(text.W, at_once), text), f"r{operand_kinds(number)}"
-    firsts = [_address(text, kind, begin, k, for_each) for k, kind in enumerate(kinds)]
-    last = count - at_once
-    for n in text.each((count + (at_once - 1)) // at_once):
-        first = n * at_once
-        first = (first < last).select(first, last)
-
-        def following(kind, address, first=first):
-            return address + first * _size(text, kind, for_each)
-
-        def operand(k, kind, at=None):
-            first = firsts[k] if at is None else _address(text, kind, at, k, for_each)
-            return _load(inner, kind, following(kind, first), for_each)
-
-        value = _value(inner, number, operand, begin, end)
-        inner.store(inner.V, value, following("r", firsts[0]))
-
-
-def _size(text, kind, for_each):
-    """Return the bytes of a row, or of a number of the table for all lanes."""
-    return 8 * text.W if kind == "r" or for_each else 8
-
-
 def _address(text, kind, at, k, for_each):
     """Return the address of an operand, whose place is the k-th number at an address."""
     place = text.new(f"zext i32 {text.load('i32', text.plus(at, 4 * k), 4)} to i64")
     base = Index(text, "%rows" if kind == "r" else "%table")
-    return base + Index(text, place) * _size(text, kind, for_each)
+    return base + Index(text, place) * (text.size if kind == "r" or for_each else 8)
 
 
 def _load(text, kind, address, for_each):
     """Return a row at an address, or a number of the table for all lanes."""
-    if kind == "r" or for_each or text.target.W == 1:
+    if kind == "r" or for_each or text.W == 1:
         return Value(text, text.load(text.V, address))
     return Value(text, text.splat(text.load("double", address), text.W))
 
@@ -179,8 +149,6 @@ def _value(text, number, operand, begin, end):
     if instruction.startswith("sum"):
         return _sum(text, number, operand, begin, end)
     operands = [operand(k, kind) for k, kind in enumerate(operands, 1)]
-    if instruction == "copy":
-        return operands[0]
     if instruction in (*JOINING, "select"):
         count = 1 if instruction == "select" else 2
         operands = [truth_of(text, value) for value in operands[:count]] + operands[count:]

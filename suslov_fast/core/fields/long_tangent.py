@@ -101,8 +101,8 @@ class Lists:
         results += [tangent.derived, tangent.negative, changed, *shared]
         rows = [*range(D), *range(first, first + LENGTHS)]
         self.step, self.numbers = program_of(rows, tangent.table, operations, results)
-        self.column, numbers = program_of(tangent.column, shared, columns, tangent.products)
-        self.gather = self.step.results[len(results) - len(shared) :][numbers.order]
+        self.column, _ = program_of(tangent.column, shared, columns, tangent.products)
+        self.gather = self.step.results[len(results) - len(shared) :]
 
     def plan(self, D):
         """Return the array that the code takes, and the numbers of memory that it needs."""

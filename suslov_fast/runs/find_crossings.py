@@ -77,7 +77,7 @@ def crossings(
         Along a map: the step size, as in :func:`iterate`, and the number of steps after the
         transient, 0 or more.
     surface : callable or str, or sequence of them along a motion
-        The name of a component, which is 0 there, or the function s. A section:
+        The name of a component, a formula of them, ``"z - 27"``, or the function s. A section:
         ``lambda x: x[..., 2] - 27``; an escape: ``lambda x: (x**2).sum(-1) - 4``. Along a motion it
         is traced once, as that of a `Field`, and may take parameters of the system by name. Along a
         map it takes states (..., D) and returns real values (...), each from its own state alone,

@@ -11,14 +11,17 @@ first order, at the fraction a / (a - b) of its length.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..bodies.fields.symbolic import applied
+from ..bodies.fields.texts import values_of
 from ..checks import FloatArray, arguments_of, require, wrong
+from ..core.lists.records import FUNCTIONS, OTHER_NAMES
 from ..engine.status import Status
 from ..engine.stretches import March, Report
 from .change import refuse_event
@@ -37,24 +40,40 @@ Surface = Callable[[FloatArray], ArrayLike]
 
 
 def checked_surface(surface: Any, labels: Sequence[str]) -> Any:
-    """Return a function of the states; the name of a component stands for where it is 0.
+    """Return a function of the states; a formula of components stands for where it is 0.
 
     TypeError unless it takes one argument, and has no attributes of SciPy.
     """
-    if isinstance(surface, str) and surface in labels:
-        k = labels.index(surface)
-        return lambda x: x[..., k]
-    expected = "a function of the states alone, such as lambda x: x[..., 0] - 1, or a name"
+    expected = "a function of the states alone, such as lambda x: x[..., 0] - 1, or a formula"
+    if isinstance(surface, str):
+        try:
+            with np.errstate(all="ignore"):
+                _value_of(surface, dict.fromkeys(labels, np.ones(1)))
+        except ValueError as error:
+            how = f"{surface!r}: {error}; components are {', '.join(labels)}"
+            raise wrong("surface", expected, how) from None
+        return lambda x: _value_of(surface, dict(zip(labels, np.moveaxis(x, -1, 0), strict=True)))
     if not callable(surface):
         is_number = isinstance(surface, (int, float))
         how = f": pass lambda x: x[..., k] - {surface}, for component k" if is_number else ""
-        how = f" {surface!r}: use {', '.join(labels)}" if isinstance(surface, str) else how
         raise wrong("surface", expected, f"{checks.kind_of(surface)}{how}", TypeError)
     if len(needed := arguments_of(surface)) > 1:
         raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
     how = "pass most=1 to end at the first crossing, direction=-1 for crossings downwards"
     refuse_event(surface, how)
     return surface
+
+
+def _value_of(text: str, named: Mapping[str, FloatArray]) -> Any:
+    """Return the value of a formula of components, arrays."""
+
+    def function(name: str, of: Sequence[Any]) -> Any:
+        own = OTHER_NAMES.get(name, name)
+        if own not in FUNCTIONS or len(of) != FUNCTIONS[own].operands:
+            raise ValueError(f"there is no function {name} of {len(of)}")
+        return applied(own, *of)
+
+    return values_of([(0, text)], named, function)[0]
 
 
 def values_at(surface: Surface, states: FloatArray, all_exist: bool) -> FloatArray:

@@ -150,11 +150,13 @@ def test_trajectories_end(rng, most):
     assert ((points.status < 0) & (points.count > 0)).any() or most == 1
 
 
-def test_the_name_of_a_component_is_the_surface_where_it_is_0():
+def test_a_formula_of_components_is_the_surface_where_it_is_0():
     starts = [[1.0, 0.0], [0.3, 0.2]]
     expected = sf.crossings(OSCILLATOR, starts, 1 / 16, 300, lambda x: x[..., 1])
     found = sf.crossings(OSCILLATOR, starts, 1 / 16, 300, "x2")
     assert found == expected
+    expected = sf.crossings(OSCILLATOR, starts, 1 / 16, 300, lambda x: abs(x[..., 1]) - 0.1)
+    assert sf.crossings(OSCILLATOR, starts, 1 / 16, 300, "abs(x2) - 0.1") == expected
     both = sf.crossings(OSCILLATOR, starts, surface=["x1", lambda x: x[..., 1]], time=20.0)
     one = sf.crossings(OSCILLATOR, starts, surface="x1", time=20.0)
     assert (both.time[both.surface == 0] == one.time).all()

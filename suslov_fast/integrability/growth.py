@@ -9,7 +9,7 @@ import math
 import operator
 import random
 from collections.abc import Iterator, Sequence
-from itertools import count, islice
+from itertools import count, islice, pairwise
 from typing import Any, NamedTuple
 
 import flint
@@ -93,19 +93,18 @@ class Growth(NamedTuple):
     """Growth of a sequence of degrees, as `growth` returns it: evidence, never a proof.
 
     `kind` is "bounded", "linear", "quadratic", "cubic", "polynomial of degree 4" and so on,
-    "exponential" or "unclear". `entropy` is the logarithm of the limit of d_(k+1) / d_k, and
-    `entropy_error` is 0 if a recurrence holds, else the spread of the fit. `based_on` is the
-    recurrence or the fit.
+    "exponential", or "unclear" without a recurrence. `entropy` is the logarithm of the limit of
+    d_(k+1) / d_k, NaN if the kind is unclear. `based_on` is the recurrence, or the last quotients.
     """
 
     kind: str
     entropy: float
-    entropy_error: float
     based_on: str
 
 
 _SPARE = 3  # more degrees, at least, than those that determine a recurrence and its transient
 _ROUNDING = 1e-9  # of the modulus of a root
+_LAST = 3  # quotients whose range is told without a recurrence
 _HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow if they do not so exponentially
 
 
@@ -121,8 +120,8 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     recurrence may still be accidental: a singularity that is confined late leaves no other trace at
     first.
 
-    Without a recurrence, a line, parabola, cubic or exponential function is fitted, unless the
-    second differences are bounded, which means that too few degrees are known. In the plane, linear
+    Without a recurrence too few degrees are known to tell; `based_on` then has the range of the
+    last quotients d_(k+1) / d_k, as polynomial growth has them, too, near 1. In the plane, linear
     growth shows an invariant fibration, whose fibres the map may move.
 
     Parameters
@@ -137,9 +136,7 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     Returns
     -------
     Growth
-        A named tuple `kind, entropy, entropy_error, based_on`. If nothing fits, kind is "unclear"
-        and the entropy NaN; `based_on` then names the order of growth that bounded second
-        differences suggest.
+        A named tuple `kind, entropy, based_on`.
 
     Raises
     ------
@@ -152,8 +149,10 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     >>> growth([2, 4, 6, 8, 10, 12, 14]).based_on
     'd(k+2) = 2 d(k+1) - 1 d(k), all 7 degrees'
     >>> found = growth([5, 21, 85, 341, 1365, 5461])
-    >>> found.kind, round(found.entropy, 12), found.entropy_error
-    ('exponential', 1.38629436112, 0.0)
+    >>> found.kind, round(found.entropy, 12)
+    ('exponential', 1.38629436112)
+    >>> growth([3, 7, 17, 39, 93, 215, 495]).based_on
+    '7 degrees without a short recurrence; the last d(k+1) / d(k) are from 2.294 to 2.385'
     """
     try:
         d = [operator.index(degree) for degree in degrees]
@@ -164,7 +163,8 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
         raise wrong("degrees", "0 or more", min(d))
     if not isinstance(planar, bool | np.bool_):
         raise wrong("planar", "True or False", short(planar), TypeError)
-    return _by_recurrence(d, bool(planar)) or _by_fit(d, bool(planar))
+    found = _by_recurrence(d, bool(planar))
+    return found or Growth("unclear", math.nan, f"{len(d)} degrees {_without_recurrence(d)}")
 
 
 def rational_series(terms: Sequence[int]) -> tuple[list[int], list[int]] | None:
@@ -211,7 +211,7 @@ def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
                 recurrence = _recurrence([terms[transient:]], order, max(_SPARE, transient))
                 if recurrence and (growth := _growth_of(recurrence, planar)):
                     text = _text_of(recurrence, len(d), transient, from_identity=terms is not d)
-                    return Growth(*growth, 0.0, text)
+                    return Growth(*growth, text)
     return None
 
 
@@ -264,61 +264,10 @@ def _text_of(recurrence: list[int], number: int, transient: int, from_identity: 
     return text + (f" but the first {transient}" if transient else "")
 
 
-def _by_fit(d: list[int], planar: bool) -> Growth:
-    """Return the growth by a fit, with tolerances that are rules of thumb."""
-    n, without = len(d), "without a short recurrence"
-    unclear = Growth("unclear", math.nan, math.nan, f"{n} degrees {without}")
-    if n < 5 or min(d) == 0:
-        return unclear
-    if len({*d[-max(5, n // 4) :]}) == 1:
-        spread = float(np.ptp(np.diff(np.log(d))))
-        return Growth("bounded", 0.0, spread, f"{n} degrees, the last of them equal")
-    if order := _order_of_second_differences(d):
-        return unclear._replace(based_on=f"{unclear.based_on}; {order}")
-    last = max(4, n // 2)
-    rates = np.diff(np.log(d[-last:]))
-    rate, spread = float(rates.mean()), float(np.ptp(rates))
-    # The slope of a long line looks the same, but does not double.
-    if spread < 0.1 * rate and d[-1] >= 2 * d[-last]:
-        based_on = f"a fit to the last {last} of {n} degrees, {without}"
-        return Growth("exponential", rate, spread, based_on)
-    if n < 6:
-        return unclear
-    k, extent = np.arange(n), max(d) - min(d)
-    highest = _HIGHEST_IN_THE_PLANE if planar else 3
-    for power in range(1, min(highest + 1, n - _SPARE)):
-        residuals = np.polyval(np.polyfit(k, d, power), k) - d
-        if abs(residuals).max() < max(0.5, 0.01 * extent) < 0.1 * extent:
-            based_on = f"a fit to all {n} degrees, {without}"
-            return Growth(_kind(power), 0.0, float(rates[-1]), based_on)
-    return unclear
-
-
-def _order_of_second_differences(d: list[int]) -> str:
-    """Return the order of growth, in words, if second differences are bounded without a period.
-
-    Degrees of polynomial growth often have periodic second differences. Until a period shows, any
-    function can be fitted to them. For other sequences the text is empty.
-    """
-    differences = [np.diff(np.array(d, object), power) for power in range(3)]
-    second = differences[2]
-    if not _is_bounded(second, slack=1) or _is_periodic(second):
-        return ""
-    order = next((power for power in range(2) if _is_bounded(differences[power])), 2)
-    return (
-        f"their second differences, from {min(second)} to {max(second)}, are bounded but not yet "
-        f"periodic, which suggests that the growth is {_kind(order)}"
-    )
-
-
-def _is_bounded(sequence: Any, slack: int = 0) -> bool:
-    """Return True if the last third of a sequence is no larger than the terms before it."""
-    moduli, begin = abs(sequence), 2 * len(sequence) // 3
-    return bool(max(moduli[begin:]) <= max(moduli[:begin]) + slack)
-
-
-def _is_periodic(sequence: Any) -> bool:
-    """Return True if a sequence shows two periods, and repeats three terms or more."""
-    n = len(sequence)
-    periods = range(1, min(n // 2, n - 3) + 1)
-    return any((sequence[period:] == sequence[:-period]).all() for period in periods)
+def _without_recurrence(d: list[int]) -> str:
+    """Return what is told of degrees without a recurrence, in words."""
+    last, text = d[-_LAST - 1 :], "without a short recurrence"
+    if len(last) < 2 or min(last) == 0:
+        return text
+    quotients = [b / a for a, b in pairwise(last)]
+    return f"{text}; the last d(k+1) / d(k) are from {min(quotients):.4g} to {max(quotients):.4g}"

@@ -71,16 +71,15 @@ class Report:
     def growth(self) -> Growth:
         """The growth of the degrees.
 
-        If `planar` shows that a recurrence is accidental, the entropy is no longer exact.
+        It is unclear if `planar` shows that a recurrence is accidental.
         """
         by_degrees, planar = growth(self.degrees, planar=self.map.is_planar), self.planar
-        if planar is None or planar.entropy is None or by_degrees.entropy_error > 0:
+        if planar is None or planar.entropy is None or math.isnan(by_degrees.entropy):
             return by_degrees
-        error = abs(planar.entropy - by_degrees.entropy)
-        if error <= _ROUNDING:
+        if abs(planar.entropy - by_degrees.entropy) <= _ROUNDING:
             return by_degrees
         based_on = f"{by_degrees.based_on}, by accident, as the contracted curves show"
-        return by_degrees._replace(entropy_error=error, based_on=based_on)
+        return Growth("unclear", math.nan, based_on)
 
     @property
     def proved_entropy(self) -> float | None:
@@ -154,9 +153,8 @@ class Report:
         return f"Kahan map of {field}, eps {'symbolic' if eps is None else f'= {eps}'}"
 
     def _lines_of_growth(self) -> list[str]:
-        kind, entropy, error, based_on = self.growth
+        kind, entropy, based_on = self.growth
         rate = "" if math.isnan(entropy) else f", entropy {entropy:.4g}"
-        rate += f" with a spread of {error:.1g}" if error > 0 else ""
         if kind == "linear" and self.map.dimension == 2:
             based_on += "; in the plane a sign of an invariant fibration, which may be no integral"
         more = ", ..." if len(self.degrees) > 8 else ""

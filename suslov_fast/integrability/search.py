@@ -244,7 +244,7 @@ class Search:
         if expected > _TOO_COSTLY or count == _MOST:
             return True
         may_end = (count >= _ENOUGH and self.degrees[-1] > _CHEAP) or expected > _COSTLY
-        return may_end and growth(self.degrees, planar=self.map.is_planar).entropy_error == 0
+        return may_end and growth(self.degrees, planar=self.map.is_planar).kind != "unclear"
 
     def _check_degrees(self) -> None:
         """Raise an error if degrees and contracted curves contradict each other."""

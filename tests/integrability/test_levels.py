@@ -113,7 +113,7 @@ def test_entropies_on_the_generic_level(map, integrals, entropy):
     assert found.proved, found
     assert found.entropy == pytest.approx(entropy, abs=1e-12)
     by_degrees = growth(degrees(map, 8))
-    assert by_degrees.entropy == pytest.approx(entropy, abs=max(by_degrees.entropy_error, 1e-9))
+    assert by_degrees.kind == "unclear" or by_degrees.entropy == pytest.approx(entropy, abs=1e-9)
 
 
 @pytest.mark.sampled(1)

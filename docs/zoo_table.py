@@ -33,11 +33,9 @@ def row(name):
 
 
 def growth_of(found):
-    """Return the kind of growth, the entropy if it is not 0, and whether it is proved."""
-    kind, entropy, based_on = found.growth
-    if kind == "unclear":
-        return based_on.partition("; the last ")[2]
-    rate = f", {entropy:.3f}" if entropy else ""
+    """Return the kind of growth, the entropy if it is known and not 0, and whether it is proved."""
+    kind, entropy, _ = found.growth
+    rate = f", {entropy:.3f}" if entropy > 0 else ""
     return f"{kind}{rate}" + ", proved" * (found.proved_entropy is not None)
 
 

@@ -54,7 +54,7 @@ TABLE = {
     ("change", "", "flow(system, x0, time=t, changes=[Change(g), ...]), in which g alone records"),
   ),
   "plot": (
-    ("x y z", "", "the names of components alone, as run.plot('x', 'y')"),
+    ("x y z components", "", "the names of components alone, as run.plot('x', 'y')"),
     ("save savefig path filename file", "", "plot().figure.savefig(path)"),
     ("fig axes axis size title log", "ax", ""),
     ("s marker style linestyle ls lw linewidth alpha cmap", "",

@@ -30,7 +30,7 @@ def at_energy(H, q2, p2):
 
 
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.7), layout="constrained")
-iterate(lorenz, [1, 1, 20], eps=1 / 64, steps=3000).plot(components=("x", "z"), ax=axes[0])
+iterate(lorenz, [1, 1, 20], eps=1 / 64, steps=3000).plot("x", "z", ax=axes[0])
 axes[0].set_title(r"Lorenz system, $\epsilon = 1/64$", fontsize="small")
 
 eps = 1 / 16

@@ -280,11 +280,10 @@ def plot(options: argparse.Namespace) -> None:
     from ..runs.drawing import plt
     from ..runs.files.storage import load
 
-    chosen = {"components": options.components} if options.components else {}
     result = load(options.file)
     if len(result) == 1:
         _tell("the file holds one state of each trajectory: --save-every of run keeps more")
-    figure = result.plot(*options.names, **chosen).figure
+    figure = result.plot(*options.names).figure
     with about(options.output):
         figure.savefig(options.output, dpi=150)
         plt.close()

@@ -123,9 +123,9 @@ def path(text: str) -> Path:
     return Path(os.path.expanduser(text))
 
 
-def names_or_indices(text: str) -> list[str | int]:
-    """Return the components in a text such as x,z or 0,2."""
-    return [int(part) if part.isdecimal() else part.strip() for part in text.split(",")]
+def name_or_index(text: str) -> str | int:
+    """Return a component, by its name or its index."""
+    return int(text) if text.isdecimal() else text
 
 
 def numbers(text: str) -> list[float]:
@@ -197,8 +197,7 @@ def _plot(parser: Any) -> None:
     add = parser.add_argument
     add("file", type=path, metavar="FILE.npz", help="a file of a run, of crossings or of a motion")
     which = "two or three components, such as x z or time x (default: the first two)"
-    add("names", nargs="*", metavar="NAME", help=which)
-    add("--components", type=names_or_indices, metavar="X,Y", help="the same, such as x,z")
+    add("names", type=name_or_index, nargs="*", metavar="NAME", help=which)
     add("-o", "--output", type=path, metavar="FILE.png", required=True, help="the figure")
     add("--force", action="store_true", help=_FORCE)
 

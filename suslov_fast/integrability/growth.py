@@ -93,8 +93,8 @@ class Growth(NamedTuple):
     """Growth of a sequence of degrees, as `growth` returns it: evidence, never a proof.
 
     `kind` is "bounded", "linear", "quadratic", "cubic", "polynomial of degree 4" and so on,
-    "exponential", or "unclear" without a recurrence. `entropy` is the logarithm of the limit of
-    d_(k+1) / d_k, NaN if the kind is unclear. `based_on` is the recurrence, or the last quotients.
+    "exponential" or "unclear". `entropy` is the logarithm of the limit of d_(k+1) / d_k, NaN
+    without a recurrence. `based_on` is the recurrence, or the range of the last quotients.
     """
 
     kind: str
@@ -104,7 +104,9 @@ class Growth(NamedTuple):
 
 _SPARE = 3  # more degrees, at least, than those that determine a recurrence and its transient
 _ROUNDING = 1e-9  # of the modulus of a root
-_LAST = 3  # quotients whose range is told without a recurrence
+# The number of last quotients that tell without a recurrence; where growth is called exponential,
+# the least of them, and the ratio of the largest to it.
+_LAST, _LEAST, _RATIO = 3, 1.5, 1.1
 _HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow if they do not so exponentially
 
 
@@ -120,9 +122,9 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     recurrence may still be accidental: a singularity that is confined late leaves no other trace at
     first.
 
-    Without a recurrence too few degrees are known to tell; `based_on` then has the range of the
-    last quotients d_(k+1) / d_k, as polynomial growth has them, too, near 1. In the plane, linear
-    growth shows an invariant fibration, whose fibres the map may move.
+    Without a recurrence the growth is called exponential if the last three quotients d_(k+1) / d_k
+    are above 1.5 and differ by at most a tenth, and unclear otherwise. In the plane, linear growth
+    shows an invariant fibration, whose fibres the map may move.
 
     Parameters
     ----------
@@ -163,8 +165,7 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
         raise wrong("degrees", "0 or more", min(d))
     if not isinstance(planar, bool | np.bool_):
         raise wrong("planar", "True or False", short(planar), TypeError)
-    found = _by_recurrence(d, bool(planar))
-    return found or Growth("unclear", math.nan, f"{len(d)} degrees {_without_recurrence(d)}")
+    return _by_recurrence(d, bool(planar)) or _by_quotients(d)
 
 
 def rational_series(terms: Sequence[int]) -> tuple[list[int], list[int]] | None:
@@ -264,10 +265,13 @@ def _text_of(recurrence: list[int], number: int, transient: int, from_identity: 
     return text + (f" but the first {transient}" if transient else "")
 
 
-def _without_recurrence(d: list[int]) -> str:
-    """Return what is told of degrees without a recurrence, in words."""
-    last, text = d[-_LAST - 1 :], "without a short recurrence"
-    if len(last) < 2 or min(last) == 0:
-        return text
+def _by_quotients(d: list[int]) -> Growth:
+    """Return what the last quotients of degrees without a recurrence tell."""
+    last, text = d[-_LAST - 1 :], f"{len(d)} degrees without a short recurrence"
+    if len(last) <= _LAST or min(last) == 0:
+        return Growth("unclear", math.nan, text)
     quotients = [b / a for a, b in pairwise(last)]
-    return f"{text}; the last d(k+1) / d(k) are from {min(quotients):.4g} to {max(quotients):.4g}"
+    low, high = min(quotients), max(quotients)
+    kind = "exponential" if low > _LEAST and high <= _RATIO * low else "unclear"
+    text += f"; the last d(k+1) / d(k) are from {low:.4g} to {high:.4g}"
+    return Growth(kind, math.nan, text)

@@ -244,7 +244,8 @@ class Search:
         if expected > _TOO_COSTLY or count == _MOST:
             return True
         may_end = (count >= _ENOUGH and self.degrees[-1] > _CHEAP) or expected > _COSTLY
-        return may_end and growth(self.degrees, planar=self.map.is_planar).kind != "unclear"
+        by_degrees = growth(self.degrees, planar=self.map.is_planar)
+        return may_end and not math.isnan(by_degrees.entropy)
 
     def _check_degrees(self) -> None:
         """Raise an error if degrees and contracted curves contradict each other."""

@@ -136,7 +136,7 @@ def _several_over_time(run: Any, components: Any) -> list[str]:
     """Return the labels for "time" alone, all, and for ("time", (labels)); nothing for others."""
     labels = [*run.body.labels]
     match components:
-        case "time" | ["time"]:
+        case ["time"]:
             return labels
         case ["time", [*chosen]] if {*chosen} <= {*labels}:
             return chosen
@@ -166,7 +166,7 @@ def plot_crossings(
 ) -> Any:
     """Draw crossings, and return the axes; see `Crossings.plot`."""
     K = len(points)
-    chosen = _components(points, _varying(points) if components is None else components)
+    chosen = _components(points, components or _varying(points))
     of_crossings = {name: getattr(points, name) for name in points.coordinates}
     colours = _colours(points, color, (K,), of_crossings)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
@@ -183,24 +183,23 @@ def plot_crossings(
 _TIME = -1  # in place of the index of a component
 
 
-def _components(run: Any, components: Any) -> list[int]:
+def _components(run: Any, components: Sequence[Any]) -> list[int]:
     """Return the indices of two or three components, given by index or label, or _TIME."""
     labels = [*run.body.labels]
     last, names = len(labels) - 1, [*labels, "time"]
     if last == 0 and components == (0, 1):  # the only component, over time
         return [_TIME, 0]
-    if components in labels:
-        return [_TIME, labels.index(components)]
+    if len(components) == 1 and components[0] in labels:
+        return [_TIME, labels.index(components[0])]
     shown = names if last < 20 else [*labels[:3], "...", *names[-2:]]
     expected = f"two or three integers from 0 to {last}, or names among {', '.join(shown)}"
-    expected += f', such as ("time", "{labels[0]}")'
-    given = components if isinstance(components, (tuple, list)) else ()
-    if len(given) not in (2, 3) or any(
-        isinstance(k, (tuple, list)) or (isinstance(k, str) and k not in names) for k in given
+    expected += f', such as "time", "{labels[0]}"'
+    if len(components) not in (2, 3) or any(
+        isinstance(k, (tuple, list)) or (isinstance(k, str) and k not in names) for k in components
     ):
         raise wrong("components", expected, short(components))
     indices = []
-    for k in given:
+    for k in components:
         if isinstance(k, str):
             indices.append(labels.index(k) if k in labels else _TIME)
         else:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -65,8 +64,7 @@ class Points(Result):
     @public
     def plot(
         self,
-        *names: int | str | Sequence[int | str],
-        components: Sequence[int | str] | None = None,
+        *names: int | str,
         color: Any = None,
         title: str | bool | None = None,
         ax: Any = None,
@@ -81,8 +79,7 @@ class Points(Result):
         """
         from . import drawing  # which imports Matplotlib
 
-        chosen = names[0] if len(names) == 1 else names or components
-        return drawing.plot_crossings(self, chosen, color, title, ax, label)
+        return drawing.plot_crossings(self, names, color, title, ax, label)
 
 
 def span(times: FloatArray) -> str:

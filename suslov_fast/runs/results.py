@@ -277,7 +277,6 @@ class States(Result):
     def plot(
         self,
         *names: int | str | Sequence[int | str],
-        components: Sequence[int | str] = (0, 1),
         lines: bool | None = None,
         color: Any = None,
         title: str | bool | None = None,
@@ -293,12 +292,10 @@ class States(Result):
         Parameters
         ----------
         *names : int or str
-            The components to draw, as in ``run.plot("time", "x1")``; one tuple, or `components`, is
-            the same. ``run.plot("x1")`` draws one over time, ``run.plot("time")`` all, and
+            The components to draw, by default the first two: two or three indices or labels, or
+            "time", as in ``run.plot("time", "x1")``; three are drawn in space. ``run.plot("x1")``
+            draws one over time, ``run.plot("time")`` all, and
             ``run.plot("time", ("x1", "x3"))`` these.
-        components : sequence of int or str
-            Two or three indices or labels, such as ``("x1", "x3")``, or "time". Three are drawn in
-            space.
         lines : bool, optional
             Whether to join consecutive states, those of a motion in the order of time; by default
             if all states of a run are saved, at most 100,000, and they lie close together.
@@ -331,8 +328,8 @@ class States(Result):
 
         if len(self) < 3 and self.status.size == 1 and "map" not in vars(self):
             warn(f"the motion has states at {len(self)} times: pass time=np.linspace(0, T, 201)")
-        chosen = names[0] if len(names) == 1 else names or components
-        return drawing.plot_run(self._in_order(), chosen, lines, color, title, ax, label)
+        given = names or (0, 1)
+        return drawing.plot_run(self._in_order(), given, lines, color, title, ax, label)
 
     def _in_order(self) -> Any:
         """Return the run with its states in the order of time."""

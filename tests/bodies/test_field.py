@@ -195,7 +195,7 @@ def test_names_of_variables_in_results():
     data = run.to_xarray()
     assert data.component.values.tolist() == ["theta", "v_dot"]
     assert (vector_field(field, data.x) == vector_field(field, run.x)).all()
-    ax = run.plot(components=("v_dot", "theta"))
+    ax = run.plot("v_dot", "theta")
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("v_dot", r"$\theta$")
     ax.figure.canvas.draw()
     with pytest.raises(AttributeError, match=r"run\['v_dot'\]"):

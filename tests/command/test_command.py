@@ -319,7 +319,7 @@ MISTAKES = """
 1 | info foreign.npz | foreign.npz
 1 | info folder.zarr | folder.zarr
 1 | plot run.npz -o figure1.png | figure1.png exists
-1 | plot run.npz --components Omega1,p -o o.png | --components
+1 | plot run.npz Omega1 p -o o.png | Omega2
 1 | figures | figure1.png exists
 """
 

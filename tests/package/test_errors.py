@@ -172,7 +172,7 @@ TABLE = [
     (ValueError, "changes", lambda: sf.lyapunov_exponents(
         SMOOTH, [1.0, 0.5], time=1.0, changes=sf.Change(lambda x: x[0] - 1, ends=True))),
     (ValueError, "color", lambda: RUN.plot(color=[1, 2])),
-    (ValueError, "components", lambda: RUN.plot(components=(0, 2)), lambda: RUN.plot("run.png"),
+    (ValueError, "components", lambda: RUN.plot(0, 2), lambda: RUN.plot("run.png"),
      lambda: POINTS.plot("rho", "u")),
     (ValueError, "constant", terms(constant=[1])),
     (sf.NotIntegrableError, "criticality", lambda: sf.criticality(ND, [1, 2, 3], 0.1)),

@@ -28,6 +28,7 @@ from suslov_fast.core.motion.columns import (
     weights_of_few,
 )
 from suslov_fast.core.motion.rows import State
+from suslov_fast.engine import motions
 
 
 def of_list(list_, rows):
@@ -780,3 +781,4 @@ def take_in_numpy(monkeypatch):
         return StepsInNumPy(half, self, rows, table).take
 
     monkeypatch.setattr(engine.Motion, "_taker", taker)
+    monkeypatch.setattr(motions, "_FEW", 0)  # all but single ones

@@ -68,7 +68,7 @@ def exponents_of(
     """
     found, exponents = nothing_found(starts, 0), None
     members = with_changes(field, acts, (), True) if acts else field.listed_right_hand_sides
-    groups = list(right_hand_sides(members, field.shape, batch))
+    groups = right_hand_sides(members, field.shape, batch)
     transient *= _LESS if acts else 1.0
     total, before = transient + time, 0.0
     for where, f, table in groups:

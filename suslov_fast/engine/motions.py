@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,11 +15,9 @@ from ..core.motion.engine import (
     Motion as Engine,
     Settings,
     Stops,
-    add_starts,
-    counted_from_start,
     prepare,
 )
-from ..core.motion.one import motion_of_one
+from ..core.motion.few import take_few
 from ..core.motion.rows import Cause, State
 from .arguments import ALL
 from .problem import MANY
@@ -28,6 +26,8 @@ from .threads import available
 
 # Trajectories from which on threads are started, unless the user gives their number.
 _IN_THREADS = 64
+# Numbers in states of several trajectories up to which `take_few` keeps their memory.
+_FEW = 256
 # By `State`; also of a run that was ended, perhaps before its first step, -1.
 _STATUS = np.full(State.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
 _STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
@@ -66,9 +66,10 @@ class Found(NamedTuple):
     steps: NDArray[np.int64]  # (B,)
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
-    records: Records | None = None  # of changes, if there are any
+    records: Any = None  # `Records` of changes, if there are any; of `_of_group` those of `Engine`
     causes: NDArray[np.int64] | None = None  # (B,), why solutions ended, `Cause`, or all unknown
     grown: NDArray[np.int64] | None = None  # (B,), see `core.motion.engine.Motion`; None if all -1
+    is_good: bool = False  # True if it is known that there is nothing to warn of
 
 
 def nothing_found(starts: FloatArray, count: int) -> Found:
@@ -81,18 +82,16 @@ def nothing_found(starts: FloatArray, count: int) -> Found:
 
 def right_hand_sides(
     groups: Any, shape: tuple[int, ...], batch: tuple[int, ...]
-) -> Iterator[tuple[Any, Any, FloatArray]]:
-    """Yield groups of trajectories of a batch: indices, or ALL, the right-hand side, its table.
+) -> list[tuple[Any, Any, FloatArray]]:
+    """Return groups of trajectories of a batch: indices, or ALL, the right-hand side, its table.
 
     `groups` are those of the members of a field of this shape.
     """
-    if not shape:
-        yield ALL, groups[0].f, groups[0].table[0]
-        return
+    if math.prod(shape) == 1:
+        return [(ALL, groups[0].f, groups[0].table[0])]
     if shape == batch and len(groups) == 1:
-        yield ALL, groups[0].f, groups[0].table
-        return
-    count = math.prod(shape)
+        return [(ALL, groups[0].f, groups[0].table)]
+    found, count = [], math.prod(shape)
     numbers = np.broadcast_to(np.arange(count).reshape(shape), batch).ravel()
     for members, f, table in groups:
         place = np.full(count, -1)
@@ -100,7 +99,8 @@ def right_hand_sides(
         places = place[numbers]
         where = np.flatnonzero(places >= 0)
         if len(where):
-            yield where, f, table[places[where]]
+            found.append((where, f, table[places[where]]))
+    return found
 
 
 def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
@@ -108,72 +108,87 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
 
     If `report` returns False, states that are not done stay NaN.
     """
-    times, sign, settings, threads, report, stops, most, since = asked
-    B = len(starts)
-    if B == 1 and report is None:
-        alone = _of_one(field, starts, asked)
-        if alone is not None:
-            return alone
+    B, count = len(starts), len(asked.times)
     if not B:
-        records = None if stops is None else _in_order([], sign, starts)
-        return nothing_found(starts, len(times))._replace(records=records)
-    groups = [*right_hand_sides(field.right_hand_sides, field.shape, batch)]
-    if starts.size * len(times) > MANY:  # LLVM ends the process where it finds no memory
+        records = None if asked.stops is None else _in_order([], asked.sign, starts)
+        return nothing_found(starts, count)._replace(records=records)
+    groups = right_hand_sides(field.right_hand_sides, field.shape, batch)
+    if starts.size * count > MANY:  # LLVM ends the process where it finds no memory
         for where, f, table in groups:
-            prepare(f, settings, B if where is ALL else len(where), table.ndim > 1)
-    whole: Any = None if groups[0][0] is ALL else nothing_found(starts, len(times))[:4]
-    count = threads_for(B, threads)
-    done, records, causes, grown = 0, [], None, None
+            prepare(f, asked.settings, B if where is ALL else len(where), table.ndim > 1)
+    where, f, table = groups[0]
+    if where is ALL:
+        found = _of_group(f, table, starts, asked)
+    else:
+        found = _of_groups(groups, starts, asked)
+    if asked.stops is None:
+        return found
+    return found._replace(records=_in_order(found.records, asked.sign, starts))
+
+
+def _of_group(f: Any, table: FloatArray, starts: FloatArray, asked: Asked) -> Found:
+    """Return what is found of trajectories that share f; `records` are those of the engine."""
+    times, sign, settings, threads, report, stops, most, since = asked
+    B, count, begun = len(starts), threads_for(len(starts), threads), None
+    if report is None and count == 1 and (B == 1 or starts.size <= _FEW):
+        given = f, table, starts, times, sign, settings, stops, most, since
+        states, steps, records, begun = take_few(*given)
+        if begun is None:
+            ends = np.empty(B)
+            ends.fill(np.nan)
+            status = np.zeros(B, np.int8)
+            return Found(states, ends, steps, status, False, records, None, None, True)
+    else:
+        states = np.full((len(times), *starts.shape), np.nan)
+    engine = Engine(f, table, starts, times, sign, settings, states, stops)
+    engine.numbers[NUMBER.enough], engine.numbers[NUMBER.since] = most, since
+    engine.run(count, report, begun)
+    ends = np.where(engine.state == State.DONE, np.nan, sign * engine.t)
+    causes = _noted(None, Cause.UNKNOWN, B, engine.causes)
+    grown, status = _noted(None, -1, B, engine.grown), status_of(engine.state)
+    others = engine.is_stopped, engine.records, causes, grown
+    return Found(states, ends, engine.steps, status, *others)
+
+
+def _of_groups(groups: Any, starts: FloatArray, asked: Asked) -> Found:
+    """Return what is found of groups of trajectories, as of one."""
+    whole, report, stops = nothing_found(starts, len(asked.times)), asked.report, asked.stops
+    B, done, records, causes, grown = len(starts), 0, [], None, None
     for where, f, table in groups:
-        x0, before = starts if where is ALL else starts[where], done
-        states = np.full((len(times), *x0.shape), np.nan)
-        own = None if report is None else lambda now, before=before: report(before + now)
-        arguments = f, table, x0, times, sign, settings, states
-        own_stops = stops if stops is None or where is ALL else stops.of(where)
-        engine = Engine(*arguments, own_stops)
-        engine.numbers[NUMBER.enough], engine.numbers[NUMBER.since] = most, since
-        engine.run(count, own)
-        records += [(where, each) for each in engine.records]
-        ends = np.where(engine.state == State.DONE, np.nan, sign * engine.t)
-        part = states, ends, engine.steps, status_of(engine.state)
-        if where is ALL:
-            whole = part
-        else:
-            whole[0][:, where] = states
-            for array, values in zip(whole[1:], part[1:], strict=True):
-                array[where] = values
-        causes = _noted(causes, Cause.UNKNOWN, B, where, engine.causes)
-        grown = _noted(grown, -1, B, where, engine.grown)
-        done += len(times) * len(x0)
-        if engine.is_stopped:
+        own = None if report is None else lambda now, before=done: report(before + now)
+        own_stops = None if stops is None else stops.of(where)
+        own_asked = asked._replace(report=own, stops=own_stops)
+        part = _of_group(f, table, starts[where], own_asked)
+        whole.states[:, where], whole.t[where] = part.states, part.t
+        whole.steps[where], whole.status[where] = part.steps, part.status
+        for rows in part.records:
+            numbers = rows[:, 0].view(np.int64)
+            numbers[:] = where[numbers]
+        records += part.records
+        causes = _noted(causes, Cause.UNKNOWN, B, [(where, part.causes)])
+        grown = _noted(grown, -1, B, [(where, part.grown)])
+        done += len(asked.times) * len(where)
+        if part.is_stopped:
             break
-    of_changes = None if stops is None else _in_order(records, sign, starts)
-    states, ends, steps, status = whole
-    return Found(states, ends, steps, status, engine.is_stopped, of_changes, causes, grown)
+    return Found(*whole[:4], part.is_stopped, records, causes, grown)
 
 
 def _noted(
-    before: NDArray[np.int64] | None, none: int, B: int, where: Any, notes: Any
+    before: NDArray[np.int64] | None, none: int, B: int, notes: Any
 ) -> NDArray[np.int64] | None:
-    """Return notes of B trajectories, None without any, with those of trajectories `where`."""
-    if not notes:
-        return before
-    found: NDArray[np.int64] = np.full(B, none) if before is None else before
-    for which, values in notes:
-        found[which if where is ALL else where[which]] = values
-    return found
+    """Return notes of B trajectories with those of some, pairs; None as long as there are none."""
+    for where, values in notes:
+        if values is not None:
+            before = np.full(B, none) if before is None else before
+            before[where] = values
+    return before
 
 
-def _in_order(records: list[tuple[Any, FloatArray]], sign: int, starts: FloatArray) -> Records:
-    """Return records in order, from those of the engine and the trajectories they belong to."""
+def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:
+    """Return records in order, from those of the engine."""
     D = starts.shape[1]
-    rows = np.concatenate([rows for _, rows in records] or [np.empty((0, 3 + D))])
+    rows = np.concatenate(records or [np.empty((0, 3 + D))])
     trajectory, which = rows[:, :2].view(np.int64).T
-    first = 0
-    for where, part in records:
-        own = slice(first, first := first + len(part))
-        if where is not ALL:
-            trajectory[own] = where[trajectory[own]]
     small = np.min_scalar_type(len(starts))  # NumPy sorts 16 bits by digits, seven times as fast
     rows = np.take(rows, np.argsort(trajectory.astype(small), kind="stable"), axis=0)
     trajectory, which = rows[:, :2].view(np.int64).T
@@ -197,31 +212,3 @@ def status_of(state: Any) -> NDArray[np.int8]:
 def threads_for(B: int, threads: int | None) -> int:
     """Return how many threads take B trajectories."""
     return threads or (available() if B > _IN_THREADS else 1)
-
-
-def _of_one(field: Any, starts: FloatArray, asked: Asked) -> Found | None:
-    """Return the motion of one trajectory, in few microseconds, or None if that is impossible."""
-    times, sign, settings, _, _, stops, most, since = asked
-    _, f, table = field.right_hand_sides[0]
-    clocks, of_clocks = [*f.offsets], None
-    if clocks and any(starts.item(0, i) != 0.0 for i in clocks):  # in less time than NumPy
-        table, starts, of_clocks = counted_from_start(f, table, starts)
-    given = f, table.tobytes(), starts.tobytes(), times.tobytes(), sign, settings
-    result = motion_of_one(*given) if stops is None else motion_of_one(*given, stops, most, since)
-    if result is None:
-        return None
-    states, t, steps, state, grown, *records = result
-    states = np.frombuffer(states).reshape(len(times), *starts.shape)
-    if of_clocks is not None:
-        states[..., clocks] += of_clocks
-    if state != State.DONE and stops is None:
-        states[~(times <= t)] = np.nan
-    end = np.nan if state == State.DONE else sign * t
-    found = Found(states, np.array([end]), np.array([steps]), _STATUS[state : state + 1].copy())
-    found = found if grown < 0 else found._replace(grown=np.array([grown]))
-    if stops is None:
-        return found
-    if of_clocks is not None:
-        for rows in records[0]:
-            add_starts(f, rows, of_clocks)
-    return found._replace(records=_in_order([(ALL, each) for each in records[0]], sign, starts))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, common_shape, kind_of, short, wrong
 from ..core.lists.changes import Act, in_order_of_code, is_section
-from ..core.motion.engine import Stops
+from ..core.motion.engine import NO_STOPS, Stops
 from .change import Change, field_of, traced
 from .points import Points, span
 
@@ -122,9 +122,6 @@ def acts_of(field: Any, changes: tuple[Change, ...]) -> tuple[Act, ...]:
     return tuple(acts[k] for k in in_order_of_code(acts))
 
 
-_NO_STOPS = Stops(np.empty((1, 0)), np.empty((1, 0)))
-
-
 def batch_of(changes: tuple[Change, ...]) -> tuple[int, ...]:
     """Return the shape of the batch of the times of changes."""
     if not changes:
@@ -137,7 +134,7 @@ def stops_of(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -> 
     """Return the times of changes."""
     later = [change for change in changes if change.times is not None]
     if not later:
-        return _NO_STOPS
+        return NO_STOPS
     # The number of the first one of these.
     first = sum(each.times is None and not is_section(each) for each in changes)
     shapes = [change.times.shape[:-1] for change in later]

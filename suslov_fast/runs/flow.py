@@ -163,8 +163,9 @@ def flow(
             found = motion_of(system, x, batch, asked)
         if report is not None and total and not found.is_stopped:
             report(total)  # the engine counts neither a time twice nor states after an end
-    warn_of_ends(found, x, batch)
-    warn_of_growth(found, system.labels, batch)
+    if not found.is_good:
+        warn_of_ends(found, x, batch)
+        warn_of_growth(found, system.labels, batch)
     changed = changes_of_records(found.records, system, acting, batch) if acting else None
     return Motion._of(
         {

@@ -15,7 +15,7 @@ from suslov_fast.core.lists.dense import DenseRightHandSide, dense_parameters
 from suslov_fast.core.lists.numbers import Number
 from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
 from suslov_fast.core.lists.variational import variational
-from suslov_fast.core.motion import columns, engine, functions, half, one, stepping
+from suslov_fast.core.motion import columns, engine, few, functions, half, stepping
 from suslov_fast.core.motion.rows import State
 from suslov_fast.engine import motions
 
@@ -318,21 +318,22 @@ def test_elimination_by_columns_agrees_with_that_by_a_list(case, monkeypatch):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_one_trajectory_has_the_bits_of_a_batch(case):
+def test_few_trajectories_have_the_bits_of_a_batch(case):
+    """Also where memory is used again."""
     function, x0, last = CASES[case]
     f, times = right_hand_side(function, x0.shape[1]), [0.1 * last, 0.45 * last, last]
-    states, t, steps, state = motion(f, x0, times)
-    for k in range(len(x0)):
-        of_one = motion(f, x0[k : k + 1], times)
-        assert_equal(of_one, (states[:, k : k + 1], t[[k]], steps[[k]], state[[k]]))
-        settings = engine.Settings(1e-6)
-        given = x0[k].tobytes(), np.array(times).tobytes()
-        found = one.motion_of_one(f, b"", *given, 1.0, settings)
-        if found is not None and state[k] == State.DONE:
-            np.testing.assert_array_equal(
-                np.array(found[0]).reshape(states[:, k].shape), states[:, k]
-            )
-            assert found[1:4] == (t[k], steps[k], state[k])
+    states, *of_batch = motion(f, x0, times)
+    for own in [*([k] for k in range(len(x0))), [0, 1], slice(None, None, -1), slice(None)] * 2:
+        found = states[:, own], *(array[own] for array in of_batch)
+        assert_equal(motion(f, x0[own], times), found)
+        given = f, np.zeros(0), x0[own], np.array(times), 1.0, engine.Settings(1e-6)
+        states_of_few, steps_of_few, _, begun = few.take_few(*given)
+        if begun is None:
+            assert_equal((states_of_few, steps_of_few), (found[0], found[2]))
+            continue
+        rest = engine.Motion(*given, states_of_few)
+        rest.run(begun=begun)
+        assert_equal((rest.states, rest.t, rest.steps, rest.state), found)
 
 
 def test_dense_fields():
@@ -403,15 +404,15 @@ def test_llvms_passes_after_many_steps(B, monkeypatch):
 
 
 def test_code_of_one_trajectory_is_optimised_after_some_steps():
-    f, settings = right_hand_side(van_der_pol, 2), engine.Settings(1e-6, stiff=False)
-    x0, times = np.array([2.0, 0.0]).tobytes(), np.array([3.0]).tobytes()
-    first = one.motion_of_one(f, b"", x0, times, 1.0, settings)
-    own, code = engine.half_of(f, False, False), one._plan(f, b"", settings, 1.0)[0]
-    usual, (_, _, steps, *_) = code.code, first
-    assert own.steps == steps
+    f, x0, times = right_hand_side(van_der_pol, 2), np.array([[2.0, 0.0]]), np.array([3.0])
+    given = f, np.zeros(0), x0, times, 1.0, engine.Settings(1e-6, stiff=False)
+    first = few.take_few(*given)
+    own = engine.half_of(f, False, False)
+    usual = engine.code_of_half(own, 1, False)
+    assert own.steps == first[1]
     own.steps = 2**20
-    assert one.motion_of_one(f, b"", x0, times, 1.0, settings) == first
-    assert code.code != usual
+    assert_equal(few.take_few(*given)[:2], first[:2])
+    assert engine.code_of_half(own, 1, False) != usual
 
 
 # Values of the test set for initial value problems, and the most steps at each tolerance.

@@ -6,7 +6,7 @@ import pytest
 import suslov_fast as sf
 from suslov_fast import Change, Field, QuadraticField, flow
 from suslov_fast.core.lists.two_sets import sets_of
-from suslov_fast.core.motion import engine, half
+from suslov_fast.core.motion import engine, few, half
 
 
 def sets(field):
@@ -137,10 +137,14 @@ def columns_of_gragg(monkeypatch):
 
     def only():
         monkeypatch.setattr(half, "sets_of", lambda f: None)
+        forget()
+
+    def forget():
         engine.half_of.cache_clear()
+        few.memories.cache_clear()
 
     yield only
-    engine.half_of.cache_clear()
+    forget()
 
 
 @pytest.mark.parametrize("name", PROBLEMS)

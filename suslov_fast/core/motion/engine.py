@@ -24,7 +24,6 @@ from .text import text_of_half
 _AHEAD, _AT_ONCE = (2.0**-43, 2.0**-40, 2.0**-36), 2.0**-30
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
-RECORDS = 4096  # of changes, after which Python takes them
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
 # LLVM's passes leave .66 to .87 of the time of implicit steps of systems with so few components,
 # with the same bits; they are worth their time after so many steps, which take about a second.
@@ -67,28 +66,27 @@ def is_bounded(f):
 
 @functools.lru_cache(256)
 def numbers_of(settings, sign):
-    """Return `Numbers` whose times are not set."""
-    return Numbers(
+    """Return an array of `Numbers` whose times are not set."""
+    return array("d", Numbers(
         settings.rtol,
         inf,
         sign,
         first_part(settings.rtol),
-        settings.max_step or inf,
+        inf,
         limit_of(settings.rtol),
         float(settings.stiff is None),
         inf,
         inf,
         float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
         MOST_STEPS,
-    )
+    ))  # fmt: skip
 
 
-def set_times(numbers, f, first, second, last):
-    """Set the moduli of the first two times and of the last one."""
-    numbers[NUMBER.first_next], numbers[NUMBER.second_next] = first, second
-    numbers[NUMBER.last] = last
-    if is_bounded(f):
-        numbers[NUMBER.longest] = min(numbers[NUMBER.longest], last / 32.0)
+def set_times(numbers, f, settings, times):
+    """Set the first two times, the last one, and the longest step; NO_TIMES follow the times."""
+    numbers[NUMBER.first_next], numbers[NUMBER.second_next], last = times[0], times[1], times[-3]
+    numbers[NUMBER.last], longest = last, settings.max_step or inf
+    numbers[NUMBER.longest] = min(longest, last / 32.0) if is_bounded(f) else longest
 
 
 def first_steps(half, W):
@@ -98,13 +96,15 @@ def first_steps(half, W):
 
 def code_of_half(half, W, for_each):
     """Return the `Address` of the code of a half, whose steps say how good it has to be."""
-    return compiled(
-        ("motion", half.key, W, for_each),
-        lambda name: text_of_half(half, name, W, for_each),
-        # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
-        level=int(half.steps > first_steps(half, W)),
-        passes=half.is_implicit and half.f.D <= SMALL and half.steps > WORTH_PASSES,
-    )
+    # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
+    level = int(half.steps > first_steps(half, W))
+    passes = half.is_implicit and half.f.D <= SMALL and half.steps > WORTH_PASSES
+    kind = W, for_each, level, passes
+    if kind not in half.codes:
+        key = "motion", half.key, W, for_each
+        text_of = functools.partial(text_of_half, half, W=W, for_each=for_each)
+        half.codes[kind] = compiled(key, text_of, level, passes=passes)
+    return half.codes[kind]
 
 
 def prepare(f, settings, B, for_each):
@@ -156,6 +156,7 @@ class Stops(NamedTuple):
         return found, most
 
 
+NO_STOPS = Stops(np.empty((1, 0)), np.empty((1, 0)))
 _NO_STOPS = np.array([[[inf, 0.0]]])
 
 
@@ -164,7 +165,7 @@ def counted_from_start(f, table, x0):
     if not f.offsets:
         return table, x0, None
     starts = x0[:, [*f.offsets]]
-    if not starts.any():
+    if not np.count_nonzero(starts):
         return table, x0, None
     of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
     own = f.of if isinstance(f, Variational) else f
@@ -178,10 +179,14 @@ def counted_from_start(f, table, x0):
     return np.ascontiguousarray(f.table_with(inputs.T, table.T).T), x0, starts
 
 
-def add_starts(f, records, starts):
-    """Add the starts (-, clocks) of clocks to the states in records of changes."""
-    for first in range(3, records.shape[1], f.D):
-        records[:, first + np.array([*f.offsets])] += starts
+def add_starts(f, starts, states, records):
+    """Add the starts (B, clocks) of clocks to states (count, B, D), and to those in records."""
+    clocks = np.array([*f.offsets])
+    states[..., clocks] += starts
+    for rows in records:
+        own = starts[rows[:, 0].view(np.int64)]
+        for first in range(3, rows.shape[1], f.D):
+            rows[:, first + clocks] += own
 
 
 class Motion:
@@ -204,10 +209,9 @@ class Motion:
         self.f, self.states = f, states
         self.table, self.x0, self.starts = counted_from_start(f, table, x0)
         self.settings, self.times = settings, np.concatenate([times, NO_TIMES])
-        first, second, self.last = self.times[[0, 1, len(times) - 1]].tolist()
         self.components = components_of(f, settings.atol)
-        self.numbers = np.array(numbers_of(settings, sign))
-        set_times(self.numbers, f, first, second, self.last)
+        self.numbers = numbers_of(settings, sign)[:]
+        set_times(self.numbers, f, settings, self.times)
         self.has_atol = settings.atol is not None
         self.t, self.steps = np.zeros(len(x0)), np.zeros(len(x0), np.int64)
         self.state = np.zeros(len(x0), np.int8)
@@ -215,14 +219,13 @@ class Motion:
         self.rows = half_of(f, False, self.has_atol).rows
         self.records, self.stops = [], None
         if f.changes:
-            none = Stops(np.empty((1, 0)), np.empty((1, 0)))
-            self.stops, self.equal_stops = (stops or none).array()
+            self.stops, self.equal_stops = (stops or NO_STOPS).array()
         if f.conditions:  # trajectories have choices of their own, which the code makes
             shape = len(x0), self.table.shape[-1]
             self.table = np.broadcast_to(self.table, shape).copy()
 
-    def run(self, threads=1, report=None):
-        """Take all steps of all trajectories.
+    def run(self, threads=1, report=None, begun=None):
+        """Take all steps of all trajectories, or those that are left: `begun` is of `take_few`.
 
         `report` takes the number of states that are done, in this thread, now and then; if it
         returns False, the steps end, and `is_stopped` is true.
@@ -231,43 +234,44 @@ class Motion:
         self.report, self.caller = report, get_ident()
         self.places = None if report is None else np.zeros(B, np.int64)
         size = min(BLOCK, max(-(-B // (threads * WIDTH)) * WIDTH, WIDTH))
+        rows, abandoned = None, []
+        if begun is not None:
+            size, (rows, table, self.records) = B, begun
+            self.table = self.table if table is None else table
         blocks = [slice(first, min(first + size, B)) for first in range(0, B, size)]
-        abandoned = []
         if threads == 1 or len(blocks) == 1:
             for block in blocks:
-                self._take(block, abandoned)
+                self._take(block, abandoned, rows)
         else:
             in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned, threads)
         if self.starts is not None:
-            self.states[..., [*self.f.offsets]] += self.starts
-            for rows in self.records:
-                add_starts(self.f, rows, self.starts[rows[:, 0].view(np.int64)])
+            add_starts(self.f, self.starts, self.states, self.records)
 
-    def _take(self, block, abandoned):
-        """Take all steps of a block of trajectories."""
-        rows, B = self.rows, block.stop - block.start
-        own = flat = np.zeros((B, rows.size))
-        flat[:, : self.f.D] = self.x0[block]
-        flat[:, rows.state] = BEGINS
-        numbers = np.arange(block.start, block.stop)
-        flat[:, rows.trajectory].view(np.int64)[:] = numbers
+    def _rows(self, block):
+        """Return the rows of a block of trajectories before the first step."""
+        rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
+        found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
+        found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
         if self.stops is not None:
             first = self.stops[block if len(self.stops) > 1 else slice(None), 0]
-            of_changes = flat[:, rows.of_changes :]
+            of_changes = found[:, rows.of_changes :]
             of_changes[:, OF_CHANGES.stop], of_changes[:, OF_CHANGES.stop_which] = first.T
-        which, mode, W = slice(None), int(bool(self.settings.stiff)), 1 if B == 1 else WIDTH
-        while len(own) and not abandoned:
-            half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
-            self._steps(half, own, numbers[which], W, abandoned)
-            if own is not flat:
-                flat[which] = own
-            state, mode = flat[:, rows.state], 1 - mode  # of those that turned to the other half
-            if not np.count_nonzero(state < State.DONE):
-                break
-            if not np.count_nonzero(state == mode):
-                mode = 1 - mode
-            which = np.flatnonzero(state == mode)
-            own = flat[which]
+        return found
+
+    def _take(self, block, abandoned, flat=None):
+        """Take all steps of a block of trajectories, with these rows if they have begun."""
+        rows, B, mode = self.rows, block.stop - block.start, int(bool(self.settings.stiff))
+        flat = self._rows(block) if flat is None else flat
+        numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH
+        while not abandoned and np.count_nonzero((state := flat[:, rows.state]) < State.DONE):
+            (which,) = np.nonzero((state == mode) | (state == BEGINS))
+            if which.size:
+                half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
+                own = flat if which.size == B else flat[which]
+                self._steps(half, own, numbers[which], W, abandoned)
+                if own is not flat:
+                    flat[which] = own
+            mode = 1 - mode  # of those that turned to the other half
         state, t = flat[:, rows.state], flat[:, rows.t]
         self.t[block], self.steps[block], self.state[block] = t, flat[:, rows.steps], state
         low = flat[:, rows.low : rows.far] >= 3.0
@@ -335,43 +339,65 @@ class Motion:
 
     def _taker(self, half, rows, table, W):
         """Return the function that takes steps of trajectories, and returns whether it is done."""
-        for_each, steps, before = table.ndim > 1, rows[:, half.rows.steps], 0.0
-        code, is_small = code_of_half(half, W, for_each), half.is_implicit and half.f.D <= SMALL
-        most = WORTH_PASSES if is_small else first_steps(half, W)  # after these it is the best
-        work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
-        arguments = array("q", Arguments(
-            rows=address_of(rows), count=len(rows), following=0, budget=0, table=address_of(table),
-            table_bytes=table.strides[0], work=address_of(work), numbers=address_of(self.numbers),
-            components=address_of(self.components), times=address_of(self.times),
-            states=address_of(self.states), state_bytes=self.states.strides[0],
-        ))  # fmt: skip
-        at = arguments.buffer_info()[0]
-        buffer = None
+        taker = Taker(half, W, rows, table, self.numbers, self.components)
+        times, states = address_of(self.times), address_of(self.states)
+        taker.point_to(times, states, self.states.strides[0])
         if self.stops is not None:
-            buffer = self._point_to_changes(arguments, W)
+            taker.point_to_changes(self.stops, self.equal_stops, self.records)
+        return taker.take
 
-        def take(kept=(rows, table, work)):  # the arguments point there
-            nonlocal code, before
-            arguments[SLOT.budget] = max(BUDGET // half.f.work, 1)
-            if is_done := code.call(at):
-                arguments[SLOT.following] = 0
-            if half.steps <= most:
-                taken = steps.sum()
-                half.steps, before = half.steps + taken - before, taken
-                if not is_done:
-                    code = code_of_half(half, W, for_each)
-            if count := arguments[SLOT.recorded]:
-                self.records.append(buffer[:count].copy())
-                arguments[SLOT.recorded] = 0
-            return is_done
 
-        return take
+class Taker:
+    """The arguments of the code of a half, and the memory in which it takes trajectories.
 
-    def _point_to_changes(self, arguments, W):
-        """Let arguments point to the times of changes; return an array for records."""
-        at_once = records_at_once(self.f.changes, self.equal_stops) * W
-        buffer = np.empty((max(RECORDS, 4 * at_once), self.f.changes.record(self.f.D)))
-        arguments[SLOT.stops] = self.stops.ctypes.data
-        arguments[SLOT.stop_bytes] = self.stops.strides[0] if len(self.stops) > 1 else 0
-        arguments[SLOT.records], arguments[SLOT.full] = buffer.ctypes.data, len(buffer) - at_once
-        return buffer
+    They have these `rows`, and a table for all or one for each.
+    """
+
+    def __init__(self, half, W, rows, table, numbers, components):
+        self.half, self.W, self.for_each = half, W, table.ndim > 1
+        work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
+        self.arguments = array("q", Arguments(
+            rows=address_of(rows), count=len(rows), following=0, budget=0, table=address_of(table),
+            table_bytes=table.strides[0], work=address_of(work),
+            numbers=numbers.buffer_info()[0], components=address_of(components),
+            times=0, states=0, state_bytes=0,
+        ))  # fmt: skip
+        self.kept = rows, table, work, numbers, components  # the arguments point there
+        self.at, self.budget = self.arguments.buffer_info()[0], max(BUDGET // half.f.work, 1)
+        self.steps, self.before = rows[:, half.rows.steps], 0.0
+        is_small = half.is_implicit and half.f.D <= SMALL
+        self.most = WORTH_PASSES if is_small else first_steps(half, W)  # then the code is the best
+        self.renews = True
+
+    def point_to(self, times, states, state_bytes):
+        """Let the arguments point to times and states at these addresses."""
+        self.arguments[SLOT.times], self.arguments[SLOT.states] = times, states
+        self.arguments[SLOT.state_bytes] = state_bytes
+
+    def point_to_changes(self, stops, equal, records):
+        """Let them point to the times of changes; `records` is the list that arrays come to."""
+        f, arguments, self.records = self.half.f, self.arguments, records
+        at_once, count = records_at_once(f.changes, equal) * self.W, arguments[SLOT.count]
+        self.buffer = np.empty((4 * (at_once + count), f.changes.record(f.D)))
+        arguments[SLOT.stops] = stops.ctypes.data
+        arguments[SLOT.stop_bytes] = stops.strides[0] if len(stops) > 1 else 0
+        arguments[SLOT.records] = self.buffer.ctypes.data
+        arguments[SLOT.full] = len(self.buffer) - at_once
+
+    def take(self):
+        """Take steps until the budget is spent; return whether none of them is left in the half."""
+        half, arguments = self.half, self.arguments
+        arguments[SLOT.budget] = self.budget
+        if self.renews:
+            self.renews = half.steps <= self.most
+            self.code = code_of_half(half, self.W, self.for_each)
+        is_done = self.code.call(self.at)
+        if self.renews:
+            taken = self.steps.sum()
+            half.steps, self.before = half.steps + taken - self.before, taken
+        if is_done:  # the next ones begin
+            arguments[SLOT.following], self.before = 0, 0.0
+        if count := arguments[SLOT.recorded]:
+            self.records.append(self.buffer[:count].copy())
+            arguments[SLOT.recorded] = 0
+        return is_done

@@ -56,12 +56,13 @@ class Half:
     rows, work   `Rows` of a trajectory, and `Work`
     is_long      whether loops carry out f or the elimination
     steps        that trajectories have taken in this half, in all
+    codes        addresses of its code, see `engine.code_of_half`
     """
 
     steps = 0
 
     def __init__(self, f, is_implicit, has_atol):
-        self.f, self.is_implicit, self.has_atol = f, is_implicit, has_atol
+        self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
         D = f.D
         if has_atol:
             self.largest, self.allowed = rules.NO_SIZE, rules.ALLOWED_WITH_ATOL

@@ -1,0 +1,99 @@
+"""The first half of the motion of a few trajectories, in memory that is kept from call to call.
+
+To make it anew would take longer than the steps. Steps and bits are those of `engine.Motion`, which
+goes on where a trajectory turns to the other half, or ends.
+"""
+
+import functools
+from array import array
+from math import inf, nan
+
+import numpy as np
+
+from .arguments import NUMBER
+from .engine import (
+    NO_STOPS,
+    NO_TIMES,
+    WIDTH,
+    Taker,
+    add_starts,
+    components_of,
+    counted_from_start,
+    half_of,
+    numbers_of,
+    set_times,
+)
+from .rows import BEGINS, OF_CHANGES, State
+
+_NAN = array("d", [nan])
+_GREW = array("d", [3.0]).tobytes()  # of a component, see `rules.LOW`
+
+
+class _Memory:
+    """The memory of B trajectories of f, with a table for all of them or one for each."""
+
+    def __init__(self, f, settings, sign, B, for_each):
+        half = self.half = half_of(f, bool(settings.stiff), settings.atol is not None)
+        places, rows = half.rows, np.zeros((B, half.rows.size))
+        rows[:, places.state] = BEGINS
+        rows[:, places.trajectory].view(np.int64)[:] = np.arange(B)
+        self.rows, self.begin, self.x = rows, rows.copy(), rows[:, : f.D]
+        self.state, self.steps = rows[:, places.state], rows[:, places.steps]
+        self.low = rows[:, places.low : places.far]
+        self.table, self.source = np.zeros((B, half.numbers) if for_each else half.numbers), None
+        self.numbers = numbers_of(settings, sign)[:]
+        given = rows, self.table, self.numbers, components_of(f, settings.atol)
+        self.taker = Taker(half, 1 if B == 1 else WIDTH, *given)
+
+
+@functools.lru_cache(256)
+def memories(f, settings, sign, B, for_each):
+    """Return the list of those that no call is using."""
+    return []
+
+
+def take_few(f, table, x0, times, sign, settings, stops=None, enough=inf, since=-1.0):
+    """Take trajectories x0 (B, D) to ascending moduli of times, as far as they are in one half.
+
+    Return their states (count, B, D), NaN where there are none; numbers of steps, and records as
+    those of `engine.Motion`, if all have reached the last time and no component fell and grew; and
+    else, with None in their place, what `engine.Motion` goes on from. `table` (n,) or (B, n) is
+    that of f; `enough` and `since` are those of `Numbers`, with `stops`.
+    """
+    B, starts, chooses, records = len(x0), None, f.conditions is not None, []
+    if f.offsets:
+        table, x0, starts = counted_from_start(f, table, x0)
+    key = f, settings, sign, B, chooses or table.ndim > 1
+    free = memories(*key)
+    try:
+        memory = free.pop()
+    except IndexError:
+        memory = _Memory(*key)
+    half, taker = memory.half, memory.taker
+    if (source := table.tobytes()) != memory.source or chooses:  # which the code writes there
+        memory.table[:], memory.source = half.table_of(table.T).T, source
+    memory.rows[:] = memory.begin
+    memory.x[:] = x0
+    moduli = array("d", times.tobytes())
+    moduli.extend(NO_TIMES)
+    set_times(memory.numbers, f, settings, moduli)
+    states = _NAN * (len(times) * B * f.D)
+    taker.point_to(moduli.buffer_info()[0], states.buffer_info()[0], 8 * B * f.D)
+    if f.changes:
+        of_stops, equal = (stops or NO_STOPS).array()
+        memory.numbers[NUMBER.enough], memory.numbers[NUMBER.since] = enough, since
+        first = half.rows.of_changes + OF_CHANGES.stop
+        memory.rows[:, first : first + 2] = of_stops[:, 0]
+        taker.point_to_changes(of_stops, equal, records)
+    while not taker.take():
+        pass
+    states = np.ndarray((len(times), B, f.D), buffer=states)
+    if memory.state.tolist().count(State.DONE) < B or _GREW in memory.low.tobytes():
+        own = memory.table[:, : len(f.table)].copy() if chooses else None
+        found = states, None, None, (memory.rows.copy(), own, records)
+    else:
+        found = states, memory.steps.astype(np.int64), records, None
+        if starts is not None:
+            add_starts(f, starts, states, records)
+    free.append(memory)
+    return found

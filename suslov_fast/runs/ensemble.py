@@ -238,6 +238,7 @@ def _template(whole: Problem, task: Task, dims: Any) -> xarray.Dataset:
     arguments = {**body.described}
     run: dict[str, Any] = {"body": body, **task.arguments}
     if isinstance(task, Times):
+        arguments |= body.of_motion
         arguments["time"], filled["time"] = task.times, task.times.copy()
         if task.changes:
             run["changes"] = nothing_changed(body, task.changes, batch, PENDING)

@@ -127,12 +127,13 @@ def operands_of_function(
 ) -> tuple[Tracer, list[Any]]:
     """Return the tracer with which f was called, and the operands that are f, or [H]."""
     tracer = tracer or Tracer(names, [*parameters])
-    first, second = (_operands(argument, f, tracer) for _ in range(2))
+    first, second = (operands_of_call(argument, f, tracer) for _ in range(2))
     check_same(argument, [*map(repr, first)], [*map(repr, second)])  # equal operations are one
     return tracer, first
 
 
-def _operands(argument: str, f: Any, tracer: Tracer) -> list[Any]:
+def operands_of_call(argument: str, f: Any, tracer: Tracer) -> list[Any]:
+    """Return the operands that are f, or [H], of one call."""
     result = called(argument, f, tracer.state, tracer.parameters)
     try:
         parts = [result] if argument in ("H", "surface") else components(result, len(tracer.state))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,6 +25,7 @@ from .field_of_terms import (
     INDICES,
     MATRIX,
     NAMES,
+    TYPED,
     VALUES,
     _FieldOfTerms,
     parts_of,
@@ -38,6 +40,7 @@ from .terms import (
     values_at,
 )
 from .tracing import terms_of_function
+from .typed import Typed, equations_of
 
 
 @public_class
@@ -89,7 +92,7 @@ class QuadraticField(_FieldOfTerms):
     QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
     """
 
-    texts: ClassVar[Any] = ("names",)
+    texts: ClassVar[Any] = "names", "typed"
 
     def __init__(
         self, quadratic: Any, linear: Any = None, constant: Any = None, names: Any = None
@@ -169,8 +172,9 @@ class QuadraticField(_FieldOfTerms):
     def _by_function(
         cls, f: Any, names: tuple[str, ...], values: dict[str, Any], M: None
     ) -> QuadraticField:
-        terms = terms_of_function("f", f, names, values, 2)
-        field = cls._of({**parts_of(terms, names), **values})
+        terms, count = terms_of_function("f", f, names, values, 2)
+        typed = Typed(count, partial(equations_of, "f", f, names, [*values]))
+        field = cls._of({**parts_of(terms, names), **values, TYPED: typed})
         return field._made_by(cls.from_function, f, names)
 
     @classmethod
@@ -178,8 +182,9 @@ class QuadraticField(_FieldOfTerms):
         cls, H: Any, names: tuple[str, ...], values: dict[str, Any], K: Any
     ) -> QuadraticField:
         matrix = structure_matrix(K, len(names), names)
-        energy = terms_of_function("H", H, names, values, 3)
-        field = cls._of_hamiltonian(energy, matrix, {NAMES: names, **values})
+        energy, count = terms_of_function("H", H, names, values, 3)
+        typed = Typed(2 * count, partial(equations_of, "H", H, names, [*values], matrix))
+        field = cls._of_hamiltonian(energy, matrix, {NAMES: names, **values, TYPED: typed})
         return field._made_by(cls.from_hamiltonian, H, names, K)
 
     @classmethod
@@ -264,7 +269,12 @@ class QuadraticField(_FieldOfTerms):
             indices, values = parts[MATRIX][:2].astype(np.int64), parts[MATRIX][2]
             found = {"H": H, "K": {"indices": indices, "values": values}}
         values = {"parameters": self.parameters} if self.parameters else {}
-        texts = {} if self.names == labels(self.dimension) else {"names": [*self.names]}
+        named = self.names != labels(self.dimension)
+        texts: dict[str, Any] = {"names": [*self.names]} if named else {}
+        if (field := self._as_typed[1]) is not None:
+            written = field.to_dict()
+            own = {n: written[n] for n in ("definitions", "equations") if n in written}
+            texts["typed"] = {"operations": self._typed.count, **own}
         size = {"body": type(self).__name__, "dimension": self.dimension}
         return {**size, **to_lists(found | values), **texts}
 
@@ -278,15 +288,18 @@ class QuadraticField(_FieldOfTerms):
         K: Any = None,
         parameters: Any = None,
         names: Any = None,
+        typed: Any = None,
     ) -> QuadraticField:
         checks.instance("parameters", parameters or {}, Mapping)
         D = len(variables("dimension", dimension))
         names = variables("names", names, D)
-        named_values = named_parameters(parameters or {}, names)
+        others = {NAMES: names, **named_parameters(parameters or {}, names)}
+        if typed is not None:
+            others[TYPED] = Typed.read(typed, names, parameters)
         if H is None and K is None:
             terms = with_arrays({"values": of_file(indices, values, D)}, None, None, D)
-            return cls._of({**parts_of(terms, names), **named_values})
+            return cls._of({**parts_of(terms, names), **others})
         if indices is not None or values is not None:
             raise ValueError("the parameters hold both coefficients and H: keep one of them")
         energy, matrix = of_hamiltonian(H, D), structure_matrix(K, D)
-        return cls._of_hamiltonian(energy, matrix, {NAMES: names, **named_values})
+        return cls._of_hamiltonian(energy, matrix, others)

@@ -32,10 +32,11 @@ from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
 # parameter can have any name that Python accepts.
 INDICES, VALUES, NAMES = "indices of f", "values of f", "names of variables"
 H_INDICES, H_VALUES, MATRIX = "indices of H", "values of H", "matrix K"
+TYPED = "f as typed"
 # Attributes of stores. A parameter with one of these names gets another one there.
 _OF_STORES = frozenset(
-    "H K body coords dims eps format functions indices map method names omega0 save_every shared "
-    "steps tiled title values version attitude".split()
+    "H K body coords definitions dims eps equations format functions indices map method names "
+    "omega0 save_every shared steps tiled title values version attitude".split()
 )
 
 LONGEST = 300  # characters of a repr
@@ -56,7 +57,8 @@ class FieldOfFunction(Body):
 
     names: tuple[str, ...]
     H: Any
-    right_hand_side: ClassVar[Any]  # f as a `RightHandSide`, and its parameters (P, ...)
+    right_hand_sides: ClassVar[Any]  # f for the motion, for groups of members: `OfMembers`
+    listed_right_hand_sides: ClassVar[Any]  # the same for variational equations
     _shared: ClassVar[dict[str, Any]]  # parts that all members share, beside arrays
     _value_at: ClassVar[Any]  # f(x)
     _traced_at: ClassVar[Any]  # the same with symbols
@@ -262,21 +264,6 @@ class FieldOfFunction(Body):
             raise TypeError(f"a field takes the state alone, field(x), one array or a dict: {how}")
         return self._traced_at(x) if isinstance(x, Symbols) else self._value_at(x)
 
-    @cached_property
-    def right_hand_sides(self) -> list[OfMembers]:
-        """f for the motion, and its table, for groups of members with the same operations."""
-        return self._of_members(*self.right_hand_side)
-
-    def _of_members(self, f: Any, parameters: FloatArray) -> list[OfMembers]:
-        count = math.prod(self.shape)
-        table = f.table_of(parameters).reshape(len(f.table), count)
-        return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
-
-    @property
-    def listed_right_hand_sides(self) -> list[OfMembers]:
-        """The same for variational equations, with the second derivative."""
-        return self.right_hand_sides
-
     @public
     def jacobian(self, x: Any) -> FloatArray:
         """Return the exact derivative f'(x) of the right-hand side.
@@ -347,10 +334,12 @@ class _FieldOfTerms(FieldOfFunction):
 
     axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
 
+    _typed: Any  # a `typed.Typed`, or None where no function made this field
+
     def _take(self, parts: Mapping[str, Any]) -> None:
         """Store the terms of f, or those of H and K with or without them, names and parameters."""
-        names, H = parts[NAMES], None
-        kept = {name: value for name, value in parts.items() if name != NAMES}
+        names, typed, H = parts[NAMES], parts.get(TYPED), None
+        kept = {name: value for name, value in parts.items() if name not in (NAMES, TYPED)}
         if H_VALUES in kept:
             energy = without_zeros(kept[H_INDICES], np.asarray(kept[H_VALUES]))
             kept |= {H_INDICES: energy.indices, H_VALUES: energy.values}
@@ -371,11 +360,12 @@ class _FieldOfTerms(FieldOfFunction):
             dimension=len(names),
             names=names,
             labels=names,
+            _typed=typed,
         )
 
     @property
     def _shared(self) -> dict[str, Any]:  # type: ignore[override]
-        return {NAMES: self.names}
+        return {NAMES: self.names, TYPED: self._typed}
 
     @property
     def _key(self) -> tuple[Any, ...]:
@@ -411,22 +401,50 @@ class _FieldOfTerms(FieldOfFunction):
     def _terms(self) -> Any:
         return Terms(self.parts[INDICES], self.parts[VALUES]).floats
 
+    @property
+    def _rows(self) -> FloatArray:
+        """The values of terms of all members (K, T)."""
+        _, values = self._terms
+        rows: FloatArray = values.reshape(math.prod(self.shape), values.shape[-1])
+        return rows
+
+    @property
+    def _named_values(self) -> list[FloatArray]:
+        """The named parameters (K,) of all members."""
+        return [np.broadcast_to(a, self.shape).ravel() for a in self.arrays.values()]
+
     @cached_property
-    def right_hand_side(self) -> tuple[Any, FloatArray]:
-        indices, values = self._terms
-        return _quadratic(indices, values, self.dimension, _LONG)
+    def _as_typed(self) -> tuple[NDArray[np.int64], Any]:
+        """The members (K,) whose motion takes f as it was typed, and the `Field` of that f."""
+        members = np.zeros(0, np.int64)
+        if self._typed is not None:
+            terms, named = (self._terms[0], self._rows), self._named_values
+            is_shorter = self._typed.is_shorter(*terms, named, self.dimension)
+            members = np.flatnonzero(is_shorter)
+        if not len(members):
+            return members, None
+        values = dict(zip(self.coordinates, (row[members] for row in named), strict=True))
+        if not self.shape:
+            values = {name: row.item() for name, row in values.items()}
+        return members, self._typed.field(values)
+
+    @property
+    def of_motion(self) -> dict[str, str]:
+        field = self._as_typed[1]
+        texts = {} if field is None else field.described
+        return {name: texts[name] for name in ("definitions", "equations") if name in texts}
 
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
-        return self._by_terms(_LONG)
+        return self._by_lists(_LONG, lambda field: field.right_hand_sides)
 
     @property
     def listed_right_hand_sides(self) -> list[OfMembers]:
-        return self._by_terms(None)
+        return self._by_lists(None, lambda field: field.listed_right_hand_sides)
 
-    def _with_acts_of(self, acts: tuple[Act, ...], twice: bool) -> list[OfMembers]:
+    def _with_acts_of(self, acts: tuple[Act, ...], twice: bool, of_field: Any) -> list[OfMembers]:
         """Return the right-hand sides of members with changes of the state, in order of code."""
-        named = [np.broadcast_to(a, self.shape).ravel() for a in self.arrays.values()]
+        named = self._named_values
 
         def make(indices: NDArray[Any], values: FloatArray, members: NDArray[np.int64]) -> Any:
             units = (values == 1.0).all(axis=0), (values == -1.0).all(axis=0)
@@ -436,24 +454,29 @@ class _FieldOfTerms(FieldOfFunction):
             own += [np.zeros(len(members))] * (f.P - len(own))  # starts of clocks
             return f, np.array(own).reshape(-1, len(members))
 
-        return self._by_terms(None, make)
+        return self._by_lists(None, of_field, make)
 
-    def _by_terms(self, longest: int | None, make: Any = None) -> list[OfMembers]:
+    def _by_lists(self, longest: int | None, of_field: Any, make: Any = None) -> list[OfMembers]:
         """Return the right-hand sides of members; dense ones of more terms are no lists.
 
-        ``make(indices, values, members)`` returns the right-hand side of some members, and its
-        parameters, unless it is that of the terms alone.
+        ``of_field(field)`` returns those of the field of f as typed, and
+        ``make(indices, values, members)`` that of some members by their terms, and its parameters,
+        unless it is that of the terms alone.
         """
-        indices, values = self._terms
-        rows = values.reshape(math.prod(self.shape), values.shape[-1])
+        typed, field = self._as_typed
+        found = [] if field is None else of_field(field)
+        found = [each._replace(members=typed[each.members]) for each in found]
+        others = np.setdiff1d(np.arange(math.prod(self.shape)), typed)
+        if not len(others):
+            return found
+        indices, rows = self._terms[0], self._rows[others]
         exists = rows != 0.0
         patterns, which = exists[:1], np.zeros(len(rows), np.int64)
         if not exists.all():  # what a step tests depends on the terms
             patterns, which = np.unique(exists, axis=0, return_inverse=True)
-        found = []
         for k, pattern in enumerate(patterns):
-            members = np.flatnonzero(which.reshape(-1) == k)
-            own = rows[np.ix_(members, pattern)]
+            places = np.flatnonzero(which.reshape(-1) == k)
+            own, members = rows[np.ix_(places, pattern)], others[places]
             if make is None:
                 f, parameters = _quadratic(indices[:, pattern], own, self.dimension, longest)
             else:

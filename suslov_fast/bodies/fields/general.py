@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -68,6 +69,16 @@ class Equations:
         """The part of a field that == compares, without texts and names."""
         sizes = len(self.names), len(self.parameters)
         return repr((sizes, self.values.operations, self.results, self.H, self.K))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Equations) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    @property
+    def _identity(self) -> tuple[Any, ...]:
+        return self.parameters, self.key
 
     @cached_property
     def right_hand_side(self) -> RightHandSide:
@@ -208,11 +219,6 @@ class Field(FieldOfFunction):
         table: FloatArray = self._equations.right_hand_side.table_of(self._inputs)
         return table
 
-    @property
-    def right_hand_side(self) -> tuple[RightHandSide, FloatArray]:
-        """f, and its parameters (P, ...) of all members."""
-        return self._equations.right_hand_side, self._inputs
-
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
         return self._of_members(_for_motion(self._equations, (), False), self._inputs)
@@ -227,7 +233,9 @@ class Field(FieldOfFunction):
 
     def _of_members(self, f: RightHandSide, parameters: FloatArray) -> list[OfMembers]:
         choices = np.zeros((f.P - len(parameters), *self.shape))  # of no state yet
-        return super()._of_members(f, np.concatenate([parameters, choices]))
+        count = math.prod(self.shape)
+        table = f.table_of(np.concatenate([parameters, choices])).reshape(len(f.table), count)
+        return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
 
     def _value_at(self, x: Any) -> FloatArray:
         x = checks.states("x", x, self.names, later=True)
@@ -282,7 +290,7 @@ class Field(FieldOfFunction):
     ) -> Field:
         matrix = structure_matrix(K, len(names), names)
         tracer, [energy] = operands_of_function("H", H, names, values)
-        equations = _of_hamiltonian(tracer, names, [*values], energy, matrix)
+        equations = of_hamiltonian(tracer, names, [*values], energy, matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 
     @property
@@ -342,7 +350,7 @@ class Field(FieldOfFunction):
             shared = Equations(names, [*values], tracer.values, operands)
         else:
             matrix = structure_matrix(K, len(names))
-            shared = _of_hamiltonian(tracer, names, [*values], operands[0], matrix)
+            shared = of_hamiltonian(tracer, names, [*values], operands[0], matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: shared})
 
 
@@ -377,7 +385,9 @@ def with_changes(
             f = _for_motion(field._equations, names, twice, acts)
             known[key] = field._of_members(f, field._inputs)
         else:
-            known[key] = field._with_acts_of(acts, twice)
+            known[key] = field._with_acts_of(
+                acts, twice, lambda own: with_changes(own, acts, (), twice)
+            )
     found: list[OfMembers] = known[key]
     return found
 
@@ -395,7 +405,7 @@ class Energy:
         return self._of._equations.shown(self._of._equations.H)
 
 
-def _of_hamiltonian(
+def of_hamiltonian(
     tracer: Tracer, names: Sequence[str], parameters: Sequence[str], energy: Any, matrix: Any
 ) -> Equations:
     """Return the equations x' = K grad H, by the derivative of the list of H."""

@@ -19,10 +19,13 @@ _Places = dict[tuple[int, ...], Number]
 
 
 class Exact:
-    """The polynomials of a function that is called with symbolic numbers."""
+    """The polynomials of a function that is called with symbolic numbers.
+
+    `count` is that of operations of symbols.
+    """
 
     def __init__(self, names: Sequence[str]) -> None:
-        self.names = names
+        self.names, self.count = names, 0
         variables = (Polynomial({(i,): 1}) for i in range(len(names)))
         self.state = Symbols.of([Symbol(self, variable) for variable in variables])
 
@@ -48,6 +51,7 @@ class Exact:
 
     def applied(self, name: str, operands: Sequence[Any], *_: Any) -> Any:
         """Return the value of a function of operands."""
+        self.count += 1
         if name == "power":
             base, power = operands
             if isinstance(power, Polynomial):
@@ -74,18 +78,19 @@ _RULES: dict[str, Any] = {
 
 def terms_of_function(
     argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], degree: int
-) -> Terms:
-    """Return the exact terms of a field f (degree 2) or of a Hamiltonian (degree 3).
+) -> tuple[Terms, int]:
+    """Return the exact terms of a field f (degree 2) or of a Hamiltonian (degree 3), and `count`.
 
     For a family f is called for each member. `argument` is the public argument that holds f.
     """
     shape = np.broadcast_shapes(*map(np.shape, parameters.values()))
-    tracer, rows = Exact(names), []
+    tracer, rows, count = Exact(names), [], 0
     columns = [np.broadcast_to(np.asarray(a).astype(object), shape) for a in parameters.values()]
     for values in zip(*(column.ravel() for column in columns), strict=True) if columns else [()]:
         of_member = dict(zip(parameters, values, strict=True))
         rows.append(_member(argument, f, tracer, of_member, degree))
         if len(rows) == 1:
+            count = tracer.count
             check_same(argument, _member(argument, f, tracer, of_member, degree), rows[0])
     places = [*dict.fromkeys(place for terms in rows for place in terms)]
     found: Any = np.empty((len(rows), len(places)), object)
@@ -96,7 +101,7 @@ def terms_of_function(
     except ValueError as error:
         raise ValueError(f"{argument}: {error}") from None
     indices = np.array(places, np.int64).reshape(-1, 3).T
-    return collected(indices, found.reshape(*shape, len(places)), len(names), degree)
+    return collected(indices, found.reshape(*shape, len(places)), len(names), degree), count
 
 
 def _member(

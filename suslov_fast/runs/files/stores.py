@@ -41,7 +41,8 @@ _FILTERS = Lock()  # of warnings: all threads have the same
 # Values that unwritten chunks show, by the name of a column; others are NaN.
 _FILLS = {column.short: column.fill for column in (*RUN, *MOTION)}
 # Attributes that only some runs have, and those that identify no run.
-_OPTIONAL = "map", "save_every", "attitude", "names", "H", "K", "changes", *Settings._fields
+_OF_SOME = "map save_every attitude names H K changes definitions equations"
+_OPTIONAL = *_OF_SOME.split(), *Settings._fields
 _NOT_COMPARED = "version", "coordinates", "title", "tiled"
 _OF_FILES = ".npz", ".nc", ".h5", ".hdf5", ".csv", ".zip"  # suffixes, which no store has
 

@@ -344,6 +344,7 @@ TABLE = {
   "command": (
     ("dt deltat stepsize h", "", "--eps X of the map, or --points N of the motion to --time T"),
     ("system field ode rhs", "equations", ""),
+    ("save out file", "output", ""),
     ("p param parameter", "", "--equations \"x' = a*x; a = 2\", with the parameter"),
     ("hamiltonian", "", "--equations \"q' = p; p' = -q\"; from_hamiltonian of Python takes H"),
     ("x0 y0 u0 start state states", "omega0", ""),

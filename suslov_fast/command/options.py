@@ -47,8 +47,8 @@ class _Parser(argparse.ArgumentParser):
                 message += f"; for {word} use {how}"
             elif here := names.get(answer(plain, names, "command", "words")):
                 message += f"; for {word} did you mean {here}?"
-            elif word in dir(sf):
-                message += f"; call suslov_fast.{word} in Python"
+            elif (here := answer(plain, dir(sf), "module", "words")) in dir(sf):
+                message += f"; call suslov_fast.{here} in Python"
         if "body" in names and re.search(r"arguments: [\d.,-]+$", message):
             message += "; a list is written with commas, --omega0 1,0.5"
         elif "body" in names and re.search("arguments: [^-]|mean --(body|equations)", message):

@@ -3,6 +3,7 @@
 import argparse
 import inspect
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -84,8 +85,9 @@ def _of_equations(text: str) -> Any:
     parameters: dict[str, float] = {}
     for part in filter(str.strip, text.split(";")):
         name, sign, value = (piece.strip() for piece in part.partition("="))
-        if not (sign and name):
-            example = "x' = x*(1 - y); y' = y*(x - 1)"
+        name = re.sub(r"^d(\w+)/dt$", r"\1'", name)
+        if not (sign and name) or "''" in name or re.search("[^<>=!]=[^=]", value):
+            example = "x' = x*(1 - y); y' = y*(x - 1), of order 1, and with a ; between two"
             raise ValueError(f"--equations must be like {example}, not {part.strip()!r}")
         if name.endswith("'"):
             equations[name[:-1].rstrip()] = value

@@ -103,7 +103,8 @@ class Report:
         return self.map.dimension - max(known, self.relations or 0)
 
     def __repr__(self) -> str:
-        none = f"none found up to degree {self.degree}" if self.finished else "none found so far"
+        none = f"none found up to degree {self.degree}; a higher one may have some"
+        none = none if self.finished else "none found so far"
         if self.finished and self.relations is None:
             none = "not sought"
         up_to_sign = ", up to sign" if any(f.cofactor for f in self.measures) else ""

@@ -200,7 +200,7 @@ def test_equations_of_the_command_line():
         lambda x: (x[0] * (2 - x[1]), x[1] * (x[0] - 0.5)), "x y"
     )
     assert facts_of(line)["body"] == expected.to_dict()
-    facts = facts_of("run --equations v'=-sin(u);u'=v --omega0 0,0.5 --time 3")
+    facts = facts_of("run --equations dv/dt=-sin(u)*(u>=-9);u'=v --omega0 0,0.5 --time 3")
     assert (facts["body"]["names"], facts["status"]) == (["v", "u"], {"OK": 1})
     cubic = "report --equations x'=y**2;y'=-x --eps 1/3 --degree 3"
     assert json.loads(succeed(f"{cubic} --json"))["integrals"]
@@ -278,6 +278,9 @@ MISTAKES = """
 2 | run --x0 1,2 | --omega0
 2 | run --rho 28 --dt 1 | --eps
 2 | run --n 3 | --trajectories
+2 | lyapunov | lyapunov_exponents
+1 | run --equations x''=-x --time 1 | of order 1
+1 | run --equations x'=y,y'=-x --time 1 | a ; between
 2 | run --time 2 --dt 0.1 | --points
 2 | run --system lorenz --time 1 | --equations "x' =
 2 | report --hamiltonian q**2+p**2 | --equations

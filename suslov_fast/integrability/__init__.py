@@ -17,7 +17,7 @@ The files, in an order in which each uses only those before it:
   monomial maps. `surfaces`: maps on levels of integrals, which may be maps of the plane.
 - `relations`: linear relations along orbits, and integrals by them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
-  that follow from them, in normal form.
+  that follow from them, in normal form. `symmetries`: reversing ones.
 - `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `process`: a search
   with a time limit. `report`: the results in one object. `levels`: the function of levels.
 """

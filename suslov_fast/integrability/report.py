@@ -26,6 +26,7 @@ from .planar import PlanarEntropy
 from .process import search, search_until
 from .relations import ImplicitIntegral
 from .surfaces import Level
+from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
@@ -56,6 +57,7 @@ class Report:
     implicit: tuple[ImplicitIntegral, ...] = ()  # independent of these
     measures: Functions = ()
     polynomials: Functions = ()
+    symmetries: tuple[Reversor, ...] = ()  # reversing ones, of a field
     planar: PlanarEntropy | None = None  # of a birational map of the plane
     level: Level | None = None  # the generic one of D - 2 integrals
     on_level: PlanarEntropy | None = None  # of the map on it
@@ -118,6 +120,8 @@ class Report:
             _listed(f"Densities of measures{up_to_sign}", self.measures, 1, none),
             _listed("Darboux polynomials", self.polynomials, 6, none),
         ]
+        if self.symmetries:
+            lines.append(f"Reversing symmetries: {'; '.join(map(str, self.symmetries))}")
         lines += self._lines_of_level_sets()
         if self.special_eps:
             what = "A formula has no meaning, or there is no birational map"

@@ -19,6 +19,7 @@ from .darboux import candidate_cofactors, nullity, space_of, with_constants
 from .functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of, quotient_of
 from .growth import agreed_degrees, growth
 from .invariants import Invariants, NormalForms
+from .kahan import KahanMap
 from .maps import LONGEST, RationalMap
 from .planar import PlanarEntropy, planar_entropy, proved_by_integral
 from .polynomials import (
@@ -38,6 +39,7 @@ from .relations import (
     written_out,
 )
 from .surfaces import Level, level_of
+from .symmetries import DEGREES, Reversor, reversors
 
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
 _ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
@@ -46,7 +48,7 @@ _CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees
 _GROUPS = (
     ("hamiltonian",), ("relations", "degrees"), ("planar entropy",),
     ("simple", "implicit", "quotients"), ("factors",), ("products", "all"),
-    ("proofs",), ("forms",), ("formulas",), ("levels",),
+    ("symmetries",), ("proofs",), ("forms",), ("formulas",), ("levels",),
 )  # fmt: skip
 _ORDER = {kind: k for k, kinds in enumerate(_GROUPS) for kind in kinds}
 
@@ -134,6 +136,7 @@ class Search:
         self.invariants = Invariants(map, degree)
         self.degrees: list[int] = []
         self.relations: int | None = None
+        self.symmetries: tuple[Reversor, ...] = ()
         self.planar: PlanarEntropy | None = None
         self.level: Level | None = None
         self.on_level: PlanarEntropy | None = None  # the entropy of the map there
@@ -152,6 +155,7 @@ class Search:
         for name in ("integrals", "measures", "polynomials"):
             setattr(report, name, tuple(f.renamed(*names) for f in getattr(self.known, name)))
         report.implicit = self.known.implicit
+        report.symmetries = self.symmetries
         report.level, report.on_level = self.level, self.on_level
         report.planar = proved_by_integral(self.planar, self.known.integrals)
         report.searched = [*self._searched()]
@@ -206,6 +210,8 @@ class Search:
             is_birational = map.inverse is not None and map.is_invertible
             if map.dimension > 2 and is_birational and not map.is_symbolic:
                 yield Task(self._find_entropy_on_level, "levels")
+            if isinstance(map, KahanMap) and map.dimension in DEGREES:
+                yield Task(self._find_symmetries, "symmetries")
         if not map.is_invertible:
             return
         if map.hamiltonian is not None:
@@ -260,6 +266,10 @@ class Search:
                 self.on_level = planar_entropy(self.level.map)
             except (ArithmeticError, ValueError) as error:
                 self.on_level = PlanarEntropy(reason=str(error))
+        return []
+
+    def _find_symmetries(self) -> Tasks:
+        self.symmetries = tuple(reversors(self.map.field))  # type: ignore[attr-defined]
         return []
 
     def _modified_energy(self) -> Tasks:
@@ -500,6 +510,7 @@ _TEXTS = {
     "products": "polynomials up to degree {k} with products of known cofactors, and minus these",
     "planar entropy": "the orbits of contracted curves",
     "levels": "the map on the generic level of the integrals",
+    "symmetries": "affine involutions that take the map to its inverse",
     "all": "Darboux polynomials up to degree {k} with products of powers of the factors of "
     "det DPhi as cofactors",
 }

@@ -11,7 +11,7 @@ import re
 import signal
 import threading
 from fractions import Fraction as F
-from itertools import product
+from itertools import permutations, product
 
 import numpy as np
 import pytest
@@ -700,7 +700,7 @@ def assert_text(found):
 
 @pytest.mark.slow
 def test_names_of_variables():
-    """Formulas and relations are those of x1, x2, x3 under other names."""
+    """Formulas, relations and symmetries are those of x1, x2, x3 under other names."""
     names = "S", "ω_1", "x"
     other = field_of(
         lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], " ".join(names)
@@ -709,11 +709,11 @@ def test_names_of_variables():
     def plain(thing):
         text = thing if isinstance(thing, str) else repr(thing)
         for k, name in enumerate(names, start=1):
-            text = re.sub(rf"\b{name}\b", f"x{k}", text)
+            text = re.sub(rf"\b{name}\b(?! ->)", f"x{k}", text)
         return text
 
     found, expected = report(other, degree=2), reported(CYCLE, None, 2)
-    assert plain(found) == repr(expected)
+    assert plain(found).replace("x3 ->", "x ->") == repr(expected)
     assert [plain(f.cofactor) for f in found.polynomials] == [
         repr(f.cofactor) for f in expected.polynomials
     ]
@@ -813,6 +813,46 @@ def test_a_polynomial_has_one_sign_in_a_report(field):
     limits = [P.context().from_dict({e: c for e, c in P.to_dict().items() if not e[0]})
               for P in factors.values()]  # fmt: skip
     assert all(P.leading_coefficient() > 0 for P in limits)
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("field", "symmetries"),
+    [
+        # Lines through 0 are reflected at those of steady states.
+        (of(BODY), ["(-Omega1, -Omega2)", "(1/2*Omega2, 2*Omega1)"]),
+        (ENERGY, ["(x1, -x2)"]),
+        (PREY, ["(x2, x1)"]),
+        (field_of(lambda x: (x[0] ** 2 - x[0],), 1), ["(-x1 + 1)"]),
+        pytest.param(
+            *(CYCLE, ["(x1, x3, x2)", "(x2, x1, x3)", "(x3, x2, x1)", "(-x1, -x2, -x3)"]),
+            marks=pytest.mark.slow,
+        ),
+        (PLANAR, []),
+    ],
+)
+def test_reversing_symmetries(field, symmetries):
+    """They take the map to its inverse, and no other signed permutation does."""
+    found = report(field, EPS, 1)
+    assert [*map(str, found.symmetries)] == [f"x -> {text}" for text in symmetries]
+    assert ("Reversing symmetries: " in repr(found)) == bool(symmetries)
+    now, n = found.map, field.dimension
+    x = [F(2 * k + 3, 7) for k in range(n)]
+    assert all(now(R(now(x))) == R(x) and R(R(x)) == (*x,) for R in found.symmetries)
+    for order in permutations(range(n)):
+        for signs in product((1, -1), repeat=n):
+            S = [[s * (j == k) for j in range(n)] for s, k in zip(signs, order, strict=True)]
+            if any(
+                sum(S[i][k] * S[k][j] for k in range(n)) != (i == j)
+                for i in range(n)
+                for j in range(n)
+            ):
+                continue
+            y = [sum(map(math.prod, zip(row, x, strict=True))) for row in S]
+            image = [-sum(map(math.prod, zip(row, field(x), strict=True))) for row in S]
+            assert (list(field(y)) == image) == any(
+                [*map(list, R.S)] == S and not any(R.b) for R in found.symmetries
+            )
 
 
 def test_limits_become_independent():

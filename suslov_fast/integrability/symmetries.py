@@ -1,0 +1,199 @@
+"""Affine reversing symmetries of Kahan maps.
+
+R(x) = S x + b takes the Kahan map of a field f to that of S f(R^-1 x). So R takes the map to its
+inverse, for every eps, if f(S x + b) = -S f(x): quadratic equations in the entries of S and b.
+With those of an involution, S S = 1 and S b = -b, they are solved by linear algebra modulo a prime:
+products of equations and monomials up to some degree are linear in the monomials.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from operator import add, mul
+from typing import Any
+
+import flint
+import numpy as np
+
+from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.names import labels
+from ..bodies.fields.polynomials import Polynomial
+from . import arithmetic
+from .arithmetic import Point, simplest_fraction
+from .kahan import KahanMap
+from .polynomials import exponents_up_to, ring_modulo
+
+DEGREES = {1: 5, 2: 5, 3: 4}  # of the products of equations, at most, by dimension
+_AFFINE = 2  # the largest dimension with b; in three dimensions b = 0
+_LARGEST = 10**6  # numerators and denominators of entries
+
+
+@dataclass(frozen=True)
+class Reversor:
+    """A reversing symmetry x to S x + b: it takes the map to its inverse, and is an involution.
+
+    It can be called with a point, D rational numbers.
+    """
+
+    S: tuple[Point, ...]
+    b: Point
+    names: tuple[str, ...]  # of the variables
+
+    def __call__(self, x: Any) -> Point:
+        """Return the image of a point."""
+        point = arithmetic.rationals("x", x, len(self.b))
+        return tuple(sum(map(mul, row, point), c) for row, c in zip(self.S, self.b, strict=True))
+
+    def __repr__(self) -> str:
+        texts = []
+        for row, constant in zip(self.S, self.b, strict=True):
+            terms = {(): constant} | {(i,): a for i, a in enumerate(row)}
+            texts.append(Polynomial({i: c for i, c in terms.items() if c}).text(self.names))
+        return f"x -> ({', '.join(texts)})"
+
+
+def reversors(field: QuadraticField) -> list[Reversor]:
+    """Return the isolated involutions with rational entries that reverse a field."""
+    D, p = field.dimension, KahanMap(field, None).prime
+    unknowns = ring_modulo(p, D * D + D * (D <= _AFFINE))
+    symmetries = []
+    for solution in _isolated_solutions(_equations(field, unknowns), unknowns, DEGREES[D]):
+        values = [*solution, *[0] * D][: D * D + D]  # b = 0 if it is not among the unknowns
+        entries = [simplest_fraction(int(a), p) for a in values]
+        if all(max(abs(a.numerator), a.denominator) < _LARGEST for a in entries):
+            S = tuple(tuple(entries[D * i : D * i + D]) for i in range(D))
+            reversor = Reversor(S, tuple(entries[D * D :]), labels(D))
+            if reverses(reversor, field):
+                symmetries.append(reversor)
+    symmetries.sort(key=lambda reversor: (len(repr(reversor)), repr(reversor)))
+    return [replace(reversor, names=field.names) for reversor in symmetries]
+
+
+def reverses(reversor: Reversor, field: QuadraticField) -> bool:
+    """Return True if f(S x + b) = -S f(x) and the symmetry is an involution."""
+    ring = flint.fmpq_mpoly_ctx.get(labels(field.dimension), ordering="deglex")
+    *S, b = ([*map(arithmetic.fmpq, row)] for row in (*reversor.S, reversor.b))
+    return not any(P != 0 for P in _identities(field, S, b, ring.gens(), arithmetic.fmpq))
+
+
+def _identities(field: QuadraticField, S: Any, b: Any, x: Any, number: Any) -> list[Any]:
+    """Return f(R(x)) + S f(x) and R(R(x)) - x for R(x) = S x + b, which are 0 for a symmetry."""
+    zero = 0 * x[0]
+    terms = [(place, number(c)) for place, c in field._exact.members()]
+
+    def image(y: Sequence[Any]) -> list[Any]:
+        return [sum(map(mul, row, y), zero + c) for row, c in zip(S, b, strict=True)]
+
+    def slopes(y: Sequence[Any]) -> list[Any]:
+        factors, sums = [*y, zero + 1], [zero] * len(x)
+        for (i, j, k), c in terms:
+            sums[i] += c * factors[j] * factors[k]
+        return sums
+
+    here, there = slopes(x), slopes(image(x))
+    reversing = [f + sum(map(mul, row, here)) for f, row in zip(there, S, strict=True)]
+    return [*reversing, *(a - c for a, c in zip(image(image(x)), x, strict=True))]
+
+
+def _equations(field: QuadraticField, unknowns: Any) -> list[Any]:
+    """Return the equations for the entries of S, and then of b, modulo a prime."""
+    D, n, p = field.dimension, unknowns.nvars(), int(unknowns.modulus())
+    gens = ring_modulo(p, n + D).gens()
+    S, b = [gens[D * i : D * i + D] for i in range(D)], gens[D * D : n] or [0] * D
+    equations: list[Any] = []
+    for P in _identities(field, S, b, gens[n:], lambda c: int(flint.nmod(arithmetic.fmpq(c), p))):
+        by_monomial = defaultdict[Any, dict[Any, int]](dict)
+        for e, c in P.to_dict().items():
+            by_monomial[e[n:]][e[:n]] = int(c)
+        equations += map(unknowns.from_dict, by_monomial.values())
+    return [equation for equation in equations if equation != 0]
+
+
+def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> list[list[Any]]:
+    """Return the solutions of equations modulo a prime, if products up to a degree show them."""
+    for degree in range(2, most + 1):
+        if (solutions := _solutions(equations, unknowns, degree)) is not None:
+            return [*solutions]
+    return []
+
+
+def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
+    """Return the matrix of the products of equations and monomials, up to a degree."""
+    n, rows, entries = unknowns.nvars(), 0, list[int]()
+    column = {e: k for k, e in enumerate(exponents_up_to(degree, n))}
+    zeros = [0] * len(column)
+    for equation in equations:
+        terms = [(e, int(c)) for e, c in equation.to_dict().items()]
+        for factor in exponents_up_to(degree - equation.total_degree(), n):
+            start = len(entries)
+            entries += zeros
+            rows += 1
+            for e, c in terms:
+                entries[start + column[tuple(map(add, e, factor))]] = c
+    return flint.nmod_mat(rows, len(column), entries, unknowns.modulus())
+
+
+def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[list[Any]] | None:
+    """Return the solutions of equations modulo a prime; None if products up to a degree hide them.
+
+    A vector of the null space of all products is a combination of the monomials at the solutions;
+    multiplication by a variable acts on the values of monomials of lower degree.
+    """
+    n, p = unknowns.nvars(), int(unknowns.modulus())
+    space = arithmetic.null_space(_products(equations, unknowns, degree))
+    # In monomials of low degree solutions at infinity are 0. There the rank is the number of the
+    # others, and stays the same from one degree to the next.
+    counts = [math.comb(n + d, n) for d in range(degree + 1)]  # of monomials up to a degree
+    parts = [[row[:count] for row in space] or [[0]] for count in counts]
+    ranks = [flint.nmod_mat(part, p).rank() for part in parts]
+    stable = [d for d in range(1, degree) if ranks[d] == ranks[d - 1]]
+    if not stable:
+        return None
+    if ranks[stable[-1]] == 0:
+        return iter(())
+    values = np.array(arithmetic.row_space(parts[stable[-1]], p), object).T  # by monomial
+    return _by_multiplication(values, counts[stable[-1] - 1], n, degree, p)
+
+
+def _by_multiplication(values: Any, low: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
+    """Yield the solutions from the values modulo p of monomials in a basis of their combinations.
+
+    Multiplication by a random linear form takes the first `low` monomials to monomials; solutions
+    are its eigenvectors.
+    """
+    monomials = exponents_up_to(degree, n)
+    row = {e: k for k, e in enumerate(monomials)}
+    units = [tuple(unit) for unit in np.eye(n, dtype=int).tolist()]
+    count, rng = values.shape[1], random.Random(0)
+    linear_form = np.array([rng.randrange(p) for _ in range(n)], object)
+    products = []
+    for e in monomials[:low]:
+        times_variables = [row[tuple(map(add, e, unit))] for unit in units]
+        products.append(linear_form @ values[times_variables] % p)
+    # As many random combinations of the monomials as solutions.
+    draws = [rng.randrange(p) for _ in range(count * low)]
+    mix = flint.nmod_mat(count, low, draws, p)
+    before, after = (
+        mix * flint.nmod_mat(np.array(rows).tolist(), p) for rows in (values[:low], products)
+    )
+    if before.rank() < count:
+        return
+    for eigenvector in _simple_eigenvectors(before.solve(after)):
+        solution = values @ np.array(eigenvector, object) % p
+        if solution[0]:  # the value of the monomial 1
+            scale = pow(int(solution[0]), -1, p)
+            yield [int(solution[row[unit]]) * scale % p for unit in units]
+
+
+def _simple_eigenvectors(matrix: Any) -> Iterator[list[int]]:
+    """Yield the eigenvectors of a matrix modulo a prime, where they span a line."""
+    identity = flint.nmod_mat(np.eye(matrix.nrows(), dtype=int).tolist(), matrix.modulus())
+    for factor, _ in matrix.charpoly().factor()[1]:
+        if factor.degree() == 1:
+            kernel = arithmetic.null_space(matrix + identity * (factor[0] / factor[1]))
+            if len(kernel) == 1:
+                yield kernel[0]

@@ -103,7 +103,10 @@ def fraction(text: str) -> Fraction:
 
 def number(text: str) -> float:
     """Return the number in a text such as 0.1, 1/3 or 1e6."""
-    return float(fraction(text))
+    try:
+        return float(fraction(text))
+    except OverflowError:
+        raise argparse.ArgumentTypeError(f"{text!r} is beyond 1.8e308") from None
 
 
 def integer(text: str) -> int:

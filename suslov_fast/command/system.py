@@ -13,6 +13,8 @@ import suslov_fast as sf
 
 from .options import PARAMETERS, number
 
+_EXAMPLE = "x' = x*(1 - y); y' = y*(x - 1), of order 1, and with a ; between two"
+
 
 def text_of(error: Exception, subject: object = "") -> str:
     """Return the message of an error; it begins with the subject, a file or an option."""
@@ -34,11 +36,11 @@ def about(subject: object) -> Iterator[None]:
 def body_and_step(options: argparse.Namespace, needs_step: bool = True) -> tuple[Any, Any]:
     """Return the body or field, and the step size, None if there may be none."""
     parameters = {name: value for name, value in vars(options).items() if name in PARAMETERS}
-    is_given = options.figure or options.body or options.equations
+    is_given = options.figure or options.body or options.equations is not None
     if parameters and is_given:
         others = "--figure, --body or --equations"
         options.usage_error(f"argument --{min(parameters)}: not allowed with {others}")
-    if not (parameters or options.body or options.equations):
+    if not parameters and (options.figure or not is_given):
         body, eps = sf.Suslov3D.figure(options.figure or 2)
         return body, eps if options.eps is None and needs_step else options.eps
     in_3d = sf.SuslovGyrostat if "k" in parameters else sf.Suslov3D
@@ -64,7 +66,7 @@ def body_of(options: argparse.Namespace) -> Any:
     """Return the body or field in a JSON file or of equations, or None if neither is given."""
     if options.body:
         return _in_file(options.body)
-    return _of_equations(options.equations) if options.equations else None
+    return None if options.equations is None else _of_equations(options.equations)
 
 
 def _in_file(path: Path) -> Any:
@@ -83,12 +85,14 @@ def _of_equations(text: str) -> Any:
     """
     equations: dict[str, str] = {}
     parameters: dict[str, float] = {}
-    for part in filter(str.strip, text.split(";")):
+    for part in filter(str.strip, re.split("[;\n]", text)):
         name, sign, value = (piece.strip() for piece in part.partition("="))
         name = re.sub(r"^d(\w+)/dt$", r"\1'", name)
         if not (sign and name) or "''" in name or re.search("[^<>=!]=[^=]", value):
-            example = "x' = x*(1 - y); y' = y*(x - 1), of order 1, and with a ; between two"
-            raise ValueError(f"--equations must be like {example}, not {part.strip()!r}")
+            raise ValueError(f"--equations must be like {_EXAMPLE}, not {part.strip()!r}")
+        own = name.rstrip("' ")
+        if own in equations or own in parameters:
+            raise ValueError(f"--equations: {own} has two lines: write one")
         if name.endswith("'"):
             equations[name[:-1].rstrip()] = value
         else:
@@ -97,6 +101,8 @@ def _of_equations(text: str) -> Any:
             except argparse.ArgumentTypeError as error:
                 how = f"write {name}' = {value} if it is an equation"
                 raise ValueError(f"--equations: {name} = {value}: {error}; {how}") from None
+    if not equations:
+        raise ValueError(f"--equations must be like {_EXAMPLE}, not {text!r}")
     names = list(equations)
     described = {"names": names, "equations": [*equations.values()], "parameters": parameters}
     with about("--equations"):

@@ -37,7 +37,7 @@ def run(line):
     output, errors = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
         try:
-            code = main(line.split())
+            code = main([word for word in line.split(" ") if word])
         except SystemExit as stopped:  # of argparse
             code = stopped.code
     return SimpleNamespace(code=code, out=output.getvalue(), err=errors.getvalue())
@@ -202,6 +202,8 @@ def test_equations_of_the_command_line():
     assert facts_of(line)["body"] == expected.to_dict()
     facts = facts_of("run --equations dv/dt=-sin(u)*(u>=-9);u'=v --omega0 0,0.5 --time 3")
     assert (facts["body"]["names"], facts["status"]) == (["v", "u"], {"OK": 1})
+    on_lines = facts_of("run --equations v'=-sin(u)*(u>=-9)\nu'=v --omega0 0,0.5 --time 3")
+    assert on_lines["body"] == facts["body"]
     cubic = "report --equations x'=y**2;y'=-x --eps 1/3 --degree 3"
     assert json.loads(succeed(f"{cubic} --json"))["integrals"]
 
@@ -292,6 +294,9 @@ MISTAKES = """
 1 | run --equations x'=2x --time 1 | 2*x
 1 | run --equations x'=z --time 1 | 'z'
 1 | run --equations x=y --time 1 | x' = y
+1 | run --equations= --time 1 | x' =
+1 | run --equations x'=x;x'=1 --time 1 | x has two
+2 | run --eps 1e400 | --eps
 1 | report --equations x*(1-y) | x' =
 2 | run good.json | good.json
 2 | --steps run | --steps comes after the command

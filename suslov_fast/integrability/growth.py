@@ -154,7 +154,7 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     >>> found.kind, round(found.entropy, 12)
     ('exponential', 1.38629436112)
     >>> growth([3, 7, 17, 39, 93, 215, 495]).based_on
-    '7 degrees without a short recurrence; the last d(k+1) / d(k) are from 2.294 to 2.385'
+    '7 degrees without a short recurrence; the last d(k+1) / d(k) are from 2.302 to 2.385'
     """
     try:
         d = [operator.index(degree) for degree in degrees]

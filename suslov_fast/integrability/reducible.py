@@ -83,10 +83,10 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
         common = flint.nmod_poly([0], p)
         for _ in range(2):  # roots that depend on the plane are left out
             on_plane = _Equations(n, degree, p, rng)
-            matrices = [on_plane.equations(P, eps) for P in (first, second)]
-            if matrices[0].rank() < matrices[0].ncols():  # all members are reducible
+            A, B = (on_plane.equations(P, eps) for P in (first, second))
+            if A.rank() < A.ncols():  # all members are reducible
                 return []
-            common = common.gcd(_values_of_lost_rank(*matrices, p, rng))
+            common = common.gcd(_values_of_lost_rank(A, B, p, rng))
         # A root is multiple if the rank falls further there; each is wanted once.
         common //= common.gcd(common.derivative()) if common.degree() > 0 else 1
         return [[int(c) for c in common.coeffs()]] if common.degree() > 0 else []

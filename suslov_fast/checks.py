@@ -112,6 +112,14 @@ def real_number(name: str, value: Any) -> float | FloatArray:
     return array.item() if array.ndim == 0 else array
 
 
+def one_number(name: str, value: Any, how: str = "") -> float:
+    """Return a finite real number as a float."""
+    number = real_number(name, value)
+    if not isinstance(number, float):
+        raise wrong(name, "a number", f"an array of shape {number.shape}{how}")
+    return number
+
+
 def positive(name: str, value: Any) -> float:
     """Return a positive finite number as a float."""
     number = real_number(name, value)

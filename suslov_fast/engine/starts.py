@@ -102,7 +102,7 @@ def checked_settings(
         atol = atol if isinstance(atol, float) else tuple(atol.tolist())
     if max_step is not None:
         max_step = checks.positive("max_step", max_step)
-    if stiff not in (None, True, False):
+    if not isinstance(stiff, bool | np.bool_ | None):
         raise wrong("stiff", "True, False or None", short(stiff), TypeError)
     return Settings(number, atol, max_step, stiff)
 

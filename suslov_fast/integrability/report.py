@@ -15,7 +15,7 @@ from typing import Any
 
 from ..bodies.base import Body
 from ..bodies.fields.field import QuadraticField
-from ..checks import integer, is_false, kind_of, real_number, wrong
+from ..checks import integer, is_false, kind_of, one_number, wrong
 from ..keywords import public, with_answers
 from .darboux import check_unknowns
 from .functions import IDENTITY, MODULAR, RationalFunction
@@ -318,7 +318,7 @@ def report(
     if time_limit is None:
         parts: Any = search(latest)
     else:
-        seconds = float(real_number("time_limit", time_limit))
+        seconds = one_number("time_limit", time_limit)
         if seconds < 0:
             raise wrong("time_limit", "0 seconds or more, or left out", seconds)
         parts = search_until(time.monotonic() + seconds, latest)

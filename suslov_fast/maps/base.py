@@ -138,7 +138,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
     if f"order{method}" in by_method:
         checks.one_of("method", method, by_method, f": pass 'order{method}'")
     instead = ": Kahan's map, of order 2, is 'auto'; flow(system, x0, time=T) has a tolerance"
-    if method != "order2" and str(method).startswith("order"):
+    if str(method).startswith("order") and method != "order2":
         of_fields = ", ".join(repr(name) for name in methods_of(QuadraticField) if name != "auto")
         instead = f": QuadraticField.of(body) has the methods {of_fields}"
         instead *= "order8" not in by_method

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.general import with_changes
-from ..checks import FloatArray, Reals, integer, one_of, real_number, short, wrong
+from ..checks import FloatArray, Reals, integer, one_number, one_of, short, wrong
 from ..core.motion.engine import Settings
 from ..engine.motions import Asked, solve
 from ..engine.problem import check, warn_of_times
@@ -35,6 +35,8 @@ from .changes import acts_of, stops_of
 from .crossings import Crossings, at_points
 from .failures import ON_SINGULAR, OnSingular, report_failures, told
 from .search import Search, Surface, checked_surface
+
+_LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
 
 
 @public
@@ -205,7 +207,7 @@ def _along_motion(
 ) -> Crossings:
     """Return the crossings along motions, after checks of the arguments that maps do not have."""
     field = field_of(system)
-    duration, before = _number("time", time), _number("transient", transient)
+    duration, before = one_number("time", time, _LAST), one_number("transient", transient)
     if before < 0.0:
         raise wrong("transient", "0 or more", short(transient))
     is_many = isinstance(surface, Sequence) and not isinstance(surface, str)
@@ -280,12 +282,3 @@ def _attributes(found: Any, x: FloatArray, batch: tuple[int, ...], limit: float)
         "final": final.reshape(*batch, x.shape[1]),
         "steps": found.steps.reshape(batch),
     }
-
-
-def _number(name: str, value: Any) -> float:
-    number = real_number(name, value)
-    if not isinstance(number, float):
-        how = "pass its last number, or for (100, 200) time=100 after transient=100"
-        received = f"an array of shape {number.shape}: {how}"
-        raise wrong(name, "a number", received)
-    return number

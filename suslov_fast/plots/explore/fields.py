@@ -6,7 +6,7 @@ from urllib.parse import urlencode
 import numpy as np
 
 from ... import __version__
-from ...checks import FloatArray, one_of, real_number, short, states, wrong
+from ...checks import FloatArray, one_number, one_of, short, states, wrong
 from ...engine.starts import checked_settings
 from ...engine.status import Status
 from ...maps import methods_of
@@ -107,10 +107,11 @@ class FieldScene:
             one_of(name, values[name], self.names)
         if view.time is not None:
             checked_settings(self.field, view.rtol)
-            view = view._replace(time=float(real_number("time", view.time)))
+            view = view._replace(time=one_number("time", view.time))
         else:
             one_of("method", view.method, self.methods)
-            eps, steps = float(real_number("eps", view.eps)), checked_steps(view.steps or 0)
+            eps = one_number("eps", view.eps)
+            steps = checked_steps(one_number("steps", view.steps))
             view = view._replace(eps=eps, steps=steps)
         if len(view.starts) > _MOST_STARTS:
             raise wrong("starts", f"at most {_MOST_STARTS} states", len(view.starts))

@@ -1,15 +1,10 @@
 """Elimination in A = 1 - s J as lists of operations, planned on the pattern of J.
 
-Pivots k follow an order with little fill-in, without a choice of rows:
-
-l_ik = a_ik / a_kk,    a_ij -= l_ik a_kj    for i and j that come later.
-
-A small pivot shows as a value that is not finite, or as an error of the step, which is refused.
+The equations are those of `step`, with N = s J. A small pivot shows as a value that is not finite,
+or as an error of the step, which is refused.
 """
 
-from collections import defaultdict
-
-from .planned_elimination import before_and_after
+from .planned_elimination import Factors
 from .right_hand_side import List, needed_for, renumbered
 from .step import Values
 
@@ -18,63 +13,49 @@ class Elimination:
     """The lists that factorise A, and that solve A v = g.
 
     factors   `List` of the entries of J (in the order of the pattern) and of s; the results are
-              inverses of pivots, l_ik and a_kj
+              inverses of pivots, and the numbers below and above the diagonal
     solution  `List` of these results and of g (D); the results are v (D)
 
     `fill` is what `filled` returns for this order.
     """
 
     def __init__(self, pattern, order, fill):
-        D = len(order)
-        entries = {place: number for number, place in enumerate(pattern)}
-        count = len(entries)
-        values, s = Values(count + 1 + D, ()), count
-        right = {i: count + 1 + i for i in range(D)}
-        before, after = before_and_after(order, fill)
-        below = defaultdict(list)
-        for i in order:
-            for k in before[i]:
-                below[k].append(i)
-        emit, lower, upper, inverse = values.emit, {}, {}, {}
-
-        def entry(i, j):
-            """Return a_ij after elimination with the pivots before i and j; None if it is 0."""
-            a = 1.0 if i == j else None
-            if (i, j) in entries:
-                product = emit("fmul", s, entries[i, j])
-                a = emit("fsub", 1.0, product) if i == j else emit("fmul", -1.0, product)
-            for k in before[i]:
-                if (i, k) in lower and (k, j) in upper:
-                    product = emit("fmul", lower[i, k], upper[k, j])
-                    a = emit("fsub", 0.0 if a is None else a, product)
-            return a
-
-        for k in order:
-            pivot = entry(k, k)
-            if pivot != 1.0 or not isinstance(pivot, float):
-                inverse[k] = emit("fdiv", 1.0, pivot)
-            for i in below[k]:
-                a = entry(i, k)
-                lower[i, k] = emit("fmul", a, inverse[k]) if k in inverse else a
-            for j in after[k]:
-                upper[k, j] = entry(k, j)
-        found = [*inverse.values(), *lower.values(), *upper.values()]
+        D, s = len(order), len(pattern)
+        values, first = _Products(s + 1 + D, ()), s + 1
+        own = Factors(_Scaled(values, pattern), order, fill)
+        found = [*own.inverse.values(), *own.lower.values(), *own.upper.values()]
         self.factors = List(needed_for(values.operations, found), found)
-        del values.operations[:]
+        values.operations, v = [], {}
         for k in order:
-            for i in before[k]:
-                product = emit("fmul", lower[k, i], right[i])
-                right[k] = emit("fsub", right[k], product)
+            v[k] = own.forward(k, first + k, v)
         for k in reversed(order):
-            for j in after[k]:
-                product = emit("fmul", upper[k, j], right[j])
-                right[k] = emit("fsub", right[k], product)
-            if k in inverse:
-                right[k] = emit("fmul", right[k], inverse[k])
+            v[k] = own.backward(k, v)
         given = {number: place for place, number in enumerate(found)}
-        given |= {count + 1 + i: len(found) + i for i in range(D)}
-        solution = List(values.operations, [right[i] for i in range(D)])
+        given |= {first + i: len(found) + i for i in range(D)}
+        solution = List(values.operations, [v[i] for i in range(D)])
         self.solution = renumbered(solution, given)
+
+
+class _Products(Values):
+    """Values whose sums are operations of their own, of which code can make blocks."""
+
+    def total_of(self, start, factors):
+        for a, b in zip(factors[::2], factors[1::2], strict=True):
+            product = self.emit("fmul", a, b)
+            start = product if start is None else self.emit("fadd", start, product)
+        return start
+
+
+class _Scaled:
+    """The matrix s J, as `planned_elimination.Matrix`."""
+
+    def __init__(self, values, pattern):
+        self.values, self.numbers = values, {place: k for k, place in enumerate(pattern)}
+
+    def entry(self, i, j):
+        """Return the entry and None, which is its early part."""
+        k, s = self.numbers.get((i, j)), len(self.numbers)
+        return (None if k is None else self.values.emit("fmul", s, k)), None
 
 
 def operations_of(fill):

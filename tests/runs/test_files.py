@@ -139,7 +139,8 @@ def test_damaged_files(path):
         path.write_bytes(whole[:cut])
         with pytest.raises(ValueError, match=r"run\.npz "):
             sf.load(path)
-    for place in range(200, len(whole) // 2, 301):
+    end = len(whole)
+    for place in (*range(200, end // 2, 301), *range(end - 22, end)):  # those where entries begin
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 255]) + whole[place + 1 :])
         with contextlib.suppress(ValueError):
             assert sf.load(path) == run_of("batch")

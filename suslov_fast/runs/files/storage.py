@@ -108,20 +108,21 @@ def load(path: PathLike) -> Any:
     Only known entries are read, whose checksums `zipfile` compares.
     """
     name = os.fspath(_checked(path, "open_ensemble reads a store"))
-    try:
-        with open(name, "rb") as file, zipfile.ZipFile(file) as entries:
-            about = json.loads(str(_entry(entries, "about")))
-            if (number := about.get("format")) != FORMAT:
-                raise OtherFormat(number, about.get("version"))
-            kind = checks.one_of("kind", about["kind"], OF_KIND)
-            own = getattr(import_module("suslov_fast"), kind)
-            return own._restored(_read(entries, kind, about), about)
-    except (OSError, MemoryError):
-        raise
-    except OtherFormat as error:
-        raise ValueError(f"{name} is {error}") from None
-    except Exception as error:  # from NumPy, zipfile or json
-        raise ValueError(f"{name} is not a complete file of run.save: {error}") from error
+    with open(name, "rb") as file:
+        try:
+            with zipfile.ZipFile(file) as entries:
+                about = json.loads(str(_entry(entries, "about")))
+                if (number := about.get("format")) != FORMAT:
+                    raise OtherFormat(number, about.get("version"))
+                kind = checks.one_of("kind", about["kind"], OF_KIND)
+                own = getattr(import_module("suslov_fast"), kind)
+                return own._restored(_read(entries, kind, about), about)
+        except MemoryError:
+            raise
+        except OtherFormat as error:
+            raise ValueError(f"{name} is {error}") from None
+        except Exception as error:  # from NumPy, json or zipfile, which seeks where bytes say
+            raise ValueError(f"{name} is not a complete file of run.save: {error}") from error
 
 
 def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:

@@ -25,6 +25,9 @@ _AHEAD, _AT_ONCE = (2.0**-43, 2.0**-40, 2.0**-36), 2.0**-30
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
+# LLVM's passes leave .66 to .87 of the time of implicit steps of systems with so few components,
+# with the same bits; they are worth their time after so many steps, which take about a second.
+SMALL, WORTH_PASSES = 10, 4_000_000
 # Without optimisation LLVM takes a third of the time, for code that takes 1.03 to 2 times as long,
 # with the same bits. It takes the first steps, by lanes: some tenths of a second, implicit ones a
 # quarter of these. Loops take three times as long, and so a part of these.
@@ -95,11 +98,12 @@ def code_of_half(half, W, for_each):
     """Return the `Address` of the code of a half, whose steps say how good it has to be."""
     # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
     level = int(half.steps > first_steps(half, W))
-    kind = W, for_each, level
+    passes = half.is_implicit and half.f.D <= SMALL and half.steps > WORTH_PASSES
+    kind = W, for_each, level, passes
     if kind not in half.codes:
         key = "motion", half.key, W, for_each
         text_of = functools.partial(text_of_half, half, W=W, for_each=for_each)
-        half.codes[kind] = compiled(key, text_of, level)
+        half.codes[kind] = compiled(key, text_of, level, passes=passes)
     return half.codes[kind]
 
 
@@ -361,7 +365,8 @@ class Taker:
         self.kept = rows, table, work, numbers, components  # the arguments point there
         self.at, self.budget = self.arguments.buffer_info()[0], max(BUDGET // half.f.work, 1)
         self.steps, self.before = rows[:, half.rows.steps], 0.0
-        self.most = first_steps(half, W)  # then the code is the best
+        is_small = half.is_implicit and half.f.D <= SMALL
+        self.most = WORTH_PASSES if is_small else first_steps(half, W)  # then the code is the best
         self.renews = True
 
     def point_to(self, times, states, state_bytes):

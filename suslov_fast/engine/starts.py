@@ -104,7 +104,7 @@ def checked_settings(
         max_step = checks.positive("max_step", max_step)
     if not isinstance(stiff, bool | np.bool_ | None):
         raise wrong("stiff", "True, False or None", short(stiff), TypeError)
-    return Settings(number, atol, max_step, stiff)
+    return Settings(number, atol, max_step, None if stiff is None else bool(stiff))
 
 
 def checked_starts(

@@ -5,8 +5,8 @@ goes on where a trajectory turns to the other half, or ends.
 """
 
 import functools
+import math
 from array import array
-from math import inf, nan
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from .engine import (
 )
 from .rows import BEGINS, OF_CHANGES, State
 
-_NAN = array("d", [nan])
+_NAN = array("d", [math.nan])
 _GREW = array("d", [3.0]).tobytes()  # of a component, see `rules.LOW`
 
 
@@ -34,14 +34,17 @@ class _Memory:
 
     def __init__(self, f, settings, sign, B, for_each):
         half = self.half = half_of(f, bool(settings.stiff), settings.atol is not None)
-        places, rows = half.rows, np.zeros((B, half.rows.size))
+        places, count = half.rows, B * half.rows.size
+        shape = (B, half.numbers) if for_each else (half.numbers,)
+        self.all = np.zeros(count + math.prod(shape))
+        self.rows, self.table = self.all[:count].reshape(B, -1), self.all[count:].reshape(shape)
+        rows, self.numbers = self.rows, numbers_of(settings, sign)[:]
         rows[:, places.state] = BEGINS
         rows[:, places.trajectory].view(np.int64)[:] = np.arange(B)
-        self.rows, self.begin, self.x = rows, rows.copy(), rows[:, : f.D]
+        self.x, self.low = rows[:, : f.D], rows[:, places.low : places.far]
         self.state, self.steps = rows[:, places.state], rows[:, places.steps]
-        self.low = rows[:, places.low : places.far]
-        self.table, self.source = np.zeros((B, half.numbers) if for_each else half.numbers), None
-        self.numbers = numbers_of(settings, sign)[:]
+        self.first, self.source = self.all.copy(), None  # what calls begin with, and its table
+        self.first_table = self.first[count:].reshape(shape)
         given = rows, self.table, self.numbers, components_of(f, settings.atol)
         self.taker = Taker(half, 1 if B == 1 else WIDTH, *given)
 
@@ -52,7 +55,7 @@ def memories(f, settings, sign, B, for_each):
     return []
 
 
-def take_few(f, table, x0, times, sign, settings, stops=None, enough=inf, since=-1.0):
+def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, since=-1.0):
     """Take trajectories x0 (B, D) to ascending moduli of times, as far as they are in one half.
 
     Return their states (count, B, D), NaN where there are none; numbers of steps, and records as
@@ -60,19 +63,19 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=inf, since=
     else, with None in their place, what `engine.Motion` goes on from. `table` (n,) or (B, n) is
     that of f; `enough` and `since` are those of `Numbers`, with `stops`.
     """
-    B, starts, chooses, records = len(x0), None, f.conditions is not None, []
+    B, starts, records = len(x0), None, []
     if f.offsets:
         table, x0, starts = counted_from_start(f, table, x0)
-    key = f, settings, sign, B, chooses or table.ndim > 1
+    key = f, settings, sign, B, f.conditions is not None or table.ndim > 1
     free = memories(*key)
     try:
         memory = free.pop()
     except IndexError:
         memory = _Memory(*key)
     half, taker = memory.half, memory.taker
-    if (source := table.tobytes()) != memory.source or chooses:  # which the code writes there
-        memory.table[:], memory.source = half.table_of(table.T).T, source
-    memory.rows[:] = memory.begin
+    if (source := table.tobytes()) != memory.source:
+        memory.first_table[:], memory.source = half.table_of(table.T).T, source
+    memory.all[:] = memory.first
     memory.x[:] = x0
     moduli = array("d", times.tobytes())
     moduli.extend(NO_TIMES)
@@ -89,7 +92,7 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=inf, since=
         pass
     states = np.ndarray((len(times), B, f.D), buffer=states)
     if memory.state.tolist().count(State.DONE) < B or _GREW in memory.low.tobytes():
-        own = memory.table[:, : len(f.table)].copy() if chooses else None
+        own = memory.table[:, : len(f.table)].copy() if f.conditions else None
         found = states, None, None, (memory.rows.copy(), own, records)
     else:
         found = states, memory.steps.astype(np.int64), records, None

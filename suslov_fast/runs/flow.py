@@ -17,7 +17,6 @@ from ..bodies.fields.general import Field, with_changes
 from ..bodies.nd import NotIntegrableError
 from ..checks import FloatArray, Reals, short, wrong
 from ..core.lists.changes import Act
-from ..engine.arguments import ALL
 from ..engine.motions import Asked, Found, nothing_found, solve
 from ..engine.problem import Problem
 from ..engine.sensitivity import Columns, WithColumns
@@ -38,6 +37,8 @@ from .change import Change, field_of
 from .changes import acts_of, batch_of, changes_of_records, checked_changes, stops_of
 from .motion import Motion
 from .solution import states_at
+
+_FEW = 16  # times, of which Python sees sooner than NumPy whether they ascend
 
 
 @public
@@ -292,17 +293,25 @@ def _exact(body: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Fo
     return found._replace(states=states, status=status.astype(np.int8), t=np.full(len(x), np.nan))
 
 
+def _ascend(times: FloatArray) -> bool:
+    """Return whether each time is later than the one before."""
+    if len(times) > _FEW:
+        return not np.count_nonzero(times[1:] <= times[:-1])
+    numbers = times.tolist()
+    return numbers == sorted({*numbers})
+
+
 def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
     """Return the motion of a field at times in any order."""
     if asked.sign < 0:
         asked = asked._replace(times=abs(asked.times))
     moduli, is_changed = asked.times, asked.stops is not None
-    ascends = len(moduli) == 1 or not np.count_nonzero(moduli[1:] <= moduli[:-1])
-    if len(moduli) and ascends and (is_changed or moduli[-1] > 0.0):
+    if len(moduli) and _ascend(moduli) and (is_changed or moduli[-1] > 0.0):
         found = solve(field, x, batch, asked)
-        if moduli[0] == 0.0:
-            # With changes the engine saves this state, unless a solution has no value.
-            has_none = found.status == Status.NONFINITE if is_changed else ALL
+        if moduli[0] == 0.0 and not is_changed:
+            found.states[0] = x
+        elif moduli[0] == 0.0:  # the engine saves this state, unless a solution has no value
+            has_none = found.status == Status.NONFINITE
             found.states[0, has_none] = x[has_none]
         return found
     later = moduli >= 0.0 if is_changed else moduli > 0.0  # a change at time 0 acts

@@ -59,11 +59,6 @@ def components_of(f, atol):
     return found
 
 
-def is_bounded(f):
-    """Return whether steps are at most a part of the time: f has clocks, or it may jump."""
-    return bool(f.clocks) or (f.conditions is not None and f.conditions.jumps > 0)
-
-
 @functools.lru_cache(256)
 def numbers_of(settings, sign):
     """Return an array of `Numbers` whose times are not set."""
@@ -82,11 +77,11 @@ def numbers_of(settings, sign):
     ))  # fmt: skip
 
 
-def set_times(numbers, f, settings, times):
+def set_times(numbers, half, settings, times):
     """Set the first two times, the last one, and the longest step; NO_TIMES follow the times."""
     numbers[NUMBER.first_next], numbers[NUMBER.second_next], last = times[0], times[1], times[-3]
     numbers[NUMBER.last], longest = last, settings.max_step or inf
-    numbers[NUMBER.longest] = min(longest, last / 32.0) if is_bounded(f) else longest
+    numbers[NUMBER.longest] = min(longest, last / 32.0) if half.is_bounded else longest
 
 
 def first_steps(half, W):
@@ -211,12 +206,13 @@ class Motion:
         self.settings, self.times = settings, np.concatenate([times, NO_TIMES])
         self.components = components_of(f, settings.atol)
         self.numbers = numbers_of(settings, sign)[:]
-        set_times(self.numbers, f, settings, self.times)
         self.has_atol = settings.atol is not None
         self.t, self.steps = np.zeros(len(x0)), np.zeros(len(x0), np.int64)
         self.state = np.zeros(len(x0), np.int8)
         self.grown, self.causes, self.is_stopped = [], [], False
-        self.rows = half_of(f, False, self.has_atol).rows
+        half = half_of(f, False, self.has_atol)
+        self.rows = half.rows
+        set_times(self.numbers, half, settings, self.times)
         self.records, self.stops = [], None
         if f.changes:
             self.stops, self.equal_stops = (stops or NO_STOPS).array()

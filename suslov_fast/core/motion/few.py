@@ -79,7 +79,7 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, s
     memory.x[:] = x0
     moduli = array("d", times.tobytes())
     moduli.extend(NO_TIMES)
-    set_times(memory.numbers, f, settings, moduli)
+    set_times(memory.numbers, half, settings, moduli)
     states = _NAN * (len(times) * B * f.D)
     taker.point_to(moduli.buffer_info()[0], states.buffer_info()[0], 8 * B * f.D)
     if f.changes:

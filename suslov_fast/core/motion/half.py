@@ -54,6 +54,7 @@ class Half:
     changes      `Changes` of the state, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
+    is_bounded   whether steps are at most a part of the time: f has clocks, or it may jump
     is_long      whether loops carry out f or the elimination
     steps        that trajectories have taken in this half, in all
     codes        addresses of its code, see `engine.code_of_half`
@@ -76,6 +77,7 @@ class Half:
         if self.block is not f:
             self.parts.append((self.block.D, D - self.block.D))
         self.watched = self.block.D if f.watch else 0
+        self.is_bounded = bool(f.clocks) or (f.conditions is not None and f.conditions.jumps > 0)
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
         self.is_long = f.is_dense or f.work > LONGEST
         self.couplings = 0 if self.block is f else f.columns * f.coupling

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray
-from ..engine.arguments import flat_parameter
 from ..engine.status import ended_in_words, first_beyond
 from ..maps import Map
 from .points import Points, span
@@ -144,20 +143,3 @@ class Crossings(Points, OfMotion):
         if not n.size:
             steps = none
         return f"Crossings({states}, n: {steps}, {in_short(self)})"
-
-
-def at_points(found: dict[str, Any]) -> dict[str, Any]:
-    """Return times and states on the surface, which surface it is, and times of ends."""
-    batch, which, fraction = found["count"].shape, found["trajectory"], found["fraction"]
-    before, after, eps = found["before"], found["after"], np.asarray(found["eps"])
-    own = eps if eps.ndim == 0 else flat_parameter(eps, batch)[which]
-    states = after - before
-    states *= fraction[:, np.newaxis]  # in place, in two fifths of the time
-    states += before
-    has_failed = found["status"] < 0
-    return {
-        "time": (found["n"] + fraction) * own,
-        "states": states,
-        "surface": np.zeros(len(which), np.int64),
-        "end": np.where(has_failed, found["failed_at"] * eps, np.nan),
-    }

@@ -32,7 +32,7 @@ from ..keywords import public
 from ..maps import map_of
 from .change import Change, checked_direction, field_of
 from .changes import acts_of, stops_of
-from .crossings import Crossings, at_points
+from .crossings import Crossings
 from .failures import ON_SINGULAR, OnSingular, report_failures, told
 from .search import Search, Surface, checked_surface
 
@@ -177,17 +177,19 @@ def crossings(
         search.run(transient, transient + steps, report)
     if search.is_stopped:
         steps = max(march.n - transient, 0)
-    attributes = search.result() | {
-        "body": system,
-        "eps": problem.eps,
-        "map": map,
-        "method": method,
-        "steps": steps,
-        "transient": transient,
-        "direction": direction,
-        "most": most,
-    }
-    points = Crossings._of(attributes | at_points(attributes))
+    points = Crossings._of(
+        search.result()
+        | {
+            "body": system,
+            "eps": problem.eps,
+            "map": map,
+            "method": method,
+            "steps": steps,
+            "transient": transient,
+            "direction": direction,
+            "most": most,
+        }
+    )
     report_failures(points, march, on_singular, name="crossings")
     return points
 

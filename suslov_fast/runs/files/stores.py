@@ -35,7 +35,6 @@ from ..columns import FORMAT, MOTION, RUN, OtherFormat
 
 Tile = tuple[int, ...]  # position of a tile along each axis of the batch
 MOST_CHUNKS, _MOST_COMPONENTS = 2**21, 2**20  # of a store, and of a state
-_CHECKSUM = 4  # bytes, which follow the numbers of a chunk
 _AT_A_TIME = 64  # simultaneous requests
 _FILTERS = Lock()  # of warnings: all threads have the same
 # Values that unwritten chunks show, by the name of a column; others are NaN.
@@ -199,34 +198,22 @@ def place_of(tile: Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> tup
 
 
 def lost_tiles(store: Any, group: Any, done: list[Tile]) -> dict[str, Tile | None]:
-    """Return the keys of chunks that are not there whole, each with its tile if it has one."""
-    expected: dict[str, tuple[Tile | None, int | None]] = {}  # with their numbers of bytes
+    """Return the keys of chunks that are not there, each with its tile if it has one."""
+    expected: dict[str, Tile | None] = {}
     batch = group["status"].metadata.dimension_names or ()
     for name, array in group.arrays():
         counts, dims = array.cdata_shape, array.metadata.dimension_names or ()
-        fixed = array.dtype.kind in "fiu" and math.prod(array.chunks) > 0
-        size = array.dtype.itemsize * math.prod(array.chunks) + _CHECKSUM if fixed else None
         tiles: list[Tile | None] = [*done] if name in group.attrs["tiled"] else [None]
         for tile in tiles:
             at = {} if tile is None else dict(zip(batch, tile, strict=True))
             axes = ([at[d]] if d in at else range(n) for d, n in zip(dims, counts, strict=True))
             for index in product(*axes):
-                key = f"{name}/{array.metadata.encode_chunk_key(index)}"
-                expected[key] = tile, size
+                expected[f"{name}/{array.metadata.encode_chunk_key(index)}"] = tile
     if isinstance(store, Path):
-        missing = [key for key, (_, n) in expected.items() if not _is_whole(f"{store}/{key}", n)]
+        missing = [key for key in expected if not os.path.exists(f"{store}/{key}")]
     else:
         missing = _absent(store, [*expected])
-    return {key: expected[key][0] for key in missing}
-
-
-def _is_whole(path: str, nbytes: int | None) -> bool:
-    """Return whether a file has the right size."""
-    try:
-        size = os.stat(path).st_size
-    except (FileNotFoundError, NotADirectoryError):  # Windows raises the first below files, too
-        return False
-    return nbytes is None or size == nbytes
+    return {key: expected[key] for key in missing}
 
 
 def _absent(store: Any, keys: list[str]) -> list[str]:

@@ -48,7 +48,7 @@ def _at_states(
     rows, fields = math.prod(batch[: len(batch) - len(own)]), math.prod(own)
     x = flat_arrays(problem.omega, batch).reshape(rows, fields, D)
     out = np.empty((rows, fields, *shape))
-    for where, of_group in groups_of_alike(problem, own):
+    for where, of_group in groups_of_alike(problem, own) if out.size else ():
         values = out[:, where]  # a view if where is ALL, else a copy
         compute(*of_group, x[:, where], values)
         if where is not ALL:

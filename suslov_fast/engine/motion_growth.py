@@ -76,7 +76,7 @@ def exponents_of(
         own_stops = stops if stops is None or where is ALL else stops.of(where)
         run = _Run(f, table, x, settings, threads, own_stops)
 
-        share = count / len(starts) / total
+        share = count / max(len(starts), 1) / total
 
         def told(done: float, share: float = share, before: float = before) -> bool:
             return report is None or report(int(_OF_PROGRESS * (before + share * done)))

@@ -132,7 +132,7 @@ def checked_starts(
 
 def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
     """Warn if times begin where a clock does, as if they were its values: they count from x0."""
-    if len(times) < 2 or times[0] == 0.0:
+    if len(times) < 2 or times[0] == 0.0 or not len(x):
         return
     first = float(times[0])
     if not (x == first).all(axis=0).any():

@@ -78,7 +78,8 @@ def test_batches_and_a_transient():
     found = sf.lyapunov_exponents(bodies, [1.0, 0.5], [[0.1], [0.2]], 10, 5)
     single = sf.lyapunov_exponents(sf.Suslov3D(4, 1, -0.5, 0.2), [1.0, 0.5], 0.1, 10, 5)
     np.testing.assert_array_equal(found[0, 1], single)
-    assert sf.lyapunov_exponents(LORENZ, np.empty((0, 3)), *run).shape == (0, 3)
+    for arguments in ({"eps": 1 / 64, "steps": 9}, {"time": 1.0}):
+        assert sf.lyapunov_exponents(LORENZ, np.empty((0, 3)), **arguments).shape == (0, 3)
     for body, eps in ((bodies, 0.0), (sf.Suslov3D(4, 1, 0, 0), 0.2)):  # the identity map
         assert abs(sf.lyapunov_exponents(body, [1.0, 0.5], eps, 5)).max() <= 1e-15
     with pytest.raises(ValueError, match="transient"):

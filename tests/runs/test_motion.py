@@ -199,6 +199,8 @@ def test_empty_and_trivial_calls():
     empty = flow(HENON_HEILES, np.empty((0, 4)), time=[1.0])
     assert empty.x.shape == (1, 0, 4)
     assert empty.ok
+    nobody = FRICTION.with_parameters(mu=[])
+    assert flow(nobody, [1.0, 0.0], time=[1.0, 2.0]).x.shape == (2, 0, 2)
     none = sf.crossings(HENON_HEILES, np.empty((0, 4)), surface="x1", time=1.0, most=2)
     assert (none.states.shape, none.final.shape) == ((0, 4), (0, 4))
     assert (at(LORENZ, [0.0, 0.0, 0.0], 1e300) == 0.0).all()

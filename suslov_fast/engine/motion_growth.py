@@ -275,7 +275,8 @@ class _Run:
         """Return the times of changes that are left, counted from here."""
         if self.stops is None or not self.stops.times.size:
             return self.stops
-        times, numbers = (np.broadcast_to(a, (len(self.x), a.shape[1])) for a in self.stops)
+        both = self.stops.times, self.stops.which
+        times, numbers = (np.broadcast_to(a, (len(self.x), a.shape[1])) for a in both)
         times, numbers, passed = times[which], numbers[which], self.passed[which, np.newaxis]
         is_left = np.arange(times.shape[1]) >= passed
         times = np.where(is_left, np.maximum(times - self.t[which, np.newaxis], 0.0), np.inf)

@@ -297,7 +297,7 @@ def _ascend(times: FloatArray) -> bool:
     """Return whether each time is later than the one before."""
     if len(times) > _FEW:
         return not np.count_nonzero(times[1:] <= times[:-1])
-    numbers = times.tolist()
+    numbers: list[float] = times.tolist()
     return numbers == sorted({*numbers})
 
 

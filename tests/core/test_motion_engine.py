@@ -1,6 +1,7 @@
 """The engine of the motion: columns, rules, and the same bits however steps are carried out."""
 
 import itertools
+from concurrent.futures import ThreadPoolExecutor
 
 import children
 import numpy as np
@@ -336,6 +337,20 @@ def test_few_trajectories_have_the_bits_of_a_batch(case):
         assert_equal((rest.states, rest.t, rest.steps, rest.state), found)
 
 
+def test_calls_of_several_threads_have_memory_of_their_own():
+    """Machine code runs while other threads of Python call it."""
+    f, starts = right_hand_side(van_der_pol, 2), np.linspace(1.0, 2.0, 48).reshape(12, 2, 2)
+
+    def call(x0):
+        settings = engine.Settings(1e-9, stiff=False)
+        return few.take_few(f, np.zeros(0), x0, np.array([9.0]), 1.0, settings)[:2]
+
+    with ThreadPoolExecutor(6) as pool:
+        found = [*pool.map(call, starts)]
+    for each, x0 in zip(found, starts, strict=True):
+        assert_equal(each, call(x0))
+
+
 def test_dense_fields():
     D, rng = 5, np.random.default_rng(3)
     f, table, terms_of_f = dense_field(rng, D)
@@ -482,5 +497,5 @@ def test_equal_times_of_changes_are_counted():
     times[:, 11:] = np.inf
     most = [max(len([*each]) for _, each in itertools.groupby(row[:11])) for row in times.tolist()]
     for k, wanted in enumerate(most):
-        assert engine.Stops(times[k : k + 1], np.zeros((1, 14))).array()[1] == wanted
-    assert engine.Stops(times, np.zeros((30, 14))).array()[1] == max(most)
+        assert engine.Stops(times[k : k + 1], np.zeros((1, 14))).array[1] == wanted
+    assert engine.Stops(times, np.zeros((30, 14))).array[1] == max(most)

@@ -122,11 +122,15 @@ def records_at_once(changes, equal):
     return 2 * (at_once + (SECTION_PARTS + 1) * changes.sections)
 
 
-class Stops(NamedTuple):
-    """The times of changes of the state, ascending, in a row for all trajectories or for each."""
+class Stops:
+    """The times of changes of the state, ascending, in a row for all trajectories or for each.
 
-    times: np.ndarray  # moduli (1 or B, n), infinity for none
-    which: np.ndarray  # numbers of the changes (1 or B, n)
+    times   moduli (1 or B, n), infinity for none
+    which   numbers of the changes (1 or B, n)
+    """
+
+    def __init__(self, times, which):
+        self.times, self.which = times, which
 
     def of(self, trajectories):
         """Return the times of some trajectories."""
@@ -134,11 +138,12 @@ class Stops(NamedTuple):
             return self
         return Stops(self.times[trajectories], self.which[trajectories])
 
+    @functools.cached_property
     def array(self):
-        """Return `Arguments.stops` (1 or B, n + 1, 2), and how many times at most are equal."""
+        """`Arguments.stops` (1 or B, n + 1, 2), and how many times at most are equal."""
         rows, n = self.times.shape
         if not n:
-            return _NO_STOPS, 1
+            return np.array([[[inf, 0.0]]]), 1
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
         found[:, :-1, 1] = self.which
@@ -152,7 +157,6 @@ class Stops(NamedTuple):
 
 
 NO_STOPS = Stops(np.empty((1, 0)), np.empty((1, 0)))
-_NO_STOPS = np.array([[[inf, 0.0]]])
 
 
 def counted_from_start(f, table, x0):
@@ -215,7 +219,7 @@ class Motion:
         set_times(self.numbers, half, settings, self.times)
         self.records, self.stops = [], None
         if f.changes:
-            self.stops, self.equal_stops = (stops or NO_STOPS).array()
+            self.stops, self.equal_stops = (stops or NO_STOPS).array
         if f.conditions:  # trajectories have choices of their own, which the code makes
             shape = len(x0), self.table.shape[-1]
             self.table = np.broadcast_to(self.table, shape).copy()
@@ -375,9 +379,9 @@ class Taker:
         f, arguments, self.records = self.half.f, self.arguments, records
         at_once, count = records_at_once(f.changes, equal) * self.W, arguments[SLOT.count]
         self.buffer = np.empty((4 * (at_once + count), f.changes.record(f.D)))
-        arguments[SLOT.stops] = stops.ctypes.data
+        arguments[SLOT.stops] = address_of(stops)
         arguments[SLOT.stop_bytes] = stops.strides[0] if len(stops) > 1 else 0
-        arguments[SLOT.records] = self.buffer.ctypes.data
+        arguments[SLOT.records] = address_of(self.buffer)
         arguments[SLOT.full] = len(self.buffer) - at_once
 
     def take(self):

@@ -83,7 +83,7 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, s
     states = _NAN * (len(times) * B * f.D)
     taker.point_to(moduli.buffer_info()[0], states.buffer_info()[0], 8 * B * f.D)
     if f.changes:
-        of_stops, equal = (stops or NO_STOPS).array()
+        of_stops, equal = (stops or NO_STOPS).array
         memory.numbers[NUMBER.enough], memory.numbers[NUMBER.since] = enough, since
         first = half.rows.of_changes + OF_CHANGES.stop
         memory.rows[:, first : first + 2] = of_stops[:, 0]

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ..bodies.fields.general import with_changes
 from ..checks import FloatArray
-from ..core.lists.changes import Act
+from ..core.lists.changes import Act, components_of
 from ..core.lists.frames import SHIFT, with_frame
 from ..core.lists.variational import variational
 from ..core.motion.engine import Motion as Engine, Settings, Stops, counted_from_start
@@ -62,19 +62,28 @@ def exponents_of(
     acts: tuple[Act, ...] = (),
     stops: Stops | None = None,
 ) -> tuple[FloatArray, Found]:
-    """Return exponents (B, n), the largest first, of n components that are no clocks, and ends.
+    """Return exponents (B, n), the largest first, and ends.
 
+    n counts the components whose rate is not constant in some member, or that a change sets.
     `acts` are changes of the state, in the order of code, and `stops` their times.
     """
-    found, exponents = nothing_found(starts, 0), None
+    found = nothing_found(starts, 0)
     members = with_changes(field, acts, (), True) if acts else field.listed_right_hand_sides
     groups = right_hand_sides(members, field.shape, batch)
+    changed = {i for act in acts for i in components_of(act)}
+    drifting = [{*f.steady} - changed for _, f, _ in groups]
+    left_out = [*set.intersection(*drifting)] if groups else []
+    moving = np.setdiff1d(np.arange(field.dimension), left_out)
+    exponents = np.full((len(starts), len(moving)), np.nan)
+    if not len(moving):
+        found.status[:] = np.where(np.isnan(starts[:, 0]), Status.NONFINITE, Status.OK)
+        return exponents, found
     transient *= _LESS if acts else 1.0
     total, before = transient + time, 0.0
     for where, f, table in groups:
         x, count = starts[where], len(starts[where])
         own_stops = stops if stops is None or where is ALL else stops.of(where)
-        run = _Run(f, table, x, settings, threads, own_stops)
+        run = _Run(f, table, x, moving, settings, threads, own_stops)
 
         share = count / max(len(starts), 1) / total
 
@@ -84,16 +93,11 @@ def exponents_of(
         goes_on = transient == 0.0 or run.over(transient, told)
         run.begin()
         goes_on = goes_on and run.over(time, partial(_later, told, transient))
-        own = run.exponents()
-        if exponents is None:
-            exponents = np.full((len(starts), own.shape[1]), np.nan)
-        exponents[where] = own
+        exponents[where] = run.exponents()
         found.t[where], found.status[where] = run.t, run.status
         before += share * total
         if not goes_on:
             break
-    if exponents is None:
-        exponents = np.empty((0, field.dimension))
     return exponents, found
 
 
@@ -124,15 +128,13 @@ class _Run:
         f: Any,
         table: FloatArray,
         x: FloatArray,
+        moving: NDArray[np.int64],
         settings: Settings,
         threads: int,
         stops: Stops | None,
     ) -> None:
-        self.f, self.table, self.x = f, table, x.copy()
+        self.f, self.table, self.x, self.moving = f, table, x.copy(), moving
         self.settings, self.threads = settings, threads
-        parts = f.changes.components if f.changes else ()
-        changed = {i for own in parts for i in own}
-        self.moving = np.setdiff1d(np.arange(f.D), [i for i in f.clocks if i not in changed])
         self.n = len(self.moving)
         self.tangent = variational(f, self.n, True)
         has_frames = self.n <= _LARGEST_FRAME and not (f.is_dense or f.conditions or f.changes)

@@ -88,8 +88,8 @@ def lyapunov_exponents(
         :class:`SingularStepWarning`, if an orbit of the map fails, or with one
         :class:`PoleWarning`, if a motion ends. If an orbit passed a pole (one
         :class:`PoleWarning`), they are those of the map, not of the motion. Those of a motion leave
-        out the directions of variables of constant rates that f reads, such as time in a force,
-        unless a change sets them.
+        out the directions of variables whose rate is a number other than 0 or made of parameters
+        alone, such as time, whether others depend on them or not, unless a change sets them.
 
     Raises
     ------

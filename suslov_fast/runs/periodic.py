@@ -57,7 +57,8 @@ class PeriodicOrbit(NamedTuple):
     multipliers: NDArray[np.complex128]
     """Floquet multipliers, eigenvalues of the derivative of the motion over a period, by modulus.
 
-    Shape (D,), less those of variables of constant rates, such as time."""
+    Shape (D,), less those of variables of constant rates, such as time, as for
+    :func:`lyapunov_exponents`."""
     residual: float
     """How far the end of the orbit, or of one of its arcs, is from the start of the next.
 
@@ -213,7 +214,7 @@ def _checked_period(
             raise wrong("period", expected, period)
         return T
     if motion.is_forced:
-        name = field.names[int(motion.drifts.argmax())]
+        name = field.names[motion.clocks[0]]
         expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
     with np.errstate(all="ignore"):

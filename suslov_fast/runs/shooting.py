@@ -104,10 +104,10 @@ class OfMotion:
         self.rate = vector_field(field, start)
         parts = f.changes.components if f.changes else ()
         changed = {i for own in parts for i in own}  # which do not only drift
-        is_steady = np.isin(np.arange(f.D), [i for i in f.steady if i not in changed])
-        self.drifts = is_steady & (self.rate != 0.0)
-        read = {i for act in acts for i in act.read()}
-        self.is_forced = bool(({*f.clocks} | read & {*np.flatnonzero(self.drifts)}) - changed)
+        self.drifts = np.isin(np.arange(f.D), [i for i in f.steady if i not in changed])
+        read = {*f.clocks}.union(*(act.read() for act in acts))
+        self.clocks = [i for i in np.flatnonzero(self.drifts & (self.rate != 0.0)) if i in read]
+        self.is_forced = bool(self.clocks)
         self._acts, self._parameters = acts, table[0, : f.changes.P] if f.changes else ()
 
     def _solved(self, field: Any, x: FloatArray, times: FloatArray, settings: Settings) -> Found:

@@ -385,6 +385,21 @@ def test_motion_along_a_direction_that_is_the_slowest_at_the_start_alone():
     np.testing.assert_allclose(found, [-0.5, -1.0], atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("f", "exact"),
+    [
+        (lambda x, a: (-2 * x[0], 1 + 0 * a), [[-2], [-2]]),  # nothing depends on it
+        (lambda x, a: (-2 * x[0], 1 - a * x[1]), [[0, -2], [-2, -3]]),  # one member has no clock
+        (lambda x, a: (1.0, 2.0), [[], []]),
+    ],
+)
+@pytest.mark.parametrize("kind", [sf.Field, sf.QuadraticField])
+def test_motion_leaves_out_variables_that_drift_in_all_members(f, exact, kind):
+    family = kind.from_function(f, 2, a=[0.0, 3.0])
+    found = sf.lyapunov_exponents(family, [1.0, 1.0], time=40.0, transient=20.0)
+    np.testing.assert_allclose(found, exact, atol=1e-12)
+
+
 def test_motion_of_families_that_end():
     family = sf.QuadraticField.from_function(lambda x, a: (a * x[0] ** 2 - x[0],), 1, a=[0, 2])
     with pytest.warns(sf.PoleWarning):

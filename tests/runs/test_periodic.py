@@ -468,6 +468,19 @@ def test_a_map_without_an_orbit():
         periodic_orbit(rising, [0.1, 0.2], 2.0, steps=20)
 
 
+def test_clocks_that_nothing_depends_on_or_that_stand():
+    def f(s, rate):
+        x, y, phi, t = s
+        r = 1 - x * x - y * y
+        return x * r - y + 0.1 * np.cos(t), y * r + x, 1.0, rate
+
+    with pytest.raises(ValueError, match="depend on t,"):
+        periodic_orbit(Field.from_function(f, "x y phi t", rate=1.0), [1.0, 0.0, 0.0, 0.0])
+    orbit = periodic_orbit(Field.from_function(f, "x y phi t", rate=0.0), [1, 0, 0, np.pi / 2])
+    assert orbit.period == pytest.approx(2 * np.pi)
+    np.testing.assert_allclose(orbit.multipliers, [1.0, np.exp(-4 * np.pi)], atol=1e-9)
+
+
 def test_a_clock_has_no_orbit_of_a_map():
     forced = QuadraticField.from_function(lambda s: (s[1], -s[0] - s[1] + s[2], 1), "q p t")
     with pytest.raises(ValueError, match="system"):

@@ -1,8 +1,9 @@
 """Equilibria near given states, of any field: Newton's method, and SciPy's where it is not enough.
 
 Steps of least norm solve f' d = -f, with rows of f' scaled to 1, so that neither the units of rates
-nor a curve of equilibria matter. They are accepted as long as each is much shorter than the one
-before, as near a regular equilibrium; at a fold each is half as long.
+nor a curve of equilibria matter, and columns, too, where f' is not singular then. They are accepted
+as long as each is much shorter than the one before, as near a regular equilibrium; at a fold each
+is half as long.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ _SHORTER, _FARTHEST = 0.25, 2.0  # a step beside the one before, and beside the 
 _ROUNDING, _SMALL = 1e-14, 1e-8  # last steps beside the state: the end, and with nothing to gain
 _LEAST = 1e-6  # sizes of components beside the largest one, at least
 _RANK = 1e-12  # singular values of the scaled f' beside the largest one, below which they are 0
+_WHOLE = 1e-8  # and above which f' is not singular, if its columns are scaled, too
 _PROBE = 1e-6  # how far from an equilibrium, beside the state, Newton's method must lead back
 
 
@@ -126,7 +128,13 @@ def _step(field: Any, x: FloatArray, own: Any) -> tuple[FloatArray, FloatArray, 
     sizes = np.where(sizes > 0, sizes, 1.0)
     known = np.isfinite(f).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
     scaled = np.where(known[..., np.newaxis, np.newaxis], slopes / sizes[..., np.newaxis], 0.0)
-    inverse = -np.linalg.pinv(scaled, rcond=_RANK) / sizes[..., np.newaxis, :]
+    columns = abs(scaled).max(axis=-2, initial=0.0)
+    columns = np.where(columns > 0, columns, 1.0)[..., np.newaxis, :]
+    values = np.linalg.svd(scaled / columns, compute_uv=False)
+    is_whole = values.min(axis=-1, initial=np.inf) > _WHOLE * values.max(axis=-1, initial=0.0)
+    columns = np.where(is_whole[..., np.newaxis, np.newaxis], columns, 1.0)
+    inverse = -np.linalg.pinv(scaled / columns, rcond=_RANK) / sizes[..., np.newaxis, :]
+    inverse /= np.swapaxes(columns, -2, -1)
     step = _whole(inverse, np.where(known[..., np.newaxis], f, np.nan), own)
     return step, f / sizes, inverse
 
@@ -211,9 +219,16 @@ def _by_scipy(field: Any, x: FloatArray, own: Any, sizes: FloatArray) -> tuple[F
 
 
 def _leads_back(field: Any, x: FloatArray, own: Any, sizes: FloatArray) -> Any:
-    """Return whether Newton's method leads back from beside each state."""
-    beside = np.cos(np.arange(x.shape[-1])) * own
-    return _newton(field, x + _PROBE * np.maximum(sizes, abs(x)) * beside, own, sizes)[1]
+    """Return whether Newton's method leads back from beside each state.
+
+    A component far smaller than others may be one of digits, or rounding: then none of them lead.
+    """
+    beside = _PROBE * np.cos(np.arange(x.shape[-1])) * own
+    leads = _newton(field, x + np.maximum(sizes, abs(x)) * beside, own, sizes)[1]
+    if not leads.all():
+        small = np.where(x == 0.0, sizes, abs(x))
+        leads = leads | _newton(field, x + small * beside, own, small)[1]
+    return leads
 
 
 def _is_small(field: Any, x: FloatArray, own: Any) -> Any:

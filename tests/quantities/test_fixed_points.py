@@ -158,6 +158,7 @@ def test_equilibria_of_families_and_folds():
         (lambda x: (x[0] ** 2,), [0.0], sf.Status.DEGENERATE),
         (lambda x: ((x[0] - 1) ** 2, -x[1]), [0.1, 0.2], sf.Status.DEGENERATE),
         (lambda x: (-(x[0] ** 3),), [0.1], sf.Status.DEGENERATE),
+        (lambda x: (x[0] - 1, (1e14 * x[1] - 1) ** 2), [1.1, 1.2e-14], sf.Status.DEGENERATE),
         (lambda x: (x[0] ** 2 + 1, -x[1]), [0.1, 0.2], sf.Status.NOT_FOUND),
         (lambda x: (x[1], x[1] + 1), [0.1, 0.2], sf.Status.NOT_FOUND),
         (lambda x: (np.log(x[0]),), [-1.0], sf.Status.NONFINITE),
@@ -183,6 +184,19 @@ def test_equilibria_that_newton_reaches_from_afar():
     far = abs(found.states[:, np.newaxis] - fixed_points(lorenz)).max(axis=-1).min(axis=-1)
     assert far.max() < 1e-12
     assert not found.status.any()
+
+
+def test_equilibria_of_components_of_different_sizes():
+    """A radical, whose rates k r are as large as others: the last ones were 0.2 to 2 % off."""
+    k = np.array([1.0, 1e6, 1e12, 1e15])
+    found = _near(
+        lambda x, k: (1 - x[0] - k * x[1] * x[0] + x[2] / 2,
+                      x[2] / 1000 - k * x[1] * (x[0] + 0.1) / 10,
+                      x[0] - 0.9 * x[2] + k * x[1] / 10),
+        np.stack([2.24 + 0 * k, 0.0108 / k, 2.4 + 0 * k], axis=-1), k=k,
+    )  # fmt: skip
+    states = found.states * np.stack([1 + 0 * k, k, 1 + 0 * k], axis=-1)
+    np.testing.assert_allclose(states, states[:1] * np.ones((4, 1)), rtol=1e-12)
 
 
 def test_clocks_and_curves_of_equilibria():

@@ -470,7 +470,7 @@ def test_a_map_without_an_orbit():
 
 def test_clocks_that_nothing_depends_on_or_that_stand():
     def f(s, rate):
-        x, y, phi, t = s
+        x, y, _, t = s
         r = 1 - x * x - y * y
         return x * r - y + 0.1 * np.cos(t), y * r + x, 1.0, rate
 

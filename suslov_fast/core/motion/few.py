@@ -49,7 +49,7 @@ class _Memory:
         self.taker = Taker(half, 1 if B == 1 else WIDTH, *given)
 
 
-@functools.lru_cache(256)
+@functools.lru_cache(64)
 def memories(f, settings, sign, B, for_each):
     """Return the list of those that no call is using."""
     return []

@@ -171,16 +171,6 @@ def test_admissible_I3(rng):
     assert Suslov3D(3, 2, 0, 0).admissible_I3() == (1.0, 5.0)
 
 
-def test_a_gyrostat_from_its_inertia_tensor(rng):
-    inertia, axes = random_inertia(rng, (4,)), rng.normal(size=(4, 3))
-    body, rotation = SuslovGyrostat.from_inertia(inertia, axes, [0.5, -0.3, 0.0, 2.0])
-    plain, turn = Suslov3D.from_inertia(inertia, axes)
-    assert (turn == rotation).all()
-    assert body.k.tolist() == [0.5, -0.3, 0.0, 2.0]
-    for name in ("I1", "I2", "I13", "I23", "I3"):
-        assert (getattr(body, name) == getattr(plain, name)).all()
-
-
 def test_flat_bodies_have_rounding_errors(rng):
     """Plates that are moved away and back, for which the triangle inequality is an equality."""
     for _ in range(200):

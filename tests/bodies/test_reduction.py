@@ -149,20 +149,6 @@ def test_arguments_of_the_functions():
     assert from_reduced(np.ones((5, 1, 3)), np.ones(4)).shape == (5, 2, 4)
 
 
-def test_a_part_without_a_direction():
-    """r = 0 stays 0, and there is no state with another r."""
-    body, state = sf.SuslovND([2, 2, 2, 3], [1, 2, -2, 3]), [0.5, 1.0, -1.0, 0.25]
-    reduced, to_reduced, from_reduced = body.reduced()
-    x = to_reduced(state)
-    assert x.tolist() == [1.5, 0.0, 0.25]
-    run = sf.iterate(reduced, x, 0.2, 20)
-    assert (run.omega[:, 1] == 0.0).all()
-    np.testing.assert_allclose(
-        from_reduced(run.omega, state), sf.iterate(body, state, 0.2, 20).omega, rtol=1e-13
-    )
-    assert np.isnan(from_reduced([1.5, 0.1, 0.25], state)[:3]).all()
-
-
 def test_members_that_reduce_differently(rng):
     """Each has the coordinates and the bits that it has alone; further coordinates are 0."""
     J = np.array([[2, 2, 2, 2], [3, 2, 2, 2], [4, 5, 5, 4], [1, 1, 1, 2], [1, 2, 3, 4.0]])
@@ -198,21 +184,6 @@ def test_members_that_reduce_differently(rng):
             np.testing.assert_array_equal(found[:, k], function(body, omega[:, k], *given))
     with pytest.raises(sf.NotIntegrableError, match="body 3"):
         sf.exact(bodies, omega, eps, 7)
-
-
-@pytest.mark.parametrize("J", [[2, 2, 2], [1.3, 2.1, 3.7], [1.3, 2.1, 2.1, 4, 4], [3], [3, 4]])
-def test_without_products_of_inertia_every_state_is_steady(rng, J):
-    body, omega = sf.SuslovND(J, np.zeros(len(J))), rng.normal(size=(4, len(J)))
-    assert (sf.exact(body, omega, 0.3, [-(10**9), 2.5, 8]) == omega).all()
-    assert (sf.flow(body, omega, time=[3.0, 1e9]).states == omega).all()
-    assert (np.array(sf.limits(body, omega, 0.3)) == omega).all()
-    assert (sf.criticality(body, omega, 0.3) == 0.0).all()
-    assert (sf.invariant_density(body, omega, 0.3) == 1.0).all()
-    F = sf.first_integral(body, omega, 0.3)
-    np.testing.assert_allclose(F / F[0], sf.energy(body, omega) / sf.energy(body, omega[0]))
-    reduced, to_reduced, from_reduced = body.reduced()
-    assert reduced.dimension == len({*J})
-    np.testing.assert_allclose(from_reduced(to_reduced(omega), omega), omega, rtol=1e-15)
 
 
 @pytest.mark.parametrize(

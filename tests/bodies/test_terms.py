@@ -42,20 +42,6 @@ def random_terms(rng, D, T, batch=()):
     return indices, rng.integers(-9, 10, (*batch, T)).astype(float)
 
 
-def test_terms_are_sorted_and_unique(rng):
-    for D, T in ((1, 7), (4, 200), (30, 50)):
-        field = of_terms(*random_terms(rng, D, T), D)
-        indices, values = field.terms
-        assert indices.T.tolist() == sorted(
-            {*map(tuple, indices.T.tolist())} and indices.T.tolist()
-        )
-        assert len({*map(tuple, indices.T.tolist())}) == len(values)
-        assert (indices[1] <= indices[2]).all()
-        assert values.all()
-        with pytest.raises(ValueError, match="read-only"):
-            values[:] = 1.0
-
-
 @pytest.mark.parametrize("batch", [(), (3,), (2, 3)])
 def test_repeated_terms_are_added_in_any_order(rng, batch):
     D, T = 4, 60
@@ -72,16 +58,6 @@ def test_repeated_terms_are_added_in_any_order(rng, batch):
         single = field[member] if batch else field
         assert [*single([*map(int, x)])] == value(x, indices, values[member])
         assert single(x.astype(float)).tolist() == value(x, indices, values[member])
-
-
-def test_repeated_terms_of_a_family_are_those_of_its_members(rng):
-    """Floats whose sums round: to the bit, in any order."""
-    indices = random_terms(rng, 2, 60)[0]
-    values, order = rng.normal(size=(5, 60)), rng.permutation(60)
-    family = of_terms(indices, values, 2)
-    assert of_terms(indices[:, order], values[:, order], 2) == family
-    for k in range(5):
-        assert (of_terms(indices, values[k], 2).terms[1] == family.terms[1][k]).all()
 
 
 def test_a_field_is_its_terms_and_its_tables(rng):

@@ -214,22 +214,6 @@ def test_a_long_run_says_so_before(monkeypatch):
         assert re.search(r"this takes about \d+ seconds; Ctrl-C ends it", run(line).err)
 
 
-def test_a_run_of_no_steps_keeps_the_start():
-    facts = facts_of("run --trajectories 9 --steps 0")
-    assert (facts["steps"], facts["status"]) == (0, {"OK": 9})
-
-
-def test_a_motion_of_a_body_keeps_its_energy():
-    facts = facts_of("run --figure 1 --time 2 --trajectories 9")
-    assert facts["drift"]["energy"] < 1e-12
-    done = run("run --body b.json --time 2 --omega0 1")
-    assert (done.code, done.out) == (1, "")
-    Path("b.json").write_text(json.dumps(sf.QuadraticField([[[1]]]).to_dict()))
-    done = run("run --body b.json --time 2 --omega0 1 --omega0 .1")
-    assert done.code == 0
-    assert json.loads(done.out)["status"]["ENDED"] == 1
-
-
 def test_a_family_and_a_box_of_starts(tmp_path):
     """From files in the encodings that editors and PowerShell write."""
     field = sf.QuadraticField.from_function(

@@ -20,7 +20,6 @@ from suslov_fast.integrability import ImplicitIntegral, kahan, rational_map, rep
 from suslov_fast.integrability.functions import independent_of
 from suslov_fast.integrability.polynomials import exponents_up_to
 from suslov_fast.integrability.relations import (
-    circuits,
     count_relations,
     implicit_integrals,
     is_short,
@@ -135,28 +134,6 @@ def test_integrals_of_systems_with_six_variables(name):
     assert np.linalg.svd(rows)[1][-1] > 1e-3  # the rank of the gradients
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_degrees_on_a_line(name):
-    """A quotient of polynomials of degree d goes through the values on a line, none below."""
-    rng, prime = random.Random(name), PRIME
-    start, along = ([rng.randrange(-50, 50) for _ in range(6)] for _ in range(2))
-    for each in chosen(name):
-        count = 2 * each.degree + 4
-        points = [[a + t * b for a, b in zip(start, along, strict=True)] for t in range(count)]
-        values = [each(x) for x in points]
-        residues = [v.numerator * pow(v.denominator, -1, prime) for v in values]
-
-        def relations(degree, residues=residues):
-            rows = [
-                [t**k * factor for factor in (1, -value) for k in range(degree + 1)]
-                for t, value in enumerate(residues)
-            ]
-            return flint.nmod_mat(rows, prime).nullspace()[1]
-
-        assert (relations(each.degree - 1), relations(each.degree)) == (0, 1)
-
-
 @pytest.mark.slow
 def test_short_formulas_are_written_out():
     field, eps = SYSTEMS["Lagrange"]
@@ -239,12 +216,6 @@ def test_points_without_a_value():
     assert curve(map([2, 7])) == curve([2, 7])
     with pytest.raises(ZeroDivisionError, match="pole of the map"):
         curve([0, 1])
-
-
-def test_maps_without_relations():
-    lorenz = kahan(*ZOO["Lorenz"])
-    assert circuits(lorenz, exponents_up_to(2, 3), random.Random(0)) == []
-    assert [*implicit_integrals(lorenz, exponents_up_to(2, 3))] == []
 
 
 def test_texts():

@@ -43,7 +43,6 @@ from suslov_fast.integrability import (
 )
 from suslov_fast.integrability.functions import MODULAR
 from suslov_fast.integrability.invariants import Invariants, NormalForms
-from suslov_fast.integrability.report import Report
 from suslov_fast.integrability.search import Search
 
 
@@ -159,17 +158,6 @@ def test_the_map_its_inverse_and_its_derivative(n):
     assert symbolic.subs(eps) == map == pickle.loads(pickle.dumps(map))
     assert symbolic.inverse.subs(eps) == map.inverse != symbolic.subs(eps)
     assert pickle.loads(pickle.dumps(symbolic.inverse)).inverse == symbolic != symbolic.inverse
-
-
-def test_rational_maps():
-    f = lambda x: (x[1], (2 * x[1] - x[0]) / (1 + x[0] * x[1] / 4) - F(1, 3) + x[1] ** -2)  # noqa: E731
-    map, x = rational_map(f, 2), (F(3, 5), F(-2, 7))
-    assert map(x) == f(x)
-    assert_derivative(map, x)
-    assert map.inverse is None
-    both = rational_map(lambda x: (x[1], 1 / x[0]), 2, inverse=lambda x: (1 / x[1], x[0]))
-    assert both.inverse(both(x)) == x == both.inverse.inverse(both.inverse(x))
-    assert pickle.loads(pickle.dumps(both)) == both
 
 
 @pytest.mark.sampled(1)
@@ -363,14 +351,6 @@ def test_iterates_without_an_image():
     for call in (lambda: degrees(map, 4), lambda: report(map, degree=1)):
         with pytest.raises(ArithmeticError, match="the iterates reach poles of the map"):
             call()
-
-
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize(("n", "degree"), [(4, 8), (5, 5)])
-def test_generic_bodies_have_no_integral(n, degree):
-    map = kahan(of(SuslovND(J[: n - 1], I[: n - 1])), 0.5)
-    assert hk_bases(map, degree).dimension == 0
-    assert darboux_polynomials(map, 5 if n == 4 else 3, map.determinant) == ()
 
 
 @pytest.mark.sampled(2)
@@ -664,19 +644,6 @@ def test_formulas_in_eps(name):
         assert P(y, eps) == P.cofactor(x, eps) * P(x, eps)
 
 
-def test_symbolic_eps_in_relations_and_polynomials():
-    symbolic = kahan(of(BODY))
-    assert tuple(f([1, 2], EPS) for f in symbolic.formulas) == MAP([1, 2])
-    found = hk_bases(BODY, 3)
-    assert (found.degree, found.independent, found.complete, found.basis) == (2, 1, True, None)
-    texts = ["4*Omega1^2 + Omega2^2", "eps^2*Omega1*Omega2 + 64"]
-    assert [*map(str, found.forms)] == texts
-    assert [*map(str, found.integrals)] == ["(4*Omega1^2 + Omega2^2)/(eps^2*Omega1*Omega2 + 64)"]
-    assert [str(P) for P in darboux_polynomials(symbolic, 1, cofactors(symbolic, 1)[2])] == [
-        "2*Omega1 + Omega2"
-    ]
-
-
 # Texts.
 
 
@@ -795,26 +762,6 @@ def test_members_with_more_than_two_factors():
         assert expected in members or -expected in members
 
 
-TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)
-
-
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("field", [TETRAHEDRAL, EULER])
-def test_a_polynomial_has_one_sign_in_a_report(field):
-    """It is that of the limit for eps to 0."""
-    found = reported(field)
-    factors = {
-        str(P): P
-        for f in (*found.integrals, *found.measures, *found.polynomials)
-        for P, _ in f.factors
-    }
-    assert len(factors) > 2
-    assert not factors.keys() & {str(-P) for P in factors.values()}
-    limits = [P.context().from_dict({e: c for e, c in P.to_dict().items() if not e[0]})
-              for P in factors.values()]  # fmt: skip
-    assert all(P.leading_coefficient() > 0 for P in limits)
-
-
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("field", "symmetries"),
@@ -865,20 +812,6 @@ def test_limits_become_independent():
     assert polynomials.rank([*basis, *space]) == polynomials.rank(limits) == 3
 
 
-def test_a_root_of_a_polynomial_is_no_density():
-    """Here det DPhi = 4, and P goes to 16 P: the density would be P to the power -1/2."""
-    (x,) = polynomials.polynomial_ring(1, False).gens()
-    map = kahan(field_of(lambda x: (F(6, 5) * x[0],), 1), 1)  # x goes to 4 x
-    invariants = Invariants(map, 2)
-    invariants.has_factors = True
-    assert map.jacobian_cofactor.constant == 4
-    for P, c in ((x**2 + 1, 16), (x, 4)):
-        assert invariants.measures == ()
-        cofactor = RationalFunction((), F(c))
-        invariants.add(RationalFunction(((P, 1),), cofactor=cofactor))
-    assert [str(f) for f in invariants.measures] == ["1/x1"]
-
-
 @pytest.mark.slow
 def test_a_density_up_to_sign():
     """The map of Lyness in three dimensions reverses the orientation: its measure is dx / |xyz|."""
@@ -886,18 +819,6 @@ def test_a_density_up_to_sign():
     assert "Densities of measures, up to sign (1, proved): 1/(x1*x2*x3)\n" in repr(found)
     assert str(found.measures[0].cofactor) == "-1"
     assert_holds(found)
-
-
-def test_every_report_on_the_way_has_a_text():
-    """Also with a density that is found before the factors of det DPhi."""
-    map, _ = zoo()["McMillan"]
-    search, found = Search(map, 3), Report(map, 3)
-    early = []
-    for _ in search.queue:
-        search.fill(found)
-        assert repr(found).startswith("Map of 2 variables")
-        early += search.invariants.early_densities
-    assert {f.basis for f in early} == {MODULAR}
 
 
 def test_a_search_that_never_ends(monkeypatch):
@@ -916,15 +837,6 @@ def test_a_search_that_never_ends(monkeypatch):
     timer.join()
     signal.signal(signal.SIGINT, before)
     assert not stopped.value.report.finished
-
-
-def test_linear_and_trivial_fields():
-    """All polynomials are integrals of the identity; the squared radius is one of a rotation."""
-    for map in (kahan(QuadraticField(np.zeros((2, 2, 2))), 1), kahan(CUBIC, 0)):
-        assert len(hk_bases(map, 1).forms) == len(darboux_polynomials(map, 1, 1)) == 3
-    rotation = kahan(field_of(lambda x: (x[1], -x[0]), 2), 1)
-    assert repr(hk_bases(rotation, 2).forms) == "(1, x1^2 + x2^2)"
-    assert hk_bases(MAP, 0).dimension == 0
 
 
 class Quantity(float):

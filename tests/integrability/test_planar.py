@@ -2,7 +2,6 @@
 
 import math
 import pickle
-import random
 from dataclasses import replace
 from fractions import Fraction as F
 from itertools import islice
@@ -99,36 +98,6 @@ def test_known_entropies(map, lengths, entropy, minimal, proved):
     for each in found.contractions:
         assert str(each) in repr(found)
         assert each.how in found.based_on
-
-
-def test_a_singularity_that_is_confined_after_17_points():
-    """The degrees 2, 3, 4, ... end at 18."""
-    map = kahan(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2))
-    found = planar_entropy(map)
-    assert {*found.lengths} == {None, 17}
-    # The other curve goes to points without an image for ever.
-    assert (found.entropy, found.proved) == (0, False)
-    assert [*found.degrees] == degrees(map, 24)
-    assert found.degrees[15:18] == (17, 18, 18)
-
-
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("seed", range(5))
-def test_random_fields(seed):
-    """Degrees of iterates agree with what contracted curves predict."""
-    rng = random.Random(seed)
-    rows = [[rng.choice([0, rng.randrange(-3, 4)]) for _ in range(6)] for _ in range(2)]
-    field = field_of(
-        lambda x: [
-            sum(c * m for c, m in zip(row, (x[0] ** 2, x[0] * x[1], x[1] ** 2, *x, 1), strict=True))
-            for row in rows
-        ],
-        2,
-    )
-    map = kahan(field, THIRD if seed % 3 else None)
-    if map.is_planar:
-        found = planar_entropy(map)
-        assert found.reason or [*found.degrees[:8]] == degrees(map, 8)
 
 
 def test_maps_without_an_entropy():
@@ -310,21 +279,6 @@ def test_products_have_the_entropy_of_the_golden_ratio(map):
     assert not found.proved
 
 
-def test_orders_that_grow_fast_show_their_rule_together():
-    """Those of (x^3 y^5 + 2, x^2 y^3 - 3), whose degrees are 6 d_k + d_{k-1}: five steps."""
-    common = [15, 90, 555, 3420, 21075]
-    of_curves = [(0, 3, 8), (0, 18, 49), (0, 111, 302), (0, 684, 1861), (0, 4215, 11468)]
-    passage = Passage((*common,), (*of_curves,), None, endless=True)
-    assert passage.own_series is None
-    Q = [1, -6, -1]
-    assert passage.series == [([0, 15, 0], Q), ([0, 0, 0], Q), ([0, 3, 0], Q), ([0, 8, 1], Q)]
-    of_curves[-1] = 0, 4215, 11469
-    assert passage._replace(curve_orders=(*of_curves,)).series is None
-    # Sequences that are multiples of each other are no more evidence than one.
-    multiples = tuple((k, 2 * k) for k in common)
-    assert passage._replace(curve_orders=multiples).series is None
-
-
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "A",
@@ -356,27 +310,3 @@ def test_equations_without_a_map_are_not_invertible():
     """x' = 2 x at eps = 1 has det A = 1 - eps = 0 everywhere."""
     assert kahan(field_of(lambda x: (2 * x[0], x[0] * x[1]), 2), 1).is_invertible is False
     assert kahan(field_of(lambda x: (2 * x[0], x[0] * x[1]), 2), 2).is_invertible is True
-
-
-def test_contractions_keep_their_orbits():
-    """Points of confined orbits, and some of the others, are images of each other under the map."""
-    field, eps = ZOO["Nahm, octahedral"]
-    map = kahan(field, eps)
-    on_lines = {
-        "3*x1 - 8*x2 + 4 = 0": (4, 2),
-        "3*x1 + 12*x2 + 4 = 0": (4, F(-4, 3)),
-        "5*x1 - 4 = 0": (F(4, 5), 2),
-    }
-    for each in planar_entropy(map).contractions:
-        points = [(F(x, z), F(y, z)) for x, y, z in each.orbit]
-        assert len(points) == each.length
-        assert points[0] == map(on_lines[each.curve])
-        assert [map(x) for x in points[:-1]] == points[1:]
-        with pytest.raises(ZeroDivisionError):
-            map(points[-1])
-    quartic = planar_entropy(kahan(QUARTIC, THIRD))
-    assert [len(each.orbit) for each in quartic.contractions if not each.length] == [13, 13]
-    assert all(each.orbit == () for each in planar_entropy(kahan(QUARTIC)).contractions)
-    # A point that is fixed is there once.
-    generic = planar_entropy(kahan(*ZOO["Lotka-Volterra"]))
-    assert all(len({*each.orbit}) == len(each.orbit) > 0 for each in generic.contractions)

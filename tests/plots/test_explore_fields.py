@@ -54,20 +54,6 @@ def test_orbits_equal_those_of_iterate(method):
     assert {"auto", "order4", "order6", "order8"} <= {*found["field"]["methods"]}
 
 
-def test_poles_and_ends():
-    orbit = scene(TANGENT, eps=0.05, steps=100)["orbits"][0]
-    start = np.arctan(1.0)
-    at = 0.05 * orbit["first_pole"]
-    assert orbit["status"] == "PASSED_POLE"
-    assert orbit["failed_at"] is None
-    assert np.pi / 2 - start < at < np.pi / 2 - start + 0.15
-    assert orbit["valid"] == orbit["first_pole"]
-    orbit = scene(SQUARE, eps=1.0, steps=3)["orbits"][0]
-    assert (orbit["status"], orbit["failed_at"], orbit["valid"]) == ("SINGULAR", 1, 1)
-    assert orbit["states"][1] is None
-    assert orbit["final"] is None
-
-
 DRIVEN = sf.Field.from_function(lambda v, k: (v[1], -k * np.sin(v[0])), "q p", k=2.0)
 
 

@@ -21,10 +21,6 @@ I_{23}=-0.2$ and for picture 4: $\epsilon=1, I_1=3, I_2=3, I_{13}=-0.2, I_{23}=-
 """
 BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 GYROSTAT = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)
-# x'' = x**2 - 1
-WELL = sf.QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] ** 3 / 3 + x[0], 2)
-
-
 def test_the_parameters_of_the_paper():
     values = np.array(re.findall(r"=(-?[\d.]+)", PAPER), float).reshape(4, 5)
     for figure, (eps, *parameters) in zip(FIGURES.values(), values, strict=True):
@@ -63,19 +59,6 @@ def test_phase(body, eps, extent, orbits):
             else:
                 assert np.hypot(*(states[-1] - states[0])) < 0.2
     assert orbits == 0
-
-
-def test_four_phase_planes_fit_on_a_page():
-    figure = Figure(figsize=(6.3, 6.3), layout="constrained")
-    panels = figure.subplots(2, 2)
-    for panel, parameters in zip(panels.flat, FIGURES.values(), strict=True):
-        sf.plot_phase(*parameters, levels=1, ax=panel)
-    figure.draw_without_rendering()  # a layout that does not fit is a warning
-    left, right = (panel.title.get_window_extent() for panel in panels[0])
-    assert left.x1 < right.x0
-    assert panels[0, 0].get_position().width > 0.3
-    assert panels[0, 0].get_legend() is None
-    assert sf.plot_phase(*parameters, levels=1).get_legend() is not None
 
 
 def test_axes_are_taken_and_returned():
@@ -131,17 +114,6 @@ def test_what_is_drawn_of_a_run(body, states, arguments, lines, joined, monkeypa
         assert (f"{len(dots):,} of their states" in axes.get_title()) != all_of_them
     assert f"{run.n[-1]:,}" in axes.get_title()
     assert len(axes.figure.axes) == 1
-
-
-def test_levels_of_a_quantity_are_colours():
-    x0 = [[0.5, 0.0], [-0.5, 0.0], [-0.9, 0.2]]
-    run = sf.iterate(WELL, x0, 0.1, 50)
-    levels = run.modified_energy()[0]
-    axes = run.plot(lines=True, color=levels)
-    lines, dots = axes.collections
-    np.testing.assert_array_equal(lines.get_array(), levels)
-    np.testing.assert_array_equal(dots.get_array().reshape(-1, 3), np.broadcast_to(levels, (51, 3)))
-    sf.iterate(BODY, np.empty((0, 2)), 0.2, 5).plot()
 
 
 FAMILY = sf.QuadraticField.from_function(lorenz, 3, rho=np.linspace(20, 28, 9))
@@ -267,13 +239,6 @@ def test_colours_of_matplotlib_and_titles(monkeypatch):
     assert run.plot(lines=False, title=False).get_title() == ""
     with pytest.raises(ValueError, match=r"color\b"):
         run.plot(color="crimsn")
-
-
-def test_many_dots_are_an_image_in_vector_formats():
-    field, starts = saddle(6)
-    for steps, is_image in ((100, False), (4000, True)):
-        axes = sf.iterate(field, starts, 1 / 16, steps, save_every=2).plot(lines=False)
-        assert axes.collections[0].get_rasterized() is is_image
 
 
 def test_starts_have_a_colour_each():

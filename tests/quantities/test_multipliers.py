@@ -81,27 +81,6 @@ def test_a_wide_spread_of_moments(rng):
         np.testing.assert_allclose(abs(computed), np.abs(exact), rtol=1e-13, atol=1e-15)
 
 
-def test_multipliers_of_a_family():
-    """An array broadcasts against the family, as everywhere."""
-    family = sf.QuadraticField.from_function(
-        lambda x, a, b: (a - x[0] ** 2, b * x[1]), 2, a=[-1.0, 1.0, 4.0], b=[1.0, 2.0, 3.0]
-    )
-    several = sf.fixed_points(family[2])[[0, 1, 0]]
-    with pytest.raises(ValueError, match=r"x.*not fixed points, first: 0"):
-        sf.multipliers(family, several, 0.1)
-    found = sf.multipliers(family[1:], [[1.0, 0.0], [2.0, 0.0]], 0.1)
-    assert (found[1] == sf.multipliers(family[2], [2.0, 0.0], 0.1)).all()
-
-
-def test_states_whose_field_overflows_are_not_fixed():
-    field = sf.QuadraticField.from_function(lambda x: (x[0] * x[1] + x[0], x[0] ** 2 - x[1]), 2)
-    for size in (1e100, 1e154, 1e155, 1e300):
-        with pytest.raises(ValueError, match=r"^x is not a fixed point"):
-            sf.multipliers(field, [size, size], 0.1)
-    with pytest.raises(ValueError, match=r"^x: .*first: 1"):
-        sf.multipliers(field, [[0.0, 0.0], [1e300, 1e300]], 0.1)
-
-
 def test_points_that_a_solver_found_are_fixed():
     """scipy.optimize.root returns them off a component that is 0, where f has one term."""
     field = sf.QuadraticField.from_function(

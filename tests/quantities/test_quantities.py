@@ -7,7 +7,7 @@ import mpmath
 import naive
 import numpy as np
 import pytest
-from test_field import HENON, henon_heiles, of_hamiltonian
+from test_field import HENON
 
 import suslov_fast as sf
 
@@ -133,31 +133,6 @@ def test_a_density_where_a_pivot_is_small():
     for some in (eps, eps[2:0:-1], eps[1]):
         density = sf.invariant_density(field, [0.25, -3.0], some)
         np.testing.assert_allclose(density, 1 / (1 - 2 * some**2), rtol=1e-15)
-
-
-def test_the_hamiltonian_of_components_in_other_units():
-    """Units of q and p that are 2**30 apart change H, H~ and 1 / det A by rounding alone."""
-    unit = 2.0**30
-    other = of_hamiltonian(lambda x: henon_heiles((x[0] * unit, x[1] * unit, *x[2:])) / unit, 4)
-    x, eps = np.array([0.3, -0.2, 0.5, 0.7]), 0.8
-    far = x / [unit, unit, 1, 1]
-    assert sf.modified_energy(HENON, x, 0.0) == pytest.approx(henon_heiles(x), rel=1e-14)
-    assert sf.energy(other, far) * unit == pytest.approx(sf.energy(HENON, x), rel=1e-14)
-    for function, factor in ((sf.modified_energy, unit), (sf.invariant_density, 1.0)):
-        found, expected = function(other, far, eps) * factor, function(HENON, x, eps)
-        assert found == pytest.approx(expected, rel=1e-14)
-
-
-def test_batches_of_hamiltonians(rng):
-    """Each member has the numbers of a single field."""
-    x, eps = rng.normal(size=(4, 3, 2)), rng.normal(size=3)
-    family = of_hamiltonian(lambda x, a: x[0] ** 3 + a * x[1] ** 2, 2, a=[1.0, 2.0, 3.0])
-    for f in (sf.energy, sf.modified_energy, sf.invariant_density):
-        steps = () if f is sf.energy else (eps,)
-        found = f(family, x, *steps)
-        for k in range(3):
-            alone = f(family[k], x[:, k], *(each[k] for each in steps))
-            np.testing.assert_array_equal(found[:, k], alone)
 
 
 def test_special_cases(body, unit):

@@ -50,22 +50,3 @@ def test_to_rounding(rng):
             expected, size = closed_form(*each)
             bound = 1e-15 * (1 + size) ** 2 * expected if size < 300 else 2e-15 * size
             assert abs(mpf(angle) - expected) <= bound
-
-
-def test_from_small_to_large_products_of_inertia():
-    """The angle grows from 0 for small to pi for large products of inertia."""
-    weak, strong = sf.scattering_angle(sf.Suslov3D(4, 1, [1e-50, 1e50], [1e-50, 2e50]))
-    assert weak == 0.0
-    assert abs(strong - np.pi) < 1e-15
-    angles = sf.scattering_angle(sf.Suslov3D(4, 1, -(10 ** np.linspace(-0.5, 8, 200)), -0.3))
-    assert (np.diff(angles) >= 0).all()
-
-
-def test_batches(rng):
-    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 3, 1)), *rng.normal(size=(2, 700)))
-    angles = sf.scattering_angle(body)
-    assert angles.shape == (3, 700)
-    alone = sf.scattering_angle(sf.Suslov3D(body.I1[2, 0], body.I2[2, 0], body.I13[5], body.I23[5]))
-    assert isinstance(alone, float)
-    assert angles[2, 5] == alone
-    assert sf.scattering_angle(sf.Suslov3D(4, 1, np.empty((0, 2)), 1)).shape == (0, 2)

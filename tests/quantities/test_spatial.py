@@ -4,20 +4,10 @@ import numpy as np
 
 import suslov_fast as sf
 
-THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
-
-
 def inertia(rng, n=3):
     """Tensors of a few point masses: inertia, and second moments."""
     points = rng.normal(size=(6, n))
     return (points**2).sum() * np.eye(n) - points.T @ points, points.T @ points
-
-
-def test_vector_product(rng):
-    omega, v = rng.normal(size=2), rng.normal(size=3)
-    expected = np.cross([*omega, 0.0], v)
-    np.testing.assert_allclose(sf.to_matrix(THREE, omega) @ v, expected, rtol=1e-14)
-    assert sf.to_vector(THREE, omega).tolist() == [*omega, 0.0]
 
 
 def test_momentum_by_definition(rng):

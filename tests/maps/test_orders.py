@@ -162,32 +162,6 @@ def test_multipliers(method):
         sf.multipliers(LORENZ, [1.0, 2, 3], 0.1, method=method)
 
 
-@pytest.mark.compiled
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("method", METHODS)
-def test_exponents(method):
-    """Their sum is that of determinants, and others in the batch change none."""
-    x, eps = np.array([[1.0, 2, 20], [5, 5, 25], [-3, 1, 15]]), 1 / 32
-    found = sf.lyapunov_exponents(LORENZ, x, eps, 400, transient=30, method=method)
-    run = sf.iterate(LORENZ, x, eps, 430, method=method)
-    of_det = np.log(abs(np.linalg.det(sf.jacobian(LORENZ, run.x[30:-1], eps, method=method))))
-    assert abs(found.sum(axis=1) - of_det.mean(axis=0)).max() < 1e-10 * abs(of_det).mean()
-    alone = sf.lyapunov_exponents(LORENZ, x[1], eps, 400, transient=30, method=method)
-    assert (found[1] == alone).all()
-
-
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize(("name", "method"), EACH)
-def test_own_loops_take_whole_steps(name, method):
-    field, start, time = FLOWS[name]
-    run = sf.iterate(field, start, time / 30, 30, method=method)
-    system = compiled.system(field, time / 30, method=method)
-    memory, x = compiled.work(system), np.array(start, float)
-    for wanted in run.x[1:]:
-        assert compiled.step_system(system, x, x, memory) == Status.OK
-        assert (x == wanted).all()
-
-
 # ------------------------------------------------------------------------------ poles in sub-steps
 def statuses(field, x, eps, method):
     """The status of a step from that of its sub-steps."""

@@ -142,11 +142,6 @@ def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
         same([part.states, part.final, part.status, part.failed_at], expected)
 
 
-@pytest.mark.filterwarnings("ignore")  # of missing states
-def test_a_step_is_the_first_of_a_run(mixture):
-    same([sf.step(*mixture)], [run(*mixture, 1).final])
-
-
 @pytest.mark.compiled
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("size", [297, 298, 299, 300])
@@ -268,17 +263,6 @@ def test_small_states(size):
 
 
 # ---------------------------------------------------------------------- of the closed form
-
-
-def test_signs_and_order_of_n_change_no_bit(rng):
-    body, omega = sf.Suslov3D(4, 1, -0.5, -0.3), rng.normal(size=(3, 2))
-    n = rng.integers(-40, 40, 200)
-    states = sf.exact(body, omega, 0.2, n)
-    for j in (0, 17, 199):
-        for i in range(3):
-            same([sf.exact(body, omega[i], 0.2, n[j])], [states[j, i]])
-    many = sf.exact(body, np.tile(omega, (60, 1)), 0.2, n)
-    same([many], [np.tile(states, (1, 60, 1))])
 
 
 def test_a_parabolic_orbit():

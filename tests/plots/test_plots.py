@@ -21,6 +21,8 @@ I_{23}=-0.2$ and for picture 4: $\epsilon=1, I_1=3, I_2=3, I_{13}=-0.2, I_{23}=-
 """
 BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 GYROSTAT = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)
+
+
 def test_the_parameters_of_the_paper():
     values = np.array(re.findall(r"=(-?[\d.]+)", PAPER), float).reshape(4, 5)
     for figure, (eps, *parameters) in zip(FIGURES.values(), values, strict=True):

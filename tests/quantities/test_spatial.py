@@ -4,6 +4,7 @@ import numpy as np
 
 import suslov_fast as sf
 
+
 def inertia(rng, n=3):
     """Tensors of a few point masses: inertia, and second moments."""
     points = rng.normal(size=(6, n))

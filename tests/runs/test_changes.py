@@ -454,44 +454,6 @@ def test_spikes_of_a_neuron_in_step_with_its_input():
     np.testing.assert_allclose(orbit.multipliers, [right], rtol=1e-7)
 
 
-def test_many_changes_at_time_0_fill_the_buffer_of_records():
-    change = Change(times=np.zeros(40), to=lambda x: (x[0] + 1,), most=40)
-    found = flow(DECAY, np.zeros((1500, 1)), time=1.0, changes=change)
-    assert (found.changes.count == 40).all()
-    assert (found.changes.states[39::40] == 40.0).all()
-    assert (found.status == Status.STOPPED).all()
-    assert (found.end == 0.0).all()
-
-
-def test_bits_with_changes_depend_on_no_neighbour():
-    def f(s, a):
-        x, y, p, q = s
-        r2 = x * x + y * y + 1e-3
-        return p, q, -a * x / (r2 * np.sqrt(r2)), -a * y / (r2 * np.sqrt(r2))
-
-    rng = np.random.default_rng(1)
-    field = Field.from_function(f, "x y p q", a=rng.uniform(0.5, 1.0, 16))
-    x0 = rng.normal(size=(16, 4)) * 0.4
-    options = {"time": -6.0, "rtol": 1e-6}
-
-    def changes(times):
-        return [
-            Change("x", direction=-1, to=lambda s: (-s[0], s[1], -0.9 * s[2], s[3])),
-            Change(times=times, to=lambda s: (s[0], s[1], s[2] + 1, s[3])),
-            Change(lambda s: s[1] - 0.1),
-        ]
-
-    kicks = np.where(rng.random((16, 3)) < 0.2, np.nan, -rng.uniform(0.0, 6.0, (16, 3)))
-    together = flow(field, x0, changes=changes(kicks), threads=TWO_THREADS, **options)
-    for k in range(16):
-        alone = flow(field[k], x0[k], changes=changes(kicks[k]), threads=1, **options)
-        np.testing.assert_array_equal(alone.x[0], together.x[0, k])
-        np.testing.assert_array_equal(alone.changes.count, together.changes.count[k])
-        own = together.changes.trajectory == k
-        np.testing.assert_array_equal(alone.changes.time, together.changes.time[own])
-        np.testing.assert_array_equal(alone.changes.states, together.changes.states[own])
-
-
 def test_a_change_at_a_knot_of_f():
     """From there a step ends on the knot, so near that the state does not move."""
     spring = Field.from_function(lambda s: (s[1], np.interp(s[0], [-1, 0.4, 1], [1, 0, -2])), "x v")

@@ -1,7 +1,6 @@
 """Crossings are those that a loop over all states of `iterate` finds, bit for bit."""
 
 import pickle
-import threading
 
 import numpy as np
 import pytest
@@ -244,51 +243,6 @@ def test_runs_without_crossings(omega0, eps, steps):
         points.to_xarray()
         points.plot()
         repr(points)
-
-
-def test_the_surface_is_called_once_with_the_initial_states_and_then_with_pieces():
-    family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[[1], [2], [3]])
-    calls, caller = [], threading.get_ident()
-
-    def surface(x):
-        calls.append((x.copy(), x.flags.writeable, threading.get_ident()))
-        return x[..., 0] - 0.1 * family.parameters["a"]
-
-    starts = np.array([[1.0, 0.0], [0.5, 0.5]])
-    sf.crossings(family, starts, 0.1, 100, surface, transient=7)
-    run = sf.iterate(family, starts, 0.1, 107)
-    assert {(writeable, thread) for _, writeable, thread in calls} == {(False, caller)}
-    begin, *pieces = (x for x, _, _ in calls)
-    np.testing.assert_array_equal(begin, run.x[:1])
-    np.testing.assert_array_equal(np.concatenate(pieces), run.x[7:])
-    calls.clear()
-    sf.crossings(family, starts, 0.1, 5, surface)
-    np.testing.assert_array_equal(np.concatenate([x for x, _, _ in calls]), run.x[:6])
-
-
-class Unlucky(IndexError):
-    pass
-
-
-def unlucky(x):
-    raise Unlucky("mine")
-
-
-def overwrite(x):
-    x[:] = 0
-    return x[..., 0]
-
-
-@pytest.mark.parametrize(("surface", "error"), [(unlucky, Unlucky), (overwrite, ValueError)])
-def test_errors_of_a_surface_are_those_of_its_author(surface, error):
-    with pytest.raises(error, match=r"mine|read-only"):
-        sf.crossings(LORENZ, np.ones((2, 3)), 0.1, 10, surface)
-
-
-@pytest.mark.parametrize("kind", [np.int64, np.int8, np.float32])
-def test_integers_and_single_precision_are_taken_as_floats(kind):
-    starts = [[10.0, 0.0], [0.0, 7.0]]
-    assert len(check(OSCILLATOR, starts, 0.1, 99, lambda x: np.trunc(first(x)).astype(kind)))
 
 
 SIGNS = {

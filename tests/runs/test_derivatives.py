@@ -180,13 +180,6 @@ def test_batches_and_families(rng):
     np.testing.assert_allclose(product, np.eye(2), atol=1e-10)
 
 
-def test_states_are_those_without_derivatives():
-    x = [1.0, 2.0]
-    with_, without = (flow(PREDATORS, x, time=10.0, derivatives=by) for by in (("a", "x0"), ()))
-    assert abs(with_.x - without.x).max() < 1e-7
-    assert (with_.steps < 1.5 * without.steps).all()
-
-
 def test_quadratic_fields_keep_their_function():
     quadratic = QuadraticField.from_function(predators, "u v", a=[1.0, 1.5], b=0.8)
     own, other = (

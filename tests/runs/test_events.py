@@ -6,7 +6,6 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 import suslov_fast as sf
-from suslov_fast.command.summary import facts_in
 
 OSCILLATOR = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
 MU = 0.01215058560962404
@@ -266,13 +265,3 @@ def test_progress_ends_a_search():
     assert told == [(0, 2)]
     assert (points.status == sf.Status.TOO_MANY_STEPS).all()
     assert np.isnan(points.final).all()
-
-
-def test_summaries_and_datasets(tmp_path):
-    points = of_oscillator([[1.0, 0.0], [0.0, 1.0]], time=20.0, atol=[1e-9, 1e-8])
-    points.save(tmp_path / "points.npz")
-    facts = facts_in(tmp_path / "points.npz")
-    assert (facts["crossings"], facts["time"]) == (len(points), 20.0)
-    data = points.to_xarray()
-    assert data.x.dims == ("crossing", "component")
-    np.testing.assert_array_equal(data.time, points.time)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from children import TWO_THREADS
 from scipy.special import expit
 from systems import field
 
@@ -198,17 +197,3 @@ def test_later_times_change_no_derivative():
             for name in ("x0", "a"):
                 one, other = (each.derivative(name) for each in (alone, motion))
                 assert abs(one[0] - other[k]).max() < 10 * rtol * abs(one).max()
-
-
-def test_times_inside_steps_have_the_same_bits_in_any_batch():
-    system = field(kepler, "x y u v")
-    starts = [0.4, 0.0, 0.0, 2.0] + 0.02 * np.random.default_rng(2).normal(size=(19, 4))
-    for count in (11, 60, 400):
-        times = np.linspace(0, 12, count)
-        motion = sf.flow(system, starts, time=times, threads=TWO_THREADS)
-        for k in (0, 8, 18):
-            alone = sf.flow(system, starts[k], time=times)
-            np.testing.assert_array_equal(alone.x, motion.x[:, k])
-            np.testing.assert_array_equal(alone.steps, motion.steps[k])
-        part = sf.flow(system, starts[5:9], time=times)
-        np.testing.assert_array_equal(part.x, motion.x[:, 5:9])

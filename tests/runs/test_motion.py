@@ -66,13 +66,6 @@ def test_a_pendulum_in_elliptic_functions():
         assert abs(motion.energy() - np.cos(q0 - np.pi)).max() < 30 * rtol
 
 
-@pytest.mark.parametrize("stiff", [True, False, None])
-def test_each_half_alone(stiff):
-    found = flow(LORENZ, [1.0, 1.0, 20.0], time=1.0, rtol=1e-8, stiff=stiff)
-    assert abs(found.x[-1] - motion("Lorenz").astype(float)).max() < 1e-4
-    assert found.stiff is stiff
-
-
 def test_exact_solutions_of_bodies(rng):
     start, times = rng.normal(size=(40, 2)), [20.0, 3.0]
     for body in (sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(2, 1, -0.5, -0.3, 0.1)):
@@ -244,16 +237,6 @@ def test_bits_depend_neither_on_batch_nor_on_threads(rng, monkeypatch):
             assert threaded == whole
             patch.setattr(engine, "BUDGET", 1)
             assert flow(field, x, time=[0.3, 1.0]) == whole
-
-
-def test_shapes_broadcast():
-    family = of(lambda x, a: (x[1], -a * x[0]), 2, a=[[1.0], [4.0]])
-    found = flow(family, [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], time=[0.5, 1.0])
-    assert found.x.shape == (2, 2, 3, 2)
-    assert found.status.shape == found.end.shape == found.steps.shape == (2, 3)
-    a, q, p = np.array([[1.0], [2.0]]), np.array([1.0, 0, 1]), np.array([0.0, 1, 1])
-    wanted = q * np.cos(a) + p * np.sin(a) / a
-    assert abs(found.x[-1, ..., 0] - wanted).max() < 1e-8
 
 
 # ------------------------------------------------------------------------------- ends and warnings

@@ -5,7 +5,7 @@ default of REV_B is this working tree). One process per revision runs the cases 
 tree, in turns A B, B A, and so on: the speed of a machine varies over seconds, so that only ratios
 from one run are meaningful. A case is too slow if both the median of the ratios B / A and the ratio
 of the minima exceed `--threshold`, and do so again in longer turns; one that fails in a revision is
-not compared. With `--floors` cases of `floors.BEFORE` have their own thresholds: A is 0.7.
+not compared.
 """
 
 import argparse
@@ -17,8 +17,6 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
-
-from floors import BEFORE
 
 BENCH = Path(__file__).parent
 TURN, TURNS = 0.05, 7  # seconds of a turn, at least, and number of turns
@@ -75,10 +73,9 @@ def ratios(a, b):
 
 def compare(workers, chosen, options):
     """Print the times of the chosen cases; return the names of those that are too slow."""
-    too_slow, own = [], BEFORE if options.floors else {}
+    too_slow, threshold = [], options.threshold
     print(f"{'case':32}{'A':>11}{'B':>11} ns  medians  minima", flush=True)
     for name in chosen:
-        threshold = own.get(name, options.threshold)
         try:
             a, b = turns(workers, name, options, TURN)
             if min(ratios(a, b)) > threshold:  # which may be noise
@@ -122,7 +119,6 @@ def main(arguments=None):
     parser.add_argument("--quick", action="store_true", help="a small case of each table")
     parser.add_argument("--cpu", action="store_true", help="compare processor time")
     parser.add_argument("--threshold", type=float, default=1.2, help="what B / A may be (1.2)")
-    parser.add_argument("--floors", action="store_true", help="bounds of floors.BEFORE")
     parser.add_argument("-k", dest="select", default="", help="only cases with this in their name")
     options = parser.parse_args(arguments)
     pools = []
@@ -131,8 +127,6 @@ def main(arguments=None):
         pools.append(ProcessPoolExecutor(1, initializer=begin, **some))
     ours = [case.name for case in CASES if case.whose == "this package"]
     chosen = [name for name in ours if options.select in name]
-    if options.floors and not options.select:
-        chosen = [name for name in chosen if name in BEFORE]
     if options.quick:
         chosen = list({name.partition("-")[0]: name for name in chosen[::-1]}.values())[::-1]
     too_slow = compare(pools, chosen, options)

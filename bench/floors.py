@@ -1,8 +1,7 @@
 """What a release should reach, as ratios that one run measures.
 
 ROWS are lines of the page of tables: a label, two rows, and a bound of the ratio of their rates
-(at least) or of their times (at most). BEFORE are cases of `compare.py --floors`: the largest time
-beside that of 0.7.
+(at least) or of their times (at most).
 """
 
 _MOTIONS = (
@@ -117,18 +116,3 @@ ROWS = (
      "stores-ensemble-cpu", "stores-save-cpu", "≤", 3),
 )
 # fmt: on
-BEFORE = {
-    "fields-iterate-3": 1 / 2.2,
-    "fields-iterate-4": 1 / 2.2,
-    "fields-iterate-12": 1 / 2.2,
-    "fields-iterate-32": 1 / 2.0,
-    "dense_fields-iterate-6": 1 / 2.2,
-    "one_orbit_of_a_field-iterate-3": 1 / 3,
-    "eight_orbits_of_a_field-iterate-3": 1 / 5,
-    "one_orbit_of_a_field-own-system-3": 1 / 2,
-    "fields-exponents-3": 1 / 1.15,
-    "fields-exponents-12": 1 / 1.3,
-    "one_orbit_of_a_field-exponents-3": 1 / 1.5,
-    "saved_states_of_fields-iterate-3": 1 / 1.7,
-    "crossings-crossings-4096": 1 / 1.4,
-}

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-import suslov_fast as sf
-from suslov_fast import Change, Field, QuadraticField, flow
+from suslov_fast import Field, QuadraticField, flow
 from suslov_fast.core.lists.two_sets import sets_of
 from suslov_fast.core.motion import engine, few, half
 
@@ -188,35 +187,6 @@ def test_stiffness_is_judged_alike_beside_rough_lanes(x0, w, rtol):
     )
     run, alone = (flow(of, x, time=20.0, rtol=rtol) for of, x in ((field, x0), (field[1], x0[1])))
     np.testing.assert_array_equal(run.x[-1, 1], alone.x[-1])
-
-
-def test_derivatives():
-    """Columns of derivatives have the sets of x; their determinant is 1."""
-    field = Field.from_function(henon_heiles, 4, a=0.9)
-    run = flow(field, STATES, time=[3.0, 9.0], rtol=1e-10, derivatives=("x0", "a"))
-    np.testing.assert_allclose(np.linalg.det(run.derivative("x0")), 1.0, rtol=1e-8)
-    d = 1e-4
-    ends = [
-        flow(field.with_parameters(a=0.9 + s), STATES, time=[3.0, 9.0], rtol=1e-13).x
-        for s in (d, -d)
-    ]
-    np.testing.assert_allclose(
-        run.derivative("a"), (ends[0] - ends[1]) / (2 * d), rtol=1e-5, atol=1e-5
-    )
-
-
-def test_changes_and_crossings():
-    """A spring that bounces at 0 moves as |cos t|; the steps end there, and inside at a level."""
-    spring = Field.from_function(lambda s: (s[1], -s[0]), "x v")
-    assert sets(spring) is not None
-    bounce = Change("x", direction=-1, to=lambda s: (0.0, -s[1]))
-    times = np.linspace(0.3, 20.0, 50)
-    run = flow(spring, [1.0, 0.0], time=times, changes=bounce)
-    np.testing.assert_allclose(run.x[:, 0], abs(np.cos(times)), atol=1e-7)
-    found = sf.crossings(spring, [1.0, 0.0], time=20.0, surface=lambda s: s[0] - 0.5, direction=0)
-    turns = 2.0 * np.pi * np.arange(4)
-    where = np.sort(np.concatenate([turns + np.pi / 3.0, turns[1:] - np.pi / 3.0]))
-    np.testing.assert_allclose(found.time, where[where < 20.0], atol=1e-8)
 
 
 @pytest.mark.parametrize("stiff", [None, True])

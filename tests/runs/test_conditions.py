@@ -24,16 +24,6 @@ def test_coulomb_friction_ends_at_rest():
     np.testing.assert_allclose(motion.end, 3.0 * np.pi, rtol=1e-9)
 
 
-def test_a_thermostat_that_looks_at_the_clock():
-    # On in the first quarter of each hour.
-    heated = field(lambda s: (np.where(s[1] - np.floor(s[1]) < 0.25, 8.0, 0.0) - s[0], 1.0), "T t")
-    motion = sf.flow(heated, [0.0, 0.0], time=24.0)
-    at_start = 0.0
-    for _ in range(24):
-        at_start = (8.0 + (at_start - 8.0) * np.exp(-0.25)) * np.exp(-0.75)
-    np.testing.assert_allclose(motion.x[0], [at_start, 24.0], rtol=1e-10)
-
-
 def test_a_ball_on_a_spring_keeps_its_energy():
     motion = sf.flow(SPRING, [1.0, 0.0], time=np.linspace(0.0, 10.0, 21), rtol=1e-11)
     h, v = motion.x.T

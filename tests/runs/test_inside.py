@@ -79,15 +79,6 @@ def test_steps_do_not_bounce_within_a_layer():
         assert motion.steps.max() < 5000
 
 
-def test_smooth_equations_take_no_step_more():
-    def energy(x):
-        return (x[2:] ** 2).sum() / 2 + (x[:2] ** 2).sum() / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
-
-    henon_heiles = sf.QuadraticField.from_hamiltonian(energy, "x y px py")
-    motion = sf.flow(henon_heiles, [0.1, 0.2, 0.3, 0.1], time=100.0)
-    assert motion.steps <= 300
-
-
 # ------------------------------------------------------------------------------- times inside steps
 RTOLS = [1e-2, 1e-3, 1e-6, 1e-9]
 
@@ -97,17 +88,6 @@ def test_a_decay_at_many_times(rtol):
     times = np.linspace(0, 30, 1501)[1:]
     motion = sf.flow(field(lambda s: (-s[0],), "x"), [1.0], time=times, rtol=rtol)
     assert abs(motion.x[:, 0] - np.exp(-times)).max() < rtol
-
-
-@pytest.mark.parametrize("rtol", RTOLS)
-def test_absorption_and_elimination_at_many_times(rtol):
-    absorbed, eliminated = 1.9, 0.165
-    dose = field(lambda s: (-absorbed * s[0], absorbed * s[0] - eliminated * s[1]), "gut blood")
-    times = np.linspace(0, 100, 501)
-    motion = sf.flow(dose, [100.0, 0.0], time=times, rtol=rtol)
-    part = absorbed / (absorbed - eliminated)
-    blood = 100 * part * (np.exp(-eliminated * times) - np.exp(-absorbed * times))
-    assert abs(motion.x[:, 1] - blood).max() < 3 * 100 * rtol
 
 
 def test_a_time_in_the_second_half_of_a_long_step():

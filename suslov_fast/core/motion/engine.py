@@ -30,7 +30,9 @@ BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-
 SMALL, WORTH_PASSES = 10, 4_000_000
 # Without optimisation LLVM takes a third of the time, for code that takes 1.03 to 2 times as long,
 # with the same bits. It takes the first steps, by lanes: some tenths of a second, implicit ones a
-# quarter of these. Loops take three times as long, and so a part of these.
+# half of these, an eighth above SMALL components, because one orbit gains what LLVM takes in 30,000
+# to 150,000 steps of 3, 18,000 of 20, 5,000 to 8,000 of 100 to 1,000. Loops take three times as
+# long, and so a part of these.
 FIRST_STEPS, PART_OF_LONG = {1: 2**16, WIDTH: 2**19}, 64
 NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
 
@@ -86,7 +88,10 @@ def set_times(numbers, half, settings, times):
 
 def first_steps(half, W):
     """Return the number of steps that code without optimisation takes."""
-    return FIRST_STEPS[W] // (4 if half.is_implicit else 1) // (PART_OF_LONG if half.is_long else 1)
+    part = PART_OF_LONG if half.is_long else 1
+    if half.is_implicit:
+        part *= 2 if half.f.D <= SMALL else 8
+    return FIRST_STEPS[W] // part
 
 
 def code_of_half(half, W, for_each):

@@ -98,8 +98,11 @@ class OfList:
                 for k in text.each(len(copies)):
                     to[targets[k]] = x[sources[k]]
                 rows = {a: places for a, places in rows.items() if a >= self.inputs}
-            for a, places in [*rows.items(), *constants]:
-                for k in places:
+            rest = [(a, k) for a, places in [*rows.items(), *constants] for k in places]
+            for begin in range(0, len(rest), BLOCK):
+                if begin:
+                    text.next_block()
+                for a, k in rest[begin : begin + BLOCK]:
                     to[k] = self._result(text, a, {}, load)
 
 

@@ -12,7 +12,7 @@ The files, in an order in which each uses only those before it:
 - `arithmetic`, `polynomials`, `functions`: exact numbers, polynomials and rational functions in
   factors.
 - `maps`, `kahan`: birational maps, and the Kahan maps of fields. `zoo`: examples.
-- `growth`: degrees of iterates. `reducible`: reducible polynomials of a space. `contracted`,
+- `growth`: degrees of iterates. `reducible`: reducible polynomials of a pencil. `contracted`,
   `orbits`, `planar`: the entropy of maps of the plane, from the curves that they contract, and of
   monomial maps. `surfaces`: maps on levels of integrals, which may be maps of the plane.
 - `relations`: linear relations along orbits, and integrals by them.

@@ -5,7 +5,7 @@ the density of a measure. Products of powers have products of cofactors: relatio
 ``C_1**e_1 ... C_n**e_n = 1``, are vectors of a lattice.
 
 Polynomials of one cofactor span a space, and any two of them have a first integral as quotient. In
-normal form they are its members that are reducible, where there are any. Where eps is symbolic, the
+normal form they are the reducible members of a pencil, if there are any. Where eps is symbolic, the
 limit of numerator and denominator for eps to 0 counts as well; where it is a number, the normal
 form is that with a symbolic eps, evaluated, so that the same map has the same formulas.
 """

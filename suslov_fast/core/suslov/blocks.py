@@ -31,7 +31,7 @@ def store_rows(b, row, flat, place, count):
 
 
 @formula
-def write_pairs(b, row, flat, place, count, lead, after=False, before=False):
+def write_pairs(b, row, flat, place, count, lead, after, before):
     """Interleave two rows as `store_rows`; past the caches, by whole cache lines, if possible.
 
     Where blocks share LINE pairs, a block `after` another one leaves to it the pairs ahead of its

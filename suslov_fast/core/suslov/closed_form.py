@@ -51,7 +51,7 @@ import numpy as np
 from ..compiling.arrays import block_of, flat, uncounted
 from ..compiling.llvm import lesser, select
 from ..compiling.numba import are_common, formula, kernel, pick, share, universal
-from .blocks import alignment, write_pairs
+from .blocks import store_rows
 from .map import RANGE, ZERO_TO_ROUNDING, one_step
 from .steps import FIRST, LANES, NO
 
@@ -352,17 +352,13 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     parameters, omega0, n, reasons = uncounted((parameters, omega0, n, reasons))
     B, N, target, b = len(omega0), len(n), flat(out), new_block()
     abreast, started = LANES // B if 0 < B < LANES else 1, FIRST - 1
-    lead, shift, shared = alignment(target, FIRST, B, LANES)
-    stride = LANES - shared
-    blocks, rows = (B + shift + stride - 1) // stride, (N + abreast - 1) // abreast
+    blocks, rows = (B + LANES - 1) // LANES, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
     common, filled = are_common(parameters), NO
     for task in range(begin, end):
         block, row = task // rows, task % rows * abreast
-        first = block * stride - shift if block > 0 else 0
-        last = lesser((block + 1) * stride - shift, B)
-        width, count = lesser(last + shared, B) - first, lesser(abreast, N - row)
-        after, before = shared > 0 and block > 0, shared > 0 and last < B
+        first = block * LANES
+        width, count = lesser(LANES, B - first), lesser(abreast, N - row)
         used = width * count
         if block != started:
             if not filled:
@@ -391,8 +387,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
             if not exists and abs(b[W1, l] + b[W2, l]) < np.inf:
                 b[OUT1, l], b[OUT2, l] = np.nan, np.nan
                 reasons[reason(b, l), first + l % width] = True
-        place = 2 * (row * B + first)
-        write_pairs(b, STATE, target, place, used, lead, after, before)
+        store_rows(b, STATE, target, 2 * (row * B + first), used)
 
 
 @universal("(),(),(),(),(),(),(d)->(d),(d)")

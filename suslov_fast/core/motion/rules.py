@@ -688,11 +688,11 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 
 
 # Of crossings that are recorded: parts of a step at whose ends signs are compared, and part of the
-# step beside a part where its crossing may lie; guesses along the interpolation; steps that look
-# for it; its width, or the part of the step from where Newton's method goes to it at once; the part
-# within which short steps of order 4 have an error of some 2**-45; parts of the time by which its
-# state goes on, each four times the one before, to lie beyond.
-SECTION_PARTS, MARGIN, GUESSES, MOST_LOOKS = 8, 2.0**-5, 2, 70
+# step beside a part where its crossing may lie; steps that look for it; its width, or the part of
+# the step from where Newton's method goes to it at once; the part within which short steps of
+# order 4 have an error of some 2**-45; parts of the time by which its state goes on, each four
+# times the one before, to lie beyond.
+SECTION_PARTS, MARGIN, MOST_LOOKS = 8, 2.0**-5, 70
 FOUND, WIDTH, WITHIN, NUDGE, NUDGES = 2.0**-29, 2.0**-48, 2.0**-10, 2.0**-54, 20
 # A step is looked at more closely where OF_POINTS times the error of its points is as large as the
 # least of the values there.
@@ -810,22 +810,6 @@ def BESIDE_LEAST(u, middle, half):
     }
 
 
-def _narrowed(value, up, u, low, high):
-    """Return the bracket, and whether u is its upper end."""
-    is_beyond = (value >= 0.0) ^ (up < 0.5)
-    return is_beyond.select(low, u), is_beyond.select(u, high), is_beyond
-
-
-@_rule
-def NARROWED(value, up, u, low, high, a, b):
-    """A better guess where the interpolation crosses a surface, from that at u."""
-    slope = (b - a) * float(SECTION_PARTS)
-    next_ = u - value / slope
-    low, high, _ = _narrowed(value, up, u, low, high)
-    is_inside = (next_ > low) & (next_ < high)
-    return {"u": is_inside.select(next_, u), "low": low, "high": high}
-
-
 @_rule
 def NEWTON(value, rate, up, a, b, u, low, high, left, taken, start, sign):
     """Where to look next for a crossing, or the crossing.
@@ -835,7 +819,8 @@ def NEWTON(value, rate, up, a, b, u, low, high, left, taken, start, sign):
     ahead = sign * rate
     is_right = (up > 0.5).select(ahead, -ahead) > 0.0
     move = -value / ahead
-    low, high, is_beyond = _narrowed(value, up, u, low, high)
+    is_beyond = (value >= 0.0) ^ (up < 0.5)
+    low, high = is_beyond.select(low, u), is_beyond.select(u, high)
     part = move / taken
     next_ = u + part
     is_near = is_right & (abs(part) <= FOUND)

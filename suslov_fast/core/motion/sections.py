@@ -81,7 +81,7 @@ def find_crossings(lines):
                 found = _first_after(lines, k, now.last, first, direction)
                 crosses = found.first < np.inf
                 with text.when(crosses.any(), likely=False):
-                    _find(lines, k, crosses, found, _nearer(lines, k, found))
+                    _find(lines, k, crosses, found)
                 now.last, now.goes_on = found.first, crosses.any()
             for part in text.each(len(_LIMITS), most=0):
                 least = limits[part * 2], limits.after(1)[part * 2]
@@ -173,23 +173,6 @@ def _rates(lines, x, f):
     lines.call("section_rates", work.pair, lines.table, work.rates)
 
 
-def _nearer(lines, k, found):
-    """Return the part of the step where the interpolation says that a crossing is."""
-    text, work = lines.text, lines.work
-    bracket = {name: getattr(found, name) for name in ("u", "low", "high")}
-    _restore_length(lines)
-    quartic = None if lines.half.is_implicit else work.quartic
-    for now in text.rounds(Carried(**bracket, round=0)):
-        put_point(lines, now.u, work.start, "sections", quartic)
-        lines.call("sections", work.start, lines.table, work.rates)
-        next_ = lines.apply(rules.NARROWED, value=work.rates[k], up=found.up, u=now.u,
-                            low=now.low, high=now.high, a=found.a, b=found.b)  # fmt: skip
-        now.update(next_)
-        now.round = now.round + 1
-        now.goes_on = now.round < rules.GUESSES
-    return now.u
-
-
 def _find_pair(lines, k, dip, middle):
     """Find both crossings of surface k beside its least value, if that lies beyond 0."""
     text, part = lines.text, 1.0 / rules.SECTION_PARTS
@@ -213,7 +196,7 @@ def _find_pair(lines, k, dip, middle):
                      for side in ("before", "after"))  # fmt: skip
     with text.when(crosses.any()):
         for now in text.rounds(Carried(**before, up=up, a=value, b=value, round=0)):
-            _find(lines, k, crosses, now, now.u)
+            _find(lines, k, crosses, now)
             now.update(after)
             now.up = 1.0 - up
             now.round = now.round + 1
@@ -255,8 +238,8 @@ def _go_near(lines, signed):
         work.start[i] = work.before[i] + signed * (1.0 / 6.0) * work.a[i]
 
 
-def _find(lines, k, crosses, found, u):
-    """Find crossings of surface k in parts of the step, and record them; u is a guess.
+def _find(lines, k, crosses, found):
+    """Find crossings of surface k in parts of the step, from a guess u, and record them.
 
     The first look is a step from its start. Where the next ones are WITHIN a part of the step from
     there, they are steps from there, because short ones need f a few times only.
@@ -264,7 +247,7 @@ def _find(lines, k, crosses, found, u):
     text, work, taken = lines.text, lines.work, lines.work.taken[0]
     up, sign = found.up, lines.number("sign")
     within = 0.0 if lines.half.is_implicit else rules.WITHIN
-    bracket = {"u": u, "low": found.low, "high": found.high}
+    bracket = {"u": found.u, "low": found.low, "high": found.high}
     left = crosses.select(1.0, 0.0)
     work.moment[0] = 0.0
     work.ok[0] = 0.0

@@ -223,24 +223,11 @@ def elimination_order(pattern, D):
             continue  # a newer key of this unknown is in the heap, or was
         order.append(k)
         left.remove(k)
-        if degree[k] == len(left):
-            return order + _of_clique(left, depth, depth[k] + 1)
         others = neighbours[k]
         for i in bits_of(others):
             own = neighbours[i] = (neighbours[i] | others) ^ (1 << i | 1 << k)
             degree[i], depth[i] = own.bit_count(), max(depth[i], depth[k] + 1)
             heappush(keys, (degree[i], depth[i], i))
-    return order
-
-
-def _of_clique(left, depth, least):
-    """Return the order of unknowns that are all neighbours of each other, with these depths."""
-    order = []
-    while left:
-        k = min(left, key=lambda i: (max(depth[i], least), i))
-        order.append(k)
-        left.remove(k)
-        least = max(depth[k], least) + 1
     return order
 
 

@@ -84,7 +84,6 @@ class _Driver:
     def __init__(self, D, name, W, align, tells_signs):
         self.text, self.D, self.name = Code(W), D, name
         self.align, self.tells_signs, self.all_lanes = align, tells_signs, (1 << W) - 1
-        self.single = []  # names of components that stay in registers
 
     def finished(self):
         """Return the whole text."""
@@ -115,8 +114,6 @@ class _Driver:
         end = lo + of.block
         hi = (end < of.lines).select(end, of.lines)
         now = Carried(n=at.n, stage=at.stage, until=at.until, row=at.row)
-        for i, key in enumerate(self.single):
-            setattr(now, key, text.array(of.x)[i])
         for _ in text.rounds(now):
             self.step_of(lo, hi, now)
         at.lo, at.n, at.stage, at.until, at.row = hi, 0, 0, of.first_until, of.first_row
@@ -130,11 +127,10 @@ class _Driver:
         following = now.stage + 1
         is_last = following.equals(of.stages)
         self.begin_stage(plan)
-        x = [getattr(now, key) for key in self.single]
         for at in text.rounds(Carried(line=lo)):
             line, offset = at.line, at.line * (Index(text, self.D) * text.size)
             state = of.x + offset
-            final = self.take_stage(state, line, n, x)
+            final = self.take_stage(state, line, n)
             if self.tells_signs:
                 with text.when(is_last):
                     self.tell_changes(of.bases + offset, state, line, n, final)
@@ -146,7 +142,6 @@ class _Driver:
         now.n, now.stage = n + 1, is_last.select(0, following)
         now.until = saves.select(of.between, now.until - 1)
         now.row = saves.select(row + of.row_bytes, row)
-        now.update(dict(zip(self.single, final, strict=False)))
         now.goes_on = now.n < of.steps
         with text.when(now.goes_on, likely=True):
             is_spent = text.compare_integers("sle", self.slots[SLOT.budget], 0)
@@ -220,15 +215,11 @@ class _Driver:
 
 
 class _Inlined(_Driver):
-    """A driver with straight-line code of a stage.
-
-    The state of a single orbit stays in registers: a load would wait for the store before it.
-    """
+    """A driver with straight-line code of a stage."""
 
     def __init__(self, step, name, W, for_each, align, tells_signs):
         super().__init__(step.D, name, W, align, tells_signs)
         self.step, self.for_each = step, for_each
-        self.single = [f"x{i}" for i in range(step.D if W == 1 else 0)]
 
     def begin_stage(self, plan):
         plan = Integers(self.text, plan)
@@ -236,20 +227,19 @@ class _Inlined(_Driver):
         if self.for_each == OF_HALVES:
             self.fraction = self.text.load("double", plan.at(1))
 
-    def take_stage(self, state, line, n, x):
+    def take_stage(self, state, line, n):
         """Add a stage of a line; return its next state."""
         text, step, table, fixed = self.text, self.step, self.table, {}
         if self.for_each:
             numbers = step.T if self.for_each == OF_HALVES else len(step.table)
             table = table + line * (numbers * text.size)
         rows = text.array(state)
-        x = x or [rows[i] for i in range(step.D)]
         if self.for_each == OF_HALVES:
             fixed = add_table(text, step, table, self.fraction)
         stage = Stage(text, step, loader(text, step, self.for_each, state, table, fixed))
-        usual = stage.take(x)
+        usual = stage.take([rows[i] for i in range(step.D)])
         final = text.otherwise(
-            stage.is_good(), usual, lambda: self.take_rare_stage(stage, rows, line, n, x)
+            stage.is_good(), usual, lambda: self.take_rare_stage(stage, rows, line, n)
         )
         final = [Value(text, value) for value in final]
         for k, number in enumerate(step.after):
@@ -257,13 +247,12 @@ class _Inlined(_Driver):
                 rows[k] = final[k]
         return final
 
-    def take_rare_stage(self, stage, rows, line, n, x):
+    def take_rare_stage(self, stage, rows, line, n):
         """Add the rare operations, and `careful` where they do not suffice; return the state."""
         text, components = self.text, range(self.D)
-        if not self.single:
-            # Loaded and computed anew, so that the registers of usual lines need not be stored.
-            x = [rows[i] for i in components]
-            stage.take(x)
+        # Loaded and computed anew, so that the registers of usual lines need not be stored.
+        x = [rows[i] for i in components]
+        stage.take(x)
         after, accurate, good, told, _ = stage.take_rare()
         after = [text.select(accurate, *both) for both in zip(after, x, strict=True)]
         for k, value in enumerate(after):
@@ -324,7 +313,7 @@ class _Called(_Driver):
     def begin_stage(self, plan):
         self.table = Integers(self.text, plan)[0]
 
-    def take_stage(self, state, line, n, x):
+    def take_stage(self, state, line, n):
         """Add a stage of a line, and `careful` for its bits; the state is in memory alone."""
         text, of = self.text, self.of
         bits = Index(text, text.call("i64", of.stage_code, state, self.table, of.stage_plan))

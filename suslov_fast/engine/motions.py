@@ -137,7 +137,7 @@ def _of_group(f: Any, table: FloatArray, starts: FloatArray, asked: Asked) -> Fo
             ends = np.empty(B)
             ends.fill(np.nan)
             status = np.zeros(B, np.int8)
-            return Found(states, ends, steps, status, False, records, None, None, True)
+            return Found(states, ends, steps, status, records=records, is_good=True)
     else:
         states = np.full((len(times), *starts.shape), np.nan)
     engine = Engine(f, table, starts, times, sign, settings, states, stops)
@@ -157,8 +157,7 @@ def _of_groups(groups: Any, starts: FloatArray, asked: Asked) -> Found:
     for where, f, table in groups:
         own = None if report is None else lambda now, before=done: report(before + now)
         own_stops = None if stops is None else stops.of(where)
-        own_asked = asked._replace(report=own, stops=own_stops)
-        part = _of_group(f, table, starts[where], own_asked)
+        part = _of_group(f, table, starts[where], asked._replace(report=own, stops=own_stops))
         whole.states[:, where], whole.t[where] = part.states, part.t
         whole.steps[where], whole.status[where] = part.steps, part.status
         for rows in part.records:

@@ -131,7 +131,7 @@ def batch_of(changes: tuple[Change, ...]) -> tuple[int, ...]:
 
 
 # The last arguments, identities of changes; the changes, which keep them theirs; and `Stops`.
-_latest: list[Any] = [(None, None, None)]
+_latest: list[tuple[Any, Any, Stops]] = [(None, None, NO_STOPS)]
 
 
 def stops_of(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -> Stops:
@@ -139,8 +139,7 @@ def stops_of(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -> 
     asked, known = ([*map(id, changes)], sign, batch), _latest[0]
     if known[0] != asked:
         known = _latest[0] = asked, changes, _new_stops(changes, sign, batch)
-    stops: Stops = known[2]
-    return stops
+    return known[2]
 
 
 def _new_stops(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -> Stops:

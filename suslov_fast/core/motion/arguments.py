@@ -16,9 +16,9 @@ class Arguments(NamedTuple):
     work: int  # address of the rows of `Work`
     numbers: int  # address of `Numbers`
     components: int  # address of the rows of `Component` (4, D)
-    times: int  # address of the moduli of times, ascending, and two infinite ones
-    states: int  # address of the states at these times (count, trajectories, D)
-    state_bytes: int  # of one time
+    times: int = 0  # address of the moduli of times, ascending, and two infinite ones
+    states: int = 0  # address of the states at these times (count, trajectories, D)
+    state_bytes: int = 0  # of one time
     stops: int = 0  # address of times and numbers of changes (count or 1, n + 1, 2)
     stop_bytes: int = 0  # from trajectory to trajectory
     records: int = 0  # address of records of changes (-, 3 + 2 D)

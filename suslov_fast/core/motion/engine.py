@@ -345,8 +345,7 @@ class Motion:
     def _taker(self, half, rows, table, W):
         """Return the function that takes steps of trajectories, and returns whether it is done."""
         taker = Taker(half, W, rows, table, self.numbers, self.components)
-        times, states = address_of(self.times), address_of(self.states)
-        taker.point_to(times, states, self.states.strides[0])
+        taker.point_to(address_of(self.times), address_of(self.states), self.states.strides[0])
         if self.stops is not None:
             taker.point_to_changes(self.stops, self.equal_stops, self.records)
         return taker.take
@@ -365,7 +364,6 @@ class Taker:
             rows=address_of(rows), count=len(rows), following=0, budget=0, table=address_of(table),
             table_bytes=table.strides[0], work=address_of(work),
             numbers=numbers.buffer_info()[0], components=address_of(components),
-            times=0, states=0, state_bytes=0,
         ))  # fmt: skip
         self.kept = rows, table, work, numbers, components  # the arguments point there
         self.at, self.budget = self.arguments.buffer_info()[0], max(BUDGET // half.f.work, 1)

@@ -1,7 +1,8 @@
 """Mass matrices: x' of the equations M(x) x' = f(x) as formulas, by elimination in symbols.
 
 The pivots are chosen once, by which entries are 0 and which are numbers: a symmetric matrix keeps
-those of its diagonal, M = L D L^T, others take any, M = L U.
+those of its diagonal, M = L D L^T, others take any, M = L U. A formula that is 0 for all states is
+no pivot: rounding would leave a number in its place.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...checks import real_array, short, wrong
+from ...core.lists.step import evaluate
 from .calls import alone, called, check_function, check_same
 from .symbolic import Symbol, Tracer
 
@@ -21,6 +23,9 @@ _HOW = (
     "np.block([[np.eye(n), np.zeros((n, n))], [np.zeros((n, n)), M]])"
 )
 _LEAST = 1e-14  # the inverse of a condition number, below which a matrix of numbers is singular
+# States; a difference beside its terms that may be rounding; the part of states where it is, at
+# least, if it is 0: elimination amplifies rounding at some.
+_SAMPLES, _CANCELLED, _MOST = 32, 1e-11, 0.8
 
 
 def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -59,7 +64,8 @@ def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     if all(isinstance(a, float) for row in rows for a in row):
         found = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
     else:
-        found = _solved([[_as_symbol(tracer, a) for a in row] for row in rows], b)
+        is_zero = _Cancellation(tracer).is_zero
+        found = _solved([[_as_symbol(tracer, a) for a in row] for row in rows], b, is_zero)
     return [tracer.result(a) for a in found]
 
 
@@ -112,14 +118,37 @@ def _sum(products: Iterator[tuple[Any, Any]]) -> Any:
     return total
 
 
-def _solved(a: list[list[Any]], b: list[Any]) -> list[Any]:
-    """Return the solution of a x = b, numbers and symbols."""
+class _Cancellation:
+    """What formulas are at states that are chosen at random."""
+
+    def __init__(self, tracer: Tracer) -> None:
+        numbers = np.random.default_rng(0).normal(size=(len(tracer.names), _SAMPLES))
+        self._expressions, self._done = tracer.values, 0
+        self._values = dict(enumerate(numbers * 10.0 ** np.linspace(-1.0, 1.0, _SAMPLES)))
+
+    @np.errstate(all="ignore")
+    def is_zero(self, a: Any) -> bool:
+        """Return whether a formula is a difference of equal terms at all states."""
+        operations = self._expressions.operations
+        evaluate(operations[self._done :], self._values)
+        self._done = len(operations)
+        instruction, operands = self._expressions.of.get(getattr(a, "operand", None), ("", ()))
+        if instruction not in ("fadd", "fsub"):
+            return False
+        terms = sum(abs(np.array(self._values.get(each, each))) for each in operands)
+        difference = abs(self._values[a.operand])
+        known = np.isfinite(difference)
+        return bool(known.any() and (difference <= _CANCELLED * terms)[known].mean() >= _MOST)
+
+
+def _solved(a: list[list[Any]], b: list[Any], is_zero: Callable[[Any], bool]) -> list[Any]:
+    """Return the solution of a x = b, numbers and symbols; `is_zero` tells what is no pivot."""
     D = len(b)
     is_symmetric = all(_same(a[i][j], a[j][i]) for i in range(D) for j in range(i))
     rows, columns = [*range(D)], [*range(D)]
     steps = []
     while rows:
-        i, j = _pivot(a, rows, columns, is_symmetric)
+        i, j = _pivot(a, rows, columns, is_symmetric, is_zero)
         is_symmetric &= i == j
         rows.remove(i)
         columns.remove(j)
@@ -158,12 +187,20 @@ def _same(a: Any, b: Any) -> bool:
     return isinstance(a, float) and isinstance(b, float) and a == b
 
 
-def _pivot(a: Any, rows: list[int], columns: list[int], is_symmetric: bool) -> tuple[int, int]:
+def _pivot(
+    a: Any,
+    rows: list[int],
+    columns: list[int],
+    is_symmetric: bool,
+    is_zero: Callable[[Any], bool],
+) -> tuple[int, int]:
     """Return the place of the next pivot: a number, else one that fills few places."""
     places = [(i, j) for i in rows for j in columns if not _is_zero(a[i][j])]
-    if not places:
+    is_pivot = [not is_zero(a[i][j]) for i, j in places]
+    if not any(is_pivot):
         raise _singular()
-    diagonal = [(i, j) for i, j in places if i == j]
+    allowed = [place for place, is_allowed in zip(places, is_pivot, strict=True) if is_allowed]
+    diagonal = [(i, j) for i, j in allowed if i == j]
     in_row = {i: sum(place[0] == i for place in places) for i in rows}
     in_column = {j: sum(place[1] == j for place in places) for j in columns}
 
@@ -172,4 +209,4 @@ def _pivot(a: Any, rows: list[int], columns: list[int], is_symmetric: bool) -> t
         size = abs(a[i][j]) if isinstance(a[i][j], float) else 0.0
         return not size, (in_row[i] - 1) * (in_column[j] - 1), -size, i != j, place
 
-    return min(diagonal if is_symmetric and diagonal else places, key=order)
+    return min(diagonal if is_symmetric and diagonal else allowed, key=order)

@@ -18,6 +18,7 @@ figures = [
 ]
 figure, axes = plt.subplots(2, 2, figsize=(7.2, 8), layout="constrained")
 for panel, letter, (body, eps, extent) in zip(axes.flat, "abcd", figures, strict=True):
-    plot_phase(body, eps, extent, letter=letter, legend=False, ax=panel)
+    plot_phase(body, eps, extent, ax=panel)
+    panel.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
 entries = axes[0, 0].get_legend_handles_labels()
 figure.legend(*entries, loc="outside lower center", ncols=2, frameon=False)

@@ -11,7 +11,7 @@ import numpy as np
 from suslov_fast import QuadraticField, Suslov3D, iterate, plot_phase
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(8, 4.2), layout="constrained")
-plot_phase(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0, legend=False, ax=left)
+plot_phase(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0, ax=left)
 left.set_title("the Suslov body of figure 2")
 
 field = QuadraticField.from_hamiltonian(

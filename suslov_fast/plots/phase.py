@@ -101,8 +101,6 @@ def plot_phase(
     extent: float = 2.0,
     *,
     levels: int = 9,
-    letter: str | None = None,
-    legend: bool | None = None,
     ax: Any = None,
 ) -> Any:
     """Draw the phase plane of a body: orbits of the map, and levels of its first integral F.
@@ -120,13 +118,10 @@ def plot_phase(
         Half-width of the square of angular velocities shown.
     levels : int
         Number of levels, at least 1.
-    letter : str, optional
-        Letter of the panel, at the upper left.
-    legend : bool, optional
-        Whether to draw a legend below the axes; by default only in a figure of its own.
     ax : matplotlib.axes.Axes, optional
         Axes to draw on, such as a panel of a figure with one legend for all:
-        ``figure.legend(*ax.get_legend_handles_labels())``; by default those of a new figure.
+        ``figure.legend(*ax.get_legend_handles_labels())``; by default those of a new figure, with
+        a legend below them.
 
     Returns
     -------
@@ -188,12 +183,8 @@ def plot_phase(
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
     moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={spelled(eps)}$"
     products = rf"$I_{{13}}={I13:g}$, $I_{{23}}={I23:g}$" + (f", $k={k:g}$" if k else "")
-    is_panel = ax is not None
-    between = "\n" if is_panel or letter is not None else ", "
-    axes.set_title(moments + between + products, fontsize="small")
-    if letter is not None:
-        axes.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
-    if not is_panel if legend is None else legend:
+    axes.set_title(moments + (", " if ax is None else "\n") + products, fontsize="small")
+    if ax is None:
         # 4.2 font sizes below the axes, which is below their label.
         place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.2}
         axes.legend(**place, ncols=2, frameon=False, fontsize="small")

@@ -36,8 +36,8 @@ PHASES += [(GYROSTAT, 0.4, 2.6, 11), (sf.SuslovGyrostat(4, 2, 0, 0, 0.4), 0.4, 2
 @pytest.mark.parametrize(("body", "eps", "extent", "orbits"), PHASES)
 def test_phase(body, eps, extent, orbits):
     """Levels that meet the line of steady states have two orbits from it to it, others one turn."""
-    axes = sf.plot_phase(body, eps, extent, levels=6, letter="a")
-    assert axes.get_title(loc="left") == "(a)"
+    axes = sf.plot_phase(body, eps, extent, levels=6)
+    assert axes.get_legend() is not None
     assert rf"$\epsilon={eps:g}$" in axes.get_title()
     assert axes.get_xlim() == axes.get_ylim() == (-extent, extent)
     I1, I2, I13, I23, k = body.constants
@@ -68,7 +68,7 @@ def test_axes_are_taken_and_returned():
     first, space = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
     run = sf.iterate(BODY, [[1.0, 0.5], [0.2, -0.7]], 0.2, 9)
     assert run.plot(color="red", ax=first) is first
-    assert sf.plot_phase(*FIGURES[1], levels=2, legend=False, ax=first) is first
+    assert sf.plot_phase(*FIGURES[1], levels=2, ax=first) is first
     assert first.get_legend() is None
     assert not plt.get_fignums()
     assert run.plot().figure in map(plt.figure, plt.get_fignums())  # notebooks show it

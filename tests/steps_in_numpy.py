@@ -1,0 +1,784 @@
+"""The steps of the motion in NumPy: a second opinion on their machine code, with the same bits.
+
+All lanes of all lines are columns of the arrays. It shares the rules, the tables of columns and the
+lists of operations with the code, and has a program of control of its own. It covers both halves,
+choices, kinks, clocks, variational equations and dense fields. It does not cover changes of the
+state and crossings that are recorded: closed forms and matrix exponentials judge those.
+"""
+
+import itertools
+from functools import singledispatch
+
+import numpy as np
+
+from suslov_fast.core.lists.hidden import MIDDLE, POINTS
+from suslov_fast.core.lists.sparse import Head
+from suslov_fast.core.lists.step import evaluate
+from suslov_fast.core.lists.tables import is_table
+from suslov_fast.core.lists.variational import Variational
+from suslov_fast.core.motion import engine, functions, rules
+from suslov_fast.core.motion.arguments import COMPONENT, NUMBER, Component, Numbers
+from suslov_fast.core.motion.choosing import shift_of
+from suslov_fast.core.motion.columns import (
+    EXPLICIT,
+    IMPLICIT,
+    QUARTERS,
+    weights,
+    weights_of_errors,
+    weights_of_few,
+)
+from suslov_fast.core.motion.rows import State
+from suslov_fast.engine import motions
+
+
+def of_list(list_, rows):
+    """Return the results (-, ...) of a list for its inputs (-, ...)."""
+    values = dict(enumerate(rows))
+    evaluate(list_.operations, values)
+    shape = np.shape(rows[0])
+    return np.array([np.full(shape, a) if isinstance(a, float) else values[a]
+                     for a in list_.results])  # fmt: skip
+
+
+def _applied(rule, **inputs):
+    """Return the results of a rule by name, for numbers or arrays."""
+    values = {k: inputs[name] for k, name in enumerate(rule.inputs)}
+    evaluate(rule.operations, values)
+    return {name: a if isinstance(a, float) else values[a] for name, a in rule.results.items()}
+
+
+def _value_of_columns(whole, x, table):
+    """Return f and the denominators of a `Variational` at states (D, ...)."""
+    f, shape = whole.of, np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
+    values = dict(enumerate(x[: f.D]))
+    values |= {number: table[place] for number, place in whole.places.items()}
+    with np.errstate(all="ignore"):
+        evaluate(whole.base.operations, values)
+        known = [a if isinstance(a, float) else values[a] for a in whole.base.results]
+        entries, found = known[whole.before :], np.zeros((whole.D + len(f.denominators), *shape))
+        found[: f.D] = np.array([np.broadcast_to(a, shape) for a in known[: f.D]])
+        for k, a in enumerate(f.denominators):
+            found[whole.D + k] = values[a]
+        for c in range(whole.columns):
+            first = f.D * (1 + c)
+            for k, total in _product(f, entries, x[first : first + f.D]).items():
+                found[first + k] = total
+        parts = found[f.D * (1 + whole.columns - whole.q) :]
+        by = known[whole.before - len(f.by) : whole.before]
+        for part, a in zip(parts, by, strict=False):
+            part += a
+        if whole.has_trace:
+            found[whole.D - 1] = x[whole.D - 2] * known[f.D + len(f.denominators)]
+    return found
+
+
+def _product(f, entries, vector):
+    """Return the components of f' times a vector that are not 0, with sums in order."""
+    totals = {}
+    for (i, j), entry in zip(f.pattern, entries, strict=True):
+        part = entry * vector[j]
+        totals[i] = totals[i] + part if i in totals else part
+    return totals
+
+
+@singledispatch
+def carried_out(function, rows):
+    """Return the results (-, ...) of a function of a half, for rows (-, ...) without a table."""
+    return of_list(function.list_, rows)
+
+
+@carried_out.register
+def _tangent_factors(function: functions.TangentFactors, rows):
+    *own, s = rows
+    factors = carried_out(function.parts["block"], [*own[: function.entries], s])
+    return np.concatenate([factors, s * np.array(own[function.entries :])])
+
+
+@carried_out.register
+def _first_block(function: functions.FirstBlock, rows):
+    found = np.zeros((function.rows, *np.shape(rows[0])))
+    found[: function.D] = carried_out(function.parts["block"], rows)
+    return found
+
+
+@carried_out.register
+def _blocks(function: functions.Blocks, rows):
+    """Return the solution for factors, couplings and the right-hand side."""
+    D, size, count = function.D, len(function.pattern), function.count
+    end = count + size * function.columns
+    factors, couplings, right = rows[:count], rows[count:end], np.array(rows[end:])
+    right[:D] = x = carried_out(function.parts["block"], [*factors, *right[:D]])
+    for c in range(function.columns):
+        own = right[D * (1 + c) : D * (2 + c)]
+        for (i, j), entry in zip(function.pattern, couplings[c * size :], strict=False):
+            own[i] = own[i] + entry * x[j]
+        own[:] = carried_out(function.parts["block"], [*factors, *own])
+    return right
+
+
+@carried_out.register
+def _sparse_factors(function: functions.SparseFactors, rows):
+    """Return the factors for entries of J and s."""
+    plan, (*entries, s) = function.plan, rows
+    D, entries, first = len(plan.order), np.array(entries), len(plan.order) + len(plan.lower)
+    factors, w = np.zeros((D + plan.size, *np.shape(s))), np.zeros((D, *np.shape(s)))
+
+    def parts(j):
+        """Return the rows of column j in L and U, and where their numbers begin."""
+        own, after = (Head(*head) for head in plan.heads[j : j + 2].tolist())
+        for begin, end, number in (
+            (own.lower, after.spans, D + own.of_lower),
+            (own.spans, own.lower, first + own.of_upper),
+        ):
+            rows = [range(k, k + n) for k, n in plan.spans[begin:end].tolist()]
+            rows = np.array([*itertools.chain(*rows)], int)
+            yield rows, slice(number, number + len(rows))
+
+    for j in range(D):
+        (lower, of_lower), (upper, of_upper) = parts(j)
+        own, after = (Head(*head) for head in plan.heads[j : j + 2].tolist())
+        w[upper] = w[lower] = w[j] = 0.0
+        given = slice(own.entries, after.entries)
+        w[plan.rows[given]] = 0.0 - s * entries[plan.numbers[given]]
+        w[j] = 1.0 + w[j]
+        for pivot in plan.pivots[own.pivots : after.pivots]:
+            for k in range(pivot // 2, pivot // 2 + pivot % 2 + 1):
+                (below, numbers), _ = parts(k)
+                w[below] = w[below] - factors[numbers] * w[k]
+        factors[j] = 1.0 / w[j]
+        factors[of_upper], factors[of_lower] = w[upper] * factors[upper], w[lower] * factors[j]
+    return factors
+
+
+@carried_out.register
+def _sparse_solution(function: functions.SparseSolution, rows):
+    plan = function.plan
+    D, size = len(plan.order), len(plan.lower)
+    v = np.array(rows[D + plan.size :])
+    for (i, j), number in zip(plan.lower, rows[D : D + size], strict=True):
+        v[i] = v[i] - number * v[j]
+    v[plan.order] = v[plan.order] * np.array(rows[:D])
+    upper = rows[D + size : D + plan.size]
+    for (i, j), number in zip(plan.upper[::-1], upper[::-1], strict=True):
+        v[i] = v[i] - number * v[j]
+    return v
+
+
+@carried_out.register
+def _dense_product(function: functions.DenseProduct, rows):
+    D, totals = function.D, []
+    for i in range(D):
+        total = 0.0
+        for j in range(D):
+            total = total + rows[i * D + j] * rows[D * D + 1 + j]
+        totals.append(total)
+    return np.array(totals)
+
+
+def derivative_entries(f, x, table):
+    """Return the entries of f' that the implicit half has, at states (D, ...)."""
+    if isinstance(f, Variational):
+        return _entries_with_couplings(f, x, table)
+    slopes = f.jacobian(x, table)
+    return np.array([slopes[place] for place in f.pattern])
+
+
+def _entries_with_couplings(whole, x, table):
+    """Return the entries of a block, and of the couplings."""
+    f, D, shape = whole.of, whole.of.D, np.shape(x)[1:]
+    if not whole.coupling:
+        return derivative_entries(f, x[:D], table[: len(f.table)])
+    values = dict(enumerate(x[:D]))
+    values |= {number: table[place] for number, place in whole.places.items()}
+    evaluate(whole.derivative.operations, values)
+    found = [values[a] if type(a) is int else a for a in whole.derivative.results]
+    found = np.array([np.broadcast_to(a, shape) for a in found])
+    entries, mixed = found[: f.entries], found[f.entries :]
+    couplings = np.empty((whole.columns, whole.coupling, *shape))
+    for c in range(whole.columns):
+        own = x[D * (1 + c) : D * (2 + c)]
+        values |= dict(zip(f.second.directions, own, strict=True))
+        evaluate(f.second.entries.operations, values)
+        for k, a in enumerate(f.second.entries.results):
+            couplings[c, k] = values[a] if type(a) is int else a
+    if whole.q:
+        couplings[whole.columns - whole.q :] += mixed.reshape(whole.q, -1, *shape)
+    return np.concatenate([entries, couplings.reshape(-1, *shape)])
+
+
+class StepsInNumPy:
+    """Steps of one half of trajectories (count, rows)."""
+
+    def __init__(self, half, motion, trajectories, table):
+        self.half, self.motion, self.f = half, motion, half.f
+        self.rows, self.D = half.rows, half.f.D
+        self.extended = self.D + len(half.f.denominators)
+        self.lanes, self.given = trajectories.T, np.atleast_2d(table)  # rows of all lanes
+        self.table = np.atleast_2d(table)[:, : len(half.f.table)].T.copy()
+        self.columns = IMPLICIT if half.is_implicit else EXPLICIT
+        self.p = 1 if half.is_implicit else 2
+        self.mode = float(State.IMPLICIT if half.is_implicit else State.EXPLICIT)
+        self.own = weights(self.columns, self.p)
+        factor = rules.CAUTION if half.sets else 1.0
+        self.of_error = [factor * w for w in weights_of_errors(self.columns, self.p)]
+
+    def take(self):
+        """Take a step of all trajectories; return whether none was in this half."""
+        with np.errstate(all="ignore"):
+            if (self.row("state") < 0.0).any():
+                self._begin()
+            own = {"second": np.inf} if self.half.is_implicit else {}
+            length = self._apply(rules.LENGTH, mode=self.mode, **self._apply(rules.NEAR), **own)
+            if is_taken := (length["taken"] > 0.0).any():
+                self._step(**length)
+        if self.f.conditions:
+            self.given[:, : len(self.table)] = self.table.T
+        return not is_taken
+
+    def row(self, name):
+        """Return the row of a line with this name."""
+        return self.lanes[getattr(self.rows, name)]
+
+    def _rows(self, name, count):
+        first = getattr(self.rows, name)
+        return self.lanes[first : first + count]
+
+    def of_component(self, name, i):
+        """Return one of `Component`."""
+        return self.motion.components[getattr(COMPONENT, name), i]
+
+    def _apply(self, rule, **inputs):
+        """Carry out a rule; inputs that are not given are rows of the line and numbers."""
+        for name in {*rule.inputs} - {*inputs}:
+            if name in Numbers._fields:
+                inputs[name] = self.motion.numbers[getattr(NUMBER, name)]
+            else:
+                inputs[name] = self.row(name)
+        found, shape = _applied(rule, **inputs), self.lanes.shape[1:]
+        return {name: np.broadcast_to(a, shape).copy() for name, a in found.items()}
+
+    def _apply_to(self, rule, i, **inputs):
+        """Carry out a rule for a component."""
+        names = {*rule.inputs} - {*inputs}
+        inputs |= {n: self.of_component(n, i) for n in names if n in Component._fields}
+        return self._apply(rule, **inputs)
+
+    def _keep(self, found):
+        for name, value in found.items():
+            self.row(name)[:] = value
+
+    def _value(self, x):
+        """Return f, and the denominators of clocks, at states (D, lanes)."""
+        if isinstance(self.f, Variational):
+            return _value_of_columns(self.f, x, self.table)
+        return self.f.value_and_denominators(x, self.table)
+
+    def _begin(self):
+        x = self._rows("x", self.D)
+        if self.f.conditions:
+            self._make_choices(x, self.row("state") < 0.0)
+        self._rows("f", self.extended)[:] = f = self._value(x)
+        self._rows("largest", self.D)[:], self._rows("mode", self.D)[:] = abs(x), 1.0
+        sums = dict.fromkeys(("size", "rate", "total"), 0.0)
+        for i in range(self.D):
+            sums = self._apply(
+                rules.BEGIN_COMPONENT, x=x[i], f=f[i], counts=self.of_component("counts", i), **sums
+            )
+        found = self._apply(rules.BEGIN, **sums)
+        self._keep(found)
+
+    # ------------------------------------------------------------------------------------- columns
+    def _ends(self, x, f, signed, count):
+        """Return y_c - x at the ends of the first columns; the last y_N and f there are kept."""
+        column = self._implicit_column if self.half.is_implicit else self._explicit_column
+        self.apart = [] if not self.half.is_implicit else np.zeros_like(x)
+        self.quarters = np.zeros((3, *x.shape))
+        return [column(x, f, signed * (1.0 / N), N) for N in self.columns[:count]]
+
+    def _explicit_column(self, x, f, s, N):
+        a, b, double = x, x + s * f[: self.D], s + s
+        for m in range(1, N // 2 + 1):
+            a = a + double * self._value(b)[: self.D]
+            self.f_last = self._value(a)[: self.D]
+            b = b + (s if m == N // 2 else double) * self.f_last
+        end, apart = (a + b) * 0.5, a - b
+        if sets := self.half.sets:  # Störmer's rule is half of it
+            f_of_b, (A, B) = self._value(b)[: self.D], (np.array(own, int) for own in sets)
+            a[B], self.f_last[A] = b[B], f_of_b[A]
+            is_rough = self.row("rough") >= rules.ROUGH
+            end, apart = np.where(is_rough, end, a), np.where(is_rough, apart, 0.0)
+        self.last = a
+        self.apart.append(apart)
+        return end - x
+
+    def _implicit_column(self, x, f, s, N):
+        factors = carried_out(self.half.functions["factor"], [*self.entries, s])
+        change = self._solve(factors, s * f[: self.D])
+        weight = N * self.own[self.columns.index(N)]
+        of_quarter = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True)).get(N, 0.0)
+        for m in range(N - 1):
+            if of_quarter and 4 * (m + 1) % N == 0:
+                self.quarters[4 * (m + 1) // N - 1] += of_quarter * change
+            right = s * self._value(x + change)[: self.D]
+            if m == 0:
+                self.apart = self.apart + weight * (right - change)
+            last = self._solve(factors, right)
+            change = change + last
+        self.apart, self.factors = self.apart + weight * 0.5 * last, factors
+        return change
+
+    def _solve(self, factors, right):
+        return carried_out(self.half.functions["solve"], [*factors, *right])
+
+    def _surfaces(self, x):
+        """Return the values of the surfaces at states (watched, lanes)."""
+        f, values = self.f, dict(enumerate(x))
+        values |= {number: self.table[place] for number, place in self.half.block.places.items()}
+        evaluate(f.watched.operations, values)
+        found = [a if isinstance(a, float) else values[a] for a in f.watched.results]
+        return np.array([np.broadcast_to(a, x.shape[1:]) for a in found])
+
+    def _watch(self, before, after):
+        """Return what `watch` finds between two points, from the values of surfaces there."""
+        return of_list(self.f.watch, [*before, *after, *self.table])
+
+    @staticmethod
+    def _sum(factors, ends):
+        total = factors[0] * ends[0]
+        for factor, end in zip(factors[1:], ends[1:], strict=True):
+            total = total + factor * end
+        return total
+
+    # ------------------------------------------------------------------------------------ one step
+    def _step(self, taken, signed, aside):
+        is_implicit, D = self.half.is_implicit, self.D
+        x, f = self._rows("x", D).copy(), self._rows("f", self.extended).copy()
+        if is_implicit:
+            rate = self._derive(x)
+        ends = self._ends(x, f, signed, len(self.columns))
+        new, error = x + self._sum(self.own, ends), self._sum(self.of_error, ends)
+        largest, kept = self._rows("largest", D), 1.0
+        sizes, sizes_of = dict.fromkeys(self.half.largest.results, 0.0), {}
+        for i in range(D):
+            if self.f.clocks:
+                of_line = {"x": x[i], "f": f[i], "signed": signed}
+                new[i] = self._apply_to(rules.CLOCK, i, new=new[i], **of_line)["new"]
+            if self.f.of_one_sign:
+                found = self._apply(
+                    rules.KEPT,
+                    x=x[i],
+                    new=new[i],
+                    keeps=self.of_component("keeps", i),
+                    kept=kept,
+                    extra=self.of_component("extra", i),
+                    size=abs(x[i]) if self.half.has_atol else largest[i],
+                )
+                new[i], kept = found["new"], found["kept"]
+            own = {"x": x[i], "new": new[i], "largest": largest[i]}
+            sizes = self._apply_to(self.half.largest, i, **own, **sizes)
+            sizes_of[i] = sizes
+        f_new = self._value(new)
+        for k in range(D, self.extended):
+            kept = self._apply(rules.SAME_SIGN, x=f[k], new=f_new[k], kept=kept)["kept"]
+        names = ["ratio", "total", "apart"] + ([] if is_implicit else ["rates", "states"])
+        if is_implicit:
+            apart = self._solve(self.factors, self.apart - signed * 0.5 * f_new[:D])
+        else:
+            apart = self._sum(self.own, self.apart)
+        sums, inverse = dict.fromkeys(names, 0.0), np.empty_like(x)
+        noise = self._sum([abs(w) for w in self.own], [abs(end) for end in ends])
+        last_of = [first + count - 1 for first, count in self.half.parts for _ in range(count)]
+        zero = {"rates": 0.0, "states": 0.0}
+        of_sets = [zero, zero]
+        for i in range(D):
+            own = {"x": x[i], "new": new[i], "error": error[i], "largest": largest[i]}
+            own |= {"noise": noise[i], "f_new": f_new[i]}
+            sizes = sizes_of[last_of[i]]
+            if sizes:
+                is_column = i >= self.half.parts[0][1]
+                smallest = rules.SMALLEST_OF_COLUMNS if is_column else rules.SMALLEST
+                sizes = sizes | self._apply(rules.LEAST_ALLOWED, smallest=smallest, **sizes)
+            inverse[i] = self._apply_to(self.half.allowed, i, **own, **sizes)["inverse"]
+            own["inverse"] = inverse[i]
+            found = self._apply(rules.RATIO, **own, **sums)
+            if not is_implicit:
+                own |= {"last": self.last[i], "f_last": self.f_last[i], "taken": taken}
+                found |= self._apply(rules.DIFFERENCES, **own, **sums)
+                for k, components in enumerate(self.half.sets or ()):
+                    if i in components:
+                        of_sets[k] = self._apply(rules.DIFFERENCES, **own, **of_sets[k])
+            own = {"error": apart[i], "inverse": inverse[i], "ratio": sums["apart"]}
+            sums = found | {"apart": self._apply(rules.LARGER_RATIO, **own)["ratio"]}
+        if self.half.sets:
+            sums |= {name: of_sets[0][name] * of_sets[1][name] for name in zero}
+            sums["limit"] = self.motion.numbers[NUMBER.limit] ** 2
+        sums["on_trial"] = 0.0
+        sums |= self._second_trial(sums, (x, f, new, f_new, error, apart, inverse), taken)
+        sums |= {"taken": taken, "kept": kept, "aside": aside}
+        before = self.row("t").copy()
+        near = self._apply(rules.NEAR)
+        found = self._apply(rules.AFTER, **near, **sums)
+        sums["accepted"] = accepted = found.pop("accepted")
+        served = found.pop("served")
+        self._keep(found)
+        if self.half.sets:
+            of_step = {"taken": taken, "accepted": accepted, "served": served}
+            of_step["ratio"] = sums["ratio"]
+            self._keep(self._apply(rules.REFUSALS, **of_step))
+        if is_implicit:
+            sums["rate"] = rate
+        rule = rules.TURN_IMPLICIT if is_implicit else rules.TURN_EXPLICIT
+        self._keep(self._apply(rule, **near, **sums))
+        if self.half.watched:
+            own = {"before": before, "accepted": accepted, "total": sums["total"]}
+            found, kinks = self._cut((x, new, f, f_new), taken, signed, served=served, **own)
+            at_surface, accepted = found.pop("at_surface"), found.pop("accepted")
+            jumped = found.pop("jumped")
+            served = found.pop("served")
+            self._keep(found)
+        for lane in np.flatnonzero(served > 0.0):
+            self._save(lane, new[:, lane])
+        passed = Passed(before, taken, x, f, new, f_new, inverse, ends, accepted)
+        self._save_inside(passed)
+        is_taken = passed.accepted > 0.0
+        if self.half.kinks:
+            first = self.f.conditions.P + self.f.conditions.jumps
+            self._put_choices(is_taken & (at_surface > 0.0), self.half.kinks, kinks, first)
+            f_new = self._value(new)
+        if self.half.low:
+            self._watch_small(is_taken, new, f_new, inverse)
+        if self.f.conditions:
+            new, f_new, is_taken = self._renew(
+                is_taken, jumped > 0.0, taken > 0.0, (x, f, new, f_new)
+            )
+        self._rows("x", D)[:] = np.where(is_taken, new, x)
+        self._rows("f", self.extended)[:] = np.where(is_taken, f_new, f)
+        modulus = abs(new)
+        largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
+
+    def _watch_small(self, is_taken, new, f_new, inverse):
+        watches = 0.0
+        for i, low in enumerate(self._rows("low", self.half.low)):
+            own = {"new": new[i], "largest": self._rows("largest", self.D)[i], "low": low}
+            own |= {"f_new": f_new[i], "inverse": inverse[i], "watches": watches}
+            found = self._apply(rules.LOW, **own)
+            low[:] = np.where(is_taken, found["low"], low)
+            watches = found["watches"]
+        self.row("watches")[:] = np.where(is_taken, watches, self.row("watches"))
+
+    def _second_trial(self, sums, states, taken):
+        x, f, new, f_new, error, apart, inverse = states
+        again = self.row("longer") <= rules.AFTER_TRIAL
+        refused = (sums["ratio"] > 1.0) | (sums["apart"] > rules.MOST_APART)
+        refused = refused & (sums["total"] < np.inf) & again
+        if not refused.any():
+            return {}
+        changes = []
+        for state, rates in ((x, f), (new, f_new)):
+            beside = [self._apply_to(rules.BESIDE, i, state=state[i], f=f[i])["beside"]
+                      for i in range(self.D)]  # fmt: skip
+            change = (self._value(np.array(beside)) - rates)[: self.D]
+            changes.append(self._solve(self.factors, change) if self.half.is_implicit else change)
+        trial = {"ratio": 0.0, "of_apart": 0.0}
+        for i in range(self.D):
+            own = {"before": changes[0][i], "after": changes[1][i], "taken": taken}
+            own["grows"] = rules.GROWS[self.half.is_implicit]
+            own |= {"error": error[i], "apart": apart[i], "inverse": inverse[i]}
+            trial = self._apply(rules.SECOND, **own, **trial)
+            inverse[i] = np.where(refused, trial.pop("inverse"), inverse[i])
+        pairs = zip(("ratio", "apart"), trial.values(), strict=True)
+        found = {name: np.where(refused, value, sums[name]) for name, value in pairs}
+        if not self.half.is_implicit:
+            found["rates"] = np.where(refused, 0.0, sums["rates"])
+        return found | {"on_trial": np.where(refused, 1.0, 0.0)}
+
+    def _cut(self, states, taken, signed, **found):
+        """Return what changes in lanes whose step crosses a surface, or is on the way to one.
+
+        The choices of kinks at the end of the step follow.
+        """
+        x, new, f, f_new = (each[: self.half.watched] for each in states)
+        far, is_far = self._rows("far", self.half.watched), self.row("outer") == np.inf
+        rule, rates = rules.POINT, {"signed": signed, "f": f, "f_new": f_new}
+        if self.half.is_implicit:
+            quarters = self.quarters[:, : len(x)]
+            rates = {f"quarter{k}": own for k, own in enumerate(quarters, 1)}
+            rule = rules.POINT_IMPLICIT
+        elif self.half.reads_states:
+            rule = rules.POINT_WITH_QUARTIC
+            rates["quartic"] = self._quartic(states, signed)[: len(x)]
+        points = [x]
+        for u in POINTS[:-1]:
+            point = _applied(rule, x=x, new=new, u=u, **rates)["point"]
+            points.append(np.broadcast_to(point, x.shape))
+        points.append(new)
+        parts, ends = dict.fromkeys(("crossed", "place", "end"), 0.0), (0.0, *POINTS)
+        surfaces = [self._surfaces(point) for point in points]
+        for k, u in enumerate(POINTS):
+            part, crosses, *_ = self._watch(*surfaces[k : k + 2])
+            own = {"part": part, "crosses": crosses, "u": u, "width": u - ends[k], "taken": taken}
+            parts = self._apply(rules.LOOK, **own, **parts)
+            far[:] = np.where(is_far & (parts.pop("is_first") > 0.0), points[k + 1], far)
+        found |= {"hidden": 0.0, "twice": 0.0, "known": np.inf, "starts": parts["crossed"]}
+        found["goal"] = self.motion.numbers[NUMBER.last]
+        if self.half.hidden:
+            rtol = np.full(len(taken), self.motion.numbers[NUMBER.rtol])
+            rows = [*np.concatenate(surfaces), *points[MIDDLE], rtol, *self.table]
+            found["hidden"], found["twice"] = of_list(self.half.hidden, rows)
+            found["known"] = taken if self.half.has_waves else np.inf
+        part, *_ = self._watch(surfaces[-1], self._surfaces(far))
+        whole_part, crosses, jumps, *kinks = self._watch(surfaces[0], surfaces[-1])
+        if self.half.reads_states:
+            found["starts"] = np.where(found["twice"] > 0.0, 1.0, crosses)
+        inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
+        rates = self.motion.numbers[NUMBER.sign] * f_new
+        aim, since = of_list(self.f.aim[self.half.is_implicit], [*new, *rates, *self.table])
+        inputs |= {"aim": np.where(is_far, np.inf, taken + aim)}
+        inputs |= {"since": np.where(is_far, 0.0, since)}
+        found = self._apply(rules.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
+        far[:] = np.where(found.pop("beyond") > 0.0, new, far)
+        return found, kinks
+
+    def _quartic(self, states, signed):
+        """Return what polynomials of degree 4 have in an explicit step beside cubics."""
+        names = "x", "new", "f", "f_new"
+        own = {name: each[: self.D] for name, each in zip(names, states, strict=True)}
+        own["signed"] = signed
+        point = _applied(rules.POINT, u=POINTS[0], **own)["point"]
+        f_point = self._value(point)[: self.D]
+        return _applied(rules.QUARTIC, f_point=f_point, **own)["quartic"]
+
+    # ----------------------------------------------------------------------------------- choices
+    def _choices_at(self, x):
+        """Return what the list `choices` finds at states."""
+        f, conditions = self.half.block, self.f.conditions
+        given = conditions.P + conditions.jumps + conditions.kinks
+        return of_list(f.choices, [*x[: f.D], *self.table[:given]])
+
+    def _make_choices(self, x, truth):
+        """Make all choices of lanes anew; return the number of the surface where f jumps."""
+        f, conditions = self.half.block, self.f.conditions
+        surface, _, *found = self._choices_at(x)
+        self._put_choices(truth, conditions.kinds, found, conditions.P)
+        given = conditions.P + conditions.jumps + conditions.kinks
+        derived = of_list(f.derived, [*np.zeros((f.D, len(truth))), *self.table[:given]])
+        for number, now in zip(f.derived.results, derived, strict=True):
+            self.table[f.places[number]] = np.where(truth, now, self.table[f.places[number]])
+        return surface
+
+    def _put_choices(self, truth, kinds, found, place):
+        first = len(self.f.conditions.kinds) - len(kinds)
+        for k, (kind, a) in enumerate(zip(kinds, found, strict=True), first):
+            rows = [a]
+            if is_table(kind):
+                shift = shift_of(self.half.block, k)
+                rows = kind.interval_of(a, 0.0 if shift is None else self.table[shift])
+            for row in rows:
+                self.table[place] = np.where(truth, row, self.table[place])
+                place += 1
+
+    def _choose(self, truth, new, f_new):
+        """Return the state and f after jumps in these lanes."""
+        f, table = self.half.block, self.table.copy()
+        surface = self._make_choices(new, truth)
+        after = self._value(new)
+        if f is not self.f and (jumps := truth & (surface >= 0.0)).any():
+            largest = self._rows("largest", self.D)
+            largest[:] = np.where(jumps, np.maximum(largest, abs(new)), largest)
+            moved = self._columns_after_jump(new, f_new, after, table, surface)
+            new = np.where(jumps, moved, new)
+            after = self._value(new)
+        for i, low in enumerate(self._rows("low", self.half.low)):
+            own = {"low": low, "before": f_new[i], "after": after[i]}
+            low[:] = np.where(truth, self._apply(rules.INFLOW, **own)["low"], low)
+        return new, after
+
+    def _columns_after_jump(self, x, before, after, table, surface):
+        whole, f, x = self.f, self.half.block, x.copy()
+        D, q, values = f.D, whole.q, dict(enumerate(x[: f.D]))
+        values |= {number: table[place] for number, place in f.places.items()}
+        evaluate(f.slopes.operations, values)
+        gradient = np.zeros((D + q, x.shape[1]))
+        for (k, j), a in zip(f.slope_places, f.slopes.results, strict=True):
+            slope = a if isinstance(a, float) else values[a]
+            gradient[j] = np.where(surface == k, slope, gradient[j])
+        ends = [0.0, 0.0]
+        for slope, *rates in zip(gradient, before[:D], after[:D], strict=False):
+            ends = [end + slope * rate for end, rate in zip(ends, rates, strict=True)]
+        jump = after[:D] - before[:D]
+        for c in range(whole.columns):
+            column, n = x[D * (1 + c) : D * (2 + c)], c - (whole.columns - q)
+            ds = gradient[D + n] * table[len(f.table) + n] if n >= 0 else 0.0
+            for slope, a in zip(gradient, column, strict=False):
+                ds = ds + slope * a
+            column += np.where(jump == 0.0, 0.0, jump * (ds / ends[0]))
+        if whole.has_trace:
+            own = {"jumps": 1.0 * (jump != 0.0).any(axis=0), "u": x[-2]}
+            x[-1] += self._apply(rules.TRACE, before=ends[0], after=ends[1], **own)["change"]
+        return x
+
+    def _renew(self, accepted, jumped, taken, states):
+        """Return the next states, f there, and where they are taken, after jumps of f."""
+        *before, new, f_new = states
+        jumped, mode = jumped & accepted, self.mode
+        if jumped.any():
+            moved, after = self._choose(jumped, new, f_new)
+            new, f_new = np.where(jumped, moved, new), np.where(jumped, after, f_new)
+            self._keep_in(jumped, self._apply(rules.CHOSEN, acted=0.0, mode=mode))
+            ahead = self._apply(rules.LOOK_AHEAD, part=rules.AHEAD)
+            point = new + ahead["signed"] * f_new[: self.D]
+            back = jumped & (self._choices_at(point)[0] >= 0.0)
+            far = self._rows("far", self.half.watched)
+            far[:] = np.where(back, point[: len(far)], far)
+            self._keep_in(back, self._apply(rules.SEEK, ahead=ahead["ahead"]))
+        t = self.row("t")
+        ended = (self.row("state") == State.ENDED) & taken
+        ended = ended & ((t > self.row("chosen_at")) | (t == 0.0))
+        if ended.any():
+            return self._go_on(ended, accepted, before, new, f_new)
+        return new, f_new, accepted
+
+    def _keep_in(self, truth, found):
+        for name, value in found.items():
+            self.row(name)[:] = np.where(truth, value, self.row(name))
+
+    def _go_on(self, ended, accepted, before, new, f_new):
+        x = np.where(ended & ~accepted, before[0], new)
+        f = np.where(ended & ~accepted, before[1], f_new)
+        found = {"ahead": 0.0, "signed": 0.0}
+        for part in (rules.NEAREST, 8.0 * rules.NEAREST, rules.AHEAD):
+            own = self._apply(rules.LOOK_AHEAD, part=part)
+            point = x + own["signed"] * f[: self.D]
+            is_first = (found["ahead"] == 0.0) & (self._choices_at(point)[1] > 0.0)
+            found = {name: np.where(is_first, own[name], a) for name, a in found.items()}
+        ended, t = ended & (found["ahead"] > 0.0), self.row("t").copy()
+        after = self._apply(rules.GOES_ON, ahead=found["ahead"])
+        is_saved = ended & (after.pop("slides") < 1.0)
+        for lane in np.flatnonzero(is_saved):
+            while self.row("next")[lane] <= t[lane] + found["ahead"][lane]:
+                signed = self.motion.numbers[NUMBER.sign] * (self.row("next")[lane] - t[lane])
+                self._save(lane, x[:, lane] + signed * f[: self.D, lane])
+        self._keep_in(ended, after)
+        x = np.where(ended, x + found["signed"] * f[: self.D], x)
+        moved, rates = self._choose(ended, x, f)
+        return np.where(ended, moved, x), np.where(ended, rates, f), accepted | ended
+
+    def _derive(self, x):
+        """Find the entries of f'; return its rate by a step of the power iteration."""
+        D, largest, mode = self.D, self._rows("largest", self.D), self._rows("mode", self.D)
+        entries = derivative_entries(self.f, x, self.table)
+        self.entries = np.where(abs(entries) < np.inf, entries, 0.0)
+        top, size = 0.0, 0.0
+        for a in largest:
+            top = self._apply(rules.SIZE, modulus=a, top=top)["top"]
+        pairs = zip(largest, mode, strict=True)
+        scales = [self._apply(rules.SCALE, largest=a, top=top, mode=m) for a, m in pairs]
+        scaled = np.array([found["scaled"] for found in scales])
+        own = [*self.entries[: self.f.entries], np.zeros_like(scaled[0]), *scaled]
+        products = carried_out(self.half.functions["power"], own)
+        own = np.empty_like(x)
+        for i in range(D):
+            found = self._apply(
+                rules.RATE, product=products[i], scale=scales[i]["scale"], size=size
+            )
+            own[i], size = found["product"], found["size"]
+        for i in range(D):
+            seed = self.of_component("seeds", i)
+            found = self._apply(rules.MODE, product=own[i], size=size, mode=mode[i], seed=seed)
+            mode[i] = found["mode"]
+        return size
+
+    # ----------------------------------------------------------------------------------- the times
+    def _save_inside(self, passed):
+        """Save the states at times that the step has passed."""
+        if self._passed(passed, np.greater).any():
+            nodes, signed = self._nodes(passed)
+        while self._passed(passed, np.greater).any():
+            of_step = {"t": passed.before, "taken": passed.taken}
+            weights = self._apply(rules.BETWEEN, **of_step)
+            states = passed.x + self._between(passed, nodes, signed, weights)
+            states = self._with_signs(states, passed)
+            for lane in np.flatnonzero(self._passed(passed, np.greater)):
+                self._save(lane, states[:, lane])
+        for lane in np.flatnonzero(self._passed(passed, np.equal)):
+            self._save(lane, passed.new[:, lane])
+
+    def _passed(self, passed, how):
+        """Return which lanes have taken a step to their next time, or beyond it."""
+        return (passed.accepted > 0.0) & how(self.row("t"), self.row("next"))
+
+    def _save(self, lane, state):
+        place, trajectory = (self.row(name).view(np.int64) for name in ("place", "trajectory"))
+        self.motion.states[place[lane], trajectory[lane]] = state
+        place[lane] += 1
+        following = self.motion.times[place[lane] :]
+        self.row("next")[lane], self.row("second")[lane] = following[:2]
+        self.row("tries")[lane] = 0.0
+
+    def _nodes(self, passed):
+        """Return states and rates at the ends of quarters, and their length; refuse steps."""
+        of_step, D, zero = {"t": passed.before, "taken": passed.taken}, self.D, 0.0
+        own = {"after": self.row("t"), "accepted": passed.accepted}
+        signed = self._apply(rules.QUARTER, **of_step, **own)["signed"]
+        few, more = weights_of_few(EXPLICIT, 2)[rules.FEW - 1 : rules.FEW + 1]
+        error, ratio = self._sum(few - self.own, passed.ends), zero
+        for i in range(D):
+            inputs = {"error": error[i], "inverse": passed.inverse[i], "ratio": ratio}
+            ratio = self._apply(rules.LARGER_RATIO, **inputs)["ratio"]
+        needs, x, f, nodes = ratio > rules.OF_FEW, passed.x, passed.f[:D], []
+        for _ in range(3):
+            ends = self._ends(x, f, signed, rules.FEW + 1)
+            ends[rules.FEW] = np.where(needs, ends[rules.FEW], 0.0)
+            factors = np.where(needs, more[:, np.newaxis], few[:, np.newaxis])[: rules.FEW + 1]
+            x = x + self._sum(factors, ends)
+            f = self._value(x)[:D]
+            nodes.append((x, f))
+        sums = {"ratio": zero, "total": zero}
+        for v in rules.TESTS:
+            of_value, of_slope = rules.weights_of_test(v)
+            states = passed.x + self._between(passed, nodes, signed, of_value)
+            rates = self._value(self._with_signs(states, passed))
+            slopes = self._between(passed, nodes, signed, of_slope)
+            for i in range(D):
+                inputs = {"slope": slopes[i], "f": rates[i], "inverse": passed.inverse[i]}
+                sums = self._apply(rules.DEFECT, signed=signed, **inputs, **sums)
+        found = self._apply(rules.FAILS, signed=signed, **of_step, **sums)
+        fails = found.pop("fails") > 0.0
+        for name, value in found.items():
+            self.row(name)[:] = np.where(fails, value, self.row(name))
+        passed.accepted = np.where(fails, 0.0, passed.accepted)
+        return nodes, signed
+
+    def _between(self, passed, nodes, signed, weights):
+        """Return the polynomial with these weights, less x."""
+        inputs = {"x": passed.x, "f": passed.f[: self.D], "signed": signed}
+        for k, (x, f) in enumerate([*nodes, (passed.new, passed.f_new[: self.D])], 1):
+            inputs |= {f"x{k}": x, f"f{k}": f}
+        return _applied(rules.INTERPOLATED, **inputs, **weights)["value"]
+
+    def _with_signs(self, states, passed):
+        if self.f.of_one_sign:
+            for i, x in enumerate(passed.x):
+                keeps = self.of_component("keeps", i)
+                found = self._apply(rules.WITH_SIGN, value=states[i], x=x, keeps=keeps)
+                states[i] = found["value"]
+        return states
+
+
+class Passed:
+    """What is known of a step, to find the states inside it."""
+
+    def __init__(self, before, taken, x, f, new, f_new, inverse, ends, accepted):
+        self.before, self.taken, self.x, self.f = before, taken, x, f
+        self.new, self.f_new, self.inverse, self.ends = new, f_new, inverse, ends
+        self.accepted = accepted
+
+
+def take_in_numpy(monkeypatch):
+    """Have this program take the steps of all motions."""
+
+    def taker(self, half, rows, table, W):
+        return StepsInNumPy(half, self, rows, table).take
+
+    monkeypatch.setattr(engine.Motion, "_taker", taker)
+    monkeypatch.setattr(motions, "_FEW", 0)  # all but single ones

@@ -366,6 +366,7 @@ TABLE = [
     (ValueError, "transient", section(transient=-1.0), exponents(time=1.0, transient=-1.0)),
     (ValueError, "u", field(lambda x, u: (1, 2), "u v", u=1)),
     (TypeError, "values", terms(values=["a"])),
+    (ValueError, "which", lambda: sf.Field.from_function(lambda x, which: x, 1, which=1)),
     (ValueError, "values", changed(values=["a", 1]), terms(values=[1, 2]), terms(values=[NAN]),
      terms(values=[1e70]), terms(values=[[1e70]]), terms(values=[[1]] * 3, constant=[[1, 2]] * 2)),
     (TypeError, "x", lambda: FAMILY[0](0.0, [1.0]), lambda: FIELD([True, 1]),

@@ -208,7 +208,7 @@ class FieldOfFunction(Body):
         return field
 
     @public
-    def with_parameters(self, **parameters: Any) -> Self:
+    def with_parameters(self, /, **parameters: Any) -> Self:
         """Return the field with other values of named parameters.
 
         The function f of a `Field` is not called again.

@@ -22,8 +22,8 @@ _TAKEN = {
     **dict.fromkeys(("quadratic", "linear", "constant"), "the coefficients of a field"),
     **dict.fromkeys(
         (
-            *("component", "crossing", "count", "end", "final", "space", "status", "steps"),
-            *("surface", "trajectory"),
+            *("before", "component", "crossing", "count", "end", "final", "space", "status"),
+            *("steps", "surface", "trajectory", "which"),
         ),
         "a name in datasets",
     ),
@@ -32,7 +32,7 @@ _TAKEN = {
 _OF_MAPS = {
     "eps": "the step size",
     **dict.fromkeys(
-        ("n", "failed_at", "first_pole", "attitude", "before", "after", "fraction"),
+        ("n", "failed_at", "first_pole", "attitude", "after", "fraction"),
         "a name in datasets of runs and crossings",
     ),
 }

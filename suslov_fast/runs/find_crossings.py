@@ -34,7 +34,7 @@ from .change import Change, checked_direction, field_of
 from .changes import acts_of, stops_of
 from .crossings import Crossings
 from .failures import ON_SINGULAR, OnSingular, report_failures, told
-from .search import Search, Surface, checked_surface
+from .search import Surface, checked_surface, found_along
 
 _LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
 
@@ -172,13 +172,13 @@ def crossings(
     if type(problem.eps) is not float:  # copied, because the result keeps it
         problem = problem._replace(eps=np.array(problem.eps))
     march = March(problem, method)
-    search = Search(march, along_map, direction, most)
+    asked = direction, most, transient, transient + steps
     with reports as report:
-        search.run(transient, transient + steps, report)
-    if search.is_stopped:
+        found, is_stopped = found_along(march, along_map, *asked, report)
+    if is_stopped:
         steps = max(march.n - transient, 0)
     points = Crossings._of(
-        search.result()
+        found
         | {
             "body": system,
             "eps": problem.eps,

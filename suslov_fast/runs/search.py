@@ -12,7 +12,7 @@ first order, at the fraction a / (a - b) of its length.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -110,183 +110,137 @@ def values_at(surface: Surface, states: FloatArray, all_exist: bool) -> FloatArr
     return values if all_exist else np.where(np.isnan(states[..., 0]), np.nan, values)
 
 
-class _Found(NamedTuple):
-    """Crossings of a piece, in ascending order of n."""
-
-    trajectory: NDArray[np.int64]
-    rank: NDArray[np.int64]  # how many crossings the trajectory had before
-    n: NDArray[np.int64]
-    before: FloatArray  # (K, D), the states n and n + 1
-    after: FloatArray
-    fraction: FloatArray
+_Piece = tuple[Any, ...]  # trajectory, n, the states n and n + 1, and fraction, of crossings
 
 
-def _crossings_at(
-    places: NDArray[np.int64],
-    n: int,
-    last: FloatArray,
-    values: FloatArray,
-    states: FloatArray,
-    most: int,
-    counts: NDArray[np.int64],
-) -> _Found:
-    """Return the crossings at changes of sign, and add their numbers to `counts` (B,).
+def found_along(
+    march: March,
+    surface: Surface,
+    direction: int,
+    most: int | None,
+    transient: int,
+    end: int,
+    report: Report | None,
+) -> tuple[dict[str, Any], bool]:
+    """March to state `end`, and search among the states from `transient` on.
 
-    Place k B + i is a change after row k of orbit i, in `states` (rows + 1, B, D); row 0 is state
-    n, with the values `last` (B,) of the surface, and `values` (rows, B) are those at the rows
-    after it. A value that is not finite makes no crossing, and an orbit has at most `most` of them.
+    Return what a result has of crossings, and whether `report` ended the run. Trajectories that end
+    at their last crossing keep the statuses that they have after the transient.
     """
-    B = len(counts)
-    k, i = np.divmod(places, B)
-    earlier = np.where(k == 0, last[i], values.ravel().take(places - B))
-    later = values.ravel().take(places)
-    are_finite = np.isfinite(earlier) & np.isfinite(later)
-    if not are_finite.all():
-        places, k, i = places[are_finite], k[are_finite], i[are_finite]
-        earlier, later = earlier[are_finite], later[are_finite]
+    changed: Any = {1: np.greater, -1: np.less, 0: np.not_equal}[direction]
+    limit, batch, (B, D) = most or _WITHOUT_END, march.problem.batch, march.omega0.shape
+    n, is_stopped, counts = transient, False, np.zeros(B, np.int64)
+
+    def values_of(states: FloatArray) -> FloatArray:
+        """Return the checked values (rows, B) of the surface at states (rows, ..., D)."""
+        exist = march.n > 0 and (march.status >= 0).all()
+        return values_at(surface, states, bool(exist)).reshape(len(states), -1)
+
+    def report_steps(done: int) -> bool:
+        nonlocal is_stopped
+        is_stopped = report is not None and not report(done)
+        return not is_stopped
+
+    (last,) = values_of(march.omega0.reshape(1, *batch, D))
+    march.to(transient, report=report_steps if transient and report else None)
+    alive, width = march.status.ravel().copy(), max(B * D, 1)
+    longest = min(max(PIECE // width, min(STATES, _LARGE // width), 1), end - transient)
+    require(8 * (longest + 1) * B * (D + 1), "divide the batch")
+    # Of a piece, and the last ones before it.
+    states, values = np.empty((longest + 1, *batch, D)), np.empty((longest + 1, B))
+    states[0], values[0] = march.final, last
+    if transient and n < end and not is_stopped:
+        values[0] = values_of(states[:1])[0]
+    found: list[_Piece] = [
+        _crossings_in(n, states[:1].reshape(1, B, D), values[:1], changed, counts)
+    ]
+    length = longest if most is None else min(_FIRST, longest)
+    while n < end and not is_stopped and (march.status >= 0).any():
+        rows = min(length, end - n)
+        length = min(2 * length, longest)
+        march.to(n + rows, 1, states[n > 0 : rows + 1])  # from 0, it saves state 0 as well
+        values[1 : rows + 1] = values_of(states[1 : rows + 1])
+        piece = states[: rows + 1].reshape(-1, B, D), values[: rows + 1]
+        found.append(_crossings_in(n, *piece, changed, limit - counts))
+        counts += np.bincount(found[-1][0], minlength=B)
+        states[0], values[0] = states[rows], values[rows]
+        # Kernels leave out trajectories that have failed, so those that have ended.
+        march.status.reshape(-1)[counts >= limit] = Status.NONFINITE
+        n += rows
+        report_steps(n)
+    return _arrays(march, found, counts, counts >= limit, alive), is_stopped
+
+
+def _crossings_in(
+    n: int, states: FloatArray, values: FloatArray, changed: Any, left: NDArray[np.int64]
+) -> _Piece:
+    """Return the crossings among states (rows, B, D) with values (rows, B); the first is state n.
+
+    A value that is not finite makes no crossing, and an orbit has at most `left` (B,) of them.
+    """
+    B, is_positive, flat = len(left), values >= 0.0, values.ravel()
+    if n == 0 and len(values) > 1:  # a start on the surface is on the side to which the orbit goes
+        is_positive[0] = np.where(values[0] == 0.0, is_positive[1], is_positive[0])
+    # Place k B + i is a change after row k of orbit i.
+    places = np.flatnonzero(changed(is_positive[1:], is_positive[:-1]))
+    places = places[np.isfinite(flat.take(places)) & np.isfinite(flat.take(places + B))]
+    i = places % B
     order = np.argsort(i, kind="stable")
-    of_orbit = i[order]
-    rank = np.empty_like(i)
+    of_orbit, rank = i[order], np.empty_like(i)
     rank[order] = np.arange(len(i)) - np.searchsorted(of_orbit, of_orbit)
-    rank += counts[i]
-    kept = rank < most
-    if not kept.all():
-        places, k, i, rank = places[kept], k[kept], i[kept], rank[kept]
-        earlier, later = earlier[kept], later[kept]
-    counts += np.bincount(i, minlength=B)
+    places = places[rank < left[i]]
+    k, i = np.divmod(places, B)
+    earlier, later = flat.take(places), flat.take(places + B)
     # Halve both where the difference could overflow.
     scale = np.where(np.maximum(abs(earlier), abs(later)) < 2.0**1023, 1.0, 0.5)
     fraction = scale * earlier / (scale * earlier - scale * later)
     rows = states.reshape(-1, states.shape[-1])
-    before, after = rows.take(places, axis=0), rows.take(places + B, axis=0)
-    return _Found(i, rank, n + k, before, after, fraction)
+    return i, n + k, rows.take(places, axis=0), rows.take(places + B, axis=0), fraction
 
 
-class Search:
-    """A search for crossings along a march.
-
-    Attributes
-    ----------
-    counts : ndarray(int, shape=(B,))
-        Number of crossings of each trajectory.
-    last : ndarray(float, shape=(B,))
-        Values of the surface at the state of the march, after the transient.
-    alive : ndarray(int8, shape=(B,))
-        Statuses after the transient, which trajectories keep that end at their last crossing.
-    is_stopped : bool
-        Whether `progress` ended the run.
-    """
-
-    def __init__(self, march: March, surface: Surface, direction: int, most: int | None) -> None:
-        self.march, self.surface = march, surface
-        self.changed: Any = {1: np.greater, -1: np.less, 0: np.not_equal}[direction]
-        self.limit = most or _WITHOUT_END
-        B, D = march.omega0.shape
-        self.batch, self.is_stopped = march.problem.batch, False
-        self.pieces: list[_Found] = []
-        self.last = self.values_of(march.omega0.reshape(1, *self.batch, D))[0]
-        self.counts, self.alive = np.zeros(B, np.int64), march.status.ravel()
-
-    def _end(self) -> None:
-        """Mark trajectories that have ended as failed, so that kernels leave them out."""
-        self.march.status.reshape(-1)[self.counts >= self.limit] = Status.NONFINITE
-
-    def values_of(self, states: FloatArray) -> FloatArray:
-        """Return the checked values (rows, B) of the surface at states (rows, ..., D)."""
-        exist = self.march.n > 0 and (self.march.status >= 0).all()
-        return values_at(self.surface, states, bool(exist)).reshape(len(states), -1)
-
-    def run(self, transient: int, end: int, report: Report | None) -> None:
-        """March to state `end`, and search among the states from `transient` on."""
-        march, n = self.march, transient
-        (B, D), report_steps = march.omega0.shape, None
-
-        if report is not None:
-
-            def report_steps(done: int) -> bool:
-                self.is_stopped = not report(done)
-                return not self.is_stopped
-
-        march.to(transient, report=report_steps if transient else None)
-        self.alive = march.status.ravel().copy()
-        width = max(B * D, 1)
-        most = min(max(PIECE // width, min(STATES, _LARGE // width), 1), end - transient)
-        require(8 * (most + 1) * B * (D + 1), "divide the batch")
-        states = np.empty((most + 1, *self.batch, D))  # of a piece, and the last one before it
-        states[0] = march.final
-        if transient and n < end and not self.is_stopped:
-            self.last = self.values_of(states[:1])[0]
-        longest = most if self.limit == _WITHOUT_END else min(_FIRST, most)
-        while n < end and not self.is_stopped and (march.status >= 0).any():
-            rows = min(longest, end - n)
-            longest = min(2 * longest, most)
-            march.to(n + rows, 1, states[n > 0 : rows + 1])  # from 0, it saves state 0 as well
-            values = self.values_of(states[1 : rows + 1])
-            self._keep_crossings(n, states[: rows + 1], values)
-            states[0], self.last = states[rows], values[-1].copy()
-            self._end()
-            n += rows
-            if report_steps is not None:
-                report_steps(n)
-
-    def _keep_crossings(self, n: int, states: FloatArray, values: FloatArray) -> None:
-        """Keep the crossings among states (rows + 1, ..., D), of which the first is state n.
-
-        `values` (rows, B) are those of the surface at the states after it.
-        """
-        is_positive = np.empty((len(states), values.shape[1]), bool)
-        is_positive[0], is_positive[1:] = self.last >= 0.0, values >= 0.0
-        if n == 0:  # a start on the surface is on the side to which the orbit goes
-            is_positive[0] = np.where(self.last == 0.0, is_positive[1], is_positive[0])
-        changes = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
-        if changes.size:
-            flat = states.reshape(*is_positive.shape, -1)
-            given = changes, n, self.last, values, flat
-            self.pieces.append(_crossings_at(*given, self.limit, self.counts))
-
-    def result(self) -> dict[str, Any]:
-        """Return the arrays of all crossings, in order."""
-        march, counts = self.march, self.counts
-        ends = np.cumsum(counts)
-        starts, K, D = ends - counts, int(counts.sum()), march.omega0.shape[1]
-        n, fraction = np.empty(K, np.int64), np.empty(K)
-        before, after = np.empty((K, D)), np.empty((K, D))
-        trajectory = np.repeat(np.arange(len(counts)), counts)
-        self.pieces.reverse()
-        while self.pieces:  # popped, so that their memory is freed on the way
-            found = self.pieces.pop()
-            places = starts[found.trajectory] + found.rank
-            n[places], fraction[places] = found.n, found.fraction
-            before[places], after[places] = found.before, found.after
-        final, status, failed_at = march.final.copy(), march.status.copy(), march.failed_at.copy()
-        ended = counts >= self.limit
-        final.reshape(-1, D)[ended] = after[ends[ended] - 1]
-        status.reshape(-1)[ended] = self.alive[ended]
-        failed_at.reshape(-1)[ended] = -1
-        # Of trajectories that ended, report only positive statuses from before their end.
-        (first, noted), first_pole = march.noted(), march.first_pole.reshape(-1)
-        last = n[np.maximum(ends, 1) - 1] + 1 if K else 0
-        first_pole[ended & (first_pole > last)] = -1
-        told = ended & (first > 0) & (first <= last)
-        status.reshape(-1)[told] = np.broadcast_to(noted, told.shape)[told]
-        failed_at.reshape(-1)[told] = first[told]
-        eps = np.asarray(march.problem.eps)
-        states = after - before
-        states *= fraction[:, np.newaxis]  # in place, in two fifths of the time
-        states += before
-        return {
-            "trajectory": trajectory,
-            "time": (n + fraction) * np.broadcast_to(eps, self.batch).ravel()[trajectory],
-            "states": states,
-            "surface": np.zeros(K, np.int64),
-            "n": n,
-            "before": before,
-            "after": after,
-            "fraction": fraction,
-            "count": counts.reshape(self.batch),
-            "status": status,
-            "failed_at": failed_at,
-            "end": np.where(status < 0, failed_at * eps, np.nan),
-            "first_pole": first_pole.reshape(self.batch),
-            "final": final,
-        }
+def _arrays(
+    march: March,
+    found: list[_Piece],
+    counts: NDArray[np.int64],
+    ended: NDArray[np.bool_],
+    alive: NDArray[np.int8],
+) -> dict[str, Any]:
+    """Return the arrays of all crossings, by trajectory, and what became of trajectories."""
+    columns = [[*parts] for parts in zip(*found, strict=True)]
+    found.clear()  # so that the memory of columns is freed on the way
+    order = np.argsort(np.concatenate(columns[0]), kind="stable")
+    trajectory, n, before, after, fraction = (
+        np.concatenate(columns.pop(0))[order] for _ in range(len(columns))
+    )
+    batch, ends, D = march.problem.batch, np.cumsum(counts), march.omega0.shape[1]
+    final, status, failed_at = march.final.copy(), march.status.copy(), march.failed_at.copy()
+    final.reshape(-1, D)[ended] = after[ends[ended] - 1]
+    status.reshape(-1)[ended] = alive[ended]
+    failed_at.reshape(-1)[ended] = -1
+    # Of trajectories that ended, report only positive statuses from before their end.
+    (first, noted), first_pole = march.noted(), march.first_pole.reshape(-1)
+    last = n[np.maximum(ends, 1) - 1] + 1 if len(n) else 0
+    first_pole[ended & (first_pole > last)] = -1
+    told = ended & (first > 0) & (first <= last)
+    status.reshape(-1)[told] = np.broadcast_to(noted, told.shape)[told]
+    failed_at.reshape(-1)[told] = first[told]
+    eps = np.asarray(march.problem.eps)
+    states = after - before
+    states *= fraction[:, np.newaxis]  # in place, in two fifths of the time
+    states += before
+    return {
+        "trajectory": trajectory,
+        "time": (n + fraction) * np.broadcast_to(eps, batch).ravel()[trajectory],
+        "states": states,
+        "surface": np.zeros(len(n), np.int64),
+        "n": n,
+        "before": before,
+        "after": after,
+        "fraction": fraction,
+        "count": counts.reshape(batch),
+        "status": status,
+        "failed_at": failed_at,
+        "end": np.where(status < 0, failed_at * eps, np.nan),
+        "first_pole": first_pole.reshape(batch),
+        "final": final,
+    }
